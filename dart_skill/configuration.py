@@ -1,0 +1,36 @@
+"""Where the files of config/ are, in a checkout and in an installed ROS package alike."""
+
+import os
+from pathlib import Path
+
+import yaml
+
+
+def config_path(name: str) -> Path:
+    """Path of a file of config/: in $DART_SKILL_CONFIG, beside the library in a checkout, or in the package's share folder."""
+    folders = _folders()
+    for folder in folders:
+        if (folder / name).is_file():
+            return folder / name
+    raise FileNotFoundError(f"no {name} in {', '.join(map(str, folders))}; set DART_SKILL_CONFIG to the folder that holds it")
+
+
+def load_yaml(name: str) -> dict:
+    """A YAML file of config/ as nested dictionaries."""
+    return yaml.safe_load(config_path(name).read_text(encoding="utf-8"))
+
+
+def node_parameters(name: str, node: str) -> dict:
+    """Parameters of one node from a ROS parameter file of config/, without ROS."""
+    content = load_yaml(name)
+    if node not in content:
+        raise KeyError(f"{name} has no section '{node}', only {sorted(content)}")
+    return dict(content[node]["ros__parameters"])
+
+
+def _folders() -> list[Path]:
+    chosen = os.environ.get("DART_SKILL_CONFIG")
+    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    checkout = Path(__file__).resolve().parent.parent / "config"
+    installed = [Path(prefix) / "share" / "dart_skill" / "config" for prefix in prefixes if prefix]
+    return ([Path(chosen)] if chosen else []) + [checkout] + installed

@@ -1,0 +1,165 @@
+"""The whole graph in one process, without ROS: the same steps in the same order as the nodes take, bit for bit.
+
+Batches of experiments run on it, and a test compares it with the nodes over DDS.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dart_skill.configuration import node_parameters
+from dart_skill.recording import Demonstration
+from dart_skill.robot.command import Command
+from dart_skill.robot.commander import Commander, CommanderSettings, Mode
+from dart_skill.robot.model import ArmModel
+from dart_skill.robot.throw_plan import ThrowPlan
+from dart_skill.simulation.motion_capture import BasketWalls, LatencyQueue, MotionCapture
+from dart_skill.simulation.plant import Plant, PlantSettings, PlantState
+from dart_skill.simulation.teacher import Person, Phase, Swing, Teacher
+from dart_skill.skill.cutting import ThrowLog
+from dart_skill.skill.outcome import Outcome, judge_flight
+
+WATCH_NS = 1_200_000_000
+"""Time after the hand was told to open during which the ball is watched."""
+ARRIVAL_NS = 50_000_000
+"""Samples newer than this at the end of a throw may still be on their way, and are not used."""
+LONGEST_THROW = 15.0
+RESTING = (Mode.HOLDING, Mode.STOPPING)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One throw: what the cameras made of it, the throw as a demonstration, and the simulator's own word on it."""
+
+    outcome: Outcome
+    demonstration: Demonstration
+    ball_was_in: bool
+    message: str = ""
+    states: list[PlantState] = field(default_factory=list, repr=False)
+
+
+class Session:
+    """Simulator, motion capture, teacher, recorder and commander, stepped together."""
+
+    def __init__(
+        self,
+        seed: int = 0,
+        plant: PlantSettings | None = None,
+        commander: CommanderSettings | None = None,
+        person: Person | None = None,
+        swing: Swing | None = None,
+        keep_states: bool = False,
+    ):
+        settings = plant or PlantSettings.from_parameters(node_parameters("wam_simulator.yaml", "wam_simulator"))
+        self.plant = Plant(settings, seed)
+        self.capture = MotionCapture(node_parameters("optitrack.yaml", "mock_optitrack"), seed)
+        self.teacher = Teacher(seed, swing, person or Person.from_parameters(node_parameters("teacher.yaml", "teacher")))
+        self.commander = Commander(commander or CommanderSettings.from_parameters(node_parameters("commander.yaml", "commander")))
+        self._kinematics = ArmModel()
+        self._queue, self._log, self._keep = LatencyQueue(), ThrowLog(), keep_states
+        self._frame_steps = round(1e9 / self.capture.config.rate / self.plant.settings.step_ns)
+        self.steps = 0
+
+    def close(self) -> None:
+        """Release PyBullet."""
+        self.plant.close()
+
+    def teach(self, target: np.ndarray, attempts: int = 5) -> list[Trial]:
+        """Guided throws at one basket until one goes in, or the attempts are used up."""
+        trials = []
+        for attempt in range(attempts):
+            trials.append(self._guided_throw(np.asarray(target, dtype=float), correct=attempt > 0))
+            outcome = trials[-1].outcome
+            if outcome.in_basket:
+                break
+            if outcome.landing_seen:
+                self.teacher.learn_from(outcome.landing)
+        self.plant.reset()
+        return trials
+
+    def throw(self, plan: ThrowPlan) -> Trial:
+        """One planned throw."""
+        state = self._begin(plan.target)
+        self.commander.throw(plan)
+
+        def step(state: PlantState) -> tuple[Command, None]:
+            return self.commander.step(state.arm), None
+
+        return self._run(state, plan.target, step, lambda: self.commander.mode in RESTING, "throw")
+
+    def _guided_throw(self, target: np.ndarray, correct: bool) -> Trial:
+        state = self._begin(target, guided=True)
+        self.commander.release_arm(True)
+        self.teacher.begin(target, state.arm, correct)
+
+        def step(state: PlantState) -> tuple[Command, Command]:
+            return self.commander.step(state.arm), self.teacher.step(state.arm)
+
+        return self._run(state, target, step, lambda: self.teacher.phase == Phase.WATCHING, "demonstration")
+
+    def _begin(self, target: np.ndarray, guided: bool = False) -> PlantState:
+        """Reset, and the first step: as in the graph, it is answered before anybody is told to do anything."""
+        if self.commander.mode == Mode.FREE:
+            self.commander.release_arm(False)
+        self._log.clear()
+        self._queue.clear()
+        state = self.plant.reset(target)
+        self._sense(state)
+        self.plant.step(self.commander.step(state.arm), Command(state.stamp_ns) if guided else None)
+        state = self.plant.state
+        self._sense(state)
+        return state
+
+    def _run(self, state: PlantState, target: np.ndarray, step, moved_through, kind: str) -> Trial:
+        states, over_ns = [], None
+        begun = state.stamp_ns
+        while over_ns is None or state.stamp_ns < over_ns:
+            if self._keep:
+                states.append(state)
+            command, push = step(state)
+            for answer in (command, push):
+                if answer is not None and answer.grip == 2:
+                    self._log.add_opening(answer.stamp_ns)
+            self.plant.step(command, push)
+            state = self.plant.state
+            self._sense(state)
+            self.steps += 1
+            if over_ns is None and moved_through():
+                opened = self._log.opened_ns or state.stamp_ns
+                over_ns = max(state.stamp_ns, opened + WATCH_NS)
+            if (state.stamp_ns - begun) * 1e-9 > LONGEST_THROW:
+                break
+        return self._trial(state, target, states, kind, over_ns or state.stamp_ns)
+
+    def _sense(self, state: PlantState) -> None:
+        self._log.add_joints(state.stamp_ns, state.position, state.velocity)
+        if state.step % self._frame_steps == 0:
+            bodies = {
+                "hand": (state.hand_position, state.hand_quaternion),
+                "ball": (state.ball_position, state.ball_quaternion),
+                "basket": (state.basket, np.array([0.0, 0.0, 0.0, 1.0])),
+            }
+            basket = self.plant.settings.basket
+            walls = BasketWalls(state.basket, basket.radius, basket.depth)
+            capsules = self._kinematics.link_capsules(state.position)
+            self._queue.push(self.capture.observe(state.stamp_ns, state.episode, bodies, capsules, walls))
+        for sample in self._queue.due(state.stamp_ns):
+            if sample.name == "hand":
+                self._log.add_hand(sample.stamp_ns, sample.position, sample.quaternion)
+            elif sample.name == "ball":
+                self._log.add_ball(sample.stamp_ns, sample.position)
+            else:
+                self._log.add_basket(sample.stamp_ns, sample.position)
+
+    def _trial(self, state: PlantState, target: np.ndarray, states: list[PlantState], kind: str, over_ns: int) -> Trial:
+        until_ns = over_ns - ARRIVAL_NS
+        demonstration = self._log.cut(f"{kind}_{state.episode}", until_ns)
+        outcome = judge_flight(*self._log.ball_between(self._log.opened_ns, until_ns), target, self.plant.settings.basket.radius)
+        return Trial(outcome, demonstration, state.ball_in_basket, self.commander.message, states)
+
+
+def spread_targets(n: int, rng: np.random.Generator, near: float, far: float, side: float, rim: float) -> np.ndarray:
+    """Baskets (n, 3) spread over a sector: azimuths and distances stratified, each stratum used once, positions in it random."""
+    azimuths = -side + 2 * side * (rng.permutation(n) + rng.random(n)) / n
+    distances = near + (far - near) * (rng.permutation(n) + rng.random(n)) / n
+    return np.column_stack([distances * np.cos(azimuths), distances * np.sin(azimuths), np.full(n, rim)])

@@ -1,0 +1,185 @@
+"""The normal distribution and its algebra: thesis table 3.1 with (3.6) corrected (A1 S1 A1' + A2 S2 A2').
+
+Functions work on stacks of Gaussians, means (..., d) with covariances (..., d, d); `Gaussian` is one of them.
+A covariance may be singular (a linear map with a tall matrix makes it so) as long as nothing has to be
+inverted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ._checks import as_covariances, as_dims, as_finite, as_samples, as_vector
+
+LOG_2PI = float(np.log(2.0 * np.pi))
+
+
+def cholesky(covariances: np.ndarray, what: str = "covariance") -> np.ndarray:
+    """Lower factors (..., d, d) of positive definite matrices; ValueError names the first that is not."""
+    try:
+        return np.linalg.cholesky(covariances)
+    except np.linalg.LinAlgError:
+        raise ValueError(_describe_singular(covariances, what)) from None
+
+
+def _describe_singular(covariances: np.ndarray, what: str) -> str:
+    stack = covariances.reshape(-1, *covariances.shape[-2:])
+    spread = np.sqrt(np.maximum(np.diagonal(stack, axis1=1, axis2=2), np.finfo(float).tiny))
+    smallest = np.linalg.eigvalsh(stack / (spread[:, :, None] * spread[:, None, :]))[:, 0]
+    worst = int(smallest.argmin())
+    where = f" {worst}" if len(stack) > 1 else ""
+    return (
+        f"{what}{where} is not positive definite (smallest eigenvalue of its correlation matrix "
+        f"{smallest[worst]:.3g}); add variance along the flat direction"
+    )
+
+
+def log_normal(deviations: np.ndarray, covariances: np.ndarray) -> np.ndarray:
+    """log N(deviation; 0, S) for deviations (..., n, d) and covariances (..., d, d): (..., n)."""
+    factors = cholesky(covariances)
+    whitener = np.linalg.inv(factors)
+    white = deviations @ np.swapaxes(whitener, -1, -2)
+    log_volume = np.log(np.diagonal(factors, axis1=-2, axis2=-1)).sum(-1)
+    constant = 0.5 * deviations.shape[-1] * LOG_2PI + log_volume
+    return -0.5 * np.einsum("...i,...i->...", white, white) - constant[..., None]
+
+
+def symmetric(matrices: np.ndarray) -> np.ndarray:
+    """Symmetric part of matrices (..., d, d): removes what rounding leaves."""
+    return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
+
+
+def product_of_two(mean1, covariance1, mean2, covariance2):
+    """(3.8) for stacks: mean, covariance and log constant N(mu1; mu2, S1 + S2).
+
+    The form S1 (S1 + S2)^-1 inverts only the sum, so that one of the two may be singular.
+    """
+    total = covariance1 + covariance2
+    step = mean2 - mean1
+    log_constant = log_normal(step[..., None, :], total)[..., 0]
+    gain = np.swapaxes(np.linalg.solve(total, covariance1), -1, -2)
+    rest = np.eye(mean1.shape[-1]) - gain
+    mean = mean1 + (gain @ step[..., None])[..., 0]
+    # Joseph form: a sum of two positive terms, where S1 - K S1 would lose digits.
+    covariance = rest @ covariance1 @ np.swapaxes(rest, -1, -2) + gain @ covariance2 @ np.swapaxes(
+        gain, -1, -2
+    )
+    return mean, symmetric(covariance), log_constant
+
+
+def product_of_gaussians(
+    means: np.ndarray, covariances: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Product over the first axis of means (P, ..., d), covariances (P, ..., d, d): mean, covariance, log
+    constant.
+    """
+    mean, covariance = means[0], covariances[0]
+    log_constant = np.zeros(mean.shape[:-1])
+    for other_mean, other_covariance in zip(means[1:], covariances[1:], strict=True):
+        mean, covariance, log_factor = product_of_two(mean, covariance, other_mean, other_covariance)
+        log_constant = log_constant + log_factor
+    return mean, covariance, log_constant
+
+
+@dataclass(frozen=True, eq=False)
+class Gaussian:
+    """N(mean, covariance) with mean (d,) and covariance (d, d), symmetric and positive semi-definite."""
+
+    mean: np.ndarray
+    covariance: np.ndarray
+
+    def __post_init__(self):
+        mean = as_vector(self.mean, "mean")
+        if mean.size == 0:
+            raise ValueError("mean is empty; a Gaussian has at least one dimension")
+        covariance = as_covariances(self.covariance, "covariance", (mean.size, mean.size))
+        _require_semidefinite(covariance)
+        object.__setattr__(self, "mean", mean)
+        object.__setattr__(self, "covariance", covariance)
+
+    @property
+    def n_dims(self) -> int:
+        return self.mean.size
+
+    def linear_map(self, matrix: ArrayLike, offset: ArrayLike | None = None) -> Gaussian:
+        """Distribution of A x + b for any A (e, d) and b (e,), zero by default."""
+        matrix = as_samples(matrix, "matrix", self.n_dims)
+        offset = np.zeros(len(matrix)) if offset is None else as_vector(offset, "offset", len(matrix))
+        return Gaussian(matrix @ self.mean + offset, symmetric(matrix @ self.covariance @ matrix.T))
+
+    def marginal(self, dims: ArrayLike) -> Gaussian:
+        """Distribution of the given dimensions, in the given order."""
+        dims = as_dims(dims, self.n_dims, "dims")
+        return Gaussian(self.mean[dims], self.covariance[np.ix_(dims, dims)])
+
+    def condition(self, dims: ArrayLike, values: ArrayLike) -> Gaussian:
+        """(3.7): distribution of the other dimensions, in ascending order, given x[dims] = values."""
+        dims = as_dims(dims, self.n_dims, "dims")
+        values = as_vector(np.atleast_1d(values), "values", len(dims))
+        rest = np.setdiff1d(np.arange(self.n_dims), dims)
+        if rest.size == 0:
+            raise ValueError(f"dims {dims.tolist()} are all dimensions; conditioning leaves nothing")
+        return self._condition(rest, dims, values)
+
+    def _condition(self, rest: np.ndarray, dims: np.ndarray, values: np.ndarray) -> Gaussian:
+        factor = cholesky(self.covariance[np.ix_(dims, dims)], "covariance of the given dimensions")
+        half = np.linalg.solve(factor, self.covariance[np.ix_(dims, rest)])
+        mean = self.mean[rest] + half.T @ np.linalg.solve(factor, values - self.mean[dims])
+        return Gaussian(mean, symmetric(self.covariance[np.ix_(rest, rest)] - half.T @ half))
+
+    def log_density(self, points: ArrayLike) -> np.ndarray:
+        """log N(x; mean, covariance) of points (..., d): (...)."""
+        points = as_finite(points, "points")
+        if points.ndim == 0 or points.shape[-1] != self.n_dims:
+            raise ValueError(f"points must have {self.n_dims} columns, got shape {points.shape}")
+        flat = points.reshape(-1, self.n_dims) - self.mean
+        return log_normal(flat, self.covariance).reshape(points.shape[:-1])
+
+
+def _require_semidefinite(covariance: np.ndarray) -> None:
+    variances = np.diagonal(covariance)
+    if variances.min() < 0:
+        raise ValueError(
+            f"covariance has variance {variances.min():.3g} in dimension {int(variances.argmin())}"
+        )
+    spread = np.sqrt(np.where(variances > 0, variances, 1.0))
+    smallest = np.linalg.eigvalsh(covariance / np.outer(spread, spread))[0]
+    if smallest < -1e-8:
+        raise ValueError(
+            f"covariance is not positive semi-definite: its correlation matrix has eigenvalue {smallest:.3g}"
+        )
+
+
+def linear_combination(
+    gaussians: Sequence[Gaussian], matrices: Sequence[ArrayLike], offset: ArrayLike | None = None
+) -> Gaussian:
+    """(3.6): distribution of A1 x1 + A2 x2 + ... + c for independent x1, x2, ..."""
+    if len(gaussians) == 0 or len(gaussians) != len(matrices):
+        raise ValueError(f"one matrix per Gaussian is needed, got {len(matrices)} for {len(gaussians)}")
+    terms = [gaussian.linear_map(matrix) for gaussian, matrix in zip(gaussians, matrices, strict=True)]
+    if len({term.n_dims for term in terms}) > 1:
+        raise ValueError(f"matrices must have equally many rows, got {[term.n_dims for term in terms]}")
+    offset = np.zeros(terms[0].n_dims) if offset is None else as_vector(offset, "offset", terms[0].n_dims)
+    return Gaussian(sum(term.mean for term in terms) + offset, sum(term.covariance for term in terms))
+
+
+def product(gaussians: Sequence[Gaussian]) -> tuple[Gaussian, float]:
+    """(3.8): Gaussian N and log C with C N(x) = N1(x) N2(x) ... for every x.
+
+    Singular covariances pass as long as the partial sums can be inverted.
+    """
+    if len(gaussians) == 0:
+        raise ValueError("gaussians is empty; a product needs at least one factor")
+    if len({gaussian.n_dims for gaussian in gaussians}) > 1:
+        raise ValueError(
+            f"gaussians must agree in dimension, got {[gaussian.n_dims for gaussian in gaussians]}"
+        )
+    mean, covariance, log_constant = product_of_gaussians(
+        np.stack([gaussian.mean for gaussian in gaussians]),
+        np.stack([gaussian.covariance for gaussian in gaussians]),
+    )
+    return Gaussian(mean, covariance), float(log_constant)

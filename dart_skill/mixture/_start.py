@@ -1,0 +1,81 @@
+"""Starts of EM: hard assignments of samples to components, as responsibilities (n, K) of zeros and ones.
+
+k-means++ (Arthur and Vassilvitskii 2007: a new centre is drawn with the weighted squared distance to the
+*nearest* chosen one, the best of a few candidates is kept), refined by Lloyd's iteration; or equal shares of
+the samples along one column.
+"""
+
+import numpy as np
+
+
+def squared_distances(samples: np.ndarray, centres: np.ndarray) -> np.ndarray:
+    """(n, K) squared distances of samples (n, d) to centres (K, d)."""
+    return np.stack([np.square(samples - centre).sum(1) for centre in centres], axis=1)
+
+
+def draw(shares: np.ndarray, uniform: np.ndarray) -> np.ndarray:
+    """Indices drawn in proportion to shares (n,) by inverting their cumulative sum at uniform numbers in [0,
+    1).
+    """
+    cumulative = np.cumsum(shares)
+    indices = np.searchsorted(cumulative, uniform * cumulative[-1], side="right")
+    return np.minimum(indices, np.flatnonzero(shares)[-1])
+
+
+def plus_plus_centres(
+    samples: np.ndarray, weights: np.ndarray, n_centres: int, rng: np.random.Generator
+) -> np.ndarray:
+    """Centres (n_centres, d) by greedy k-means++; samples that coincide are allowed."""
+    n_candidates = 2 + int(np.log(n_centres))
+    centres = samples[draw(weights, rng.random(1))]
+    nearest = squared_distances(samples, centres)[:, 0]
+    while len(centres) < n_centres:
+        shares = weights * nearest
+        candidates = draw(shares if shares.sum() > 0 else weights, rng.random(n_candidates))
+        remaining = np.minimum(nearest[:, None], squared_distances(samples, samples[candidates]))
+        best = int((weights @ remaining).argmin())
+        centres = np.vstack([centres, samples[candidates[best]]])
+        nearest = remaining[:, best]
+    return centres
+
+
+def refine_centres(
+    samples: np.ndarray, weights: np.ndarray, centres: np.ndarray, max_iterations: int = 30
+) -> np.ndarray:
+    """Labels (n,) after Lloyd's iteration; a centre that loses all samples stays where it is."""
+    labels = squared_distances(samples, centres).argmin(1)
+    for _ in range(max_iterations):
+        share = one_hot(labels, len(centres)) * weights[:, None]
+        mass = share.sum(0)
+        centres = np.where(
+            mass[:, None] > 0, share.T @ samples / np.where(mass > 0, mass, 1.0)[:, None], centres
+        )
+        previous, labels = labels, squared_distances(samples, centres).argmin(1)
+        if (labels == previous).all():
+            break
+    return labels
+
+
+def one_hot(labels: np.ndarray, n_components: int) -> np.ndarray:
+    """Responsibilities (n, n_components) of hard labels (n,)."""
+    return (labels[:, None] == np.arange(n_components)).astype(float)
+
+
+def kmeans_start(
+    samples: np.ndarray, weights: np.ndarray, n_components: int, rng: np.random.Generator
+) -> np.ndarray:
+    """Responsibilities (n, K) from weighted k-means with a k-means++ start."""
+    centres = plus_plus_centres(samples, weights, n_components, rng)
+    return one_hot(refine_centres(samples, weights, centres), n_components)
+
+
+def sliced_start(column: np.ndarray, weights: np.ndarray, n_components: int) -> np.ndarray:
+    """Responsibilities (n, K) from K slices of equal weight along one column (n,), usually time.
+
+    Equal values share a slice, so that the order of the samples does not matter.
+    """
+    values, place = np.unique(column, return_inverse=True)
+    mass = np.bincount(place.ravel(), weights=weights, minlength=len(values))
+    middle = (np.cumsum(mass) - 0.5 * mass) / mass.sum()
+    labels = np.minimum(n_components * middle, n_components - 1).astype(int)
+    return one_hot(labels[place.ravel()], n_components)

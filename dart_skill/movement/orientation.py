@@ -1,0 +1,176 @@
+"""Orientation of the hand as angle of attack alpha, side slip beta and roll (thesis 8.4.1), and the
+quaternion algebra around it.
+
+In a task frame (x towards the target, y horizontally left, z up) the hand's z axis points along
+    d = (cos(beta) cos(alpha), sin(beta), cos(beta) sin(alpha)),
+so alpha is the elevation within the throwing plane, 0 towards the target, 90 degrees straight up, past that
+when the hand points backwards, and beta the deviation to the left. The whole rotation is
+    R = R_y(-alpha) R_z(beta) R_x(roll) R_y(90 deg),
+where the last factor carries the hand's z axis onto x: the identity quaternion has alpha = 90 degrees, beta =
+roll = 0. With |beta| < 90 degrees the three angles are unique up to full turns of alpha and roll, and they
+vary continuously. Quaternions are rows x, y, z, w; angles are radians.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
+
+from ..mixture._checks import as_finite, as_samples
+from ._time import as_stamps
+
+HAND_TO_POINTING = Rotation.from_euler("y", 90, degrees=True)
+
+
+def normalise(quaternions: ArrayLike) -> np.ndarray:
+    """Unit quaternions (n, 4) of the same directions; ValueError for one of length zero."""
+    quaternions = as_samples(quaternions, "quaternions", 4)
+    lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
+    if lengths.min() < 1e-6:
+        raise ValueError(
+            f"quaternion {int(lengths.argmin())} has length {lengths.min():.3g}; it says no orientation"
+        )
+    return quaternions / lengths
+
+
+def make_continuous(quaternions: ArrayLike) -> np.ndarray:
+    """Unit quaternions (n, 4) with signs chosen so that neighbours lie in one hemisphere; the first keeps its
+    sign.
+    """
+    quaternions = normalise(quaternions)
+    flips = np.einsum("ni,ni->n", quaternions[1:], quaternions[:-1]) < 0
+    signs = np.concatenate([[1.0], np.where(flips, -1.0, 1.0)]).cumprod()
+    return quaternions * signs[:, None]
+
+
+def multiply(left: ArrayLike, right: ArrayLike) -> np.ndarray:
+    """Hamilton products (n, 4) of unit quaternions (n, 4), one row against many allowed: rotate by right,
+    then by left.
+    """
+    left, right = normalise(left), normalise(right)
+    if len(left) != len(right) and 1 not in (len(left), len(right)):
+        raise ValueError(
+            f"cannot multiply {len(left)} quaternions by {len(right)}; give equally many, or one"
+        )
+    x1, y1, z1, w1 = left.T
+    x2, y2, z2, w2 = right.T
+    return np.stack(
+        [
+            w1 * x2 + x1 * w2 + y1 * z2 - z1 * y2,
+            w1 * y2 - x1 * z2 + y1 * w2 + z1 * x2,
+            w1 * z2 + x1 * y2 - y1 * x2 + z1 * w2,
+            w1 * w2 - x1 * x2 - y1 * y2 - z1 * z2,
+        ],
+        axis=1,
+    )
+
+
+def conjugate(quaternions: ArrayLike) -> np.ndarray:
+    """Inverse rotations (n, 4) of unit quaternions (n, 4)."""
+    return normalise(quaternions) * np.array([-1.0, -1.0, -1.0, 1.0])
+
+
+def rotate(quaternions: ArrayLike, vectors: ArrayLike) -> np.ndarray:
+    """Vectors (n, 3) rotated by quaternions (n, 4); one of either against many of the other is allowed."""
+    return Rotation.from_quat(normalise(quaternions)).apply(as_samples(vectors, "vectors", 3))
+
+
+def to_matrices(quaternions: ArrayLike) -> np.ndarray:
+    """Rotation matrices (n, 3, 3)."""
+    return Rotation.from_quat(normalise(quaternions)).as_matrix()
+
+
+def from_matrices(matrices: ArrayLike) -> np.ndarray:
+    """Unit quaternions (n, 4), in one hemisphere along the sequence, of rotation matrices (n, 3, 3)."""
+    matrices = as_finite(matrices, "matrices", 3)
+    if matrices.shape[1:] != (3, 3) or len(matrices) == 0:
+        raise ValueError(f"matrices must have shape (n, 3, 3), got {matrices.shape}")
+    error = np.abs(matrices @ np.swapaxes(matrices, 1, 2) - np.eye(3)).max(axis=(1, 2))
+    wrong = (error > 1e-6) | (np.linalg.det(matrices) < 0)
+    if wrong.any():
+        raise ValueError(f"matrix {int(wrong.argmax())} is not a rotation (orthogonal with determinant 1)")
+    return make_continuous(Rotation.from_matrix(matrices).as_quat())
+
+
+def turn_about_z(quaternions: ArrayLike, angle: float) -> np.ndarray:
+    """Orientations (n, 4) turned by an angle about the vertical: by -azimuth from the world into a task
+    frame, by +azimuth back.
+    """
+    half = 0.5 * float(as_finite(angle, "angle", 0))
+    return multiply([[0.0, 0.0, np.sin(half), np.cos(half)]], quaternions)
+
+
+def pointing_angles(directions: ArrayLike) -> np.ndarray:
+    """(n, 2) alpha in (-pi, pi] and beta of directions (n, 3) of any length."""
+    directions = as_samples(directions, "directions", 3)
+    lengths = np.linalg.norm(directions, axis=1)
+    if lengths.min() == 0:
+        raise ValueError(f"direction {int(lengths.argmin())} has length zero; it points nowhere")
+    x, y, z = directions.T
+    return np.stack([np.arctan2(z, x), np.arctan2(y, np.hypot(x, z))], axis=1)
+
+
+def pointing_directions(angles: ArrayLike) -> np.ndarray:
+    """Unit vectors (n, 3) of angles whose first two columns are alpha and beta."""
+    angles = as_finite(angles, "angles", 2)
+    if angles.shape[1] < 2:
+        raise ValueError(f"angles must have columns alpha and beta, got shape {angles.shape}")
+    alpha, beta = angles[:, 0], angles[:, 1]
+    return np.stack([np.cos(beta) * np.cos(alpha), np.sin(beta), np.cos(beta) * np.sin(alpha)], axis=1)
+
+
+def angles_from_quaternions(
+    quaternions: ArrayLike, alpha_near: float = np.pi / 2, roll_near: float = 0.0
+) -> np.ndarray:
+    """(n, 3) alpha, beta, roll of hand orientations (n, 4) in the task frame, alpha and roll without jumps
+    along the sequence.
+
+    The first alpha lies within half a turn of `alpha_near`, the first roll within half a turn of `roll_near`:
+    with the default, a hand that starts behind and below the horizontal (alpha up to 270 degrees) gets the
+    same branch in every demonstration. Near |beta| = 90 degrees alpha and roll are ill-defined.
+    """
+    hand = Rotation.from_quat(normalise(quaternions))
+    alpha, beta = pointing_angles(hand.apply([0.0, 0.0, 1.0])).T
+    rest = (_pointing_rotation(alpha, beta).inv() * hand * HAND_TO_POINTING.inv()).as_matrix()
+    roll = np.arctan2(rest[:, 2, 1], rest[:, 1, 1])
+    return np.stack([_unwrap_near(alpha, alpha_near), beta, _unwrap_near(roll, roll_near)], axis=1)
+
+
+def quaternions_from_angles(angles: ArrayLike) -> np.ndarray:
+    """Unit quaternions (n, 4) in the task frame, in one hemisphere along the sequence, of alpha, beta, roll
+    (n, 3).
+    """
+    alpha, beta, roll = as_samples(angles, "angles", 3).T
+    hand = _pointing_rotation(alpha, beta) * Rotation.from_euler("x", roll[:, None]) * HAND_TO_POINTING
+    return make_continuous(hand.as_quat())
+
+
+def _pointing_rotation(alpha: np.ndarray, beta: np.ndarray) -> Rotation:
+    return Rotation.from_euler("y", -alpha[:, None]) * Rotation.from_euler("z", beta[:, None])
+
+
+def _turn(axis: str, angles: np.ndarray) -> Rotation:
+    return Rotation.from_euler(axis, angles[:, None])
+
+
+def _unwrap_near(angles: np.ndarray, near: float) -> np.ndarray:
+    angles = np.unwrap(angles)
+    return angles - 2.0 * np.pi * np.round((angles[0] - near) / (2.0 * np.pi))
+
+
+def angular_velocity(time: ArrayLike, quaternions: ArrayLike) -> np.ndarray:
+    """(n, 3) angular velocity, rad/s, in the frame in which the orientations (n, 4) are given, at increasing
+    stamps (n,).
+
+    The mean rates between neighbours (logarithm of the relative rotation) are interpolated to the stamps:
+    exact for a constant rate, second order otherwise. Neighbours must be less than half a turn apart.
+    """
+    quaternions = normalise(quaternions)
+    time = as_stamps(time, len(quaternions), 2)
+    hand = Rotation.from_quat(quaternions)
+    rates = (hand[1:] * hand[:-1].inv()).as_rotvec() / np.diff(time)[:, None]
+    if len(rates) == 1:
+        return np.repeat(rates, 2, axis=0)
+    middles = 0.5 * (time[1:] + time[:-1])
+    slopes = np.diff(rates, axis=0) / np.diff(middles)[:, None]
+    piece = np.clip(np.searchsorted(middles, time) - 1, 0, len(slopes) - 1)
+    return rates[piece] + slopes[piece] * (time - middles[piece])[:, None]

@@ -1,0 +1,244 @@
+"""A demonstration: one guided throw as the sensors saw it, and its way to and from messages and bags.
+
+The conversions work on any object with the fields of dart_skill_msgs/msg/Demonstration: on those of rclpy as
+well as on those that are decoded without ROS.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from rosbags.typesys.store import Typestore
+
+from dart_skill.recording.bag_reader import BagError, BagReader
+from dart_skill.recording.messages import message
+from dart_skill.samples import check_samples, check_unit_quaternions
+
+DEMONSTRATION_TYPE = "dart_skill_msgs/msg/Demonstration"
+DEMONSTRATION_TOPIC = "/demonstrations"
+N_JOINTS = 7
+
+
+def _none(width: int | None = None) -> Callable[[], np.ndarray]:
+    return lambda: np.empty(0 if width is None else (0, width))
+
+
+@dataclass(frozen=True, eq=False)
+class Demonstration:
+    """One throw. Times in seconds after stamp_ns, lengths in metres, quaternions x, y, z, w.
+
+    All in frame_id. id: unique in a recording. target: (3,) centre of the basket's rim.
+    hand_time (n,), hand_position (n, 3), hand_quaternion (n, 4): the hand body, n >= 2.
+    ball_time (m,), ball_position (m, 3): the ball, from the grip to the landing; may be empty.
+    joint_time (k,), joint_position (k, 7) [rad], joint_velocity (k, 7) [rad/s]: the arm; may be empty.
+    motion_start, motion_stop: crossings of the speed thresholds; hand_opened: when the hand was told to
+    open; nan if unknown. joint_names: as the driver calls them.
+    """
+
+    id: str
+    stamp_ns: int
+    target: np.ndarray
+    hand_time: np.ndarray
+    hand_position: np.ndarray
+    hand_quaternion: np.ndarray
+    ball_time: np.ndarray = field(default_factory=_none())
+    ball_position: np.ndarray = field(default_factory=_none(3))
+    joint_time: np.ndarray = field(default_factory=_none())
+    joint_position: np.ndarray = field(default_factory=_none(N_JOINTS))
+    joint_velocity: np.ndarray = field(default_factory=_none(N_JOINTS))
+    motion_start: float = float("nan")
+    motion_stop: float = float("nan")
+    hand_opened: float = float("nan")
+    frame_id: str = "world"
+    joint_names: tuple[str, ...] = ()
+
+    def __post_init__(self):
+        if not self.id or not isinstance(self.id, str):
+            raise ValueError(f"id of a demonstration must be a non-empty text, got {self.id!r}")
+        if int(self.stamp_ns) != self.stamp_ns or self.stamp_ns < 0:
+            raise ValueError(f"{self}: stamp_ns = {self.stamp_ns} must be whole nanoseconds, not negative")
+        name = f"demonstration {self.id}"
+        target = np.asarray(self.target, dtype=float)
+        if target.shape != (3,) or not np.all(np.isfinite(target)):
+            raise ValueError(f"{name}: target must be a finite (3,) point, got {self.target}")
+        hand = check_samples(f"{name}, hand", self.hand_time, self.hand_position, least=2)
+        quaternion = check_unit_quaternions(f"{name}, hand", self.hand_quaternion, len(hand[0]))
+        ball = check_samples(f"{name}, ball", self.ball_time, self.ball_position, least=0)
+        joint = check_samples(
+            f"{name}, joints", self.joint_time, self.joint_position, least=0, width=N_JOINTS
+        )
+        _, velocity = check_samples(
+            f"{name}, joint velocity", self.joint_time, self.joint_velocity, least=0, width=N_JOINTS
+        )
+        self._set_arrays(target, *hand, quaternion, *ball, *joint, velocity)
+        self._check_events(name)
+
+    def __repr__(self) -> str:
+        return f"Demonstration({self.id!r}, {len(self.hand_time)} poses, {len(self.ball_time)} of the ball)"
+
+    def _set_arrays(self, *arrays):
+        names = ("target", "hand_time", "hand_position", "hand_quaternion", "ball_time", "ball_position")
+        for name, array in zip(
+            (*names, "joint_time", "joint_position", "joint_velocity"), arrays, strict=True
+        ):
+            array = array.copy()
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        object.__setattr__(self, "stamp_ns", int(self.stamp_ns))
+        object.__setattr__(self, "joint_names", tuple(self.joint_names))
+
+    def _check_events(self, name):
+        for event in ("motion_start", "motion_stop", "hand_opened"):
+            value = float(getattr(self, event))
+            if np.isinf(value):
+                raise ValueError(f"{name}: {event} = {value}: give seconds, or nan if unknown")
+            object.__setattr__(self, event, value)
+        if self.motion_stop < self.motion_start:
+            raise ValueError(
+                f"{name}: motion_stop {self.motion_stop} s lies before motion_start {self.motion_start} s"
+            )
+        if self.joint_names and len(self.joint_names) != N_JOINTS:
+            raise ValueError(f"{name}: {len(self.joint_names)} joint names, need {N_JOINTS} or none")
+
+
+def fill_demonstration_message(demonstration: Demonstration, msg: Any, new: Callable[[str], Any]) -> Any:
+    """Write a demonstration into an empty message object; returns it.
+
+    new: makes an empty message from a type name as "geometry_msgs/msg/PoseStamped".
+    """
+    msg.id, msg.header.frame_id = demonstration.id, demonstration.frame_id
+    _set_stamp(msg.header.stamp, demonstration.stamp_ns)
+    _set_vector(msg.target, demonstration.target)
+    for event in ("motion_start", "motion_stop", "hand_opened"):
+        value = getattr(demonstration, event)
+        _set_stamp(getattr(msg, event), 0 if np.isnan(value) else _nanoseconds(demonstration, value))
+    msg.hand = [_hand_message(demonstration, i, new) for i in range(len(demonstration.hand_time))]
+    msg.ball = [_ball_message(demonstration, i, new) for i in range(len(demonstration.ball_time))]
+    msg.joints = [_joint_message(demonstration, i, new) for i in range(len(demonstration.joint_time))]
+    return msg
+
+
+def demonstration_message(types: Typestore, demonstration: Demonstration) -> Any:
+    """The message of a demonstration as an object of `types`, without ROS."""
+
+    def new(name: str) -> Any:
+        return message(types, name)
+
+    # Once more through `message`, which turns lists of numbers into the arrays that the serialiser needs.
+    return message(
+        types, DEMONSTRATION_TYPE, fill_demonstration_message(demonstration, new(DEMONSTRATION_TYPE), new)
+    )
+
+
+def demonstration_from_message(msg: Any) -> Demonstration:
+    """The demonstration in a message object, of rclpy or decoded without ROS."""
+    origin = _stamp(msg.header.stamp)
+    hand, ball, joints = msg.hand, msg.ball, msg.joints
+    return Demonstration(
+        id=msg.id,
+        stamp_ns=origin,
+        target=_vector(msg.target),
+        hand_time=_times(hand, origin),
+        hand_position=_rows([_vector(item.pose.position) for item in hand], 3),
+        hand_quaternion=_rows(
+            [[*_vector(item.pose.orientation), item.pose.orientation.w] for item in hand], 4
+        ),
+        ball_time=_times(ball, origin),
+        ball_position=_rows([_vector(item.point) for item in ball], 3),
+        joint_time=_times(joints, origin),
+        joint_position=_rows([item.position for item in joints], N_JOINTS),
+        joint_velocity=_rows([item.velocity for item in joints], N_JOINTS),
+        motion_start=_event(msg.motion_start, origin),
+        motion_stop=_event(msg.motion_stop, origin),
+        hand_opened=_event(msg.hand_opened, origin),
+        frame_id=msg.header.frame_id,
+        joint_names=tuple(joints[0].name) if len(joints) else (),
+    )
+
+
+def read_demonstrations(bag_path: str | os.PathLike, topic: str = DEMONSTRATION_TOPIC) -> list[Demonstration]:
+    """Demonstrations of a bag in the order of recording; BagError if it has none or they are not valid."""
+    with BagReader(bag_path) as bag:
+        if topic not in bag.topics:
+            raise BagError(f"{bag_path}: no topic {topic}, only {sorted(bag.topics)}: was it recorded?")
+        if bag.topics[topic].type_name != DEMONSTRATION_TYPE:
+            raise BagError(
+                f"{bag_path}: {topic} has type {bag.topics[topic].type_name}, not {DEMONSTRATION_TYPE}"
+            )
+        try:
+            return [demonstration_from_message(item.data) for item in bag.messages([topic])]
+        except BagError:
+            raise
+        except (ValueError, AttributeError) as error:
+            raise BagError(f"{bag_path}: {topic}: {error}") from error
+
+
+def _hand_message(demonstration, index, new):
+    msg = new("geometry_msgs/msg/PoseStamped")
+    _set_header(msg.header, demonstration, demonstration.hand_time[index])
+    _set_vector(msg.pose.position, demonstration.hand_position[index])
+    _set_vector(msg.pose.orientation, demonstration.hand_quaternion[index])
+    msg.pose.orientation.w = float(demonstration.hand_quaternion[index, 3])
+    return msg
+
+
+def _ball_message(demonstration, index, new):
+    msg = new("geometry_msgs/msg/PointStamped")
+    _set_header(msg.header, demonstration, demonstration.ball_time[index])
+    _set_vector(msg.point, demonstration.ball_position[index])
+    return msg
+
+
+def _joint_message(demonstration, index, new):
+    msg = new("sensor_msgs/msg/JointState")
+    _set_header(msg.header, demonstration, demonstration.joint_time[index])
+    msg.name = list(demonstration.joint_names)
+    msg.position = demonstration.joint_position[index].tolist()
+    msg.velocity = demonstration.joint_velocity[index].tolist()
+    return msg
+
+
+def _nanoseconds(demonstration, seconds):
+    return demonstration.stamp_ns + round(float(seconds) * 1e9)
+
+
+def _set_header(header, demonstration, seconds):
+    header.frame_id = demonstration.frame_id
+    _set_stamp(header.stamp, _nanoseconds(demonstration, seconds))
+
+
+def _set_stamp(stamp, nanoseconds):
+    stamp.sec, stamp.nanosec = divmod(int(nanoseconds), 1_000_000_000)
+
+
+def _set_vector(target, values):
+    target.x, target.y, target.z = (float(value) for value in values[:3])
+
+
+def _stamp(stamp) -> int:
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
+def _event(stamp, origin) -> float:
+    """Seconds after the origin; nan for a zero stamp."""
+    nanoseconds = _stamp(stamp)
+    return (nanoseconds - origin) * 1e-9 if nanoseconds else float("nan")
+
+
+def _times(items, origin) -> np.ndarray:
+    return np.array([_stamp(item.header.stamp) - origin for item in items], dtype=np.int64) * 1e-9
+
+
+def _vector(item) -> list[float]:
+    return [item.x, item.y, item.z]
+
+
+def _rows(rows, width) -> np.ndarray:
+    wrong = [index for index, row in enumerate(rows) if len(row) != width]
+    if wrong:
+        raise ValueError(f"sample {wrong[0]} has {len(rows[wrong[0]])} values, need {width}")
+    return np.array([list(row) for row in rows], dtype=float).reshape(-1, width)

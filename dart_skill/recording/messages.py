@@ -1,0 +1,207 @@
+"""Messages without ROS: definitions, type hashes, CDR bytes, and Python objects, for any interface package.
+
+Standard types come from the tables of `rosbags` (ROS 2 Jazzy), our own from the .msg, .srv and .action
+files of the interface package.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+PACKAGE = "dart_skill_msgs"
+_PARTS = {".msg": ("",), ".srv": ("_Request", "_Response"), ".action": ("_Goal", "_Result", "_Feedback")}
+_ZERO = {"bool": False, "string": "", "wstring": "", "float32": 0.0, "float64": 0.0}
+_BYTES = ("byte", "char", "octet")
+
+
+def interface_folder() -> Path:
+    """Folder of our interfaces: msg_schemas/ of a checkout, or the installed package's share."""
+    prefixes = [
+        Path(prefix) for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix
+    ]
+    folders = [Path(__file__).resolve().parents[2] / "msg_schemas"]
+    folders += [prefix / "share" / PACKAGE for prefix in prefixes]
+    for folder in folders:
+        if (folder / "msg").is_dir():
+            return folder
+    raise FileNotFoundError(
+        f"no definitions of {PACKAGE} in {', '.join(map(str, folders))}: build the workspace"
+    )
+
+
+def typestore(*extra_folders: str | os.PathLike) -> Typestore:
+    """Message types of ROS 2 Jazzy, of our interface package, and of the packages in `extra_folders`.
+
+    A folder holds .msg, .srv and .action files in any subfolder; its package is named by the package.xml in
+    it or above it, else by the folder itself.
+    """
+    types = get_typestore(Stores.ROS2_JAZZY)
+    for folder in (interface_folder(), *map(Path, extra_folders)):
+        types.register(_definitions(folder))
+    return types
+
+
+def definition(types: Typestore, type_name: str) -> str:
+    """Definition text of a type with all nested ones, as MCAP's schema encoding `ros2msg`."""
+    return types.generate_msgdef(_known(types, type_name), ros_version=2)[0]
+
+
+def type_hash(types: Typestore, type_name: str) -> str:
+    """RIHS01 hash of a type, the one that ROS 2 exchanges during discovery."""
+    return types.hash_rihs01(_known(types, type_name))
+
+
+def message(types: Typestore, type_name: str, value: Any = None) -> Any:
+    """Message object of a type, filled from `value`: a mapping or any object with the type's field names.
+
+    Fields that are missing, in nested messages too, are zero or empty; sequences may be lists or arrays. A
+    field of `value` that the type does not have is an error.
+    """
+    constants_and_fields = types.fielddefs[_known(types, type_name)]
+    fields = dict(constants_and_fields[1])
+    if isinstance(value, Mapping) and set(value) - set(fields):
+        raise ValueError(f"{type_name} has no field {sorted(set(value) - set(fields))}, only {list(fields)}")
+    content = {
+        name: _field(types, f"{type_name}.{name}", kind, _get(value, name)) for name, kind in fields.items()
+    }
+    return types.types[type_name](**content)
+
+
+def serialize(types: Typestore, type_name: str, value: Any) -> bytes:
+    """CDR bytes (little endian, with encapsulation header) of whatever `message` accepts."""
+    return bytes(types.serialize_cdr(message(types, type_name, value), type_name))
+
+
+def deserialize(types: Typestore, type_name: str, data: bytes) -> Any:
+    """Message object from CDR bytes; ValueError if they are not a message of this type."""
+    _known(types, type_name)
+    try:
+        return types.deserialize_cdr(data, type_name)
+    except Exception as error:  # generated code meets arbitrary bytes
+        raise ValueError(f"{len(data)} bytes are no {type_name}: {error!r}") from error
+
+
+def _definitions(folder: Path) -> dict:
+    """Parsed definitions of an interface package's folder."""
+    files = sorted(file for file in folder.rglob("*") if file.suffix in _PARTS)
+    if not files:
+        raise ValueError(f"no .msg, .srv or .action files in {folder}")
+    package, found = _package_name(folder), {}
+    for file in files:
+        kind = file.suffix[1:]
+        texts = _split(file)
+        for part, text in zip(_PARTS[file.suffix], texts, strict=True):
+            name = f"{package}/{kind}/{file.stem}{part}"
+            try:
+                parsed = get_types_from_msg(text, name)
+                found.update({key.replace("/srv/msg/", "/srv/"): fields for key, fields in parsed.items()})
+            except Exception as error:
+                raise ValueError(f"{file}: {error}") from error
+    return found
+
+
+def _split(file: Path) -> list[str]:
+    """Parts of a definition file, at lines of three dashes."""
+    parts: list[list[str]] = [[]]
+    for line in file.read_text(encoding="utf-8").splitlines():
+        if line.strip() == "---":
+            parts.append([])
+        else:
+            parts[-1].append(line)
+    if len(parts) != len(_PARTS[file.suffix]):
+        raise ValueError(f"{file}: {len(parts)} parts between '---' lines, need {len(_PARTS[file.suffix])}")
+    return ["\n".join(part) + "\n" for part in parts]
+
+
+def _package_name(folder: Path) -> str:
+    folder = folder.resolve()
+    for place in (folder, folder.parent):
+        if (place / "package.xml").is_file():
+            return ElementTree.parse(place / "package.xml").getroot().findtext("name", "").strip()
+    return folder.name
+
+
+def _known(types: Typestore, type_name: str) -> str:
+    if type_name not in types.fielddefs:
+        raise ValueError(
+            f"unknown message type '{type_name}': write it as package/msg/Name, and give the folder of its"
+            " .msg files to typestore()"
+        )
+    return type_name
+
+
+def _get(value: Any, name: str) -> Any:
+    if value is None:
+        return None
+    if isinstance(value, Mapping):
+        return value.get(name)
+    if not hasattr(value, name) and name != "structure_needs_at_least_one_member":
+        raise ValueError(f"{type(value).__name__} has no field '{name}'")
+    return getattr(value, name, None)
+
+
+def _field(types: Typestore, place: str, kind: tuple, value: Any) -> Any:
+    """Value of a field as the generated serialisers want it."""
+    node, detail = kind
+    if node == Nodetype.BASE:
+        return _base(place, detail[0], value)
+    if node == Nodetype.NAME:
+        return message(types, detail, value)
+    (item_node, item), length = detail
+    values = _sequence(place, value, length if node == Nodetype.ARRAY else 0)
+    if node == Nodetype.SEQUENCE and length and len(values) > length:
+        raise ValueError(f"{place}: {len(values)} elements, at most {length}")
+    if item_node == Nodetype.BASE and item[0] in ("string", "wstring"):
+        return [_base(place, item[0], text) for text in values]
+    if item_node == Nodetype.BASE:
+        return _numbers(place, item[0], values)
+    return [message(types, item, element) for element in values]
+
+
+def _sequence(place: str, value: Any, length: int) -> Any:
+    """`value`, or as many empty elements as a fixed-size array has; checks the length of those."""
+    if value is None:
+        return [None] * length
+    if isinstance(value, (str, Mapping)) or not hasattr(value, "__len__"):
+        raise ValueError(f"{place} is a sequence, got {type(value).__name__}")
+    if length and len(value) != length:
+        raise ValueError(f"{place} has {length} elements, got {len(value)}")
+    return value
+
+
+def _numbers(place: str, name: str, values: Any) -> np.ndarray:
+    dtype = np.dtype("uint8" if name in _BYTES else name)
+    if len(values) and values[0] is None:
+        return np.zeros(len(values), dtype)
+    array = np.array(list(values) if isinstance(values, tuple) else values, dtype=dtype)
+    if array.ndim != 1:
+        raise ValueError(f"{place} is a flat sequence, got shape {array.shape}")
+    return array
+
+
+def _base(place: str, name: str, value: Any) -> Any:
+    if value is None:
+        return _ZERO.get(name, 0)
+    if name in ("string", "wstring"):
+        if not isinstance(value, str):
+            raise ValueError(f"{place} is a {name}, got {type(value).__name__}: {value!r}")
+        return value
+    kind = bool if name == "bool" else float if name.startswith("float") else int
+    try:
+        number = kind(value[0]) if isinstance(value, bytes) else kind(value)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{place} is a {name}, got {value!r}") from error
+    if kind is int:
+        limits = np.iinfo("uint8" if name in _BYTES else name)
+        if number != value and not isinstance(value, bytes) or not limits.min <= number <= limits.max:
+            raise ValueError(f"{place} is a {name}, got {value!r}")
+    return number

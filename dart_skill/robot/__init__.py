@@ -1,0 +1,1 @@
+"""The WAM: its description, its URDF, the controller's model of it, and the impedance law."""

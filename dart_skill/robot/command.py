@@ -1,0 +1,55 @@
+"""What passes between a controller and the arm in one control period."""
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+import numpy as np
+
+from dart_skill.robot.description import N_JOINTS
+
+
+class Grip(IntEnum):
+    """What the hand shall do; the values are those of dart_skill_msgs/WamCommand."""
+
+    UNSPECIFIED = 0
+    CLOSE = 1
+    OPEN = 2
+
+
+@dataclass(frozen=True)
+class ArmState:
+    """What the arm's own sensors tell at one instant: joint angles (7,) [rad] and velocities (7,) [rad/s]."""
+
+    stamp_ns: int
+    position: np.ndarray
+    velocity: np.ndarray
+
+
+@dataclass(frozen=True)
+class Command:
+    """An answer to the state of `stamp_ns`.
+
+    wrench (6,): force [N] and moment [N m] at the hand frame's origin, world axes; joint_torque (7,) [N m] is added to J' wrench.
+    The arm adds gravity compensation by itself.
+    """
+
+    stamp_ns: int
+    wrench: np.ndarray = field(default_factory=lambda: np.zeros(6))
+    joint_torque: np.ndarray = field(default_factory=lambda: np.zeros(N_JOINTS))
+    grip: Grip = Grip.UNSPECIFIED
+
+    def answering(self, stamp_ns: int) -> "Command":
+        """The same command, held as the answer to a later state; what the hand was told is not told again."""
+        return Command(stamp_ns, self.wrench, self.joint_torque)
+
+
+def check_command(command: Command, stamp_ns: int) -> None:
+    """ValueError with the reason unless the command is finite, of the right shape and answers the state of `stamp_ns`."""
+    for name, shape in (("wrench", (6,)), ("joint_torque", (N_JOINTS,))):
+        value = np.asarray(getattr(command, name), dtype=float)
+        if value.shape != shape:
+            raise ValueError(f"command.{name} has shape {value.shape}, not {shape}")
+        if not np.isfinite(value).all():
+            raise ValueError(f"command.{name} is {value}: send finite numbers")
+    if command.stamp_ns != stamp_ns:
+        raise ValueError(f"the command answers the state of {command.stamp_ns} ns, but the arm is at {stamp_ns} ns: echo its stamp")

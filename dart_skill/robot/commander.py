@@ -1,0 +1,294 @@
+"""From a plan to commands: one pure step per state of the arm.
+
+    HOLDING -> APPROACHING -> SETTLING -> THROWING -> FOLLOWING_THROUGH -> HOLDING,  any -> STOPPING -> HOLDING,  FREE
+
+In THROWING the hand is pulled by the plan's attractors (7.19) and towards the motion that they predict; between throws the joints
+are held. A limit that fires brings the arm to a damped stop and leaves its reason in `message`.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from enum import Enum
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dart_skill.robot.command import ArmState, Command, Grip
+from dart_skill.robot.description import N_JOINTS, WamDescription, wam_description
+from dart_skill.robot.impedance import (
+    Impedance,
+    JointServo,
+    Reference,
+    attractor_acceleration,
+    minimum_jerk,
+    rotation_error,
+    tracking_acceleration,
+)
+from dart_skill.robot.model import ArmModel
+from dart_skill.robot.throw_plan import ThrowPlan
+
+
+class Mode(Enum):
+    """What the commander is doing."""
+
+    HOLDING = "holding"
+    FREE = "free"
+    APPROACHING = "approaching"
+    SETTLING = "settling"
+    THROWING = "throwing"
+    FOLLOWING_THROUGH = "following_through"
+    STOPPING = "stopping"
+
+
+@dataclass(frozen=True)
+class CommanderSettings:
+    """Gains and limits; each is a parameter of the commander node.
+
+    tracking gains [1/s^2, 1/s]: the pull towards the predicted motion, on top of the attractor's; friction_compensation: share
+    of the identified joint friction; approach_speed [rad/s]; settle_speed [rad/s] and settle_time [s]: at rest before a throw;
+    strongest_force [N], strongest_moment [N m]: the wrench is cut there; fastest_hand [m/s] and farthest_error [m]: beyond them
+    the arm is stopped; longest_gap [s]: between two states of the arm; after a longer one the arm is held
+    where it is found.
+    """
+
+    tracking_stiffness: float = 900.0
+    tracking_damping: float = 60.0
+    tracking_stiffness_rotation: float = 400.0
+    tracking_damping_rotation: float = 40.0
+    friction_compensation: float = 0.8
+    approach_speed: float = 1.0
+    settle_speed: float = 0.02
+    settle_time: float = 0.1
+    settle_limit: float = 1.0
+    strongest_force: float = 250.0
+    strongest_moment: float = 60.0
+    fastest_hand: float = 5.5
+    farthest_error: float = 0.15
+    longest_gap: float = 0.1
+
+    @classmethod
+    def from_parameters(cls, parameters: Mapping) -> "CommanderSettings":
+        """Settings from the parameters of the commander node."""
+        return cls(**{f.name: parameters[f.name] for f in fields(cls)})
+
+
+class PlanRefused(ValueError):
+    """The plan cannot be thrown; the message says which value breaks which limit."""
+
+
+class Commander:
+    """Answers every state of the arm with one command."""
+
+    def __init__(self, settings: CommanderSettings | None = None, description: WamDescription | None = None):
+        self.settings = settings or CommanderSettings()
+        self._description = description or wam_description()
+        share = self.settings.friction_compensation
+        self._loaded = Impedance(ArmModel(self._description, ball_in_hand=True), share)
+        self._empty = Impedance(ArmModel(self._description, ball_in_hand=False), share)
+        self._servo = JointServo(self._empty)
+        self._mode, self.message = Mode.HOLDING, ""
+        self._hold, self._plan, self._opened, self._requested = None, None, False, None
+        self._entered_ns, self._last_ns = 0, None
+        self.time, self.tracking_error, self.reference = float("nan"), float("nan"), None
+        self.opened_ns = None
+
+    @property
+    def mode(self) -> Mode:
+        return self._mode
+
+    @property
+    def throwing(self) -> bool:
+        """Whether a throw is under way, from the approach to the end of the follow-through."""
+        return self._requested is not None or self._mode in (Mode.APPROACHING, Mode.SETTLING, Mode.THROWING, Mode.FOLLOWING_THROUGH)
+
+    def throw(self, plan: ThrowPlan) -> None:
+        """Begin a throw with the next state; PlanRefused if a limit forbids it."""
+        if self.throwing:
+            raise PlanRefused("a throw is under way: wait for it or stop it first")
+        check_plan(plan, self.settings, self._description)
+        self._requested, self.message = plan, ""
+
+    def _begin_throw(self, state: ArmState) -> None:
+        plan, self._requested = self._requested, None
+        self._plan, self._references, self._opened, self.opened_ns = plan, _References(plan), False, None
+        self._start = state.position.copy()
+        way = np.abs(plan.start_posture - self._start).max()
+        self._approach = max(0.3, 1.875 * way / self.settings.approach_speed)
+        self._enter(Mode.APPROACHING, state)
+
+    def release_arm(self, free: bool) -> None:
+        """Leave the arm to gravity compensation alone, or hold it again where it is."""
+        if self.throwing:
+            raise PlanRefused("a throw is under way: stop it before the arm is released")
+        self._mode, self._hold = (Mode.FREE if free else Mode.HOLDING), None
+
+    def stop(self, reason: str) -> None:
+        """Bring the arm to a damped stop and hold it; `reason` is kept as the message."""
+        self.message, self._plan, self._requested = reason, None, None
+        self._mode = Mode.STOPPING
+
+    def step(self, state: ArmState) -> Command:
+        """The command that answers `state`."""
+        if not (np.isfinite(state.position).all() and np.isfinite(state.velocity).all()):
+            raise ValueError(f"joint state of {state.stamp_ns} ns is not finite: {state.position}, {state.velocity}")
+        self._notice_gap(state)
+        if self._requested is not None:
+            self._begin_throw(state)
+        self.time = (state.stamp_ns - self._entered_ns) * 1e-9
+        return getattr(self, f"_{self._mode.value}")(state)
+
+    # one method per mode
+
+    def _holding(self, state: ArmState) -> Command:
+        if self._hold is None:
+            self._hold = state.position.copy()
+        zero = np.zeros(N_JOINTS)
+        return self._joint_command(state, self._hold, zero, zero)
+
+    def _free(self, state: ArmState) -> Command:
+        return Command(state.stamp_ns)
+
+    def _approaching(self, state: ArmState) -> Command:
+        if self.time >= self._approach:
+            self._enter(Mode.SETTLING, state)
+            self._quiet_ns = state.stamp_ns
+            return self._settling(state)
+        return self._joint_command(state, *minimum_jerk(self._start, self._plan.start_posture, self._approach, self.time))
+
+    def _settling(self, state: ArmState) -> Command:
+        if np.abs(state.velocity).max() > self.settings.settle_speed:
+            self._quiet_ns = state.stamp_ns
+        quiet = (state.stamp_ns - self._quiet_ns) * 1e-9
+        if quiet >= self.settings.settle_time or self.time >= self.settings.settle_limit:
+            self._enter(Mode.THROWING, state)
+            return self._throwing(state)
+        zero = np.zeros(N_JOINTS)
+        return self._joint_command(state, self._plan.start_posture, zero, zero)
+
+    def _throwing(self, state: ArmState) -> Command:
+        plan = self._plan
+        if self.time > plan.path.duration:
+            self._enter(Mode.FOLLOWING_THROUGH, state)
+            return self._following_through(state)
+        impedance = self._empty if self._opened and self.time > plan.release else self._loaded
+        hand = impedance.model.hand_state(state.position, state.velocity)
+        reference = self._references.at(self.time)
+        self.reference, self.tracking_error = reference, float(np.linalg.norm(reference.position - hand.position))
+        if reason := self._limit_broken(hand):
+            self.stop(reason)
+            return self._stopping(state)
+        acceleration = attractor_acceleration(reference, hand, self._references.position, self._references.orientation)
+        s = self.settings
+        acceleration += tracking_acceleration(
+            reference,
+            hand,
+            (s.tracking_stiffness, s.tracking_damping),
+            (s.tracking_stiffness_rotation, s.tracking_damping_rotation),
+        )
+        posture = plan.start_posture.copy()
+        posture[[1, 3, 5]] = state.position[[1, 3, 5]]
+        wrench, torque = impedance.act(state.position, state.velocity, acceleration, posture)
+        return Command(state.stamp_ns, self._cut(wrench), torque, self._grip(state))
+
+    def _following_through(self, state: ArmState) -> Command:
+        return self._come_to_rest(state)
+
+    def _stopping(self, state: ArmState) -> Command:
+        return self._come_to_rest(state)
+
+    def _come_to_rest(self, state: ArmState) -> Command:
+        if np.abs(state.velocity).max() < 0.05:
+            self._hold = None
+            self._enter(Mode.HOLDING, state)
+            return self._holding(state)
+        return Command(state.stamp_ns, joint_torque=self._servo.damp(state.velocity))
+
+    # helpers
+
+    def _notice_gap(self, state: ArmState) -> None:
+        """After a gap in the states, as when the world was reset, the arm is held where it is found."""
+        gap = 0.0 if self._last_ns is None else (state.stamp_ns - self._last_ns) * 1e-9
+        self._last_ns = state.stamp_ns
+        if 0.0 <= gap <= self.settings.longest_gap:
+            return
+        if self._mode in (Mode.APPROACHING, Mode.SETTLING, Mode.THROWING, Mode.FOLLOWING_THROUGH):
+            self.message = f"no state of the arm for {gap:.2f} s during a throw"
+        self._mode, self._hold, self._plan = Mode.HOLDING, None, None
+
+    def _enter(self, mode: Mode, state: ArmState) -> None:
+        self._mode, self._entered_ns, self.time = mode, state.stamp_ns, 0.0
+
+    def _joint_command(self, state: ArmState, q, qd, qdd) -> Command:
+        torque = self._servo.torque(state.position, state.velocity, q, qd, qdd)
+        return Command(state.stamp_ns, joint_torque=torque)
+
+    def _grip(self, state: ArmState) -> Grip:
+        if self._opened or self.time < self._plan.open_hand - 1e-9:
+            return Grip.UNSPECIFIED
+        self._opened, self.opened_ns = True, state.stamp_ns
+        return Grip.OPEN
+
+    def _cut(self, wrench: np.ndarray) -> np.ndarray:
+        force = min(1.0, self.settings.strongest_force / max(1e-9, float(np.linalg.norm(wrench[:3]))))
+        moment = min(1.0, self.settings.strongest_moment / max(1e-9, float(np.linalg.norm(wrench[3:]))))
+        return np.concatenate([wrench[:3] * force, wrench[3:] * moment])
+
+    def _limit_broken(self, hand) -> str:
+        speed = float(np.linalg.norm(hand.linear))
+        if speed > self.settings.fastest_hand:
+            return f"the hand moves at {speed:.2f} m/s, faster than the limit of {self.settings.fastest_hand} m/s"
+        if self.tracking_error > self.settings.farthest_error and self.time < self._plan.release:
+            return f"the hand is {self.tracking_error:.3f} m from the plan, farther than the limit of {self.settings.farthest_error} m"
+        return ""
+
+
+def check_plan(plan: ThrowPlan, settings: CommanderSettings, description: WamDescription) -> None:
+    """PlanRefused, with the value and the limit, if the plan leaves the joints' range or the hand's speed limit."""
+    lower, upper = description.of_joints("lower"), description.of_joints("upper")
+    outside = (plan.start_posture < lower) | (plan.start_posture > upper)
+    if outside.any():
+        j = int(np.argmax(outside))
+        raise PlanRefused(f"the start posture has j{j + 1} at {plan.start_posture[j]:.2f} rad, outside {lower[j]} to {upper[j]}")
+    speed = float(np.linalg.norm(plan.path.velocity[:, :3], axis=1).max())
+    if speed > settings.fastest_hand:
+        raise PlanRefused(f"the plan moves the hand at {speed:.2f} m/s; the limit is {settings.fastest_hand} m/s: choose a nearer basket")
+    model = ArmModel(description)
+    position, rotation = model.hand_pose(plan.start_posture)
+    offset = float(np.linalg.norm(position - plan.path.position[0]))
+    turn = float(np.linalg.norm(rotation_error(Rotation.from_quat(plan.path.quaternion[0]).as_matrix(), rotation)))
+    if offset > 0.05 or turn > 0.3:
+        raise PlanRefused(f"the start posture holds the hand {offset:.3f} m and {turn:.2f} rad from where the path begins")
+
+
+class _References:
+    """The plan as a function of time: linear between its instants, matrices for orientations."""
+
+    def __init__(self, plan: ThrowPlan):
+        path = plan.path
+        self.position = (plan.position_gains.stiffness, plan.position_gains.damping)
+        self.orientation = (plan.orientation_gains.stiffness, plan.orientation_gains.damping)
+        self._time = path.time
+        self._linear = np.hstack([plan.attractor_position, path.position, path.velocity, path.acceleration])
+        self._attractor = Rotation.from_quat(plan.attractor_quaternion).as_matrix()
+        self._rotation = Rotation.from_quat(path.quaternion).as_matrix()
+
+    def at(self, time: float) -> Reference:
+        k = int(np.clip(np.searchsorted(self._time, time, side="right") - 1, 0, len(self._time) - 2))
+        share = (time - self._time[k]) / (self._time[k + 1] - self._time[k])
+        row = self._linear[k] + share * (self._linear[k + 1] - self._linear[k])
+        return Reference(
+            attractor_position=row[:3],
+            attractor_rotation=_between(self._attractor[k], self._attractor[k + 1], share),
+            position=row[3:6],
+            rotation=_between(self._rotation[k], self._rotation[k + 1], share),
+            velocity=row[6:12],
+            acceleration=row[12:18],
+        )
+
+
+def _between(first: np.ndarray, second: np.ndarray, share: float) -> np.ndarray:
+    """Rotation between two that are close together: the first, turned by a share of the small angle between them."""
+    angle = share * rotation_error(second, first)
+    x, y, z = angle
+    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return first + skew @ first + 0.5 * skew @ skew @ first

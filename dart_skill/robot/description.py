@@ -1,0 +1,176 @@
+"""What a Barrett WAM with a BarrettHand is: lengths, masses, motors, limits, shapes, read from config/wam.yaml.
+
+Everything that needs a number of the arm takes it from here: the URDF, the analytic model, the limits and the occlusion model.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from dart_skill.configuration import load_yaml
+
+N_JOINTS = 7
+
+
+@dataclass(frozen=True)
+class Inertial:
+    """Mass [kg], centre of mass (3,) [m] and inertia about it (3, 3) [kg m^2] in a link's frame."""
+
+    mass: float
+    centre: np.ndarray
+    inertia: np.ndarray
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A revolute joint as URDF sees it: origin in the parent's frame, axis +z, limits [rad, rad/s, N m, N m s/rad]."""
+
+    name: str
+    parent: str
+    child: str
+    xyz: np.ndarray
+    roll: float
+    lower: float
+    upper: float
+    peak_torque: float
+    no_load_speed: float
+    coulomb_friction: float
+    viscous_friction: float
+
+
+@dataclass(frozen=True)
+class Capsule:
+    """A shape of the arm: a cylinder with round ends between two points of a link's frame [m]."""
+
+    link: str
+    start: np.ndarray
+    end: np.ndarray
+    radius: float
+
+
+@dataclass(frozen=True)
+class Hand:
+    """The BarrettHand, closed on a ball, as one body in frame bhand_base."""
+
+    inertial: Inertial
+    palm_height: float
+    palm_radius: float
+    ball_centre: np.ndarray
+
+
+@dataclass(frozen=True)
+class Motors:
+    """Motors and transmission: motor angle = joint_to_motor @ joint angle; one row per motor."""
+
+    joint_to_motor: np.ndarray
+    rotor_inertia: np.ndarray
+    torque_constant: np.ndarray
+    resistance: np.ndarray
+    no_load_speed: np.ndarray
+    bus_voltage: float
+
+    @property
+    def reflected_inertia(self) -> np.ndarray:
+        """Rotor inertia as the joints feel it, N' J N (7, 7) [kg m^2]."""
+        return self.joint_to_motor.T @ np.diag(self.rotor_inertia) @ self.joint_to_motor
+
+    @property
+    def stall_torque(self) -> np.ndarray:
+        """Motor torque at standstill and full bus voltage (7,) [N m]."""
+        return self.torque_constant * self.bus_voltage / self.resistance
+
+
+@dataclass(frozen=True)
+class Ball:
+    """The ball that is thrown [kg, m]."""
+
+    mass: float
+    diameter: float
+    restitution: float
+    drag_coefficient: float
+    inertia: float
+
+    @property
+    def radius(self) -> float:
+        return self.diameter / 2
+
+
+@dataclass(frozen=True)
+class WamDescription:
+    """All of config/wam.yaml. DH rows are (alpha, a, d); links come once in URDF frames and once in DH frames."""
+
+    mount_height: float
+    shoulder_height: float
+    gravity: float
+    dh: np.ndarray
+    joints: tuple[Joint, ...]
+    tool_plate: np.ndarray
+    links_urdf: tuple[Inertial, ...]
+    links_dh: tuple[Inertial, ...]
+    hand: Hand
+    motors: Motors
+    ball: Ball
+    capsules: tuple[Capsule, ...]
+    fault_speed: float
+    beyond_elbow: float
+    home: np.ndarray
+
+    def of_joints(self, field: str) -> np.ndarray:
+        """One field of all joints as an array (7,), for example "peak_torque"."""
+        return np.array([getattr(joint, field) for joint in self.joints])
+
+
+@cache
+def wam_description() -> WamDescription:
+    """The arm of config/wam.yaml."""
+    return parse_description(load_yaml("wam.yaml"))
+
+
+def parse_description(content: dict) -> WamDescription:
+    """The description from the nested dictionaries of a wam.yaml; KeyError names what is missing."""
+    links = content["links"]
+    return WamDescription(
+        mount_height=content["mount_height"],
+        shoulder_height=content["shoulder_height"],
+        gravity=content["gravity"],
+        dh=np.array([(row["alpha_quarter_turns"] * np.pi / 2, row["a"], row["d"]) for row in content["dh"]]),
+        joints=tuple(_joint(entry) for entry in content["joints"]),
+        tool_plate=np.array(content["tool_plate"]["xyz"]),
+        links_urdf=tuple(_inertial(link["mass"], link["urdf"]) for link in links),
+        links_dh=tuple(_inertial(link["mass"], link["dh"]) for link in links),
+        hand=_hand(content["hand"]),
+        motors=_motors(content["transmission"], content["motors"]),
+        ball=Ball(**content["ball"]),
+        capsules=tuple(
+            Capsule(c["link"], np.array(c["from"]), np.array(c["to"]), c["radius"]) for c in content["capsules"]
+        ),
+        fault_speed=content["safety"]["fault_speed"],
+        beyond_elbow=content["safety"]["beyond_elbow"],
+        home=np.array(content["poses"]["home"]),
+    )
+
+
+def symmetric(entries: list[float]) -> np.ndarray:
+    """Inertia tensor (3, 3) from ixx, ixy, ixz, iyy, iyz, izz."""
+    ixx, ixy, ixz, iyy, iyz, izz = entries
+    return np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
+
+
+def _inertial(mass: float, entry: dict) -> Inertial:
+    return Inertial(mass, np.array(entry["centre"]), symmetric(entry["inertia"]))
+
+
+def _joint(entry: dict) -> Joint:
+    fields = {key: value for key, value in entry.items() if key not in ("xyz", "roll_quarter_turns")}
+    return Joint(xyz=np.array(entry["xyz"]), roll=entry["roll_quarter_turns"] * np.pi / 2, **fields)
+
+
+def _hand(entry: dict) -> Hand:
+    inertial = _inertial(entry["mass"], entry)
+    return Hand(inertial, entry["palm_height"], entry["palm_radius"], np.array(entry["ball_centre"]))
+
+
+def _motors(transmission: dict, motors: dict) -> Motors:
+    arrays = {key: np.array(value) for key, value in {**transmission, **motors}.items() if key != "bus_voltage"}
+    return Motors(bus_voltage=motors["bus_voltage"], **arrays)

@@ -1,0 +1,97 @@
+"""A planned throw: where the attractor goes, where the hand is expected, when the ball leaves it."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from dart_skill.robot.description import N_JOINTS
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Spring and damper of (7.19) per unit mass: stiffness [1/s^2] and damping [1/s]; critical damping is 2 sqrt(stiffness)."""
+
+    stiffness: float
+    damping: float
+
+    def __post_init__(self):
+        if not (np.isfinite([self.stiffness, self.damping]).all() and self.stiffness > 0 and self.damping > 0):
+            raise ValueError(f"stiffness {self.stiffness} and damping {self.damping} must be finite and positive")
+
+
+@dataclass(frozen=True)
+class HandPath:
+    """A motion of the hand frame in the world at n instants.
+
+    time (n,) [s] from 0, increasing; position (n, 3) [m]; quaternion (n, 4) x, y, z, w; velocity and acceleration (n, 6), linear
+    over angular, world axes.
+    """
+
+    time: np.ndarray
+    position: np.ndarray
+    quaternion: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+
+    def __post_init__(self):
+        n = len(self.time)
+        shapes = {"time": (n,), "position": (n, 3), "quaternion": (n, 4), "velocity": (n, 6), "acceleration": (n, 6)}
+        for name, shape in shapes.items():
+            value = np.asarray(getattr(self, name), dtype=float)
+            if value.shape != shape or not np.isfinite(value).all():
+                raise ValueError(f"path.{name} has shape {value.shape} or is not finite; it must be {shape} for {n} instants")
+        if n < 2 or (np.diff(self.time) <= 0).any():
+            raise ValueError("path.time must hold at least two increasing instants")
+        if np.abs(np.linalg.norm(self.quaternion, axis=1) - 1.0).max() > 1e-3:
+            raise ValueError("path.quaternion holds a quaternion that is not of unit length: normalise it")
+
+    @property
+    def duration(self) -> float:
+        """Time of the last instant [s]."""
+        return float(self.time[-1])
+
+
+@dataclass(frozen=True)
+class ThrowPlan:
+    """A throw at `target` (3,), the centre of the rim.
+
+    attractor_position (n, 3) and attractor_quaternion (n, 4) pull the hand along `path` by (7.19); release and open_hand are times
+    on the path's clock [s] at which the ball leaves the hand and at which the hand is told to open; start_posture (7,) [rad]; aim
+    (3,) is the task parameter whose plan lands on the target; predicted_landing (3,) is where the ball is expected to cross the
+    plane of the rim.
+    """
+
+    target: np.ndarray
+    aim: np.ndarray
+    predicted_landing: np.ndarray
+    path: HandPath
+    attractor_position: np.ndarray
+    attractor_quaternion: np.ndarray
+    position_gains: Gains
+    orientation_gains: Gains
+    release: float
+    open_hand: float
+    start_posture: np.ndarray
+    model_id: str = ""
+
+    def __post_init__(self):
+        n = len(self.path.time)
+        shapes = {"target": (3,), "aim": (3,), "predicted_landing": (3,), "attractor_position": (n, 3),
+                  "attractor_quaternion": (n, 4), "start_posture": (N_JOINTS,)}  # fmt: skip
+        for name, shape in shapes.items():
+            value = np.asarray(getattr(self, name), dtype=float)
+            if value.shape != shape or not np.isfinite(value).all():
+                raise ValueError(f"plan.{name} has shape {value.shape} or is not finite; it must be {shape}")
+        if not 0.0 < self.release <= self.path.duration:
+            raise ValueError(f"plan.release is {self.release} s, outside the path of {self.path.duration} s")
+
+
+def same_plan(first: ThrowPlan, second: ThrowPlan) -> bool:
+    """Whether two plans are equal bit for bit, but for the name of their model."""
+    return all(_equal(getattr(first, f.name), getattr(second, f.name)) for f in fields(ThrowPlan) if f.name != "model_id")
+
+
+def _equal(first, second) -> bool:
+    if isinstance(first, HandPath):
+        return all(_equal(getattr(first, f.name), getattr(second, f.name)) for f in fields(HandPath))
+    return bool(np.array_equal(first, second)) if isinstance(first, np.ndarray) else first == second

@@ -1,0 +1,374 @@
+"""Motion capture: what an OptiTrack system reports of bodies whose true poses are given.
+
+A body is tracked in a frame when enough cameras have it in their field of view and a free line of
+sight past the arm and the walls of the basket. What is tracked gets noise, a calibration error that
+stays the same for a run, a latency with jitter, and dropouts; a lost body is not reported at all.
+Default values: facts/wam_facts.md section 5 (noise, latency, dropouts of 1 to 10 frames).
+
+The module knows no robot: the arm is a set of capsules, given with every frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera at `position` (3,) that looks at `look_at` (3,), its image upright, in the world frame [m].
+
+    half_angles: (2,) of the field of view, horizontal and vertical [rad]; range: of sight [m].
+    """
+
+    position: np.ndarray
+    look_at: np.ndarray
+    half_angles: tuple[float, float] = (np.deg2rad(28.0), np.deg2rad(23.0))
+    range: float = 12.0
+
+    def __post_init__(self):
+        for name in ("position", "look_at"):
+            object.__setattr__(self, name, _vector(f"camera {name}", getattr(self, name), 3))
+        axis = self.look_at - self.position
+        if np.linalg.norm(axis[:2]) < 1e-6:
+            raise ValueError(f"camera at {self.position} looks straight up or down: move look_at sideways")
+        if len(self.half_angles) != 2 or not all(0.0 < angle < np.pi / 2 for angle in self.half_angles):
+            raise ValueError(f"half_angles = {self.half_angles}: give two angles between 0 and pi/2 rad")
+        if not (np.isfinite(self.range) and self.range > 0.0):
+            raise ValueError(f"range = {self.range}: give the range of the camera in metres")
+
+    @property
+    def axes(self) -> np.ndarray:
+        """(3, 3) right, down and viewing direction as rows, unit vectors in the world frame."""
+        forward = self.look_at - self.position
+        forward = forward / np.linalg.norm(forward)
+        right = np.cross(forward, [0.0, 0.0, 1.0])
+        right = right / np.linalg.norm(right)
+        return np.stack([right, np.cross(forward, right), forward])
+
+
+@dataclass(frozen=True)
+class MotionCaptureConfig:
+    """Cameras and errors of a motion-capture system. Times in seconds, lengths in metres."""
+
+    cameras: tuple[Camera, ...]
+    bodies: tuple[str, ...] = ("hand", "ball", "basket")
+    rate: float = 100.0  # frames per second
+    min_cameras: int = 2  # that must see a body
+    clearance: float = 0.1  # what is nearer to a body than this does not hide it
+    noise: float = 1e-4  # standard deviation of a coordinate
+    marker_spread: float = 0.1  # distance of a body's markers: orientation noise is noise / spread [rad]
+    calibration_error: float = 2e-4  # length of the offset of each body, drawn once for a run
+    latency: float = 5e-3  # from the exposure to the message
+    latency_jitter: float = 4e-4  # mean of an exponential delay on top of it
+    dropout_rate: float = 0.05  # dropouts of a body per second
+    dropout_frames: tuple[int, int] = (1, 10)  # shortest and longest dropout
+
+    def __post_init__(self):
+        for name in ("cameras", "bodies", "dropout_frames"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+        self._check_numbers()
+        if not self.cameras or not 1 <= self.min_cameras <= len(self.cameras):
+            raise ValueError(
+                f"min_cameras = {self.min_cameras} of {len(self.cameras)} cameras: need 1 to all of them"
+            )
+        if len(set(self.bodies)) != len(self.bodies) or not self.bodies:
+            raise ValueError(f"bodies = {self.bodies}: give at least one name, each once")
+        if len(self.dropout_frames) != 2 or not 1 <= self.dropout_frames[0] <= self.dropout_frames[1]:
+            raise ValueError(
+                f"dropout_frames = {self.dropout_frames}: give shortest and longest, at least 1 frame"
+            )
+
+    def _check_numbers(self):
+        positive = ("rate", "marker_spread")
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if isinstance(value, tuple) or item.name == "min_cameras":
+                continue
+            if not np.isfinite(value) or value < 0.0 or (value == 0.0 and item.name in positive):
+                raise ValueError(f"motion capture: {item.name} = {value} is out of range")
+
+    @classmethod
+    def from_parameters(cls, parameters: Mapping) -> MotionCaptureConfig:
+        """Configuration from the parameters of the node `mock_optitrack` (config/optitrack.yaml).
+
+        `camera_names` lists the cameras and their order; each has `cameras.<name>.position` and `.look_at`,
+        nested or with dots in the keys. `half_angles_deg` and `range` hold for all. Unknown keys belong to
+        the node: ignored.
+        """
+        half_angles = tuple(np.deg2rad(parameters.get("half_angles_deg", (28.0, 23.0))))
+        distance = float(parameters.get("range", 12.0))
+        cameras = [
+            Camera(
+                _lookup(parameters, f"cameras.{name}.position"),
+                _lookup(parameters, f"cameras.{name}.look_at"),
+                half_angles,
+                distance,
+            )
+            for name in _lookup(parameters, "camera_names")
+        ]
+        own = {item.name for item in fields(cls)} - {"cameras"}
+        return cls(cameras=tuple(cameras), **{key: value for key, value in parameters.items() if key in own})
+
+
+@dataclass(frozen=True)
+class BasketWalls:
+    """Opaque wall of a basket: upright cylinder that hangs `depth` below its rim's centre (3,) [m]."""
+
+    rim: np.ndarray
+    radius: float
+    depth: float
+
+    def __post_init__(self):
+        object.__setattr__(self, "rim", _vector("rim of the basket", self.rim, 3))
+        if not (self.radius > 0.0 and self.depth > 0.0):
+            raise ValueError(f"basket: radius {self.radius} and depth {self.depth} must be positive")
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A reported pose. stamp_ns: of the exposure; publish_ns: when the message leaves the driver."""
+
+    name: str
+    stamp_ns: int
+    publish_ns: int
+    position: np.ndarray  # (3,) [m], world frame
+    quaternion: np.ndarray  # (4,) x, y, z, w
+
+
+NO_CAPSULES = (np.empty((0, 2, 3)), np.empty(0))
+
+
+class MotionCapture:
+    """The whole system. Same seed, episodes and frames: same samples, whatever was visible before.
+
+    config: MotionCaptureConfig, or the parameters that make one.
+    """
+
+    def __init__(self, config: MotionCaptureConfig | Mapping, seed: int):
+        if not isinstance(config, MotionCaptureConfig):
+            config = MotionCaptureConfig.from_parameters(config)
+        self.config = config
+        self.seed = int(seed)
+        self._view = _View(config.cameras, config.clearance)
+        self._offsets = _calibration_offsets(config, np.random.default_rng([self.seed]))
+        self._episode: int | None = None
+
+    def observe(
+        self,
+        stamp_ns: int,
+        episode: int,
+        bodies: Mapping[str, tuple[np.ndarray, np.ndarray]],
+        capsules: tuple[np.ndarray, np.ndarray] = NO_CAPSULES,
+        basket: BasketWalls | None = None,
+    ) -> list[Sample]:
+        """Samples of the frame exposed at `stamp_ns`, in the order of `config.bodies`, without lost bodies.
+
+        bodies: name -> (position (3,), quaternion (4,) x, y, z, w) in the world frame; one that is
+        configured but not given is not there. capsules: end points (c, 2, 3) and radii (c,) of the arm [m].
+        Randomness starts anew from (seed, episode) when the episode changes, and every frame takes the same
+        number of draws.
+        """
+        if episode != self._episode:
+            self._start_episode(episode)
+        draws = self._draw()
+        unknown = set(bodies) - set(self.config.bodies)
+        if unknown:
+            raise ValueError(f"unknown body {sorted(unknown)}: configured are {list(self.config.bodies)}")
+        present = [name for name in self.config.bodies if name in bodies]
+        if not present:
+            return []
+        poses = [_check_pose(name, *bodies[name]) for name in present]
+        counts = self._view.count(np.stack([position for position, _ in poses]), capsules, basket)
+        publish_ns = int(stamp_ns) + round(1e9 * (self.config.latency + draws.delay))
+        return [
+            self._sample(name, int(stamp_ns), publish_ns, *pose, draws)
+            for name, pose, count in zip(present, poses, counts, strict=True)
+            if count >= self.config.min_cameras and not draws.dropped[self.config.bodies.index(name)]
+        ]
+
+    def visible_cameras(
+        self,
+        points: np.ndarray,
+        capsules: tuple[np.ndarray, np.ndarray] = NO_CAPSULES,
+        basket: BasketWalls | None = None,
+    ) -> np.ndarray:
+        """How many cameras see each of the points (n, 3): integers (n,)."""
+        return self._view.count(np.asarray(points, dtype=float), capsules, basket)
+
+    def _start_episode(self, episode):
+        self._episode = episode
+        self._rng = np.random.default_rng([self.seed, int(episode)])
+        self._remaining = np.zeros(len(self.config.bodies), dtype=int)
+
+    def _draw(self):
+        """Every random number of a frame, whoever needs it; also counts the dropouts down."""
+        n_bodies, rng, config = len(self.config.bodies), self._rng, self.config
+        noise = rng.standard_normal((n_bodies, 6))
+        begins = rng.random(n_bodies) < config.dropout_rate / config.rate
+        lengths = rng.integers(config.dropout_frames[0], config.dropout_frames[1] + 1, size=n_bodies)
+        delay = config.latency_jitter * rng.exponential()
+        self._remaining = np.maximum(self._remaining - 1, np.where(begins, lengths, 0))
+        return _Draws(noise, self._remaining > 0, delay)
+
+    def _sample(self, name, stamp_ns, publish_ns, position, quaternion, draws):
+        index = self.config.bodies.index(name)
+        noise = self.config.noise * draws.noise[index]
+        tilt = _small_rotation(noise[3:] / self.config.marker_spread)
+        offset = _rotate(quaternion, self._offsets[index])
+        return Sample(name, stamp_ns, publish_ns, position + offset + noise[:3], _multiply(tilt, quaternion))
+
+
+@dataclass
+class LatencyQueue:
+    """Samples on their way from the cameras to the network: holds each until its time has come."""
+
+    _waiting: list[Sample] = field(default_factory=list)
+
+    def push(self, samples: list[Sample]) -> None:
+        """Take samples in, as `MotionCapture.observe` returns them."""
+        self._waiting.extend(samples)
+
+    def due(self, now_ns: int) -> list[Sample]:
+        """Hand out, in order of publication, what is published at or before `now_ns`."""
+        ready = sorted((s for s in self._waiting if s.publish_ns <= now_ns), key=lambda s: s.publish_ns)
+        self._waiting = [s for s in self._waiting if s.publish_ns > now_ns]
+        return ready
+
+    def clear(self) -> None:
+        """Forget what is on its way, as when time jumps back."""
+        self._waiting.clear()
+
+
+@dataclass(frozen=True)
+class _Draws:
+    noise: np.ndarray  # (n_bodies, 6)
+    dropped: np.ndarray  # (n_bodies,) bool
+    delay: float
+
+
+class _View:
+    """Lines of sight of all cameras at once."""
+
+    def __init__(self, cameras, clearance):
+        self.position = np.stack([camera.position for camera in cameras])
+        self.axes = np.stack([camera.axes for camera in cameras])
+        self.tangents = np.tan([camera.half_angles for camera in cameras])
+        self.range = np.array([camera.range for camera in cameras])
+        self.clearance = clearance
+
+    def count(self, points, capsules, basket):
+        """Cameras (n,) that see each point (n, 3)."""
+        ray = points[:, None] - self.position  # (n, cameras, 3)
+        distance = np.linalg.norm(ray, axis=-1)
+        right, down, depth = np.moveaxis(np.einsum("cij,ncj->nci", self.axes, ray), -1, 0)
+        framed = (np.abs(right) <= self.tangents[:, 0] * depth) & (
+            np.abs(down) <= self.tangents[:, 1] * depth
+        )
+        seen = framed & (depth > 0.0) & (distance <= self.range)
+        start = np.broadcast_to(self.position, ray.shape)[seen]
+        # A line of sight ends `clearance` before the body, so that neither its holder nor itself hides it.
+        shorten = np.maximum(0.0, 1.0 - self.clearance / np.maximum(distance[seen], 1e-9))
+        hidden = _hidden_by_capsules(start, shorten[:, None] * ray[seen], *_check_capsules(capsules))
+        if basket is not None:
+            hidden |= _hidden_by_walls(start, ray[seen], basket)
+        seen[seen] = ~hidden
+        return np.sum(seen, axis=1)
+
+
+def _hidden_by_capsules(start, ray, ends, radii):
+    """Whether segments start + s ray (m, 3), s in [0, 1], pass through a capsule."""
+    if len(radii) == 0 or len(start) == 0:
+        return np.zeros(len(start), dtype=bool)
+    axis = ends[:, 1] - ends[:, 0]  # (c, 3)
+    offset = start[:, None] - ends[:, 0]  # (m, c, 3)
+    length, thick = np.einsum("mi,mi->m", ray, ray)[:, None], np.einsum("ci,ci->c", axis, axis)
+    along, across = ray @ axis.T, np.einsum("mci,ci->mc", offset, axis)
+    behind = np.einsum("mci,mi->mc", offset, ray)
+    # Closest points of two segments: minimise over the ray, clamp, over the axis, clamp, over the ray again.
+    det = length * thick - along**2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        s = np.clip(np.where(det > 1e-12, (along * across - behind * thick) / det, 0.0), 0.0, 1.0)
+        t = np.clip(np.where(thick > 1e-12, (along * s + across) / thick, 0.0), 0.0, 1.0)
+        s = np.clip(np.where(length > 1e-12, (along * t - behind) / length, 0.0), 0.0, 1.0)
+    gap = offset + s[..., None] * ray[:, None] - t[..., None] * axis
+    return np.any(np.einsum("mci,mci->mc", gap, gap) < radii**2, axis=1)
+
+
+def _hidden_by_walls(start, ray, basket):
+    """Whether segments (m, 3) pass through the side of the cylinder below its rim."""
+    offset = start[:, :2] - basket.rim[:2]
+    a = np.einsum("mi,mi->m", ray[:, :2], ray[:, :2])
+    b = np.einsum("mi,mi->m", offset, ray[:, :2])
+    c = np.einsum("mi,mi->m", offset, offset) - basket.radius**2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        root = np.sqrt(b**2 - a * c)  # nan: the line misses the cylinder
+        crossings = np.stack([(-b - root) / a, (-b + root) / a], axis=1)
+        height = start[:, 2:] + crossings * ray[:, 2:]
+        low, high = basket.rim[2] - basket.depth, basket.rim[2] - 1e-9
+        through = (crossings > 0.0) & (crossings < 1.0) & (height > low) & (height < high)
+    return np.any(through, axis=1)
+
+
+def _calibration_offsets(config, rng):
+    """(n_bodies, 3) in the body frames, of the configured length and random direction."""
+    direction = rng.standard_normal((len(config.bodies), 3))
+    return config.calibration_error * direction / np.linalg.norm(direction, axis=1, keepdims=True)
+
+
+def _small_rotation(vector):
+    angle = np.linalg.norm(vector)
+    return np.append(0.5 * np.sinc(0.5 * angle / np.pi) * vector, np.cos(0.5 * angle))
+
+
+def _multiply(p, q):
+    vector = p[3] * q[:3] + q[3] * p[:3] + np.cross(p[:3], q[:3])
+    return np.append(vector, p[3] * q[3] - p[:3] @ q[:3])
+
+
+def _rotate(q, vector):
+    twist = 2.0 * np.cross(q[:3], vector)
+    return vector + q[3] * twist + np.cross(q[:3], twist)
+
+
+def _check_pose(name, position, quaternion):
+    position, quaternion = (
+        _vector(f"position of {name}", position, 3),
+        _vector(f"quaternion of {name}", quaternion, 4),
+    )
+    norm = np.linalg.norm(quaternion)
+    if abs(norm - 1.0) > 1e-3:
+        raise ValueError(f"quaternion of {name} has norm {norm:.4f}, not 1")
+    return position, quaternion / norm
+
+
+def _check_capsules(capsules):
+    ends, radii = np.asarray(capsules[0], dtype=float), np.asarray(capsules[1], dtype=float)
+    if radii.ndim != 1 or ends.shape != (len(radii), 2, 3):
+        raise ValueError(
+            f"capsules: need end points (c, 2, 3) and radii (c,), got {ends.shape} and {radii.shape}"
+        )
+    if not (np.all(np.isfinite(ends)) and np.all(radii > 0.0)):
+        raise ValueError("capsules: end points must be finite and radii positive")
+    return ends, radii
+
+
+def _vector(name, value, size):
+    value = np.asarray(value, dtype=float)
+    if value.shape != (size,) or not np.all(np.isfinite(value)):
+        raise ValueError(f"{name} must be a finite ({size},) vector, got {value}")
+    return value
+
+
+def _lookup(parameters, key):
+    """A parameter by its dotted name, from nested or flat dictionaries."""
+    if key in parameters:
+        return parameters[key]
+    value = parameters
+    for part in key.split("."):
+        if not isinstance(value, Mapping) or part not in value:
+            raise ValueError(f"motion capture: parameter '{key}' is missing")
+        value = value[part]
+    return value

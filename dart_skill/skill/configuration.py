@@ -1,0 +1,85 @@
+"""Named configurations of the throwing skill: which frames, how many components, how demonstrations are aligned and weighted.
+
+`thesis` is what chapter 8 describes; `default` is what throws best here. docs/skill.md holds the comparison.
+"""
+
+from dataclasses import dataclass, replace
+
+FRAMES = ("thesis", "start", "azimuth", "azimuth_target")
+ALIGNMENTS = ("start", "release")
+PARTITIONS = ("time", "em")
+
+
+@dataclass(frozen=True)
+class SkillConfiguration:
+    """How demonstrations become a model and a model becomes a plan.
+
+    frames: "thesis" (8.2), "start" (8.3), "azimuth": one frame at the base turned to the target's azimuth, "azimuth_target": that
+    and one at the target. components: K of the mixture; partition: "time" gives
+    each its own interval of time, "em" lets EM decide. distance_input: the distance of the target is a second input of the
+    regression, beside time. alignment: instant that all demonstrations share, "start" of the motion or "release" of the ball.
+    relabel: a demonstration's task parameter is where its ball landed, not where the basket stood. width [m]: demonstrations are
+    weighted by a Gaussian of the distance between their target and the new one; 0 for equal weights; nearest: only so many
+    demonstrations, 0 for all (8.4.2). solve_aim: the task parameter is solved for so that the plan's own predicted landing is on
+    the target. stiffness [1/s^2]: of (7.19), critically damped. step [s]: of the plan.
+    """
+
+    name: str = "default"
+    frames: str = "azimuth"
+    components: int = 16
+    partition: str = "time"
+    distance_input: bool = True
+    alignment: str = "release"
+    relabel: bool = True
+    width: float = 0.0
+    nearest: int = 0
+    solve_aim: bool = True
+    stiffness: float = 200.0
+    step: float = 0.004
+    noise: float = 1e-4
+
+    def __post_init__(self):
+        if self.frames not in FRAMES:
+            raise ValueError(f"frames '{self.frames}' is unknown: choose one of {', '.join(FRAMES)}")
+        if self.alignment not in ALIGNMENTS:
+            raise ValueError(f"alignment '{self.alignment}' is unknown: choose one of {', '.join(ALIGNMENTS)}")
+        if self.partition not in PARTITIONS:
+            raise ValueError(f"partition '{self.partition}' is unknown: choose one of {', '.join(PARTITIONS)}")
+        for name, least in (("components", 1), ("width", 0.0), ("nearest", 0), ("stiffness", 1e-6), ("step", 1e-4)):
+            if not getattr(self, name) >= least:
+                raise ValueError(f"{name} is {getattr(self, name)}; it must be at least {least}")
+
+    @property
+    def turns(self) -> bool:
+        """Whether the frames turn with the target's azimuth."""
+        return self.frames.startswith("azimuth")
+
+    def angle_azimuth(self, azimuth: float) -> float:
+        """Azimuth of the axes in which alpha and beta are measured [rad]: the thesis measures them in the world's."""
+        return azimuth if self.turns else 0.0
+
+
+DEFAULT = SkillConfiguration()
+THESIS = SkillConfiguration(
+    "thesis", "start", 3, partition="em", distance_input=False, alignment="start", relabel=False, solve_aim=False
+)
+CONFIGURATIONS = {
+    one.name: one
+    for one in (
+        DEFAULT,
+        THESIS,
+        replace(THESIS, name="thesis_local", nearest=3),
+        replace(DEFAULT, name="em", components=12, partition="em"),
+        replace(DEFAULT, name="weighted", distance_input=False, width=0.25),
+        replace(DEFAULT, name="two_frames", distance_input=False, frames="azimuth_target"),
+    )
+}
+
+
+def configuration(name: str = "") -> SkillConfiguration:
+    """The configuration of that name, the default one for an empty name; ValueError lists the names there are."""
+    if not name:
+        return DEFAULT
+    if name not in CONFIGURATIONS:
+        raise ValueError(f"no configuration '{name}': choose one of {', '.join(sorted(CONFIGURATIONS))}")
+    return CONFIGURATIONS[name]

@@ -1,0 +1,118 @@
+"""From continuous sensor streams to one demonstration: the motion of the throw between velocity thresholds, and the flight.
+
+Thesis 8.4.3: recording goes on before and after the throw, and the arm may be moved about before it; what counts is the motion
+during which the hand was opened, found on the magnitude of the hand's velocity.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dart_skill.movement import VelocityThreshold, segment_containing
+from dart_skill.recording import Demonstration
+
+THRESHOLDS = VelocityThreshold(run_up=0.15, settle=0.1)
+
+
+@dataclass
+class _Stream:
+    """Samples of one sensor: stamps [ns] and rows of numbers, in the order of their stamps."""
+
+    stamps: list[int] = field(default_factory=list)
+    rows: list[np.ndarray] = field(default_factory=list)
+
+    def add(self, stamp_ns: int, row: np.ndarray) -> bool:
+        """Keep a sample unless it is not finite, or not newer than the last one: drivers repeat stale poses."""
+        if (self.stamps and stamp_ns <= self.stamps[-1]) or not np.isfinite(row).all():
+            return False
+        self.stamps.append(stamp_ns)
+        self.rows.append(np.asarray(row, dtype=float))
+        return True
+
+    def between(self, origin_ns: int, start: float, stop: float) -> tuple[np.ndarray, np.ndarray]:
+        """Times since the origin (n,) [s] and rows (n, d) between two times."""
+        time = (np.array(self.stamps, dtype=np.int64) - origin_ns) * 1e-9
+        kept = (time >= start) & (time <= stop)
+        return time[kept], np.array(self.rows)[kept]
+
+
+class ThrowLog:
+    """What the sensors saw since `clear`: pose of the hand, position of the ball, joint states, the hand's button.
+
+    joint_period_ns thins the joint states to about the rate of the poses. `rejected` counts samples that were stale or not finite.
+    """
+
+    def __init__(self, joint_period_ns: int = 10_000_000):
+        self._joint_period_ns = joint_period_ns
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self.hand, self.ball, self.joints, self.basket = _Stream(), _Stream(), _Stream(), _Stream()
+        self.opened_ns: int | None = None
+        self.rejected = 0
+
+    def add_hand(self, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
+        self.rejected += not self.hand.add(stamp_ns, np.concatenate([position, quaternion]))
+
+    def add_ball(self, stamp_ns: int, position: np.ndarray) -> None:
+        self.rejected += not self.ball.add(stamp_ns, position)
+
+    def add_basket(self, stamp_ns: int, position: np.ndarray) -> None:
+        self.rejected += not self.basket.add(stamp_ns, position)
+
+    def wants_joints(self, stamp_ns: int) -> bool:
+        """Whether a joint state of this stamp would be kept."""
+        return not self.joints.stamps or stamp_ns - self.joints.stamps[-1] >= self._joint_period_ns
+
+    def add_joints(self, stamp_ns: int, position: np.ndarray, velocity: np.ndarray) -> None:
+        if self.wants_joints(stamp_ns):
+            self.rejected += not self.joints.add(stamp_ns, np.concatenate([position, velocity]))
+
+    def add_opening(self, stamp_ns: int) -> None:
+        """The hand was told to open; only the first time counts."""
+        if self.opened_ns is None:
+            self.opened_ns = stamp_ns
+
+    def ball_between(self, since_ns: int, until_ns: int) -> tuple[np.ndarray, np.ndarray]:
+        """Times (n,) [s] after the first instant and positions (n, 3) of the ball between two instants."""
+        if not self.ball.stamps:
+            return np.empty(0), np.empty((0, 3))
+        return self.ball.between(since_ns, 0.0, (until_ns - since_ns) * 1e-9)
+
+    def cut(self, name: str, until_ns: int, thresholds: VelocityThreshold = THRESHOLDS) -> Demonstration:
+        """The throw, up to an instant, as a demonstration; ValueError says what is missing: motion, button, ball, basket."""
+        if self.opened_ns is None:
+            raise ValueError("the hand was never told to open: nothing was thrown")
+        for what, stream in (("hand", self.hand), ("ball", self.ball), ("basket", self.basket), ("arm's joints", self.joints)):
+            if len(stream.stamps) < 10:
+                raise ValueError(f"only {len(stream.stamps)} samples of the {what}: is it tracked and published?")
+        origin = self.hand.stamps[0]
+        time, hand = self.hand.between(origin, -np.inf, (until_ns - origin) * 1e-9)
+        segment = segment_containing(thresholds.segment(time, hand[:, :3]), (self.opened_ns - origin) * 1e-9)
+        origin += round(segment.start * 1e9)
+        stop = segment.stop - segment.start
+        hand_time, hand = self.hand.between(origin, 0.0, stop)
+        ball_time, ball = self.ball.between(origin, 0.0, (until_ns - origin) * 1e-9)
+        joint_time, joints = self.joints.between(origin, -0.01, stop)
+        return Demonstration(
+            id=name,
+            stamp_ns=origin,
+            target=np.median(self.basket.between(origin, 0.0, stop)[1], axis=0),
+            hand_time=hand_time,
+            hand_position=hand[:, :3],
+            hand_quaternion=hand[:, 3:],
+            ball_time=ball_time,
+            ball_position=ball,
+            joint_time=joint_time,
+            joint_position=joints[:, :7],
+            joint_velocity=joints[:, 7:],
+            motion_start=_to_the_nanosecond(segment.motion_start - segment.start),
+            motion_stop=_to_the_nanosecond(segment.motion_stop - segment.start),
+            hand_opened=(self.opened_ns - origin) * 1e-9,
+        )
+
+
+def _to_the_nanosecond(seconds: float) -> float:
+    """What stamps can say, so that a demonstration is the same before and after it was a message."""
+    return round(seconds * 1e9) * 1e-9

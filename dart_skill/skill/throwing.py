@@ -1,0 +1,258 @@
+"""The throwing skill: DS-GMR over demonstrations, and plans for baskets that nobody demonstrated.
+
+Learning encodes attractor trajectories in task frames (7.21). Planning retrieves an attractor by GMR (3.4, 3.5), follows it with the
+spring-damper (7.19), and knows where its own release would send the ball: the task parameter is moved until that point lies on the
+target. The release and the delay of the hand are learned with the motion.
+"""
+
+import hashlib
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dart_skill.mixture import GaussianMixture, regress
+from dart_skill.movement import TaskParameterisedMixture, follow_attractor
+from dart_skill.movement.attractor import critical_damping
+from dart_skill.movement.frames import azimuth_of, turn_matrix
+from dart_skill.movement.orientation import angles_from_quaternions, quaternions_from_angles, rotate, turn_about_z
+from dart_skill.recording import Demonstration
+from dart_skill.robot.description import wam_description
+from dart_skill.robot.throw_plan import Gains, HandPath, ThrowPlan
+from dart_skill.skill.configuration import DEFAULT, SkillConfiguration
+from dart_skill.skill.flight import landing
+from dart_skill.skill.preparation import PreparedThrow, prepare
+from dart_skill.skill.task_frames import frames_for
+
+LEAST_DEMONSTRATIONS = 2
+REACH_MARGIN = 0.25
+"""How far beyond the demonstrated distances a plan may aim [m]."""
+SIDE_MARGIN = np.deg2rad(30.0)
+"""How far beyond the demonstrated azimuths a plan may aim [rad]."""
+AIM_TOLERANCE, WORST_AIM, LONGEST_AIM_STEP = 5e-4, 5e-3, 0.15
+"""Of the search for the aim: where it stops, what it accepts at worst, its longest step; metres, and radians of azimuth."""
+
+
+class Unreachable(ValueError):
+    """No plan for this target; the message says why and what would be reachable."""
+
+
+@dataclass(frozen=True)
+class _Course:
+    """A retrieved movement for one task parameter, in axes turned by its azimuth for the angles."""
+
+    time: np.ndarray
+    attractor: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    azimuth: float
+    roll: float
+    landing: np.ndarray
+
+
+class ThrowingSkill:
+    """A model learned from demonstrations. Build it with `learn`."""
+
+    def __init__(self, configuration: SkillConfiguration, throws: list[PreparedThrow]):
+        self.configuration = configuration
+        self.throws = tuple(throws)
+        self._tasks = np.array([throw.task for throw in throws])
+        self._start = float(np.median([throw.start for throw in throws])) - 0.05
+        self._stop = float(np.median([throw.stop for throw in throws]))
+        self.release = float(np.mean([throw.release_time for throw in throws]))
+        self._start_pose = np.median([throw.start_pose for throw in throws], axis=0)
+        self._posture = np.median([throw.start_posture for throw in throws], axis=0)
+        delays = np.array([throw.hand_delay for throw in throws])
+        self.hand_delay = float(np.median(delays[np.isfinite(delays)])) if np.isfinite(delays).any() else 0.0
+        self._whole = None if self._is_local else self._fit(np.ones(len(throws)))
+
+    @property
+    def model_id(self) -> str:
+        """Digest of what the model was made from: equal demonstrations and configuration give an equal name."""
+        digest = hashlib.sha256(repr(self.configuration).encode())
+        for throw in self.throws:
+            for part in (throw.task, throw.time, throw.attractor):
+                digest.update(np.ascontiguousarray(part).tobytes())
+        return digest.hexdigest()[:16]
+
+    def plan(self, target: np.ndarray) -> ThrowPlan:
+        """A throw at the basket whose rim is centred at target (3,); Unreachable says why not."""
+        target = self._checked(target)
+        aim = self._solve_aim(target) if self.configuration.solve_aim else target
+        return self._as_plan(target, aim, self._course(aim))
+
+    def mixture(self, target: np.ndarray) -> GaussianMixture:
+        """The Gaussians for one task parameter, in the world (7.21)."""
+        target = np.asarray(target, dtype=float)
+        return self._model_for(target).product(frames_for(target, self._start_features(target)[0], self.configuration))
+
+    # fitting
+
+    @property
+    def _is_local(self) -> bool:
+        return self.configuration.width > 0 or self.configuration.nearest > 0
+
+    def _fit(self, weights: np.ndarray) -> TaskParameterisedMixture:
+        used = [(throw, weight) for throw, weight in zip(self.throws, weights, strict=True) if weight > 1e-4]
+        samples = [self._samples(throw) for throw, _ in used]
+        frames = [frames_for(throw.task, throw.motion[0, :3], self.configuration) for throw, _ in used]
+        mixture, shares = TaskParameterisedMixture(self.configuration.components), [weight for _, weight in used]
+        fit = mixture.fit_in_time if self.configuration.partition == "time" else mixture.fit
+        return fit(samples, frames, shares)
+
+    def _samples(self, throw: PreparedThrow) -> np.ndarray:
+        kept = (throw.time >= self._start) & (throw.time <= self._stop + 0.05)
+        columns = [throw.time[kept, None], throw.attractor[kept]]
+        if self.configuration.distance_input:
+            columns.insert(1, np.full((kept.sum(), 1), throw.distance))
+        return np.hstack(columns)
+
+    def _model_for(self, task: np.ndarray) -> TaskParameterisedMixture:
+        return self._whole if self._whole is not None else self._fit(self._weights(task))
+
+    def _weights(self, task: np.ndarray) -> np.ndarray:
+        """Weight of each demonstration for a task (8.4.2 and chapter 9): by distance of the targets in polar coordinates."""
+        apart = np.abs(np.hypot(*self._tasks[:, :2].T) - np.hypot(*task[:2]))
+        if not self.configuration.turns:
+            apart = np.linalg.norm(self._tasks[:, :2] - task[:2], axis=1)
+        if self.configuration.nearest:
+            return np.isin(np.arange(len(apart)), np.argsort(apart, kind="stable")[: self.configuration.nearest]).astype(float)
+        return np.exp(-0.5 * (apart / self.configuration.width) ** 2)
+
+    # planning
+
+    def _checked(self, target: np.ndarray) -> np.ndarray:
+        target = np.asarray(target, dtype=float)
+        if target.shape != (3,) or not np.isfinite(target).all():
+            raise Unreachable(f"target {target} is not three finite numbers: give the centre of the rim in metres")
+        distances, distance = np.hypot(*self._tasks[:, :2].T), float(np.hypot(*target[:2]))
+        low, high = distances.min() - REACH_MARGIN, distances.max() + REACH_MARGIN
+        if not low <= distance <= high:
+            raise Unreachable(f"the basket is {distance:.2f} m from the base axis; the demonstrations reach from {low:.2f} to {high:.2f} m")
+        azimuths, azimuth = np.arctan2(self._tasks[:, 1], self._tasks[:, 0]), float(np.arctan2(target[1], target[0]))
+        left, right = azimuths.max() + SIDE_MARGIN, azimuths.min() - SIDE_MARGIN
+        if not right <= azimuth <= left:
+            raise Unreachable(
+                f"the basket is at {np.rad2deg(azimuth):.0f} degrees; the demonstrations reach from {np.rad2deg(right):.0f} to "
+                f"{np.rad2deg(left):.0f} degrees"
+            )
+        return target
+
+    def _solve_aim(self, target: np.ndarray) -> np.ndarray:
+        """Task parameter whose plan lands on the target: Broyden's method in polar coordinates, from the target itself.
+
+        In turned frames the azimuth comes out right by itself and the distance is a smooth function of one variable.
+        """
+        wanted, aim, slope = _polar(target), _polar(target), np.eye(2)
+        miss = _polar(self._course(_point(aim, target[2])).landing) - wanted
+        best, least = aim, np.abs(miss)
+        for _ in range(25):
+            if np.abs(miss).max() < AIM_TOLERANCE:
+                break
+            step = -np.linalg.solve(slope, miss)
+            step *= min(1.0, LONGEST_AIM_STEP / np.abs(step).max())
+            aim = aim + step
+            after = _polar(self._course(_point(aim, target[2])).landing) - wanted
+            slope += np.outer(after - miss - slope @ step, step) / (step @ step)
+            miss = after
+            if np.abs(miss).max() < least.max():
+                best, least = aim, np.abs(miss)
+        if least.max() > WORST_AIM:
+            raise Unreachable(f"no aim was found whose plan lands on {target.round(3)}; the nearest misses by {least[0]:.3f} m")
+        return _point(best, target[2])
+
+    def _course(self, task: np.ndarray) -> _Course:
+        azimuth = self.configuration.angle_azimuth(azimuth_of(task))
+        start, roll = self._start_features(task)
+        mixture = self._model_for(task).product(frames_for(task, start[:3], self.configuration))
+        time = np.arange(self._start, self._stop, self.configuration.step)
+        inputs = time[:, None]
+        if self.configuration.distance_input:
+            inputs = np.column_stack([time, np.full(len(time), np.hypot(task[0], task[1]))])
+        n_inputs = inputs.shape[1]
+        attractor, _ = regress(mixture, inputs, range(n_inputs), range(n_inputs, n_inputs + 5))
+        motion = follow_attractor(attractor, self.configuration.step, start, np.zeros(5), self.configuration.stiffness)
+        course = _Course(time, attractor, *motion, azimuth, roll, np.full(3, np.nan))
+        return replace(course, landing=self._predicted_landing(course, task[2]))
+
+    def _start_features(self, task: np.ndarray) -> tuple[np.ndarray, float]:
+        """Where the hand is before it moves: the demonstrations' start turned to the task's azimuth.
+
+        x, y, z, alpha, beta (5,) and the roll, which the throw keeps (8.4.1).
+        """
+        azimuth = azimuth_of(task)
+        position = turn_matrix(azimuth) @ self._start_pose[:3]
+        turn = azimuth - self.configuration.angle_azimuth(azimuth)
+        angles = angles_from_quaternions(turn_about_z(quaternions_from_angles(self._start_pose[None, 3:]), turn))[0]
+        return np.concatenate([position, angles[:2]]), float(angles[2])
+
+    def _predicted_landing(self, course: _Course, rim_height: float) -> np.ndarray:
+        """Where the ball comes down if the hand does what is planned and opens at the learned release (3,)."""
+        path = _hand_path(course)
+        k = min(int(np.searchsorted(course.time, self.release)), len(course.time) - 1)
+        arm = rotate(path.quaternion[k : k + 1], wam_description().hand.ball_centre[None])[0]
+        velocity = path.velocity[k, :3] + np.cross(path.velocity[k, 3:], arm)
+        late = self.release - course.time[k]
+        point = landing(path.position[k] + arm + late * velocity, velocity + late * path.acceleration[k, :3], rim_height)
+        if not np.isfinite(point.position).all():
+            raise Unreachable(f"the plan for {course.azimuth:.2f} rad never comes down on the plane of the rim at {rim_height:.2f} m")
+        return point.position
+
+    def _as_plan(self, target: np.ndarray, aim: np.ndarray, course: _Course) -> ThrowPlan:
+        stiffness = self.configuration.stiffness
+        gains = Gains(stiffness, float(critical_damping(stiffness)))
+        release = self.release - course.time[0]
+        return ThrowPlan(
+            target=target,
+            aim=aim,
+            predicted_landing=course.landing,
+            path=_hand_path(course),
+            attractor_position=course.attractor[:, :3],
+            attractor_quaternion=_hand_quaternions(course.attractor[:, 3:], course),
+            position_gains=gains,
+            orientation_gains=gains,
+            release=release,
+            open_hand=max(0.0, release - self.hand_delay),
+            start_posture=self._posture + np.array([np.arctan2(aim[1], aim[0]), 0, 0, 0, 0, 0, 0]),
+            model_id=self.model_id,
+        )
+
+
+def learn(demonstrations: list[Demonstration], configuration: SkillConfiguration = DEFAULT) -> ThrowingSkill:
+    """A skill from demonstrations; ValueError names a demonstration that cannot be used, or says how many are needed."""
+    if len(demonstrations) < LEAST_DEMONSTRATIONS:
+        raise ValueError(f"{len(demonstrations)} demonstrations are too few: record at least {LEAST_DEMONSTRATIONS}")
+    return ThrowingSkill(configuration, [prepare(demonstration, configuration) for demonstration in demonstrations])
+
+
+def _polar(point: np.ndarray) -> np.ndarray:
+    """Distance from the base axis and azimuth (2,)."""
+    return np.array([np.hypot(point[0], point[1]), np.arctan2(point[1], point[0])])
+
+
+def _point(polar: np.ndarray, height: float) -> np.ndarray:
+    return np.array([polar[0] * np.cos(polar[1]), polar[0] * np.sin(polar[1]), height])
+
+
+def _hand_quaternions(angles: np.ndarray, course: _Course) -> np.ndarray:
+    """World orientations (n, 4) of alpha, beta (n, 2) in the course's axes, at its constant roll."""
+    rolled = np.column_stack([angles, np.full(len(angles), course.roll)])
+    return turn_about_z(quaternions_from_angles(rolled), course.azimuth)
+
+
+def _hand_path(course: _Course) -> HandPath:
+    """The course as a motion of the hand frame: d/dt of R_z(psi) R_y(-alpha) R_z(beta) gives the angular velocity."""
+    alpha = course.position[:, 3]
+    rates = course.velocity[:, 3:]
+    axis_beta = np.column_stack([-np.sin(alpha), np.zeros(len(alpha)), np.cos(alpha)])
+    turned = rates[:, 1:] * axis_beta - np.outer(rates[:, 0], [0.0, 1.0, 0.0])
+    angular = turned @ turn_matrix(course.azimuth).T
+    return HandPath(
+        time=course.time - course.time[0],
+        position=course.position[:, :3],
+        quaternion=_hand_quaternions(course.position[:, 3:], course),
+        velocity=np.hstack([course.velocity[:, :3], angular]),
+        acceleration=np.hstack([course.acceleration[:, :3], np.gradient(angular, course.time, axis=0)]),
+    )
+
+

@@ -1,0 +1,22 @@
+"""Learned things as shapes, for viewers and figures."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dart_skill.mixture import GaussianMixture
+
+
+def component_ellipsoids(mixture: GaussianMixture, deviations: float = 2.0) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """The components' positions as ellipsoids: centre (3,), orientation (4,) x, y, z, w, diameters (3,) [m].
+
+    x, y, z are the last five columns but the two angles: t, [distance,] x, y, z, alpha, beta.
+    """
+    first = mixture.means_.shape[1] - 5
+    xyz = slice(first, first + 3)
+    shapes = []
+    for mean, covariance in zip(mixture.means_[:, xyz], mixture.covariances_[:, xyz, xyz], strict=True):
+        values, vectors = np.linalg.eigh(covariance)
+        vectors[:, 2] *= np.sign(np.linalg.det(vectors))
+        size = 2 * deviations * np.sqrt(np.maximum(values, 0.0))
+        shapes.append((mean, Rotation.from_matrix(vectors).as_quat(), size))
+    return shapes

@@ -1,0 +1,159 @@
+"""The skill learner: hears demonstrations, or reads them from a bag, learns DS-GMR, and plans throws on request."""
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from dart_skill_msgs.msg import Demonstration
+from dart_skill_msgs.srv import AddTrial, Learn, ModelFile, PlanThrow
+from dart_skill_nodes import conversions
+from dart_skill_nodes.support import LATCHED, OK, WALL, WARN, Diagnostics, Parameter, declare, run
+from geometry_msgs.msg import Point
+from rclpy.node import Node
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
+
+from dart_skill.recording import BagError, read_demonstrations
+from dart_skill.skill.configuration import configuration
+from dart_skill.skill.model_file import load_model, save_model
+from dart_skill.skill.throwing import ThrowingSkill, Unreachable, learn
+from dart_skill.skill.views import component_ellipsoids
+
+TABLE = [
+    Parameter("frame_id", "frame of demonstrations and plans"),
+    Parameter("configuration", "name of the skill's configuration"),
+    Parameter("heartbeat_period", "of ~/heartbeat [s, wall clock]", 0.01, 1.0),
+]
+
+
+class SkillLearner(Node):
+    """Services ~/learn, ~/plan_throw, ~/add_trial, ~/save, ~/load; markers of the Gaussians on ~/model."""
+
+    def __init__(self):
+        super().__init__("skill_learner")
+        self.p = declare(self, "skill_learner.yaml", TABLE)
+        self._heard: dict[str, object] = {}
+        self._skill: ThrowingSkill | None = None
+        self._demonstrations: list = []
+        self.create_subscription(Demonstration, "/demonstrations", self._on_demonstration, LATCHED)
+        self._markers = self.create_publisher(MarkerArray, "~/model", LATCHED)
+        self.create_service(Learn, "~/learn", self._on_learn)
+        self.create_service(PlanThrow, "~/plan_throw", self._on_plan)
+        self.create_service(AddTrial, "~/add_trial", self._on_add_trial)
+        self.create_service(ModelFile, "~/save", self._on_save)
+        self.create_service(ModelFile, "~/load", self._on_load)
+        self._heartbeat = self.create_publisher(Time, "~/heartbeat", 10)
+        self.create_timer(self.p["heartbeat_period"], self._beat, clock=WALL)
+        self._diagnostics = Diagnostics(self, self._describe)
+
+    def _beat(self) -> None:
+        self._heartbeat.publish(self.get_clock().now().to_msg())
+
+    def _on_demonstration(self, message: Demonstration) -> None:
+        try:
+            one = self._checked(message)
+        except ValueError as error:
+            self.get_logger().error(f"a demonstration is left out: {error}")
+            return
+        self._heard[one.id] = one
+
+    def _checked(self, message: Demonstration):
+        if message.header.frame_id != self.p["frame_id"]:
+            raise ValueError(f"{message.id} is in frame '{message.header.frame_id}', not '{self.p['frame_id']}'")
+        return conversions.demonstration(message)
+
+    # services
+
+    def _on_learn(self, request, response):
+        try:
+            heard = read_demonstrations(request.bag) if request.bag else list(self._heard.values())
+            self._take(heard, configuration(request.configuration or self.p["configuration"]))
+        except (ValueError, BagError, OSError) as error:
+            response.success, response.message = False, str(error)
+            self.get_logger().error(f"nothing learned: {error}")
+            return response
+        response.success, response.demonstrations, response.model_id = True, len(heard), self._skill.model_id
+        response.message = (
+            f"learned from {len(heard)} demonstrations with '{self._skill.configuration.name}'; "
+            f"the hand opens {1e3 * self._skill.hand_delay:.0f} ms after it is told to"
+        )
+        return response
+
+    def _take(self, demonstrations: list, chosen) -> None:
+        self._skill = learn(demonstrations, chosen)
+        self._demonstrations = demonstrations
+        self._publish_markers()
+
+    def _on_plan(self, request, response):
+        try:
+            if request.header.frame_id != self.p["frame_id"]:
+                raise ValueError(f"the target is in frame '{request.header.frame_id}', not '{self.p['frame_id']}'")
+            if self._skill is None:
+                raise ValueError("nothing is learned yet: call ~/learn, or ~/load a model")
+            plan = self._skill.plan(conversions.vector(request.target))
+            response.success, response.plan = True, conversions.plan_msg(plan, self.p["frame_id"])
+        except (ValueError, Unreachable) as error:
+            response.success, response.message = False, str(error)
+        return response
+
+    def _on_add_trial(self, request, response):
+        try:
+            trial = self._checked(request.trial)
+            chosen = self._skill.configuration if self._skill else configuration(self.p["configuration"])
+            self._take([*self._demonstrations, trial], chosen)
+            response.success, response.demonstrations = True, len(self._demonstrations)
+        except ValueError as error:
+            response.success, response.message = False, str(error)
+        return response
+
+    def _on_save(self, request, response):
+        try:
+            if self._skill is None:
+                raise ValueError("nothing is learned yet: there is no model to save")
+            save_model(request.path, self._demonstrations, self._skill.configuration)
+            response.success, response.model_id = True, self._skill.model_id
+        except (ValueError, OSError) as error:
+            response.success, response.message = False, str(error)
+        return response
+
+    def _on_load(self, request, response):
+        try:
+            demonstrations, chosen = load_model(request.path)
+            self._take(demonstrations, chosen)
+            response.success, response.model_id = True, self._skill.model_id
+        except (ValueError, OSError) as error:
+            response.success, response.message = False, str(error)
+        return response
+
+    # what is shown
+
+    def _publish_markers(self) -> None:
+        centre = np.median([throw.task for throw in self._skill.throws], axis=0)
+        array = MarkerArray()
+        for k, (position, orientation, size) in enumerate(component_ellipsoids(self._skill.mixture(centre))):
+            marker = Marker(ns="components", id=k, type=Marker.SPHERE, action=Marker.ADD)
+            marker.header.frame_id = self.p["frame_id"]
+            conversions.set_pose(marker.pose, position, orientation)
+            conversions.set_vector(marker.scale, size)
+            marker.color = ColorRGBA(r=0.2, g=0.6, b=0.3, a=0.5)
+            array.markers.append(marker)
+        targets = Marker(ns="targets", id=0, type=Marker.SPHERE_LIST, action=Marker.ADD)
+        targets.header.frame_id = self.p["frame_id"]
+        targets.scale.x = targets.scale.y = targets.scale.z = 0.05
+        targets.color = ColorRGBA(r=0.8, g=0.3, b=0.1, a=1.0)
+        targets.points = [Point(x=float(x), y=float(y), z=float(z)) for x, y, z in (t.task for t in self._skill.throws)]
+        array.markers.append(targets)
+        self._markers.publish(array)
+
+    def _describe(self):
+        values = {"heard": len(self._heard), "learned_from": len(self._demonstrations)}
+        if self._skill is None:
+            return WARN, "nothing learned yet", values
+        return OK, "ready to plan", {**values, "model_id": self._skill.model_id}
+
+
+def main(args: list[str] | None = None) -> None:
+    """Entry point of `ros2 run dart_skill skill_learner`."""
+    run(lambda: [SkillLearner()], args)
+
+
+if __name__ == "__main__":
+    main()

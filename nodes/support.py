@@ -1,0 +1,122 @@
+"""What all nodes share: the spin loop, parameters from config/ with their descriptions, diagnostics, quality of service."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.clock import Clock, ClockType
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from dart_skill.configuration import node_parameters
+
+LOOP = QoSProfile(depth=10)
+"""Of the handshake: reliable, ten messages."""
+COMPLETE = QoSProfile(depth=2000)
+"""For whoever must not miss a message: reliable, a long queue."""
+LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""Late joiners get what was published before."""
+SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST)
+"""What motion-capture drivers publish with."""
+SENSOR_COMPLETE = QoSProfile(depth=2000, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""For subscribers of sensor data that must not miss a message."""
+CLOCK = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+WALL = Clock(clock_type=ClockType.STEADY_TIME)
+"""For watchdogs: a machine's time, never the simulation's."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One row of a node's parameter table; the value stands in config/. low and high bound numbers."""
+
+    name: str
+    description: str
+    low: float | None = None
+    high: float | None = None
+    read_only: bool = True
+
+
+def declare(node: Node, file: str, table: list[Parameter]) -> dict:
+    """Declare a node's parameters with the values of config/`file` as defaults; returns what is in force."""
+    defaults = node_parameters(file, node.get_name()) if _has_section(file, node.get_name()) else None
+    defaults = defaults if defaults is not None else node_parameters(file, file.removesuffix(".yaml"))
+    for row in table:
+        node.declare_parameter(row.name, defaults[row.name], _descriptor(row, defaults[row.name]))
+    return {row.name: node.get_parameter(row.name).value for row in table}
+
+
+def _has_section(file: str, name: str) -> bool:
+    try:
+        node_parameters(file, name)
+    except KeyError:
+        return False
+    return True
+
+
+def _descriptor(row: Parameter, default) -> ParameterDescriptor:
+    descriptor = ParameterDescriptor(description=row.description, read_only=row.read_only)
+    if row.low is not None and isinstance(default, float):
+        descriptor.floating_point_range = [FloatingPointRange(from_value=float(row.low), to_value=float(row.high))]
+    elif row.low is not None and isinstance(default, int) and not isinstance(default, bool):
+        descriptor.integer_range = [IntegerRange(from_value=int(row.low), to_value=int(row.high))]
+    return descriptor
+
+
+class Diagnostics:
+    """A node's status on /diagnostics, once a second of the wall clock: `describe` gives level, message and values."""
+
+    def __init__(self, node: Node, describe: Callable[[], tuple[bytes, str, dict]]):
+        self._node, self._describe = node, describe
+        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        node.create_timer(1.0, self.publish, clock=WALL)
+
+    def publish(self) -> None:
+        level, message, values = self._describe()
+        status = DiagnosticStatus(level=level, name=self._node.get_name(), message=message, hardware_id="wam")
+        status.values = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
+        array = DiagnosticArray(status=[status])
+        array.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(array)
+
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+
+def make_executor():
+    """The EventsExecutor where this rclpy has one (several times faster), else the single-threaded one."""
+    try:
+        from rclpy.experimental.events_executor import EventsExecutor
+    except ImportError:
+        return SingleThreadedExecutor()
+    return EventsExecutor()
+
+
+def run(make_nodes: Callable[[], list[Node]], args: list[str] | None = None) -> None:
+    """Main function of every executable: start nodes, spin until told to stop, shut down in order."""
+    rclpy.init(args=args)
+    nodes: list[Node] = []
+    try:
+        executor = make_executor()
+        nodes = make_nodes()
+        for node in nodes:
+            executor.add_node(node)
+        while rclpy.ok():
+            executor.spin_once(timeout_sec=0.1)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        for node in nodes:
+            node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def autostart(node: LifecycleNode) -> None:
+    """Configure and activate a managed node at once; RuntimeError if it does not come up, instead of a silent node."""
+    for trigger in (node.trigger_configure, node.trigger_activate):
+        if trigger() != TransitionCallbackReturn.SUCCESS:
+            raise RuntimeError(f"{node.get_name()} did not start: {trigger.__name__} failed, see the messages above")

@@ -1,0 +1,213 @@
+"""The teacher: a simulated person who guides the arm by its hand and elbow until a throw goes in.
+
+Action /teach. While it guides, the teacher takes part in the simulator's handshake: it answers every /joint_states once, on
+/wam/teacher_wrench. It sees the ball through the motion capture like everybody else, and starts and stops the recorder.
+"""
+
+import time
+
+import rclpy
+from dart_skill_msgs.action import Teach
+from dart_skill_msgs.msg import WamCommand
+from dart_skill_msgs.srv import Reset, StopDemonstration
+from dart_skill_nodes import conversions
+from dart_skill_nodes.support import LOOP, OK, WALL, Diagnostics, Parameter, declare, run
+from dart_skill_nodes.watching import ARRIVAL_NS, Watcher
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool, Trigger
+
+from dart_skill.robot.command import Command, Grip
+from dart_skill.simulation.teacher import Person, Phase, Teacher
+from dart_skill.skill.outcome import judge_flight
+
+TABLE = [
+    Parameter("seed", "everything random comes from it", 0, 2**31 - 1),
+    Parameter("frame_id", "frame of targets and wrenches"),
+    Parameter("max_attempts", "throws at one basket at most", 1, 100),
+    Parameter("watch_time", "the ball is watched so long after the button was pressed [s]", 0.3, 5.0),
+    Parameter("rim_radius", "of the basket [m]", 0.05, 1.0),
+    Parameter("release_point", "standard deviation of the release point [m]", 0.0, 0.2),
+    Parameter("duration", "of the duration of the swing [share]", 0.0, 0.3),
+    Parameter("speed", "of the speed of the swing [share]", 0.0, 0.3),
+    Parameter("direction", "of the direction of the swing [rad]", 0.0, 0.3),
+    Parameter("timing", "of pressing the button [s]", 0.0, 0.1),
+    Parameter("expected_hand_delay", "the person presses so long before the release [s]", 0.0, 0.5),
+    Parameter("tremble", "of the hand's trembling force [N]", 0.0, 20.0),
+    Parameter("tremble_rate", "corner frequency of the trembling [Hz]", 0.1, 50.0),
+    Parameter("pause", "shortest and longest wait before the swing [s]"),
+    Parameter("firm_hand", "stiffness and damping of the hand's hold [N/m, N s/m]"),
+    Parameter("firm_wrist", "the same for turning [N m/rad, N m s/rad]"),
+    Parameter("firm_elbow", "stiffness and damping of the hand at the elbow [N/m, N s/m]"),
+    Parameter("strongest_push", "of either hand [N]", 1.0, 500.0),
+    Parameter("strongest_twist", "of the wrist [N m]", 0.1, 50.0),
+]
+
+
+class Gone(RuntimeError):
+    """A node that the teacher needs did not answer."""
+
+
+class TeacherNode(Node):
+    """Guided throws as an action."""
+
+    def __init__(self):
+        super().__init__("teacher")
+        self.p = declare(self, "teacher.yaml", TABLE)
+        self._teacher = Teacher(self.p["seed"], person=Person.from_parameters(self.p))
+        self._goal, self._over, self._begin, self._last_ns = None, None, None, None
+        self._message = WamCommand()
+        self._message.header.frame_id = self.p["frame_id"]
+        self._wrench = self.create_publisher(WamCommand, "/wam/teacher_wrench", LOOP)
+        self._watcher = Watcher(self, self.p["frame_id"], on_pose=self._check_over)
+        self.create_subscription(JointState, "/joint_states", self._on_state, LOOP)
+        self._reset = self.create_client(Reset, "/simulation/reset")
+        self._pause = self.create_client(SetBool, "/simulation/pause")
+        self._free_arm = self.create_client(SetBool, "/commander/release_arm")
+        self._record = self.create_client(Trigger, "/demonstration_recorder/start")
+        self._stop_recording = self.create_client(StopDemonstration, "/demonstration_recorder/stop")
+        self._action = ActionServer(
+            self, Teach, "/teach", self._teach, goal_callback=self._on_goal, cancel_callback=lambda _: CancelResponse.ACCEPT
+        )
+        self._diagnostics = Diagnostics(self, lambda: (OK, self._teacher.phase.value, {}))
+
+    # the hands
+
+    def _on_state(self, message: JointState) -> None:
+        if self._goal is None:
+            return
+        state = conversions.arm_state(message)
+        if state.stamp_ns != self._last_ns:
+            self._last_ns = state.stamp_ns
+            conversions.fill_command(self._message, self._push(state))
+        self._wrench.publish(self._message)
+        self._check_over()
+
+    def _push(self, state) -> Command:
+        if self._begin is not None:
+            target, correct, self._begin = *self._begin, None
+            self._teacher.begin(target, state, correct)
+            self._guiding = True
+        if not self._guiding:
+            return Command(state.stamp_ns)
+        push = self._teacher.step(state)
+        if push.grip == Grip.OPEN:
+            self._opened_ns = state.stamp_ns
+        if self._ended_ns is None and self._teacher.phase == Phase.WATCHING:
+            self._ended_ns = max(state.stamp_ns, self._opened_ns + round(self.p["watch_time"] * 1e9))
+        return push
+
+    def _check_over(self) -> None:
+        if self._over is None or self._over.done() or self._ended_ns is None or self._last_ns is None:
+            return
+        arrived = self._watcher.newest_ns >= self._ended_ns - ARRIVAL_NS
+        if self._last_ns >= self._ended_ns and (arrived or time.monotonic() > self._patience):
+            self._over.set_result(True)
+
+    # the action
+
+    def _on_goal(self, goal) -> GoalResponse:
+        if self._goal is not None:
+            self.get_logger().warning("a lesson is refused: another one is under way")
+            return GoalResponse.REJECT
+        return GoalResponse.ACCEPT
+
+    async def _teach(self, goal_handle) -> Teach.Result:
+        self._goal, self._guiding = goal_handle, False
+        result = Teach.Result()
+        try:
+            await self._lesson(goal_handle, result)
+        except (Gone, ValueError) as error:
+            result.success, result.message = False, str(error)
+            self.get_logger().error(f"the lesson ends: {error}")
+        finally:
+            self._goal, self._over = None, None
+        if goal_handle.is_cancel_requested:
+            goal_handle.canceled()
+        elif result.success:
+            goal_handle.succeed()
+        else:
+            goal_handle.abort()
+        return result
+
+    async def _lesson(self, goal_handle, result) -> None:
+        target = conversions.vector(goal_handle.request.target)
+        attempts = goal_handle.request.max_attempts or self.p["max_attempts"]
+        for attempt in range(1, attempts + 1):
+            result.attempts = attempt
+            self._feed("preparing", attempt)
+            outcome = await self._guided_throw(target, attempt)
+            result.outcome = conversions.outcome_msg(outcome, target, self.p["frame_id"], self._ended_ns)
+            kept = await self._keep(outcome)
+            if goal_handle.is_cancel_requested:
+                result.message = "cancelled"
+                break
+            if outcome.in_basket and kept.success:
+                result.success, result.message = True, "in"
+                break
+            result.message = kept.message or "missed"
+            if outcome.landing_seen:
+                self._teacher.learn_from(outcome.landing)
+        reset = Reset.Request(paused=True)
+        await self._call(self._reset, reset)
+
+    async def _guided_throw(self, target, attempt: int):
+        self._guiding, self._ended_ns, self._opened_ns = False, None, 0
+        self._patience = time.monotonic() + 120.0
+        self._watcher.clear()
+        await self._call(self._record, Trigger.Request())
+        reset = Reset.Request(move_basket=True, basket=conversions.point(target), paused=True, guided=True)
+        await self._call(self._reset, reset)
+        await self._call(self._free_arm, SetBool.Request(data=True))
+        self._begin, self._over = (target, attempt > 1), rclpy.task.Future(executor=self.executor)
+        self._feed("armed", attempt)
+        await self._call(self._pause, SetBool.Request(data=False))
+        await self._over
+        await self._call(self._pause, SetBool.Request(data=True))
+        await self._call(self._free_arm, SetBool.Request(data=False))
+        seen = self._watcher.log.ball_between(self._opened_ns, self._ended_ns - ARRIVAL_NS)
+        return judge_flight(*seen, target, self.p["rim_radius"])
+
+    async def _keep(self, outcome):
+        request = StopDemonstration.Request(keep=bool(outcome.in_basket), reason="" if outcome.in_basket else "missed")
+        request.until = conversions.time_msg(self._ended_ns - ARRIVAL_NS)
+        for _ in range(100):
+            response = await self._call(self._stop_recording, request)
+            if not response.pending:
+                return response
+            await self._sleep(0.05)
+        raise Gone(f"the recorder still waits for sensor messages: {response.message}")
+
+    async def _sleep(self, seconds: float) -> None:
+        over = rclpy.task.Future(executor=self.executor)
+        timer = self.create_timer(seconds, lambda: over.done() or over.set_result(None), clock=WALL)
+        await over
+        self.destroy_timer(timer)
+
+    async def _call(self, client, request):
+        """Response of a service; Gone with the remedy if nobody serves it, does not answer in 20 s, or says no."""
+        if not client.service_is_ready():
+            raise Gone(f"nobody serves {client.srv_name}: start the node that does")
+        either = rclpy.task.Future(executor=self.executor)
+        timer = self.create_timer(20.0, lambda: either.done() or either.set_result(None), clock=WALL)
+        client.call_async(request).add_done_callback(lambda done: either.done() or either.set_result(done.result()))
+        response = await either
+        self.destroy_timer(timer)
+        if response is None:
+            raise Gone(f"no answer from {client.srv_name} in 20 s")
+        if not response.success and client is not self._stop_recording:
+            raise Gone(f"{client.srv_name}: {response.message}")
+        return response
+
+    def _feed(self, phase: str, attempt: int) -> None:
+        self._goal.publish_feedback(Teach.Feedback(phase=phase, attempt=attempt))
+
+
+def main(args: list[str] | None = None) -> None:
+    """Entry point of `ros2 run dart_skill teacher`."""
+    run(lambda: [TeacherNode()], args)
+
+
+if __name__ == "__main__":
+    main()

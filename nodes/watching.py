@@ -1,0 +1,45 @@
+"""What the commander, the teacher and the recorder have in common: they watch hand, ball and basket through the motion capture."""
+
+from dart_skill_nodes import conversions
+from dart_skill_nodes.support import SENSOR_COMPLETE
+from geometry_msgs.msg import PoseStamped
+from rclpy.node import Node
+
+from dart_skill.skill.cutting import ThrowLog
+
+ARRIVAL_NS = 50_000_000
+"""Samples this new may still be on their way: what is judged ends so long before the present."""
+
+
+class Watcher:
+    """Keeps a ThrowLog up to date from the pose topics, and knows up to which stamp every message has arrived.
+
+    on_pose is called after each pose, for whoever waits for one.
+    """
+
+    def __init__(self, node: Node, frame_id: str, on_pose=lambda: None, bodies=("hand", "ball", "basket")):
+        self.log, self._node, self._frame_id, self._on_pose = ThrowLog(), node, frame_id, on_pose
+        self.newest_ns, self.wrong_frame = 0, ""
+        for role, name in zip(("hand", "ball", "basket"), bodies, strict=True):
+            topic = f"/vrpn_mocap/{name}/pose"
+            node.create_subscription(PoseStamped, topic, lambda m, role=role: self._take(role, m), SENSOR_COMPLETE)
+
+    def clear(self) -> None:
+        """Forget what was seen; a new throw begins."""
+        self.log.clear()
+
+    def _take(self, role: str, message: PoseStamped) -> None:
+        if message.header.frame_id != self._frame_id:
+            if not self.wrong_frame:
+                self._node.get_logger().error(f"{role} poses are in '{message.header.frame_id}', not '{self._frame_id}': ignored")
+            self.wrong_frame = message.header.frame_id
+            return
+        ns, position = conversions.stamp_ns(message.header.stamp), conversions.vector(message.pose.position)
+        if role == "hand":
+            self.log.add_hand(ns, position, conversions.quaternion(message.pose.orientation))
+        elif role == "ball":
+            self.log.add_ball(ns, position)
+        else:
+            self.log.add_basket(ns, position)
+        self.newest_ns = max(self.newest_ns, ns)
+        self._on_pose()

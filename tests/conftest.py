@@ -1,0 +1,42 @@
+"""Keeps the ROS graphs of test runs apart: from the network, and from every other run on this machine."""
+
+import os
+import socket
+
+FIRST_LOCK_PORT = 7200  # domain d is taken by whoever holds UDP port 7200 + d; DDS uses ports from 7400 on
+DOMAINS = range(1, 101)
+
+
+def is_free(port: int) -> bool:
+    """Whether no process on this machine has the UDP port."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(("", port))
+        except OSError:
+            return False
+    return True
+
+
+def take_domain(start: int) -> tuple[int, socket.socket]:
+    """Takes a ROS domain that nobody uses; it is held until the socket is closed.
+
+    A domain's participants have the UDP ports from 7400 + 250 d on, whichever program they belong to.
+    """
+    for offset in range(len(DOMAINS)):
+        domain = DOMAINS[(start + offset) % len(DOMAINS)]
+        lock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            lock.bind(("127.0.0.1", FIRST_LOCK_PORT + domain))
+        except OSError:
+            lock.close()
+            continue
+        if all(is_free(7400 + 250 * domain + port) for port in (0, 10, 11)):
+            return domain, lock
+        lock.close()
+    raise RuntimeError(f"none of the ROS domains {DOMAINS[0]} to {DOMAINS[-1]} is free on this machine")
+
+
+# Before rclpy is imported anywhere. Each worker of pytest-xdist imports this file and takes its own domain.
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+ROS_DOMAIN, _domain_lock = take_domain(os.getpid())
+os.environ["ROS_DOMAIN_ID"] = str(ROS_DOMAIN)

@@ -1,0 +1,108 @@
+"""Gaussian mixture regression against numerical integration of the conditional density."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dart_skill.mixture import Gaussian, GaussianMixture, regress
+
+
+def random_mixture(rng, n_components, n_dims):
+    roots = rng.normal(size=(n_components, n_dims, n_dims))
+    covariances = roots @ np.swapaxes(roots, 1, 2) + 0.2 * np.eye(n_dims)
+    priors = rng.dirichlet(np.full(n_components, 5.0))
+    return GaussianMixture.from_parameters(priors, 2.0 * rng.normal(size=(n_components, n_dims)), covariances)
+
+
+@given(seed=st.integers(0, 10_000), query=st.floats(-6, 6))
+@settings(max_examples=25, deadline=None)
+def test_mean_and_variance_are_those_of_the_integrated_conditional(seed, query):
+    mixture = random_mixture(np.random.default_rng(seed), 3, 2)
+    grid = np.linspace(-60, 60, 24_001)
+    log_density = mixture.log_density(np.column_stack([grid, np.full_like(grid, query)]))
+    density = np.exp(log_density - log_density.max())
+    density /= density.sum()
+    mean = density @ grid
+    variance = density @ (grid - mean) ** 2
+    found_mean, found_covariance = regress(mixture, [query], 1, 0)
+    assert found_mean[0, 0] == pytest.approx(mean, abs=1e-6)
+    assert found_covariance[0, 0, 0] == pytest.approx(variance, rel=1e-6)
+
+
+def test_one_component_is_conditioning_for_any_split():
+    rng = np.random.default_rng(1)
+    mixture = random_mixture(rng, 1, 5)
+    queries = rng.normal(size=(4, 2))
+    mean, covariance = regress(mixture, queries, [3, 0], [4, 1, 2])
+    gaussian = Gaussian(mixture.means_[0], mixture.covariances_[0])
+    for i, query in enumerate(queries):
+        conditional = gaussian.condition([3, 0], query)
+        order = [2, 0, 1]  # the rest, ascending, is 1, 2, 4
+        np.testing.assert_allclose(mean[i], conditional.mean[order], rtol=1e-10)
+        np.testing.assert_allclose(covariance[i], conditional.covariance[np.ix_(order, order)], atol=1e-10)
+
+
+def test_between_component_spread_is_part_of_the_covariance():
+    mixture = GaussianMixture.from_parameters([0.5, 0.5], [[0.0, -3.0], [0.0, 3.0]], [np.eye(2), np.eye(2)])
+    mean, covariance = regress(mixture, [0.7], 0, 1)
+    assert mean[0, 0] == pytest.approx(0.0, abs=1e-12)
+    assert covariance[0, 0, 0] == pytest.approx(1.0 + 9.0)
+
+
+def test_many_queries_give_what_each_gives_alone():
+    rng = np.random.default_rng(2)
+    mixture, queries = random_mixture(rng, 4, 4), 3 * rng.normal(size=(30, 2))
+    mean, covariance = regress(mixture, queries, [0, 2], [1, 3])
+    single = [regress(mixture, query[None], [0, 2], [1, 3]) for query in queries]
+    np.testing.assert_allclose(mean, np.concatenate([m for m, _ in single]), rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(covariance, np.concatenate([c for _, c in single]), rtol=1e-10, atol=1e-12)
+
+
+def test_far_from_the_data_the_slowest_decaying_component_takes_over():
+    mixture = GaussianMixture.from_parameters(
+        [0.9, 0.1], [[0.0, 1.0], [0.0, 5.0]], [np.eye(2), [[4.0, 2.0], [2.0, 2.0]]]
+    )
+    for query in (1e3, -1e6, 1e12):
+        mean, covariance = regress(mixture, [query], 0, 1)
+        assert mean[0, 0] == pytest.approx(5.0 + 0.5 * query, rel=1e-12)
+        assert covariance[0, 0, 0] == pytest.approx(1.0)
+
+
+def test_covariances_are_positive_definite_and_symmetric():
+    rng = np.random.default_rng(3)
+    _, covariance = regress(random_mixture(rng, 5, 6), 5 * rng.normal(size=(200, 2)), [0, 1], [2, 3, 4, 5])
+    np.testing.assert_array_equal(covariance, np.swapaxes(covariance, 1, 2))
+    assert np.linalg.eigvalsh(covariance).min() > 0
+
+
+def test_units_of_inputs_and_outputs_pass_through():
+    rng = np.random.default_rng(4)
+    mixture, queries = random_mixture(rng, 3, 3), rng.normal(size=(10, 1))
+    units = np.array([1e-6, 1e4, 1e-3])
+    scaled = GaussianMixture.from_parameters(
+        mixture.priors_, mixture.means_ * units, mixture.covariances_ * np.outer(units, units)
+    )
+    mean, covariance = regress(mixture, queries, [0], [1, 2])
+    mean_scaled, covariance_scaled = regress(scaled, queries * units[0], [0], [1, 2])
+    np.testing.assert_allclose(mean_scaled, mean * units[1:], rtol=1e-9)
+    np.testing.assert_allclose(covariance_scaled, covariance * np.outer(units[1:], units[1:]), rtol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("inputs", "into", "out", "message"),
+    [
+        ([[np.nan]], [0], [1], "nan"),
+        ([[1e200]], [0], [1], "far away"),
+        (np.zeros((0, 1)), [0], [1], "empty"),
+        (np.zeros((3, 2)), [0], [1], "1 columns"),
+        (np.zeros(3), [0, 2], [1], "2 dimension"),
+        ([[0.0]], [0], [0, 1], "both input and output"),
+        ([[0.0]], [3], [1], "within 0..2"),
+        ([[0.0]], [0], [1, 1], "distinct"),
+        ([[0.0]], [0], [], "indices"),
+    ],
+)
+def test_wrong_queries_are_refused(inputs, into, out, message):
+    with pytest.raises(ValueError, match=message):
+        regress(random_mixture(np.random.default_rng(0), 2, 3), inputs, into, out)

@@ -1,0 +1,302 @@
+"""The task-parameterised mixture and DS-GMR: shared EM, products (7.21), and invariances of the task."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from dart_skill.mixture import Gaussian, GaussianMixture, product, regress
+from dart_skill.movement import DSGMR, TaskFrame, TaskParameterisedMixture, follow_attractor, target_frame
+
+STEPS = np.linspace(0.0, 1.0, 80)
+
+
+def planar_frame(angle, x, y):
+    matrix = np.eye(3)
+    matrix[1:, 1:] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    return TaskFrame(matrix, [0.0, x, y])
+
+
+def reach(frames, rng=None, noise=0.0):
+    """Attractor [t, y1, y2] that leaves the first frame along its x axis and enters the second so too."""
+    start, goal = frames
+    leave = start.from_frame([[0, 0.0, 0], [0, 0.3, 0]])[:, 1:]
+    enter = goal.from_frame([[0, -0.3, 0], [0, 0.0, 0]])[:, 1:]
+    points = np.concatenate([leave, enter])
+    u = STEPS[:, None]
+    bezier = (
+        (1 - u) ** 3 * points[0]
+        + 3 * u * (1 - u) ** 2 * points[1]
+        + 3 * u**2 * (1 - u) * points[2]
+        + u**3 * points[3]
+    )
+    wobble = 0.0 if rng is None else rng.normal(0, noise, bezier.shape)
+    return np.column_stack([STEPS, bezier + wobble])
+
+
+def situations(rng, n=6):
+    return [
+        [
+            planar_frame(rng.uniform(-0.5, 0.5), *rng.uniform(-0.2, 0.2, 2)),
+            planar_frame(rng.uniform(-1, 1), *rng.uniform(0.8, 1.5, 2)),
+        ]
+        for _ in range(n)
+    ]
+
+
+def taught(seed=0, noise=0.005, n=6):
+    rng = np.random.default_rng(seed)
+    frames = situations(rng, n)
+    return [reach(one, rng, noise) for one in frames], frames
+
+
+def assert_same(one, other, rtol=1e-8):
+    for name in ("priors_", "means_", "covariances_"):
+        left, right = getattr(one, name), getattr(other, name)
+        np.testing.assert_allclose(left, right, rtol=rtol, atol=rtol * np.abs(right).max(), err_msg=name)
+
+
+def test_one_identity_frame_is_an_ordinary_mixture():
+    demos, _ = taught()
+    identity = [[TaskFrame(np.eye(3), np.zeros(3))]] * len(demos)
+    options = dict(tolerance=1e-13, max_iterations=3000)
+    shared = TaskParameterisedMixture(3, **options).fit(demos, identity)
+    stacked = np.concatenate(demos)
+    # The ordinary mixture with the same parameters gives the same likelihood.
+    plain = GaussianMixture.from_parameters(shared.priors_, shared.means_[0], shared.covariances_[0])
+    assert plain.log_density(stacked).sum() == pytest.approx(shared.log_likelihood_, rel=1e-9)
+    np.testing.assert_allclose(shared.product(identity[0]).means_, shared.means_[0], rtol=1e-12)
+    # At a fixed point of EM the parameters are their own weighted moments.
+    shares = plain.responsibilities(stacked)
+    np.testing.assert_allclose(shares.T @ stacked / shares.sum(0)[:, None], shared.means_[0], atol=1e-5)
+
+
+def test_density_is_the_mixture_of_products_over_frames():
+    demos, frames = taught()
+    model = TaskParameterisedMixture(3).fit(demos, frames)
+    terms = np.zeros((len(demos[0]), 3))
+    for j, frame in enumerate(frames[0]):
+        for k in range(3):
+            gaussian = Gaussian(model.means_[j, k], model.covariances_[j, k])
+            terms[:, k] += gaussian.log_density(frame.to_frame(demos[0]))
+    expected = np.log(np.exp(terms) @ model.priors_)
+    np.testing.assert_allclose(model.log_density(demos, frames)[0], expected, rtol=1e-9)
+    shares = np.exp(terms + np.log(model.priors_) - expected[:, None])
+    np.testing.assert_allclose(model.responsibilities(demos, frames)[0], shares, atol=1e-9)
+    assert np.concatenate(model.log_density(demos, frames)).sum() == pytest.approx(model.log_likelihood_)
+
+
+def test_product_is_that_of_the_mapped_gaussians():
+    demos, frames = taught()
+    model = TaskParameterisedMixture(3).fit(demos, frames)
+    new = situations(np.random.default_rng(9), 1)[0]
+    found = model.product(new)
+    for k in range(3):
+        mapped = [
+            Gaussian(model.means_[j, k], model.covariances_[j, k]).linear_map(frame.A, frame.b)
+            for j, frame in enumerate(new)
+        ]
+        precision = sum(np.linalg.inv(one.covariance) for one in mapped)
+        np.testing.assert_allclose(np.linalg.inv(found.covariances_[k]), precision, rtol=1e-7)
+        np.testing.assert_allclose(found.means_[k], product(mapped)[0].mean, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(found.priors_, model.priors_)
+
+
+def test_integer_weights_equal_repeated_demonstrations():
+    demos, frames = taught()
+    weights = [1, 2, 0, 1, 3, 1]
+    repeated = [i for i, w in enumerate(weights) for _ in range(w)]
+    options = dict(tolerance=1e-12, max_iterations=2000)
+    weighted = TaskParameterisedMixture(3, **options).fit(demos, frames, weights)
+    again = TaskParameterisedMixture(3, **options).fit(
+        [demos[i] for i in repeated], [frames[i] for i in repeated]
+    )
+    assert_same(weighted, again, 1e-5)
+    per_sample = [np.full(80, w) for w in weights]
+    assert_same(weighted, TaskParameterisedMixture(3, **options).fit(demos, frames, per_sample), 1e-12)
+    assert weighted.bic(demos, frames, weights) == pytest.approx(weighted.bic(demos, frames, per_sample))
+
+
+def test_the_order_of_demonstrations_does_not_matter():
+    demos, frames = taught()
+    order = [3, 0, 5, 1, 4, 2]
+    shuffled = TaskParameterisedMixture(3).fit([demos[i] for i in order], [frames[i] for i in order])
+    assert_same(shuffled, TaskParameterisedMixture(3).fit(demos, frames), 1e-6)
+
+
+def test_turning_and_moving_every_task_changes_nothing_in_the_frames():
+    demos, frames = taught()
+    move = planar_frame(1.1, 3.0, -2.0)
+    moved_frames = [[TaskFrame(move.A @ f.A, move.A @ f.b + move.b) for f in one] for one in frames]
+    moved = TaskParameterisedMixture(3).fit([move.from_frame(demo) for demo in demos], moved_frames)
+    plain = TaskParameterisedMixture(3).fit(demos, frames)
+    assert_same(moved, plain, 1e-6)
+    np.testing.assert_allclose(
+        moved.product(moved_frames[0]).means_, move.from_frame(plain.product(frames[0]).means_), atol=1e-7
+    )
+
+
+def test_millimetres_and_metres_give_the_same_mixture():
+    demos, frames = taught()
+    units = np.array([1.0, 1e3, 1e3])
+    in_mm = [[TaskFrame(f.A, units * f.b) for f in one] for one in frames]
+    scaled = TaskParameterisedMixture(3).fit([units * demo for demo in demos], in_mm)
+    plain = TaskParameterisedMixture(3).fit(demos, frames)
+    np.testing.assert_allclose(scaled.means_, plain.means_ * units, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(
+        scaled.covariances_, plain.covariances_ * np.outer(units, units), rtol=1e-5, atol=1e-5
+    )
+
+
+def test_kmeans_start_finds_components_that_mean_the_same_in_all_frames():
+    demos, frames = taught()
+    by_time = TaskParameterisedMixture(3).fit(demos, frames).log_likelihood_
+    model = TaskParameterisedMixture(3, start="kmeans", n_starts=5).fit(
+        demos, frames, rng=np.random.default_rng(0)
+    )
+    assert model.log_likelihood_ > by_time - 0.1 * abs(by_time), (model.log_likelihood_, by_time)
+    np.testing.assert_allclose(model.means_[0, :, 0], model.means_[1, :, 0], rtol=1e-9)
+
+
+def test_more_demonstrated_agreement_in_a_frame_gives_it_more_say():
+    """At the goal the demonstrations agree in the goal's frame, so the last attractor follows the goal."""
+    demos, frames = taught()
+    model = DSGMR(3).fit(demos, frames)
+    new = [planar_frame(0.0, 0.0, 0.0), planar_frame(0.6, 1.4, 0.9)]
+    attractor, covariance = model.retrieve(new, STEPS)
+    np.testing.assert_allclose(attractor[-1], [1.4, 0.9], atol=0.05)
+    np.testing.assert_allclose(attractor[0], [0.0, 0.0], atol=0.05)
+    assert np.linalg.eigvalsh(covariance).min() > 0
+
+
+def test_retrieval_is_regression_on_the_product():
+    demos, frames = taught()
+    model = DSGMR(4).fit(demos, frames)
+    attractor, covariance = model.retrieve(frames[2], STEPS)
+    mean, spread = regress(model.mixture_.product(frames[2]), STEPS, [0], [1, 2])
+    np.testing.assert_array_equal(attractor, mean)
+    np.testing.assert_array_equal(covariance, spread)
+
+
+def test_reproduction_is_the_spring_damper_behind_the_retrieved_attractor():
+    demos, frames = taught()
+    model = DSGMR(4, stiffness=150.0, damping=20.0).fit(demos, frames)
+    plan = model.reproduce(frames[1], STEPS, [0.1, 0.2], [0.0, 1.0])
+    motion = follow_attractor(plan.attractor, STEPS[1], [0.1, 0.2], [0.0, 1.0], 150.0, 20.0)
+    for name, expected in motion._asdict().items():
+        np.testing.assert_allclose(getattr(plan, name), expected, rtol=1e-9, atol=1e-12, err_msg=name)
+    assert plan.covariance.shape == (80, 2, 2)
+
+
+def test_a_turned_task_gives_a_turned_reproduction():
+    demos, frames = taught()
+    model = DSGMR(4).fit(demos, frames)
+    move = planar_frame(-0.8, 0.5, 2.0)
+    turned = [TaskFrame(move.A @ f.A, move.A @ f.b + move.b) for f in frames[0]]
+    plain = model.reproduce(frames[0], STEPS, [0.0, 0.1], [0.0, 0.0])
+    start = move.from_frame([[0.0, 0.0, 0.1]])[0, 1:]
+    other = model.reproduce(turned, STEPS, start, [0.0, 0.0])
+    expected = move.from_frame(np.column_stack([STEPS, plain.position]))[:, 1:]
+    np.testing.assert_allclose(other.position, expected, atol=1e-9)
+
+
+def test_a_single_demonstration_is_followed_from_noisy_positions():
+    """Encode, fit, retrieve and execute: within millimetres of the motion that was shown."""
+    time = 0.01 * np.arange(120)
+    u = time / time[-1]
+    path = np.stack([u**3 * (10 - 15 * u + 6 * u * u), 0.3 * np.sin(np.pi * u) ** 2], 1)
+    model = DSGMR(8, stiffness=200.0)
+    attractor = model.encode(time, path + np.random.default_rng(0).normal(0, 1e-4, path.shape), noise=1e-4)
+    frame = [TaskFrame(np.eye(3), np.zeros(3))]
+    plan = model.fit([attractor], [frame]).reproduce(frame, time, path[0], [0.0, 0.0])
+    assert np.abs(plan.position - path).max() < 0.01, np.abs(plan.position - path).max()
+
+
+def test_encode_resamples_onto_the_grid_asked_for():
+    time = 0.01 * np.arange(50)
+    grid = np.linspace(0.1, 0.3, 11)
+    encoded = DSGMR(2, 100.0, 10.0).encode(time, np.stack([1 + time, time**2], 1), noise=0.0, at=grid)
+    expected = np.column_stack([grid, 1 + grid + 0.1, grid**2 + 0.2 * grid + 0.02])
+    np.testing.assert_allclose(encoded, expected, atol=1e-9)
+
+
+def test_three_dimensions_and_one_frame():
+    rng = np.random.default_rng(4)
+    turns = Rotation.from_euler("z", rng.uniform(-0.7, 0.7, (5, 1)))
+    local = np.column_stack([np.sin(3 * STEPS), 0 * STEPS, 1 + STEPS**2])
+    demos = [np.column_stack([STEPS, turn.apply(local)]) for turn in turns]
+    frames = []
+    for turn in turns:
+        matrix = np.eye(4)
+        matrix[1:, 1:] = turn.as_matrix()
+        frames.append([TaskFrame(matrix, np.zeros(4))])
+    model = TaskParameterisedMixture(8).fit(demos, frames)
+    # In the turned frames all demonstrations are one and the same planar path.
+    assert np.abs(model.means_[0, :, 2]).max() < 1e-9
+    attractor, _ = DSGMR.from_mixture(model).retrieve(frames[0], STEPS)
+    assert np.abs(turns[0].inv().apply(attractor) - local).max() < 0.05
+
+
+def test_static_attractors_at_the_target_are_encoded_and_found_again():
+    """(8.1): the Gaussians shrink to the point, and must still be usable in the turned world."""
+    rng = np.random.default_rng(5)
+    frames = [[target_frame(rng.uniform([2, -1, 0], [3, 1, 1]), pointing=())] for _ in range(6)]
+    demos = [np.column_stack([STEPS, np.tile(one[0].b[1:], (80, 1))]) for one in frames]
+    model = DSGMR(2).fit(demos, frames)
+    new = target_frame([2.5, 0.3, 0.4], pointing=())
+    attractor, covariance = model.retrieve([new], STEPS)
+    np.testing.assert_allclose(attractor, np.tile([2.5, 0.3, 0.4], (80, 1)), atol=1e-9)
+    assert np.linalg.eigvalsh(covariance).min() > 0
+    assert np.sqrt(np.linalg.eigvalsh(covariance).max()) < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda d, f: (d, f[:-1]), "one list of frames per demonstration"),
+        (lambda d, f: ([], []), "one list of frames"),
+        (lambda d, f: (d, [f[0][:1]] + f[1:]), "demonstration 1 has 2 task frames"),
+        (lambda d, f: (d, [[] for _ in f]), "expected at least 1"),
+        (lambda d, f: ([d[0][:, :2]] + d[1:], f), "has 3 dimensions, the samples have 2"),
+        (lambda d, f: (d[:-1] + [np.full((4, 3), np.nan)], f), "samples of demonstration 5 holds nan"),
+        (lambda d, f: ([one[:0] for one in d], f), "empty"),
+    ],
+)
+def test_demonstrations_that_do_not_fit_together_are_refused(spoil, message):
+    with pytest.raises(ValueError, match=message):
+        TaskParameterisedMixture(3).fit(*spoil(*taught()))
+
+
+@pytest.mark.parametrize(
+    ("weights", "message"),
+    [
+        ([1.0], "1 entries for 6"),
+        ([0.0] * 6, "all zero"),
+        ([-1.0] * 6, "negative"),
+        ([np.ones(3)] + [1.0] * 5, "has length 3, its samples 80"),
+    ],
+)
+def test_unusable_weights_are_refused(weights, message):
+    with pytest.raises(ValueError, match=message):
+        TaskParameterisedMixture(3).fit(*taught(), weights)
+
+
+def test_wrong_use_is_refused_with_the_remedy():
+    demos, frames = taught()
+    model = DSGMR(3)
+    with pytest.raises(ValueError, match="call fit first"):
+        model.retrieve(frames[0], STEPS)
+    with pytest.raises(ValueError, match="start must be one of"):
+        DSGMR(3, start="random")
+    with pytest.raises(ValueError, match="needs start='kmeans'"):
+        TaskParameterisedMixture(3, n_starts=4)
+    with pytest.raises(ValueError, match="pass rng"):
+        TaskParameterisedMixture(3, start="kmeans").fit(demos, frames)
+    model.fit(demos, frames)
+    with pytest.raises(ValueError, match="has 1 task frames, expected 2"):
+        model.retrieve(frames[0][:1], STEPS)
+    with pytest.raises(ValueError, match="equally spaced"):
+        model.reproduce(frames[0], STEPS**2, [0, 0], [0, 0])
+    with pytest.raises(ValueError, match="length 2"):
+        model.reproduce(frames[0], STEPS, [0, 0, 0], [0, 0])
+    with pytest.raises(ValueError, match="not positive definite"):
+        TaskParameterisedMixture.from_parameters([1.0], np.zeros((1, 1, 2)), np.ones((1, 1, 2, 2)))

@@ -1,0 +1,400 @@
+"""Bags as rosbag2 lays them out: read back by our reader and by others' code, every message equal."""
+
+import numpy as np
+import pytest
+import yaml
+from mcap.exceptions import EndOfFile
+from mcap.reader import make_reader
+from mcap.records import Message
+from mcap.stream_reader import StreamReader
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import QosDurability, QosReliability
+from rosbags.rosbag2 import StoragePlugin, Writer
+
+from dart_skill.recording import (
+    BagError,
+    BagReader,
+    BagWriter,
+    definition,
+    deserialize,
+    qos_yaml,
+    serialize,
+    type_hash,
+    typestore,
+)
+
+TOPICS = {
+    "/vrpn_mocap/hand/pose": ("geometry_msgs/msg/PoseStamped", qos_yaml("best_effort", depth=5)),
+    "/joint_states": ("sensor_msgs/msg/JointState", qos_yaml()),
+    "/simulation/state": ("dart_skill_msgs/msg/SimulationState", qos_yaml(depth=1000)),
+    "/robot_description": ("std_msgs/msg/String", qos_yaml(durability="transient_local", depth=1)),
+}
+START_NS = 1_700_000_000_000_000_000
+STEP_NS = 2_000_000
+
+
+@pytest.fixture(scope="module")
+def types():
+    return typestore()
+
+
+def random_message(types, type_name, stamp_ns, rng):
+    sec, nanosec = divmod(stamp_ns, 10**9)
+    header = {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": "world"}
+    point = dict(zip("xyz", rng.normal(size=3), strict=True))
+    content = {
+        "PoseStamped": {"header": header, "pose": {"position": point, "orientation": {"w": 1.0}}},
+        "JointState": {
+            "header": header,
+            "name": [f"joint_{i}" for i in range(7)],
+            "position": rng.normal(size=7),
+        },
+        "SimulationState": {
+            "header": header,
+            "episode": 3,
+            "joint_effort": rng.normal(size=7),
+            "ball_state": 1,
+        },
+        "String": {"data": "<robot name='wam'/>"},
+    }
+    return serialize(types, type_name, content[type_name.rsplit("/", 1)[1]])
+
+
+def record(path, types, n_steps=700, topics=TOPICS, **options):
+    """A bag with every topic; returns the messages (topic, log time, publish time, bytes) in order."""
+    rng, written = np.random.default_rng(0), []
+    with BagWriter(path, **options) as bag:
+        for name, (type_name, qos) in topics.items():
+            bag.add_topic(name, type_name, definition(types, type_name), qos, type_hash(types, type_name))
+        for step in range(n_steps):
+            for index, (name, (type_name, _)) in enumerate(topics.items()):
+                if name == "/robot_description" and step:
+                    continue
+                stamp = START_NS + step * STEP_NS
+                item = (name, stamp + 1000 * index, stamp, random_message(types, type_name, stamp, rng))
+                bag.write(*item)
+                written.append(item)
+        bag.add_attachment("wam.yaml", "joints: 7\n", "application/yaml", START_NS)
+        bag.add_attachment("wam.urdf", b"<robot/>", "application/xml")
+    return written
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory, types):
+    path = tmp_path_factory.mktemp("bags") / "throws"
+    written = record(path, types, custom_data={"seed": "7"})
+    return path, written
+
+
+def plain(value):
+    """Nested message objects of any library as nested lists, to compare their content."""
+    if isinstance(value, (str, bytes, bool, int, float)):
+        return value
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [plain(item) for item in (value.tolist() if isinstance(value, np.ndarray) else value)]
+    names = [name for name in getattr(value, "__slots__", None) or vars(value)]
+    names = [name for name in names if not name.startswith("__") and not name.isupper()]  # no constants
+    return {name: plain(getattr(value, name)) for name in names}
+
+
+def test_rosbags_reads_every_message_equal(bag, types):
+    path, written = bag
+    with AnyReader([path]) as reader:
+        read = [(c.topic, stamp, bytes(raw)) for c, stamp, raw in reader.messages()]
+        assert read == [(topic, log, data) for topic, log, _, data in written]
+        assert {c.topic: c.digest for c in reader.connections} == {
+            n: type_hash(types, t) for n, (t, _) in TOPICS.items()
+        }
+        for connection, _, raw in reader.messages():
+            again = reader.deserialize(raw, connection.msgtype)
+            assert plain(again) == plain(deserialize(types, connection.msgtype, bytes(raw)))
+
+
+def test_mcap_and_its_ros2_decoder_read_every_message_equal(bag, types):
+    decoder = pytest.importorskip("mcap_ros2.decoder")
+    path, written = bag
+    with open(path / "throws_0.mcap", "rb") as stream:
+        reader = make_reader(stream, validate_crcs=True, decoder_factories=[decoder.DecoderFactory()])
+        read = list(reader.iter_decoded_messages())
+    raw = [
+        (channel.topic, message.log_time, message.publish_time, message.data)
+        for _, channel, message, _ in read
+    ]
+    assert raw == written
+    for schema, _, message, decoded in read:
+        assert plain(decoded) == plain(deserialize(types, schema.name, message.data))
+
+
+def test_our_reader_reads_every_message_equal_with_and_without_the_metadata_file(bag, types):
+    path, written = bag
+    expected = [(topic, log, data) for topic, log, _, data in written]
+    for place in (path, path / "throws_0.mcap"):
+        with BagReader(place) as reader:
+            read = list(reader.messages(decode=False))
+            assert [(m.topic, m.stamp_ns, m.data) for m in read] == expected
+            assert reader.message_count == len(written)
+            assert (reader.start_ns, reader.end_ns) == (expected[0][1], expected[-1][1])
+            for ours, raw in zip(reader.messages(), read, strict=True):
+                assert serialize(types, ours.type_name, ours.data) == raw.data
+
+
+def test_choosing_topics_and_times(bag):
+    path, written = bag
+    start, stop = START_NS + 100 * STEP_NS, START_NS + 200 * STEP_NS
+    with BagReader(path) as reader:
+        read = [m.stamp_ns for m in reader.messages(["/joint_states"], start, stop, decode=False)]
+        assert read == [log for topic, log, *_ in written if topic == "/joint_states" and start <= log < stop]
+        with pytest.raises(BagError, match="no topic .'/ball'.*, only .*'/joint_states'"):
+            list(reader.messages(["/ball"]))
+
+
+def test_topics_tell_type_count_hash_and_qos(bag, types):
+    path, _ = bag
+    with BagReader(path) as reader:
+        topics = reader.topics
+        assert {name: (info.type_name, info.count) for name, info in topics.items()} == {
+            name: (type_name, 1 if name == "/robot_description" else 700)
+            for name, (type_name, _) in TOPICS.items()
+        }
+        assert topics["/joint_states"].type_hash == type_hash(types, "sensor_msgs/msg/JointState")
+        (pose,), (description,) = topics["/vrpn_mocap/hand/pose"].qos, topics["/robot_description"].qos
+        assert pose.reliability == QosReliability.BEST_EFFORT and pose.depth == 5
+        assert description.durability == QosDurability.TRANSIENT_LOCAL
+        assert reader.custom_data == {"seed": "7"}
+
+
+def test_attachments_come_back(bag):
+    with BagReader(bag[0]) as reader:
+        found = {item.name: (item.media_type, item.data) for item in reader.attachments()}
+    assert found == {
+        "wam.yaml": ("application/yaml", b"joints: 7\n"),
+        "wam.urdf": ("application/xml", b"<robot/>"),
+    }
+
+
+def test_the_layout_is_that_of_rosbag2(bag, types):
+    path, written = bag
+    assert sorted(file.name for file in path.iterdir()) == ["metadata.yaml", "throws_0.mcap"]
+    information = yaml.safe_load((path / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    assert information["version"] == 9 and information["storage_identifier"] == "mcap"
+    assert information["message_count"] == information["files"][0]["message_count"] == len(written)
+    assert information["starting_time"]["nanoseconds_since_epoch"] == START_NS
+    assert information["duration"]["nanoseconds"] == written[-1][1] - START_NS
+    topic = information["topics_with_message_count"][0]["topic_metadata"]
+    assert topic["offered_qos_profiles"][0]["reliability"] == "best_effort"
+    with open(path / "throws_0.mcap", "rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        summary, records = reader.get_summary(), list(reader.iter_metadata())
+        assert reader.get_header().profile == "ros2"
+    assert {schema.encoding for schema in summary.schemas.values()} == {"ros2msg"}
+    for channel in summary.channels.values():
+        type_name, qos = TOPICS[channel.topic]
+        assert channel.message_encoding == "cdr"
+        assert channel.metadata == {
+            "offered_qos_profiles": qos,
+            "topic_type_hash": type_hash(types, type_name),
+        }
+    assert all(index.compression == "zstd" for index in summary.chunk_indexes)
+    assert max(index.uncompressed_size for index in summary.chunk_indexes) < 300 * 1024
+    opened, closed = (yaml.safe_load(record.metadata["serialized_metadata"]) for record in records)
+    assert (opened["message_count"], closed["message_count"]) == (0, len(written))
+    assert closed == information
+
+
+def messages_on_disk(file):
+    """Log times of the messages that a file holds, whole or cut off."""
+    times = []
+    with open(file, "rb") as stream:
+        try:
+            for found in StreamReader(stream).records:
+                if isinstance(found, Message):
+                    times.append(found.log_time)
+        except EndOfFile:
+            pass
+    return times
+
+
+def test_each_second_of_log_time_is_on_disk_while_the_bag_is_still_open(tmp_path, types):
+    """What a recorder leaves that is killed."""
+    type_name = "sensor_msgs/msg/JointState"
+    data = random_message(types, type_name, START_NS, np.random.default_rng(0))
+    bag = BagWriter(tmp_path / "bag")
+    bag.add_topic("/joint_states", type_name, definition(types, type_name))
+    times = [START_NS + step * STEP_NS for step in range(1300)]
+    times += [START_NS - 10**9, START_NS - 10**9 + STEP_NS]  # time jumps back
+    for stamp in times[:-2]:
+        bag.write("/joint_states", stamp, stamp, data)
+    assert messages_on_disk(bag.file) == times[:1000], "two whole seconds"
+    for stamp in times[-2:]:
+        bag.write("/joint_states", stamp, stamp, data)
+    assert messages_on_disk(bag.file) == times[:-2]
+    bag.flush(to_disk=True)
+    assert messages_on_disk(bag.file) == times
+    assert not (bag.path / "metadata.yaml").exists()
+    bag.close()
+    with BagReader(bag.path) as reader:
+        assert [m.stamp_ns for m in reader.messages(decode=False)] == sorted(times)
+
+
+def test_what_was_written_before_an_exception_is_a_whole_bag(tmp_path, types):
+    with pytest.raises(RuntimeError, match="power"):
+        with BagWriter(tmp_path / "bag") as bag:
+            bag.add_topic("/text", "std_msgs/msg/String", definition(types, "std_msgs/msg/String"))
+            bag.write("/text", 5, 5, serialize(types, "std_msgs/msg/String", {"data": "hello"}))
+            raise RuntimeError("power")
+    with BagReader(tmp_path / "bag") as reader:
+        assert [m.data.data for m in reader.messages()] == ["hello"]
+
+
+def test_a_bag_without_messages_is_a_bag(tmp_path, types):
+    written = record(tmp_path / "bag", types, n_steps=0)
+    with BagReader(tmp_path / "bag") as reader:
+        assert list(reader.messages()) == written == []
+        assert (reader.start_ns, reader.end_ns, reader.message_count) == (0, 0, 0)
+        assert set(reader.topics) == set(TOPICS)
+
+
+def test_counts_per_topic_are_known_while_writing(tmp_path, types):
+    with BagWriter(tmp_path / "bag") as bag:
+        for name in ("/a", "/b"):
+            bag.add_topic(name, "std_msgs/msg/String", definition(types, "std_msgs/msg/String"))
+        bag.write("/a", 1, 1, serialize(types, "std_msgs/msg/String", None))
+        assert bag.counts == {"/a": 1, "/b": 0}
+    bag.close()
+
+
+def test_an_existing_folder_is_refused_and_left_alone(tmp_path):
+    (tmp_path / "bag").mkdir()
+    with pytest.raises(FileExistsError, match="never overwritten"):
+        BagWriter(tmp_path / "bag")
+    assert list((tmp_path / "bag").iterdir()) == []
+
+
+def test_misuse_of_the_writer_is_refused_by_name(tmp_path, types):
+    text = definition(types, "std_msgs/msg/String")
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic("/a", "std_msgs/msg/String", text)
+        for arguments, reason in (
+            (("a", "std_msgs/msg/String", text), "leading slash"),
+            (("/a", "std_msgs/msg/String", text), "in the bag already"),
+            (("/b", "std_msgs/String", text), "package/msg/Name"),
+            (("/b", "std_msgs/msg/String", "string text\n"), "another definition"),
+            (("/b", "std_msgs/msg/String", text, "a: ["), "no YAML"),
+            (("/b", "std_msgs/msg/String", text, "depth: 3"), "YAML list"),
+        ):
+            with pytest.raises(ValueError, match=reason):
+                bag.add_topic(*arguments)
+        with pytest.raises(ValueError, match="'/c' is not in the bag, only .'/a'"):
+            bag.write("/c", 0, 0, b"\0\1\0\0")
+        with pytest.raises(ValueError, match="must not be negative"):
+            bag.write("/a", -1, 0, b"\0\1\0\0")
+    with pytest.raises(ValueError, match="is closed"):
+        bag.write("/a", 0, 0, b"\0\1\0\0")
+    with pytest.raises(ValueError, match="custom_data"):
+        BagWriter(tmp_path / "other", custom_data={"seed": 7})
+    assert not (tmp_path / "other").exists()
+    with pytest.raises(ValueError, match="QoS reliability = 'maybe'"):
+        qos_yaml("maybe")
+
+
+def damaged(folder, source, data):
+    folder.mkdir()
+    (folder / "bag.mcap").write_bytes(data(source.read_bytes()))
+    return folder / "bag.mcap"
+
+
+@pytest.mark.parametrize(
+    ("data", "reason"),
+    [
+        (lambda whole: b"", "is empty \\(0 bytes\\)"),
+        (lambda whole: b"SQLite format 3\0" * 9, "magic is invalid"),
+        (lambda whole: whole[:8], "cut off or damaged"),
+        (lambda whole: whole[: len(whole) // 2], "cut off or damaged"),
+        (lambda whole: whole[:-1], "cut off or damaged"),
+    ],
+)
+def test_damaged_files_are_refused_with_a_reason(bag, tmp_path, data, reason):
+    file = damaged(tmp_path / "bad", bag[0] / "throws_0.mcap", data)
+    for place in (file, file.parent):
+        with pytest.raises(BagError, match=reason) as caught:
+            BagReader(place)
+        assert "bag.mcap" in str(caught.value)
+
+
+def test_a_flipped_byte_in_a_chunk_is_found(bag, tmp_path):
+    def flip(whole):
+        middle = len(whole) // 2
+        return whole[:middle] + bytes([whole[middle] ^ 0xFF]) + whole[middle + 1 :]
+
+    file = damaged(tmp_path / "bad", bag[0] / "throws_0.mcap", flip)
+    with BagReader(file) as reader, pytest.raises(BagError, match="bag.mcap"):
+        list(reader.messages())
+
+
+def test_truncation_at_any_byte_is_an_error_and_never_a_shorter_bag(tmp_path, types):
+    record(tmp_path / "small", types, n_steps=3)
+    whole = (tmp_path / "small" / "small_0.mcap").read_bytes()
+    file = tmp_path / "cut.mcap"
+    for length in [*range(0, 100), *np.random.default_rng(0).integers(100, len(whole), size=200)]:
+        file.write_bytes(whole[:length])
+        with pytest.raises(BagError):
+            with BagReader(file) as reader:
+                list(reader.messages())
+
+
+def test_missing_bags_and_files_are_named(tmp_path, bag):
+    with pytest.raises(BagError, match="no such bag"):
+        BagReader(tmp_path / "nothing")
+    with pytest.raises(BagError, match="no .mcap file in this folder"):
+        BagReader(tmp_path)
+    (tmp_path / "notes.txt").write_text("x")
+    with pytest.raises(BagError, match="a bag is a folder"):
+        BagReader(tmp_path / "notes.txt")
+    for name in ("a_0.mcap", "a_1.mcap"):
+        (tmp_path / name).write_bytes((bag[0] / "throws_0.mcap").read_bytes())
+    with pytest.raises(BagError, match="2 files and no metadata.yaml"):
+        BagReader(tmp_path)
+    (tmp_path / "metadata.yaml").write_text("rosbag2_bagfile_information: 3")
+    with pytest.raises(BagError, match="metadata"):
+        BagReader(tmp_path)
+
+
+def test_a_type_that_nobody_defines_can_be_read_raw_only(tmp_path, types):
+    from mcap.writer import Writer as McapWriter
+
+    file = tmp_path / "foreign.mcap"
+    with open(file, "wb") as stream:
+        writer = McapWriter(stream)
+        writer.start("ros2")
+        schema = writer.register_schema("geometry_msgs/msg/Point", "", b"")
+        channel = writer.register_channel("/point", "cdr", schema)
+        writer.add_message(channel, 5, serialize(types, "geometry_msgs/msg/Point", {"x": 3.0}), 5)
+        writer.finish()
+    with BagReader(file) as reader:
+        assert len(list(reader.messages(decode=False))) == 1
+        with pytest.raises(BagError, match="/point has type geometry_msgs/msg/Point, which neither"):
+            list(reader.messages())
+    with BagReader(file, types) as reader:
+        assert [m.data.x for m in reader.messages()] == [3.0]
+
+
+def test_bags_of_rosbags_are_read(tmp_path, types):
+    type_name = "dart_skill_msgs/msg/TrialOutcome"
+    data = serialize(types, type_name, {"landing_error": 0.25})
+    with Writer(tmp_path / "foreign", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection("/outcome", type_name, typestore=types)
+        writer.write(connection, 17, data)
+    with BagReader(tmp_path / "foreign") as reader:
+        (read,) = reader.messages()
+        assert (read.topic, read.stamp_ns, read.data.landing_error) == ("/outcome", 17, 0.25)
+
+
+def test_a_message_that_its_definition_does_not_fit_is_an_error(tmp_path, types):
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic("/text", "std_msgs/msg/String", definition(types, "std_msgs/msg/String"))
+        bag.write("/text", 5, 5, b"\0\1\0\0\xff\xff\0\0abc")
+    with (
+        BagReader(tmp_path / "bag") as reader,
+        pytest.raises(BagError, match="/text: 11 bytes are no std_msgs"),
+    ):
+        list(reader.messages())

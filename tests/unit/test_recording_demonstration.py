@@ -1,0 +1,191 @@
+"""Demonstrations: what is valid, and the way through messages and bags."""
+
+import importlib.util
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from dart_skill.recording import (
+    DEMONSTRATION_TOPIC,
+    DEMONSTRATION_TYPE,
+    BagError,
+    BagWriter,
+    Demonstration,
+    definition,
+    demonstration_from_message,
+    demonstration_message,
+    deserialize,
+    fill_demonstration_message,
+    message,
+    read_demonstrations,
+    serialize,
+    typestore,
+)
+
+ORIGIN_NS = 1_700_000_123_456_789_012
+
+
+@pytest.fixture(scope="module")
+def types():
+    return typestore()
+
+
+def make(seed=0, **changes):
+    rng = np.random.default_rng(seed)
+    quaternion = rng.normal(size=(20, 4))
+    content = {
+        "id": f"throw-{seed}",
+        "stamp_ns": ORIGIN_NS + seed,
+        "target": [2.0, -0.3, 0.4],
+        "hand_time": 0.01 * np.arange(20) - 0.05,
+        "hand_position": rng.normal(size=(20, 3)),
+        "hand_quaternion": quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True),
+        "ball_time": 0.01 * np.arange(30) + 0.000123457,
+        "ball_position": rng.normal(size=(30, 3)),
+        "joint_time": 0.01 * np.arange(10),
+        "joint_position": rng.normal(size=(10, 7)),
+        "joint_velocity": rng.normal(size=(10, 7)),
+        "motion_start": 0.03,
+        "motion_stop": 0.14,
+        "hand_opened": 0.0915,
+        "joint_names": tuple(f"joint_{i}" for i in range(1, 8)),
+    }
+    return Demonstration(**{**content, **changes})
+
+
+def assert_same(a, b):
+    for item in fields(Demonstration):
+        one, two = getattr(a, item.name), getattr(b, item.name)
+        if isinstance(one, np.ndarray):
+            tolerance = 1e-9 if item.name.endswith("_time") else 1e-15
+            np.testing.assert_allclose(two, one, rtol=0.0, atol=tolerance, err_msg=item.name)
+        elif isinstance(one, float):
+            np.testing.assert_allclose(two, one, rtol=0.0, atol=1e-9, err_msg=item.name)
+        else:
+            assert one == two, item.name
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"hand_opened": float("nan"), "motion_start": float("nan"), "motion_stop": float("nan")},
+        {"ball_time": [], "ball_position": np.empty((0, 3))},
+        {
+            "joint_time": [],
+            "joint_position": np.empty((0, 7)),
+            "joint_velocity": np.empty((0, 7)),
+            "joint_names": (),
+        },
+    ],
+)
+def test_through_a_message_and_its_bytes_and_back(types, changes):
+    original = make(**changes)
+    data = serialize(types, DEMONSTRATION_TYPE, demonstration_message(types, original))
+    again = demonstration_from_message(deserialize(types, DEMONSTRATION_TYPE, data))
+    assert_same(original, again)
+    assert serialize(types, DEMONSTRATION_TYPE, demonstration_message(types, again)) == data, (
+        "and it stays the same"
+    )
+
+
+def test_stamps_of_the_message_are_exact_to_the_nanosecond(types):
+    msg = demonstration_message(types, make())
+    assert (msg.header.stamp.sec, msg.header.stamp.nanosec) == divmod(ORIGIN_NS, 10**9)
+    stamps = [item.header.stamp.sec * 10**9 + item.header.stamp.nanosec for item in msg.ball]
+    assert stamps == [ORIGIN_NS + 123_457 + i * 10_000_000 for i in range(30)]
+    assert {item.header.frame_id for item in (*msg.hand, *msg.ball, *msg.joints)} == {"world"}
+
+
+def test_a_hand_that_was_never_opened_has_a_zero_stamp(types):
+    msg = demonstration_message(types, make(hand_opened=float("nan")))
+    assert (msg.hand_opened.sec, msg.hand_opened.nanosec) == (0, 0)
+
+
+@pytest.mark.skipif(
+    importlib.util.find_spec("dart_skill_msgs") is None, reason="the interface package is not built"
+)
+def test_rclpy_messages_are_filled_and_read_by_the_same_code(types):
+    from rclpy.serialization import serialize_message
+
+    def new(name):
+        package, kind, name = name.split("/")
+        return getattr(importlib.import_module(f"{package}.{kind}"), name)()
+
+    original = make()
+    msg = fill_demonstration_message(original, new(DEMONSTRATION_TYPE), new)
+    assert_same(original, demonstration_from_message(msg))
+    assert serialize_message(msg) == serialize(
+        types, DEMONSTRATION_TYPE, demonstration_message(types, original)
+    )
+
+
+def record(path, types, data, topic=DEMONSTRATION_TOPIC, type_name=DEMONSTRATION_TYPE):
+    with BagWriter(path) as bag:
+        bag.add_topic(topic, type_name, definition(types, type_name))
+        for stamp, item in enumerate(data):
+            bag.write(topic, stamp, stamp, item)
+
+
+def test_a_bag_gives_its_demonstrations_in_order(tmp_path, types):
+    originals = [make(seed) for seed in range(4)]
+    messages = (demonstration_message(types, original) for original in originals)
+    record(tmp_path / "bag", types, [serialize(types, DEMONSTRATION_TYPE, msg) for msg in messages])
+    for original, again in zip(originals, read_demonstrations(tmp_path / "bag"), strict=True):
+        assert_same(original, again)
+
+
+def test_bags_without_valid_demonstrations_are_refused(tmp_path, types):
+    record(tmp_path / "none", types, [], topic="/other")
+    with pytest.raises(BagError, match="no topic /demonstrations, only .'/other'"):
+        read_demonstrations(tmp_path / "none")
+    record(tmp_path / "text", types, [], type_name="std_msgs/msg/String")
+    with pytest.raises(BagError, match="has type std_msgs/msg/String"):
+        read_demonstrations(tmp_path / "text")
+    empty = message(types, DEMONSTRATION_TYPE, {"id": "x"})
+    record(tmp_path / "bad", types, [serialize(types, DEMONSTRATION_TYPE, empty)])
+    with pytest.raises(BagError, match="/demonstrations: demonstration x, hand: 0 samples"):
+        read_demonstrations(tmp_path / "bad")
+    with pytest.raises(BagError, match="no such bag"):
+        read_demonstrations(tmp_path / "nothing")
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"id": ""}, "id of a demonstration"),
+        ({"stamp_ns": 0.5}, "whole nanoseconds"),
+        ({"target": [1.0, np.nan, 0.0]}, "target must be a finite"),
+        ({"hand_time": np.zeros(20)}, "hand: time does not increase after sample 0"),
+        ({"hand_time": [0.0], "hand_position": np.zeros((1, 3))}, "1 samples, need at least 2"),
+        ({"hand_quaternion": np.full((20, 4), 0.6)}, "quaternion 0 has norm 1.2"),
+        ({"hand_quaternion": np.full((19, 4), 0.5)}, r"need quaternions \(20, 4\)"),
+        ({"ball_position": np.zeros((29, 3))}, "ball: need time"),
+        ({"ball_position": np.full((30, 3), np.inf)}, "ball: sample 0 is not finite"),
+        ({"joint_velocity": np.zeros((10, 6))}, "joint velocity: need time"),
+        ({"motion_stop": 0.02}, "motion_stop 0.02 s lies before"),
+        ({"hand_opened": np.inf}, "hand_opened = inf"),
+        ({"joint_names": ("a",)}, "1 joint names, need 7"),
+    ],
+)
+def test_what_is_no_demonstration_is_refused_by_name(changes, reason):
+    with pytest.raises(ValueError, match=reason):
+        make(**changes)
+
+
+def test_a_joint_state_with_missing_joints_is_named(types):
+    msg = demonstration_message(types, make())
+    msg.joints[3].position = msg.joints[3].position[:5]
+    with pytest.raises(ValueError, match="sample 3 has 5 values, need 7"):
+        demonstration_from_message(msg)
+
+
+def test_demonstrations_cannot_be_changed_by_accident():
+    source = np.zeros((20, 3))
+    demonstration = make(hand_position=source)
+    source[:] = 1.0
+    assert not demonstration.hand_position.any()
+    with pytest.raises(ValueError, match="read-only"):
+        demonstration.hand_position[0] = 1.0
+    assert replace(demonstration, id="other").id == "other"

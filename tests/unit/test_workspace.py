@@ -1,0 +1,463 @@
+"""The workspace holds together: package descriptions, set-up, the stand-in for `ros2`, domains of tests."""
+
+import ast
+import importlib.util
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def load(path):
+    """Imports a script that belongs to no package."""
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[path.stem] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+workspace = load(ROOT / "tools" / "setup_workspace.py")
+
+
+def write_executable(path, text):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text)
+    path.chmod(0o755)
+    return path
+
+
+# --- package descriptions ---
+
+KEYS = {  # rosdep's names of what is imported under another one
+    "matplotlib": "python3-matplotlib",
+    "mcap": "mcap-ros2-support",
+    "numpy": "python3-numpy",
+    "pybullet": "python3-pybullet-pip",
+    "pybullet_utils": "python3-pybullet-pip",
+    "rosbags": "python3-rosbags-pip",
+    "scipy": "python3-scipy",
+    "tqdm": "python3-tqdm",
+    "yaml": "python3-yaml",
+    "zstandard": "python3-rosbags-pip",
+}
+OWN = {"dart_skill", "dart_skill_nodes"}
+
+
+def package(folder):
+    return ElementTree.parse(folder / "package.xml").getroot()
+
+
+def texts(element, *tags):
+    return {found.text for tag in tags for found in element.iter(tag)}
+
+
+@pytest.fixture(scope="module")
+def setup_arguments():
+    """What setup.py hands to setuptools, run as colcon runs it: in the folder of the package."""
+    script = (
+        "import json, runpy, setuptools\n"
+        "setuptools.setup = lambda **arguments: print(json.dumps(arguments))\n"
+        "runpy.run_path('setup.py')"
+    )
+    return json.loads(subprocess.check_output([sys.executable, "-c", script], cwd=ROOT, text=True))
+
+
+def imported(*folders):
+    """Top-level modules that the Python files below some folders import, with one file that does."""
+    found = {}
+    for file in (file for folder in folders for file in (ROOT / folder).rglob("*.py")):
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom) and node.level == 0:
+                names = [node.module]
+            else:
+                continue
+            found.update({name.split(".")[0]: str(file.relative_to(ROOT)) for name in names})
+    return {name: file for name, file in found.items() if name not in sys.stdlib_module_names | OWN}
+
+
+@pytest.mark.parametrize("folder", [ROOT, ROOT / "msg_schemas"], ids=["dart_skill", "dart_skill_msgs"])
+def test_package_description_has_what_format_3_asks_for(folder):
+    text = (folder / "package.xml").read_text()
+    root = package(folder)
+    assert re.search(r'<\?xml-model href="[^"]+package_format3\.xsd"', text)
+    assert (root.tag, root.get("format")) == ("package", "3")
+    for tag in ("name", "version", "description", "maintainer", "license"):
+        assert root.findtext(tag), f"<{tag}> is missing or empty"
+    assert root.find("maintainer").get("email")
+    declared = [element.text for element in root if element.tag.endswith("depend")]
+    assert sorted(set(declared)) == sorted(declared), "a dependency is declared twice"
+
+
+def test_package_xml_and_setup_py_agree(setup_arguments):
+    root = package(ROOT)
+    assert root.findtext("name") == setup_arguments["name"]
+    assert root.findtext("version") == setup_arguments["version"]
+    assert root.findtext("license") == setup_arguments["license"]
+    assert root.findtext("export/build_type") == "ament_python"
+    assert setup_arguments["tests_require"] == ["pytest"]
+
+
+def test_every_executable_has_a_module_with_a_main(setup_arguments):
+    for line in setup_arguments["entry_points"]["console_scripts"]:
+        name, module, function = re.fullmatch(r"(\S+) = ([\w.]+):(\w+)", line).groups()
+        path = ROOT / (module.replace("dart_skill_nodes", "nodes").replace(".", "/") + ".py")
+        assert path.is_file(), f"{name}: {path.relative_to(ROOT)} does not exist"
+        tree = ast.parse(path.read_text())
+        defined = {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
+        assert function in defined, f"{path.relative_to(ROOT)} has no {function}()"
+
+
+def test_every_node_is_an_executable(setup_arguments):
+    installed = {line.split(" = ")[0] for line in setup_arguments["entry_points"]["console_scripts"]}
+    with_main = {path.stem for path in (ROOT / "nodes").glob("*.py") if "\ndef main(" in path.read_text()}
+    assert with_main <= installed, f"not in setup.py: {with_main - installed}"
+
+
+def test_every_import_is_a_declared_dependency():
+    declared = texts(package(ROOT), "depend", "exec_depend")
+    missing = {
+        f"{KEYS.get(name, name)} (imported in {file})"
+        for name, file in imported("dart_skill", "nodes", "launch").items()
+        if KEYS.get(name, name) not in declared
+    }
+    assert not missing, f"package.xml lacks {', '.join(sorted(missing))}"
+
+
+def test_every_import_of_the_library_is_in_the_requirements():
+    lines = (ROOT / "requirements" / "runtime.txt").read_text().splitlines()
+    provided = {workspace.module_of(line) for line in lines if line and not line.startswith("#")}
+    provided |= {"pybullet_utils"} if "pybullet" in provided else set()
+    missing = {name: file for name, file in imported("dart_skill").items() if name not in provided}
+    assert not missing
+
+
+def test_everything_that_is_installed_exists(setup_arguments):
+    files = {file for _, files in setup_arguments["data_files"] for file in files}
+    assert {"package.xml", "resource/dart_skill"} <= files
+    assert [file for file in files if not (ROOT / file).is_file()] == []
+    assert setup_arguments["package_dir"] == {"dart_skill_nodes": "nodes"}
+    folders = {path.parent.relative_to(ROOT) for path in (ROOT / "dart_skill").rglob("*.py")}
+    missing = {str(folder).replace("/", ".") for folder in folders} - set(setup_arguments["packages"])
+    assert not missing, f"folders without __init__.py: {missing}"
+
+
+def test_every_interface_is_generated():
+    folder = ROOT / "msg_schemas"
+    kinds = ("msg", "srv", "action")
+    files = [str(path.relative_to(folder)) for kind in kinds for path in folder.glob(f"{kind}/*")]
+    listed = re.findall(r'"((?:msg|srv|action)/[^"]+)"', (folder / "CMakeLists.txt").read_text())
+    assert sorted(listed) == sorted(files)
+
+
+def test_packages_of_all_field_types_are_dependencies_of_the_interfaces():
+    folder = ROOT / "msg_schemas"
+    lines = [line for path in folder.glob("*/*.*") for line in path.read_text().splitlines()]
+    used = {match.group(1) for line in lines if (match := re.match(r"(\w+)/\w+", line))} - {"dart_skill_msgs"}
+    assert used, "no field of another package was found: is the pattern right?"
+    generated = re.search(r"DEPENDENCIES ([\w ]+)", (folder / "CMakeLists.txt").read_text()).group(1).split()
+    assert used <= texts(package(folder), "depend")
+    assert used <= set(generated)
+    assert "rosidl_interface_packages" in texts(package(folder), "member_of_group")
+
+
+# --- the choice of ROS and Python ---
+
+
+def fake_python(path, version, lacks=""):
+    """A program that answers the set-up's question as an interpreter of some version would."""
+    answer = json.dumps([str(path), list(version), lacks])
+    return str(write_executable(path, f"#!/bin/sh\necho '{answer}'\n"))
+
+
+def fake_ros(prefix, python="3.12"):
+    marker = prefix / "share/ament_index/resource_index/packages/rclpy"
+    marker.parent.mkdir(parents=True)
+    marker.touch()
+    (prefix / f"lib/python{python}/site-packages/rclpy").mkdir(parents=True)
+    (prefix / "setup.bash").write_text(f"export AMENT_PREFIX_PATH={prefix}\nexport ROS_DISTRO=jazzy\n")
+    return prefix
+
+
+def test_an_interpreter_that_does_not_start_is_passed_over(tmp_path):
+    shim = write_executable(tmp_path / "python3.11", "#!/bin/sh\necho 'pyenv: not found' >&2\nexit 127\n")
+    good = fake_python(tmp_path / "python3.10", (3, 10))
+    probed = map(workspace.probe, [str(shim), "/nowhere/python3.11", good])
+    chosen = workspace.choose(probed, workspace.PREFERRED)
+    assert chosen == workspace.Interpreter(Path(good), (3, 10))
+
+
+def test_an_interpreter_that_lacks_something_is_named_when_there_is_no_other(tmp_path):
+    lame = fake_python(tmp_path / "python3.11", (3, 11), "its headers (Python.h)")
+    whole = fake_python(tmp_path / "python3.12", (3, 12))
+    probed = [workspace.probe(lame), workspace.probe(whole)]
+    assert workspace.choose(probed, workspace.PREFERRED).version == (3, 12)
+    with pytest.raises(workspace.SetupError, match=r"python3\.11 lacks its headers.*apt-get install"):
+        workspace.choose(probed[:1], workspace.PREFERRED)
+    with pytest.raises(workspace.SetupError, match=r"no usable Python 3\.10 or 3\.11 or .* was found$"):
+        workspace.choose([], workspace.PREFERRED)
+
+
+def test_interpreters_are_looked_for_on_the_path_and_in_pyenv_best_version_first(tmp_path, monkeypatch):
+    on_path = [fake_python(tmp_path / "bin" / f"python3.{minor}", (3, minor)) for minor in (97, 98)]
+    in_pyenv = fake_python(tmp_path / "root/versions/3.98.4/bin/python3.98", (3, 98))
+    write_executable(tmp_path / "bin/pyenv", f"#!/bin/sh\necho {tmp_path}/root\n")
+    monkeypatch.setenv("PATH", f"{tmp_path}/bin")
+    assert list(workspace.interpreter_paths([(3, 98), (3, 97)])) == [on_path[1], in_pyenv, on_path[0]]
+
+
+def test_a_named_interpreter_must_have_a_version_that_is_supported(tmp_path):
+    named = fake_python(tmp_path / "python3.14", (3, 14))
+    with pytest.raises(workspace.SetupError, match=r"is Python 3\.14; needed is 3\.10 or 3\.11 or"):
+        workspace.choose_interpreter(None, named)
+    with pytest.raises(workspace.SetupError, match="nowhere does not run"):
+        workspace.choose_interpreter(None, "/nowhere")
+
+
+def test_this_interpreter_is_understood():
+    assert workspace.probe(sys.executable).version == sys.version_info[:2]
+
+
+def test_a_sourced_ros_comes_before_an_installed_one_and_decides_the_python(tmp_path):
+    sourced, installed = fake_ros(tmp_path / "sourced"), fake_ros(tmp_path / "installed", "3.10")
+    environment = {"AMENT_PREFIX_PATH": f"/nowhere:{sourced}", "ROS_DISTRO": "jazzy"}
+    found = workspace.find_system_ros(environment, installed)
+    assert found == workspace.SystemRos(sourced, is_sourced=True)
+    assert found.python_version == (3, 12)
+    beside = fake_python(sourced / "bin/python3.12", (3, 12))
+    assert workspace.choose_interpreter(found, "").path == Path(beside)
+    assert workspace.find_system_ros({}, installed) == workspace.SystemRos(installed, is_sourced=False)
+    assert workspace.find_system_ros({}, tmp_path / "nowhere") is None
+
+
+def test_an_installed_ros_is_sourced_for_the_build(tmp_path):
+    ros = workspace.SystemRos(fake_ros(tmp_path / "ros"), is_sourced=False)
+    assert ros.environment["AMENT_PREFIX_PATH"] == str(ros.prefix)
+
+
+def test_the_wheels_of_a_workspace_are_no_installed_ros(tmp_path):
+    wheels = fake_ros(tmp_path / "wheels")
+    (wheels / "pyvenv.cfg").touch()
+    assert workspace.find_system_ros({"AMENT_PREFIX_PATH": str(wheels)}, tmp_path / "nowhere") is None
+
+
+def test_another_distribution_is_refused_by_name(tmp_path):
+    environment = {"AMENT_PREFIX_PATH": str(fake_ros(tmp_path)), "ROS_DISTRO": "humble"}
+    with pytest.raises(workspace.SetupError, match="ROS 2 humble is sourced"):
+        workspace.find_system_ros(environment)
+
+
+def test_a_build_does_not_see_the_former_one():
+    own, guard = f"{workspace.INSTALL}/dart_skill", workspace.BOOTSTRAP_GUARD
+    environment = {"AMENT_PREFIX_PATH": f"{own}:/opt/other", "PYTHONPATH": own, guard: "1", "HOME": "/h"}
+    assert workspace.without_workspace(environment) == {"AMENT_PREFIX_PATH": "/opt/other", "HOME": "/h"}
+    assert workspace.without_ros(environment) == {"HOME": "/h"}
+
+
+# --- checks, steps and messages of the set-up ---
+
+
+def test_a_missing_compiler_gets_one_line(tmp_path, monkeypatch):
+    for variable in ("CC", "CXX", "MAKE"):
+        monkeypatch.delenv(variable, raising=False)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    for program, complaint in (("cc", "a C compiler"), ("g++", "a C++ compiler"), ("make", "make")):
+        with pytest.raises(workspace.SetupError, match=f"^{re.escape(complaint)} is missing"):
+            workspace.check_machine(needs_wheels=False)
+        write_executable(tmp_path / program, "#!/bin/sh\n")
+    workspace.check_machine(needs_wheels=False)
+
+
+def test_a_full_disk_gets_one_line(monkeypatch):
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: shutil._ntuple_diskusage(9e9, 8e9, 1e9))
+    with pytest.raises(workspace.SetupError, match=r"1\.0 GB are free .* needs 3 GB"):
+        workspace.check_machine(needs_wheels=False)
+
+
+def test_a_machine_without_wheels_is_told_so(monkeypatch):
+    monkeypatch.setattr(workspace.platform, "machine", lambda: "riscv64")
+    with pytest.raises(workspace.SetupError, match="need Linux on x86-64.*this is .*riscv64"):
+        workspace.check_wheels_exist()
+
+
+@pytest.mark.parametrize(
+    ("output", "line"),
+    [
+        ("Temporary failure in name resolution\nERROR: No matching distribution found for a", "network"),
+        ("ERROR: No matching distribution found for pin<5,>=2.7", "index has no fitting pin<5,>=2.7"),
+        ("OSError: [Errno 28] No space left on device", "the disk is full"),
+        ("x.c:1:10: fatal error: Python.h: No such file or directory", "Python's headers are missing"),
+        ("warning: this\na.cpp:3: error: expected ';'\nninja: build stopped", "a.cpp:3: error: expected ';'"),
+        ("one\ntwo\n", "two"),
+        ("", "said nothing"),
+    ],
+)
+def test_the_cause_of_a_failure_is_found_in_its_log(output, line):
+    assert line in workspace.explain(output)
+    assert "\n" not in workspace.explain(output)
+
+
+def test_a_step_is_done_again_only_when_what_it_depends_on_has_changed(tmp_path, capsys):
+    done = []
+    for wanted in ("a", "a", "b"):
+        step = workspace.Step("stone", tmp_path / "stamp", wanted, done.append)
+        step.bring_up_to_date(wanted)
+    assert done == ["a", "b"]
+    assert capsys.readouterr().out.count("set-up: stone") == 2
+
+
+def test_a_step_that_failed_is_done_again(tmp_path):
+    def fail(_):
+        raise workspace.SetupError("no")
+
+    stamp = tmp_path / "stamp"
+    stamp.write_text("old")
+    step = workspace.Step("stone", stamp, "new", fail)
+    with pytest.raises(workspace.SetupError):
+        step.bring_up_to_date(None)
+    assert not stamp.exists()
+
+
+def test_the_digest_sees_names_and_content(tmp_path, monkeypatch):
+    monkeypatch.setattr(workspace, "ROOT", tmp_path)
+    file = tmp_path / "folder" / "a"
+    file.parent.mkdir()
+    digests = []
+    for name, content in (("a", "1"), ("a", "2"), ("b", "2")):
+        file.unlink(missing_ok=True)
+        file = file.with_name(name)
+        file.write_text(content)
+        digests.append(workspace.digest("text", tmp_path / "folder"))
+    assert len(set(digests)) == 3
+    assert workspace.digest("text", tmp_path / "folder") == digests[-1]
+
+
+def test_sourcing_the_environment_before_the_set_up_says_what_to_do(tmp_path):
+    (tmp_path / "tools").mkdir()
+    shutil.copy(ROOT / "tools/env.sh", tmp_path / "tools")
+    command = ["bash", "-c", f". {tmp_path}/tools/env.sh"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "run 'make setup'" in done.stderr
+
+
+# --- the stand-in for ros2 ---
+
+
+@pytest.fixture
+def ros2(tmp_path):
+    """Calls the stand-in with a prefix of its own; executables are added with `ros2.add`."""
+    prefix = tmp_path / "prefix"
+    environment = {**os.environ, "AMENT_PREFIX_PATH": f"{tmp_path}/empty:{prefix}"}
+
+    def start(*arguments):
+        command = [sys.executable, str(ROOT / "tools/ros2_stand_in.py"), *arguments]
+        pipe = subprocess.PIPE
+        return subprocess.Popen(command, env=environment, stdout=pipe, stderr=pipe, text=True)
+
+    def call(*arguments):
+        process = start(*arguments)
+        out, err = process.communicate(timeout=30)
+        return process.returncode, out, err
+
+    def add(package_name, executable, text):
+        marker = prefix / "share/ament_index/resource_index/packages" / package_name
+        marker.parent.mkdir(parents=True, exist_ok=True)
+        marker.touch()
+        return write_executable(prefix / "lib" / package_name / executable, text)
+
+    call.start, call.add = start, add
+    return call
+
+
+def test_run_passes_arguments_and_exit_status(ros2):
+    ros2.add("pack", "tell", '#!/bin/sh\nprintf "<%s>" "$@"\nexit 7\n')
+    arguments = ["--ros-args", "-p", "seed:=3", "--help", "two words"]
+    status, out, err = ros2("run", "pack", "tell", *arguments)
+    assert (status, err) == (7, "")
+    assert out == "".join(f"<{argument}>" for argument in arguments)
+
+
+def test_run_puts_a_command_in_front(ros2):
+    path = ros2.add("pack", "tell", "#!/bin/sh\n")
+    assert ros2("run", "--prefix", "echo in front", "pack", "tell", "x")[1] == f"in front {path} x\n"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_reach_the_executable(ros2, number):
+    ros2.add(
+        "pack",
+        "wait",
+        f"#!{sys.executable}\n"
+        "import signal, sys\n"
+        "for number in (signal.SIGINT, signal.SIGTERM):\n"
+        "    signal.signal(number, lambda got, _: sys.exit(100 + got))\n"
+        "print('ready', flush=True)\n"
+        "signal.pause()\n",
+    )
+    process = ros2.start("run", "pack", "wait")
+    assert process.stdout.readline() == "ready\n"
+    process.send_signal(number)
+    process.communicate(timeout=30)
+    assert process.returncode == 100 + number
+
+
+def test_an_unknown_package_or_executable_is_refused_in_one_line(ros2):
+    ros2.add("pack", "tell", "#!/bin/sh\n")
+    (ros2.add("pack", "notes.txt", "")).chmod(0o644)
+    status, out, err = ros2("run", "nothing", "tell")
+    assert (status, out, err.count("\n")) == (1, "", 1)
+    assert "there is no package 'nothing'" in err
+    status, out, err = ros2("run", "pack", "notes.txt")
+    assert (status, out, err.count("\n")) == (1, "", 1)
+    assert "package 'pack' has no executable 'notes.txt'; it has: tell" in err
+
+
+def test_an_executable_that_cannot_start_is_told_in_one_line(ros2):
+    ros2.add("pack", "stale", "#!/nowhere/python3\n")
+    status, _, err = ros2("run", "pack", "stale")
+    assert status == 1
+    assert err.count("\n") == 1 and "stale does not start: No such file" in err
+
+
+def test_packages_and_executables_are_listed(ros2):
+    for name, executable in (("zoo", "b"), ("pack", "tell"), ("zoo", "a")):
+        ros2.add(name, executable, "#!/bin/sh\n")
+    assert ros2("pkg", "list") == (0, "pack\nzoo\n", "")
+    assert ros2("pkg", "executables") == (0, "pack tell\nzoo a\nzoo b\n", "")
+    assert ros2("pkg", "executables", "zoo") == (0, "zoo a\nzoo b\n", "")
+    assert ros2("pkg", "executables", "nothing")[0] == 1
+
+
+def test_it_says_what_it_is_and_refuses_the_rest(ros2):
+    status, out, _ = ros2("--help")
+    assert status == 0
+    assert "stand-in" in out and "no launch" in out
+    status, out, err = ros2("launch", "dart_skill", "x.launch.py")
+    assert (status, out, err.count("\n")) == (1, "", 1)
+    assert "'launch' needs an installed ROS 2" in err
+
+
+# --- domains of test runs ---
+
+
+def test_runs_side_by_side_get_domains_of_their_own(request):
+    conftest = request.config.pluginmanager.getplugin(str(ROOT / "tests" / "conftest.py"))
+    assert os.environ["ROS_DOMAIN_ID"] == str(conftest.ROS_DOMAIN)
+    assert os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
+    first, lock = conftest.take_domain(conftest.ROS_DOMAIN - 1)
+    second, other = conftest.take_domain(conftest.ROS_DOMAIN - 1)
+    lock.close(), other.close()
+    assert len({conftest.ROS_DOMAIN, first, second}) == 3
+    assert all(1 <= domain <= 100 for domain in (first, second))

