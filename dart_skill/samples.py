@@ -48,3 +48,8 @@ def check_unit_quaternions(name: str, quaternion: np.ndarray, n_samples: int) ->
         )
     # What is of unit length already stays as it is, so that data do not change by passing through here again.
     return np.where(np.abs(norm - 1.0) < 1e-12, quaternion, quaternion / norm)
+
+
+def to_the_nanosecond(seconds):
+    """Seconds as stamps can say them, so that data are the same before and after they were a message; numbers or arrays."""
+    return np.round(np.asarray(seconds) * 1e9) * 1e-9 if np.ndim(seconds) else round(seconds * 1e9) * 1e-9

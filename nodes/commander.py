@@ -143,7 +143,7 @@ class CommanderNode(Node):
         if self._state is None:
             result.message = "no /joint_states yet: is the arm, or wam_simulator, running?"
             return None
-        if not self._planner.service_is_ready():
+        if not await self._planner_is_there():
             result.message = "nobody serves /skill_learner/plan_throw: start skill_learner"
             return None
         request = PlanThrow.Request(target=goal.target)
@@ -157,6 +157,14 @@ class CommanderNode(Node):
             return None
         result.plan = response.plan
         return conversions.plan(response.plan)
+
+    async def _planner_is_there(self) -> bool:
+        """Whether somebody plans, given the time in which a graph that has just been started finds itself."""
+        for _ in range(30):
+            if self._planner.service_is_ready():
+                return True
+            await self._within(rclpy.task.Future(executor=self.executor), 0.1)
+        return False
 
     async def _within(self, future, limit: float):
         """Result of a service call, or None if it takes longer than the limit [s, wall clock]."""

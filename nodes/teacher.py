@@ -187,7 +187,11 @@ class TeacherNode(Node):
 
     async def _call(self, client, request):
         """Response of a service; Gone with the remedy if nobody serves it, does not answer in 20 s, or says no."""
-        if not client.service_is_ready():
+        for _ in range(100):  # a graph that has just been started finds itself within seconds
+            if client.service_is_ready():
+                break
+            await self._sleep(0.1)
+        else:
             raise Gone(f"nobody serves {client.srv_name}: start the node that does")
         either = rclpy.task.Future(executor=self.executor)
         timer = self.create_timer(20.0, lambda: either.done() or either.set_result(None), clock=WALL)

@@ -10,6 +10,7 @@ import numpy as np
 
 from dart_skill.movement import VelocityThreshold, segment_containing
 from dart_skill.recording import Demonstration
+from dart_skill.samples import to_the_nanosecond
 
 THRESHOLDS = VelocityThreshold(run_up=0.15, settle=0.1)
 
@@ -107,12 +108,7 @@ class ThrowLog:
             joint_time=joint_time,
             joint_position=joints[:, :7],
             joint_velocity=joints[:, 7:],
-            motion_start=_to_the_nanosecond(segment.motion_start - segment.start),
-            motion_stop=_to_the_nanosecond(segment.motion_stop - segment.start),
+            motion_start=to_the_nanosecond(segment.motion_start - segment.start),
+            motion_stop=to_the_nanosecond(segment.motion_stop - segment.start),
             hand_opened=(self.opened_ns - origin) * 1e-9,
         )
-
-
-def _to_the_nanosecond(seconds: float) -> float:
-    """What stamps can say, so that a demonstration is the same before and after it was a message."""
-    return round(seconds * 1e9) * 1e-9

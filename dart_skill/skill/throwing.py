@@ -18,6 +18,7 @@ from dart_skill.movement.orientation import angles_from_quaternions, quaternions
 from dart_skill.recording import Demonstration
 from dart_skill.robot.description import wam_description
 from dart_skill.robot.throw_plan import Gains, HandPath, ThrowPlan
+from dart_skill.samples import to_the_nanosecond
 from dart_skill.skill.configuration import DEFAULT, SkillConfiguration
 from dart_skill.skill.flight import landing
 from dart_skill.skill.preparation import PreparedThrow, prepare
@@ -201,7 +202,7 @@ class ThrowingSkill:
     def _as_plan(self, target: np.ndarray, aim: np.ndarray, course: _Course) -> ThrowPlan:
         stiffness = self.configuration.stiffness
         gains = Gains(stiffness, float(critical_damping(stiffness)))
-        release = self.release - course.time[0]
+        release = to_the_nanosecond(self.release - course.time[0])
         return ThrowPlan(
             target=target,
             aim=aim,
@@ -212,7 +213,7 @@ class ThrowingSkill:
             position_gains=gains,
             orientation_gains=gains,
             release=release,
-            open_hand=max(0.0, release - self.hand_delay),
+            open_hand=to_the_nanosecond(max(0.0, release - self.hand_delay)),
             start_posture=self._posture + np.array([np.arctan2(aim[1], aim[0]), 0, 0, 0, 0, 0, 0]),
             model_id=self.model_id,
         )
@@ -248,7 +249,7 @@ def _hand_path(course: _Course) -> HandPath:
     turned = rates[:, 1:] * axis_beta - np.outer(rates[:, 0], [0.0, 1.0, 0.0])
     angular = turned @ turn_matrix(course.azimuth).T
     return HandPath(
-        time=course.time - course.time[0],
+        time=to_the_nanosecond(course.time - course.time[0]),
         position=course.position[:, :3],
         quaternion=_hand_quaternions(course.position[:, 3:], course),
         velocity=np.hstack([course.velocity[:, :3], angular]),
