@@ -176,6 +176,9 @@ class CommanderNode(Node):
         return response
 
     async def _execute(self, plan, result) -> None:
+        first_ns = conversions.stamp_ns(self._goal.request.header.stamp)
+        while self._state.stamp_ns < first_ns:  # the states that the goal knows of are answered before it is obeyed
+            await self._within(rclpy.task.Future(executor=self.executor), 0.01)
         self._commander.throw(plan)
         self._alive = self._heartbeat = time.monotonic()
         self._over = rclpy.task.Future(executor=self.executor)

@@ -157,9 +157,10 @@ class TeacherNode(Node):
         self._patience = time.monotonic() + 120.0
         self._watcher.clear()
         await self._call(self._record, Trigger.Request())
-        reset = Reset.Request(move_basket=True, basket=conversions.point(target), paused=True, guided=True)
-        await self._call(self._reset, reset)
         await self._call(self._free_arm, SetBool.Request(data=True))
+        reset = Reset.Request(move_basket=True, basket=conversions.point(target), paused=True, guided=True)
+        first = await self._call(self._reset, reset)
+        await self._until(lambda: (self._last_ns or 0) >= conversions.stamp_ns(first.stamp), "the state after the reset")
         self._begin, self._over = (target, attempt > 1), rclpy.task.Future(executor=self.executor)
         self._feed("armed", attempt)
         await self._call(self._pause, SetBool.Request(data=False))
@@ -178,6 +179,14 @@ class TeacherNode(Node):
                 return response
             await self._sleep(0.05)
         raise Gone(f"the recorder still waits for sensor messages: {response.message}")
+
+    async def _until(self, condition, what: str) -> None:
+        """Wait for a message that the graph has sent already; Gone if it does not come in 10 s."""
+        for _ in range(1000):
+            if condition():
+                return
+            await self._sleep(0.01)
+        raise Gone(f"{what} did not arrive in 10 s")
 
     async def _sleep(self, seconds: float) -> None:
         over = rclpy.task.Future(executor=self.executor)

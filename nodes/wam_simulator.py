@@ -128,7 +128,8 @@ class WamSimulator(Node):
             self._complain(f"no step: {error}")
             return False
         self._steps_made += 1
-        self._fault = ""
+        if self.p["lockstep"]:
+            self._fault = ""
         return True
 
     def _pace(self) -> None:
@@ -158,8 +159,9 @@ class WamSimulator(Node):
         now, last = self._plant.state_stamp_ns, self._answers.get(who)
         if last is None or (now - last.stamp_ns) * 1e-9 > self.p["command_timeout"]:
             if last is not None:
-                self._complain(f"no command for {(now - last.stamp_ns) * 1e-9:.3f} s: the arm is braked")
+                self._complain(f"no command for more than {self.p['command_timeout']} s: the arm is braked")
             return self._plant.braking()
+        self._fault = ""
         return last.answering(now)
 
     def _held_push(self):
@@ -268,7 +270,7 @@ class WamSimulator(Node):
             if "commander" in self._answers or not self.p["lockstep"]:
                 return
         self._publish()
-        if waited > self.p["answer_timeout"] and not self._paused:
+        if waited > self.p["answer_timeout"] and not self._paused and not self._fault:
             silent = [who for who in self._engaged if who not in self._answers]
             self._complain(f"waiting for the answer of {' and '.join(silent)} to the state of {stamp} ns: is it running?")
 

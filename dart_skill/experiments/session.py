@@ -88,19 +88,19 @@ class Session:
         return self._run(state, plan.target, step, lambda: self.commander.mode in RESTING, "throw")
 
     def _guided_throw(self, target: np.ndarray, correct: bool) -> Trial:
-        state = self._begin(target, guided=True)
         self.commander.release_arm(True)
+        state = self._begin(target, guided=True)
         self.teacher.begin(target, state.arm, correct)
 
         def step(state: PlantState) -> tuple[Command, Command]:
             return self.commander.step(state.arm), self.teacher.step(state.arm)
 
-        return self._run(state, target, step, lambda: self.teacher.phase == Phase.WATCHING, "demonstration")
+        trial = self._run(state, target, step, lambda: self.teacher.phase == Phase.WATCHING, "demonstration")
+        self.commander.release_arm(False)
+        return trial
 
     def _begin(self, target: np.ndarray, guided: bool = False) -> PlantState:
         """Reset, and the first step: as in the graph, it is answered before anybody is told to do anything."""
-        if self.commander.mode == Mode.FREE:
-            self.commander.release_arm(False)
         self._log.clear()
         self._queue.clear()
         state = self.plant.reset(target)
@@ -156,10 +156,3 @@ class Session:
         demonstration = self._log.cut(f"{kind}_{state.episode}", until_ns)
         outcome = judge_flight(*self._log.ball_between(self._log.opened_ns, until_ns), target, self.plant.settings.basket.radius)
         return Trial(outcome, demonstration, state.ball_in_basket, self.commander.message, states)
-
-
-def spread_targets(n: int, rng: np.random.Generator, near: float, far: float, side: float, rim: float) -> np.ndarray:
-    """Baskets (n, 3) spread over a sector: azimuths and distances stratified, each stratum used once, positions in it random."""
-    azimuths = -side + 2 * side * (rng.permutation(n) + rng.random(n)) / n
-    distances = near + (far - near) * (rng.permutation(n) + rng.random(n)) / n
-    return np.column_stack([distances * np.cos(azimuths), distances * np.sin(azimuths), np.full(n, rim)])

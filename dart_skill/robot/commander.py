@@ -206,14 +206,16 @@ class Commander:
     # helpers
 
     def _notice_gap(self, state: ArmState) -> None:
-        """After a gap in the states, as when the world was reset, the arm is held where it is found."""
+        """After a gap in the states, as when the world was reset, the arm is held where it is found; a free arm stays free."""
         gap = 0.0 if self._last_ns is None else (state.stamp_ns - self._last_ns) * 1e-9
         self._last_ns = state.stamp_ns
         if 0.0 <= gap <= self.settings.longest_gap:
             return
         if self._mode in (Mode.APPROACHING, Mode.SETTLING, Mode.THROWING, Mode.FOLLOWING_THROUGH):
             self.message = f"no state of the arm for {gap:.2f} s during a throw"
-        self._mode, self._hold, self._plan = Mode.HOLDING, None, None
+        self._hold, self._plan = None, None
+        if self._mode != Mode.FREE:
+            self._mode = Mode.HOLDING
 
     def _enter(self, mode: Mode, state: ArmState) -> None:
         self._mode, self._entered_ns, self.time = mode, state.stamp_ns, 0.0

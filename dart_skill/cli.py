@@ -1,0 +1,73 @@
+"""The command line `dart-skill`: nouns and verbs; results on stdout, progress on stderr; exit status 0, 1 (failed) or 2 (usage)."""
+
+import argparse
+import json
+import runpy
+import sys
+
+DEMO_MODULE = "dart_skill_nodes.demo"
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point; returns the exit status."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments[:1] == ["demo"]:
+        return _demo(arguments[1:])
+    options = _parser().parse_args(arguments)
+    try:
+        return options.run(options)
+    except (ValueError, OSError) as error:
+        print(f"dart-skill: {error}", file=sys.stderr)
+        return 1
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="dart-skill", description="A robot arm that learns to throw from demonstrations.")
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    commands.add_parser("demo", help="the main job over real nodes: teach, learn, throw (dart-skill demo --help)")
+    experiments = commands.add_parser("experiment", help="repeat what the documentation quotes").add_subparsers(
+        required=True, metavar="EXPERIMENT"
+    )
+    throws = experiments.add_parser("throws", help="the main job for several seeds, in process, as a table")
+    throws.add_argument("--seeds", type=int, default=10, help="seeds 0 to N - 1 (default 10)")
+    throws.add_argument("--configurations", default="default", help="names separated by commas (default: default)")
+    throws.add_argument("--demonstrations", type=int, default=13)
+    throws.add_argument("--throws", type=int, default=10, help="new baskets per seed (default 10)")
+    throws.add_argument("--jobs", type=int, default=1, help="processes at a time (default 1)")
+    throws.add_argument("--json", action="store_true", help="every throw as JSON instead of the table")
+    throws.set_defaults(run=_experiment_throws)
+    return parser
+
+
+def _demo(arguments: list[str]) -> int:
+    """Run the demo of the nodes in this interpreter: the library itself knows no ROS."""
+    sys.argv = ["dart-skill demo", *arguments]
+    try:
+        runpy.run_module(DEMO_MODULE, run_name="__main__")
+    except ImportError as error:
+        print(f"dart-skill demo needs the ROS 2 workspace: 'make setup', then 'source tools/env.sh' ({error})", file=sys.stderr)
+        return 1
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else int(bool(end.code))
+    return 0
+
+
+def _experiment_throws(options: argparse.Namespace) -> int:
+    from dataclasses import asdict
+
+    from dart_skill.experiments import throws
+    from dart_skill.skill.configuration import configuration
+
+    names = tuple(configuration(name).name for name in options.configurations.split(","))
+    seeds = list(range(options.seeds))
+    results = throws.run(seeds, names, options.jobs, options.demonstrations, options.throws)
+    if options.json:
+        rows = [{k: None if v != v else v for k, v in asdict(result).items()} for result in results]
+        print(json.dumps({"summary": throws.summarise(results), "throws": rows}, indent=1))
+    else:
+        print(throws.table(results))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

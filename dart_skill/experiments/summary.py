@@ -1,0 +1,188 @@
+"""What a run of the main job amounts to: throw by throw and in figures, as JSON and as a table.
+
+A landing that nobody saw has no error; the median and the 90th percentile are over the landings that were seen (linear between
+order statistics), and the table says how many that were. A throw counts as in only if the ball was seen in the basket.
+"""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class ThrowResult:
+    """One throw. target (3,): centre of the rim; landing (3,): where the ball crossed the plane of the rim, None if not seen [m].
+
+    error_m: horizontal distance of the two, None if not seen; nan stands for None. in_basket: as the cameras saw it. message: what
+    went wrong, empty if nothing did.
+    """
+
+    target: tuple[float, float, float]
+    landing: tuple[float, float, float] | None
+    error_m: float | None
+    in_basket: bool
+    message: str = ""
+
+    def __post_init__(self):
+        target = _point("target", self.target)
+        if target is None:
+            raise ValueError(f"target {self.target} is not finite: give the centre of the rim in metres")
+        landing, error = _point("landing", self.landing), _number(self.error_m)
+        if (landing is None) != (error is None):
+            raise ValueError(f"landing {self.landing} and error_m {self.error_m}: give both, or None for both if nobody saw it")
+        if error is not None and (error < 0.0 or abs(error - math.dist(target[:2], landing[:2])) > 1e-3):
+            raise ValueError(f"error_m is {error}; the landing {landing} is {math.dist(target[:2], landing[:2]):.4f} m from the target")
+        for name, value in (("target", target), ("landing", landing), ("error_m", error), ("in_basket", bool(self.in_basket))):
+            object.__setattr__(self, name, value)
+
+    @property
+    def seen(self) -> bool:
+        """Whether the landing was seen."""
+        return self.landing is not None
+
+    @property
+    def distance(self) -> float:
+        """Of the basket from the base axis [m]."""
+        return math.hypot(*self.target[:2])
+
+    @property
+    def azimuth(self) -> float:
+        """Of the basket [rad]."""
+        return math.atan2(self.target[1], self.target[0])
+
+    def to_json(self) -> dict:
+        """Plain values; what was not seen is None."""
+        return {
+            "target": list(self.target),
+            "landing": None if self.landing is None else list(self.landing),
+            "error_m": self.error_m,
+            "in": self.in_basket,
+            "message": self.message,
+        }
+
+
+@dataclass(frozen=True)
+class DemoSummary:
+    """A whole run. bag: its folder; demonstrations: how many were learned from; attempts: guided throws that they took.
+
+    wall_seconds: of the run, set-up of the graph included; real_time_factor: simulated over wall-clock time; layout: of the graph.
+    """
+
+    seed: int
+    bag: str
+    demonstrations: int
+    throws: tuple[ThrowResult, ...]
+    wall_seconds: float
+    real_time_factor: float
+    attempts: int | None = None
+    layout: str = ""
+
+    def __post_init__(self):
+        object.__setattr__(self, "bag", str(self.bag))
+        object.__setattr__(self, "throws", tuple(self.throws))
+        if self.seed < 0 or self.demonstrations < 0:
+            raise ValueError(f"seed {self.seed} and demonstrations {self.demonstrations} must not be negative")
+
+    @property
+    def thrown(self) -> int:
+        """Number of throws."""
+        return len(self.throws)
+
+    @property
+    def n_in(self) -> int:
+        """Number of throws that ended in the basket."""
+        return sum(throw.in_basket for throw in self.throws)
+
+    @property
+    def median_error_m(self) -> float | None:
+        """Median landing error of the throws that were seen to land; None if there are none."""
+        return error_quantile(self.throws, 0.5)
+
+    @property
+    def p90_error_m(self) -> float | None:
+        """90th percentile of the landing error of the throws that were seen to land; None if there are none."""
+        return error_quantile(self.throws, 0.9)
+
+    def to_json(self) -> dict:
+        """The run as a dictionary that strict JSON can hold: no NaN, no infinity."""
+        return {
+            "seed": int(self.seed),
+            "bag": self.bag,
+            "layout": self.layout,
+            "demonstrations": int(self.demonstrations),
+            "attempts": None if self.attempts is None else int(self.attempts),
+            "thrown": self.thrown,
+            "in": self.n_in,
+            "landings_seen": sum(throw.seen for throw in self.throws),
+            "median_error_m": self.median_error_m,
+            "p90_error_m": self.p90_error_m,
+            "wall_seconds": _number(self.wall_seconds),
+            "real_time_factor": _number(self.real_time_factor),
+            "throws": [throw.to_json() for throw in self.throws],
+        }
+
+
+def error_quantile(throws: Sequence[ThrowResult], share: float) -> float | None:
+    """Landing error [m] that a share of the throws whose landing was seen stays below; None if none was seen."""
+    errors = [throw.error_m for throw in throws if throw.seen]
+    return float(np.quantile(errors, share)) if errors else None
+
+
+def footer(throws: Sequence[ThrowResult]) -> str:
+    """The throws in a line: `in 10/10, median 1.1 cm, 90 % 2.0 cm`, and how many landings were seen if not all."""
+    throws = tuple(throws)
+    if not throws:
+        return "no throws"
+    parts, seen = [f"in {sum(throw.in_basket for throw in throws)}/{len(throws)}"], sum(throw.seen for throw in throws)
+    if seen:
+        parts += [f"median {_cm(error_quantile(throws, 0.5))} cm", f"90 % {_cm(error_quantile(throws, 0.9))} cm"]
+    if seen < len(throws):
+        parts.append(f"{seen or 'no'} landing{'s'[: seen != 1]} seen")
+    return ", ".join(parts)
+
+
+def table(summary: DemoSummary) -> str:
+    """The throws as aligned text: target, azimuth and distance of the basket, landing, error, in or out; ends with `footer`."""
+    units = ["throw", "target x", "y", "z [m]", "azimuth [deg]", "distance [m]", "landing x", "y [m]", "error [cm]", "", "note"]
+    rows = [units, *(_row(number, throw) for number, throw in enumerate(summary.throws, start=1))]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(units) - 1)]
+    lines = ["  ".join(cell.rjust(width) for cell, width in zip(row[:-1], widths, strict=True)) + f"  {row[-1]}" for row in rows]
+    return "\n".join([*(line.rstrip() for line in lines), footer(summary.throws)])
+
+
+def write_summary(summary: DemoSummary, folder: Path) -> Path:
+    """`summary.json` in a folder, which is made if need be; returns its path."""
+    path = Path(folder) / "summary.json"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(summary.to_json(), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    return path
+
+
+def _row(number: int, throw: ThrowResult) -> list[str]:
+    x, y, z = (f"{value:.3f}" for value in throw.target)
+    landing = [f"{value:.3f}" for value in throw.landing[:2]] if throw.seen else ["not seen", "-"]
+    note = " ".join(throw.message.split())
+    place = [f"{math.degrees(throw.azimuth):+.1f}", f"{throw.distance:.2f}"]
+    return [str(number), x, y, z, *place, *landing, _cm(throw.error_m), "in" if throw.in_basket else "out", note]
+
+
+def _cm(error: float | None) -> str:
+    return "-" if error is None else f"{100.0 * error:.1f}"
+
+
+def _point(name: str, value: Sequence[float] | None) -> tuple[float, float, float] | None:
+    """Three finite numbers, or None for None and for numbers that are not finite."""
+    if value is None:
+        return None
+    if np.shape(value) != (3,):
+        raise ValueError(f"{name} has shape {np.shape(value)}; it must be three numbers x, y, z in metres")
+    point = tuple(float(x) for x in value)
+    return point if all(map(math.isfinite, point)) else None
+
+
+def _number(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value)

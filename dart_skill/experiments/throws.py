@@ -1,0 +1,111 @@
+"""The main job many times over, in process: teach, learn, throw at new baskets, for several seeds and configurations.
+
+`dart-skill experiment throws` prints the table that README and docs/skill.md quote.
+"""
+
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from dart_skill.experiments.session import Session
+from dart_skill.experiments.targets import targets_for
+from dart_skill.robot.commander import PlanRefused
+from dart_skill.skill.configuration import configuration
+from dart_skill.skill.throwing import learn
+
+
+@dataclass(frozen=True)
+class Throw:
+    """One throw at a new basket: miss along and across the throw [m], nan if not seen or not thrown, and why."""
+
+    seed: int
+    configuration: str
+    target: tuple[float, float, float]
+    along: float
+    across: float
+    in_basket: bool
+    note: str
+
+
+def run_seed(seed: int, names: tuple[str, ...], demonstrations: int = 13, throws: int = 10) -> list[Throw]:
+    """All throws of one seed: one set of demonstrations, each configuration thrown at the same baskets."""
+    session = Session(seed)
+    to_demonstrate, to_throw = targets_for(seed, demonstrations, throws)
+    lessons = [session.teach(target)[-1] for target in to_demonstrate]
+    kept = [lesson.demonstration for lesson in lessons if lesson.outcome.in_basket]
+    skills = {name: learn(kept, configuration(name)) for name in names}
+    results = [_throw(session, seed, name, skill, target) for name, skill in skills.items() for target in to_throw]
+    session.close()
+    return results
+
+
+def _throw(session: Session, seed: int, name: str, skill, target: np.ndarray) -> Throw:
+    place = tuple(float(x) for x in target)
+    try:
+        trial = session.throw(skill.plan(target))
+    except (PlanRefused, ValueError) as error:
+        return Throw(seed, name, place, np.nan, np.nan, False, str(error))
+    direction = target[:2] / np.hypot(*target[:2])
+    miss = trial.outcome.landing[:2] - target[:2]
+    across = float(miss @ [-direction[1], direction[0]])
+    return Throw(seed, name, place, float(miss @ direction), across, trial.outcome.in_basket, trial.message)
+
+
+def run(seeds: list[int], names: tuple[str, ...], jobs: int = 1, demonstrations: int = 13, throws: int = 10) -> list[Throw]:
+    """All seeds, `jobs` processes at a time; a line on stderr after each seed when it is a terminal."""
+    results = []
+    one = partial(run_seed, names=names, demonstrations=demonstrations, throws=throws)
+    with ProcessPoolExecutor(jobs) as pool:
+        for done, part in enumerate(pool.map(one, seeds), start=1):
+            results += part
+            if sys.stderr.isatty():
+                print(f"\r{done}/{len(seeds)} seeds", end="", file=sys.stderr, flush=True)
+    return results
+
+
+def summarise(results: list[Throw]) -> list[dict]:
+    """One row per configuration: throws, in the basket, median and 90 % of the error, bias and spread along and across [cm]."""
+    rows = []
+    for name in dict.fromkeys(result.configuration for result in results):
+        part = [result for result in results if result.configuration == name]
+        miss = 100 * np.array([(r.along, r.across) for r in part])
+        error = np.linalg.norm(miss, axis=1)
+        seen = np.isfinite(error)
+        rows.append(
+            {
+                "configuration": name,
+                "throws": len(part),
+                "in": sum(r.in_basket for r in part),
+                "landing_seen": int(seen.sum()),
+                "median_cm": float(np.median(error[seen])) if seen.any() else None,
+                "p90_cm": float(np.percentile(error[seen], 90)) if seen.any() else None,
+                "worst_cm": float(error[seen].max()) if seen.any() else None,
+                "along_cm": [float(miss[seen, 0].mean()), float(miss[seen, 0].std())] if seen.any() else None,
+                "across_cm": [float(miss[seen, 1].mean()), float(miss[seen, 1].std())] if seen.any() else None,
+            }
+        )
+    return rows
+
+
+def table(results: list[Throw]) -> str:
+    """The rows of `summarise` as text, with the reasons of misses below."""
+    head = f"{'configuration':<16}{'in':>10}{'median':>9}{'90 %':>8}{'worst':>8}{'along':>15}{'across':>15}   [cm]"
+    lines = [head]
+    for row in summarise(results):
+        share = f"{row['in']}/{row['throws']}"
+        if row["median_cm"] is None:
+            lines.append(f"{row['configuration']:<16}{share:>10}   no landing was seen")
+            continue
+        spread = [f"{row[key][0]:+.1f} +- {row[key][1]:.1f}" for key in ("along_cm", "across_cm")]
+        numbers = "".join(f"{row[key]:>8.1f}" for key in ("median_cm", "p90_cm", "worst_cm"))
+        lines.append(f"{row['configuration']:<16}{share:>10} {numbers}{spread[0]:>15}{spread[1]:>15}")
+    misses = [r for r in results if not r.in_basket]
+    for r in misses[:20]:
+        why = r.note or f"{100 * r.along:+.1f} cm along, {100 * r.across:+.1f} cm across"
+        lines.append(f"  missed: {r.configuration}, seed {r.seed}, basket at {np.hypot(*r.target[:2]):.2f} m: {why}")
+    if len(misses) > 20:
+        lines.append(f"  and {len(misses) - 20} more")
+    return "\n".join(lines)

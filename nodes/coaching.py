@@ -1,0 +1,125 @@
+"""A client of the graph: teaches, learns and throws through actions and services, one call after the other."""
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+import rclpy
+from dart_skill_msgs.action import Teach, Throw
+from dart_skill_msgs.srv import Learn, Reset
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.action import ActionClient
+from std_srvs.srv import SetBool
+
+from dart_skill_nodes import conversions
+from dart_skill_nodes.support import make_executor
+
+
+class GraphFailure(RuntimeError):
+    """The graph did not do its job: a node died, is missing, or did not answer."""
+
+
+class Coach:
+    """Blocking calls for scripts and tests; `dead` tells of a process of the graph that has ended, empty if all run."""
+
+    def __init__(self, dead: Callable[[], str] = lambda: "", name: str = "coach", patience: float = 180.0):
+        self.node = rclpy.create_node(name)
+        self._executor, self._dead, self._patience = make_executor(), dead, patience
+        self._executor.add_node(self.node)
+        self._teach = ActionClient(self.node, Teach, "/teach")
+        self._throw = ActionClient(self.node, Throw, "/throw")
+        self._learn = self.node.create_client(Learn, "/skill_learner/learn")
+        self._reset = self.node.create_client(Reset, "/simulation/reset")
+        self._pause = self.node.create_client(SetBool, "/simulation/pause")
+        self.simulated_steps = 0
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
+
+    def close(self) -> None:
+        """Take the client's node off the graph."""
+        self.node.destroy_node()
+
+    def wait_until_ready(self, limit: float = 60.0, teacher: bool = True) -> None:
+        """Wait for every action and service; GraphFailure names what is silent."""
+        ready = {
+            "/throw": self._throw.server_is_ready,
+            "/skill_learner/learn": self._learn.service_is_ready,
+            "/simulation/reset": self._reset.service_is_ready,
+            "/simulation/pause": self._pause.service_is_ready,
+        }
+        if teacher:
+            ready["/teach"] = self._teach.server_is_ready
+        until = time.monotonic() + limit
+        while silent := [name for name, check in ready.items() if not check()]:
+            if time.monotonic() > until:
+                raise GraphFailure(f"nobody serves {', '.join(silent)} after {limit:.0f} s")
+            self.spin()
+
+    def teach(self, target: np.ndarray) -> Teach.Result:
+        """Guided throws at one basket until one goes in."""
+        handle = self._accepted(self._teach.send_goal_async(Teach.Goal(target=conversions.point(target))), "/teach")
+        result = self.wait(handle.get_result_async(), "the lesson").result
+        self.call(self._pause, SetBool.Request(data=True))
+        return result
+
+    def learn(self, bag: str = "", configuration: str = "") -> Learn.Response:
+        """Learn from the demonstrations heard, or from a bag; GraphFailure says why nothing was learned."""
+        return self.call(self._learn, Learn.Request(bag=bag, configuration=configuration))
+
+    def throw(self, target: np.ndarray) -> Throw.Result:
+        """One throw at a basket that is put there, from a world that is reset."""
+        result, _ = self.start_throw(target)
+        outcome = self.wait(result, "the throw").result
+        self.call(self._pause, SetBool.Request(data=True))
+        return outcome
+
+    def start_throw(self, target: np.ndarray):
+        """Future of the result of a throw that has begun, and the goal's handle.
+
+        The world is reset and held until the commander has its plan, so that a throw begins at the same step every time.
+        """
+        reset = Reset.Request(move_basket=True, basket=conversions.point(target), paused=True)
+        first = self.call(self._reset, reset)
+        phases = []
+        goal = Throw.Goal(target=conversions.point(target))
+        goal.header.frame_id, goal.header.stamp = "world", first.stamp
+        sent = self._throw.send_goal_async(goal, feedback_callback=lambda message: phases.append(message.feedback.phase))
+        handle = self._accepted(sent, "/throw")
+        result = handle.get_result_async()
+        while "armed" not in phases and not result.done():
+            self.spin()
+        self.call(self._pause, SetBool.Request(data=False))
+        return result, handle
+
+    def call(self, client, request):
+        """Response of a service; GraphFailure if it says no."""
+        response = self.wait(client.call_async(request), client.srv_name)
+        if not response.success:
+            raise GraphFailure(f"{client.srv_name}: {response.message}")
+        return response
+
+    def wait(self, future, what: str):
+        """Result of a future; GraphFailure when a process died or the patience is over."""
+        until = time.monotonic() + self._patience
+        while not future.done():
+            self.spin()
+            if time.monotonic() > until:
+                raise GraphFailure(f"{what} took longer than {self._patience:.0f} s")
+        return future.result()
+
+    def spin(self) -> None:
+        """Let messages come in for a moment."""
+        if dead := self._dead():
+            raise GraphFailure(dead)
+        self._executor.spin_once(timeout_sec=0.1)
+
+    def _accepted(self, sent, what: str):
+        handle = self.wait(sent, what)
+        if not handle.accepted:
+            raise GraphFailure(f"{what} refused the goal: another one is under way")
+        return handle
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name == "wam_simulator":
+                values = {pair.key: pair.value for pair in status.values}
+                self.simulated_steps = int(values.get("steps", self.simulated_steps))

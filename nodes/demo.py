@@ -1,0 +1,153 @@
+"""The main job over the real graph: a teacher shows throws, the skill is learned, the arm throws at baskets nobody demonstrated."""
+
+import argparse
+import json
+import sys
+import time
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+
+from dart_skill_nodes.graph import LAYOUTS, Graph, choose_domain
+
+choose_domain()
+
+import rclpy  # noqa: E402  the domain must be chosen before rclpy starts
+
+from dart_skill.experiments.report import DemoSummary, ThrowResult, table, write_report  # noqa: E402
+from dart_skill.experiments.targets import REGION, targets_for  # noqa: E402
+from dart_skill.simulation.plant import PlantSettings  # noqa: E402
+from dart_skill_nodes import conversions  # noqa: E402
+from dart_skill_nodes.coaching import Coach, GraphFailure  # noqa: E402
+
+
+def parse(arguments: list[str] | None) -> argparse.Namespace:
+    """Command line of the demo."""
+    parser = argparse.ArgumentParser(prog="dart-skill demo", description=__doc__)
+    parser.add_argument("--seed", type=int, default=0, help="everything random comes from it (default 0)")
+    parser.add_argument("--demonstrations", type=int, default=13, help="throws to be shown (default 13)")
+    parser.add_argument("--throws", type=int, default=10, help="new baskets to throw at (default 10)")
+    parser.add_argument("--output", type=Path, help="folder for bag, summary and pictures (default output/demo_<date>)")
+    parser.add_argument("--json", action="store_true", help="summary.json on stdout instead of the table")
+    parser.add_argument("--layout", choices=sorted(LAYOUTS), default="composed", help="processes of the graph (default composed)")
+    parser.add_argument("--configuration", default="", help="of the skill (default: that of config/skill_learner.yaml)")
+    options = parser.parse_args(arguments)
+    for name, least in (("seed", 0), ("demonstrations", 2), ("throws", 1)):
+        if getattr(options, name) < least:
+            parser.error(f"--{name} is {getattr(options, name)}; it must be at least {least}")
+    options.output = (options.output or Path("output") / f"demo_{datetime.now():%Y_%m_%d-%H_%M_%S}").resolve()
+    if (options.output / "bag").exists():
+        parser.error(f"--output {options.output} holds a bag already: choose another folder")
+    return options
+
+
+def say(text: str) -> None:
+    """A line of progress."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def place(target: np.ndarray) -> str:
+    """A basket in words."""
+    azimuth = np.rad2deg(np.arctan2(target[1], target[0]))
+    return f"basket at {np.hypot(target[0], target[1]):.2f} m, {azimuth:+.0f} degrees"
+
+
+def teach(coach: Coach, seed: int, wanted: int) -> int:
+    """Lessons until `wanted` throws were demonstrated, at new baskets for those that failed; how many throws it took."""
+    shown = attempts = 0
+    targets = targets_for(seed, wanted, 0)[0]
+    spare = iter(REGION.spread(wanted, np.random.default_rng([seed, 3])))
+    for lesson in range(2 * wanted):
+        target = targets[lesson] if lesson < wanted else next(spare)
+        result = coach.teach(target)
+        attempts += result.attempts
+        shown += bool(result.success)
+        how = f"in after {result.attempts}" if result.success else f"given up: {result.message}"
+        say(f"demonstration {shown}/{wanted}: {place(target)}: {how}")
+        if shown == wanted and lesson >= wanted - 1:
+            return attempts
+    raise GraphFailure(f"only {shown} of {wanted} demonstrations succeeded")
+
+
+def throw_all(coach: Coach, targets: np.ndarray) -> list[ThrowResult]:
+    """One throw at each basket."""
+    results = []
+    for k, target in enumerate(targets, start=1):
+        result = coach.throw(target)
+        outcome = result.outcome
+        seen = bool(outcome.landing_seen)
+        results.append(
+            ThrowResult(
+                target=tuple(float(x) for x in target),
+                landing=tuple(conversions.vector(outcome.landing).tolist()) if seen else None,
+                error_m=float(outcome.landing_error) if seen else None,
+                in_basket=bool(outcome.in_basket),
+                message="" if result.code == 1 else result.message,
+            )
+        )
+        error = f"{100 * outcome.landing_error:.1f} cm" if seen else "landing not seen"
+        say(f"throw {k}/{len(targets)}: {place(target)}: {'in' if outcome.in_basket else 'out'}, {error} {results[-1].message}")
+    return results
+
+
+def run(options: argparse.Namespace) -> tuple[DemoSummary, list]:
+    """The whole job on a graph of its own; the summary, and the plans that were thrown."""
+    bag = options.output / "bag"
+    begun = time.monotonic()
+    with Graph(options.output / "logs") as graph:
+        say(f"seed {options.seed}; starting {', '.join(LAYOUTS[options.layout])}")
+        graph.start_all(options.layout, options.seed, bag)
+        coach = Coach(graph.dead)
+        coach.wait_until_ready()
+        ready, steps = time.monotonic(), coach.simulated_steps
+        attempts = teach(coach, options.seed, options.demonstrations)
+        learned = coach.learn(configuration=options.configuration)
+        say(learned.message)
+        results = throw_all(coach, targets_for(options.seed, options.demonstrations, options.throws)[1])
+        worked = time.monotonic() - ready
+        before = coach.simulated_steps
+        until = time.monotonic() + 3.0
+        while coach.simulated_steps == before and time.monotonic() < until:
+            coach.spin()  # the last count comes with the next diagnostics
+        simulated = (coach.simulated_steps - steps) * PlantSettings().step
+        coach.close()
+    summary = DemoSummary(
+        seed=options.seed,
+        bag=str(bag),
+        demonstrations=options.demonstrations,
+        attempts=attempts,
+        throws=tuple(results),
+        wall_seconds=time.monotonic() - begun,
+        real_time_factor=simulated / worked,
+        layout=options.layout,
+    )
+    return summary, bag
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point; returns the exit status."""
+    options = parse(arguments)
+    options.output.mkdir(parents=True, exist_ok=True)
+    rclpy.init(args=[])
+    try:
+        summary, bag = run(options)
+    except (GraphFailure, ValueError, OSError) as error:
+        say(f"the demo failed: {error}")
+        say(f"logs: {options.output / 'logs'}")
+        return 1
+    except KeyboardInterrupt:
+        say("stopped")
+        return 1
+    finally:
+        rclpy.try_shutdown()
+    written = write_report(summary, bag, options.output)
+    print(json.dumps(summary.to_json(), indent=1) if options.json else table(summary))
+    if not options.json:
+        print(f"\nbag, summary.json and pictures: {options.output}")
+        print("look at: " + ", ".join(path.name for path in written if path.suffix == ".png"))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,102 @@
+"""The node graph as processes: what runs, with which parameters, and how it is started, watched and ended.
+
+`layout` "composed" puts simulator, cameras, commander and recorder into one process, "processes" gives every node its own.
+"""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+
+LAYOUTS = {
+    "composed": ("composed", "teacher", "skill_learner"),
+    "processes": ("wam_simulator", "mock_optitrack", "commander", "demonstration_recorder", "teacher", "skill_learner"),
+}
+SEEDED = ("composed", "wam_simulator", "mock_optitrack", "demonstration_recorder", "teacher")
+
+
+def choose_domain() -> None:
+    """Set ROS to this machine alone, and to a domain that nobody uses, unless the user chose one. Call before rclpy starts."""
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    if "ROS_DOMAIN_ID" in os.environ:
+        return
+    first = os.getpid() % 100
+    for domain in (1 + (first + k) % 100 for k in range(100)):
+        if _free(7400 + 250 * domain):
+            os.environ["ROS_DOMAIN_ID"] = str(domain)
+            return
+    raise RuntimeError("no free ROS domain between 1 and 100: set ROS_DOMAIN_ID")
+
+
+def _free(port: int) -> bool:
+    """Whether nobody listens on a domain's discovery port, or on the first ports of its participants."""
+    for offset in (0, 10, 11):
+        with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as probe:
+            try:
+                probe.bind(("127.0.0.1", port + offset))
+            except OSError:
+                return False
+    return True
+
+
+@dataclass
+class Graph:
+    """Running nodes, each a process with its log in `logs`; a context manager that leaves no process behind."""
+
+    logs: Path
+    processes: dict[str, subprocess.Popen] = field(default_factory=dict)
+
+    def start(self, executable: str, parameters: dict | None = None) -> None:
+        """Start an executable of this package; parameters go on its command line."""
+        arguments = [f"{name}:={_text(value)}" for name, value in (parameters or {}).items()]
+        command = [sys.executable, "-m", f"dart_skill_nodes.{executable}"]
+        if arguments:
+            command += ["--ros-args", *(part for argument in arguments for part in ("-p", argument))]
+        self.logs.mkdir(parents=True, exist_ok=True)
+        with open(self.logs / f"{executable}.log", "ab") as log:
+            self.processes[executable] = subprocess.Popen(command, stdout=log, stderr=log, stdin=subprocess.DEVNULL)
+
+    def start_all(self, layout: str, seed: int, bag: Path, extra: dict[str, dict] | None = None) -> None:
+        """Start a whole layout with one seed and the bag to record to."""
+        for executable in LAYOUTS[layout]:
+            parameters = {"seed": seed} if executable in SEEDED else {}
+            if executable in ("composed", "demonstration_recorder"):
+                parameters["bag"] = str(bag)
+            self.start(executable, {**parameters, **(extra or {}).get(executable, {})})
+
+    def dead(self) -> str:
+        """What to say about a process that has ended by itself, with the end of its log; empty if all run."""
+        for name, process in self.processes.items():
+            if process.poll() is not None:
+                tail = (self.logs / f"{name}.log").read_text(encoding="utf-8", errors="replace").splitlines()[-8:]
+                return f"{name} ended with status {process.returncode}:\n  " + "\n  ".join(tail)
+        return ""
+
+    def stop(self, patience: float = 15.0) -> None:
+        """End every process in order: SIGINT, so that bags are closed; SIGKILL for what does not listen."""
+        for process in self.processes.values():
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+        until = time.monotonic() + patience
+        for process in self.processes.values():
+            try:
+                process.wait(max(0.1, until - time.monotonic()))
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+        self.processes.clear()
+
+    def __enter__(self) -> "Graph":
+        return self
+
+    def __exit__(self, *_) -> None:
+        self.stop()
+
+
+def _text(value) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)

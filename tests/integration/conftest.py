@@ -1,0 +1,44 @@
+"""The real nodes as processes over real DDS, on a ROS domain of this test run's own (tests/conftest.py)."""
+
+import pytest
+import rclpy
+
+from dart_skill_nodes.coaching import Coach
+from dart_skill_nodes.graph import Graph
+
+
+@pytest.fixture(scope="module")
+def ros():
+    rclpy.init()
+    yield
+    rclpy.try_shutdown()
+
+
+@pytest.fixture
+def make_graph(ros, tmp_path):
+    """Starts layouts of the graph with a coach for each; everything is ended after the test."""
+    started = []
+
+    def make(layout="composed", seed=0, extra=None, ready=True):
+        graph = Graph(tmp_path / f"logs_{len(started)}")
+        coach = Coach(graph.dead, name=f"coach_{len(started)}")
+        started.append((graph, coach))
+        graph.start_all(layout, seed, tmp_path / f"bag_{len(started)}", extra)
+        if ready:
+            coach.wait_until_ready()
+        return graph, coach
+
+    yield make
+    for graph, coach in started:
+        coach.close()
+        graph.stop()
+
+
+def wait_for(coach, condition, limit=60.0, what="the condition"):
+    """Spin until the condition holds; the test fails with its name when it never does."""
+    import time
+
+    until = time.monotonic() + limit
+    while not condition():
+        assert time.monotonic() < until, f"{what} did not come true in {limit:.0f} s"
+        coach.spin()

@@ -1,0 +1,214 @@
+"""What goes wrong in a graph is stopped and said: a dead learner, a cancelled throw, nonsense on a topic, an unreachable basket."""
+
+import time
+
+import numpy as np
+import pytest
+from dart_skill_msgs.msg import SimulationState, WamCommand
+from dart_skill_msgs.srv import PlaceBasket, Reset, Step
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Point
+from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool, Trigger
+
+from dart_skill.experiments.targets import targets_for
+from dart_skill_nodes import conversions
+from dart_skill_nodes.support import LOOP
+
+from .conftest import wait_for
+
+SLOW = {"composed": {"speed_factor": 0.4}}
+SHOWN, TARGETS = targets_for(0, 2, 2)
+
+
+class Joints:
+    """The newest joint state."""
+
+    def __init__(self, coach):
+        self.message, self.count = None, 0
+        coach.node.create_subscription(JointState, "/joint_states", self._take, LOOP)
+
+    def _take(self, message):
+        self.message, self.count = message, self.count + 1
+
+    @property
+    def fastest(self):
+        return np.abs(self.message.velocity).max()
+
+
+class Diagnoses:
+    """The last message of every node on /diagnostics."""
+
+    def __init__(self, coach):
+        self.of = {}
+        coach.node.create_subscription(DiagnosticArray, "/diagnostics", self._take, 50)
+
+    def _take(self, message):
+        self.of.update({status.name: status.message for status in message.status})
+
+
+def _taught(make_graph, extra=None):
+    graph, coach = make_graph("composed", 0, extra)
+    for target in SHOWN:
+        assert coach.teach(target).success
+    coach.learn()
+    return graph, coach
+
+
+def _begin_throw(coach, joints):
+    """A throw that is under way: the arm moves."""
+    result, handle = coach.start_throw(_between())
+    wait_for(coach, lambda: joints.message is not None and joints.fastest > 0.3, what="the arm moves")
+    return result, handle
+
+
+def _between():
+    return (SHOWN[0] + SHOWN[1]) / 2
+
+
+def test_a_learner_that_dies_during_a_throw_stops_the_arm_and_is_named(make_graph):
+    graph, coach = _taught(make_graph, SLOW)
+    joints = Joints(coach)
+    result, _ = _begin_throw(coach, joints)
+    learner = graph.processes.pop("skill_learner")
+    learner.kill()
+    learner.wait()
+    outcome = coach.wait(result, "the throw").result
+    assert outcome.code == 3, outcome.message
+    assert "skill_learner" in outcome.message
+    wait_for(coach, lambda: joints.fastest < 0.05, what="the arm comes to rest")
+
+
+def test_a_cancelled_throw_stops_the_arm(make_graph):
+    _, coach = _taught(make_graph, SLOW)
+    joints = Joints(coach)
+    result, handle = _begin_throw(coach, joints)
+    coach.wait(handle.cancel_goal_async(), "the cancellation")
+    response = coach.wait(result, "the throw")
+    assert response.status == 5, "GoalStatus.STATUS_CANCELED"
+    assert response.result.message == "cancelled"
+    wait_for(coach, lambda: joints.fastest < 0.05, what="the arm comes to rest")
+
+
+def test_throws_that_cannot_be_are_refused_with_a_reason(make_graph):
+    _, coach = make_graph("composed", 0)
+    refused = coach.throw(TARGETS[0])
+    assert refused.code == 2 and "nothing is learned" in refused.message
+    for target in SHOWN:
+        assert coach.teach(target).success
+    coach.learn()
+    far = coach.throw(np.array([6.0, 0.0, 0.4]))
+    assert far.code == 2 and "6.00 m" in far.message
+    behind = coach.throw(np.array([-2.0, 0.1, 0.4]))
+    assert behind.code == 2 and "degrees" in behind.message
+
+
+@pytest.fixture
+def simulator(make_graph):
+    """The simulator alone: this test plays the commander."""
+    graph, coach = make_graph("composed", ready=False, extra={})
+    graph.stop()
+    graph.start("wam_simulator", {"answer_timeout": 0.5})
+    state = Joints(coach)
+    command = coach.node.create_publisher(WamCommand, "/wam/command", LOOP)
+    wait_for(coach, lambda: state.message is not None and command.get_subscription_count(), what="the first state")
+    return coach, state, command
+
+
+def _answer(coach, state, command, **fields):
+    message = WamCommand(**fields)
+    message.header.stamp, message.header.frame_id = state.message.header.stamp, "world"
+    command.publish(message)
+
+
+def _stamp(state):
+    return conversions.stamp_ns(state.message.header.stamp)
+
+
+def test_lockstep_waits_for_the_answer_and_names_who_is_silent(simulator):
+    coach, state, command = simulator
+    said = Diagnoses(coach)
+    before = _stamp(state)
+    wait_for(coach, lambda: "commander" in said.of.get("wam_simulator", ""), what="the simulator says who is silent")
+    assert _stamp(state) == before, "time stood still"
+    _answer(coach, state, command)
+    wait_for(coach, lambda: _stamp(state) == before + 2_000_000, what="the next state")
+
+
+def test_nonsense_on_the_command_topic_moves_nothing(simulator):
+    coach, state, command = simulator
+    said, before = Diagnoses(coach), _stamp(state)
+    _answer(coach, state, command, joint_torque=np.full(7, np.nan))
+    wait_for(coach, lambda: "finite" in said.of.get("wam_simulator", ""), what="NaN is named")
+    message = WamCommand()
+    message.header.stamp, message.header.frame_id = state.message.header.stamp, "moon"
+    command.publish(message)
+    wait_for(coach, lambda: "moon" in said.of.get("wam_simulator", ""), what="the wrong frame is named")
+    assert _stamp(state) == before
+    assert np.isfinite(state.message.position).all()
+
+
+def test_pause_step_and_reset(simulator):
+    coach, state, command = simulator
+    pause = coach.node.create_client(SetBool, "/simulation/pause")
+    step = coach.node.create_client(Step, "/simulation/step")
+    reset = coach.node.create_client(Reset, "/simulation/reset")
+    wait_for(coach, lambda: all(c.service_is_ready() for c in (pause, step, reset)), what="the services")
+    coach.call(pause, SetBool.Request(data=True))
+    first = _stamp(state)
+    answered = set()
+
+    def keep_answering():
+        if _stamp(state) not in answered:
+            answered.add(_stamp(state))
+            _answer(coach, state, command)
+        return False
+
+    for _ in range(3):
+        keep_answering()
+        coach.spin()
+    assert _stamp(state) == first, "paused"
+    ends = conversions.stamp_ns(coach.call(step, Step.Request(steps=7)).stamp)
+    wait_for(coach, lambda: keep_answering() or _stamp(state) == ends, what="seven steps")
+    assert ends == first + 7 * 2_000_000
+    again = coach.call(reset, Reset.Request(paused=True))
+    assert conversions.stamp_ns(again.stamp) == ends + 1_000_000_000, "time goes on over a reset"
+
+
+def test_the_basket_is_placed_and_the_hand_obeys_its_services(simulator):
+    coach, state, command = simulator
+    truth = []
+    coach.node.create_subscription(SimulationState, "/simulation/state", truth.append, 10)
+    basket = coach.node.create_client(PlaceBasket, "/simulation/place_basket")
+    opener = coach.node.create_client(Trigger, "/bhand/open_grasp")
+    wait_for(coach, lambda: basket.service_is_ready() and opener.service_is_ready(), what="the services")
+    coach.call(basket, PlaceBasket.Request(position=Point(x=1.8, y=0.3, z=0.4)))
+    coach.call(opener, Trigger.Request())
+    answered = set()
+
+    def let_go():
+        if _stamp(state) not in answered:
+            answered.add(_stamp(state))
+            _answer(coach, state, command)
+        return truth and truth[-1].ball_state == SimulationState.BALL_FREE
+
+    wait_for(coach, let_go, what="the hand lets go")
+    assert truth[-1].basket.position == Point(x=1.8, y=0.3, z=0.4)
+    assert truth[-1].step * 0.002 > 0.01, "the hand takes time to open"
+
+
+def test_in_real_time_a_silent_commander_brakes_the_arm(make_graph):
+    graph, coach = make_graph("composed", ready=False)
+    graph.stop()
+    graph.start("wam_simulator", {"lockstep": False})
+    state, said = Joints(coach), Diagnoses(coach)
+    command = coach.node.create_publisher(WamCommand, "/wam/command", LOOP)
+    wait_for(coach, lambda: state.count > 10 and command.get_subscription_count(), what="states without any answer: real time")
+    push = np.array([0, 30.0, 0, 0, 0, 0, 0])
+    until = time.monotonic() + 20.0
+    while state.fastest < 0.3:
+        assert time.monotonic() < until, f"the arm never moved faster than {state.fastest:.2f} rad/s"
+        _answer(coach, state, command, joint_torque=push)
+        coach.spin()
+    wait_for(coach, lambda: state.fastest < 0.05, what="the arm is braked")
+    wait_for(coach, lambda: "braked" in said.of.get("wam_simulator", ""), what="the simulator says so")

@@ -1,0 +1,124 @@
+"""Teach, record, learn, throw over DDS; the same in process, beside a busy machine, and from the bag alone."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from dart_skill_msgs.srv import Learn, PlanThrow
+
+from dart_skill.experiments.session import Session
+from dart_skill.experiments.targets import targets_for
+from dart_skill.recording import BagReader, read_demonstrations
+from dart_skill.robot.throw_plan import same_plan
+from dart_skill.skill.throwing import learn
+from dart_skill_nodes import conversions
+from dart_skill_nodes.coaching import Coach
+from dart_skill_nodes.graph import Graph
+
+SEED, SHOWN = 0, 3
+TO_DEMONSTRATE, TO_THROW = targets_for(SEED, SHOWN, 2)
+
+
+@pytest.fixture(scope="module")
+def in_process():
+    """The job in one process without ROS: landing points of lessons and throws, and the plan for the first basket."""
+    session = Session(SEED)
+    lessons = [session.teach(target) for target in TO_DEMONSTRATE]
+    skill = learn([lesson[-1].demonstration for lesson in lessons])
+    plans = [skill.plan(target) for target in TO_THROW]
+    throws = [session.throw(plan).outcome for plan in plans]
+    session.close()
+    return {
+        "lessons": [lesson[-1].outcome.landing for lesson in lessons],
+        "model_id": skill.model_id,
+        "plan": plans[0],
+        "landings": [outcome.landing for outcome in throws],
+        "errors": [outcome.landing_error for outcome in throws],
+    }
+
+
+@pytest.fixture(scope="module")
+def over_dds(ros, tmp_path_factory):
+    """The same job with every node a process of its own."""
+    folder = tmp_path_factory.mktemp("over_dds")
+    with Graph(folder / "logs") as graph:
+        coach = Coach(graph.dead, name="coach_over_dds")
+        graph.start_all("processes", SEED, folder / "bag")
+        coach.wait_until_ready()
+        done = _job(coach)
+        coach.close()
+    return {**done, "bag": folder / "bag"}
+
+
+def _job(coach, throws=2):
+    lessons = [coach.teach(target) for target in TO_DEMONSTRATE]
+    learned = coach.learn()
+    results = [coach.throw(target) for target in TO_THROW[:throws]]
+    return {"lessons": lessons, "learned": learned, "throws": results}
+
+
+def test_every_lesson_and_every_throw_succeeds(over_dds):
+    assert [lesson.success for lesson in over_dds["lessons"]] == [True] * SHOWN
+    assert over_dds["learned"].demonstrations == SHOWN
+    for result in over_dds["throws"]:
+        assert result.code == 1, result.message
+        assert result.outcome.landing_seen
+        assert result.outcome.landing_error < 0.25, f"{SHOWN} demonstrations: {result.outcome.landing_error:.3f} m"
+
+
+def test_the_graph_over_dds_is_the_session_in_process_bit_for_bit(over_dds, in_process):
+    lessons = [conversions.vector(lesson.outcome.landing) for lesson in over_dds["lessons"]]
+    np.testing.assert_array_equal(lessons, in_process["lessons"])
+    assert over_dds["learned"].model_id == in_process["model_id"]
+    assert same_plan(conversions.plan(over_dds["throws"][0].plan), in_process["plan"])
+    landings = [conversions.vector(result.outcome.landing) for result in over_dds["throws"]]
+    np.testing.assert_array_equal(landings, in_process["landings"])
+
+
+def test_a_busy_machine_changes_no_bit(make_graph, in_process):
+    busy = subprocess.Popen([sys.executable, "-c", "while True: sum(range(10**6))"])
+    try:
+        _, coach = make_graph("composed", SEED)
+        done = _job(coach)
+    finally:
+        busy.kill()
+        busy.wait()
+    landings = [conversions.vector(result.outcome.landing) for result in done["throws"]]
+    np.testing.assert_array_equal(landings, in_process["landings"])
+
+
+def test_the_bag_alone_gives_the_same_plan_in_a_fresh_process(over_dds, ros, tmp_path):
+    with Graph(tmp_path / "logs") as graph:
+        coach = Coach(graph.dead, name="coach_of_the_bag")
+        graph.start("skill_learner")
+        learner = coach.node.create_client(Learn, "/skill_learner/learn")
+        planner = coach.node.create_client(PlanThrow, "/skill_learner/plan_throw")
+        while not (learner.service_is_ready() and planner.service_is_ready()):
+            coach.spin()
+        learned = coach.call(learner, Learn.Request(bag=str(over_dds["bag"])))
+        request = PlanThrow.Request(target=conversions.point(TO_THROW[0]))
+        request.header.frame_id = "world"
+        planned = coach.call(planner, request)
+        coach.close()
+    assert learned.model_id == over_dds["learned"].model_id
+    assert planned.plan == over_dds["throws"][0].plan
+
+
+def test_the_bag_holds_what_the_sensors_saw_and_opens_without_ros(over_dds):
+    assert len(read_demonstrations(over_dds["bag"])) == SHOWN
+    with BagReader(over_dds["bag"]) as bag:
+        topics = bag.topics
+        assert topics["/vrpn_mocap/hand/pose"].type_name == "geometry_msgs/msg/PoseStamped"
+        states = [m.data.header.stamp for m in bag.messages(["/joint_states"])]
+    stamps = np.array([s.sec * 10**9 + s.nanosec for s in states])
+    gaps = np.diff(stamps[stamps > 0])
+    assert (gaps >= 0).all(), "joint states are recorded in order"
+    resets = (gaps > 500_000_000).sum()
+    assert resets >= SHOWN, f"{resets} resets in the bag"
+    assert np.isin(gaps, [0, 2_000_000]).sum() + resets == len(gaps), "a joint state was lost on the way to the bag"
+
+
+def test_the_bag_names_its_seed(over_dds):
+    with BagReader(over_dds["bag"]) as bag:
+        assert bag.custom_data["seed"] == str(SEED)
