@@ -36,6 +36,11 @@ def _parser() -> argparse.ArgumentParser:
     throws.add_argument("--jobs", type=int, default=1, help="processes at a time (default 1)")
     throws.add_argument("--json", action="store_true", help="every throw as JSON instead of the table")
     throws.set_defaults(run=_experiment_throws)
+    again = experiments.add_parser("repeatability", help="one plan thrown again and again: the floor of the error")
+    again.add_argument("--seed", type=int, default=0)
+    again.add_argument("--throws", type=int, default=25, help="of each plan (default 25)")
+    again.add_argument("--json", action="store_true", help="JSON instead of the table")
+    again.set_defaults(run=_experiment_repeatability)
     return parser
 
 
@@ -66,6 +71,14 @@ def _experiment_throws(options: argparse.Namespace) -> int:
         print(json.dumps({"summary": throws.summarise(results), "throws": rows}, indent=1))
     else:
         print(throws.table(results))
+    return 0
+
+
+def _experiment_repeatability(options: argparse.Namespace) -> int:
+    from dart_skill.experiments import throws
+
+    rows = throws.repeatability(options.seed, [1.6, 2.0, 2.4], options.throws)
+    print(json.dumps(rows, indent=1) if options.json else throws.repeatability_table(rows))
     return 0
 
 

@@ -141,16 +141,21 @@ def footer(throws: Sequence[ThrowResult]) -> str:
     if seen:
         parts += [f"median {_cm(error_quantile(throws, 0.5))} cm", f"90 % {_cm(error_quantile(throws, 0.9))} cm"]
     if seen < len(throws):
-        parts.append(f"{seen or 'no'} landing{'s'[: seen != 1]} seen")
+        parts.append(f"landing seen {seen}/{len(throws)}")
     return ", ".join(parts)
 
 
 def table(summary: DemoSummary) -> str:
-    """The throws as aligned text: target, azimuth and distance of the basket, landing, error, in or out; ends with `footer`."""
-    units = ["throw", "target x", "y", "z [m]", "azimuth [deg]", "distance [m]", "landing x", "y [m]", "error [cm]", "", "note"]
-    rows = [units, *(_row(number, throw) for number, throw in enumerate(summary.throws, start=1))]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(units) - 1)]
-    lines = ["  ".join(cell.rjust(width) for cell, width in zip(row[:-1], widths, strict=True)) + f"  {row[-1]}" for row in rows]
+    """The throws as aligned text: target, azimuth and distance of the basket, landing, error, in or out; ends with `footer`.
+
+    The notes come last, where there are any.
+    """
+    head = ["throw", "target x", "y", "z [m]", "azimuth [deg]", "distance [m]", "landing x", "y [m]", "error [cm]", "result"]
+    rows = [head, *(_row(number, throw) for number, throw in enumerate(summary.throws, start=1))]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    notes = ["note" if any(throw.message for throw in summary.throws) else ""]
+    notes += [" ".join(throw.message.split()) for throw in summary.throws]
+    lines = ["  ".join(map(str.rjust, row, widths)) + f"  {note}" for row, note in zip(rows, notes, strict=True)]
     return "\n".join([*(line.rstrip() for line in lines), footer(summary.throws)])
 
 
@@ -163,11 +168,10 @@ def write_summary(summary: DemoSummary, folder: Path) -> Path:
 
 
 def _row(number: int, throw: ThrowResult) -> list[str]:
-    x, y, z = (f"{value:.3f}" for value in throw.target)
-    landing = [f"{value:.3f}" for value in throw.landing[:2]] if throw.seen else ["not seen", "-"]
-    note = " ".join(throw.message.split())
+    target = [f"{value:.3f}" for value in throw.target]
     place = [f"{math.degrees(throw.azimuth):+.1f}", f"{throw.distance:.2f}"]
-    return [str(number), x, y, z, *place, *landing, _cm(throw.error_m), "in" if throw.in_basket else "out", note]
+    landing = [f"{value:.3f}" for value in throw.landing[:2]] if throw.seen else ["not seen", "-"]
+    return [str(number), *target, *place, *landing, _cm(throw.error_m), "in" if throw.in_basket else "out"]
 
 
 def _cm(error: float | None) -> str:

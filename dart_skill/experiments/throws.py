@@ -3,15 +3,15 @@
 `dart-skill experiment throws` prints the table that README and docs/skill.md quote.
 """
 
-import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from tqdm import tqdm
 
 from dart_skill.experiments.session import Session
-from dart_skill.experiments.targets import targets_for
+from dart_skill.experiments.targets import REGION, targets_for
 from dart_skill.robot.commander import PlanRefused
 from dart_skill.skill.configuration import configuration
 from dart_skill.skill.throwing import learn
@@ -55,14 +55,12 @@ def _throw(session: Session, seed: int, name: str, skill, target: np.ndarray) ->
 
 
 def run(seeds: list[int], names: tuple[str, ...], jobs: int = 1, demonstrations: int = 13, throws: int = 10) -> list[Throw]:
-    """All seeds, `jobs` processes at a time; a line on stderr after each seed when it is a terminal."""
+    """All seeds, `jobs` processes at a time; a progress bar on stderr when it is a terminal."""
     results = []
     one = partial(run_seed, names=names, demonstrations=demonstrations, throws=throws)
     with ProcessPoolExecutor(jobs) as pool:
-        for done, part in enumerate(pool.map(one, seeds), start=1):
+        for part in tqdm(pool.map(one, seeds), total=len(seeds), unit="seed", disable=None):
             results += part
-            if sys.stderr.isatty():
-                print(f"\r{done}/{len(seeds)} seeds", end="", file=sys.stderr, flush=True)
     return results
 
 
@@ -108,4 +106,31 @@ def table(results: list[Throw]) -> str:
         lines.append(f"  missed: {r.configuration}, seed {r.seed}, basket at {np.hypot(*r.target[:2]):.2f} m: {why}")
     if len(misses) > 20:
         lines.append(f"  and {len(misses) - 20} more")
+    return "\n".join(lines)
+
+
+def repeatability(seed: int, distances: list[float], throws: int, demonstrations: int = 13) -> list[dict]:
+    """One plan thrown again and again, straight ahead: what of the error is the hand's, not the plan's.
+
+    Per distance: mean and standard deviation of the landing along and across [cm].
+    """
+    session = Session(seed)
+    lessons = [session.teach(target)[-1] for target in targets_for(seed, demonstrations, 0)[0]]
+    skill = learn([lesson.demonstration for lesson in lessons if lesson.outcome.in_basket])
+    rows = []
+    for distance in distances:
+        target = np.array([distance, 0.0, REGION.rim])
+        plan = skill.plan(target)
+        miss = 100 * np.array([session.throw(plan).outcome.landing[:2] - target[:2] for _ in range(throws)])
+        rows.append({"distance_m": distance, "throws": throws, "mean_cm": miss.mean(0).tolist(), "sd_cm": miss.std(0).tolist()})
+    session.close()
+    return rows
+
+
+def repeatability_table(rows: list[dict]) -> str:
+    """The rows of `repeatability` as text."""
+    lines = [f"{'distance [m]':>12}{'throws':>8}{'along [cm]':>16}{'across [cm]':>16}"]
+    for row in rows:
+        along, across = (f"{m:+.2f} +- {s:.2f}" for m, s in zip(row["mean_cm"], row["sd_cm"], strict=True))
+        lines.append(f"{row['distance_m']:>12.2f}{row['throws']:>8}{along:>16}{across:>16}")
     return "\n".join(lines)

@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from dart_skill.robot.description import WamDescription
+from dart_skill.robot.description import N_JOINTS, WamDescription
 
 STICTION_SPEED = 1e-3
 """Joint speed [rad/s] below which Coulomb friction falls linearly to zero: a stuck joint creeps at most this fast."""
+DIAGONAL = np.diag_indices(N_JOINTS)
 
 
 class Actuation:
@@ -45,5 +46,7 @@ class Actuation:
         reached = velocity
         for _ in range(2):
             damping = self.viscous + self.coulomb / np.maximum(np.abs(reached), STICTION_SPEED)
-            reached = np.linalg.solve(inertia + np.diag(step * damping), momentum)
+            damped = inertia.copy()
+            damped[DIAGONAL] += step * damping
+            reached = np.linalg.solve(damped, momentum)
         return (reached - velocity) / step

@@ -13,6 +13,9 @@ import pinocchio as pin
 from dart_skill.robot.description import N_JOINTS, WamDescription, wam_description
 
 
+BELOW = np.tri(N_JOINTS, k=-1, dtype=bool)
+
+
 @dataclass(frozen=True)
 class HandState:
     """Pose and velocity of the hand frame in world axes: position (3,), rotation (3, 3), linear and angular velocity (3,)."""
@@ -64,8 +67,8 @@ class ArmModel:
 
     def mass_matrix(self, q: np.ndarray, rotors: bool = True) -> np.ndarray:
         """Joint-space inertia (7, 7) [kg m^2], with the rotors' reflected inertia unless told otherwise."""
-        inertia = pin.crba(self._model, self._data, q)
-        inertia = np.triu(inertia) + np.triu(inertia, 1).T
+        upper = pin.crba(self._model, self._data, q)
+        inertia = np.where(BELOW, upper.T, upper)  # Pinocchio fills the upper triangle only
         return inertia + self._reflected if rotors else inertia
 
     def gravity_torque(self, q: np.ndarray) -> np.ndarray:

@@ -40,10 +40,9 @@ class HandPath:
             value = np.asarray(getattr(self, name), dtype=float)
             if value.shape != shape or not np.isfinite(value).all():
                 raise ValueError(f"path.{name} has shape {value.shape} or is not finite; it must be {shape} for {n} instants")
-        if n < 2 or (np.diff(self.time) <= 0).any():
-            raise ValueError("path.time must hold at least two increasing instants")
-        if np.abs(np.linalg.norm(self.quaternion, axis=1) - 1.0).max() > 1e-3:
-            raise ValueError("path.quaternion holds a quaternion that is not of unit length: normalise it")
+        if n < 2 or abs(self.time[0]) > 1e-9 or (np.diff(self.time) <= 0).any():
+            raise ValueError("path.time must hold at least two increasing instants, from 0 on")
+        _check_unit("path.quaternion", self.quaternion)
 
     @property
     def duration(self) -> float:
@@ -82,8 +81,16 @@ class ThrowPlan:
             value = np.asarray(getattr(self, name), dtype=float)
             if value.shape != shape or not np.isfinite(value).all():
                 raise ValueError(f"plan.{name} has shape {value.shape} or is not finite; it must be {shape}")
+        _check_unit("plan.attractor_quaternion", self.attractor_quaternion)
         if not 0.0 < self.release <= self.path.duration:
             raise ValueError(f"plan.release is {self.release} s, outside the path of {self.path.duration} s")
+        if not 0.0 <= self.open_hand <= self.path.duration:
+            raise ValueError(f"plan.open_hand is {self.open_hand} s, outside the path of {self.path.duration} s")
+
+
+def _check_unit(name: str, quaternions: np.ndarray) -> None:
+    if np.abs(np.linalg.norm(quaternions, axis=1) - 1.0).max() > 1e-3:
+        raise ValueError(f"{name} holds a quaternion that is not of unit length: normalise it")
 
 
 def same_plan(first: ThrowPlan, second: ThrowPlan) -> bool:

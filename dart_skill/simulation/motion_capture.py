@@ -324,13 +324,21 @@ def _small_rotation(vector):
 
 
 def _multiply(p, q):
-    vector = p[3] * q[:3] + q[3] * p[:3] + np.cross(p[:3], q[:3])
-    return np.append(vector, p[3] * q[3] - p[:3] @ q[:3])
+    """Product (4,) of quaternions (4,); plain floats, which are faster than np.cross on three numbers by ten."""
+    (a, b, c, d), (e, f, g, h) = p.tolist(), q.tolist()
+    return np.array([
+        d * e + a * h + b * g - c * f,
+        d * f - a * g + b * h + c * e,
+        d * g + a * f - b * e + c * h,
+        d * h - a * e - b * f - c * g,
+    ])  # fmt: skip
 
 
 def _rotate(q, vector):
-    twist = 2.0 * np.cross(q[:3], vector)
-    return vector + q[3] * twist + np.cross(q[:3], twist)
+    """The vector (3,) turned by the quaternion (4,)."""
+    (x, y, z, w), (a, b, c) = q.tolist(), vector.tolist()
+    u, v, n = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+    return np.array([a + w * u + y * n - z * v, b + w * v + z * u - x * n, c + w * n + x * v - y * u])
 
 
 def _check_pose(name, position, quaternion):

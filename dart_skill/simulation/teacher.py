@@ -109,12 +109,15 @@ class Teacher:
         return self._phase
 
     def begin(self, target: np.ndarray, state: ArmState, correction: bool = False) -> None:
-        """Prepare a throw at the basket `target` (3,); correction=False forgets what was learned at the basket before."""
+        """Prepare a throw at the basket `target` (3,); correction=False forgets what was learned at the basket before.
+
+        ValueError, and nothing has changed, for a basket out of reach.
+        """
+        target, learned = self._checked(target), self._correction if correction else np.zeros(2)
+        self._speed_for(np.hypot(*target[:2]) + learned[0], target[2])
         self._throws += 1
         self._rng = np.random.default_rng([self._seed, self._throws])
-        if not correction:
-            self._correction = np.zeros(2)
-        self._target = np.asarray(target, dtype=float)
+        self._correction, self._target = learned, target
         self._started_ns = state.stamp_ns
         self._motion = self._prepare(state)
         self._tremble, self._opened = np.zeros(6), False
@@ -122,6 +125,8 @@ class Teacher:
 
     def learn_from(self, landed: np.ndarray) -> None:
         """Aim the next throw against the miss: landed (3,) is where the ball was seen to come down."""
+        if not np.isfinite(landed[:2]).all():
+            raise ValueError(f"nobody saw where the ball landed ({landed}): there is nothing to learn from it")
         azimuth = np.arctan2(self._target[1], self._target[0])
         miss = landed[:2] - self._target[:2]
         along = miss @ [np.cos(azimuth), np.sin(azimuth)]
@@ -130,6 +135,8 @@ class Teacher:
 
     def step(self, state: ArmState) -> Command:
         """The push that answers one state: a wrench at the hand, a force at the elbow as joint torque, and the hand's button."""
+        if self._motion is None:
+            raise ValueError("the teacher has no throw in mind: begin one")
         time = (state.stamp_ns - self._started_ns) * 1e-9
         self._phase = self._phase_at(time)
         q, qd, qdd = self._wanted(time)
@@ -138,6 +145,15 @@ class Teacher:
         return Command(state.stamp_ns, wrench, elbow, self._button(time))
 
     # the swing in mind
+
+    def _checked(self, target: np.ndarray) -> np.ndarray:
+        target = np.array(target, dtype=float)
+        if target.shape != (3,) or not np.isfinite(target).all():
+            raise ValueError(f"target {target} is not three finite numbers: give the centre of the rim in metres")
+        base, azimuth = self._model.description.joints[0], float(np.arctan2(target[1], target[0]))
+        if not base.lower < azimuth < base.upper:
+            raise ValueError(f"a basket at {azimuth:.2f} rad is behind the arm: place it between {base.lower} and {base.upper} rad")
+        return target
 
     def _prepare(self, state: ArmState) -> _Motion:
         person, swing, rng = self.person, self.swing, self._rng
@@ -168,13 +184,18 @@ class Teacher:
 
         def miss(speed: float) -> float:
             position, velocity = self._ball_at_release(speed)
-            return float(landing(position, velocity, rim_height).position[0]) - distance
+            landed = float(landing(position, velocity, rim_height).position[0])
+            return landed - distance if np.isfinite(landed) else -distance  # too slow to rise above the rim
 
         low, high = 0.05, 1.0
+        out_of_reach = f"a basket at {distance:.2f} m, {rim_height:.2f} m high, is out of the teacher's reach"
         if miss(low) > 0 or miss(high) < 0:
-            raise ValueError(f"a basket at {distance:.2f} m is out of the teacher's reach: place it between {miss(low) + distance:.2f} "
-                             f"and {miss(high) + distance:.2f} m from the base axis")  # fmt: skip
-        return brentq(miss, low, high, xtol=1e-4)
+            nearest, farthest = miss(low) + distance, miss(high) + distance
+            raise ValueError(f"{out_of_reach}: place it between {nearest:.2f} and {farthest:.2f} m from the base axis")
+        speed = brentq(miss, low, high, xtol=1e-4)
+        if abs(miss(speed)) > 0.05:
+            raise ValueError(f"{out_of_reach}: place it lower or farther away")
+        return speed
 
     def _ball_at_release(self, speed: float) -> tuple[np.ndarray, np.ndarray]:
         q = _posture(0.0, self.swing.release)

@@ -1,0 +1,25 @@
+"""The figures of a run, as SVG and PNG: reading a bag for them, and one module per figure.
+
+The same data give the same bytes.
+"""
+
+from dart_skill.experiments.figures.execution import ExecutedThrow, draw_execution, executed_throw
+from dart_skill.experiments.figures.gaussians import FrameView, draw_gaussians, frame_views
+from dart_skill.experiments.figures.landings import draw_landings
+from dart_skill.experiments.figures.recordings import Recording, read_recordings
+from dart_skill.experiments.figures.synchronisation import DemonstratedMotion, demonstrated_motions, draw_synchronisation
+
+__all__ = [
+    "DemonstratedMotion",
+    "ExecutedThrow",
+    "FrameView",
+    "Recording",
+    "demonstrated_motions",
+    "draw_execution",
+    "draw_gaussians",
+    "draw_landings",
+    "draw_synchronisation",
+    "executed_throw",
+    "frame_views",
+    "read_recordings",
+]

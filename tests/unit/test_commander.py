@@ -1,0 +1,388 @@
+"""The commander: its modes in order, its limits, what it does when something is wrong, and how well a plan is followed on the plant."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from dart_skill.configuration import node_parameters
+from dart_skill.robot.command import ArmState, Command, Grip
+from dart_skill.robot.commander import Commander, CommanderSettings, Mode, PlanRefused
+from dart_skill.robot.model import ArmModel
+from dart_skill.robot.throw_plan import Gains, HandPath, same_plan
+
+REST = np.array([0.0, -0.90, 0.0, -0.75, 0.0, -0.35, 0.0])
+MS = 1_000_000
+PERIOD = 2 * MS
+MODEL = ArmModel()
+
+
+def at(stamp_ns, position=REST, velocity=None):
+    return ArmState(stamp_ns, np.array(position, dtype=float), np.zeros(7) if velocity is None else np.array(velocity, dtype=float))
+
+
+class Run:
+    """A commander and a plant, stepped together; keeps what happened."""
+
+    def __init__(self, plant, commander):
+        self.plant, self.commander = plant, commander
+        self.states, self.commands, self.modes, self.errors = [], [], [], []
+
+    def step(self):
+        state = self.plant.state
+        command = self.commander.step(state.arm)
+        self.plant.step(command)
+        self.states.append(state)
+        self.commands.append(command)
+        self.modes.append(self.commander.mode)
+        self.errors.append(self.commander.tracking_error)
+
+    def until(self, done, longest=3000):
+        for _ in range(longest):
+            self.step()
+            if done():
+                return self
+        raise AssertionError(f"nothing came of it in {longest} steps: {self.commander.mode}, {self.commander.message}")
+
+    @property
+    def sequence(self):
+        return [mode for k, mode in enumerate(self.modes) if k == 0 or mode != self.modes[k - 1]]
+
+    def during(self, mode, values):
+        return [value for value, now in zip(values, self.modes, strict=True) if now == mode]
+
+
+@pytest.fixture
+def begin(make_plant):
+    """A run that has begun a throw."""
+
+    def start(plan, settings=None, **plant_settings):
+        run = Run(make_plant(**plant_settings), Commander(settings))
+        run.plant.reset(plan.target)
+        run.step()
+        run.commander.throw(plan)
+        return run
+
+    return start
+
+
+def finish(run):
+    return run.until(lambda: run.commander.mode == Mode.HOLDING and not run.commander.throwing)
+
+
+# answers
+
+
+def test_every_state_is_answered_with_its_stamp_in_every_mode(begin, plan):
+    run = finish(begin(plan))
+    run.commander.release_arm(True)
+    run.step()
+    run.commander.stop("enough")
+    run.step()
+    assert all(command.stamp_ns == state.stamp_ns for command, state in zip(run.commands, run.states, strict=True))
+    assert set(run.modes) >= set(Mode) - {Mode.FOLLOWING_THROUGH, Mode.STOPPING}
+    assert all(np.isfinite(command.wrench).all() and np.isfinite(command.joint_torque).all() for command in run.commands)
+
+
+def test_at_first_the_arm_is_held_where_it_is_found():
+    commander = Commander()
+    np.testing.assert_array_equal(commander.step(at(0)).joint_torque, 0.0)
+    pushed = commander.step(at(PERIOD, REST + 0.001)).joint_torque
+    assert commander.mode == Mode.HOLDING and (pushed < 0).all(), "back to where it was found"
+
+
+def test_a_free_arm_is_left_to_gravity_compensation():
+    commander = Commander()
+    commander.step(at(0))
+    commander.release_arm(True)
+    command = commander.step(at(PERIOD, REST + 0.3, np.ones(7)))
+    assert commander.mode == Mode.FREE
+    np.testing.assert_array_equal(command.wrench, 0.0)
+    np.testing.assert_array_equal(command.joint_torque, 0.0)
+    commander.release_arm(False)
+    np.testing.assert_array_equal(commander.step(at(2 * PERIOD, REST + 0.4)).joint_torque, 0.0)
+    assert (commander.step(at(3 * PERIOD, REST + 0.401)).joint_torque < 0).all(), "held where it is now, not where it was before"
+
+
+def test_an_arm_that_is_held_does_not_sag(make_plant):
+    run = Run(make_plant(), Commander())
+    for _ in range(300):
+        run.step()
+    np.testing.assert_allclose(run.states[-1].position, REST, atol=1e-3)
+
+
+# a throw
+
+
+def test_a_throw_goes_through_its_modes_in_order(begin, plan):
+    run = finish(begin(plan))
+    assert run.sequence == [Mode.HOLDING, Mode.APPROACHING, Mode.SETTLING, Mode.THROWING, Mode.HOLDING]
+    assert run.commander.message == ""
+
+
+def test_a_path_that_ends_in_motion_is_followed_through_to_rest(begin, make_plan):
+    whole = make_plan()
+    n = int(np.searchsorted(whole.path.time, 0.75))
+    cut = HandPath(*(getattr(whole.path, f.name)[:n] for f in fields(HandPath)))
+    attractor = {name: getattr(whole, name)[:n] for name in ("attractor_position", "attractor_quaternion")}
+    run = finish(begin(replace(whole, path=cut, **attractor)))
+    assert run.sequence[-3:] == [Mode.THROWING, Mode.FOLLOWING_THROUGH, Mode.HOLDING]
+    duration = len(run.during(Mode.FOLLOWING_THROUGH, run.states)) * 2e-3
+    assert 0.02 < duration < 0.8, duration
+
+
+def test_the_arm_is_brought_to_the_start_posture_from_elsewhere(begin, plan):
+    elsewhere = (0.6, -0.5, 0.1, -0.3, 0.1, 0.0, 0.1)
+    run = begin(plan, start_posture=elsewhere)
+    run.until(lambda: run.commander.mode == Mode.THROWING)
+    np.testing.assert_allclose(run.states[-1].position, plan.start_posture, atol=0.01)
+    approach = np.array([state.velocity for state in run.during(Mode.APPROACHING, run.states)])
+    settings = CommanderSettings()
+    assert 0.5 * settings.approach_speed < np.abs(approach).max() < 1.2 * settings.approach_speed
+    assert np.abs(run.states[-1].velocity).max() < settings.settle_speed
+
+
+def test_a_feasible_plan_is_followed_to_three_millimetres_until_the_release(begin, plan):
+    run = finish(begin(plan))
+    time = 2e-3 * np.arange(len(run.during(Mode.THROWING, run.errors)))
+    errors = np.array(run.during(Mode.THROWING, run.errors))[time <= plan.release]
+    speed = np.linalg.norm([s.ball_velocity for s in run.states], axis=1).max()
+    assert errors.max() < 3e-3 and speed > 3.0, (errors.max(), speed)
+
+
+def test_the_ball_lands_where_the_plan_says(begin, plan):
+    """The commander, the plant and the plan's own prediction agree to a few centimetres where the hand has no spread."""
+    run = begin(plan, hand_spread=0.0)
+    run.until(lambda: run.plant.state.ball_position[2] < plan.target[2] and not run.plant.state.ball_held)
+    miss = run.plant.state.ball_position - plan.predicted_landing
+    assert np.linalg.norm(miss) < 0.05, miss
+
+
+def test_the_hand_is_told_to_open_once_and_in_time(begin, plan):
+    run = finish(begin(plan))
+    told = [k for k, command in enumerate(run.commands) if command.grip != Grip.UNSPECIFIED]
+    assert len(told) == 1 and run.commands[told[0]].grip == Grip.OPEN
+    begun = run.modes.index(Mode.THROWING)
+    assert (run.states[told[0]].stamp_ns - run.states[begun].stamp_ns) * 1e-9 == pytest.approx(plan.open_hand, abs=2.1e-3)
+    assert run.commander.opened_ns == run.states[told[0]].stamp_ns
+
+
+def test_two_throws_one_after_the_other(begin, plan):
+    run = finish(begin(plan))
+    run.plant.reset(plan.target)
+    run.step()
+    run.commander.throw(plan)
+    finish(run)
+    assert run.modes.count(Mode.THROWING) == 2 * round(plan.path.duration / 2e-3 + 1)
+    assert sum(command.grip == Grip.OPEN for command in run.commands) == 2
+
+
+def test_the_wrench_is_cut_at_its_limits(begin, plan):
+    weak = CommanderSettings(strongest_force=20.0, strongest_moment=0.5, farthest_error=10.0)
+    run = finish(begin(plan, weak))
+    wrenches = np.array([command.wrench for command in run.commands])
+    force, moment = np.linalg.norm(wrenches[:, :3], axis=1), np.linalg.norm(wrenches[:, 3:], axis=1)
+    assert force.max() == pytest.approx(20.0) and moment.max() == pytest.approx(0.5)
+    free = finish(begin(plan))
+    assert max(np.linalg.norm(command.wrench[:3]) for command in free.commands) > 20.0, "the limit mattered"
+
+
+# stopping
+
+
+@pytest.mark.parametrize("instant", [0.1, 0.4, 0.55, 0.8])
+def test_a_throw_that_is_cancelled_comes_to_rest_within_a_second(begin, plan, instant):
+    run = begin(plan)
+    run.until(lambda: run.commander.mode == Mode.THROWING and run.commander.time >= instant)
+    run.commander.stop("cancelled")
+    assert not run.commander.throwing
+    stopped = len(run.states)
+    run.until(lambda: run.commander.mode == Mode.HOLDING)
+    assert run.sequence[-2:] == [Mode.STOPPING, Mode.HOLDING] and run.commander.message == "cancelled"
+    assert (len(run.states) - stopped) * 2e-3 < 1.0
+    for _ in range(100):
+        run.step()
+    assert np.abs(run.states[-1].velocity).max() < 0.01
+    energy = np.array([0.5 * s.velocity @ MODEL.mass_matrix(s.position) @ s.velocity for s in run.states[stopped:]])
+    assert energy.max() < 1.05 * energy[0], "a damped stop does not speed up"
+    if instant < plan.open_hand:
+        assert run.plant.state.ball_held
+
+
+@pytest.mark.parametrize("mode", [Mode.APPROACHING, Mode.SETTLING])
+def test_a_throw_can_be_stopped_before_it_begins(begin, plan, mode):
+    run = begin(plan)
+    run.until(lambda: run.commander.mode == mode)
+    run.commander.stop("changed my mind")
+    run.until(lambda: run.commander.mode == Mode.HOLDING)
+    assert Mode.THROWING not in run.modes and all(command.grip == Grip.UNSPECIFIED for command in run.commands)
+
+
+def test_a_stop_right_after_the_request_wins(begin, plan):
+    run = begin(plan)
+    run.commander.stop("never mind")
+    for _ in range(50):
+        run.step()
+    assert set(run.modes) <= {Mode.HOLDING, Mode.STOPPING} and run.commander.message == "never mind"
+
+
+def test_an_arm_that_strays_from_the_plan_is_stopped_with_the_distance(begin, plan):
+    run = begin(plan, CommanderSettings(strongest_force=1.0, tracking_stiffness=0.0, tracking_damping=0.0))
+    run.until(lambda: run.commander.mode == Mode.HOLDING and not run.commander.throwing)
+    assert run.sequence[-2:] == [Mode.STOPPING, Mode.HOLDING]
+    assert "m from the plan, farther than the limit of 0.15 m" in run.commander.message, run.commander.message
+
+
+def test_a_hand_that_is_too_fast_is_stopped_with_its_speed(plan):
+    commander = Commander()
+    stamp = throwing(commander, plan)
+    command = commander.step(at(stamp + PERIOD, plan.start_posture, [0.0, 8.0, 0, 0, 0, 0, 0]))
+    assert commander.mode == Mode.STOPPING and "faster than the limit of 5.5 m/s" in commander.message
+    assert command.joint_torque[1] < 0
+
+
+def throwing(commander, plan):
+    """Brings a commander to THROWING with an arm that stands in the start posture; the last stamp."""
+    commander.step(at(0, plan.start_posture))
+    commander.throw(plan)
+    stamp = 0
+    while commander.mode != Mode.THROWING:
+        stamp += PERIOD
+        commander.step(at(stamp, plan.start_posture))
+    return stamp
+
+
+@pytest.mark.parametrize("gap_ns", [101 * MS, 1000 * MS, -PERIOD])
+def test_after_a_gap_the_arm_is_held_where_it_is_found(plan, gap_ns):
+    commander = Commander()
+    stamp = throwing(commander, plan) + gap_ns
+    command = commander.step(at(stamp, REST + 0.2))
+    assert commander.mode == Mode.HOLDING and not commander.throwing
+    assert f"no state of the arm for {gap_ns * 1e-9:.2f} s" in commander.message
+    np.testing.assert_array_equal(command.wrench, 0.0)
+    assert (commander.step(at(stamp + PERIOD, REST + 0.201)).joint_torque < 0).all()
+
+
+def test_states_that_come_in_time_are_no_gap(plan):
+    commander = Commander()
+    stamp = throwing(commander, plan)
+    commander.step(at(stamp + 99 * MS, plan.start_posture))
+    assert commander.mode == Mode.THROWING and commander.message == ""
+
+
+@pytest.mark.parametrize("field", ["position", "velocity"])
+def test_a_state_that_is_not_finite_is_refused_and_changes_nothing(plan, field):
+    commander, twin = Commander(), Commander()
+    stamp = throwing(commander, plan)
+    throwing(twin, plan)
+    bad = replace(at(stamp + PERIOD), **{field: np.array([0, 0, np.nan, 0, 0, 0, 0.0])})
+    with pytest.raises(ValueError, match=f"{stamp + PERIOD} ns is not finite.*nan"):
+        commander.step(bad)
+    state = at(stamp + PERIOD, plan.start_posture)
+    answers = [one.step(state) for one in (commander, twin)]
+    np.testing.assert_array_equal(answers[0].wrench, answers[1].wrench)
+    np.testing.assert_array_equal(answers[0].joint_torque, answers[1].joint_torque)
+    assert commander.mode == twin.mode == Mode.THROWING
+
+
+# refusals
+
+
+def refused(plan, pattern, settings=None):
+    commander = Commander(settings)
+    commander.step(at(0))
+    with pytest.raises(PlanRefused, match=pattern):
+        commander.throw(plan)
+    assert not commander.throwing
+    commander.step(at(PERIOD))
+    assert commander.mode == Mode.HOLDING
+
+
+def test_a_plan_that_starts_outside_the_joint_limits_is_refused(plan):
+    refused(replace(plan, start_posture=np.array([0.0, -2.3, 0, 0, 0, 0, 0])), r"j2 at -2\.30 rad, outside -2\.0 to 2\.0")
+
+
+def test_a_plan_that_is_too_fast_is_refused(plan):
+    speed = np.linalg.norm(plan.path.velocity[:, :3], axis=1).max()
+    refused(plan, rf"{speed:.2f} m/s; the limit is 2\.0 m/s", CommanderSettings(fastest_hand=2.0))
+
+
+def test_a_plan_whose_path_does_not_begin_at_the_start_posture_is_refused(plan):
+    refused(replace(plan, start_posture=plan.start_posture + [0.2, 0, 0, 0, 0, 0, 0]), r"holds the hand 0\.\d+ m and 0\.20 rad from")
+    twisted = plan.start_posture + [0, 0, 0, 0, 0, 0, 0.5]
+    refused(replace(plan, start_posture=twisted), r"holds the hand 0\.000 m and 0\.50 rad from where the path begins")
+
+
+def test_only_one_throw_at_a_time(begin, plan):
+    run = begin(plan)
+    for _ in range(2):  # requested, and under way
+        with pytest.raises(PlanRefused, match="a throw is under way"):
+            run.commander.throw(plan)
+        with pytest.raises(PlanRefused, match="a throw is under way"):
+            run.commander.release_arm(True)
+        run.step()
+    finish(run)
+    run.commander.throw(plan)
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("release", np.nan, "plan.release is nan"),
+        ("release", 5.0, "plan.release is 5.0 s, outside"),
+        ("open_hand", np.nan, "plan.open_hand is nan"),
+        ("open_hand", -0.1, "plan.open_hand is -0.1"),
+        ("target", np.array([1.0, np.nan, 0.4]), "plan.target"),
+        ("start_posture", np.zeros(6), r"plan.start_posture has shape \(6,\)"),
+        ("attractor_position", np.zeros((3, 3)), r"plan.attractor_position has shape \(3, 3\)"),
+    ],
+)
+def test_a_plan_that_makes_no_sense_cannot_be_made(plan, field, value, message):
+    with pytest.raises(ValueError, match=message):
+        replace(plan, **{field: value})
+
+
+def test_quaternions_of_a_plan_are_of_unit_length(plan):
+    with pytest.raises(ValueError, match="plan.attractor_quaternion"):
+        replace(plan, attractor_quaternion=0.0 * plan.attractor_quaternion)
+    with pytest.raises(ValueError, match="path.quaternion"):
+        replace(plan.path, quaternion=2.0 * plan.path.quaternion)
+
+
+@pytest.mark.parametrize(
+    "time",
+    [lambda t: t[::-1], lambda t: t * 0, lambda t: np.where(t > 0.5, np.nan, t), lambda t: t + 1.0],
+    ids=["falls", "stands", "nan", "late"],
+)
+def test_the_clock_of_a_path_starts_at_zero_and_runs(plan, time):
+    with pytest.raises(ValueError, match="path.time"):
+        replace(plan.path, time=time(plan.path.time))
+
+
+@pytest.mark.parametrize("gains", [(0.0, 1.0), (1.0, -1.0), (np.nan, 1.0), (np.inf, 1.0)])
+def test_gains_are_positive(gains):
+    with pytest.raises(ValueError, match="must be finite and positive"):
+        Gains(*gains)
+
+
+def test_same_plan_sees_the_last_bit(plan):
+    assert same_plan(plan, replace(plan, model_id="another name"))
+    moved = plan.attractor_position.copy()
+    moved[17, 1] = np.nextafter(moved[17, 1], 1.0)
+    assert not same_plan(plan, replace(plan, attractor_position=moved))
+    late = replace(plan.path, position=plan.path.position + 1e-15)
+    assert not same_plan(plan, replace(plan, path=late))
+    assert not same_plan(plan, replace(plan, release=np.nextafter(plan.release, 1.0)))
+
+
+def test_settings_come_from_the_parameters_of_the_node():
+    parameters = node_parameters("commander.yaml", "commander")
+    assert CommanderSettings.from_parameters(parameters) == CommanderSettings(), "config and defaults agree"
+    assert CommanderSettings.from_parameters({**parameters, "fastest_hand": 2.0}).fastest_hand == 2.0
+
+
+def test_a_held_command_does_not_open_the_hand_again():
+    command = Command(5, np.arange(6.0), np.arange(7.0), Grip.OPEN)
+    held = command.answering(7)
+    assert held.stamp_ns == 7 and held.grip == Grip.UNSPECIFIED
+    np.testing.assert_array_equal(held.wrench, command.wrench)

@@ -1,0 +1,212 @@
+"""From streams of samples to one demonstration: what is rejected, what is missing, what is kept."""
+
+import numpy as np
+import pytest
+
+from dart_skill.movement import VelocityThreshold
+from dart_skill.skill.cutting import ThrowLog
+
+MS = 1_000_000
+START_NS = 5_000 * MS
+OPENED_NS = START_NS + 1_450 * MS
+UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
+BASKET = np.array([2.0, 0.3, 0.4])
+
+
+def hand_at(time):
+    """Turned about slowly, at rest, then swung 1 m in 0.8 s between 1.0 s and 1.8 s."""
+    s = np.clip((time - 1.0) / 0.8, 0.0, 1.0)
+    return np.array([-0.5 + 10 * s**3 - 15 * s**4 + 6 * s**5, 0.0, 1.9])
+
+
+def filled(leave_out=(), opened=OPENED_NS, duration=3.0):
+    """A log of a whole throw at 100 Hz; `leave_out` names streams that stay empty."""
+    log = ThrowLog()
+    for k in range(round(duration * 100)):
+        stamp, time = START_NS + k * 10 * MS, k * 0.01
+        if "hand" not in leave_out:
+            log.add_hand(stamp, hand_at(time), UPRIGHT)
+        if "ball" not in leave_out:
+            log.add_ball(stamp, hand_at(time) + [0.0, 0.0, 0.1135])
+        if "basket" not in leave_out:
+            log.add_basket(stamp, BASKET)
+        if "joints" not in leave_out:
+            log.add_joints(stamp, np.full(7, time), np.full(7, 0.1 * time))
+    if opened is not None:
+        log.add_opening(opened)
+    return log
+
+
+END_NS = START_NS + 2_900 * MS
+
+
+def test_a_cut_contains_the_motion_with_its_margins_and_the_release():
+    d = filled().cut("one", END_NS)
+    assert d.id == "one"
+    begin = (d.stamp_ns - START_NS) * 1e-9
+    assert begin + d.hand_time[0] <= begin + d.motion_start < begin + d.hand_opened < begin + d.motion_stop
+    assert 1.0 < begin + d.motion_start < 1.2 and 1.6 < begin + d.motion_stop < 1.85
+    assert d.motion_start == pytest.approx(0.15, abs=0.011), "the run-up"
+    assert d.hand_time[-1] == pytest.approx(d.motion_stop + 0.1, abs=0.011), "the settling"
+    assert d.stamp_ns + round(d.hand_opened * 1e9) == OPENED_NS
+
+
+def test_samples_of_a_cut_are_those_that_came():
+    d = filled().cut("one", END_NS)
+    begin = (d.stamp_ns - START_NS) * 1e-9
+    np.testing.assert_allclose(d.hand_position, [hand_at(t) for t in begin + d.hand_time], atol=1e-9)
+    np.testing.assert_allclose(d.joint_position[:, 0], begin + d.joint_time, atol=1e-9)
+    np.testing.assert_allclose(d.joint_velocity[:, 0], 0.1 * (begin + d.joint_time), atol=1e-9)
+    np.testing.assert_array_equal(d.target, BASKET)
+    np.testing.assert_array_equal(d.hand_quaternion, np.tile(UPRIGHT, (len(d.hand_time), 1)))
+
+
+def test_the_ball_is_kept_until_the_end_and_the_hand_only_for_its_motion():
+    d = filled().cut("one", END_NS)
+    assert (d.stamp_ns + d.ball_time[-1] * 1e9 - START_NS) * 1e-9 == pytest.approx(2.9)
+    assert d.hand_time[-1] < d.ball_time[-1] - 0.8
+
+
+def test_nothing_after_the_given_instant_is_used():
+    log = filled()
+    until = START_NS + 2_500 * MS
+    first = log.cut("one", until)
+    for k in range(300, 320):
+        log.add_hand(START_NS + k * 10 * MS, np.full(3, 9.0), UPRIGHT)
+        log.add_ball(START_NS + k * 10 * MS, np.full(3, 9.0))
+    second = log.cut("one", until)
+    np.testing.assert_array_equal(first.ball_position, second.ball_position)
+    np.testing.assert_array_equal(first.hand_position, second.hand_position)
+    assert first.ball_time[-1] <= (until - first.stamp_ns) * 1e-9
+
+
+@pytest.mark.parametrize(
+    ("missing", "message"),
+    [("hand", "samples of the hand"), ("ball", "samples of the ball"), ("basket", "samples of the basket"), ("joints", "samples of the arm's joints")],
+)
+def test_what_is_missing_is_named(missing, message):
+    with pytest.raises(ValueError, match=f"only 0 {message}"):
+        filled(leave_out=(missing,)).cut("one", END_NS)
+
+
+def test_a_throw_without_the_button_is_none():
+    with pytest.raises(ValueError, match="never told to open"):
+        filled(opened=None).cut("one", END_NS)
+
+
+def test_a_button_pressed_outside_the_motion_is_none():
+    with pytest.raises(ValueError, match=r"no segment contains 0\.300 s"):
+        filled(opened=START_NS + 300 * MS).cut("one", END_NS)
+
+
+def test_a_hand_that_did_not_move_is_none():
+    with pytest.raises(ValueError, match="nothing moved|never falls|no motion"):
+        filled().cut("one", START_NS + 900 * MS)
+
+
+def test_thresholds_can_be_chosen():
+    wide = filled().cut("one", END_NS, VelocityThreshold(run_up=0.4, settle=0.3))
+    assert wide.motion_start == pytest.approx(0.4, abs=0.011)
+
+
+def test_only_the_first_press_of_the_button_counts():
+    log = filled()
+    log.add_opening(OPENED_NS + 300 * MS)
+    assert log.opened_ns == OPENED_NS
+
+
+BAD = [
+    ("hand", lambda log, stamp, v: log.add_hand(stamp, np.full(3, v), UPRIGHT)),
+    ("hand", lambda log, stamp, v: log.add_hand(stamp, np.zeros(3), np.full(4, v))),
+    ("ball", lambda log, stamp, v: log.add_ball(stamp, np.full(3, v))),
+    ("basket", lambda log, stamp, v: log.add_basket(stamp, np.full(3, v))),
+    ("joints", lambda log, stamp, v: log.add_joints(stamp, np.full(7, v), np.zeros(7))),
+    ("joints", lambda log, stamp, v: log.add_joints(stamp, np.zeros(7), np.full(7, v))),
+]
+
+
+@pytest.mark.parametrize(("stream", "add"), BAD)
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_samples_that_are_not_finite_are_rejected_and_counted(stream, add, value):
+    log = ThrowLog()
+    add(log, START_NS, value)
+    assert log.rejected == 1 and not getattr(log, stream).stamps
+    add(log, START_NS, 1.0)
+    assert log.rejected == 1 and getattr(log, stream).stamps == [START_NS]
+
+
+@pytest.mark.parametrize(("stream", "add"), BAD[:1] + BAD[2:4])
+@pytest.mark.parametrize("age", [0, 10 * MS])
+def test_stale_samples_are_rejected_and_counted(stream, add, age):
+    """A driver that lost a body repeats its last pose, and a network may deliver late."""
+    log = ThrowLog()
+    add(log, START_NS, 1.0)
+    add(log, START_NS - age, 2.0)
+    add(log, START_NS + 10 * MS, 3.0)
+    assert log.rejected == 1 and getattr(log, stream).stamps == [START_NS, START_NS + 10 * MS]
+    assert getattr(log, stream).rows[-1][0] == 3.0
+
+
+def test_rejected_samples_leave_no_trace_in_the_cut():
+    clean, dirty = filled(), ThrowLog()
+    for k in range(300):
+        stamp, time = START_NS + k * 10 * MS, k * 0.01
+        for shift in (0, -7 * MS):
+            dirty.add_hand(stamp + shift, hand_at(time), UPRIGHT)
+            dirty.add_ball(stamp + shift, hand_at(time) + [0.0, 0.0, 0.1135])
+        dirty.add_hand(stamp + 3 * MS, np.full(3, np.nan), UPRIGHT)
+        dirty.add_basket(stamp, BASKET)
+        dirty.add_joints(stamp, np.full(7, time), np.full(7, 0.1 * time))
+    dirty.add_opening(OPENED_NS)
+    first, second = clean.cut("one", END_NS), dirty.cut("one", END_NS)
+    for name in ("hand_time", "hand_position", "ball_time", "ball_position", "joint_position", "target"):
+        np.testing.assert_array_equal(getattr(first, name), getattr(second, name), err_msg=name)
+    assert dirty.rejected == 300 * 3
+
+
+def test_joint_states_are_thinned_to_the_rate_of_the_poses():
+    log = ThrowLog()
+    for k in range(500):
+        stamp = START_NS + k * 2 * MS
+        assert log.wants_joints(stamp) == (k % 5 == 0)
+        log.add_joints(stamp, np.zeros(7), np.zeros(7))
+    assert len(log.joints.stamps) == 100 and log.rejected == 0
+    everything = ThrowLog(joint_period_ns=0)
+    for k in range(10):
+        everything.add_joints(START_NS + k * MS, np.zeros(7), np.zeros(7))
+    assert len(everything.joints.stamps) == 10
+
+
+def test_clear_forgets_everything():
+    log = filled()
+    log.add_ball(START_NS, np.zeros(3))
+    assert log.rejected
+    log.clear()
+    assert log.opened_ns is None and log.rejected == 0
+    assert not any(stream.stamps for stream in (log.hand, log.ball, log.joints, log.basket))
+    log.add_hand(START_NS, np.zeros(3), UPRIGHT)
+    assert log.hand.stamps == [START_NS], "time may start anew"
+
+
+def test_a_basket_that_is_hidden_during_the_throw_is_where_it_was_before():
+    log = filled(leave_out=("basket",))
+    for k in range(50):
+        log.add_basket(START_NS + k * 10 * MS, BASKET + [0.0, 0.0, 0.001 * (k % 2)])
+    d = log.cut("one", END_NS)
+    np.testing.assert_allclose(d.target, BASKET, atol=1e-3)
+
+
+def test_ball_between_gives_what_was_seen_between_two_instants():
+    time, position = filled().ball_between(OPENED_NS, OPENED_NS + 200 * MS)
+    assert len(time) == 21 and time[0] == pytest.approx(0.0) and time[-1] == pytest.approx(0.2)
+    np.testing.assert_allclose(position[:, 0], [hand_at(1.45 + t)[0] for t in time])
+    time, position = ThrowLog().ball_between(0, OPENED_NS)
+    assert time.shape == (0,) and position.shape == (0, 3)
+
+
+def test_ten_samples_are_the_least():
+    log = filled(leave_out=("basket",))
+    for k in range(9):
+        log.add_basket(START_NS + k * 10 * MS, BASKET)
+    with pytest.raises(ValueError, match="only 9 samples of the basket"):
+        log.cut("one", END_NS)
