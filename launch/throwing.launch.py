@@ -5,12 +5,13 @@ ros2 action send_goal /teach dart_skill_msgs/action/Teach "{target: {x: 2.0, y: 
 
 import os
 
-from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, SetEnvironmentVariable
 from launch.conditions import IfCondition, UnlessCondition
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
+
+from launch import LaunchDescription
 
 SEPARATE = ("wam_simulator", "mock_optitrack", "commander", "demonstration_recorder")
 

@@ -11,9 +11,6 @@ from builtin_interfaces.msg import Time
 from dart_skill_msgs.action import Throw
 from dart_skill_msgs.msg import WamCommand
 from dart_skill_msgs.srv import PlanThrow
-from dart_skill_nodes import conversions
-from dart_skill_nodes.support import ERROR, LOOP, OK, WALL, WARN, Diagnostics, Parameter, declare, run
-from dart_skill_nodes.watching import ARRIVAL_NS, Watcher
 from geometry_msgs.msg import PoseStamped
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.node import Node
@@ -24,6 +21,9 @@ from std_srvs.srv import SetBool, Trigger
 from dart_skill.robot.command import ArmState
 from dart_skill.robot.commander import Commander, CommanderSettings, Mode, PlanRefused
 from dart_skill.skill.outcome import judge_flight
+from dart_skill_nodes import conversions
+from dart_skill_nodes.support import ERROR, LOOP, OK, WALL, WARN, Diagnostics, Parameter, declare, run
+from dart_skill_nodes.watching import ARRIVAL_NS, Watcher
 
 TABLE = [
     Parameter("frame_id", "frame of targets, plans and wrenches"),
@@ -41,6 +41,8 @@ TABLE = [
     Parameter("fastest_hand", "plans and throws beyond it are refused and stopped [m/s]", 0.1, 8.0),
     Parameter("farthest_error", "distance from the plan at which a throw is stopped [m]", 0.01, 1.0),
     Parameter("longest_gap", "between two states of the arm [s]", 0.004, 5.0),
+    Parameter("joint_margin", "to the end of a joint's range, at which a throw is stopped [rad]", 0.0, 0.5),
+    Parameter("follow_time", "the hand stays on the plan so long after the release [s]", 0.0, 1.0),
     Parameter("watch_time", "the ball is watched so long after the hand was told to open [s]", 0.3, 5.0),
     Parameter("plan_timeout", "for the learner's answer [s, wall clock]", 0.1, 120.0),
     Parameter("learner_timeout", "a throw is stopped when the learner is silent for longer [s, wall clock]", 0.2, 60.0),

@@ -141,7 +141,7 @@ def main(arguments: list[str] | None = None) -> int:
         return 1
     finally:
         rclpy.try_shutdown()
-    written = write_report(summary, bag, options.output)
+    written = write_report(summary, bag, options.output, options.configuration)
     print(json.dumps(summary.to_json(), indent=1) if options.json else table(summary))
     if not options.json:
         print(f"\nbag, summary.json and pictures: {options.output}")

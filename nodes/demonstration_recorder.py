@@ -11,20 +11,6 @@ from pathlib import Path
 from dart_skill_msgs.msg import Demonstration as DemonstrationMsg
 from dart_skill_msgs.msg import WamCommand
 from dart_skill_msgs.srv import StopDemonstration
-from dart_skill_nodes import conversions
-from dart_skill_nodes.support import (
-    COMPLETE,
-    LATCHED,
-    OK,
-    SENSOR_COMPLETE,
-    WARN,
-    Diagnostics,
-    Parameter,
-    autostart,
-    declare,
-    run,
-)
-from dart_skill_nodes.watching import Watcher
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
@@ -45,6 +31,20 @@ from dart_skill.recording import (
 from dart_skill.robot.command import Grip
 from dart_skill.robot.description import wam_description
 from dart_skill.robot.urdf import write_urdf
+from dart_skill_nodes import conversions
+from dart_skill_nodes.support import (
+    COMPLETE,
+    LATCHED,
+    OK,
+    SENSOR_COMPLETE,
+    WARN,
+    Diagnostics,
+    Parameter,
+    autostart,
+    declare,
+    run,
+)
+from dart_skill_nodes.watching import Watcher
 
 TABLE = [
     Parameter("frame_id", "frame of the poses"),

@@ -7,8 +7,6 @@ published, as the real driver does. Stamps are those of the exposure (vrpn_mocap
 import struct
 
 from dart_skill_msgs.msg import SimulationState
-from dart_skill_nodes import conversions
-from dart_skill_nodes.support import CLOCK, OK, SENSOR, WARN, Diagnostics, autostart, run
 from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
@@ -18,6 +16,8 @@ from dart_skill.configuration import node_parameters
 from dart_skill.robot.model import ArmModel
 from dart_skill.simulation.motion_capture import BasketWalls, LatencyQueue, MotionCapture
 from dart_skill.simulation.plant import PlantSettings
+from dart_skill_nodes import conversions
+from dart_skill_nodes.support import CLOCK, OK, SENSOR, WARN, Diagnostics, autostart, run
 
 STEP_NS = PlantSettings().step_ns
 TEXTS = {

@@ -4,8 +4,6 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from dart_skill_msgs.msg import Demonstration
 from dart_skill_msgs.srv import AddTrial, Learn, ModelFile, PlanThrow
-from dart_skill_nodes import conversions
-from dart_skill_nodes.support import LATCHED, OK, WALL, WARN, Diagnostics, Parameter, declare, run
 from geometry_msgs.msg import Point
 from rclpy.node import Node
 from std_msgs.msg import ColorRGBA
@@ -16,6 +14,8 @@ from dart_skill.skill.configuration import configuration
 from dart_skill.skill.model_file import load_model, save_model
 from dart_skill.skill.throwing import ThrowingSkill, Unreachable, learn
 from dart_skill.skill.views import component_ellipsoids
+from dart_skill_nodes import conversions
+from dart_skill_nodes.support import LATCHED, OK, WALL, WARN, Diagnostics, Parameter, declare, run
 
 TABLE = [
     Parameter("frame_id", "frame of demonstrations and plans"),

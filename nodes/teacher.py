@@ -10,9 +10,6 @@ import rclpy
 from dart_skill_msgs.action import Teach
 from dart_skill_msgs.msg import WamCommand
 from dart_skill_msgs.srv import Reset, StopDemonstration
-from dart_skill_nodes import conversions
-from dart_skill_nodes.support import LOOP, OK, WALL, Diagnostics, Parameter, declare, run
-from dart_skill_nodes.watching import ARRIVAL_NS, Watcher
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -21,6 +18,9 @@ from std_srvs.srv import SetBool, Trigger
 from dart_skill.robot.command import Command, Grip
 from dart_skill.simulation.teacher import Person, Phase, Teacher
 from dart_skill.skill.outcome import judge_flight
+from dart_skill_nodes import conversions
+from dart_skill_nodes.support import LOOP, OK, WALL, Diagnostics, Parameter, declare, run
+from dart_skill_nodes.watching import ARRIVAL_NS, Watcher
 
 TABLE = [
     Parameter("seed", "everything random comes from it", 0, 2**31 - 1),

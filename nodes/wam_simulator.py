@@ -10,8 +10,6 @@ import time
 import numpy as np
 from dart_skill_msgs.msg import SimulationState, WamCommand
 from dart_skill_msgs.srv import PlaceBasket, Reset, Step
-from dart_skill_nodes import conversions
-from dart_skill_nodes.support import CLOCK, ERROR, LATCHED, LOOP, OK, WALL, WARN, Diagnostics, Parameter, declare, run
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock as ClockMsg
@@ -22,6 +20,8 @@ from std_srvs.srv import SetBool, Trigger
 from dart_skill.robot.description import wam_description
 from dart_skill.robot.urdf import write_urdf
 from dart_skill.simulation.plant import Plant, PlantSettings
+from dart_skill_nodes import conversions
+from dart_skill_nodes.support import CLOCK, ERROR, LATCHED, LOOP, OK, WALL, WARN, Diagnostics, Parameter, declare, run
 
 TABLE = [
     Parameter("seed", "everything random comes from it", 0, 2**31 - 1),

@@ -1,11 +1,11 @@
 """What the commander, the teacher and the recorder have in common: they watch hand, ball and basket through the motion capture."""
 
-from dart_skill_nodes import conversions
-from dart_skill_nodes.support import SENSOR_COMPLETE
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 
 from dart_skill.skill.cutting import ThrowLog
+from dart_skill_nodes import conversions
+from dart_skill_nodes.support import SENSOR_COMPLETE
 
 ARRIVAL_NS = 50_000_000
 """Samples this new may still be on their way: what is judged ends so long before the present."""

@@ -24,8 +24,11 @@ from dart_skill.robot.impedance import (
     rotation_error,
     tracking_acceleration,
 )
-from dart_skill.robot.model import ArmModel
+from dart_skill.robot.model import ArmModel, HandState
 from dart_skill.robot.throw_plan import ThrowPlan
+
+REACH_TOLERANCE = 0.01
+"""A plan may lie so far outside the arm's reach before its release: the springs bridge it [m]."""
 
 
 class Mode(Enum):
@@ -48,7 +51,9 @@ class CommanderSettings:
     of the identified joint friction; approach_speed [rad/s]; settle_speed [rad/s] and settle_time [s]: at rest before a throw;
     strongest_force [N], strongest_moment [N m]: the wrench is cut there; fastest_hand [m/s] and farthest_error [m]: beyond them
     the arm is stopped; longest_gap [s]: between two states of the arm; after a longer one the arm is held
-    where it is found.
+    where it is found; joint_margin [rad]: to the end of a joint's range, at which a throw is stopped; follow_time [s]: the hand stays
+    on the plan so long after the release, then the arm comes to rest by joint damping: the plan beyond is of no use to the ball and
+    leads through the stretched arm.
     """
 
     tracking_stiffness: float = 900.0
@@ -65,6 +70,8 @@ class CommanderSettings:
     fastest_hand: float = 5.5
     farthest_error: float = 0.15
     longest_gap: float = 0.1
+    joint_margin: float = 0.02
+    follow_time: float = 0.06
 
     @classmethod
     def from_parameters(cls, parameters: Mapping) -> "CommanderSettings":
@@ -83,6 +90,7 @@ class Commander:
         self.settings = settings or CommanderSettings()
         self._description = description or wam_description()
         share = self.settings.friction_compensation
+        self._lower, self._upper = self._description.of_joints("lower"), self._description.of_joints("upper")
         self._loaded = Impedance(ArmModel(self._description, ball_in_hand=True), share)
         self._empty = Impedance(ArmModel(self._description, ball_in_hand=False), share)
         self._servo = JointServo(self._empty)
@@ -167,14 +175,14 @@ class Commander:
 
     def _throwing(self, state: ArmState) -> Command:
         plan = self._plan
-        if self.time > plan.path.duration:
+        if self.time > min(plan.path.duration, plan.release + self.settings.follow_time):
             self._enter(Mode.FOLLOWING_THROUGH, state)
             return self._following_through(state)
         impedance = self._empty if self._opened and self.time > plan.release else self._loaded
         hand = impedance.model.hand_state(state.position, state.velocity)
         reference = self._references.at(self.time)
         self.reference, self.tracking_error = reference, float(np.linalg.norm(reference.position - hand.position))
-        if reason := self._limit_broken(hand):
+        if reason := self._limit_broken(state, hand):
             self.stop(reason)
             return self._stopping(state)
         acceleration = attractor_acceleration(reference, hand, self._references.position, self._references.orientation)
@@ -235,7 +243,11 @@ class Commander:
         moment = min(1.0, self.settings.strongest_moment / max(1e-9, float(np.linalg.norm(wrench[3:]))))
         return np.concatenate([wrench[:3] * force, wrench[3:] * moment])
 
-    def _limit_broken(self, hand) -> str:
+    def _limit_broken(self, state: ArmState, hand: HandState) -> str:
+        over = np.maximum(state.position - self._upper, self._lower - state.position)
+        if over.max() > -self.settings.joint_margin:
+            j = int(over.argmax())
+            return f"j{j + 1} is at {state.position[j]:.3f} rad, closer than {self.settings.joint_margin} rad to the end of its range"
         speed = float(np.linalg.norm(hand.linear))
         if speed > self.settings.fastest_hand:
             return f"the hand moves at {speed:.2f} m/s, faster than the limit of {self.settings.fastest_hand} m/s"
@@ -254,6 +266,12 @@ def check_plan(plan: ThrowPlan, settings: CommanderSettings, description: WamDes
     speed = float(np.linalg.norm(plan.path.velocity[:, :3], axis=1).max())
     if speed > settings.fastest_hand:
         raise PlanRefused(f"the plan moves the hand at {speed:.2f} m/s; the limit is {settings.fastest_hand} m/s: choose a nearer basket")
+    shoulder = np.array([0.0, 0.0, description.mount_height + description.shoulder_height])
+    reach = float(np.abs(description.dh[:, 2]).sum())
+    swing = plan.path.position[plan.path.time <= plan.release]
+    farthest = float(np.linalg.norm(swing - shoulder, axis=1).max())
+    if farthest > reach + REACH_TOLERANCE:
+        raise PlanRefused(f"the plan takes the hand {farthest:.3f} m from the shoulder; the arm reaches {reach:.3f} m")
     model = ArmModel(description)
     position, rotation = model.hand_pose(plan.start_posture)
     offset = float(np.linalg.norm(position - plan.path.position[0]))

@@ -112,8 +112,6 @@ class WamDescription:
     motors: Motors
     ball: Ball
     capsules: tuple[Capsule, ...]
-    fault_speed: float
-    beyond_elbow: float
     home: np.ndarray
 
     def of_joints(self, field: str) -> np.ndarray:
@@ -145,8 +143,6 @@ def parse_description(content: dict) -> WamDescription:
         capsules=tuple(
             Capsule(c["link"], np.array(c["from"]), np.array(c["to"]), c["radius"]) for c in content["capsules"]
         ),
-        fault_speed=content["safety"]["fault_speed"],
-        beyond_elbow=content["safety"]["beyond_elbow"],
         home=np.array(content["poses"]["home"]),
     )
 

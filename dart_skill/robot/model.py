@@ -12,7 +12,6 @@ import pinocchio as pin
 
 from dart_skill.robot.description import N_JOINTS, WamDescription, wam_description
 
-
 BELOW = np.tri(N_JOINTS, k=-1, dtype=bool)
 
 

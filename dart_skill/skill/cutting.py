@@ -99,7 +99,7 @@ class ThrowLog:
         return Demonstration(
             id=name,
             stamp_ns=origin,
-            target=np.median(self.basket.between(origin, 0.0, stop)[1], axis=0),
+            target=self._basket_position(origin, stop),
             hand_time=hand_time,
             hand_position=hand[:, :3],
             hand_quaternion=hand[:, 3:],
@@ -112,3 +112,8 @@ class ThrowLog:
             motion_stop=to_the_nanosecond(segment.motion_stop - segment.start),
             hand_opened=(self.opened_ns - origin) * 1e-9,
         )
+
+    def _basket_position(self, origin_ns: int, stop: float) -> np.ndarray:
+        """Where the basket stood during the motion; if it was hidden then, where it was seen at other times (3,)."""
+        seen = self.basket.between(origin_ns, 0.0, stop)[1]
+        return np.median(seen if len(seen) else self.basket.rows, axis=0)

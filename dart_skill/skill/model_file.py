@@ -4,6 +4,8 @@ A model is a cache of its demonstrations: loading learns it again, to the last b
 """
 
 import json
+import zipfile
+import zlib
 from dataclasses import asdict, fields
 from pathlib import Path
 
@@ -36,7 +38,7 @@ def load_model(path: str | Path) -> tuple[list[Demonstration], SkillConfiguratio
             raise ValueError("unknown format")
         configuration = SkillConfiguration(**json.loads(str(content.pop("configuration"))))
         demonstrations = [_demonstration(content, k) for k in sorted({name.split(".")[0] for name in content})]
-    except (KeyError, ValueError, EOFError, TypeError) as error:
+    except (KeyError, ValueError, EOFError, TypeError, AttributeError, zipfile.BadZipFile, zlib.error) as error:
         raise ValueError(f"{path} is not a model file of dart_skill: {error}") from error
     return demonstrations, configuration
 

@@ -85,7 +85,7 @@ class ThrowingSkill:
     def mixture(self, target: np.ndarray) -> GaussianMixture:
         """The Gaussians for one task parameter, in the world (7.21)."""
         target = np.asarray(target, dtype=float)
-        return self._model_for(target).product(frames_for(target, self._start_features(target)[0], self.configuration))
+        return self.model_for(target).product(frames_for(target, self._start_features(target)[0], self.configuration))
 
     # fitting
 
@@ -108,7 +108,8 @@ class ThrowingSkill:
             columns.insert(1, np.full((kept.sum(), 1), throw.distance))
         return np.hstack(columns)
 
-    def _model_for(self, task: np.ndarray) -> TaskParameterisedMixture:
+    def model_for(self, task: np.ndarray) -> TaskParameterisedMixture:
+        """The mixture in its task frames that serves a task (3,): one for all, or one fitted to its neighbours (8.4.2)."""
         return self._whole if self._whole is not None else self._fit(self._weights(task))
 
     def _weights(self, task: np.ndarray) -> np.ndarray:
@@ -165,7 +166,7 @@ class ThrowingSkill:
     def _course(self, task: np.ndarray) -> _Course:
         azimuth = self.configuration.angle_azimuth(azimuth_of(task))
         start, roll = self._start_features(task)
-        mixture = self._model_for(task).product(frames_for(task, start[:3], self.configuration))
+        mixture = self.model_for(task).product(frames_for(task, start[:3], self.configuration))
         time = np.arange(self._start, self._stop, self.configuration.step)
         inputs = time[:, None]
         if self.configuration.distance_input:

@@ -58,7 +58,12 @@ def _taught(make_graph, extra=None):
 def _begin_throw(coach, joints):
     """A throw that is under way: the arm moves."""
     result, handle = coach.start_throw(_between())
-    wait_for(coach, lambda: joints.message is not None and joints.fastest > 0.3, what="the arm moves")
+
+    def moves():
+        assert not result.done(), result.result().result.message
+        return joints.message is not None and joints.fastest > 0.3
+
+    wait_for(coach, moves, what="the arm moves")
     return result, handle
 
 

@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 import pytest
-from dart_skill_msgs.srv import Learn, PlanThrow
+from dart_skill_msgs.srv import Learn, ModelFile, PlanThrow
 
 from dart_skill.experiments.session import Session
 from dart_skill.experiments.targets import targets_for
@@ -103,6 +103,29 @@ def test_the_bag_alone_gives_the_same_plan_in_a_fresh_process(over_dds, ros, tmp
         coach.close()
     assert learned.model_id == over_dds["learned"].model_id
     assert planned.plan == over_dds["throws"][0].plan
+
+
+def test_a_saved_model_loads_in_a_fresh_learner_and_plans_the_same(over_dds, ros, tmp_path):
+    path = str(tmp_path / "model.npz")
+    request = PlanThrow.Request(target=conversions.point(TO_THROW[0]))
+    request.header.frame_id = "world"
+    plans = []
+    for first in (True, False):
+        with Graph(tmp_path / "logs") as graph:
+            coach = Coach(graph.dead, name=f"coach_of_the_file_{first}")
+            graph.start("skill_learner")
+            names = {"learn": Learn, "plan_throw": PlanThrow, "save": ModelFile, "load": ModelFile}
+            clients = {n: coach.node.create_client(kind, f"/skill_learner/{n}") for n, kind in names.items()}
+            while not all(client.service_is_ready() for client in clients.values()):
+                coach.spin()
+            if first:
+                coach.call(clients["learn"], Learn.Request(bag=str(over_dds["bag"])))
+                coach.call(clients["save"], ModelFile.Request(path=path))
+            else:
+                coach.call(clients["load"], ModelFile.Request(path=path))
+            plans.append(coach.call(clients["plan_throw"], request).plan)
+            coach.close()
+    assert plans[0] == plans[1]
 
 
 def test_the_bag_holds_what_the_sensors_saw_and_opens_without_ros(over_dds):

@@ -31,6 +31,12 @@ def make_plant():
 
 
 @pytest.fixture(scope="session")
+def taught_targets():
+    """The baskets (n, 3) of the taught throws."""
+    return TARGETS
+
+
+@pytest.fixture(scope="session")
 def taught():
     """One guided throw at each of TARGETS, as the session saw it: a list of trials, with the states of the plant."""
     session = Session(seed=3, keep_states=True)
@@ -45,8 +51,8 @@ def demonstrations(taught):
     return [trial.demonstration for trial in taught]
 
 
-def swing(time, start, way, to_peak, duration):
-    """Joint angles, velocities, accelerations (n, 7) of a motion from rest to rest whose speed is the square of a half sine, skewed."""
+def swing(time, start, way, duration):
+    """Joint angles, velocities, accelerations (n, 7) of a motion from rest to rest whose speed is the square of a half sine."""
     s = np.clip(time / duration, 0.0, 1.0)[:, None]
     shape = s - np.sin(2 * np.pi * s) / (2 * np.pi)
     rate = (1 - np.cos(2 * np.pi * s)) / duration
@@ -57,7 +63,7 @@ def swing(time, start, way, to_peak, duration):
 def planned_swing(way=(0.0, 1.5, 0.0, 0.9, 0.0, 0.5, 0.0), duration=1.1, release=0.55, stiffness=200.0, step=0.004, start=READY):
     """A throw that was worked out joint by joint, without any learning; the attractor comes from (7.20), y = x + (d v + a) / k."""
     model, time = ArmModel(ball_in_hand=True), np.arange(0.0, duration + step, step)
-    q, qd, qdd = swing(time, np.array(start), np.array(way), None, duration)
+    q, qd, qdd = swing(time, np.array(start), np.array(way), duration)
     pose = [model.hand_pose(row) for row in q]
     position, rotation = np.array([p for p, _ in pose]), np.array([r for _, r in pose])
     velocity = np.array([model.jacobian(a) @ b for a, b in zip(q, qd, strict=True)])

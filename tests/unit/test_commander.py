@@ -313,6 +313,22 @@ def test_a_plan_whose_path_does_not_begin_at_the_start_posture_is_refused(plan):
     refused(replace(plan, start_posture=twisted), r"holds the hand 0\.000 m and 0\.50 rad from where the path begins")
 
 
+def test_a_plan_beyond_the_reach_of_the_arm_is_refused(plan):
+    """The path leaves the arm's sphere before the release; afterwards nobody has to follow it so exactly."""
+    outwards = np.sin(np.pi * plan.path.time / plan.path.duration)[:, None] ** 2 * [0.0, 0.0, 0.5]
+    far = replace(plan.path, position=plan.path.position + outwards)
+    refused(replace(plan, path=far), r"takes the hand 1\.\d+ m from the shoulder; the arm reaches 0\.9\d+ m")
+
+
+def test_a_joint_that_comes_to_the_end_of_its_range_stops_the_throw(plan):
+    commander = Commander()
+    stamp = throwing(commander, plan)
+    at_its_end = plan.start_posture.copy()
+    at_its_end[3] = -0.89
+    commander.step(at(stamp + PERIOD, at_its_end, np.full(7, 0.2)))
+    assert commander.mode == Mode.STOPPING and "j4 is at -0.890 rad, closer than 0.02 rad" in commander.message
+
+
 def test_only_one_throw_at_a_time(begin, plan):
     run = begin(plan)
     for _ in range(2):  # requested, and under way

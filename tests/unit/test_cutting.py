@@ -82,10 +82,10 @@ def test_nothing_after_the_given_instant_is_used():
 
 @pytest.mark.parametrize(
     ("missing", "message"),
-    [("hand", "samples of the hand"), ("ball", "samples of the ball"), ("basket", "samples of the basket"), ("joints", "samples of the arm's joints")],
+    [("hand", "the hand"), ("ball", "the ball"), ("basket", "the basket"), ("joints", "the arm's joints")],
 )
 def test_what_is_missing_is_named(missing, message):
-    with pytest.raises(ValueError, match=f"only 0 {message}"):
+    with pytest.raises(ValueError, match=f"only 0 samples of {message}"):
         filled(leave_out=(missing,)).cut("one", END_NS)
 
 

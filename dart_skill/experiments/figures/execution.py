@@ -73,7 +73,8 @@ def executed_throw(recordings: Sequence[Recording], plan: ThrowPlan) -> Executed
     """The last recording in which the arm threw at the plan's target; ValueError if there is none."""
     found = [one for one in recordings if one.opened_ns is not None and _distance(one.basket, plan.target) < SAME_BASKET]
     if not found:
-        raise ValueError(f"no recording of a throw at a basket at {plan.target.round(3)}: is /wam/command in the bag, and did it open the hand?")
+        place = plan.target.round(3).tolist()
+        raise ValueError(f"no recording of a throw at a basket at {place}: is /wam/command in the bag, and did it open the hand?")
     recording, path = found[-1], plan.path
     start_ns = _path_start(recording, plan)
     hand_time, ball_time = ((stamps - start_ns) * 1e-9 for stamps in (recording.hand_stamps, recording.ball_stamps))

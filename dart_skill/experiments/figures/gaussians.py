@@ -2,7 +2,8 @@
 
 Two task frames: each shows its own Gaussians. One task frame, at the base and turned to the target: the other view is that of the
 target. Where the distance of the target is an input, a component is a joint Gaussian of distance and position, and what the target
-sees of it is exact: position minus distance is linear in both. Otherwise the components are those for the median task.
+sees of it is exact, for rims of one height: position minus distance is linear in both. Otherwise the components are those for the
+median task.
 """
 
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
+from matplotlib.ticker import MaxNLocator
 
 from dart_skill.experiments.figures.style import BLACK, GREY, VERMILION, house_style, quantity_colours, save
 from dart_skill.movement.frames import TaskFrame, azimuth_target_frame
@@ -63,7 +65,7 @@ class FrameView:
 def frame_views(skill: ThrowingSkill) -> tuple[FrameView, FrameView]:
     """The skill's demonstrations and components in two frames."""
     task = median_task(skill)
-    model = skill._model_for(task)
+    model = skill.model_for(task)
     names, axes = NAMES[skill.configuration.frames], AXES.get(skill.configuration.frames, (TURNED_AXES, TURNED_AXES))
     if model.n_frames == 2:
         gaussians = [(model.means_[frame], model.covariances_[frame]) for frame in range(2)]
@@ -88,9 +90,9 @@ def draw_gaussians(skill: ThrowingSkill, folder: str | Path) -> list[Path]:
         ratios = _height_ratios(views)
         figure = Figure(figsize=(10.5, 1.6 + 4.7 * sum(ratios)), layout="constrained")
         grid = figure.subplots(2, 2, height_ratios=ratios)
-        for column, view in zip(grid.T, views, strict=True):
-            for axes, plane in zip(column, PLANES, strict=True):
-                _draw_view(axes, view, plane, shades)
+        for number, (column, view) in enumerate(zip(grid.T, views, strict=True), start=1):
+            for axes, plane, side in zip(column, PLANES, ("side", "above"), strict=True):
+                _draw_view(axes, view, plane, shades, f"frame{number}_{side}")
             column[0].set_title(view.name)
         instant = "release" if skill.configuration.alignment == "release" else "start of the motion"
         figure.colorbar(shades, ax=grid, label=f"time of the component since the {instant} [s]", aspect=40, pad=0.02)
@@ -159,17 +161,20 @@ def _height_ratios(views: tuple[FrameView, FrameView]) -> list[float]:
     return [float(np.clip(max(span[up] / span[across] for span in spans), 0.4, 1.0)) for across, up in PLANES]
 
 
-def _draw_view(axes: Axes, view: FrameView, plane: tuple[int, int], shades: ScalarMappable) -> None:
+def _draw_view(axes: Axes, view: FrameView, plane: tuple[int, int], shades: ScalarMappable, gid: str) -> None:
     across, up = plane
-    for number, path in enumerate(view.attractors):
-        label = "attractor of a demonstration" if number == 0 else None
-        axes.plot(path[:, across], path[:, up], color=GREY, linewidth=0.7, gid="attractor", label=label, zorder=2)
-    for mean, covariance, time in zip(view.means, view.covariances, view.times, strict=True):
-        axes.add_patch(_ellipse(mean[list(plane)], covariance[np.ix_(plane, plane)], shades.to_rgba(time)))
+    for number, path in enumerate(view.attractors, start=1):
+        label = "attractor of a demonstration" if number == 1 else None
+        axes.plot(path[:, across], path[:, up], color=GREY, linewidth=0.7, gid=f"{gid}_attractor_{number}", label=label, zorder=2)
+    for number, (mean, covariance, time) in enumerate(zip(view.means, view.covariances, view.times, strict=True), start=1):
+        ellipse = _ellipse(mean[list(plane)], covariance[np.ix_(plane, plane)], shades.to_rgba(time))
+        ellipse.set_gid(f"{gid}_component_{number}")
+        axes.add_patch(ellipse)
     dots = {"linestyle": "none", "markersize": 4, "markeredgewidth": 0.6, "markeredgecolor": BLACK}
-    axes.plot(*view.means[:, plane].T, "o", color="white", label="mean of a component", gid="means", zorder=3, **dots)
-    axes.plot(*view.releases[:, plane].T, "D", color=VERMILION, label="release", gid="releases", zorder=3, **dots)
+    axes.plot(*view.means[:, plane].T, "o", color="white", label="mean of a component", gid=f"{gid}_means", zorder=3, **dots)
+    axes.plot(*view.releases[:, plane].T, "D", color=VERMILION, label="release", gid=f"{gid}_releases", zorder=3, **dots)
     axes.set_aspect("equal", adjustable="datalim")
+    axes.xaxis.set_major_locator(MaxNLocator(6))
     axes.set_xlabel(f"{view.axes[across]} [m]")
     axes.set_ylabel(f"{view.axes[up]} [m]")
 
@@ -178,5 +183,5 @@ def _ellipse(mean: np.ndarray, covariance: np.ndarray, colour: tuple[float, floa
     values, vectors = np.linalg.eigh(covariance)
     width, height = 2 * DEVIATIONS * np.sqrt(np.maximum(values, 0.0))
     angle = float(np.degrees(np.arctan2(vectors[1, 0], vectors[0, 0])))
-    look = {"facecolor": (*colour[:3], 0.15), "edgecolor": colour, "linewidth": 1.2, "gid": "component", "zorder": 2.5}
+    look = {"facecolor": (*colour[:3], 0.15), "edgecolor": colour, "linewidth": 1.2, "zorder": 2.5}
     return Ellipse(tuple(mean), width, height, angle=angle, **look)

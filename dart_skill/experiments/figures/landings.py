@@ -40,7 +40,7 @@ def draw_landings(
         figure = Figure(figsize=(10.5, 5.4), layout="constrained")
         plan, misses = figure.subplots(1, 2)
         _draw_plan(plan, throws, demonstrated, rim_radius)
-        _draw_misses(misses, throws, rim_radius)
+        _draw_misses(misses, throws, 100.0 * rim_radius)
         handles, labels = plan.get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
         return save(figure, folder, "landings")
@@ -55,17 +55,16 @@ def along_across(throw: ThrowResult) -> np.ndarray:
 
 def _draw_plan(axes: Axes, throws: Sequence[ThrowResult], demonstrated: np.ndarray, radius: float) -> None:
     axes.plot(0.0, 0.0, "s", color=BLACK, markersize=8, label="arm", gid="arm")
-    for number, centre in enumerate(demonstrated):
-        label = {"label": "basket, demonstrated"} if number == 0 else {}
-        basket_from_above(axes, centre, radius, "demonstrated_basket", facecolor="none", edgecolor=GREY, linestyle="--", **label)
-    for number, throw in enumerate(throws):
-        label = {"label": "basket, thrown at"} if number == 0 else {}
-        look = {"facecolor": SKY, "alpha": 0.5, "edgecolor": BLUE, "linewidth": 1.2}
-        basket_from_above(axes, throw.target, radius, "thrown_basket", **look, **label)
+    for number, centre in enumerate(demonstrated, start=1):
+        look = {"facecolor": "none", "edgecolor": GREY, "linestyle": "--", "label": "basket, demonstrated" if number == 1 else None}
+        basket_from_above(axes, centre, radius, gid=f"demonstrated_{number}", **look)
+    for number, throw in enumerate(throws, start=1):
+        look = {"facecolor": SKY, "edgecolor": BLUE, "alpha": 0.5, "label": "basket, thrown at" if number == 1 else None}
+        basket_from_above(axes, throw.target, radius, gid=f"thrown_{number}", **look)
         beyond = throw.target[:2] + (radius + 0.08) * unit_along(throw.azimuth)
-        axes.text(*beyond, str(number + 1), ha="center", va="center", gid="number", bbox=HALO, zorder=4)
+        axes.text(*beyond, str(number), ha="center", va="center", bbox=HALO, zorder=4)
     seen = [throw for throw in throws if throw.seen]
-    _draw_landings(axes, seen, np.array([throw.landing[:2] for throw in seen]).reshape(-1, 2))
+    _draw_points(axes, seen, np.array([throw.landing[:2] for throw in seen]).reshape(-1, 2), "plan")
     axes.set_aspect("equal", adjustable="datalim")
     axes.autoscale_view()
     axes.set_xlabel("x, front of the arm [m]")
@@ -73,23 +72,24 @@ def _draw_plan(axes: Axes, throws: Sequence[ThrowResult], demonstrated: np.ndarr
     axes.set_title(f"Floor plan: {len(demonstrated)} demonstrated baskets, {len(throws)} thrown at")
 
 
-def _draw_misses(axes: Axes, throws: Sequence[ThrowResult], radius: float) -> None:
+def _draw_misses(axes: Axes, throws: Sequence[ThrowResult], radius_cm: float) -> None:
     seen = [throw for throw in throws if throw.seen]
-    places = 100.0 * np.array([along_across(throw) for throw in seen]).reshape(-1, 2)
-    basket_from_above(axes, np.zeros(2), 100.0 * radius, "rim", facecolor=PALE, edgecolor=BLUE, linewidth=1.5)
+    places = 100.0 * np.array([along_across(throw) for throw in seen]).reshape(-1, 2)[:, ::-1] * [-1.0, 1.0]
+    basket_from_above(axes, np.zeros(2), radius_cm, gid="rim", facecolor=PALE, edgecolor=BLUE, linewidth=1.5)
     axes.axhline(0.0, color=LIGHT, linewidth=0.8)
     axes.axvline(0.0, color=LIGHT, linewidth=0.8)
-    _draw_landings(axes, seen, places[:, ::-1] * [-1.0, 1.0])
-    limit = 1.12 * max(100.0 * radius, np.abs(places).max(initial=0.0))
+    _draw_points(axes, seen, places, "relative")
+    limit = 1.12 * max(radius_cm, np.abs(places).max(initial=0.0))
     axes.set(xlim=(-limit, limit), ylim=(-limit, limit), aspect="equal")
     axes.set_xlabel("across the throw, + to the right [cm]")
     axes.set_ylabel("along the throw, + too far [cm]")
-    axes.set_title(f"Landings relative to the centre of the rim, radius {100 * radius:g} cm\n{footer(throws)}")
+    axes.set_title(f"Landings relative to the centre of the rim, radius {radius_cm:g} cm\n{footer(throws)}")
 
 
-def _draw_landings(axes: Axes, throws: Sequence[ThrowResult], places: np.ndarray) -> None:
+def _draw_points(axes: Axes, throws: Sequence[ThrowResult], places: np.ndarray, gid: str) -> None:
     """Landings at places (n, 2), by what became of the ball."""
     inside = np.array([throw.in_basket for throw in throws], dtype=bool)
     look = {"linestyle": "none", "zorder": 3}
-    axes.plot(*places[inside].T, "o", color=BLACK, markerfacecolor="white", markersize=4.5, label="landing, in", gid="landing_in", **look)
-    axes.plot(*places[~inside].T, "X", color=VERMILION, markersize=6.5, label="landing, out", gid="landing_out", **look)
+    ring = {"color": BLACK, "markerfacecolor": "white", "markersize": 4.0}
+    axes.plot(*places[inside].T, "o", label="landing, in", gid=f"{gid}_in", **ring, **look)
+    axes.plot(*places[~inside].T, "X", color=VERMILION, markersize=6.5, label="landing, out", gid=f"{gid}_out", **look)

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
-YELLOW, BLUE, VERMILION, PURPLE = "#F0E442", "#0072B2", "#D55E00", "#CC79A7"
+BLUE, VERMILION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
 GREY = "#777777"
 LIGHT = "#BBBBBB"
 PALE = "#EAF5FC"
@@ -59,9 +59,9 @@ def save(figure: Figure, folder: str | Path, name: str) -> list[Path]:
     return [svg, png]
 
 
-def basket_from_above(axes: Axes, centre: np.ndarray, radius: float, gid: str, **look) -> Circle:
+def basket_from_above(axes: Axes, centre: np.ndarray, radius: float, **look) -> Circle:
     """The free opening of a basket to scale, seen from above; centre (>= 2,) and radius in the units of the axes."""
-    return axes.add_patch(Circle((float(centre[0]), float(centre[1])), radius, gid=gid, **look))
+    return axes.add_patch(Circle((float(centre[0]), float(centre[1])), radius, **look))
 
 
 def basket_from_the_side(axes: Axes, along: float, rim: float, radius: float, depth: float) -> None:

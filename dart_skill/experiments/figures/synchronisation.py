@@ -66,11 +66,11 @@ def draw_synchronisation(
     with house_style():
         figure = Figure(figsize=(10.5, 4.4), layout="constrained")
         before, after = figure.subplots(1, 2, sharey=True)
-        for motion in motions:
+        for number, motion in enumerate(motions, start=1):
             colour = shades.to_rgba(motion.distance)
             kept = (motion.time >= motion.first) & (motion.time <= motion.last)
-            _curve(before, motion, np.ones(len(kept), dtype=bool), 0.0, "before", colour)
-            _curve(after, motion, kept, motion.release, "after", colour)
+            _curve(before, motion, np.ones(len(kept), dtype=bool), 0.0, f"before_{number}", colour)
+            _curve(after, motion, kept, motion.release, f"after_{number}", colour)
         _describe(before, motions, thresholds, False)
         _describe(after, motions, thresholds, True)
         before.set_ylabel("speed of the hand [m/s]")
@@ -115,8 +115,8 @@ def _curve(axes: Axes, motion: DemonstratedMotion, kept: np.ndarray, origin: flo
 
 
 def _describe(axes: Axes, motions: Sequence[DemonstratedMotion], thresholds: VelocityThreshold, aligned: bool) -> None:
-    for event, (marker, name) in EVENTS.items():
-        axes.plot([], [], marker, color="white", markeredgecolor=BLACK, markersize=5.5, label=name, gid=f"legend_{event}")
+    for marker, name in EVENTS.values():
+        axes.plot([], [], marker, color="white", markeredgecolor=BLACK, markersize=5.5, label=name)
     axes.axhline(thresholds.start, color=VERMILION, linestyle="--", linewidth=1.0, label=f"start threshold, {thresholds.start:g} m/s")
     axes.axhline(thresholds.stop, color=GREY, linestyle=":", linewidth=1.3, label=f"stop threshold, {thresholds.stop:g} m/s")
     starts = np.array([motion.motion_start - (motion.release if aligned else 0.0) for motion in motions])

@@ -1,0 +1,48 @@
+"""Every node starts by itself with `ros2 run`, is seen on the graph, and ends without complaint when it is told to."""
+
+import shutil
+import signal
+import subprocess
+
+import pytest
+import rclpy
+
+from dart_skill_nodes.support import make_executor
+
+NODES = {
+    "wam_simulator": {"wam_simulator"},
+    "mock_optitrack": {"mock_optitrack"},
+    "demonstration_recorder": {"demonstration_recorder"},
+    "skill_learner": {"skill_learner"},
+    "commander": {"commander"},
+    "teacher": {"teacher"},
+    "composed": {"wam_simulator", "mock_optitrack", "commander", "demonstration_recorder"},
+}
+
+
+@pytest.mark.parametrize("executable", NODES)
+def test_starts_with_ros2_run_and_ends_on_sigint(ros, tmp_path, executable):
+    node = rclpy.create_node(f"observer_of_{executable}")
+    executor = make_executor()
+    executor.add_node(node)
+    log = open(tmp_path / "log", "wb")
+    command = [shutil.which("ros2"), "run", "dart_skill", executable]
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=log, stderr=log)
+    try:
+        for _ in range(300):
+            executor.spin_once(timeout_sec=0.1)
+            if NODES[executable] <= set(node.get_node_names()):
+                break
+            assert process.poll() is None, (tmp_path / "log").read_text()
+        else:
+            pytest.fail(f"{NODES[executable]} never appeared, only {node.get_node_names()}")
+        process.send_signal(signal.SIGINT)
+        assert process.wait(20) == 0, (tmp_path / "log").read_text()
+    finally:
+        if process.poll() is None:
+            process.kill()
+            process.wait()
+        log.close()
+        node.destroy_node()
+    text = (tmp_path / "log").read_text()
+    assert "Traceback" not in text, text

@@ -1,0 +1,153 @@
+"""A model on disk: the same plan after loading, and nothing but a model is accepted."""
+
+import io
+import pickle
+import zipfile
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from dart_skill.recording import Demonstration
+from dart_skill.robot.throw_plan import same_plan
+from dart_skill.skill.configuration import CONFIGURATIONS, DEFAULT
+from dart_skill.skill.model_file import load_model, save_model
+from dart_skill.skill.throwing import learn
+
+BASKET = np.array([1.8, 0.1, 0.4])
+
+
+@pytest.fixture
+def saved(tmp_path, demonstrations):
+    path = tmp_path / "throw.npz"
+    save_model(path, demonstrations, DEFAULT)
+    return path
+
+
+def test_a_loaded_model_plans_the_same_throw_to_the_last_bit(saved, demonstrations):
+    loaded, configuration = load_model(saved)
+    assert configuration == DEFAULT
+    assert same_plan(learn(loaded, configuration).plan(BASKET), learn(demonstrations).plan(BASKET))
+
+
+def test_demonstrations_come_back_as_they_were(saved, demonstrations):
+    loaded, _ = load_model(saved)
+    assert len(loaded) == len(demonstrations)
+    for original, copy in zip(demonstrations, loaded, strict=True):
+        for f in fields(Demonstration):
+            before, after = getattr(original, f.name), getattr(copy, f.name)
+            assert type(before) is type(after), f.name
+            np.testing.assert_array_equal(after, before, err_msg=f.name)
+
+
+def test_unknown_events_and_joint_names_come_back(tmp_path, demonstrations):
+    values = {f.name: getattr(demonstrations[0], f.name) for f in fields(Demonstration)}
+    names = tuple(f"wam_j{k}" for k in range(1, 8))
+    original = Demonstration(**{**values, "hand_opened": float("nan"), "joint_names": names, "id": "throw ünïcode"})
+    save_model(tmp_path / "one.npz", [original], DEFAULT)
+    (copy,), _ = load_model(tmp_path / "one.npz")
+    assert np.isnan(copy.hand_opened) and copy.joint_names == names and copy.id == original.id
+
+
+@pytest.mark.parametrize("name", sorted(CONFIGURATIONS))
+def test_every_configuration_comes_back(tmp_path, demonstrations, name):
+    save_model(tmp_path / "one.npz", demonstrations[:1], CONFIGURATIONS[name])
+    assert load_model(tmp_path / "one.npz")[1] == CONFIGURATIONS[name]
+
+
+def test_an_existing_file_is_never_overwritten(saved, demonstrations):
+    before = saved.read_bytes()
+    with pytest.raises(FileExistsError):
+        save_model(saved, demonstrations[:1], DEFAULT)
+    assert saved.read_bytes() == before
+
+
+def test_a_folder_that_is_not_there_is_named(tmp_path, demonstrations):
+    with pytest.raises(FileNotFoundError, match="no folder .*nowhere to save a model in"):
+        save_model(tmp_path / "nowhere" / "one.npz", demonstrations, DEFAULT)
+
+
+def npz(**content):
+    buffer = io.BytesIO()
+    np.savez(buffer, **content)
+    return buffer.getvalue()
+
+
+def npy(array):
+    buffer = io.BytesIO()
+    np.save(buffer, array)
+    return buffer.getvalue()
+
+
+GARBAGE = {
+    "empty": b"",
+    "text": b"this is not a model\n",
+    "zip magic": b"PK\x03\x04 and then nothing",
+    "pickle": pickle.dumps({"format": "dart_skill model 1"}),
+    "one array": npy(np.zeros(3)),
+    "other archive": npz(a=np.zeros(3)),
+    "other format": npz(format=np.array("dart_skill model 99"), configuration=np.array("{}")),
+    "no configuration": npz(format=np.array("dart_skill model 1")),
+    "configuration of another version": npz(format=np.array("dart_skill model 1"), configuration=np.array('{"colour": "red"}')),
+    "configuration that is no JSON": npz(format=np.array("dart_skill model 1"), configuration=np.array("{")),
+    "demonstration without fields": npz(
+        **{"format": np.array("dart_skill model 1"), "configuration": np.array("{}"), "0000.id": np.array("x")}
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", GARBAGE)
+def test_what_is_no_model_is_refused_by_name(tmp_path, kind):
+    path = tmp_path / "garbage.npz"
+    path.write_bytes(GARBAGE[kind])
+    with pytest.raises(ValueError, match="garbage.npz is not a model file of dart_skill"):
+        load_model(path)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9, 0.999])
+def test_a_file_that_was_cut_short_is_refused(saved, share):
+    content = saved.read_bytes()
+    saved.write_bytes(content[: int(share * len(content))])
+    with pytest.raises(ValueError, match="is not a model file"):
+        load_model(saved)
+
+
+def test_a_file_whose_bytes_were_changed_is_refused(saved):
+    content = bytearray(saved.read_bytes())
+    middle = len(content) // 3
+    content[middle : middle + 200] = bytes(200)
+    saved.write_bytes(bytes(content))
+    with pytest.raises(ValueError, match="is not a model file"):
+        load_model(saved)
+
+
+class Trap:
+    """Would run code if it were unpickled."""
+
+    def __reduce__(self):
+        return (pytest.fail, ("a pickle was opened",))
+
+
+def test_no_pickle_is_opened(saved):
+    """Neither a whole pickle nor an object array inside an otherwise good model."""
+    content = dict(np.load(saved))
+    content["0000.hand_position"] = np.array([Trap()], dtype=object)
+    with open(saved, "wb") as file:
+        np.savez(file, **content)
+    with pytest.raises(ValueError, match="is not a model file"):
+        load_model(saved)
+    saved.write_bytes(pickle.dumps(Trap()))
+    with pytest.raises(ValueError, match="is not a model file"):
+        load_model(saved)
+
+
+def test_a_model_file_holds_plain_arrays_only(saved):
+    with zipfile.ZipFile(saved) as archive:
+        assert all(name.endswith(".npy") for name in archive.namelist())
+    with np.load(saved, allow_pickle=False) as archive:
+        assert all(archive[name].dtype != object for name in archive.files)
+
+
+def test_a_file_that_is_not_there_is_not_found(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        load_model(tmp_path / "nothing.npz")
