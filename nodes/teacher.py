@@ -137,6 +137,7 @@ class TeacherNode(Node):
         for attempt in range(1, attempts + 1):
             result.attempts = attempt
             self._feed("preparing", attempt)
+            self._teacher.check(target, attempt > 1)
             outcome = await self._guided_throw(target, attempt)
             result.outcome = conversions.outcome_msg(outcome, target, self.p["frame_id"], self._ended_ns)
             kept = await self._keep(outcome)

@@ -152,6 +152,8 @@ class Session:
                 self._log.add_basket(sample.stamp_ns, sample.position)
 
     def _trial(self, state: PlantState, target: np.ndarray, states: list[PlantState], kind: str, over_ns: int) -> Trial:
+        if self._log.opened_ns is None and self.commander.message:
+            raise ValueError(f"the throw was stopped: {self.commander.message}")
         until_ns = over_ns - ARRIVAL_NS
         demonstration = self._log.cut(f"{kind}_{state.episode}", until_ns)
         outcome = judge_flight(*self._log.ball_between(self._log.opened_ns, until_ns), target, self.plant.settings.basket.radius)

@@ -27,8 +27,8 @@ from dart_skill.robot.impedance import (
 from dart_skill.robot.model import ArmModel, HandState
 from dart_skill.robot.throw_plan import ThrowPlan
 
-REACH_TOLERANCE = 0.01
-"""A plan may lie so far outside the arm's reach before its release: the springs bridge it [m]."""
+STRETCHED = 0.005
+"""Nearer than this to its full reach the arm cannot follow a plan: the elbow may turn over [m]."""
 
 
 class Mode(Enum):
@@ -111,8 +111,8 @@ class Commander:
 
     def throw(self, plan: ThrowPlan) -> None:
         """Begin a throw with the next state; PlanRefused if a limit forbids it."""
-        if self.throwing:
-            raise PlanRefused("a throw is under way: wait for it or stop it first")
+        if self.throwing or self._mode == Mode.STOPPING:
+            raise PlanRefused("a throw is under way, or the arm has not come to rest: wait for it or stop it first")
         check_plan(plan, self.settings, self._description)
         self._requested, self.message = plan, ""
 
@@ -267,11 +267,11 @@ def check_plan(plan: ThrowPlan, settings: CommanderSettings, description: WamDes
     if speed > settings.fastest_hand:
         raise PlanRefused(f"the plan moves the hand at {speed:.2f} m/s; the limit is {settings.fastest_hand} m/s: choose a nearer basket")
     shoulder = np.array([0.0, 0.0, description.mount_height + description.shoulder_height])
-    reach = float(np.abs(description.dh[:, 2]).sum())
+    reach = description.reach
     swing = plan.path.position[plan.path.time <= plan.release]
     farthest = float(np.linalg.norm(swing - shoulder, axis=1).max())
-    if farthest > reach + REACH_TOLERANCE:
-        raise PlanRefused(f"the plan takes the hand {farthest:.3f} m from the shoulder; the arm reaches {reach:.3f} m")
+    if farthest > reach - STRETCHED:
+        raise PlanRefused(f"the plan takes the hand {farthest:.3f} m from the shoulder; the arm is stretched at {reach:.3f} m")
     model = ArmModel(description)
     position, rotation = model.hand_pose(plan.start_posture)
     offset = float(np.linalg.norm(position - plan.path.position[0]))

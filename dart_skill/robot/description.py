@@ -114,6 +114,12 @@ class WamDescription:
     capsules: tuple[Capsule, ...]
     home: np.ndarray
 
+    @property
+    def reach(self) -> float:
+        """Distance from the shoulder to the hand frame of the stretched arm [m]; the elbow is offset from both its links."""
+        (_, _, _), _, (_, offset, upper), (_, back, _), (_, _, fore), _, (_, _, wrist) = self.dh
+        return float(np.hypot(upper, offset) + np.hypot(fore, back) + wrist)
+
     def of_joints(self, field: str) -> np.ndarray:
         """One field of all joints as an array (7,), for example "peak_torque"."""
         return np.array([getattr(joint, field) for joint in self.joints])

@@ -82,6 +82,8 @@ class ThrowPlan:
             if value.shape != shape or not np.isfinite(value).all():
                 raise ValueError(f"plan.{name} has shape {value.shape} or is not finite; it must be {shape}")
         _check_unit("plan.attractor_quaternion", self.attractor_quaternion)
+        if self.open_hand > self.release:
+            raise ValueError(f"plan.open_hand is {self.open_hand} s, after the release at {self.release} s")
         if not 0.0 < self.release <= self.path.duration:
             raise ValueError(f"plan.release is {self.release} s, outside the path of {self.path.duration} s")
         if not 0.0 <= self.open_hand <= self.path.duration:

@@ -5,9 +5,11 @@ compensation with an error, a hand that takes time to open, a ball with drag. Py
 computes the acceleration that the arm with rotors would have and asks PyBullet for the torque that gives it (wam_facts, 2.6).
 """
 
+import os
+import sys
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -105,13 +107,18 @@ class Plant:
         self._seed = seed
         self._actuation = Actuation(self.description, self.settings.friction_scale)
         self._reflected = self.description.motors.reflected_inertia
-        self._world = BulletClient(pybullet.DIRECT)
+        self._world = _connect()
         self._empty_arm = _DynamicsOnly(self.description, ball_in_hand=False)
-        self._loaded_arm = _DynamicsOnly(self.description, ball_in_hand=True)
+        self._loaded_arm = _DynamicsOnly(self._with_its_ball(), ball_in_hand=True)
         self._basket = np.array(self.settings.basket.position)
         self._episode = 0
         self._stamp_ns = 0
         self.reset()
+
+    def _with_its_ball(self) -> WamDescription:
+        """The description with the mass that the ball really has here."""
+        ball, scale = self.description.ball, self.settings.ball_mass_scale
+        return replace(self.description, ball=replace(ball, mass=scale * ball.mass, inertia=scale * ball.inertia))
 
     def close(self) -> None:
         """Disconnect from PyBullet."""
@@ -173,6 +180,8 @@ class Plant:
     # the hand and the ball
 
     def _obey_grip(self, grip: Grip) -> None:
+        if grip == Grip.CLOSE:
+            self.close_hand()
         if grip == Grip.OPEN and self._held is not None and self._free_at is None:
             delay = self.settings.hand_delay + self.settings.hand_spread * self._rng.standard_normal()
             self._free_at = self._stamp_ns + max(0, round(delay / self.settings.step)) * self.settings.step_ns
@@ -321,7 +330,7 @@ class _DynamicsOnly:
     """A copy of the arm that is never stepped: PyBullet's inverse dynamics, mass matrix and Jacobian, with or without the ball."""
 
     def __init__(self, description: WamDescription, ball_in_hand: bool):
-        self.client = BulletClient(pybullet.DIRECT)
+        self.client = _connect()
         self.client.setGravity(0, 0, -description.gravity)
         urdf = write_urdf(description, ball_in_hand, shapes=False)
         self._body = _load_arm(self.client, urdf, description.mount_height)
@@ -337,6 +346,18 @@ class _DynamicsOnly:
         """Linear over angular velocity of the hand frame's origin (6, 7)."""
         linear, angular = self.client.calculateJacobian(self._body, HAND_LINK_INDEX, [0, 0, 0], q, ZEROS, ZEROS)
         return np.vstack([linear, angular])
+
+
+def _connect() -> BulletClient:
+    """A physics server in this process. PyBullet greets on standard output, which belongs to results: it goes to standard error."""
+    sys.stdout.flush()
+    results = os.dup(1)
+    os.dup2(2, 1)
+    try:
+        return BulletClient(pybullet.DIRECT)
+    finally:
+        os.dup2(results, 1)
+        os.close(results)
 
 
 def _load_arm(client: BulletClient, urdf: str, mount_height: float) -> int:

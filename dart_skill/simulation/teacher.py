@@ -25,11 +25,15 @@ SWING_JOINTS = (1, 3, 5)
 @dataclass(frozen=True)
 class Swing:
     """The throw that the teacher has in mind, as angles of J2, J4 and J6 [rad]: cocked, at the release, and the rates there per
-    unit of speed [rad/s]; duration to the release and of the follow-through [s]."""
+    unit of speed [rad/s]; duration to the release and of the follow-through [s].
 
-    cocked: tuple[float, float, float] = (-0.90, -0.75, -0.35)
-    release: tuple[float, float, float] = (-0.15, -0.25, -0.05)
-    rates: tuple[float, float, float] = (3.548, 5.568, 3.0)
+    A speed of 1 turns J2 at its no-load speed. At the release the elbow is bent so far that the hand is 4.5 cm inside the arm's
+    reach, three standard deviations of a person's release point: a path through the stretched arm can turn the elbow over.
+    """
+
+    cocked: tuple[float, float, float] = (-1.00, -0.75, -0.60)
+    release: tuple[float, float, float] = (-0.05, -0.42, -0.10)
+    rates: tuple[float, float, float] = (3.548, 3.6, 7.0)
     duration: float = 0.70
     follow_through: float = 0.45
 
@@ -113,8 +117,7 @@ class Teacher:
 
         ValueError, and nothing has changed, for a basket out of reach.
         """
-        target, learned = self._checked(target), self._correction if correction else np.zeros(2)
-        self._speed_for(np.hypot(*target[:2]) + learned[0], target[2])
+        target, learned = self.check(target, correction)
         self._throws += 1
         self._rng = np.random.default_rng([self._seed, self._throws])
         self._correction, self._target = learned, target
@@ -122,6 +125,12 @@ class Teacher:
         self._motion = self._prepare(state)
         self._tremble, self._opened = np.zeros(6), False
         self._phase = Phase.TURNING
+
+    def check(self, target: np.ndarray, correction: bool = False) -> tuple[np.ndarray, np.ndarray]:
+        """The basket (3,), and what was learned at it (2,); ValueError for one out of reach."""
+        target, learned = self._checked(target), self._correction if correction else np.zeros(2)
+        self._speed_for(np.hypot(*target[:2]) + learned[0], target[2])
+        return target, learned
 
     def learn_from(self, landed: np.ndarray) -> None:
         """Aim the next throw against the miss: landed (3,) is where the ball was seen to come down."""

@@ -11,7 +11,7 @@ from dart_skill.simulation.plant import Plant, PlantSettings
 from dart_skill.skill.flight import landing
 
 READY = (0.0, -0.90, 0.0, -0.75, 0.0, -0.35, 0.0)
-"""Where the arm waits between throws (config/wam_simulator.yaml)."""
+"""A posture between throws: cocked, hand behind the shoulder."""
 TARGETS = np.array([[1.80, -0.60, 0.40], [2.00, 0.10, 0.40], [2.15, 0.70, 0.40], [1.65, 0.40, 0.40]])
 """Baskets of the demonstrations that the tests of the skill learn from."""
 

@@ -14,6 +14,7 @@ from dart_skill.robot.throw_plan import Gains, HandPath, same_plan
 REST = np.array([0.0, -0.90, 0.0, -0.75, 0.0, -0.35, 0.0])
 MS = 1_000_000
 PERIOD = 2 * MS
+ORDER = [Mode.HOLDING, Mode.APPROACHING, Mode.SETTLING, Mode.THROWING, Mode.FOLLOWING_THROUGH, Mode.HOLDING]
 MODEL = ArmModel()
 
 
@@ -80,7 +81,7 @@ def test_every_state_is_answered_with_its_stamp_in_every_mode(begin, plan):
     run.commander.stop("enough")
     run.step()
     assert all(command.stamp_ns == state.stamp_ns for command, state in zip(run.commands, run.states, strict=True))
-    assert set(run.modes) >= set(Mode) - {Mode.FOLLOWING_THROUGH, Mode.STOPPING}
+    assert set(run.modes) == set(Mode) - {Mode.STOPPING}
     assert all(np.isfinite(command.wrench).all() and np.isfinite(command.joint_torque).all() for command in run.commands)
 
 
@@ -116,19 +117,25 @@ def test_an_arm_that_is_held_does_not_sag(make_plant):
 
 def test_a_throw_goes_through_its_modes_in_order(begin, plan):
     run = finish(begin(plan))
-    assert run.sequence == [Mode.HOLDING, Mode.APPROACHING, Mode.SETTLING, Mode.THROWING, Mode.HOLDING]
+    assert run.sequence == ORDER
     assert run.commander.message == ""
 
 
-def test_a_path_that_ends_in_motion_is_followed_through_to_rest(begin, make_plan):
+@pytest.mark.parametrize("end", [0.58, 1.1])
+def test_the_arm_follows_through_to_rest_soon_after_the_release(begin, make_plan, end):
+    """`follow_time` after it, or where the path ends before that; the hand is in full swing then."""
     whole = make_plan()
-    n = int(np.searchsorted(whole.path.time, 0.75))
+    n = int(np.searchsorted(whole.path.time, end)) + 1
     cut = HandPath(*(getattr(whole.path, f.name)[:n] for f in fields(HandPath)))
     attractor = {name: getattr(whole, name)[:n] for name in ("attractor_position", "attractor_quaternion")}
     run = finish(begin(replace(whole, path=cut, **attractor)))
-    assert run.sequence[-3:] == [Mode.THROWING, Mode.FOLLOWING_THROUGH, Mode.HOLDING]
-    duration = len(run.during(Mode.FOLLOWING_THROUGH, run.states)) * 2e-3
-    assert 0.02 < duration < 0.8, duration
+    assert run.sequence == ORDER
+    thrown, through = (2e-3 * len(run.during(mode, run.states)) for mode in (Mode.THROWING, Mode.FOLLOWING_THROUGH))
+    expected = min(cut.duration, whole.release + CommanderSettings().follow_time)
+    assert thrown == pytest.approx(expected, abs=5e-3)
+    assert 0.05 < through < 0.8, through
+    last = run.during(Mode.FOLLOWING_THROUGH, run.states)[-1]
+    assert not last.ball_held and np.abs(last.velocity).max() < 0.1
 
 
 def test_the_arm_is_brought_to_the_start_posture_from_elsewhere(begin, plan):
@@ -140,6 +147,18 @@ def test_the_arm_is_brought_to_the_start_posture_from_elsewhere(begin, plan):
     settings = CommanderSettings()
     assert 0.5 * settings.approach_speed < np.abs(approach).max() < 1.2 * settings.approach_speed
     assert np.abs(run.states[-1].velocity).max() < settings.settle_speed
+
+
+@pytest.mark.parametrize(("speed", "settling"), [(0.0, 0.1), (0.019, 0.1), (0.05, 1.0)])
+def test_a_throw_waits_until_the_arm_is_quiet_but_not_for_ever(plan, speed, settling):
+    """settle_time at less than settle_speed; settle_limit if the arm does not come to rest."""
+    commander, modes = Commander(), []
+    commander.step(at(0, plan.start_posture))
+    commander.throw(plan)
+    for k in range(1, 1000):
+        commander.step(at(k * PERIOD, plan.start_posture, np.full(7, speed)))
+        modes.append(commander.mode)
+    assert modes.count(Mode.SETTLING) * 2e-3 == pytest.approx(settling, abs=3e-3) and Mode.THROWING in modes
 
 
 def test_a_feasible_plan_is_followed_to_three_millimetres_until_the_release(begin, plan):
@@ -173,7 +192,7 @@ def test_two_throws_one_after_the_other(begin, plan):
     run.step()
     run.commander.throw(plan)
     finish(run)
-    assert run.modes.count(Mode.THROWING) == 2 * round(plan.path.duration / 2e-3 + 1)
+    assert run.sequence == ORDER + ORDER[1:]
     assert sum(command.grip == Grip.OPEN for command in run.commands) == 2
 
 
@@ -190,7 +209,7 @@ def test_the_wrench_is_cut_at_its_limits(begin, plan):
 # stopping
 
 
-@pytest.mark.parametrize("instant", [0.1, 0.4, 0.55, 0.8])
+@pytest.mark.parametrize("instant", [0.1, 0.4, 0.53, 0.6])
 def test_a_throw_that_is_cancelled_comes_to_rest_within_a_second(begin, plan, instant):
     run = begin(plan)
     run.until(lambda: run.commander.mode == Mode.THROWING and run.commander.time >= instant)
@@ -317,7 +336,7 @@ def test_a_plan_beyond_the_reach_of_the_arm_is_refused(plan):
     """The path leaves the arm's sphere before the release; afterwards nobody has to follow it so exactly."""
     outwards = np.sin(np.pi * plan.path.time / plan.path.duration)[:, None] ** 2 * [0.0, 0.0, 0.5]
     far = replace(plan.path, position=plan.path.position + outwards)
-    refused(replace(plan, path=far), r"takes the hand 1\.\d+ m from the shoulder; the arm reaches 0\.9\d+ m")
+    refused(replace(plan, path=far), r"takes the hand 1\.\d+ m from the shoulder; the arm .* 0\.9\d+ m")
 
 
 def test_a_joint_that_comes_to_the_end_of_its_range_stops_the_throw(plan):
