@@ -11,6 +11,7 @@ from pathlib import Path
 from dart_skill_msgs.msg import Demonstration as DemonstrationMsg
 from dart_skill_msgs.msg import WamCommand
 from dart_skill_msgs.srv import StopDemonstration
+from geometry_msgs.msg import PoseStamped
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
@@ -44,7 +45,7 @@ from dart_skill_nodes.support import (
     declare,
     run,
 )
-from dart_skill_nodes.watching import Watcher
+from dart_skill_nodes.watching import ROLES, Watcher
 
 TABLE = [
     Parameter("frame_id", "frame of the poses"),
@@ -96,11 +97,12 @@ class DemonstrationRecorder(LifecycleNode):
             self.get_logger().error(f"not configured: {error}")
             return TransitionCallbackReturn.FAILURE
         self._attach()
-        bodies = tuple(self.p[f"{role}_body"] for role in ("hand", "ball", "basket"))
-        self._watcher = Watcher(self, self.p["frame_id"], bodies=bodies)
+        self._watcher = Watcher(self, self.p["frame_id"], subscribe=False)
+        self._role_of = {f"/vrpn_mocap/{self.p[f'{role}_body']}/pose": role for role in ROLES}
+        self._needed = {"/joint_states", "/wam/command", "/wam/teacher_wrench", *self._role_of}
         self._demonstrations = self.create_publisher(DemonstrationMsg, "/demonstrations", LATCHED)
         self._types = typestore()
-        for topic in self.p["topics"]:
+        for topic in [*self.p["topics"], *sorted(self._needed - set(self.p["topics"]))]:
             self._subscribe(topic)
         self.create_service(Trigger, "~/start", self._on_start)
         self.create_service(StopDemonstration, "~/stop", self._on_stop)
@@ -138,10 +140,14 @@ class DemonstrationRecorder(LifecycleNode):
             type_name = self._type_on_the_graph(topic)
         sensor, latched = topic.startswith("/vrpn_mocap/"), topic == "/demonstrations"
         profile = qos_yaml("best_effort" if sensor else "reliable", "transient_local" if latched else "volatile")
-        self._bag.add_topic(topic, type_name, definition(self._types, type_name), profile, type_hash(self._types, type_name))
+        if topic in self.p["topics"]:
+            text, digest = definition(self._types, type_name), type_hash(self._types, type_name)
+            self._bag.add_topic(topic, type_name, text, profile, digest)
         qos = SENSOR_COMPLETE if sensor else (LATCHED if latched else COMPLETE)
         look = {"/joint_states": self._look_at_joints, "/wam/command": self._look_at_grip}
         look["/wam/teacher_wrench"] = self._look_at_grip
+        if role := self._role_of.get(topic):
+            look[topic] = lambda ns, data: self._watcher.take(role, deserialize_message(data, PoseStamped))
         extra = look.get(topic)
         if latched:
             return  # its own publication is written where it is made: a node does not hear itself reliably in order
@@ -159,7 +165,7 @@ class DemonstrationRecorder(LifecycleNode):
         sec, nanosec = struct.unpack_from("<iI", data, 4)
         ns = sec * conversions.GIGA + nanosec
         self._now_ns = max(self._now_ns, ns)
-        if self._bag is not None:
+        if self._bag is not None and topic in self.p["topics"]:
             self._bag.write(topic, self._now_ns, ns, bytes(data))
         if look is not None and self._recording:
             look(ns, data)

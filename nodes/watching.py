@@ -9,26 +9,29 @@ from dart_skill_nodes.support import SENSOR_COMPLETE
 
 ARRIVAL_NS = 50_000_000
 """Samples this new may still be on their way: what is judged ends so long before the present."""
+ROLES = ("hand", "ball", "basket")
 
 
 class Watcher:
     """Keeps a ThrowLog up to date from the pose topics, and knows up to which stamp every message has arrived.
 
-    on_pose is called after each pose, for whoever waits for one.
+    on_pose is called after each pose, for whoever waits for one. `subscribe` is false for a node that gets the messages anyway
+    and hands them to `take`.
     """
 
-    def __init__(self, node: Node, frame_id: str, on_pose=lambda: None, bodies=("hand", "ball", "basket")):
+    def __init__(self, node: Node, frame_id: str, on_pose=lambda: None, subscribe: bool = True):
         self.log, self._node, self._frame_id, self._on_pose = ThrowLog(), node, frame_id, on_pose
         self.newest_ns, self.wrong_frame = 0, ""
-        for role, name in zip(("hand", "ball", "basket"), bodies, strict=True):
-            topic = f"/vrpn_mocap/{name}/pose"
-            node.create_subscription(PoseStamped, topic, lambda m, role=role: self._take(role, m), SENSOR_COMPLETE)
+        for role in ROLES if subscribe else ():
+            topic = f"/vrpn_mocap/{role}/pose"
+            node.create_subscription(PoseStamped, topic, lambda m, role=role: self.take(role, m), SENSOR_COMPLETE)
 
     def clear(self) -> None:
         """Forget what was seen; a new throw begins."""
         self.log.clear()
 
-    def _take(self, role: str, message: PoseStamped) -> None:
+    def take(self, role: str, message: PoseStamped) -> None:
+        """A pose of hand, ball or basket."""
         if message.header.frame_id != self._frame_id:
             if not self.wrong_frame:
                 self._node.get_logger().error(f"{role} poses are in '{message.header.frame_id}', not '{self._frame_id}': ignored")
