@@ -23,7 +23,7 @@ from dart_skill.robot.commander import Commander, CommanderSettings, Mode, PlanR
 from dart_skill.skill.outcome import judge_flight
 from dart_skill_nodes import conversions
 from dart_skill_nodes.support import ERROR, LOOP, OK, WALL, WARN, Diagnostics, Parameter, declare, run
-from dart_skill_nodes.watching import ARRIVAL_NS, Watcher
+from dart_skill_nodes.watching import ARRIVAL_NS, BEFORE_NS, Watcher
 
 TABLE = [
     Parameter("frame_id", "frame of targets, plans and wrenches"),
@@ -191,9 +191,10 @@ class CommanderNode(Node):
         result.code = Throw.Goal.OUTCOME_STOPPED if stopped or not thrown else Throw.Goal.OUTCOME_THROWN
         result.message = self._commander.message or "thrown"
         if thrown:
-            seen = self._watcher.log.ball_between(self._commander.opened_ns, self._ended_ns - ARRIVAL_NS)
-            outcome = judge_flight(*seen, plan.target, self.p["rim_radius"])
-            result.outcome = conversions.outcome_msg(outcome, plan.target, self.p["frame_id"], self._commander.opened_ns)
+            log, opened, until = self._watcher.log, self._commander.opened_ns, self._ended_ns - ARRIVAL_NS
+            outcome = judge_flight(*log.ball_between(opened, until), plan.target, self.p["rim_radius"])
+            release = log.release_between(opened - BEFORE_NS, until)
+            result.outcome = conversions.outcome_msg(outcome, plan.target, self.p["frame_id"], opened, release)
 
     def _finish(self, goal_handle, result):
         if result.code != Throw.Goal.OUTCOME_THROWN:

@@ -12,7 +12,7 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectory
 from dart_skill.recording import Demonstration, demonstration_from_message, fill_demonstration_message
 from dart_skill.robot.command import ArmState, Command, Grip
 from dart_skill.robot.throw_plan import Gains, HandPath, ThrowPlan
-from dart_skill.skill.outcome import Outcome
+from dart_skill.skill.outcome import Outcome, Release
 
 GIGA = 1_000_000_000
 NEW = {
@@ -112,13 +112,16 @@ def demonstration_msg(one: Demonstration) -> DemonstrationMsg:
     return fill_demonstration_message(one, DemonstrationMsg(), lambda name: NEW[name]())
 
 
-def outcome_msg(outcome: Outcome, target: np.ndarray, frame_id: str, ns: int) -> TrialOutcome:
+def outcome_msg(outcome: Outcome, target: np.ndarray, frame_id: str, ns: int, release: Release | None = None) -> TrialOutcome:
     """What became of a throw as a message; what was not seen is NaN."""
+    unseen = np.full(3, np.nan)
     message = TrialOutcome()
     set_stamp(message.header.stamp, ns)
     message.header.frame_id, message.target = frame_id, point(target)
     message.landing_seen, message.in_basket = bool(outcome.landing_seen), bool(outcome.in_basket)
     message.landing, message.landing_error = point(outcome.landing), float(outcome.landing_error)
+    message.release = point(release.position if release else unseen)
+    set_vector(message.release_velocity, release.velocity if release else unseen)
     return message
 
 

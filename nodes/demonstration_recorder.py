@@ -151,9 +151,7 @@ class DemonstrationRecorder(LifecycleNode):
         extra = look.get(topic)
         if latched:
             return  # its own publication is written where it is made: a node does not hear itself reliably in order
-        self.create_subscription(
-            _message_class(type_name), topic, lambda data, t=topic, e=extra: self._record(t, data, e), qos, raw=True
-        )
+        self.create_subscription(_message_class(type_name), topic, lambda data, t=topic, e=extra: self._record(t, data, e), qos, raw=True)
 
     def _type_on_the_graph(self, topic: str) -> str:
         types = dict(self.get_topic_names_and_types()).get(topic)

@@ -20,7 +20,7 @@ from dart_skill.simulation.teacher import Person, Phase, Teacher
 from dart_skill.skill.outcome import judge_flight
 from dart_skill_nodes import conversions
 from dart_skill_nodes.support import LOOP, OK, WALL, Diagnostics, Parameter, declare, run
-from dart_skill_nodes.watching import ARRIVAL_NS, Watcher
+from dart_skill_nodes.watching import ARRIVAL_NS, BEFORE_NS, Watcher
 
 TABLE = [
     Parameter("seed", "everything random comes from it", 0, 2**31 - 1),
@@ -139,7 +139,8 @@ class TeacherNode(Node):
             self._feed("preparing", attempt)
             self._teacher.check(target, attempt > 1)
             outcome = await self._guided_throw(target, attempt)
-            result.outcome = conversions.outcome_msg(outcome, target, self.p["frame_id"], self._ended_ns)
+            release = self._watcher.log.release_between(self._opened_ns - BEFORE_NS, self._ended_ns - ARRIVAL_NS)
+            result.outcome = conversions.outcome_msg(outcome, target, self.p["frame_id"], self._opened_ns, release)
             kept = await self._keep(outcome)
             if goal_handle.is_cancel_requested:
                 result.message = "cancelled"

@@ -9,6 +9,8 @@ from dart_skill_nodes.support import SENSOR_COMPLETE
 
 ARRIVAL_NS = 50_000_000
 """Samples this new may still be on their way: what is judged ends so long before the present."""
+BEFORE_NS = 200_000_000
+"""The release is looked for from so long before the hand was told to open."""
 ROLES = ("hand", "ball", "basket")
 
 

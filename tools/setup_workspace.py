@@ -193,9 +193,7 @@ print(json.dumps([path, list(sys.version_info[:2]), " and ".join(lacks)]))
 def probe(path: str) -> Interpreter | None:
     """Asks an interpreter what it is; None if it does not run, as a pyenv shim without a version."""
     try:
-        answer = subprocess.check_output(
-            [path, "-c", PROBE], env=without_ros(dict(os.environ)), stderr=subprocess.DEVNULL, timeout=30
-        )
+        answer = subprocess.check_output([path, "-c", PROBE], env=without_ros(dict(os.environ)), stderr=subprocess.DEVNULL, timeout=30)
         real, version, lacks = json.loads(answer)
     except (OSError, ValueError, subprocess.SubprocessError):
         return None
@@ -335,9 +333,7 @@ def run(command: list[str], environment: dict[str, str]) -> None:
         log.write(f"\n$ {' '.join(command)}\n".encode())
         log.flush()
         start = log.tell()
-        done = subprocess.run(
-            command, cwd=ROOT, env=environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log, check=False
-        )
+        done = subprocess.run(command, cwd=ROOT, env=environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log, check=False)
     if done.returncode:
         with LOG.open("rb") as log:
             log.seek(start)

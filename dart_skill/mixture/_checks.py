@@ -15,14 +15,10 @@ def as_finite(value: ArrayLike, name: str, ndim: int | None = None) -> np.ndarra
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name} must be a regular array of numbers: {error}") from None
     if ndim is not None and array.ndim != ndim:
-        raise ValueError(
-            f"{name} must have {ndim} dimension(s), got shape {array.shape}{_reshape_hint(array, ndim)}"
-        )
+        raise ValueError(f"{name} must have {ndim} dimension(s), got shape {array.shape}{_reshape_hint(array, ndim)}")
     if not np.isfinite(array).all():
         place = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-        raise ValueError(
-            f"{name} holds {array[place]} at index {place}; remove or interpolate such values first"
-        )
+        raise ValueError(f"{name} holds {array[place]} at index {place}; remove or interpolate such values first")
     return array
 
 

@@ -65,9 +65,7 @@ def log_densities(block: np.ndarray, means: np.ndarray, covariances: np.ndarray)
 
 def joint_log_densities(blocks: list[np.ndarray], parameters: Parameters) -> np.ndarray:
     """(n, K) log of prior times density, densities multiplied over blocks."""
-    terms = [
-        log_densities(*one) for one in zip(blocks, parameters.means, parameters.covariances, strict=True)
-    ]
+    terms = [log_densities(*one) for one in zip(blocks, parameters.means, parameters.covariances, strict=True)]
     return sum(terms) + np.log(parameters.priors)
 
 
@@ -89,9 +87,7 @@ def maximisation(blocks: list[np.ndarray], counts: np.ndarray, floor: float) -> 
     mass = counts.sum(0)
     shares = counts / mass
     moments = [_moments(block, shares, floor) for block in blocks]
-    return Parameters(
-        mass / mass.sum(), [mean for mean, _ in moments], [covariance for _, covariance in moments]
-    )
+    return Parameters(mass / mass.sum(), [mean for mean, _ in moments], [covariance for _, covariance in moments])
 
 
 def _moments(block: np.ndarray, shares: np.ndarray, floor: float) -> tuple[np.ndarray, np.ndarray]:
@@ -175,9 +171,7 @@ class _Run:
         return Fit(parameters, likelihood, n_iterations, converged)
 
 
-def expectation_maximisation(
-    blocks: list[np.ndarray], weights: np.ndarray, start, settings: Settings, least_scales=0.0
-) -> Fit:
+def expectation_maximisation(blocks: list[np.ndarray], weights: np.ndarray, start, settings: Settings, least_scales=0.0) -> Fit:
     """EM on blocks (n, d) with weights (n,), in the units of the data.
 
     `start(blocks, weights)` gets the standardised blocks and returns responsibilities (n, K). Samples of
@@ -186,13 +180,8 @@ def expectation_maximisation(
     least_scales = np.broadcast_to(least_scales, (len(blocks), blocks[0].shape[1]))
     counted = weights > 0
     weights = weights[counted] / weights[counted].mean()
-    scales = [
-        column_scales(block[counted], weights, least)
-        for block, least in zip(blocks, least_scales, strict=True)
-    ]
-    standard = [
-        (block[counted] - centre) / scale for block, (centre, scale) in zip(blocks, scales, strict=True)
-    ]
+    scales = [column_scales(block[counted], weights, least) for block, least in zip(blocks, least_scales, strict=True)]
+    standard = [(block[counted] - centre) / scale for block, (centre, scale) in zip(blocks, scales, strict=True)]
     responsibilities = start(standard, weights)
     fit = _Run(standard, weights, settings, responsibilities.shape[1]).iterate(responsibilities)
     return replace(
@@ -204,16 +193,11 @@ def expectation_maximisation(
 
 def _in_units(parameters: Parameters, scales) -> Parameters:
     means = [means * scale + centre for means, (centre, scale) in zip(parameters.means, scales, strict=True)]
-    covariances = [
-        matrices * np.outer(scale, scale)
-        for matrices, (_, scale) in zip(parameters.covariances, scales, strict=True)
-    ]
+    covariances = [matrices * np.outer(scale, scale) for matrices, (_, scale) in zip(parameters.covariances, scales, strict=True)]
     return Parameters(parameters.priors, means, covariances)
 
 
-def best_fit(
-    blocks: list[np.ndarray], weights: np.ndarray, start, settings: Settings, n_starts: int, least_scales=0.0
-) -> Fit:
+def best_fit(blocks: list[np.ndarray], weights: np.ndarray, start, settings: Settings, n_starts: int, least_scales=0.0) -> Fit:
     """The most likely of several EM runs; the first wins a tie."""
     fits = [expectation_maximisation(blocks, weights, start, settings, least_scales) for _ in range(n_starts)]
     return max(fits, key=lambda fit: fit.log_likelihood)

@@ -65,15 +65,11 @@ def product_of_two(mean1, covariance1, mean2, covariance2):
     rest = np.eye(mean1.shape[-1]) - gain
     mean = mean1 + (gain @ step[..., None])[..., 0]
     # Joseph form: a sum of two positive terms, where S1 - K S1 would lose digits.
-    covariance = rest @ covariance1 @ np.swapaxes(rest, -1, -2) + gain @ covariance2 @ np.swapaxes(
-        gain, -1, -2
-    )
+    covariance = rest @ covariance1 @ np.swapaxes(rest, -1, -2) + gain @ covariance2 @ np.swapaxes(gain, -1, -2)
     return mean, symmetric(covariance), log_constant
 
 
-def product_of_gaussians(
-    means: np.ndarray, covariances: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def product_of_gaussians(means: np.ndarray, covariances: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Product over the first axis of means (P, ..., d), covariances (P, ..., d, d): mean, covariance, log
     constant.
     """
@@ -143,20 +139,14 @@ class Gaussian:
 def _require_semidefinite(covariance: np.ndarray) -> None:
     variances = np.diagonal(covariance)
     if variances.min() < 0:
-        raise ValueError(
-            f"covariance has variance {variances.min():.3g} in dimension {int(variances.argmin())}"
-        )
+        raise ValueError(f"covariance has variance {variances.min():.3g} in dimension {int(variances.argmin())}")
     spread = np.sqrt(np.where(variances > 0, variances, 1.0))
     smallest = np.linalg.eigvalsh(covariance / np.outer(spread, spread))[0]
     if smallest < -1e-8:
-        raise ValueError(
-            f"covariance is not positive semi-definite: its correlation matrix has eigenvalue {smallest:.3g}"
-        )
+        raise ValueError(f"covariance is not positive semi-definite: its correlation matrix has eigenvalue {smallest:.3g}")
 
 
-def linear_combination(
-    gaussians: Sequence[Gaussian], matrices: Sequence[ArrayLike], offset: ArrayLike | None = None
-) -> Gaussian:
+def linear_combination(gaussians: Sequence[Gaussian], matrices: Sequence[ArrayLike], offset: ArrayLike | None = None) -> Gaussian:
     """(3.6): distribution of A1 x1 + A2 x2 + ... + c for independent x1, x2, ..."""
     if len(gaussians) == 0 or len(gaussians) != len(matrices):
         raise ValueError(f"one matrix per Gaussian is needed, got {len(matrices)} for {len(gaussians)}")
@@ -175,9 +165,7 @@ def product(gaussians: Sequence[Gaussian]) -> tuple[Gaussian, float]:
     if len(gaussians) == 0:
         raise ValueError("gaussians is empty; a product needs at least one factor")
     if len({gaussian.n_dims for gaussian in gaussians}) > 1:
-        raise ValueError(
-            f"gaussians must agree in dimension, got {[gaussian.n_dims for gaussian in gaussians]}"
-        )
+        raise ValueError(f"gaussians must agree in dimension, got {[gaussian.n_dims for gaussian in gaussians]}")
     mean, covariance, log_constant = product_of_gaussians(
         np.stack([gaussian.mean for gaussian in gaussians]),
         np.stack([gaussian.covariance for gaussian in gaussians]),

@@ -29,8 +29,7 @@ def n_free_parameters(n_components: int, n_dims: int) -> int:
 def require_enough(n_samples: int, n_components: int) -> None:
     if n_samples < n_components:
         raise ValueError(
-            f"{n_components} components need at least as many samples with weight, got {n_samples}; "
-            "lower n_components or give more samples"
+            f"{n_components} components need at least as many samples with weight, got {n_samples}; lower n_components or give more samples"
         )
 
 
@@ -68,9 +67,7 @@ class EMEstimator:
 
     def _require_fitted(self) -> None:
         if not hasattr(self, "priors_"):
-            raise ValueError(
-                f"this {type(self).__name__} holds no parameters yet; call fit or from_parameters first"
-            )
+            raise ValueError(f"this {type(self).__name__} holds no parameters yet; call fit or from_parameters first")
 
 
 class GaussianMixture(EMEstimator):
@@ -100,17 +97,13 @@ class GaussianMixture(EMEstimator):
         self._require_fitted()
         return self.means_.shape[1]
 
-    def fit(
-        self, samples: ArrayLike, weights: ArrayLike | None = None, *, rng: np.random.Generator
-    ) -> GaussianMixture:
+    def fit(self, samples: ArrayLike, weights: ArrayLike | None = None, *, rng: np.random.Generator) -> GaussianMixture:
         """EM on samples (n, d) with weights (n,), from a k-means++ start drawn with rng. An integer weight
         equals repeated samples.
         """
         samples = as_samples(samples, "samples")
         weights = as_weights(weights, len(samples))
-        fitted = self._run(
-            [samples], weights, lambda blocks, mass: kmeans_start(blocks[0], mass, self.n_components, rng)
-        )
+        fitted = self._run([samples], weights, lambda blocks, mass: kmeans_start(blocks[0], mass, self.n_components, rng))
         self._set(fitted.priors, fitted.means[0], fitted.covariances[0])
         return self
 
@@ -118,10 +111,7 @@ class GaussianMixture(EMEstimator):
     def components(self) -> list[Gaussian]:
         """The components as Gaussians, in the order of priors_."""
         self._require_fitted()
-        return [
-            Gaussian(mean, covariance)
-            for mean, covariance in zip(self.means_, self.covariances_, strict=True)
-        ]
+        return [Gaussian(mean, covariance) for mean, covariance in zip(self.means_, self.covariances_, strict=True)]
 
     def responsibilities(self, samples: ArrayLike) -> np.ndarray:
         """(n, K) posterior probability of each component for samples (n, d)."""

@@ -16,9 +16,7 @@ from ._gaussian import symmetric
 from ._mixture import GaussianMixture
 
 
-def regress(
-    mixture: GaussianMixture, inputs: ArrayLike, input_dims: ArrayLike, output_dims: ArrayLike
-) -> tuple[np.ndarray, np.ndarray]:
+def regress(mixture: GaussianMixture, inputs: ArrayLike, input_dims: ArrayLike, output_dims: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """Mean (n, o) and covariance (n, o, o) of the output dimensions given inputs (n, i) of the input
     dimensions.
 
@@ -26,17 +24,13 @@ def regress(
     """
     into, out = _split(mixture, input_dims, output_dims)
     inputs = np.asarray(inputs)
-    inputs = as_samples(
-        inputs[:, None] if inputs.ndim == 1 and len(into) == 1 else inputs, "inputs", len(into)
-    )
+    inputs = as_samples(inputs[:, None] if inputs.ndim == 1 and len(into) == 1 else inputs, "inputs", len(into))
     shares = input_responsibilities(mixture, inputs, into)
     means, covariances = conditionals(mixture, inputs, into, out)
     return collapse(shares, means, covariances)
 
 
-def _split(
-    mixture: GaussianMixture, input_dims: ArrayLike, output_dims: ArrayLike
-) -> tuple[np.ndarray, np.ndarray]:
+def _split(mixture: GaussianMixture, input_dims: ArrayLike, output_dims: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     into = as_dims(input_dims, mixture.n_dims, "input_dims")
     out = as_dims(output_dims, mixture.n_dims, "output_dims")
     both = np.intersect1d(into, out)
@@ -53,15 +47,11 @@ def input_responsibilities(mixture: GaussianMixture, inputs: np.ndarray, into: n
         shares = normalise_log(log_values)[0]
     if not np.isfinite(shares).all():
         worst = int(np.argmax(~np.isfinite(shares).all(1)))
-        raise ValueError(
-            f"inputs row {worst}, {inputs[worst].tolist()}, is so far away that its log density overflows"
-        )
+        raise ValueError(f"inputs row {worst}, {inputs[worst].tolist()}, is so far away that its log density overflows")
     return shares
 
 
-def conditionals(
-    mixture: GaussianMixture, inputs: np.ndarray, into: np.ndarray, out: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def conditionals(mixture: GaussianMixture, inputs: np.ndarray, into: np.ndarray, out: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(3.4) for every component: means (K, n, o) and covariances (K, o, o)."""
     factors = np.linalg.cholesky(mixture.covariances_[:, into[:, None], into])
     half = np.linalg.solve(factors, mixture.covariances_[:, into[:, None], out])

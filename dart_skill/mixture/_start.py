@@ -22,9 +22,7 @@ def draw(shares: np.ndarray, uniform: np.ndarray) -> np.ndarray:
     return np.minimum(indices, np.flatnonzero(shares)[-1])
 
 
-def plus_plus_centres(
-    samples: np.ndarray, weights: np.ndarray, n_centres: int, rng: np.random.Generator
-) -> np.ndarray:
+def plus_plus_centres(samples: np.ndarray, weights: np.ndarray, n_centres: int, rng: np.random.Generator) -> np.ndarray:
     """Centres (n_centres, d) by greedy k-means++; samples that coincide are allowed."""
     n_candidates = 2 + int(np.log(n_centres))
     centres = samples[draw(weights, rng.random(1))]
@@ -39,17 +37,13 @@ def plus_plus_centres(
     return centres
 
 
-def refine_centres(
-    samples: np.ndarray, weights: np.ndarray, centres: np.ndarray, max_iterations: int = 30
-) -> np.ndarray:
+def refine_centres(samples: np.ndarray, weights: np.ndarray, centres: np.ndarray, max_iterations: int = 30) -> np.ndarray:
     """Labels (n,) after Lloyd's iteration; a centre that loses all samples stays where it is."""
     labels = squared_distances(samples, centres).argmin(1)
     for _ in range(max_iterations):
         share = one_hot(labels, len(centres)) * weights[:, None]
         mass = share.sum(0)
-        centres = np.where(
-            mass[:, None] > 0, share.T @ samples / np.where(mass > 0, mass, 1.0)[:, None], centres
-        )
+        centres = np.where(mass[:, None] > 0, share.T @ samples / np.where(mass > 0, mass, 1.0)[:, None], centres)
         previous, labels = labels, squared_distances(samples, centres).argmin(1)
         if (labels == previous).all():
             break
@@ -61,9 +55,7 @@ def one_hot(labels: np.ndarray, n_components: int) -> np.ndarray:
     return (labels[:, None] == np.arange(n_components)).astype(float)
 
 
-def kmeans_start(
-    samples: np.ndarray, weights: np.ndarray, n_components: int, rng: np.random.Generator
-) -> np.ndarray:
+def kmeans_start(samples: np.ndarray, weights: np.ndarray, n_components: int, rng: np.random.Generator) -> np.ndarray:
     """Responsibilities (n, K) from weighted k-means with a k-means++ start."""
     centres = plus_plus_centres(samples, weights, n_components, rng)
     return one_hot(refine_centres(samples, weights, centres), n_components)

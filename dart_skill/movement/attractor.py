@@ -22,9 +22,7 @@ def as_gains(value: ArrayLike, n_dims: int | None, name: str, strict: bool) -> n
     """Gains, one number or one per dimension; broadcast to (n_dims,) where that is given."""
     gains = as_finite(value, name)
     if gains.ndim > 1 or gains.size == 0 or (n_dims is not None and gains.shape not in ((), (n_dims,))):
-        raise ValueError(
-            f"{name} must be one number or one per dimension ({n_dims}), got shape {gains.shape}"
-        )
+        raise ValueError(f"{name} must be one number or one per dimension ({n_dims}), got shape {gains.shape}")
     if gains.min() < 0 or (strict and gains.min() == 0):
         raise ValueError(f"{name} must be {'positive' if strict else 'at least 0'}, got {gains.min():g}")
     return gains if n_dims is None else np.broadcast_to(gains, n_dims)
@@ -44,13 +42,10 @@ def attractor_from_motion(
     velocity, acceleration = as_samples(velocity, "velocity"), as_samples(acceleration, "acceleration")
     if not position.shape == velocity.shape == acceleration.shape:
         raise ValueError(
-            "position, velocity and acceleration must have one shape, got "
-            f"{position.shape}, {velocity.shape}, {acceleration.shape}"
+            f"position, velocity and acceleration must have one shape, got {position.shape}, {velocity.shape}, {acceleration.shape}"
         )
     kp = as_gains(stiffness, position.shape[1], "stiffness", strict=True)
-    kv = as_gains(
-        critical_damping(kp) if damping is None else damping, position.shape[1], "damping", strict=False
-    )
+    kv = as_gains(critical_damping(kp) if damping is None else damping, position.shape[1], "damping", strict=False)
     return position + velocity * (kv / kp) + acceleration / kp
 
 
@@ -92,9 +87,7 @@ def discretise(step: float, stiffness: float, damping: float) -> tuple[np.ndarra
     return flow[:2, :2], flow[:2, 2] - flow[:2, 3], flow[:2, 3]
 
 
-def _respond(
-    attractor: np.ndarray, step: float, start: np.ndarray, stiffness: float, damping: float
-) -> tuple[np.ndarray, np.ndarray]:
+def _respond(attractor: np.ndarray, step: float, start: np.ndarray, stiffness: float, damping: float) -> tuple[np.ndarray, np.ndarray]:
     """Position and velocity (n, d) for one pair of gains, from start (2, d)."""
     transition, now, later = discretise(step, stiffness, damping)
     units = np.array([1.0, np.sqrt(stiffness)])[:, None]

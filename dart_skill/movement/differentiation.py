@@ -59,21 +59,14 @@ def smooth_derivatives(
         level = levels[group[0]]
         penalty = choose_penalty(stamps, samples[:, group] / level) if level > 0 else 0.0
         coefficients[:, group] = basis.fit(samples[:, group], penalty)
-    return Motion(
-        *(
-            basis.evaluate(coefficients, (at - time[0]) / interval, order) / interval**order
-            for order in range(3)
-        )
-    )
+    return Motion(*(basis.evaluate(coefficients, (at - time[0]) / interval, order) / interval**order for order in range(3)))
 
 
 def _within(at: np.ndarray, time: np.ndarray) -> np.ndarray:
     slack = 1e-9 * (time[-1] - time[0])
     if len(at) == 0 or at.min() < time[0] - slack or at.max() > time[-1] + slack:
         span = f"{at.min()} to {at.max()}" if len(at) else "nothing"
-        raise ValueError(
-            f"at spans {span}, the samples only {time[0]} to {time[-1]}; a spline cannot extrapolate"
-        )
+        raise ValueError(f"at spans {span}, the samples only {time[0]} to {time[-1]}; a spline cannot extrapolate")
     return np.clip(at, time[0], time[-1])
 
 
@@ -82,9 +75,7 @@ def _noise_levels(time, samples, noise):
     n_dims = samples.shape[1]
     level = estimate_noise(time, samples) if noise is None else as_finite(noise, "noise")
     if level.shape not in ((), (n_dims,)) or level.min() < 0:
-        raise ValueError(
-            f"noise must be one number or one per column ({n_dims}), not negative, got {level.tolist()}"
-        )
+        raise ValueError(f"noise must be one number or one per column ({n_dims}), not negative, got {level.tolist()}")
     groups = [np.arange(n_dims)] if level.ndim == 0 else [np.array([dim]) for dim in range(n_dims)]
     return np.broadcast_to(level, n_dims), groups
 
@@ -111,9 +102,7 @@ def choose_penalty(stamps: np.ndarray, samples: np.ndarray) -> float:
     penalties = 10.0**LOG_PENALTIES
     risk = sum(
         _risk(part, values, penalties)
-        for part, values in zip(
-            np.array_split(stamps, n_windows), np.array_split(samples, n_windows), strict=True
-        )
+        for part, values in zip(np.array_split(stamps, n_windows), np.array_split(samples, n_windows), strict=True)
     )
     return float(penalties[risk.argmin()])
 
@@ -155,9 +144,7 @@ class _QuinticBasis:
     def __init__(self, stamps: np.ndarray):
         self.stamps = stamps
         inner = stamps[2:-2:2] if len(stamps) >= 12 else stamps[:0]
-        self.knots = np.concatenate(
-            [np.repeat(stamps[0], DEGREE + 1), inner, np.repeat(stamps[-1], DEGREE + 1)]
-        )
+        self.knots = np.concatenate([np.repeat(stamps[0], DEGREE + 1), inner, np.repeat(stamps[-1], DEGREE + 1)])
         self.n_functions = len(self.knots) - DEGREE - 1
         self.design = _design_matrix(stamps, self.knots, DEGREE)
         self.gram = (self.design.T @ self.design).tocsc()

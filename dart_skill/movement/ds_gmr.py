@@ -50,17 +50,11 @@ class DSGMR:
         **mixture_options,
     ):
         self.stiffness = as_gains(stiffness, None, "stiffness", strict=True)
-        self.damping = (
-            critical_damping(self.stiffness)
-            if damping is None
-            else as_gains(damping, None, "damping", strict=False)
-        )
+        self.damping = critical_damping(self.stiffness) if damping is None else as_gains(damping, None, "damping", strict=False)
         self._mixture = TaskParameterisedMixture(n_components, **mixture_options)
 
     @classmethod
-    def from_mixture(
-        cls, mixture: TaskParameterisedMixture, stiffness: ArrayLike = 200.0, damping: ArrayLike | None = None
-    ) -> DSGMR:
+    def from_mixture(cls, mixture: TaskParameterisedMixture, stiffness: ArrayLike = 200.0, damping: ArrayLike | None = None) -> DSGMR:
         """Model around a mixture that is already fitted."""
         model = cls(len(mixture.priors_), stiffness, damping)
         model._mixture = model.mixture_ = mixture
@@ -102,15 +96,11 @@ class DSGMR:
         time = as_stamps(time)
         return regress(self.mixture_.product(frames), time[:, None], [0], np.arange(1, self.mixture_.n_dims))
 
-    def reproduce(
-        self, frames: Sequence[TaskFrame], time: ArrayLike, position0: ArrayLike, velocity0: ArrayLike
-    ) -> Reproduction:
+    def reproduce(self, frames: Sequence[TaskFrame], time: ArrayLike, position0: ArrayLike, velocity0: ArrayLike) -> Reproduction:
         """Movement in new frames at equally spaced stamps (n,), n >= 2, from position0 and velocity0 (d,) at
         the first of them.
         """
         time = as_stamps(time, minimum=2)
         attractor, covariance = self.retrieve(frames, time)
-        motion = follow_attractor(
-            attractor, uniform_step(time), position0, velocity0, self.stiffness, self.damping
-        )
+        motion = follow_attractor(attractor, uniform_step(time), position0, velocity0, self.stiffness, self.damping)
         return Reproduction(time, attractor, covariance, *motion)

@@ -70,9 +70,7 @@ def azimuth_of(target: ArrayLike, origin: ArrayLike = (0.0, 0.0, 0.0)) -> float:
     """Azimuth, radians, of a target (3,) about the vertical through the origin (3,)."""
     x, y, _ = as_vector(target, "target", 3) - as_vector(origin, "origin", 3)
     if np.hypot(x, y) < 1e-9:
-        raise ValueError(
-            f"target {np.asarray(target).tolist()} lies on the vertical through the origin, it has no azimuth"
-        )
+        raise ValueError(f"target {np.asarray(target).tolist()} lies on the vertical through the origin, it has no azimuth")
     return float(np.arctan2(y, x))
 
 
@@ -97,30 +95,22 @@ def start_frame(start: ArrayLike, n_angles: int = 2) -> TaskFrame:
     return _frame(np.eye(3), as_vector(start, "start", 3), np.zeros(as_count(n_angles, "n_angles", 0)))
 
 
-def target_frame(
-    target: ArrayLike, pointing: ArrayLike = (0.0, 0.0), origin: ArrayLike = (0.0, 0.0, 0.0)
-) -> TaskFrame:
+def target_frame(target: ArrayLike, pointing: ArrayLike = (0.0, 0.0), origin: ArrayLike = (0.0, 0.0, 0.0)) -> TaskFrame:
     """(8.1) and (8.2), second frame: at the target (3,), first axis from the origin to the target, second
     axis horizontal.
 
     pointing: Target_alpha and Target_beta, see `pointing_at`; () for features without angles.
     """
     target = as_vector(target, "target", 3)
-    return _frame(
-        pointing_axes(target - as_vector(origin, "origin", 3)), target, as_vector(pointing, "pointing")
-    )
+    return _frame(pointing_axes(target - as_vector(origin, "origin", 3)), target, as_vector(pointing, "pointing"))
 
 
 def azimuth_frame(azimuth: float, origin: ArrayLike = (0.0, 0.0, 0.0), n_angles: int = 2) -> TaskFrame:
     """Frame at the origin (3,) turned about z to an azimuth, radians; time and angles pass through."""
-    return _frame(
-        turn_matrix(azimuth), as_vector(origin, "origin", 3), np.zeros(as_count(n_angles, "n_angles", 0))
-    )
+    return _frame(turn_matrix(azimuth), as_vector(origin, "origin", 3), np.zeros(as_count(n_angles, "n_angles", 0)))
 
 
-def azimuth_target_frame(
-    target: ArrayLike, origin: ArrayLike = (0.0, 0.0, 0.0), n_angles: int = 2
-) -> TaskFrame:
+def azimuth_target_frame(target: ArrayLike, origin: ArrayLike = (0.0, 0.0, 0.0), n_angles: int = 2) -> TaskFrame:
     """Frame at the target (3,) turned about z to its azimuth as seen from the origin; time and angles pass
     through.
     """
@@ -135,9 +125,7 @@ def pointing_at(target: ArrayLike, position: ArrayLike, azimuth: float = 0.0) ->
     return pointing_angles((direction @ turn_matrix(azimuth))[None])[0]
 
 
-def features(
-    time: ArrayLike, positions: ArrayLike, quaternions: ArrayLike, azimuth: float = 0.0
-) -> np.ndarray:
+def features(time: ArrayLike, positions: ArrayLike, quaternions: ArrayLike, azimuth: float = 0.0) -> np.ndarray:
     """(n, 6) t, x, y, z, alpha, beta of hand poses in the world: stamps (n,), positions (n, 3), quaternions
     (n, 4).
 

@@ -26,9 +26,7 @@ def normalise(quaternions: ArrayLike) -> np.ndarray:
     quaternions = as_samples(quaternions, "quaternions", 4)
     lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
     if lengths.min() < 1e-6:
-        raise ValueError(
-            f"quaternion {int(lengths.argmin())} has length {lengths.min():.3g}; it says no orientation"
-        )
+        raise ValueError(f"quaternion {int(lengths.argmin())} has length {lengths.min():.3g}; it says no orientation")
     return quaternions / lengths
 
 
@@ -48,9 +46,7 @@ def multiply(left: ArrayLike, right: ArrayLike) -> np.ndarray:
     """
     left, right = normalise(left), normalise(right)
     if len(left) != len(right) and 1 not in (len(left), len(right)):
-        raise ValueError(
-            f"cannot multiply {len(left)} quaternions by {len(right)}; give equally many, or one"
-        )
+        raise ValueError(f"cannot multiply {len(left)} quaternions by {len(right)}; give equally many, or one")
     x1, y1, z1, w1 = left.T
     x2, y2, z2, w2 = right.T
     return np.stack(
@@ -118,9 +114,7 @@ def pointing_directions(angles: ArrayLike) -> np.ndarray:
     return np.stack([np.cos(beta) * np.cos(alpha), np.sin(beta), np.cos(beta) * np.sin(alpha)], axis=1)
 
 
-def angles_from_quaternions(
-    quaternions: ArrayLike, alpha_near: float = np.pi / 2, roll_near: float = 0.0
-) -> np.ndarray:
+def angles_from_quaternions(quaternions: ArrayLike, alpha_near: float = np.pi / 2, roll_near: float = 0.0) -> np.ndarray:
     """(n, 3) alpha, beta, roll of hand orientations (n, 4) in the task frame, alpha and roll without jumps
     along the sequence.
 

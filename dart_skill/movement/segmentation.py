@@ -32,9 +32,7 @@ def speed(time: ArrayLike, positions: ArrayLike, window: float = 0.07) -> np.nda
     index = np.clip(index, 0, len(time) - 1)
     steps = time[index[:, second]] - time[index[:, first]]
     steps = np.where(inside[:, first] & inside[:, second], steps, np.nan)
-    velocity = [
-        np.nanmedian((axis[index[:, second]] - axis[index[:, first]]) / steps, axis=1) for axis in positions.T
-    ]
+    velocity = [np.nanmedian((axis[index[:, second]] - axis[index[:, first]]) / steps, axis=1) for axis in positions.T]
     return np.linalg.norm(velocity, axis=0)
 
 
@@ -96,9 +94,7 @@ class VelocityThreshold:
         for name in ("min_duration", "max_pause", "run_up", "settle"):
             as_number(getattr(self, name), name, strict=False)
         if self.stop > self.start:
-            raise ValueError(
-                f"stop threshold {self.stop:g} m/s is above the start threshold {self.start:g} m/s; lower it"
-            )
+            raise ValueError(f"stop threshold {self.stop:g} m/s is above the start threshold {self.start:g} m/s; lower it")
 
     def segment(self, time: ArrayLike, positions: ArrayLike) -> list[Segment]:
         """Motions in positions (n, d), metres, at stamps (n,), in order. ValueError when nothing moved or the
@@ -140,10 +136,7 @@ class VelocityThreshold:
         peak = int(speeds.argmax())
         seen = f"peak speed {speeds[peak]:.3g} m/s at {time[peak]:.3f} s, start threshold {self.start:g} m/s"
         if speeds[peak] <= self.start:
-            raise ValueError(
-                f"nothing moved between {time[0]:.3f} and {time[-1]:.3f} s: {seen}; "
-                "lower the threshold or check the tracking"
-            )
+            raise ValueError(f"nothing moved between {time[0]:.3f} and {time[-1]:.3f} s: {seen}; lower the threshold or check the tracking")
         raise ValueError(
             f"no motion that starts after the first sample lasts {self.min_duration:g} s: {seen}; "
             "start recording earlier or lower min_duration"

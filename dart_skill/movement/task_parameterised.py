@@ -32,16 +32,12 @@ STARTS = ("time", "kmeans")
 LEAST_SHARE = 1e-2
 
 
-def as_demonstrations(
-    samples: Sequence[ArrayLike], frames: Sequence[Sequence[TaskFrame]]
-) -> list[np.ndarray]:
+def as_demonstrations(samples: Sequence[ArrayLike], frames: Sequence[Sequence[TaskFrame]]) -> list[np.ndarray]:
     """Samples (n_i, m) per demonstration, checked against its frames; P and m must agree between
     demonstrations.
     """
     if len(samples) == 0 or len(samples) != len(frames):
-        raise ValueError(
-            f"one list of frames per demonstration is needed, got {len(frames)} for {len(samples)}"
-        )
+        raise ValueError(f"one list of frames per demonstration is needed, got {len(frames)} for {len(samples)}")
     samples = [as_samples(one, f"samples of demonstration {i}") for i, one in enumerate(samples)]
     n_frames, n_dims = len(frames[0]), samples[0].shape[1]
     for i, (one, its_frames) in enumerate(zip(samples, frames, strict=True)):
@@ -56,9 +52,7 @@ def check_frames(frames: Sequence[TaskFrame], n_frames: int, n_dims: int, what: 
         raise ValueError(f"{what} has {len(frames)} task frames, expected {n_frames or 'at least 1'}")
     for j, frame in enumerate(frames):
         if frame.n_dims != n_dims:
-            raise ValueError(
-                f"task frame {j} of {what} has {frame.n_dims} dimensions, the samples have {n_dims}"
-            )
+            raise ValueError(f"task frame {j} of {what} has {frame.n_dims} dimensions, the samples have {n_dims}")
 
 
 def as_sample_weights(weights: Sequence | None, samples: list[np.ndarray]) -> np.ndarray:
@@ -80,9 +74,7 @@ def as_sample_weights(weights: Sequence | None, samples: list[np.ndarray]) -> np
     return as_weights(np.concatenate(full), sum(lengths))
 
 
-def world_scales(
-    samples: list[np.ndarray], frames: Sequence[Sequence[TaskFrame]], weights: np.ndarray
-) -> np.ndarray:
+def world_scales(samples: list[np.ndarray], frames: Sequence[Sequence[TaskFrame]], weights: np.ndarray) -> np.ndarray:
     """(P, m) deviations of the samples in the world, carried into each frame without regard to their
     direction.
 
@@ -92,14 +84,10 @@ def world_scales(
     world = np.concatenate(samples)
     share = weights / weights.sum()
     variance = share @ np.square(world - share @ world)
-    per_demonstration = [
-        part.sum() for part in np.split(share, np.cumsum([len(one) for one in samples])[:-1])
-    ]
+    per_demonstration = [part.sum() for part in np.split(share, np.cumsum([len(one) for one in samples])[:-1])]
     return np.sqrt(
         [
-            np.average(
-                [np.square(np.linalg.inv(frame.A)) @ variance for frame in column], 0, per_demonstration
-            )
+            np.average([np.square(np.linalg.inv(frame.A)) @ variance for frame in column], 0, per_demonstration)
             for column in zip(*frames, strict=True)
         ]
     )
@@ -138,9 +126,7 @@ class TaskParameterisedMixture(EMEstimator):
         self.start = start
 
     @classmethod
-    def from_parameters(
-        cls, priors: ArrayLike, means: ArrayLike, covariances: ArrayLike
-    ) -> TaskParameterisedMixture:
+    def from_parameters(cls, priors: ArrayLike, means: ArrayLike, covariances: ArrayLike) -> TaskParameterisedMixture:
         """Mixture with priors (K,), means (P, K, m), positive definite covariances (P, K, m, m)."""
         priors, means = checked_priors(priors), as_finite(means, "means", 3)
         if means.size == 0 or means.shape[1] != len(priors):
@@ -208,18 +194,14 @@ class TaskParameterisedMixture(EMEstimator):
         fitted = maximisation(scaled, shares * weights[:, None], self.covariance_floor)
         self.priors_ = fitted.priors
         self.means_ = np.stack([m * s + c for m, (c, s) in zip(fitted.means, scales, strict=True)])
-        self.covariances_ = np.stack(
-            [v * np.outer(s, s) for v, (_, s) in zip(fitted.covariances, scales, strict=True)]
-        )
+        self.covariances_ = np.stack([v * np.outer(s, s) for v, (_, s) in zip(fitted.covariances, scales, strict=True)])
         return self
 
     @staticmethod
     def _blocks(samples: list[np.ndarray], frames: Sequence[Sequence[TaskFrame]]) -> list[np.ndarray]:
         """Per frame, all samples as it sees them (n, m)."""
         return [
-            np.concatenate(
-                [its_frames[j].to_frame(one) for one, its_frames in zip(samples, frames, strict=True)]
-            )
+            np.concatenate([its_frames[j].to_frame(one) for one, its_frames in zip(samples, frames, strict=True)])
             for j in range(len(frames[0]))
         ]
 
@@ -228,15 +210,11 @@ class TaskParameterisedMixture(EMEstimator):
             return lambda blocks, weights: kmeans_start(np.hstack(blocks), weights, self.n_components, rng)
         return lambda blocks, weights: sliced_start(blocks[0][:, 0], weights, self.n_components)
 
-    def responsibilities(
-        self, samples: Sequence[ArrayLike], frames: Sequence[Sequence[TaskFrame]]
-    ) -> list[np.ndarray]:
+    def responsibilities(self, samples: Sequence[ArrayLike], frames: Sequence[Sequence[TaskFrame]]) -> list[np.ndarray]:
         """Per demonstration, (n_i, K) posterior probability of each component."""
         return self._per_demonstration(samples, frames, 0)
 
-    def log_density(
-        self, samples: Sequence[ArrayLike], frames: Sequence[Sequence[TaskFrame]]
-    ) -> list[np.ndarray]:
+    def log_density(self, samples: Sequence[ArrayLike], frames: Sequence[Sequence[TaskFrame]]) -> list[np.ndarray]:
         """Per demonstration, (n_i,) log of the mixture density, a product over frames."""
         return self._per_demonstration(samples, frames, 1)
 

@@ -188,9 +188,7 @@ def _storage_files(path: Path) -> list[Path]:
         raise BagError(f"{path}: no .mcap file in this folder")
     empty = [file.name for file in files if file.stat().st_size == 0]
     if empty:
-        raise BagError(
-            f"{path}: {', '.join(empty)} is empty (0 bytes): the recorder stopped before its first write"
-        )
+        raise BagError(f"{path}: {', '.join(empty)} is empty (0 bytes): the recorder stopped before its first write")
     if len(files) > 1 and not (path / "metadata.yaml").is_file():
         raise BagError(f"{path}: {len(files)} files and no metadata.yaml: open one of them by its name")
     return files
@@ -224,7 +222,5 @@ def _explained(path: Path):
     except Exception as error:
         reason = (str(error) or type(error).__name__).rstrip(".")
         if "end magic" in reason or "Truncated" in reason or isinstance(error, _CUT_OFF):
-            reason += (
-                ": the file is cut off or damaged, its recorder was probably stopped before it closed the bag"
-            )
+            reason += ": the file is cut off or damaged, its recorder was probably stopped before it closed the bag"
         raise BagError(f"{path}: {reason}") from error

@@ -31,9 +31,7 @@ class _Topic:
     count: int = 0
 
 
-def qos_yaml(
-    reliability: str = "reliable", durability: str = "volatile", history: str = "keep_last", depth: int = 10
-) -> str:
+def qos_yaml(reliability: str = "reliable", durability: str = "volatile", history: str = "keep_last", depth: int = 10) -> str:
     """A QoS profile as the YAML text that rosbag2 keeps in `offered_qos_profiles`."""
     allowed = {
         "reliability": ("reliable", "best_effort"),
@@ -83,18 +81,14 @@ class BagWriter:
         try:
             self.path.mkdir(parents=True)
         except FileExistsError:
-            raise FileExistsError(
-                f"{self.path} exists already: bags are never overwritten, choose another name"
-            ) from None
+            raise FileExistsError(f"{self.path} exists already: bags are never overwritten, choose another name") from None
         self.file = self.path / f"{self.path.name}_0.mcap"
         self._stream = open(self.file, "xb")
         self._writer = Writer(self._stream, chunk_size=chunk_size, compression=CompressionType.ZSTD)
         self._writer.start(profile="ros2", library="dart_skill")
         self._write_metadata_record()
 
-    def add_topic(
-        self, name: str, type_name: str, definition_text: str, qos_profile_yaml: str = "", type_hash: str = ""
-    ) -> None:
+    def add_topic(self, name: str, type_name: str, definition_text: str, qos_profile_yaml: str = "", type_hash: str = "") -> None:
         """Announce a topic before its first message.
 
         type_name: as package/msg/Name. definition_text: with all nested definitions
@@ -123,9 +117,7 @@ class BagWriter:
         self._check_open()
         entry = self._topics.get(topic)
         if entry is None:
-            raise ValueError(
-                f"topic '{topic}' is not in the bag, only {sorted(self._topics)}: add_topic first"
-            )
+            raise ValueError(f"topic '{topic}' is not in the bag, only {sorted(self._topics)}: add_topic first")
         if log_time_ns < 0 or publish_time_ns < 0 or len(cdr_bytes) < 4:
             raise ValueError(
                 f"{topic}: log time {log_time_ns} ns, publish time {publish_time_ns} ns, {len(cdr_bytes)}"
@@ -142,9 +134,7 @@ class BagWriter:
         self._first_ns = min(self._first_ns, log_time_ns)
         self._last_ns = max(self._last_ns, log_time_ns)
 
-    def add_attachment(
-        self, name: str, data: bytes | str, media_type: str = "text/plain", time_ns: int = 0
-    ) -> None:
+    def add_attachment(self, name: str, data: bytes | str, media_type: str = "text/plain", time_ns: int = 0) -> None:
         """Keep a file with the bag: parameters (YAML), robot description (URDF)."""
         self._check_open()
         data = data.encode() if isinstance(data, str) else bytes(data)

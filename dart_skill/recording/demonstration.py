@@ -68,12 +68,8 @@ class Demonstration:
         hand = check_samples(f"{name}, hand", self.hand_time, self.hand_position, least=2)
         quaternion = check_unit_quaternions(f"{name}, hand", self.hand_quaternion, len(hand[0]))
         ball = check_samples(f"{name}, ball", self.ball_time, self.ball_position, least=0)
-        joint = check_samples(
-            f"{name}, joints", self.joint_time, self.joint_position, least=0, width=N_JOINTS
-        )
-        _, velocity = check_samples(
-            f"{name}, joint velocity", self.joint_time, self.joint_velocity, least=0, width=N_JOINTS
-        )
+        joint = check_samples(f"{name}, joints", self.joint_time, self.joint_position, least=0, width=N_JOINTS)
+        _, velocity = check_samples(f"{name}, joint velocity", self.joint_time, self.joint_velocity, least=0, width=N_JOINTS)
         self._set_arrays(target, *hand, quaternion, *ball, *joint, velocity)
         self._check_events(name)
 
@@ -82,9 +78,7 @@ class Demonstration:
 
     def _set_arrays(self, *arrays):
         names = ("target", "hand_time", "hand_position", "hand_quaternion", "ball_time", "ball_position")
-        for name, array in zip(
-            (*names, "joint_time", "joint_position", "joint_velocity"), arrays, strict=True
-        ):
+        for name, array in zip((*names, "joint_time", "joint_position", "joint_velocity"), arrays, strict=True):
             array = array.copy()
             array.setflags(write=False)
             object.__setattr__(self, name, array)
@@ -98,9 +92,7 @@ class Demonstration:
                 raise ValueError(f"{name}: {event} = {value}: give seconds, or nan if unknown")
             object.__setattr__(self, event, value)
         if self.motion_stop < self.motion_start:
-            raise ValueError(
-                f"{name}: motion_stop {self.motion_stop} s lies before motion_start {self.motion_start} s"
-            )
+            raise ValueError(f"{name}: motion_stop {self.motion_stop} s lies before motion_start {self.motion_start} s")
         if self.joint_names and len(self.joint_names) != N_JOINTS:
             raise ValueError(f"{name}: {len(self.joint_names)} joint names, need {N_JOINTS} or none")
 
@@ -129,9 +121,7 @@ def demonstration_message(types: Typestore, demonstration: Demonstration) -> Any
         return message(types, name)
 
     # Once more through `message`, which turns lists of numbers into the arrays that the serialiser needs.
-    return message(
-        types, DEMONSTRATION_TYPE, fill_demonstration_message(demonstration, new(DEMONSTRATION_TYPE), new)
-    )
+    return message(types, DEMONSTRATION_TYPE, fill_demonstration_message(demonstration, new(DEMONSTRATION_TYPE), new))
 
 
 def demonstration_from_message(msg: Any) -> Demonstration:
@@ -144,9 +134,7 @@ def demonstration_from_message(msg: Any) -> Demonstration:
         target=_vector(msg.target),
         hand_time=_times(hand, origin),
         hand_position=_rows([_vector(item.pose.position) for item in hand], 3),
-        hand_quaternion=_rows(
-            [[*_vector(item.pose.orientation), item.pose.orientation.w] for item in hand], 4
-        ),
+        hand_quaternion=_rows([[*_vector(item.pose.orientation), item.pose.orientation.w] for item in hand], 4),
         ball_time=_times(ball, origin),
         ball_position=_rows([_vector(item.point) for item in ball], 3),
         joint_time=_times(joints, origin),
@@ -166,9 +154,7 @@ def read_demonstrations(bag_path: str | os.PathLike, topic: str = DEMONSTRATION_
         if topic not in bag.topics:
             raise BagError(f"{bag_path}: no topic {topic}, only {sorted(bag.topics)}: was it recorded?")
         if bag.topics[topic].type_name != DEMONSTRATION_TYPE:
-            raise BagError(
-                f"{bag_path}: {topic} has type {bag.topics[topic].type_name}, not {DEMONSTRATION_TYPE}"
-            )
+            raise BagError(f"{bag_path}: {topic} has type {bag.topics[topic].type_name}, not {DEMONSTRATION_TYPE}")
         try:
             return [demonstration_from_message(item.data) for item in bag.messages([topic])]
         except BagError:

@@ -25,17 +25,13 @@ _BYTES = ("byte", "char", "octet")
 
 def interface_folder() -> Path:
     """Folder of our interfaces: msg_schemas/ of a checkout, or the installed package's share."""
-    prefixes = [
-        Path(prefix) for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix
-    ]
+    prefixes = [Path(prefix) for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
     folders = [Path(__file__).resolve().parents[2] / "msg_schemas"]
     folders += [prefix / "share" / PACKAGE for prefix in prefixes]
     for folder in folders:
         if (folder / "msg").is_dir():
             return folder
-    raise FileNotFoundError(
-        f"no definitions of {PACKAGE} in {', '.join(map(str, folders))}: build the workspace"
-    )
+    raise FileNotFoundError(f"no definitions of {PACKAGE} in {', '.join(map(str, folders))}: build the workspace")
 
 
 def typestore(*extra_folders: str | os.PathLike) -> Typestore:
@@ -70,9 +66,7 @@ def message(types: Typestore, type_name: str, value: Any = None) -> Any:
     fields = dict(constants_and_fields[1])
     if isinstance(value, Mapping) and set(value) - set(fields):
         raise ValueError(f"{type_name} has no field {sorted(set(value) - set(fields))}, only {list(fields)}")
-    content = {
-        name: _field(types, f"{type_name}.{name}", kind, _get(value, name)) for name, kind in fields.items()
-    }
+    content = {name: _field(types, f"{type_name}.{name}", kind, _get(value, name)) for name, kind in fields.items()}
     return types.types[type_name](**content)
 
 
@@ -133,8 +127,7 @@ def _package_name(folder: Path) -> str:
 def _known(types: Typestore, type_name: str) -> str:
     if type_name not in types.fielddefs:
         raise ValueError(
-            f"unknown message type '{type_name}': write it as package/msg/Name, and give the folder of its"
-            " .msg files to typestore()"
+            f"unknown message type '{type_name}': write it as package/msg/Name, and give the folder of its .msg files to typestore()"
         )
     return type_name
 

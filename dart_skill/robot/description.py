@@ -146,9 +146,7 @@ def parse_description(content: dict) -> WamDescription:
         hand=_hand(content["hand"]),
         motors=_motors(content["transmission"], content["motors"]),
         ball=Ball(**content["ball"]),
-        capsules=tuple(
-            Capsule(c["link"], np.array(c["from"]), np.array(c["to"]), c["radius"]) for c in content["capsules"]
-        ),
+        capsules=tuple(Capsule(c["link"], np.array(c["from"]), np.array(c["to"]), c["radius"]) for c in content["capsules"]),
         home=np.array(content["poses"]["home"]),
     )
 

@@ -64,9 +64,7 @@ class Impedance:
         """The share of joint friction that is compensated (7,) [N m]; smooth through zero speed."""
         return self._coulomb * np.tanh(qd / 0.02) + self._viscous * qd
 
-    def act(
-        self, q: np.ndarray, qd: np.ndarray, acceleration: np.ndarray, posture: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def act(self, q: np.ndarray, qd: np.ndarray, acceleration: np.ndarray, posture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Wrench (6,) and additional joint torque (7,) that accelerate the hand by `acceleration` (6,), posture (7,) in the null space."""
         jacobian = self.model.jacobian(q)
         inertia = self.model.mass_matrix(q)

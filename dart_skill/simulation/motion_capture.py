@@ -71,15 +71,11 @@ class MotionCaptureConfig:
             object.__setattr__(self, name, tuple(getattr(self, name)))
         self._check_numbers()
         if not self.cameras or not 1 <= self.min_cameras <= len(self.cameras):
-            raise ValueError(
-                f"min_cameras = {self.min_cameras} of {len(self.cameras)} cameras: need 1 to all of them"
-            )
+            raise ValueError(f"min_cameras = {self.min_cameras} of {len(self.cameras)} cameras: need 1 to all of them")
         if len(set(self.bodies)) != len(self.bodies) or not self.bodies:
             raise ValueError(f"bodies = {self.bodies}: give at least one name, each once")
         if len(self.dropout_frames) != 2 or not 1 <= self.dropout_frames[0] <= self.dropout_frames[1]:
-            raise ValueError(
-                f"dropout_frames = {self.dropout_frames}: give shortest and longest, at least 1 frame"
-            )
+            raise ValueError(f"dropout_frames = {self.dropout_frames}: give shortest and longest, at least 1 frame")
 
     def _check_numbers(self):
         positive = ("rate", "marker_spread")
@@ -264,9 +260,7 @@ class _View:
         ray = points[:, None] - self.position  # (n, cameras, 3)
         distance = np.linalg.norm(ray, axis=-1)
         right, down, depth = np.moveaxis(np.einsum("cij,ncj->nci", self.axes, ray), -1, 0)
-        framed = (np.abs(right) <= self.tangents[:, 0] * depth) & (
-            np.abs(down) <= self.tangents[:, 1] * depth
-        )
+        framed = (np.abs(right) <= self.tangents[:, 0] * depth) & (np.abs(down) <= self.tangents[:, 1] * depth)
         seen = framed & (depth > 0.0) & (distance <= self.range)
         start = np.broadcast_to(self.position, ray.shape)[seen]
         # A line of sight ends `clearance` before the body, so that neither its holder nor itself hides it.
@@ -355,9 +349,7 @@ def _check_pose(name, position, quaternion):
 def _check_capsules(capsules):
     ends, radii = np.asarray(capsules[0], dtype=float), np.asarray(capsules[1], dtype=float)
     if radii.ndim != 1 or ends.shape != (len(radii), 2, 3):
-        raise ValueError(
-            f"capsules: need end points (c, 2, 3) and radii (c,), got {ends.shape} and {radii.shape}"
-        )
+        raise ValueError(f"capsules: need end points (c, 2, 3) and radii (c,), got {ends.shape} and {radii.shape}")
     if not (np.all(np.isfinite(ends)) and np.all(radii > 0.0)):
         raise ValueError("capsules: end points must be finite and radii positive")
     return ends, radii

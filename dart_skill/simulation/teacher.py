@@ -12,11 +12,11 @@ from enum import Enum
 import numpy as np
 from scipy.optimize import brentq
 
+from dart_skill.flight import landing
 from dart_skill.robot.command import ArmState, Command, Grip
 from dart_skill.robot.description import N_JOINTS
 from dart_skill.robot.impedance import minimum_jerk, rotation_error
 from dart_skill.robot.model import ArmModel
-from dart_skill.skill.flight import landing
 
 SWING_JOINTS = (1, 3, 5)
 """J2, J4 and J6 move the hand in the vertical plane of the throw."""

@@ -60,9 +60,7 @@ class SkillConfiguration:
 
 
 DEFAULT = SkillConfiguration()
-THESIS = SkillConfiguration(
-    "thesis", "start", 3, partition="em", distance_input=False, alignment="start", relabel=False, solve_aim=False
-)
+THESIS = SkillConfiguration("thesis", "start", 3, partition="em", distance_input=False, alignment="start", relabel=False, solve_aim=False)
 CONFIGURATIONS = {
     one.name: one
     for one in (

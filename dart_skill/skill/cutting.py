@@ -10,7 +10,9 @@ import numpy as np
 
 from dart_skill.movement import VelocityThreshold, segment_containing
 from dart_skill.recording import Demonstration
+from dart_skill.robot.description import wam_description
 from dart_skill.samples import to_the_nanosecond
+from dart_skill.skill.outcome import Release, fit_release
 
 THRESHOLDS = VelocityThreshold(run_up=0.15, settle=0.1)
 
@@ -80,6 +82,19 @@ class ThrowLog:
         if not self.ball.stamps:
             return np.empty(0), np.empty((0, 3))
         return self.ball.between(since_ns, 0.0, (until_ns - since_ns) * 1e-9)
+
+    def release_between(self, since_ns: int, until_ns: int) -> Release | None:
+        """How the ball left the hand between two instants; times after the first one. None if hand or flight was not seen."""
+        if not (self.ball.stamps and self.hand.stamps):
+            return None
+        stop = (until_ns - since_ns) * 1e-9
+        ball_time, ball = self.ball.between(since_ns, 0.0, stop)
+        hand_time, hand = self.hand.between(since_ns, 0.0, stop)
+        try:
+            grip = wam_description().hand.ball_centre
+            return fit_release(ball_time, ball, hand_time, hand[:, :3], hand[:, 3:], grip)
+        except ValueError:
+            return None
 
     def cut(self, name: str, until_ns: int, thresholds: VelocityThreshold = THRESHOLDS) -> Demonstration:
         """The throw, up to an instant, as a demonstration; ValueError says what is missing: motion, button, ball, basket."""

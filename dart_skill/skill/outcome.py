@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import polynomial
 
+from dart_skill.flight import TENNIS_BALL, Ball, FlightFit, fit_flight, fit_flights, landing
 from dart_skill.samples import check_samples, check_unit_quaternions
-from dart_skill.skill.flight import TENNIS_BALL, Ball, FlightFit, fit_flight, fit_flights, landing
 
 NOISE = 1e-4  # standard deviation of a tracked position [m]
 WINDOW = 10  # samples; over 90 ms a motion at constant velocity misses a free fall by 7 mm
@@ -118,18 +118,14 @@ def fit_release(
     hand_time, grip = _grip_path(hand_time, hand_position, hand_quaternion, grip_offset)
     free = find_flight(ball_time, ball_position, ball, noise)
     if free is None:
-        raise ValueError(
-            f"no free flight in {len(ball_time)} ball samples: was the ball thrown, and was it tracked?"
-        )
+        raise ValueError(f"no free flight in {len(ball_time)} ball samples: was the ball thrown, and was it tracked?")
     fit = free.fit
     near = _nearest_approach(fit, hand_time, grip)
     for _ in range(2):
         time, uncertainty, distance = _parting(fit, hand_time, grip, near)
         kept = free.samples[ball_time[free.samples] >= time]
         if len(kept) < TAIL:
-            raise ValueError(
-                f"only {len(kept)} samples of the flight after the release at {time:.3f} s, need {TAIL}"
-            )
+            raise ValueError(f"only {len(kept)} samples of the flight after the release at {time:.3f} s, need {TAIL}")
         fit, near = fit_flight(ball_time[kept], ball_position[kept], ball, at=time), time
     if distance > ball.radius:
         raise ValueError(
@@ -139,9 +135,7 @@ def fit_release(
     return Release(time, uncertainty, fit.position, fit.velocity, distance, fit)
 
 
-def find_flight(
-    time: np.ndarray, position: np.ndarray, ball: Ball = TENNIS_BALL, noise: float = NOISE
-) -> FreeFlight | None:
+def find_flight(time: np.ndarray, position: np.ndarray, ball: Ball = TENNIS_BALL, noise: float = NOISE) -> FreeFlight | None:
     """The first free flight in samples (n,), (n, 3), or None.
 
     Every window of ten samples is fitted; runs of windows that fly freely are candidates. The first one
@@ -187,9 +181,7 @@ def _grow(near, samples):
         return samples
     pieces = np.split(inside, np.flatnonzero(np.diff(inside) > 3) + 1)
     middle = np.median(samples)
-    return min(
-        pieces, key=lambda piece: 0 if piece[0] <= middle <= piece[-1] else abs(np.median(piece) - middle)
-    )
+    return min(pieces, key=lambda piece: 0 if piece[0] <= middle <= piece[-1] else abs(np.median(piece) - middle))
 
 
 def _tracked_to(free, time, crossing):
@@ -217,9 +209,7 @@ def _nearest_approach(fit, hand_time, grip):
     """Instant of the hand sample whose grip point is nearest to the flight, from 0.3 s before its start."""
     around = (hand_time > fit.time - 0.3) & (hand_time < fit.time + HAND_WINDOW)
     if not np.any(around):
-        raise ValueError(
-            f"no hand samples within 0.3 s before the flight at {fit.time:.3f} s: the hand was occluded"
-        )
+        raise ValueError(f"no hand samples within 0.3 s before the flight at {fit.time:.3f} s: the hand was occluded")
     path, _ = fit.at(hand_time[around])
     return hand_time[around][np.argmin(np.linalg.norm(path - grip[around], axis=1))]
 
@@ -229,10 +219,7 @@ def _parting(fit, hand_time, grip, near):
     around = np.abs(hand_time - near) <= HAND_WINDOW
     time = (hand_time[around] - near) / HAND_WINDOW  # in -1 to 1: keeps the powers of time comparable
     if np.sum(time < 0.0) < 4 or np.sum(time > 0.0) < 4:
-        raise ValueError(
-            f"{len(time)} hand samples within {HAND_WINDOW} s of the release at {near:.3f} s,"
-            " need 4 on either side"
-        )
+        raise ValueError(f"{len(time)} hand samples within {HAND_WINDOW} s of the release at {near:.3f} s, need 4 on either side")
     difference = fit.at(hand_time[around])[0] - grip[around]
     coefficients = polynomial.polyfit(time, difference, DEGREE)
     best = _slowest(coefficients, time[0], time[-1])

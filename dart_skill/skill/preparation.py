@@ -62,9 +62,7 @@ def prepare(demonstration: Demonstration, configuration: SkillConfiguration) -> 
 
 def _prepare(demonstration: Demonstration, configuration: SkillConfiguration) -> PreparedThrow:
     d = demonstration
-    release = fit_release(
-        d.ball_time, d.ball_position, d.hand_time, d.hand_position, d.hand_quaternion, wam_description().hand.ball_centre
-    )
+    release = fit_release(d.ball_time, d.ball_position, d.hand_time, d.hand_position, d.hand_quaternion, wam_description().hand.ball_centre)
     task = _task(d, configuration)
     azimuth = float(np.arctan2(task[1], task[0]))
     shared = release.time if configuration.alignment == "release" else d.motion_start

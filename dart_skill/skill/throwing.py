@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dart_skill.flight import landing
 from dart_skill.mixture import GaussianMixture, regress
 from dart_skill.movement import TaskParameterisedMixture, follow_attractor
 from dart_skill.movement.attractor import critical_damping
@@ -20,7 +21,6 @@ from dart_skill.robot.description import wam_description
 from dart_skill.robot.throw_plan import Gains, HandPath, ThrowPlan
 from dart_skill.samples import to_the_nanosecond
 from dart_skill.skill.configuration import DEFAULT, SkillConfiguration
-from dart_skill.skill.flight import landing
 from dart_skill.skill.preparation import PreparedThrow, prepare
 from dart_skill.skill.task_frames import frames_for
 
@@ -256,5 +256,3 @@ def _hand_path(course: _Course) -> HandPath:
         velocity=np.hstack([course.velocity[:, :3], angular]),
         acceleration=np.hstack([course.acceleration[:, :3], np.gradient(angular, course.time, axis=0)]),
     )
-
-

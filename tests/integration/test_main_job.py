@@ -64,6 +64,8 @@ def test_every_lesson_and_every_throw_succeeds(over_dds):
     for result in over_dds["throws"]:
         assert result.code == 1, result.message
         assert result.outcome.landing_seen
+        speed = np.linalg.norm(conversions.vector(result.outcome.release_velocity))
+        assert 1.5 < speed < 4.5, f"the ball left the hand at {speed:.2f} m/s"
         assert result.outcome.landing_error < 0.25, f"{SHOWN} demonstrations: {result.outcome.landing_error:.3f} m"
 
 

@@ -5,10 +5,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dart_skill.experiments.session import Session
+from dart_skill.flight import landing
 from dart_skill.robot.model import ArmModel
 from dart_skill.robot.throw_plan import Gains, HandPath, ThrowPlan
 from dart_skill.simulation.plant import Plant, PlantSettings
-from dart_skill.skill.flight import landing
 
 READY = (0.0, -0.90, 0.0, -0.75, 0.0, -0.35, 0.0)
 """A posture between throws: cocked, hand behind the shoulder."""

@@ -178,9 +178,7 @@ def test_synchronisation_shows_every_demonstration_twice(tmp_path, motions):
 
 def test_releases_are_aligned_after_synchronisation_and_not_before(tmp_path, motions):
     drawing = drawn(draw_synchronisation(motions, tmp_path))
-    before, after = (
-        [drawing.marker(f"{when}_{k}_release")[0] for k in range(1, len(motions) + 1)] for when in ("before", "after")
-    )
+    before, after = ([drawing.marker(f"{when}_{k}_release")[0] for k in range(1, len(motions) + 1)] for when in ("before", "after"))
     assert np.ptp(after) < 1e-3 and np.ptp(before) > 10.0, f"points: {before} {after}"
 
 

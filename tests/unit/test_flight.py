@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from dart_skill.skill.flight import TENNIS_BALL, Ball, fit_flight, flight, landing
+from dart_skill.flight import TENNIS_BALL, Ball, fit_flight, flight, landing
 
 VACUUM = Ball(drag_coefficient=0.0)
 START = np.array([0.3, -0.1, 2.05])
@@ -55,9 +55,7 @@ def test_a_batch_of_throws_equals_single_throws():
     together, _ = flight(position, velocity, times)
     assert together.shape == (3, 2, 5, 3)
     for index in np.ndindex(2, 5):
-        np.testing.assert_allclose(
-            together[(slice(None), *index)], flight(position[index], velocity[index], times)[0], atol=1e-9
-        )
+        np.testing.assert_allclose(together[(slice(None), *index)], flight(position[index], velocity[index], times)[0], atol=1e-9)
 
 
 def test_drag_shortfall_is_the_published_one():
@@ -112,12 +110,7 @@ def test_fit_errors_match_the_least_squares_theory():
     rng = np.random.default_rng(1)
     times, sigma = 0.01 * np.arange(50), 1e-4
     exact, _ = flight(START, VELOCITY, times)
-    errors = np.array(
-        [
-            fit_flight(times, exact + sigma * rng.normal(size=exact.shape)).velocity - VELOCITY
-            for _ in range(200)
-        ]
-    )
+    errors = np.array([fit_flight(times, exact + sigma * rng.normal(size=exact.shape)).velocity - VELOCITY for _ in range(200)])
     expected = sigma / np.sqrt(np.sum((times - times.mean()) ** 2))  # of the slope of a line
     assert np.std(errors) == pytest.approx(expected, rel=0.15)
     assert np.abs(errors.mean(axis=0)).max() < 4 * expected / np.sqrt(200)

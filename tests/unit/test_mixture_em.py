@@ -82,9 +82,7 @@ def test_density_and_responsibilities_follow_their_definition():
     )
     expected = logsumexp(logs, axis=1)
     np.testing.assert_allclose(mixture.log_density(samples), expected, rtol=1e-10)
-    np.testing.assert_allclose(
-        mixture.responsibilities(samples), np.exp(logs - expected[:, None]), atol=1e-10
-    )
+    np.testing.assert_allclose(mixture.responsibilities(samples), np.exp(logs - expected[:, None]), atol=1e-10)
     assert mixture.log_likelihood_ == pytest.approx(expected.sum(), rel=1e-9)
 
 
@@ -169,9 +167,7 @@ def test_bic_chooses_the_number_of_clusters():
 
 
 def test_number_of_parameters_counts_priors_means_and_symmetric_covariances():
-    mixture = GaussianMixture(2).fit(
-        np.random.default_rng(0).normal(size=(30, 3)), rng=np.random.default_rng(0)
-    )
+    mixture = GaussianMixture(2).fit(np.random.default_rng(0).normal(size=(30, 3)), rng=np.random.default_rng(0))
     assert mixture.n_parameters == 1 + 2 * (3 + 6)
 
 
@@ -350,9 +346,7 @@ def test_blocks_share_their_responsibilities():
         [np.array([[0.0], [1.0]]), np.array([[2.0], [3.0]])],
         [np.array([[[1.0]], [[2.0]]]), np.array([[[0.5]], [[3.0]]])],
     )
-    joined = GaussianMixture.from_parameters(
-        [0.4, 0.6], [[0.0, 2.0], [1.0, 3.0]], [np.diag([1.0, 0.5]), np.diag([2.0, 3.0])]
-    )
+    joined = GaussianMixture.from_parameters([0.4, 0.6], [[0.0, 2.0], [1.0, 3.0]], [np.diag([1.0, 0.5]), np.diag([2.0, 3.0])])
     shares, log_density = expectation([samples[:, :1], samples[:, 1:]], parameters)
     np.testing.assert_allclose(shares, joined.responsibilities(samples), atol=1e-12)
     np.testing.assert_allclose(log_density, joined.log_density(samples), rtol=1e-12)

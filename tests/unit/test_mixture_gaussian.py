@@ -72,9 +72,7 @@ def test_linear_map_by_a_stretch_uses_both_sides_of_the_covariance():
 
 def test_linear_combination_adds_the_second_covariance():
     """(3.6) as printed repeats the first covariance."""
-    combined = linear_combination(
-        [Gaussian([1.0], [[1.0]]), Gaussian([2.0], [[4.0]])], [[[2.0]], [[3.0]]], offset=[5.0]
-    )
+    combined = linear_combination([Gaussian([1.0], [[1.0]]), Gaussian([2.0], [[4.0]])], [[[2.0]], [[3.0]]], offset=[5.0])
     assert combined.mean[0] == pytest.approx(2.0 + 6.0 + 5.0)
     assert combined.covariance[0, 0] == pytest.approx(4.0 * 1.0 + 9.0 * 4.0)
 

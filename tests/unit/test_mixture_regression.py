@@ -60,9 +60,7 @@ def test_many_queries_give_what_each_gives_alone():
 
 
 def test_far_from_the_data_the_slowest_decaying_component_takes_over():
-    mixture = GaussianMixture.from_parameters(
-        [0.9, 0.1], [[0.0, 1.0], [0.0, 5.0]], [np.eye(2), [[4.0, 2.0], [2.0, 2.0]]]
-    )
+    mixture = GaussianMixture.from_parameters([0.9, 0.1], [[0.0, 1.0], [0.0, 5.0]], [np.eye(2), [[4.0, 2.0], [2.0, 2.0]]])
     for query in (1e3, -1e6, 1e12):
         mean, covariance = regress(mixture, [query], 0, 1)
         assert mean[0, 0] == pytest.approx(5.0 + 0.5 * query, rel=1e-12)
@@ -80,9 +78,7 @@ def test_units_of_inputs_and_outputs_pass_through():
     rng = np.random.default_rng(4)
     mixture, queries = random_mixture(rng, 3, 3), rng.normal(size=(10, 1))
     units = np.array([1e-6, 1e4, 1e-3])
-    scaled = GaussianMixture.from_parameters(
-        mixture.priors_, mixture.means_ * units, mixture.covariances_ * np.outer(units, units)
-    )
+    scaled = GaussianMixture.from_parameters(mixture.priors_, mixture.means_ * units, mixture.covariances_ * np.outer(units, units))
     mean, covariance = regress(mixture, queries, [0], [1, 2])
     mean_scaled, covariance_scaled = regress(scaled, queries * units[0], [0], [1, 2])
     np.testing.assert_allclose(mean_scaled, mean * units[1:], rtol=1e-9)

@@ -40,15 +40,11 @@ def in_front_of(camera, distance, right=0.0, down=0.0):
 def test_the_configured_cameras_cover_the_arm_and_the_flights():
     system = MotionCapture(PARAMETERS, seed=0)
     assert len(system.config.cameras) == 12
-    radius, azimuth, height = np.meshgrid(
-        np.linspace(0.2, 2.75, 18), np.deg2rad(np.linspace(-60, 60, 17)), np.linspace(0.1, 2.5, 9)
-    )
+    radius, azimuth, height = np.meshgrid(np.linspace(0.2, 2.75, 18), np.deg2rad(np.linspace(-60, 60, 17)), np.linspace(0.1, 2.5, 9))
     points = np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth), height], axis=-1).reshape(-1, 3)
     seen = system.visible_cameras(points)
     assert seen.min() >= 2, points[seen.argmin()]
-    around = np.stack(np.meshgrid(*[np.linspace(-1, 1, 7)] * 2, np.linspace(0.8, 2.5, 7)), axis=-1).reshape(
-        -1, 3
-    )
+    around = np.stack(np.meshgrid(*[np.linspace(-1, 1, 7)] * 2, np.linspace(0.8, 2.5, 7)), axis=-1).reshape(-1, 3)
     seen = system.visible_cameras(around)
     assert seen.min() >= 4, around[seen.argmin()]
 
@@ -118,9 +114,7 @@ def test_a_body_needs_two_cameras():
     shield = np.array([[[-0.4, -1.0, 0.0], [-0.4, -1.0, 2.0]]])
     bodies = {"ball": (np.array([0.0, 0.0, 1.0]), IDENTITY)}
     for min_cameras, capsules, seen in ((2, None, 1), (2, shield, 0), (1, shield, 1)):
-        system = MotionCapture(
-            MotionCaptureConfig((left, right), min_cameras=min_cameras, dropout_rate=0.0), seed=0
-        )
+        system = MotionCapture(MotionCaptureConfig((left, right), min_cameras=min_cameras, dropout_rate=0.0), seed=0)
         occluders = {} if capsules is None else {"capsules": (capsules, np.array([0.2]))}
         assert len(system.observe(0, 0, bodies, **occluders)) == seen
 
@@ -130,9 +124,7 @@ def test_inside_the_basket_only_cameras_that_look_in_from_above_see_the_ball():
     basket = BasketWalls(rim, radius=0.15, depth=0.3)
     low = Camera([2.0, -3.0, 0.5], [2.0, 0.0, 0.5])
     slanted = Camera([2.0, -1.0, 1.6], [2.0, 0.0, 0.5])
-    over_the_edge = (
-        rim + [0.0, -0.15, 0.0] + 0.1 * np.array([0.0, 0.85, -1.0])
-    )  # on its line over the near edge
+    over_the_edge = rim + [0.0, -0.15, 0.0] + 0.1 * np.array([0.0, 0.85, -1.0])  # on its line over the near edge
     above_rim, inside = rim + [0.0, 0.0, 0.05], rim - [0.0, 0.0, 0.05]
     higher, deeper = over_the_edge + [0.0, 0.0, 0.002], over_the_edge - [0.0, 0.0, 0.002]
     for camera, ball, seen in (
@@ -201,9 +193,7 @@ def test_same_seed_and_episode_give_the_same_samples_whatever_came_before():
     run(two, 5, episode=3)
     assert same(run(one, 100, episode=1), run(two, 100, episode=1))
     assert not same(run(one, 100, episode=2), run(two, 100, episode=1))
-    assert not same(
-        run(MotionCapture(PARAMETERS, seed=8), 100, 1), run(MotionCapture(PARAMETERS, seed=7), 100, 1)
-    )
+    assert not same(run(MotionCapture(PARAMETERS, seed=8), 100, 1), run(MotionCapture(PARAMETERS, seed=7), 100, 1))
 
 
 def test_what_is_visible_does_not_change_the_noise_of_what_comes_later():

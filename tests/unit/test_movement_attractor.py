@@ -92,10 +92,7 @@ def test_one_sample_is_the_start():
 
 def test_critical_damping_is_the_least_without_overshoot():
     step = np.ones((4000, 1))
-    peak = [
-        follow_attractor(step, 0.001, [0.0], [0.0], 80.0, share * critical_damping(80.0)).position.max()
-        for share in (0.9, 1.0)
-    ]
+    peak = [follow_attractor(step, 0.001, [0.0], [0.0], 80.0, share * critical_damping(80.0)).position.max() for share in (0.9, 1.0)]
     assert peak[0] > 1.0 + 1e-4
     assert peak[1] <= 1.0 + 1e-12
 

@@ -13,9 +13,7 @@ def throw(time):
     """A smooth path of 1.2 m with its derivatives, at 4 m/s and 40 m/s^2."""
     w = 2 * np.pi / 1.2
     position = np.stack([0.7 * np.sin(w * time), 0.2 * np.cos(0.5 * w * time), 0.3 * np.sin(w * time + 1)], 1)
-    velocity = w * np.stack(
-        [0.7 * np.cos(w * time), -0.1 * np.sin(0.5 * w * time), 0.3 * np.cos(w * time + 1)], 1
-    )
+    velocity = w * np.stack([0.7 * np.cos(w * time), -0.1 * np.sin(0.5 * w * time), 0.3 * np.cos(w * time + 1)], 1)
     acceleration = -w * w * position * [1.0, 0.25, 1.0]
     return position, velocity, acceleration
 
@@ -41,9 +39,7 @@ def test_polynomials_of_degree_five_are_exact_without_noise(n):
     for _ in range(2):
         coefficients = coefficients[1:] * np.arange(1, len(coefficients))[:, None]
         expected.append((u ** np.arange(len(coefficients))) @ coefficients)
-    for order, (found, wanted) in enumerate(
-        zip(smooth_derivatives(time, expected[0], noise=0.0), expected, strict=True)
-    ):
+    for order, (found, wanted) in enumerate(zip(smooth_derivatives(time, expected[0], noise=0.0), expected, strict=True)):
         scale = np.abs(expected[0]).max() * 100.0**order
         np.testing.assert_allclose(found, wanted, atol=1e-10 * scale, err_msg=f"order {order}")
 
@@ -113,13 +109,9 @@ def test_derivatives_of_a_noisy_throw_beat_finite_differences_by_far():
         _, velocity, acceleration = throw(time)
         motion = smooth_derivatives(time, samples)
         inside = slice(10, -10)
-        found.append(
-            [rms((motion.velocity - velocity)[inside]), rms((motion.acceleration - acceleration)[inside])]
-        )
+        found.append([rms((motion.velocity - velocity)[inside]), rms((motion.acceleration - acceleration)[inside])])
         slope = np.gradient(samples, time, axis=0)
-        plain.append(
-            [rms((slope - velocity)[inside]), rms((np.gradient(slope, time, axis=0) - acceleration)[inside])]
-        )
+        plain.append([rms((slope - velocity)[inside]), rms((np.gradient(slope, time, axis=0) - acceleration)[inside])])
     found, plain = np.mean(found, axis=0), np.mean(plain, axis=0)
     assert found[0] < 0.004, found
     assert found[1] < 0.3, found
@@ -160,9 +152,7 @@ def test_noise_per_column_smooths_each_column_by_itself():
     time, samples = noisy_throw(7)
     mixed = np.column_stack([samples, 500.0 * samples[:, :1]])
     motion = smooth_derivatives(time, mixed, noise=[NOISE, NOISE, NOISE, 500 * NOISE])
-    np.testing.assert_allclose(
-        motion.acceleration[:, 3], 500 * motion.acceleration[:, 0], rtol=1e-6, atol=1e-6
-    )
+    np.testing.assert_allclose(motion.acceleration[:, 3], 500 * motion.acceleration[:, 0], rtol=1e-6, atol=1e-6)
     alone = smooth_derivatives(time, samples[:, 1:2], noise=NOISE)
     np.testing.assert_allclose(motion.acceleration[:, 1], alone.acceleration[:, 0], rtol=1e-9, atol=1e-9)
 

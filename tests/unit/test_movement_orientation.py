@@ -63,15 +63,11 @@ def test_the_hand_points_along_the_direction_of_the_angles():
     ],
 )
 def test_named_directions(alpha_deg, beta_deg, direction):
-    np.testing.assert_allclose(
-        pointing_directions(np.radians([[alpha_deg, beta_deg]]))[0], direction, atol=1e-15
-    )
+    np.testing.assert_allclose(pointing_directions(np.radians([[alpha_deg, beta_deg]]))[0], direction, atol=1e-15)
 
 
 def test_a_hand_aligned_with_the_task_frame_points_straight_up():
-    np.testing.assert_allclose(
-        angles_from_quaternions([[0.0, 0.0, 0.0, 1.0]]), [[np.pi / 2, 0.0, 0.0]], atol=1e-12
-    )
+    np.testing.assert_allclose(angles_from_quaternions([[0.0, 0.0, 0.0, 1.0]]), [[np.pi / 2, 0.0, 0.0]], atol=1e-12)
 
 
 def test_roll_turns_the_hand_about_the_pointing_direction():
@@ -82,9 +78,7 @@ def test_roll_turns_the_hand_about_the_pointing_direction():
 
 def test_a_throw_from_behind_the_shoulder_has_no_jump_whatever_the_signs_of_the_quaternions():
     time = np.linspace(0, 1, 200)
-    angles = np.column_stack(
-        [np.radians(250 - 280 * time), 0.4 * np.sin(9 * time), 3.0 + 2.0 * time - 3.0 * time**2]
-    )
+    angles = np.column_stack([np.radians(250 - 280 * time), 0.4 * np.sin(9 * time), 3.0 + 2.0 * time - 3.0 * time**2])
     signs = np.random.default_rng(1).choice([-1.0, 1.0], (200, 1))
     found = angles_from_quaternions(signs * quaternions_from_angles(angles))
     np.testing.assert_allclose(found, angles, atol=1e-9)
@@ -122,9 +116,7 @@ def test_products_conjugates_and_matrices_agree_with_scipy():
     expected = (Rotation.from_quat(left) * Rotation.from_quat(right)).as_quat()
     assert same_rotation(multiply(left, right), expected) < 1e-12
     assert same_rotation(multiply(left, conjugate(left)), np.tile([0, 0, 0, 1.0], (20, 1))) < 1e-12
-    np.testing.assert_allclose(
-        to_matrices(left) @ to_matrices(right), to_matrices(multiply(left, right)), atol=1e-12
-    )
+    np.testing.assert_allclose(to_matrices(left) @ to_matrices(right), to_matrices(multiply(left, right)), atol=1e-12)
     assert same_rotation(from_matrices(to_matrices(left)), left) < 1e-12
 
 
@@ -133,9 +125,7 @@ def test_angular_velocity_of_a_constant_turn_is_exact_at_irregular_stamps():
     time = np.sort(np.random.default_rng(6).uniform(0, 2, 40))
     turn = Rotation.from_rotvec(time[:, None] * rate) * Rotation.from_euler("xyz", [0.3, 1.0, -2.0])
     signs = np.random.default_rng(7).choice([-1.0, 1.0], (40, 1))
-    np.testing.assert_allclose(
-        angular_velocity(time, signs * turn.as_quat()), np.tile(rate, (40, 1)), atol=1e-8
-    )
+    np.testing.assert_allclose(angular_velocity(time, signs * turn.as_quat()), np.tile(rate, (40, 1)), atol=1e-8)
     np.testing.assert_allclose(angular_velocity(time[:2], turn.as_quat()[:2]), [rate, rate], atol=1e-8)
 
 

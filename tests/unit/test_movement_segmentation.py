@@ -80,9 +80,7 @@ def test_several_motions_are_returned_in_order_and_one_is_picked_by_an_instant()
 
 
 def test_where_margins_overlap_the_motion_itself_wins():
-    segments = VelocityThreshold(settle=0.6, run_up=0.6).segment(
-        *recording([(0.8, 0.5, 1.0), (1.6, 0.5, 1.0)])
-    )
+    segments = VelocityThreshold(settle=0.6, run_up=0.6).segment(*recording([(0.8, 0.5, 1.0), (1.6, 0.5, 1.0)]))
     assert segments[0].stop > segments[1].motion_start + 0.01
     assert segment_containing(segments, segments[1].motion_start + 0.005) is segments[1]
 
@@ -141,9 +139,7 @@ def test_speed_is_exact_on_uniform_motion_and_invariant_to_the_units_of_time():
 def test_speed_noise_is_that_of_a_fitted_slope():
     """Theil-Sen on 7 equal steps scatters like least squares, sigma / (dt sqrt(28)), within a tenth."""
     rng = np.random.default_rng(2)
-    scatter = speed(
-        0.01 * np.arange(4000), rng.normal(0, NOISE, (4000, 1)) + 5 * 0.01 * np.arange(4000)[:, None]
-    ).std()
+    scatter = speed(0.01 * np.arange(4000), rng.normal(0, NOISE, (4000, 1)) + 5 * 0.01 * np.arange(4000)[:, None]).std()
     assert scatter == pytest.approx(NOISE / (0.01 * np.sqrt(28)), rel=0.1)
 
 

@@ -23,12 +23,7 @@ def reach(frames, rng=None, noise=0.0):
     enter = goal.from_frame([[0, -0.3, 0], [0, 0.0, 0]])[:, 1:]
     points = np.concatenate([leave, enter])
     u = STEPS[:, None]
-    bezier = (
-        (1 - u) ** 3 * points[0]
-        + 3 * u * (1 - u) ** 2 * points[1]
-        + 3 * u**2 * (1 - u) * points[2]
-        + u**3 * points[3]
-    )
+    bezier = (1 - u) ** 3 * points[0] + 3 * u * (1 - u) ** 2 * points[1] + 3 * u**2 * (1 - u) * points[2] + u**3 * points[3]
     wobble = 0.0 if rng is None else rng.normal(0, noise, bezier.shape)
     return np.column_stack([STEPS, bezier + wobble])
 
@@ -91,10 +86,7 @@ def test_product_is_that_of_the_mapped_gaussians():
     new = situations(np.random.default_rng(9), 1)[0]
     found = model.product(new)
     for k in range(3):
-        mapped = [
-            Gaussian(model.means_[j, k], model.covariances_[j, k]).linear_map(frame.A, frame.b)
-            for j, frame in enumerate(new)
-        ]
+        mapped = [Gaussian(model.means_[j, k], model.covariances_[j, k]).linear_map(frame.A, frame.b) for j, frame in enumerate(new)]
         precision = sum(np.linalg.inv(one.covariance) for one in mapped)
         np.testing.assert_allclose(np.linalg.inv(found.covariances_[k]), precision, rtol=1e-7)
         np.testing.assert_allclose(found.means_[k], product(mapped)[0].mean, rtol=1e-9, atol=1e-12)
@@ -107,9 +99,7 @@ def test_integer_weights_equal_repeated_demonstrations():
     repeated = [i for i, w in enumerate(weights) for _ in range(w)]
     options = dict(tolerance=1e-12, max_iterations=2000)
     weighted = TaskParameterisedMixture(3, **options).fit(demos, frames, weights)
-    again = TaskParameterisedMixture(3, **options).fit(
-        [demos[i] for i in repeated], [frames[i] for i in repeated]
-    )
+    again = TaskParameterisedMixture(3, **options).fit([demos[i] for i in repeated], [frames[i] for i in repeated])
     assert_same(weighted, again, 1e-5)
     per_sample = [np.full(80, w) for w in weights]
     assert_same(weighted, TaskParameterisedMixture(3, **options).fit(demos, frames, per_sample), 1e-12)
@@ -130,9 +120,7 @@ def test_turning_and_moving_every_task_changes_nothing_in_the_frames():
     moved = TaskParameterisedMixture(3).fit([move.from_frame(demo) for demo in demos], moved_frames)
     plain = TaskParameterisedMixture(3).fit(demos, frames)
     assert_same(moved, plain, 1e-6)
-    np.testing.assert_allclose(
-        moved.product(moved_frames[0]).means_, move.from_frame(plain.product(frames[0]).means_), atol=1e-7
-    )
+    np.testing.assert_allclose(moved.product(moved_frames[0]).means_, move.from_frame(plain.product(frames[0]).means_), atol=1e-7)
 
 
 def test_millimetres_and_metres_give_the_same_mixture():
@@ -142,17 +130,13 @@ def test_millimetres_and_metres_give_the_same_mixture():
     scaled = TaskParameterisedMixture(3).fit([units * demo for demo in demos], in_mm)
     plain = TaskParameterisedMixture(3).fit(demos, frames)
     np.testing.assert_allclose(scaled.means_, plain.means_ * units, rtol=1e-6, atol=1e-6)
-    np.testing.assert_allclose(
-        scaled.covariances_, plain.covariances_ * np.outer(units, units), rtol=1e-5, atol=1e-5
-    )
+    np.testing.assert_allclose(scaled.covariances_, plain.covariances_ * np.outer(units, units), rtol=1e-5, atol=1e-5)
 
 
 def test_kmeans_start_finds_components_that_mean_the_same_in_all_frames():
     demos, frames = taught()
     by_time = TaskParameterisedMixture(3).fit(demos, frames).log_likelihood_
-    model = TaskParameterisedMixture(3, start="kmeans", n_starts=5).fit(
-        demos, frames, rng=np.random.default_rng(0)
-    )
+    model = TaskParameterisedMixture(3, start="kmeans", n_starts=5).fit(demos, frames, rng=np.random.default_rng(0))
     assert model.log_likelihood_ > by_time - 0.1 * abs(by_time), (model.log_likelihood_, by_time)
     np.testing.assert_allclose(model.means_[0, :, 0], model.means_[1, :, 0], rtol=1e-9)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dart_skill.skill.flight import flight, landing
+from dart_skill.flight import flight, landing
 from dart_skill.skill.outcome import find_flight, fit_release, judge_flight
 
 GRIP = np.array([0.0, 0.0, 0.1135])
@@ -100,9 +100,7 @@ def test_release_with_a_calibration_offset_and_a_ball_hidden_when_it_leaves():
     visible = np.abs(time - ORIGIN - RELEASE - 0.02) > 0.05
     found = fit_release(time[visible], position[visible] + 2e-4, *throw.hand_samples(), GRIP)
     assert found.time - ORIGIN == pytest.approx(RELEASE, abs=1e-3)
-    np.testing.assert_allclose(
-        found.velocity, throw.velocity, rtol=0.0, atol=3e-3 * np.linalg.norm(throw.velocity)
-    )
+    np.testing.assert_allclose(found.velocity, throw.velocity, rtol=0.0, atol=3e-3 * np.linalg.norm(throw.velocity))
 
 
 def test_release_of_noise_free_samples_is_much_better():
@@ -173,9 +171,7 @@ def bounced(throw, at, time, direction):
 
 
 @pytest.mark.parametrize(("sideways", "expected"), [(0.1, True), (1.5, False)])
-def test_a_ball_that_bounces_on_the_rim_lands_where_it_would_have_and_is_in_if_it_ends_inside(
-    sideways, expected
-):
+def test_a_ball_that_bounces_on_the_rim_lands_where_it_would_have_and_is_in_if_it_ends_inside(sideways, expected):
     throw = Throw(5)
     rim, crossing = basket_at(throw, shift=0.13)
     time = np.arange(0.0, crossing + 0.29, 0.01)

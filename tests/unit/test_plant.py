@@ -7,13 +7,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dart_skill.configuration import node_parameters
+from dart_skill.flight import TENNIS_BALL, flight
 from dart_skill.robot.actuation import Actuation
 from dart_skill.robot.command import Command, Grip
 from dart_skill.robot.description import wam_description
 from dart_skill.robot.model import ArmModel
 from dart_skill.simulation.basket import Basket
 from dart_skill.simulation.plant import PlantSettings, PlantState
-from dart_skill.skill.flight import TENNIS_BALL, flight
 
 WAM = wam_description()
 STEP = 0.002

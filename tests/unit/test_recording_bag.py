@@ -102,9 +102,7 @@ def test_rosbags_reads_every_message_equal(bag, types):
     with AnyReader([path]) as reader:
         read = [(c.topic, stamp, bytes(raw)) for c, stamp, raw in reader.messages()]
         assert read == [(topic, log, data) for topic, log, _, data in written]
-        assert {c.topic: c.digest for c in reader.connections} == {
-            n: type_hash(types, t) for n, (t, _) in TOPICS.items()
-        }
+        assert {c.topic: c.digest for c in reader.connections} == {n: type_hash(types, t) for n, (t, _) in TOPICS.items()}
         for connection, _, raw in reader.messages():
             again = reader.deserialize(raw, connection.msgtype)
             assert plain(again) == plain(deserialize(types, connection.msgtype, bytes(raw)))
@@ -116,10 +114,7 @@ def test_mcap_and_its_ros2_decoder_read_every_message_equal(bag, types):
     with open(path / "throws_0.mcap", "rb") as stream:
         reader = make_reader(stream, validate_crcs=True, decoder_factories=[decoder.DecoderFactory()])
         read = list(reader.iter_decoded_messages())
-    raw = [
-        (channel.topic, message.log_time, message.publish_time, message.data)
-        for _, channel, message, _ in read
-    ]
+    raw = [(channel.topic, message.log_time, message.publish_time, message.data) for _, channel, message, _ in read]
     assert raw == written
     for schema, _, message, decoded in read:
         assert plain(decoded) == plain(deserialize(types, schema.name, message.data))
@@ -153,8 +148,7 @@ def test_topics_tell_type_count_hash_and_qos(bag, types):
     with BagReader(path) as reader:
         topics = reader.topics
         assert {name: (info.type_name, info.count) for name, info in topics.items()} == {
-            name: (type_name, 1 if name == "/robot_description" else 700)
-            for name, (type_name, _) in TOPICS.items()
+            name: (type_name, 1 if name == "/robot_description" else 700) for name, (type_name, _) in TOPICS.items()
         }
         assert topics["/joint_states"].type_hash == type_hash(types, "sensor_msgs/msg/JointState")
         (pose,), (description,) = topics["/vrpn_mocap/hand/pose"].qos, topics["/robot_description"].qos

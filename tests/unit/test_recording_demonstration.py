@@ -85,9 +85,7 @@ def test_through_a_message_and_its_bytes_and_back(types, changes):
     data = serialize(types, DEMONSTRATION_TYPE, demonstration_message(types, original))
     again = demonstration_from_message(deserialize(types, DEMONSTRATION_TYPE, data))
     assert_same(original, again)
-    assert serialize(types, DEMONSTRATION_TYPE, demonstration_message(types, again)) == data, (
-        "and it stays the same"
-    )
+    assert serialize(types, DEMONSTRATION_TYPE, demonstration_message(types, again)) == data, "and it stays the same"
 
 
 def test_stamps_of_the_message_are_exact_to_the_nanosecond(types):
@@ -103,9 +101,7 @@ def test_a_hand_that_was_never_opened_has_a_zero_stamp(types):
     assert (msg.hand_opened.sec, msg.hand_opened.nanosec) == (0, 0)
 
 
-@pytest.mark.skipif(
-    importlib.util.find_spec("dart_skill_msgs") is None, reason="the interface package is not built"
-)
+@pytest.mark.skipif(importlib.util.find_spec("dart_skill_msgs") is None, reason="the interface package is not built")
 def test_rclpy_messages_are_filled_and_read_by_the_same_code(types):
     from rclpy.serialization import deserialize_message
 

@@ -51,21 +51,14 @@ def test_cdr_bytes_are_laid_out_as_the_standard_says(types):
         "geometry_msgs/msg/PointStamped",
         {"header": {"stamp": {"sec": 7, "nanosec": 9}, "frame_id": "world"}, "point": {"x": 1.5, "z": -2.0}},
     )
-    expected = (
-        b"\0\1\0\0"
-        + struct.pack("<iII6s", 7, 9, 6, b"world\0")
-        + bytes(6)
-        + struct.pack("<ddd", 1.5, 0.0, -2.0)
-    )
+    expected = b"\0\1\0\0" + struct.pack("<iII6s", 7, 9, 6, b"world\0") + bytes(6) + struct.pack("<ddd", 1.5, 0.0, -2.0)
     assert data == expected
 
 
 def test_objects_with_lists_tuples_or_arrays_give_the_same_bytes(types):
     header = SimpleNamespace(stamp=SimpleNamespace(sec=1, nanosec=2), frame_id="world")
     variants = [
-        SimpleNamespace(
-            header=header, name=["a", "b"], position=kind([0.1, 0.2]), velocity=kind([1, 2]), effort=kind([])
-        )
+        SimpleNamespace(header=header, name=["a", "b"], position=kind([0.1, 0.2]), velocity=kind([1, 2]), effort=kind([]))
         for kind in (list, tuple, np.array)
     ]
     first, *others = (serialize(types, "sensor_msgs/msg/JointState", variant) for variant in variants)
@@ -112,12 +105,7 @@ def test_definitions_of_another_package_are_loaded_from_its_folder(tmp_path):
     (tmp_path / "package.xml").write_text("<package><name>lab_msgs</name></package>")
     (tmp_path / "msg" / "Grip.msg").write_text("geometry_msgs/Point centre  # [m]\nfloat64[<=3] force\n")
     types = typestore(tmp_path)
-    assert (
-        deserialize(
-            types, "lab_msgs/msg/Grip", serialize(types, "lab_msgs/msg/Grip", {"force": [1, 2]})
-        ).force.sum()
-        == 3
-    )
+    assert deserialize(types, "lab_msgs/msg/Grip", serialize(types, "lab_msgs/msg/Grip", {"force": [1, 2]})).force.sum() == 3
     with pytest.raises(ValueError, match="4 elements, at most 3"):
         serialize(types, "lab_msgs/msg/Grip", {"force": [1.0] * 4})
     (tmp_path / "msg" / "Grip.msg").write_text("no such line\n/")

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from dart_skill.flight import landing
 from dart_skill.recording import Demonstration
 from dart_skill.robot.commander import CommanderSettings, check_plan
 from dart_skill.robot.description import wam_description
 from dart_skill.robot.model import ArmModel
 from dart_skill.robot.throw_plan import same_plan
 from dart_skill.skill.configuration import CONFIGURATIONS, DEFAULT, THESIS, SkillConfiguration, configuration
-from dart_skill.skill.flight import landing
 from dart_skill.skill.outcome import fit_release
 from dart_skill.skill.preparation import prepare
 from dart_skill.skill.task_frames import frames_for

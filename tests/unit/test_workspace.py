@@ -65,9 +65,7 @@ def texts(element, *tags):
 def setup_arguments():
     """What setup.py hands to setuptools, run as colcon runs it: in the folder of the package."""
     script = (
-        "import json, runpy, setuptools\n"
-        "setuptools.setup = lambda **arguments: print(json.dumps(arguments))\n"
-        "runpy.run_path('setup.py')"
+        "import json, runpy, setuptools\nsetuptools.setup = lambda **arguments: print(json.dumps(arguments))\nrunpy.run_path('setup.py')"
     )
     return json.loads(subprocess.check_output([sys.executable, "-c", script], cwd=ROOT, text=True))
 

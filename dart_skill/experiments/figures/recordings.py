@@ -53,10 +53,7 @@ def read_recordings(bag_path: str | os.PathLike) -> list[Recording]:
             raise BagError(f"{bag_path}: no poses of the hand on {HAND}: record that topic")
         ball, basket, commands = _poses(bag, BALL), _poses(bag, BASKET), _commands(bag)
     bounds = _bounds(hand[0])
-    return [
-        _recording(hand, ball, basket, commands, start_ns, stop_ns)
-        for start_ns, stop_ns in zip(bounds[:-1], bounds[1:], strict=True)
-    ]
+    return [_recording(hand, ball, basket, commands, start_ns, stop_ns) for start_ns, stop_ns in zip(bounds[:-1], bounds[1:], strict=True)]
 
 
 def _recording(hand, ball, basket, commands, start_ns: int, stop_ns: int) -> Recording:

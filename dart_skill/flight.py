@@ -96,9 +96,7 @@ def acceleration(velocity: np.ndarray, ball: Ball = TENNIS_BALL) -> np.ndarray:
     return result
 
 
-def flight(
-    position: np.ndarray, velocity: np.ndarray, times: np.ndarray, ball: Ball = TENNIS_BALL
-) -> tuple[np.ndarray, np.ndarray]:
+def flight(position: np.ndarray, velocity: np.ndarray, times: np.ndarray, ball: Ball = TENNIS_BALL) -> tuple[np.ndarray, np.ndarray]:
     """Positions and velocities (n_times, ..., 3) of balls at `times` (n_times,) [s], negative ones too.
 
     position, velocity: (..., 3) at time 0, world frame, Z up.
@@ -112,9 +110,7 @@ def flight(
     return _integrate(np.broadcast_to(position, shape), np.broadcast_to(velocity, shape), duration, ball)
 
 
-def landing(
-    position: np.ndarray, velocity: np.ndarray, plane_z: float | np.ndarray, ball: Ball = TENNIS_BALL
-) -> Landing:
+def landing(position: np.ndarray, velocity: np.ndarray, plane_z: float | np.ndarray, ball: Ball = TENNIS_BALL) -> Landing:
     """Where balls with position, velocity (..., 3) cross the plane z = plane_z (...) going down.
 
     The time of the flight in vacuum starts a Newton iteration on the height. A crossing that lies in the
@@ -145,9 +141,7 @@ def landing(
     )
 
 
-def fit_flight(
-    time: np.ndarray, position: np.ndarray, ball: Ball = TENNIS_BALL, at: float | None = None
-) -> FlightFit:
+def fit_flight(time: np.ndarray, position: np.ndarray, ball: Ball = TENNIS_BALL, at: float | None = None) -> FlightFit:
     """Least-squares flight through samples with known drag and gravity.
 
     time (n,) [s], position (n, 3) [m], n >= 3; at: instant of the fitted state, by default the first sample.
@@ -160,9 +154,7 @@ def fit_flight(
     return FlightFit(origin, start[0], velocity[0], residuals[0], ball)
 
 
-def fit_flights(
-    time: np.ndarray, position: np.ndarray, ball: Ball = TENNIS_BALL
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def fit_flights(time: np.ndarray, position: np.ndarray, ball: Ball = TENNIS_BALL) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Fits w flights to n samples each: positions and velocities (w, 3) at time 0, misfits (w, n) [m].
 
     time (w, n) [s], position (w, n, 3) [m], trusted to be valid.
