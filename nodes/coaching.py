@@ -36,6 +36,7 @@ class Coach:
 
     def close(self) -> None:
         """Take the client's node off the graph."""
+        self._executor.remove_node(self.node)
         self.node.destroy_node()
 
     def wait_until_ready(self, limit: float = 60.0, teacher: bool = True) -> None:

@@ -97,7 +97,7 @@ class WamSimulator(Node):
 
     def _on_answer(self, who: str, message: WamCommand) -> None:
         ns = conversions.stamp_ns(message.header.stamp)
-        if self.p["lockstep"] and (ns != self._plant.state_stamp_ns or who not in self._engaged):
+        if self.p["lockstep"] and (ns != self._plant.state_stamp_ns or who not in self._engaged or who in self._answers):
             return
         if message.header.frame_id != self.p["frame_id"]:
             self._complain(f"a command of the {who} is in frame '{message.header.frame_id}', not '{self.p['frame_id']}': ignored")
@@ -259,19 +259,15 @@ class WamSimulator(Node):
 
     def _watch(self) -> None:
         """Publish an unanswered state again: whoever came late, or lost it, gets it now."""
-        stamp = self._plant.state_stamp_ns
-        waited = time.monotonic() - self._mark[0]
+        stamp, now = self._plant.state_stamp_ns, time.monotonic()
         if stamp != self._mark[1]:
-            self._mark = (time.monotonic(), stamp)
+            self._mark = (now, stamp)
             return
-        if self.count_publishers("/wam/command") > 1:
-            self._complain("two nodes publish /wam/command: stop one of them; no step is made on doubtful commands")
-        if not self.p["lockstep"] or self._paused and self._guided == ("teacher" in self._answers):
-            if "commander" in self._answers or not self.p["lockstep"]:
-                return
+        silent = [who for who in self._engaged if who not in self._answers]
+        if not self.p["lockstep"] or not silent:
+            return
         self._publish()
-        if waited > self.p["answer_timeout"] and not self._paused and not self._fault:
-            silent = [who for who in self._engaged if who not in self._answers]
+        if now - self._mark[0] > self.p["answer_timeout"] and not self._paused and not self._fault:
             self._complain(f"waiting for the answer of {' and '.join(silent)} to the state of {stamp} ns: is it running?")
 
     def _complain(self, text: str) -> None:
@@ -284,8 +280,11 @@ class WamSimulator(Node):
         before, last = getattr(self, "_rate_mark", (now - 1.0, steps))
         self._rate_mark = (now, steps)
         factor = (steps - last) * self._plant.settings.step / max(1e-6, now - before)
-        level = ERROR if self._fault else (WARN if self._paused else OK)
+        commanders = self.count_publishers("/wam/command")
+        level = ERROR if self._fault else (WARN if self._paused or commanders > 1 else OK)
         message = self._fault or ("paused" if self._paused else "running")
+        if commanders > 1:
+            message += f"; {commanders} nodes publish /wam/command, the first answer to a state counts"
         return level, message, {"real_time_factor": f"{factor:.2f}", "steps": steps, "engaged": ", ".join(self._engaged)}
 
     def destroy_node(self) -> None:

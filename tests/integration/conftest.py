@@ -19,12 +19,12 @@ def make_graph(ros, tmp_path):
     """Starts layouts of the graph with a coach for each; everything is ended after the test."""
     started = []
 
-    def make(layout="composed", seed=0, extra=None, ready=True):
+    def make(layout="composed", seed=0, extra=None):
         graph = Graph(tmp_path / f"logs_{len(started)}")
         coach = Coach(graph.dead, name=f"coach_{len(started)}")
         started.append((graph, coach))
-        graph.start_all(layout, seed, tmp_path / f"bag_{len(started)}", extra)
-        if ready:
+        if layout is not None:
+            graph.start_all(layout, seed, tmp_path / f"bag_{len(started)}", extra)
             coach.wait_until_ready()
         return graph, coach
 

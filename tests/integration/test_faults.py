@@ -111,18 +111,18 @@ def test_throws_that_cannot_be_are_refused_with_a_reason(make_graph):
 @pytest.fixture
 def simulator(make_graph):
     """The simulator alone: this test plays the commander."""
-    graph, coach = make_graph("composed", ready=False, extra={})
-    graph.stop()
+    graph, coach = make_graph(None)
     graph.start("wam_simulator", {"answer_timeout": 0.5})
     state = Joints(coach)
     command = coach.node.create_publisher(WamCommand, "/wam/command", LOOP)
     wait_for(coach, lambda: state.message is not None and command.get_subscription_count(), what="the first state")
-    return coach, state, command
+    yield coach, state, command
+    coach.node.destroy_publisher(command)
 
 
-def _answer(coach, state, command, **fields):
+def _answer(coach, state, command, frame="world", **fields):
     message = WamCommand(**fields)
-    message.header.stamp, message.header.frame_id = state.message.header.stamp, "world"
+    message.header.stamp, message.header.frame_id = state.message.header.stamp, frame
     command.publish(message)
 
 
@@ -136,21 +136,37 @@ def test_lockstep_waits_for_the_answer_and_names_who_is_silent(simulator):
     before = _stamp(state)
     wait_for(coach, lambda: "commander" in said.of.get("wam_simulator", ""), what="the simulator says who is silent")
     assert _stamp(state) == before, "time stood still"
-    _answer(coach, state, command)
-    wait_for(coach, lambda: _stamp(state) == before + 2_000_000, what="the next state")
+
+    def steps():
+        if _stamp(state) == before:
+            _answer(coach, state, command)
+        return _stamp(state) == before + 2_000_000
+
+    wait_for(coach, steps, what="the next state")
 
 
 def test_nonsense_on_the_command_topic_moves_nothing(simulator):
     coach, state, command = simulator
     said, before = Diagnoses(coach), _stamp(state)
-    _answer(coach, state, command, joint_torque=np.full(7, np.nan))
-    wait_for(coach, lambda: "finite" in said.of.get("wam_simulator", ""), what="NaN is named")
-    message = WamCommand()
-    message.header.stamp, message.header.frame_id = state.message.header.stamp, "moon"
-    command.publish(message)
-    wait_for(coach, lambda: "moon" in said.of.get("wam_simulator", ""), what="the wrong frame is named")
+
+    def names(word, **fields):
+        """Publish again and again: a message is lost while publisher and subscriber still find each other."""
+        _answer(coach, state, command, **fields)
+        return word in said.of.get("wam_simulator", "")
+
+    nan = np.full(7, np.nan)
+    wait_for(coach, lambda: names("finite", joint_torque=nan), what="NaN is named")
+    wait_for(coach, lambda: names("moon", frame="moon"), what="the wrong frame is named")
     assert _stamp(state) == before
     assert np.isfinite(state.message.position).all()
+
+
+def test_a_second_commander_is_reported(simulator):
+    coach, _, _ = simulator
+    said = Diagnoses(coach)
+    second = coach.node.create_publisher(WamCommand, "/wam/command", LOOP)
+    wait_for(coach, lambda: "nodes publish /wam/command" in said.of.get("wam_simulator", ""), what="the report")
+    coach.node.destroy_publisher(second)
 
 
 def test_pause_step_and_reset(simulator):
@@ -203,8 +219,7 @@ def test_the_basket_is_placed_and_the_hand_obeys_its_services(simulator):
 
 
 def test_in_real_time_a_silent_commander_brakes_the_arm(make_graph):
-    graph, coach = make_graph("composed", ready=False)
-    graph.stop()
+    graph, coach = make_graph(None)
     graph.start("wam_simulator", {"lockstep": False})
     state, said = Joints(coach), Diagnoses(coach)
     command = coach.node.create_publisher(WamCommand, "/wam/command", LOOP)
