@@ -1,7 +1,8 @@
 """A client of the graph: teaches, learns and throws through actions and services, one call after the other."""
 
+import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 import rclpy
@@ -12,6 +13,7 @@ from rclpy.action import ActionClient
 from std_srvs.srv import SetBool
 
 from dart_skill_nodes import conversions
+from dart_skill_nodes.links import Link
 from dart_skill_nodes.support import make_executor
 
 
@@ -31,6 +33,7 @@ class Coach:
         self._learn = self.node.create_client(Learn, "/skill_learner/learn")
         self._reset = self.node.create_client(Reset, "/simulation/reset")
         self._pause = self.node.create_client(SetBool, "/simulation/pause")
+        self._links: dict[str, Link] = {}
         self.simulated_steps = 0
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
 
@@ -39,20 +42,33 @@ class Coach:
         self._executor.remove_node(self.node)
         self.node.destroy_node()
 
+    def wait_until_gone(self, nodes: Iterable[str], limit: float = 30.0) -> None:
+        """Wait until none of these nodes is on the graph; GraphFailure names those that stay.
+
+        A process that was killed, or whose farewell got lost, stays on the graph for the 20 s of its participant's lease. Its services look
+        ready, and take requests that nobody will ever answer.
+        """
+        until = time.monotonic() + limit
+        while there := sorted(set(nodes) & set(self.node.get_node_names())):
+            if time.monotonic() > until:
+                domain = os.environ.get("ROS_DOMAIN_ID", "0")
+                raise GraphFailure(f"{', '.join(there)} on ROS domain {domain} already: end it, or choose another ROS_DOMAIN_ID")
+            self.spin()
+
     def wait_until_ready(self, limit: float = 60.0, teacher: bool = True) -> None:
         """Wait for every action and service; GraphFailure names what is silent."""
-        ready = {
-            "/throw": self._throw.server_is_ready,
-            "/skill_learner/learn": self._learn.service_is_ready,
-            "/simulation/reset": self._reset.service_is_ready,
-            "/simulation/pause": self._pause.service_is_ready,
-        }
-        if teacher:
-            ready["/teach"] = self._teach.server_is_ready
+        services = [self._learn.srv_name, self._reset.srv_name, self._pause.srv_name, _of_action("/throw")]
+        services += [_of_action("/teach")] if teacher else []
+        for service in services:
+            self._link(service, limit)
+
+    def _link(self, service: str, limit: float) -> None:
+        """Wait until a service can be asked; GraphFailure if nobody serves it."""
+        link = self._links.setdefault(service, Link(self.node, service))
         until = time.monotonic() + limit
-        while silent := [name for name, check in ready.items() if not check()]:
+        while not link.up():
             if time.monotonic() > until:
-                raise GraphFailure(f"nobody serves {', '.join(silent)} after {limit:.0f} s")
+                raise GraphFailure(f"nobody serves {service} after {limit:.0f} s")
             self.spin()
 
     def teach(self, target: np.ndarray) -> Teach.Result:
@@ -93,6 +109,7 @@ class Coach:
 
     def call(self, client, request):
         """Response of a service; GraphFailure if it says no."""
+        self._link(client.srv_name, self._patience)
         response = self.wait(client.call_async(request), client.srv_name)
         if not response.success:
             raise GraphFailure(f"{client.srv_name}: {response.message}")
@@ -124,3 +141,8 @@ class Coach:
             if status.name == "wam_simulator":
                 values = {pair.key: pair.value for pair in status.values}
                 self.simulated_steps = int(values.get("steps", self.simulated_steps))
+
+
+def _of_action(name: str) -> str:
+    """The service that takes an action's goals."""
+    return f"{name}/_action/send_goal"

@@ -22,6 +22,7 @@ from dart_skill.robot.command import ArmState
 from dart_skill.robot.commander import Commander, CommanderSettings, Mode, PlanRefused
 from dart_skill.skill.outcome import judge_flight
 from dart_skill_nodes import conversions
+from dart_skill_nodes.links import Link
 from dart_skill_nodes.support import ERROR, LOOP, OK, WALL, WARN, Diagnostics, Parameter, declare, run
 from dart_skill_nodes.watching import ARRIVAL_NS, BEFORE_NS, Watcher
 
@@ -68,6 +69,7 @@ class CommanderNode(Node):
         self.create_subscription(JointState, "/joint_states", self._on_state, LOOP)
         self.create_subscription(Time, "/skill_learner/heartbeat", self._on_heartbeat, 10)
         self._planner = self.create_client(PlanThrow, "/skill_learner/plan_throw")
+        self._planner_link = Link(self, self._planner.srv_name)
         self.create_service(SetBool, "~/release_arm", self._on_release_arm)
         self.create_service(Trigger, "~/stop", self._on_stop)
         self._action = ActionServer(
@@ -162,10 +164,11 @@ class CommanderNode(Node):
 
     async def _planner_is_there(self) -> bool:
         """Whether somebody plans, given the time in which a graph that has just been started finds itself."""
-        for _ in range(30):
-            if self._planner.service_is_ready():
+        self._planner_link.renew()
+        for _ in range(500):
+            if self._planner_link.up():
                 return True
-            await self._within(rclpy.task.Future(executor=self.executor), 0.1)
+            await self._within(rclpy.task.Future(executor=self.executor), 0.01)
         return False
 
     async def _within(self, future, limit: float):

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dart_skill_nodes.graph import LAYOUTS, Graph, choose_domain
+from dart_skill_nodes.graph import LAYOUTS, NODES, Graph, choose_domain
 
 choose_domain()
 
@@ -97,8 +97,9 @@ def run(options: argparse.Namespace) -> tuple[DemoSummary, list]:
     begun = time.monotonic()
     with Graph(options.output / "logs") as graph:
         say(f"seed {options.seed}; starting {', '.join(LAYOUTS[options.layout])}")
-        graph.start_all(options.layout, options.seed, bag)
         coach = Coach(graph.dead)
+        coach.wait_until_gone(NODES)
+        graph.start_all(options.layout, options.seed, bag)
         coach.wait_until_ready()
         ready, steps = time.monotonic(), coach.simulated_steps
         attempts = teach(coach, options.seed, options.demonstrations)

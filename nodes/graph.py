@@ -17,6 +17,8 @@ LAYOUTS = {
     "composed": ("composed", "teacher", "skill_learner"),
     "processes": ("wam_simulator", "mock_optitrack", "commander", "demonstration_recorder", "teacher", "skill_learner"),
 }
+NODES = LAYOUTS["processes"]
+"""Names of all nodes; each is the name of its executable too."""
 SEEDED = ("composed", "wam_simulator", "mock_optitrack", "demonstration_recorder", "teacher")
 
 

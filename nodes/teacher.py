@@ -19,6 +19,7 @@ from dart_skill.robot.command import Command, Grip
 from dart_skill.simulation.teacher import Person, Phase, Teacher
 from dart_skill.skill.outcome import judge_flight
 from dart_skill_nodes import conversions
+from dart_skill_nodes.links import Link
 from dart_skill_nodes.support import LOOP, OK, WALL, Diagnostics, Parameter, declare, run
 from dart_skill_nodes.watching import ARRIVAL_NS, BEFORE_NS, Watcher
 
@@ -57,6 +58,7 @@ class TeacherNode(Node):
         self.p = declare(self, "teacher.yaml", TABLE)
         self._teacher = Teacher(self.p["seed"], person=Person.from_parameters(self.p))
         self._goal, self._over, self._begin, self._last_ns = None, None, None, None
+        self._links: dict[str, Link] = {}
         self._message = WamCommand()
         self._message.header.frame_id = self.p["frame_id"]
         self._wrench = self.create_publisher(WamCommand, "/wam/teacher_wrench", LOOP)
@@ -198,10 +200,11 @@ class TeacherNode(Node):
 
     async def _call(self, client, request):
         """Response of a service; Gone with the remedy if nobody serves it, does not answer in 20 s, or says no."""
-        for _ in range(100):  # a graph that has just been started finds itself within seconds
-            if client.service_is_ready():
+        link = self._links.setdefault(client.srv_name, Link(self, client.srv_name))
+        for _ in range(2000):  # a graph that has just been started finds itself within seconds
+            if link.up():
                 break
-            await self._sleep(0.1)
+            await self._sleep(0.01)
         else:
             raise Gone(f"nobody serves {client.srv_name}: start the node that does")
         either = rclpy.task.Future(executor=self.executor)
@@ -210,6 +213,7 @@ class TeacherNode(Node):
         response = await either
         self.destroy_timer(timer)
         if response is None:
+            link.renew()
             raise Gone(f"no answer from {client.srv_name} in 20 s")
         if not response.success and client is not self._stop_recording:
             raise Gone(f"{client.srv_name}: {response.message}")

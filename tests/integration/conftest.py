@@ -7,6 +7,15 @@ from dart_skill_nodes.coaching import Coach
 from dart_skill_nodes.graph import Graph
 
 
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_makereport(item, call):
+    """A failed test shows what its nodes said."""
+    report = (yield).get_result()
+    if report.failed and "tmp_path" in item.funcargs:
+        for log in sorted(item.funcargs["tmp_path"].rglob("*.log")):
+            report.sections.append((f"end of {log.name}", log.read_text(encoding="utf-8", errors="replace")[-2000:]))
+
+
 @pytest.fixture(scope="module")
 def ros():
     rclpy.init()

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 from dart_skill_msgs.msg import SimulationState, WamCommand
-from dart_skill_msgs.srv import PlaceBasket, Reset, Step
+from dart_skill_msgs.srv import PlaceBasket, PlanThrow, Reset, Step
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Point
 from sensor_msgs.msg import JointState
@@ -13,6 +13,8 @@ from std_srvs.srv import SetBool, Trigger
 
 from dart_skill.experiments.targets import targets_for
 from dart_skill_nodes import conversions
+from dart_skill_nodes.coaching import GraphFailure
+from dart_skill_nodes.graph import NODES
 from dart_skill_nodes.support import LOOP
 
 from .conftest import wait_for
@@ -82,6 +84,31 @@ def test_a_learner_that_dies_during_a_throw_stops_the_arm_and_is_named(make_grap
     assert outcome.code == 3, outcome.message
     assert "skill_learner" in outcome.message
     wait_for(coach, lambda: joints.fastest < 0.05, what="the arm comes to rest")
+
+
+def test_a_learner_that_takes_the_place_of_a_killed_one_is_asked_not_the_ghost(make_graph):
+    """A killed process stays on the graph for seconds: its services look ready, and requests to them are lost."""
+    graph, coach = make_graph(None)
+    planner = coach.node.create_client(PlanThrow, "/skill_learner/plan_throw")
+    graph.start("skill_learner")
+    wait_for(coach, planner.service_is_ready, what="the first learner")
+    killed = graph.processes.pop("skill_learner")
+    killed.kill()
+    killed.wait()
+    graph.start("skill_learner")
+    assert planner.service_is_ready(), "the ghost"
+    request = PlanThrow.Request(target=conversions.point(TARGETS[0]))
+    request.header.frame_id = "world"
+    with pytest.raises(GraphFailure, match="nothing is learned"):
+        coach.call(planner, request)
+
+
+def test_nodes_that_are_there_already_are_named(make_graph):
+    graph, coach = make_graph(None)
+    graph.start("skill_learner")
+    wait_for(coach, lambda: "skill_learner" in coach.node.get_node_names(), what="the learner")
+    with pytest.raises(GraphFailure, match="skill_learner on ROS domain"):
+        coach.wait_until_gone(NODES, limit=0.5)
 
 
 def test_a_cancelled_throw_stops_the_arm(make_graph):

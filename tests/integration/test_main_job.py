@@ -96,8 +96,6 @@ def test_the_bag_alone_gives_the_same_plan_in_a_fresh_process(over_dds, ros, tmp
         graph.start("skill_learner")
         learner = coach.node.create_client(Learn, "/skill_learner/learn")
         planner = coach.node.create_client(PlanThrow, "/skill_learner/plan_throw")
-        while not (learner.service_is_ready() and planner.service_is_ready()):
-            coach.spin()
         learned = coach.call(learner, Learn.Request(bag=str(over_dds["bag"])))
         request = PlanThrow.Request(target=conversions.point(TO_THROW[0]))
         request.header.frame_id = "world"
@@ -118,8 +116,6 @@ def test_a_saved_model_loads_in_a_fresh_learner_and_plans_the_same(over_dds, ros
             graph.start("skill_learner")
             names = {"learn": Learn, "plan_throw": PlanThrow, "save": ModelFile, "load": ModelFile}
             clients = {n: coach.node.create_client(kind, f"/skill_learner/{n}") for n, kind in names.items()}
-            while not all(client.service_is_ready() for client in clients.values()):
-                coach.spin()
             if first:
                 coach.call(clients["learn"], Learn.Request(bag=str(over_dds["bag"])))
                 coach.call(clients["save"], ModelFile.Request(path=path))
