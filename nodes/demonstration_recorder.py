@@ -100,6 +100,7 @@ class DemonstrationRecorder(LifecycleNode):
         self._watcher = Watcher(self, self.p["frame_id"], subscribe=False)
         self._role_of = {f"/vrpn_mocap/{self.p[f'{role}_body']}/pose": role for role in ROLES}
         self._needed = {"/joint_states", "/wam/command", "/wam/teacher_wrench", *self._role_of}
+        self._silent = {"/joint_states", "/wam/command", *(t for t, role in self._role_of.items() if role == "hand")}
         self._demonstrations = self.create_publisher(DemonstrationMsg, "/demonstrations", LATCHED)
         self._types = typestore()
         for topic in [*self.p["topics"], *sorted(self._needed - set(self.p["topics"]))]:
@@ -160,6 +161,7 @@ class DemonstrationRecorder(LifecycleNode):
         return types[0]
 
     def _record(self, topic: str, data: bytes, look) -> None:
+        self._silent.discard(topic)
         sec, nanosec = struct.unpack_from("<iI", data, 4)
         ns = sec * conversions.GIGA + nanosec
         self._now_ns = max(self._now_ns, ns)
@@ -182,6 +184,9 @@ class DemonstrationRecorder(LifecycleNode):
     # services
 
     def _on_start(self, request, response):
+        if silent := ", ".join(sorted(self._silent)):
+            response.success, response.message = False, f"nothing has come on {silent} yet: is the node running that publishes it?"
+            return response
         self._watcher.clear()
         self._recording = True
         response.success, response.message = True, str(self._bag.path)

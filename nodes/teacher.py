@@ -160,7 +160,7 @@ class TeacherNode(Node):
         self._guiding, self._ended_ns, self._opened_ns = False, None, 0
         self._patience = time.monotonic() + 120.0
         self._watcher.clear()
-        await self._call(self._record, Trigger.Request())
+        await self._start_recording()
         await self._call(self._free_arm, SetBool.Request(data=True))
         reset = Reset.Request(move_basket=True, basket=conversions.point(target), paused=True, guided=True)
         first = await self._call(self._reset, reset)
@@ -173,6 +173,15 @@ class TeacherNode(Node):
         await self._call(self._free_arm, SetBool.Request(data=False))
         seen = self._watcher.log.ball_between(self._opened_ns, self._ended_ns - ARRIVAL_NS)
         return judge_flight(*seen, target, self.p["rim_radius"])
+
+    async def _start_recording(self) -> None:
+        """A graph that has just been started needs a moment until every topic has come to the recorder."""
+        for _ in range(100):
+            response = await self._call(self._record, Trigger.Request())
+            if response.success:
+                return
+            await self._sleep(0.1)
+        raise Gone(f"{self._record.srv_name}: {response.message}")
 
     async def _keep(self, outcome):
         request = StopDemonstration.Request(keep=bool(outcome.in_basket), reason="" if outcome.in_basket else "missed")
@@ -215,7 +224,7 @@ class TeacherNode(Node):
         if response is None:
             link.renew()
             raise Gone(f"no answer from {client.srv_name} in 20 s")
-        if not response.success and client is not self._stop_recording:
+        if not response.success and client not in (self._record, self._stop_recording):
             raise Gone(f"{client.srv_name}: {response.message}")
         return response
 

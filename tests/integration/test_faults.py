@@ -103,6 +103,14 @@ def test_a_learner_that_takes_the_place_of_a_killed_one_is_asked_not_the_ghost(m
         coach.call(planner, request)
 
 
+def test_a_recorder_that_hears_nothing_does_not_start(make_graph, tmp_path):
+    graph, coach = make_graph(None)
+    graph.start("demonstration_recorder", {"bag": str(tmp_path / "bag")})
+    start = coach.node.create_client(Trigger, "/demonstration_recorder/start")
+    with pytest.raises(GraphFailure, match="nothing has come on /joint_states, /vrpn_mocap/hand/pose, /wam/command"):
+        coach.call(start, Trigger.Request())
+
+
 def test_nodes_that_are_there_already_are_named(make_graph):
     graph, coach = make_graph(None)
     graph.start("skill_learner")
@@ -201,7 +209,6 @@ def test_pause_step_and_reset(simulator):
     pause = coach.node.create_client(SetBool, "/simulation/pause")
     step = coach.node.create_client(Step, "/simulation/step")
     reset = coach.node.create_client(Reset, "/simulation/reset")
-    wait_for(coach, lambda: all(c.service_is_ready() for c in (pause, step, reset)), what="the services")
     coach.call(pause, SetBool.Request(data=True))
     first = _stamp(state)
     answered = set()
@@ -229,7 +236,6 @@ def test_the_basket_is_placed_and_the_hand_obeys_its_services(simulator):
     coach.node.create_subscription(SimulationState, "/simulation/state", truth.append, 10)
     basket = coach.node.create_client(PlaceBasket, "/simulation/place_basket")
     opener = coach.node.create_client(Trigger, "/bhand/open_grasp")
-    wait_for(coach, lambda: basket.service_is_ready() and opener.service_is_ready(), what="the services")
     coach.call(basket, PlaceBasket.Request(position=Point(x=1.8, y=0.3, z=0.4)))
     coach.call(opener, Trigger.Request())
     answered = set()
