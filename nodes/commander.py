@@ -6,13 +6,12 @@ The control step runs in the callback of /joint_states and answers every state o
 import time
 
 import numpy as np
-import rclpy
 from builtin_interfaces.msg import Time
 from dart_skill_msgs.action import Throw
 from dart_skill_msgs.msg import WamCommand
 from dart_skill_msgs.srv import PlanThrow
 from geometry_msgs.msg import PoseStamped
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action import CancelResponse, GoalResponse
 from rclpy.node import Node
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
@@ -23,6 +22,7 @@ from dart_skill.robot.commander import Commander, CommanderSettings, Mode, PlanR
 from dart_skill.skill.outcome import judge_flight
 from dart_skill_nodes import conversions
 from dart_skill_nodes.links import Link
+from dart_skill_nodes.routines import Promise, RoutineServer, answer, pause
 from dart_skill_nodes.support import ERROR, LOOP, OK, WALL, WARN, Diagnostics, Parameter, declare, run
 from dart_skill_nodes.watching import ARRIVAL_NS, BEFORE_NS, Watcher
 
@@ -72,9 +72,8 @@ class CommanderNode(Node):
         self._planner_link = Link(self, self._planner.srv_name)
         self.create_service(SetBool, "~/release_arm", self._on_release_arm)
         self.create_service(Trigger, "~/stop", self._on_stop)
-        self._action = ActionServer(
-            self, Throw, "/throw", self._throw, goal_callback=self._on_goal, cancel_callback=lambda _: CancelResponse.ACCEPT
-        )
+        accept = {"goal_callback": self._on_goal, "cancel_callback": lambda _: CancelResponse.ACCEPT}
+        self._action = RoutineServer(self, Throw, "/throw", self._throw, self._finish, **accept)
         self._diagnostics = Diagnostics(self, self._describe)
         self.create_timer(0.1, self._watch, clock=WALL)
 
@@ -110,12 +109,12 @@ class CommanderNode(Node):
 
     def _check_over(self) -> None:
         """The throw is over when its end has come and what the cameras saw until shortly before it has arrived."""
-        if self._over is None or self._over.done() or self._ended_ns is None or self._state is None:
+        if self._over is None or self._over.kept or self._ended_ns is None or self._state is None:
             return
         arrived = self._watcher.newest_ns >= self._ended_ns - ARRIVAL_NS or self._commander.opened_ns is None
         late = time.monotonic() - self._alive > 5.0
         if self._state.stamp_ns >= self._ended_ns and (arrived or late):
-            self._over.set_result(True)
+            self._over.keep()
 
     # the action
 
@@ -138,7 +137,7 @@ class CommanderNode(Node):
             result.message = str(error)
         finally:
             self._goal = None
-        return self._finish(goal_handle, result)
+        return result
 
     async def _ask_for_plan(self, goal, result):
         if goal.header.frame_id not in ("", self.p["frame_id"]):
@@ -152,7 +151,7 @@ class CommanderNode(Node):
             return None
         request = PlanThrow.Request(target=goal.target)
         request.header.frame_id = self.p["frame_id"]
-        response = await self._within(self._planner.call_async(request), self.p["plan_timeout"])
+        response = await answer(self, self._planner, request, self.p["plan_timeout"])
         if response is None:
             result.message = f"the learner gave no plan within {self.p['plan_timeout']} s"
             return None
@@ -168,25 +167,16 @@ class CommanderNode(Node):
         for _ in range(500):
             if self._planner_link.up():
                 return True
-            await self._within(rclpy.task.Future(executor=self.executor), 0.01)
+            await pause(self, 0.01)
         return False
-
-    async def _within(self, future, limit: float):
-        """Result of a service call, or None if it takes longer than the limit [s, wall clock]."""
-        either = rclpy.task.Future(executor=self.executor)
-        timer = self.create_timer(limit, lambda: either.done() or either.set_result(None), clock=WALL)
-        future.add_done_callback(lambda done: either.done() or either.set_result(done.result()))
-        response = await either
-        self.destroy_timer(timer)
-        return response
 
     async def _execute(self, plan, result) -> None:
         first_ns = conversions.stamp_ns(self._goal.request.header.stamp)
         while self._state.stamp_ns < first_ns:  # the states that the goal knows of are answered before it is obeyed
-            await self._within(rclpy.task.Future(executor=self.executor), 0.01)
+            await pause(self, 0.01)
         self._commander.throw(plan)
         self._alive = self._heartbeat = time.monotonic()
-        self._over = rclpy.task.Future(executor=self.executor)
+        self._over = Promise()
         self._feed("armed")
         await self._over
         thrown = self._commander.opened_ns is not None
@@ -199,7 +189,7 @@ class CommanderNode(Node):
             release = log.release_between(opened - BEFORE_NS, until)
             result.outcome = conversions.outcome_msg(outcome, plan.target, self.p["frame_id"], opened, release)
 
-    def _finish(self, goal_handle, result):
+    def _finish(self, goal_handle, result) -> None:
         if result.code != Throw.Goal.OUTCOME_THROWN:
             self.get_logger().error(f"no throw: {result.message}")
         if goal_handle.is_cancel_requested:
@@ -208,7 +198,6 @@ class CommanderNode(Node):
             goal_handle.succeed()
         else:
             goal_handle.abort()
-        return result
 
     def _feed(self, phase: str) -> None:
         error = self._commander.tracking_error if np.isfinite(self._commander.tracking_error) else 0.0

@@ -6,11 +6,10 @@ Action /teach. While it guides, the teacher takes part in the simulator's handsh
 
 import time
 
-import rclpy
 from dart_skill_msgs.action import Teach
 from dart_skill_msgs.msg import WamCommand
 from dart_skill_msgs.srv import Reset, StopDemonstration
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action import CancelResponse, GoalResponse
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
@@ -20,7 +19,8 @@ from dart_skill.simulation.teacher import Person, Phase, Teacher
 from dart_skill.skill.outcome import judge_flight
 from dart_skill_nodes import conversions
 from dart_skill_nodes.links import Link
-from dart_skill_nodes.support import LOOP, OK, WALL, Diagnostics, Parameter, declare, run
+from dart_skill_nodes.routines import Promise, RoutineServer, answer, pause
+from dart_skill_nodes.support import LOOP, OK, Diagnostics, Parameter, declare, run
 from dart_skill_nodes.watching import ARRIVAL_NS, BEFORE_NS, Watcher
 
 TABLE = [
@@ -69,9 +69,8 @@ class TeacherNode(Node):
         self._free_arm = self.create_client(SetBool, "/commander/release_arm")
         self._record = self.create_client(Trigger, "/demonstration_recorder/start")
         self._stop_recording = self.create_client(StopDemonstration, "/demonstration_recorder/stop")
-        self._action = ActionServer(
-            self, Teach, "/teach", self._teach, goal_callback=self._on_goal, cancel_callback=lambda _: CancelResponse.ACCEPT
-        )
+        accept = {"goal_callback": self._on_goal, "cancel_callback": lambda _: CancelResponse.ACCEPT}
+        self._action = RoutineServer(self, Teach, "/teach", self._teach, self._finish, **accept)
         self._diagnostics = Diagnostics(self, lambda: (OK, self._teacher.phase.value, {}))
 
     # the hands
@@ -101,11 +100,11 @@ class TeacherNode(Node):
         return push
 
     def _check_over(self) -> None:
-        if self._over is None or self._over.done() or self._ended_ns is None or self._last_ns is None:
+        if self._over is None or self._over.kept or self._ended_ns is None or self._last_ns is None:
             return
         arrived = self._watcher.newest_ns >= self._ended_ns - ARRIVAL_NS
         if self._last_ns >= self._ended_ns and (arrived or time.monotonic() > self._patience):
-            self._over.set_result(True)
+            self._over.keep()
 
     # the action
 
@@ -125,13 +124,15 @@ class TeacherNode(Node):
             self.get_logger().error(f"the lesson ends: {error}")
         finally:
             self._goal, self._over = None, None
+        return result
+
+    def _finish(self, goal_handle, result) -> None:
         if goal_handle.is_cancel_requested:
             goal_handle.canceled()
         elif result.success:
             goal_handle.succeed()
         else:
             goal_handle.abort()
-        return result
 
     async def _lesson(self, goal_handle, result) -> None:
         target = conversions.vector(goal_handle.request.target)
@@ -165,7 +166,7 @@ class TeacherNode(Node):
         reset = Reset.Request(move_basket=True, basket=conversions.point(target), paused=True, guided=True)
         first = await self._call(self._reset, reset)
         await self._until(lambda: (self._last_ns or 0) >= conversions.stamp_ns(first.stamp), "the state after the reset")
-        self._begin, self._over = (target, attempt > 1), rclpy.task.Future(executor=self.executor)
+        self._begin, self._over = (target, attempt > 1), Promise()
         self._feed("armed", attempt)
         await self._call(self._pause, SetBool.Request(data=False))
         await self._over
@@ -180,7 +181,7 @@ class TeacherNode(Node):
             response = await self._call(self._record, Trigger.Request())
             if response.success:
                 return
-            await self._sleep(0.1)
+            await pause(self, 0.1)
         raise Gone(f"{self._record.srv_name}: {response.message}")
 
     async def _keep(self, outcome):
@@ -190,7 +191,7 @@ class TeacherNode(Node):
             response = await self._call(self._stop_recording, request)
             if not response.pending:
                 return response
-            await self._sleep(0.05)
+            await pause(self, 0.05)
         raise Gone(f"the recorder still waits for sensor messages: {response.message}")
 
     async def _until(self, condition, what: str) -> None:
@@ -198,14 +199,8 @@ class TeacherNode(Node):
         for _ in range(1000):
             if condition():
                 return
-            await self._sleep(0.01)
+            await pause(self, 0.01)
         raise Gone(f"{what} did not arrive in 10 s")
-
-    async def _sleep(self, seconds: float) -> None:
-        over = rclpy.task.Future(executor=self.executor)
-        timer = self.create_timer(seconds, lambda: over.done() or over.set_result(None), clock=WALL)
-        await over
-        self.destroy_timer(timer)
 
     async def _call(self, client, request):
         """Response of a service; Gone with the remedy if nobody serves it, does not answer in 20 s, or says no."""
@@ -213,14 +208,10 @@ class TeacherNode(Node):
         for _ in range(2000):  # a graph that has just been started finds itself within seconds
             if link.up():
                 break
-            await self._sleep(0.01)
+            await pause(self, 0.01)
         else:
             raise Gone(f"nobody serves {client.srv_name}: start the node that does")
-        either = rclpy.task.Future(executor=self.executor)
-        timer = self.create_timer(20.0, lambda: either.done() or either.set_result(None), clock=WALL)
-        client.call_async(request).add_done_callback(lambda done: either.done() or either.set_result(done.result()))
-        response = await either
-        self.destroy_timer(timer)
+        response = await answer(self, client, request, 20.0)
         if response is None:
             link.renew()
             raise Gone(f"no answer from {client.srv_name} in 20 s")
