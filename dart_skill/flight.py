@@ -141,23 +141,29 @@ def landing(position: np.ndarray, velocity: np.ndarray, plane_z: float | np.ndar
     )
 
 
-def fit_flight(time: np.ndarray, position: np.ndarray, ball: Ball = TENNIS_BALL, at: float | None = None) -> FlightFit:
+def fit_flight(
+    time: np.ndarray, position: np.ndarray, ball: Ball = TENNIS_BALL, at: float | None = None, near: FlightFit | None = None
+) -> FlightFit:
     """Least-squares flight through samples with known drag and gravity.
 
-    time (n,) [s], position (n, 3) [m], n >= 3; at: instant of the fitted state, by default the first sample.
+    time (n,) [s], position (n, 3) [m], n >= 3; at: instant of the fitted state, by default the first sample; near: a flight that is
+    like it, which saves time and changes nothing else.
     """
     time, position = check_samples("ball", time, position, least=3)
     origin = float(time[0] if at is None else at)
     if not np.isfinite(origin):
         raise ValueError(f"at = {origin}: the instant of the fitted state must be finite")
-    start, velocity, residuals = fit_flights(time[None] - origin, position[None], ball)
+    first = None if near is None else np.stack(near.at([origin]), axis=1)
+    start, velocity, residuals = fit_flights(time[None] - origin, position[None], ball, first)
     return FlightFit(origin, start[0], velocity[0], residuals[0], ball)
 
 
-def fit_flights(time: np.ndarray, position: np.ndarray, ball: Ball = TENNIS_BALL) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def fit_flights(
+    time: np.ndarray, position: np.ndarray, ball: Ball = TENNIS_BALL, first: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Fits w flights to n samples each: positions and velocities (w, 3) at time 0, misfits (w, n) [m].
 
-    time (w, n) [s], position (w, n, 3) [m], trusted to be valid.
+    time (w, n) [s], position (w, n, 3) [m], trusted to be valid; first (w, 2, 3): positions and velocities to begin with.
 
     In vacuum the fit is linear in the state. Drag moves the samples of a known flight by a known amount, so
     that the linear fit is repeated on samples from which the drag of the last flight is taken away; each
@@ -166,7 +172,7 @@ def fit_flights(time: np.ndarray, position: np.ndarray, ball: Ball = TENNIS_BALL
     solve = np.linalg.pinv(np.stack([np.ones_like(time), time], axis=-1))  # (w, 2, n)
     fall = np.zeros_like(position)
     fall[..., 2] = -0.5 * ball.gravity * time**2
-    state = solve @ (position - fall)  # (w, 2, 3)
+    state = solve @ (position - fall) if first is None else first  # (w, 2, 3)
     for _ in range(30):
         start = np.broadcast_to(state[:, None, 0], position.shape)
         velocity = np.broadcast_to(state[:, None, 1], position.shape)
@@ -174,7 +180,7 @@ def fit_flights(time: np.ndarray, position: np.ndarray, ball: Ball = TENNIS_BALL
         misfit = position - predicted
         change = solve @ misfit
         state = state + change
-        if np.all(np.abs(change) < 1e-9):
+        if np.all(np.abs(change) < 1e-8):
             break
     return state[:, 0], state[:, 1], np.linalg.norm(misfit, axis=-1)
 

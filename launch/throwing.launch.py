@@ -13,7 +13,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 from launch import LaunchDescription
 
-SEPARATE = ("wam_simulator", "mock_optitrack", "commander", "demonstration_recorder")
+SEPARATE = ("wam_simulator", "mock_optitrack", "commander", "demonstration_recorder", "teacher")
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -23,7 +23,7 @@ def generate_launch_description() -> LaunchDescription:
     of = {"demonstration_recorder": [{"seed": seed, "bag": bag}], "commander": []}
     return LaunchDescription(
         [
-            DeclareLaunchArgument("composed", default_value="true", description="simulator, cameras, commander, recorder in one process"),
+            DeclareLaunchArgument("composed", default_value="true", description="all nodes but the learner in one process"),
             DeclareLaunchArgument("seed", default_value="0", description="everything random comes from it"),
             DeclareLaunchArgument("bag", default_value="", description="folder of the bag; empty: a new one in the working directory"),
             SetEnvironmentVariable("ROS_AUTOMATIC_DISCOVERY_RANGE", os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")),
@@ -44,7 +44,6 @@ def generate_launch_description() -> LaunchDescription:
                 )
                 for name in SEPARATE
             ),
-            Node(package="dart_skill", executable="teacher", parameters=seeded, output="screen"),
             Node(package="dart_skill", executable="skill_learner", output="screen"),
         ]
     )

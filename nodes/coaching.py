@@ -22,7 +22,10 @@ class GraphFailure(RuntimeError):
 
 
 class Coach:
-    """Blocking calls for scripts and tests; `dead` tells of a process of the graph that has ended, empty if all run."""
+    """Blocking calls for scripts and tests; `dead` tells of a process of the graph that has ended, empty if all run.
+
+    throw_seconds (2,): all throws so far, simulated and on the wall clock [s].
+    """
 
     def __init__(self, dead: Callable[[], str] = lambda: "", name: str = "coach", patience: float = 180.0):
         self.node = rclpy.create_node(name)
@@ -34,7 +37,7 @@ class Coach:
         self._reset = self.node.create_client(Reset, "/simulation/reset")
         self._pause = self.node.create_client(SetBool, "/simulation/pause")
         self._links: dict[str, Link] = {}
-        self.simulated_steps = 0
+        self.simulated_steps, self.throw_seconds = 0, np.zeros(2)
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
 
     def close(self) -> None:
@@ -85,7 +88,9 @@ class Coach:
     def throw(self, target: np.ndarray) -> Throw.Result:
         """One throw at a basket that is put there, from a world that is reset."""
         result, _ = self.start_throw(target)
+        begun = time.monotonic()
         outcome = self.wait(result, "the throw").result
+        self.throw_seconds += conversions.seconds(outcome.duration), time.monotonic() - begun
         self.call(self._pause, SetBool.Request(data=True))
         return outcome
 

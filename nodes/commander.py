@@ -137,6 +137,7 @@ class CommanderNode(Node):
             result.message = str(error)
         finally:
             self._goal = None
+            self._watcher.rest()
         return result
 
     async def _ask_for_plan(self, goal, result):
@@ -175,10 +176,12 @@ class CommanderNode(Node):
         while self._state.stamp_ns < first_ns:  # the states that the goal knows of are answered before it is obeyed
             await pause(self, 0.01)
         self._commander.throw(plan)
+        begun_ns = self._state.stamp_ns
         self._alive = self._heartbeat = time.monotonic()
         self._over = Promise()
         self._feed("armed")
         await self._over
+        result.duration = conversions.duration_msg((self._state.stamp_ns - begun_ns) * 1e-9)
         thrown = self._commander.opened_ns is not None
         stopped = bool(self._commander.message)
         result.code = Throw.Goal.OUTCOME_STOPPED if stopped or not thrown else Throw.Goal.OUTCOME_THROWN

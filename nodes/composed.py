@@ -1,15 +1,16 @@
-"""Simulator, motion capture, commander and recorder in one process and one executor: the same nodes, faster."""
+"""Simulator, motion capture, commander, recorder and teacher in one process and one executor: the same nodes, faster."""
 
 from dart_skill_nodes.commander import CommanderNode
 from dart_skill_nodes.demonstration_recorder import DemonstrationRecorder
 from dart_skill_nodes.mock_optitrack import MockOptitrack
 from dart_skill_nodes.support import run
+from dart_skill_nodes.teacher import TeacherNode
 from dart_skill_nodes.wam_simulator import WamSimulator
 
 
 def main(args: list[str] | None = None) -> None:
     """Entry point of `ros2 run dart_skill composed`."""
-    run(lambda: [DemonstrationRecorder(), MockOptitrack(), CommanderNode(), WamSimulator()], args)
+    run(lambda: [DemonstrationRecorder(), MockOptitrack(), CommanderNode(), TeacherNode(), WamSimulator()], args)
 
 
 if __name__ == "__main__":

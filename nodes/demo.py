@@ -121,6 +121,7 @@ def run(options: argparse.Namespace) -> tuple[DemoSummary, list]:
         throws=tuple(results),
         wall_seconds=time.monotonic() - begun,
         real_time_factor=simulated / worked,
+        throw_real_time_factor=float(coach.throw_seconds[0] / coach.throw_seconds[1]),
         layout=options.layout,
     )
     return summary, bag

@@ -11,7 +11,6 @@ from pathlib import Path
 from dart_skill_msgs.msg import Demonstration as DemonstrationMsg
 from dart_skill_msgs.msg import WamCommand
 from dart_skill_msgs.srv import StopDemonstration
-from geometry_msgs.msg import PoseStamped
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
@@ -148,7 +147,7 @@ class DemonstrationRecorder(LifecycleNode):
         look = {"/joint_states": self._look_at_joints, "/wam/command": self._look_at_grip}
         look["/wam/teacher_wrench"] = self._look_at_grip
         if role := self._role_of.get(topic):
-            look[topic] = lambda ns, data: self._watcher.take(role, deserialize_message(data, PoseStamped))
+            look[topic] = lambda ns, data: self._watcher.take(role, data)
         extra = look.get(topic)
         if latched:
             return  # its own publication is written where it is made: a node does not hear itself reliably in order

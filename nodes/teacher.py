@@ -11,6 +11,7 @@ from dart_skill_msgs.msg import WamCommand
 from dart_skill_msgs.srv import Reset, StopDemonstration
 from rclpy.action import CancelResponse, GoalResponse
 from rclpy.node import Node
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
@@ -63,7 +64,7 @@ class TeacherNode(Node):
         self._message.header.frame_id = self.p["frame_id"]
         self._wrench = self.create_publisher(WamCommand, "/wam/teacher_wrench", LOOP)
         self._watcher = Watcher(self, self.p["frame_id"], on_pose=self._check_over)
-        self.create_subscription(JointState, "/joint_states", self._on_state, LOOP)
+        self.create_subscription(JointState, "/joint_states", self._on_state, LOOP, raw=True)
         self._reset = self.create_client(Reset, "/simulation/reset")
         self._pause = self.create_client(SetBool, "/simulation/pause")
         self._free_arm = self.create_client(SetBool, "/commander/release_arm")
@@ -75,10 +76,10 @@ class TeacherNode(Node):
 
     # the hands
 
-    def _on_state(self, message: JointState) -> None:
+    def _on_state(self, data: bytes) -> None:
         if self._goal is None:
             return
-        state = conversions.arm_state(message)
+        state = conversions.arm_state(deserialize_message(data, JointState))
         if state.stamp_ns != self._last_ns:
             self._last_ns = state.stamp_ns
             conversions.fill_command(self._message, self._push(state))
@@ -124,6 +125,7 @@ class TeacherNode(Node):
             self.get_logger().error(f"the lesson ends: {error}")
         finally:
             self._goal, self._over = None, None
+            self._watcher.rest()
         return result
 
     def _finish(self, goal_handle, result) -> None:

@@ -2,6 +2,7 @@
 
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
+from rclpy.serialization import deserialize_message
 
 from dart_skill.skill.cutting import ThrowLog
 from dart_skill_nodes import conversions
@@ -17,23 +18,32 @@ ROLES = ("hand", "ball", "basket")
 class Watcher:
     """Keeps a ThrowLog up to date from the pose topics, and knows up to which stamp every message has arrived.
 
-    on_pose is called after each pose, for whoever waits for one. `subscribe` is false for a node that gets the messages anyway
-    and hands them to `take`.
+    Between `clear` and `rest` messages are looked at; at other times they are not even decoded. on_pose is called after each pose,
+    for whoever waits for one. `subscribe` is false for a node that gets the messages anyway and hands them to `take`.
     """
 
     def __init__(self, node: Node, frame_id: str, on_pose=lambda: None, subscribe: bool = True):
+        self._awake = False
         self.log, self._node, self._frame_id, self._on_pose = ThrowLog(), node, frame_id, on_pose
         self.newest_ns, self.wrong_frame = 0, ""
         for role in ROLES if subscribe else ():
             topic = f"/vrpn_mocap/{role}/pose"
-            node.create_subscription(PoseStamped, topic, lambda m, role=role: self.take(role, m), SENSOR_COMPLETE)
+            node.create_subscription(PoseStamped, topic, lambda data, role=role: self.take(role, data), SENSOR_COMPLETE, raw=True)
 
     def clear(self) -> None:
         """Forget what was seen; a new throw begins."""
         self.log.clear()
+        self._awake = True
 
-    def take(self, role: str, message: PoseStamped) -> None:
-        """A pose of hand, ball or basket."""
+    def rest(self) -> None:
+        """The throw is over; what was seen of it is kept."""
+        self._awake = False
+
+    def take(self, role: str, data: bytes) -> None:
+        """A pose of hand, ball or basket, serialised."""
+        if not self._awake:
+            return
+        message = deserialize_message(data, PoseStamped)
         if message.header.frame_id != self._frame_id:
             if not self.wrong_frame:
                 self._node.get_logger().error(f"{role} poses are in '{message.header.frame_id}', not '{self._frame_id}': ignored")

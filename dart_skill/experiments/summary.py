@@ -69,7 +69,8 @@ class ThrowResult:
 class DemoSummary:
     """A whole run. bag: its folder; demonstrations: how many were learned from; attempts: guided throws that they took.
 
-    wall_seconds: of the run, set-up of the graph included; real_time_factor: simulated over wall-clock time; layout: of the graph.
+    wall_seconds: of the run, set-up of the graph included; real_time_factor: simulated over wall-clock time of the whole job;
+    throw_real_time_factor: the same while the arm throws; layout: of the graph.
     """
 
     seed: int
@@ -78,6 +79,7 @@ class DemoSummary:
     throws: tuple[ThrowResult, ...]
     wall_seconds: float
     real_time_factor: float
+    throw_real_time_factor: float | None = None
     attempts: int | None = None
     layout: str = ""
 
@@ -122,6 +124,7 @@ class DemoSummary:
             "p90_error_m": self.p90_error_m,
             "wall_seconds": _number(self.wall_seconds),
             "real_time_factor": _number(self.real_time_factor),
+            "throw_real_time_factor": _number(self.throw_real_time_factor),
             "throws": [throw.to_json() for throw in self.throws],
         }
 

@@ -1,6 +1,7 @@
 """What the WAM's motors and cables do to a commanded joint torque: peak torque, the motors' torque-speed line, joint friction."""
 
 import numpy as np
+from scipy.linalg.lapack import dposv
 
 from dart_skill.robot.description import N_JOINTS, WamDescription
 
@@ -28,9 +29,9 @@ class Actuation:
 
     def deliverable(self, torque: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         """The torque (7,) that reaches the joints when `torque` is asked for at joint velocity (7,) [N m]."""
-        motor = self._from_joint_torque @ np.clip(torque, -self._peak, self._peak)
+        motor = self._from_joint_torque @ np.minimum(np.maximum(torque, -self._peak), self._peak)
         back_emf = self._slope * (self._to_motor @ velocity)
-        return self._to_motor.T @ np.clip(motor, -self._stall - back_emf, self._stall - back_emf)
+        return self._to_motor.T @ np.minimum(np.maximum(motor, -self._stall - back_emf), self._stall - back_emf)
 
     def braking(self, velocity: np.ndarray) -> np.ndarray:
         """Torque (7,) of the motors when they are shorted, against joint velocity (7,) [N m]."""
@@ -48,5 +49,5 @@ class Actuation:
             damping = self.viscous + self.coulomb / np.maximum(np.abs(reached), STICTION_SPEED)
             damped = inertia.copy()
             damped[DIAGONAL] += step * damping
-            reached = np.linalg.solve(damped, momentum)
+            reached = dposv(damped, momentum)[1]  # symmetric and positive definite
         return (reached - velocity) / step

@@ -6,6 +6,8 @@ In THROWING the hand is pulled by the plan's attractors (7.19) and towards the m
 are held. A limit that fires brings the arm to a damped stop and leaves its reason in `message`.
 """
 
+import math
+from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from enum import Enum
@@ -18,6 +20,7 @@ from dart_skill.robot.description import N_JOINTS, WamDescription, wam_descripti
 from dart_skill.robot.impedance import (
     Impedance,
     JointServo,
+    PoseGains,
     Reference,
     attractor_acceleration,
     minimum_jerk,
@@ -94,6 +97,10 @@ class Commander:
         self._loaded = Impedance(ArmModel(self._description, ball_in_hand=True), share)
         self._empty = Impedance(ArmModel(self._description, ball_in_hand=False), share)
         self._servo = JointServo(self._empty)
+        s = self.settings
+        self._tracking = PoseGains.of(
+            (s.tracking_stiffness, s.tracking_damping), (s.tracking_stiffness_rotation, s.tracking_damping_rotation)
+        )
         self._mode, self.message = Mode.HOLDING, ""
         self._hold, self._plan, self._opened, self._requested = None, None, False, None
         self._entered_ns, self._last_ns = 0, None
@@ -137,7 +144,7 @@ class Commander:
 
     def step(self, state: ArmState) -> Command:
         """The command that answers `state`."""
-        if not (np.isfinite(state.position).all() and np.isfinite(state.velocity).all()):
+        if not math.isfinite(state.position.sum() + state.velocity.sum()):
             raise ValueError(f"joint state of {state.stamp_ns} ns is not finite: {state.position}, {state.velocity}")
         self._notice_gap(state)
         if self._requested is not None:
@@ -181,18 +188,12 @@ class Commander:
         impedance = self._empty if self._opened and self.time > plan.release else self._loaded
         hand = impedance.model.hand_state(state.position, state.velocity)
         reference = self._references.at(self.time)
-        self.reference, self.tracking_error = reference, float(np.linalg.norm(reference.position - hand.position))
+        self.reference, self.tracking_error = reference, math.dist(reference.position, hand.position)
         if reason := self._limit_broken(state, hand):
             self.stop(reason)
             return self._stopping(state)
-        acceleration = attractor_acceleration(reference, hand, self._references.position, self._references.orientation)
-        s = self.settings
-        acceleration += tracking_acceleration(
-            reference,
-            hand,
-            (s.tracking_stiffness, s.tracking_damping),
-            (s.tracking_stiffness_rotation, s.tracking_damping_rotation),
-        )
+        acceleration = attractor_acceleration(reference, hand, self._references.gains)
+        acceleration += tracking_acceleration(reference, hand, self._tracking)
         posture = plan.start_posture.copy()
         posture[[1, 3, 5]] = state.position[[1, 3, 5]]
         wrench, torque = impedance.act(state.position, state.velocity, acceleration, posture)
@@ -239,16 +240,18 @@ class Commander:
         return Grip.OPEN
 
     def _cut(self, wrench: np.ndarray) -> np.ndarray:
-        force = min(1.0, self.settings.strongest_force / max(1e-9, float(np.linalg.norm(wrench[:3]))))
-        moment = min(1.0, self.settings.strongest_moment / max(1e-9, float(np.linalg.norm(wrench[3:]))))
-        return np.concatenate([wrench[:3] * force, wrench[3:] * moment])
+        force, moment = math.sqrt(wrench[:3] @ wrench[:3]), math.sqrt(wrench[3:] @ wrench[3:])
+        most_force, most_moment = self.settings.strongest_force, self.settings.strongest_moment
+        if force <= most_force and moment <= most_moment:
+            return wrench
+        return np.repeat([min(1.0, most_force / max(1e-9, force)), min(1.0, most_moment / max(1e-9, moment))], 3) * wrench
 
     def _limit_broken(self, state: ArmState, hand: HandState) -> str:
         over = np.maximum(state.position - self._upper, self._lower - state.position)
         if over.max() > -self.settings.joint_margin:
             j = int(over.argmax())
             return f"j{j + 1} is at {state.position[j]:.3f} rad, closer than {self.settings.joint_margin} rad to the end of its range"
-        speed = float(np.linalg.norm(hand.linear))
+        speed = math.sqrt(hand.linear @ hand.linear)
         if speed > self.settings.fastest_hand:
             return f"the hand moves at {speed:.2f} m/s, faster than the limit of {self.settings.fastest_hand} m/s"
         if self.tracking_error > self.settings.farthest_error and self.time < self._plan.release:
@@ -281,34 +284,31 @@ def check_plan(plan: ThrowPlan, settings: CommanderSettings, description: WamDes
 
 
 class _References:
-    """The plan as a function of time: linear between its instants, matrices for orientations."""
+    """The plan as a function of time: linear between its instants, a share of the turn from each orientation to the next."""
 
     def __init__(self, plan: ThrowPlan):
-        path = plan.path
-        self.position = (plan.position_gains.stiffness, plan.position_gains.damping)
-        self.orientation = (plan.orientation_gains.stiffness, plan.orientation_gains.damping)
-        self._time = path.time
+        path, position, orientation = plan.path, plan.position_gains, plan.orientation_gains
+        self.gains = PoseGains.of((position.stiffness, position.damping), (orientation.stiffness, orientation.damping))
+        self._time = path.time.tolist()
         self._linear = np.hstack([plan.attractor_position, path.position, path.velocity, path.acceleration])
-        self._attractor = Rotation.from_quat(plan.attractor_quaternion).as_matrix()
-        self._rotation = Rotation.from_quat(path.quaternion).as_matrix()
+        turns = [Rotation.from_quat(quaternion) for quaternion in (plan.attractor_quaternion, path.quaternion)]
+        self._rotation = np.stack([turn.as_matrix() for turn in turns], axis=1)  # (n, 2, 3, 3)
+        # To the second order in the small angle between two instants: R + s K R + s^2 / 2 K K R.
+        angle = np.stack([(turn[1:] * turn[:-1].inv()).as_rotvec() for turn in turns], axis=1)
+        skew = _skew(angle)
+        self._first = skew @ self._rotation[:-1]
+        self._second = 0.5 * skew @ self._first
 
     def at(self, time: float) -> Reference:
-        k = int(np.clip(np.searchsorted(self._time, time, side="right") - 1, 0, len(self._time) - 2))
+        k = min(max(bisect_right(self._time, time) - 1, 0), len(self._time) - 2)
         share = (time - self._time[k]) / (self._time[k + 1] - self._time[k])
         row = self._linear[k] + share * (self._linear[k + 1] - self._linear[k])
-        return Reference(
-            attractor_position=row[:3],
-            attractor_rotation=_between(self._attractor[k], self._attractor[k + 1], share),
-            position=row[3:6],
-            rotation=_between(self._rotation[k], self._rotation[k + 1], share),
-            velocity=row[6:12],
-            acceleration=row[12:18],
-        )
+        attractor, rotation = self._rotation[k] + share * (self._first[k] + share * self._second[k])
+        return Reference(row[:3], attractor, row[3:6], rotation, row[6:12], row[12:18])
 
 
-def _between(first: np.ndarray, second: np.ndarray, share: float) -> np.ndarray:
-    """Rotation between two that are close together: the first, turned by a share of the small angle between them."""
-    angle = share * rotation_error(second, first)
-    x, y, z = angle
-    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return first + skew @ first + 0.5 * skew @ skew @ first
+def _skew(vectors: np.ndarray) -> np.ndarray:
+    """Matrices (..., 3, 3) whose product with b is the cross product of vectors (..., 3) and b."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    zero = np.zeros_like(x)
+    return np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), (0, 1), (-2, -1))

@@ -4,9 +4,11 @@ The attractor's force acts on the hand's acceleration; the arm's own inertia in 
 holds on the arm, not only on a point mass (Khatib, 1987). Position and orientation have an attractor each (8.4).
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg.lapack import dposv
 
 from dart_skill.robot.model import ArmModel, HandState
 
@@ -29,12 +31,29 @@ class Reference:
 
 def rotation_error(target: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """Rotation vector (3,) in world axes that turns `rotation` (3, 3) into `target` (3, 3) [rad]."""
-    turn = target @ rotation.T
-    axis = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-    sine, cosine = float(np.sqrt(axis @ axis)), 0.5 * (turn[0, 0] + turn[1, 1] + turn[2, 2] - 1.0)
-    if sine < 1e-9:
-        return axis
-    return axis * (np.arctan2(sine, cosine) / sine)
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = (target @ rotation.T).tolist()
+    x, y, z = 0.5 * (zy - yz), 0.5 * (xz - zx), 0.5 * (yx - xy)
+    sine, cosine = math.sqrt(x * x + y * y + z * z), 0.5 * (xx + yy + zz - 1.0)
+    scale = 1.0 if sine < 1e-9 else math.atan2(sine, cosine) / sine
+    return np.array([scale * x, scale * y, scale * z])
+
+
+def pose_error(position: np.ndarray, rotation: np.ndarray, hand: HandState) -> np.ndarray:
+    """What the hand lacks to a pose (6,): way [m] over rotation vector [rad], world axes."""
+    return np.concatenate([position - hand.position, rotation_error(rotation, hand.rotation)])
+
+
+@dataclass(frozen=True)
+class PoseGains:
+    """Spring and damper of the hand per unit mass: stiffness (6,) [1/s^2] and damping (6,) [1/s], linear over angular."""
+
+    stiffness: np.ndarray
+    damping: np.ndarray
+
+    @classmethod
+    def of(cls, position: tuple[float, float], orientation: tuple[float, float]) -> "PoseGains":
+        """From (stiffness, damping) of the position and of the orientation."""
+        return cls(*np.repeat([position, orientation], 3, axis=0).T)
 
 
 class Impedance:
@@ -66,40 +85,32 @@ class Impedance:
 
     def act(self, q: np.ndarray, qd: np.ndarray, acceleration: np.ndarray, posture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Wrench (6,) and additional joint torque (7,) that accelerate the hand by `acceleration` (6,), posture (7,) in the null space."""
-        jacobian = self.model.jacobian(q)
-        inertia = self.model.mass_matrix(q)
-        mobility = np.linalg.solve(inertia, jacobian.T)
-        task = acceleration - self.model.jacobian_drift(q, qd)
-        wrench = np.linalg.solve(jacobian @ mobility + self._conditioning, task)
-        free = inertia @ (self._null_stiffness * (posture - q) - self._null_damping * qd)
-        free -= jacobian.T @ np.linalg.solve(jacobian @ mobility + self._conditioning, mobility.T @ free)
-        return wrench, self.model.coriolis_torque(q, qd) + self.friction_torque(qd) + free
+        jacobian, inertia = self.model.jacobian(q), self.model.mass_matrix(q)
+        mobility = jacobian @ dposv(inertia, jacobian.T)[1] + self._conditioning
+        free = self._null_stiffness * (posture - q) - self._null_damping * qd
+        # One factorisation for both: the wrench, and the part of the free motion that would move the hand.
+        wanted = np.array([acceleration - self.model.jacobian_drift(q, qd), jacobian @ free])
+        wrench, disturbing = dposv(mobility, wanted.T)[1].T
+        null_torque = inertia @ free - jacobian.T @ disturbing
+        return wrench, self.model.coriolis_torque(q, qd) + self.friction_torque(qd) + null_torque
 
 
-def attractor_acceleration(
-    reference: Reference, hand: HandState, position_gains: tuple[float, float], orientation_gains: tuple[float, float]
-) -> np.ndarray:
+def attractor_acceleration(reference: Reference, hand: HandState, gains: PoseGains) -> np.ndarray:
     """(7.19) for position and orientation: k (y - x) - d v, linear over angular (6,)."""
-    (kp, dp), (ko, do) = position_gains, orientation_gains
-    linear = kp * (reference.attractor_position - hand.position) - dp * hand.linear
-    angular = ko * rotation_error(reference.attractor_rotation, hand.rotation) - do * hand.angular
-    return np.concatenate([linear, angular])
+    error = pose_error(reference.attractor_position, reference.attractor_rotation, hand)
+    return gains.stiffness * error - gains.damping * hand.velocity
 
 
-def tracking_acceleration(
-    reference: Reference, hand: HandState, position_gains: tuple[float, float], orientation_gains: tuple[float, float]
-) -> np.ndarray:
+def tracking_acceleration(reference: Reference, hand: HandState, gains: PoseGains) -> np.ndarray:
     """A second pull, towards the motion that (7.19) predicts: zero as long as the arm does what was predicted (6,)."""
-    (kp, dp), (ko, do) = position_gains, orientation_gains
-    linear = kp * (reference.position - hand.position) + dp * (reference.velocity[:3] - hand.linear)
-    angular = ko * rotation_error(reference.rotation, hand.rotation) + do * (reference.velocity[3:] - hand.angular)
-    return np.concatenate([linear, angular])
+    error = pose_error(reference.position, reference.rotation, hand)
+    return gains.stiffness * error + gains.damping * (reference.velocity - hand.velocity)
 
 
 class JointServo:
     """Joint-space spring-damper with the model's inertia fed forward: moves and holds the arm between throws.
 
-    Gains and torque limits are those of Barrett's own position controller (wam_facts, section 3).
+    PoseGains and torque limits are those of Barrett's own position controller (wam_facts, section 3).
     """
 
     STIFFNESS = np.array([900.0, 2500.0, 600.0, 500.0, 50.0, 50.0, 8.0])
@@ -112,8 +123,8 @@ class JointServo:
     def torque(self, q, qd, q_wanted, qd_wanted, qdd_wanted) -> np.ndarray:
         """Joint torque (7,) [N m] towards a wanted joint motion, gravity excluded."""
         feedback = self.STIFFNESS * (q_wanted - q) + self.DAMPING * (qd_wanted - qd)
-        feed_forward = self._impedance.model.mass_matrix(q) @ qdd_wanted + self._impedance.friction_torque(qd_wanted)
-        return np.clip(feedback, -self.LIMIT, self.LIMIT) + feed_forward
+        torque = np.minimum(np.maximum(feedback, -self.LIMIT), self.LIMIT) + self._impedance.friction_torque(qd_wanted)
+        return torque + self._impedance.model.mass_matrix(q) @ qdd_wanted if qdd_wanted.any() else torque
 
     def damp(self, qd: np.ndarray) -> np.ndarray:
         """Torque (7,) that brings the arm to a damped stop [N m]."""

@@ -17,12 +17,21 @@ BELOW = np.tri(N_JOINTS, k=-1, dtype=bool)
 
 @dataclass(frozen=True)
 class HandState:
-    """Pose and velocity of the hand frame in world axes: position (3,), rotation (3, 3), linear and angular velocity (3,)."""
+    """Pose and velocity of the hand frame in world axes: position (3,), rotation (3, 3), velocity (6,) linear over angular."""
 
     position: np.ndarray
     rotation: np.ndarray
-    linear: np.ndarray
-    angular: np.ndarray
+    velocity: np.ndarray
+
+    @property
+    def linear(self) -> np.ndarray:
+        """Linear velocity (3,) [m/s]."""
+        return self.velocity[:3]
+
+    @property
+    def angular(self) -> np.ndarray:
+        """Angular velocity (3,) [rad/s]."""
+        return self.velocity[3:]
 
 
 class ArmModel:
@@ -36,6 +45,7 @@ class ArmModel:
         self._model, self._hand = _build(self.description, ball_in_hand)
         self._data = self._model.createData()
         self._reflected = self.description.motors.reflected_inertia
+        self._prepare_capsules()
 
     def hand_pose(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Position (3,) and rotation (3, 3) of the hand frame in the world."""
@@ -46,8 +56,7 @@ class ArmModel:
     def hand_state(self, q: np.ndarray, qd: np.ndarray) -> HandState:
         """Pose and velocity of the hand frame in world axes."""
         position, rotation = self.hand_pose(q)
-        velocity = self.jacobian(q) @ qd
-        return HandState(position, rotation, velocity[:3], velocity[3:])
+        return HandState(position, rotation, self.jacobian(q) @ qd)
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
         """Linear over angular velocity of the hand frame in world axes (6, 7)."""
@@ -81,18 +90,18 @@ class ArmModel:
     def link_capsules(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The arm's shapes in the world: end points (n, 2, 3) and radii (n,) [m]."""
         pin.framesForwardKinematics(self._model, self._data, q)
-        ends = []
-        for capsule in self.description.capsules:
-            placement = self._placement(capsule.link)
-            ends.append((placement.act(capsule.start), placement.act(capsule.end)))
-        return np.array(ends), np.array([capsule.radius for capsule in self.description.capsules])
+        placements = [self._base, *(self._data.oMi[k] for k in range(1, N_JOINTS + 1)), self._data.oMf[self._hand]]
+        rotation = np.array([placement.rotation for placement in placements])[self._capsule_links]
+        translation = np.array([placement.translation for placement in placements])[self._capsule_links]
+        return self._capsule_ends @ rotation.transpose(0, 2, 1) + translation[:, None], self._capsule_radii
 
-    def _placement(self, link: str) -> pin.SE3:
-        if link == "wam_base":
-            return pin.SE3(np.eye(3), np.array([0.0, 0.0, self.description.mount_height]))
-        if link == "bhand_base":
-            return self._data.oMf[self._hand]
-        return self._data.oMi[int(link[-1])]
+    def _prepare_capsules(self) -> None:
+        capsules = self.description.capsules
+        links = {"wam_base": 0, "bhand_base": N_JOINTS + 1}
+        self._base = pin.SE3(np.eye(3), np.array([0.0, 0.0, self.description.mount_height]))
+        self._capsule_links = np.array([links.get(c.link) if c.link in links else int(c.link[-1]) for c in capsules])
+        self._capsule_ends = np.array([(c.start, c.end) for c in capsules])
+        self._capsule_radii = np.array([c.radius for c in capsules])
 
 
 def _build(description: WamDescription, ball_in_hand: bool) -> tuple[pin.Model, int]:

@@ -176,14 +176,13 @@ class MotionCapture:
         present = [name for name in self.config.bodies if name in bodies]
         if not present:
             return []
-        poses = [_check_pose(name, *bodies[name]) for name in present]
-        counts = self._view.count(np.stack([position for position, _ in poses]), capsules, basket)
+        position, quaternion = _check_poses(present, [bodies[name] for name in present])
+        counts = self._view.count(position, capsules, basket)
+        rows = np.array([self.config.bodies.index(name) for name in present])
+        position, quaternion = self._measure(rows, position, quaternion, draws.noise[rows])
         publish_ns = int(stamp_ns) + round(1e9 * (self.config.latency + draws.delay))
-        return [
-            self._sample(name, int(stamp_ns), publish_ns, *pose, draws)
-            for name, pose, count in zip(present, poses, counts, strict=True)
-            if count >= self.config.min_cameras and not draws.dropped[self.config.bodies.index(name)]
-        ]
+        tracked = (counts >= self.config.min_cameras) & ~draws.dropped[rows]
+        return [Sample(present[i], int(stamp_ns), publish_ns, position[i], quaternion[i]) for i in np.flatnonzero(tracked)]
 
     def visible_cameras(
         self,
@@ -209,12 +208,12 @@ class MotionCapture:
         self._remaining = np.maximum(self._remaining - 1, np.where(begins, lengths, 0))
         return _Draws(noise, self._remaining > 0, delay)
 
-    def _sample(self, name, stamp_ns, publish_ns, position, quaternion, draws):
-        index = self.config.bodies.index(name)
-        noise = self.config.noise * draws.noise[index]
-        tilt = _small_rotation(noise[3:] / self.config.marker_spread)
-        offset = _rotate(quaternion, self._offsets[index])
-        return Sample(name, stamp_ns, publish_ns, position + offset + noise[:3], _multiply(tilt, quaternion))
+    def _measure(self, rows, position, quaternion, noise):
+        """What the cameras make of true poses (n, 3), (n, 4) of the bodies `rows` (n,): calibration error and noise (n, 6)."""
+        noise = self.config.noise * noise
+        offset = _rotate(quaternion, self._offsets[rows])
+        tilt = _small_rotations(noise[:, 3:] / self.config.marker_spread)
+        return position + offset + noise[:, :3], _multiply(tilt, quaternion)
 
 
 @dataclass
@@ -258,16 +257,16 @@ class _View:
     def count(self, points, capsules, basket):
         """Cameras (n,) that see each point (n, 3)."""
         ray = points[:, None] - self.position  # (n, cameras, 3)
-        distance = np.linalg.norm(ray, axis=-1)
-        right, down, depth = np.moveaxis(np.einsum("cij,ncj->nci", self.axes, ray), -1, 0)
-        framed = (np.abs(right) <= self.tangents[:, 0] * depth) & (np.abs(down) <= self.tangents[:, 1] * depth)
-        seen = framed & (depth > 0.0) & (distance <= self.range)
-        start = np.broadcast_to(self.position, ray.shape)[seen]
+        squared = np.einsum("nci,nci->nc", ray, ray)
+        right, down, depth = np.einsum("cij,ncj->inc", self.axes, ray)
+        seen = (np.abs(right) <= self.tangents[:, 0] * depth) & (np.abs(down) <= self.tangents[:, 1] * depth)
+        seen &= (depth > 0.0) & (squared <= self.range**2)
+        start, line = self.position[np.nonzero(seen)[1]], ray[seen]
         # A line of sight ends `clearance` before the body, so that neither its holder nor itself hides it.
-        shorten = np.maximum(0.0, 1.0 - self.clearance / np.maximum(distance[seen], 1e-9))
-        hidden = _hidden_by_capsules(start, shorten[:, None] * ray[seen], *_check_capsules(capsules))
+        shorten = np.maximum(0.0, 1.0 - self.clearance / np.maximum(np.sqrt(squared[seen]), 1e-9))
+        hidden = _hidden_by_capsules(start, shorten[:, None] * line, *_check_capsules(capsules))
         if basket is not None:
-            hidden |= _hidden_by_walls(start, ray[seen], basket)
+            hidden |= _hidden_by_walls(start, line, basket)
         seen[seen] = ~hidden
         return np.sum(seen, axis=1)
 
@@ -283,27 +282,30 @@ def _hidden_by_capsules(start, ray, ends, radii):
     behind = np.einsum("mci,mi->mc", offset, ray)
     # Closest points of two segments: minimise over the ray, clamp, over the axis, clamp, over the ray again.
     det = length * thick - along**2
-    with np.errstate(divide="ignore", invalid="ignore"):
-        s = np.clip(np.where(det > 1e-12, (along * across - behind * thick) / det, 0.0), 0.0, 1.0)
-        t = np.clip(np.where(thick > 1e-12, (along * s + across) / thick, 0.0), 0.0, 1.0)
-        s = np.clip(np.where(length > 1e-12, (along * t - behind) / length, 0.0), 0.0, 1.0)
+    s = _unit_interval((along * across - behind * thick) * (det > 1e-12), np.maximum(det, 1e-12))
+    t = _unit_interval(along * s + across, np.maximum(thick, 1e-12))
+    s = _unit_interval(along * t - behind, np.maximum(length, 1e-12))
     gap = offset + s[..., None] * ray[:, None] - t[..., None] * axis
-    return np.any(np.einsum("mci,mci->mc", gap, gap) < radii**2, axis=1)
+    return (np.einsum("mci,mci->mc", gap, gap) < radii**2).any(axis=1)
+
+
+def _unit_interval(numerator, denominator):
+    return np.minimum(np.maximum(numerator / denominator, 0.0), 1.0)
 
 
 def _hidden_by_walls(start, ray, basket):
     """Whether segments (m, 3) pass through the side of the cylinder below its rim."""
-    offset = start[:, :2] - basket.rim[:2]
-    a = np.einsum("mi,mi->m", ray[:, :2], ray[:, :2])
-    b = np.einsum("mi,mi->m", offset, ray[:, :2])
+    offset, flat = start[:, :2] - basket.rim[:2], ray[:, :2]
+    a = np.maximum(np.einsum("mi,mi->m", flat, flat), 1e-12)
+    b = np.einsum("mi,mi->m", offset, flat)
     c = np.einsum("mi,mi->m", offset, offset) - basket.radius**2
-    with np.errstate(divide="ignore", invalid="ignore"):
-        root = np.sqrt(b**2 - a * c)  # nan: the line misses the cylinder
-        crossings = np.stack([(-b - root) / a, (-b + root) / a], axis=1)
-        height = start[:, 2:] + crossings * ray[:, 2:]
-        low, high = basket.rim[2] - basket.depth, basket.rim[2] - 1e-9
-        through = (crossings > 0.0) & (crossings < 1.0) & (height > low) & (height < high)
-    return np.any(through, axis=1)
+    discriminant = b**2 - a * c  # negative: the line misses the cylinder
+    root = np.sqrt(np.maximum(discriminant, 0.0))
+    crossings = (np.array([[-1.0], [1.0]]) * root - b) / a  # (2, m)
+    height = start[:, 2] + crossings * ray[:, 2]
+    low, high = basket.rim[2] - basket.depth, basket.rim[2] - 1e-9
+    through = (crossings > 0.0) & (crossings < 1.0) & (height > low) & (height < high)
+    return through.any(axis=0) & (discriminant >= 0.0)
 
 
 def _calibration_offsets(config, rng):
@@ -312,38 +314,42 @@ def _calibration_offsets(config, rng):
     return config.calibration_error * direction / np.linalg.norm(direction, axis=1, keepdims=True)
 
 
-def _small_rotation(vector):
-    angle = np.linalg.norm(vector)
-    return np.append(0.5 * np.sinc(0.5 * angle / np.pi) * vector, np.cos(0.5 * angle))
+def _small_rotations(vectors):
+    """Quaternions (n, 4) of rotation vectors (n, 3)."""
+    half = 0.5 * np.sqrt(np.einsum("ni,ni->n", vectors, vectors))[:, None]
+    return np.hstack([0.5 * np.sinc(half / np.pi) * vectors, np.cos(half)])
 
 
 def _multiply(p, q):
-    """Product (4,) of quaternions (4,); plain floats, which are faster than np.cross on three numbers by ten."""
-    (a, b, c, d), (e, f, g, h) = p.tolist(), q.tolist()
-    return np.array([
-        d * e + a * h + b * g - c * f,
-        d * f - a * g + b * h + c * e,
-        d * g + a * f - b * e + c * h,
-        d * h - a * e - b * f - c * g,
-    ])  # fmt: skip
+    """Products (n, 4) of quaternions (n, 4)."""
+    (a, b, c, d), (e, f, g, h) = p.T, q.T
+    rows = [d * e + a * h + b * g - c * f, d * f - a * g + b * h + c * e, d * g + a * f - b * e + c * h, d * h - a * e - b * f - c * g]
+    return np.stack(rows, axis=1)
 
 
-def _rotate(q, vector):
-    """The vector (3,) turned by the quaternion (4,)."""
-    (x, y, z, w), (a, b, c) = q.tolist(), vector.tolist()
+def _rotate(q, vectors):
+    """Vectors (n, 3) turned by quaternions (n, 4)."""
+    (x, y, z, w), (a, b, c) = q.T, vectors.T
     u, v, n = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
-    return np.array([a + w * u + y * n - z * v, b + w * v + z * u - x * n, c + w * n + x * v - y * u])
+    return np.stack([a + w * u + y * n - z * v, b + w * v + z * u - x * n, c + w * n + x * v - y * u], axis=1)
 
 
-def _check_pose(name, position, quaternion):
-    position, quaternion = (
-        _vector(f"position of {name}", position, 3),
-        _vector(f"quaternion of {name}", quaternion, 4),
-    )
-    norm = np.linalg.norm(quaternion)
-    if abs(norm - 1.0) > 1e-3:
-        raise ValueError(f"quaternion of {name} has norm {norm:.4f}, not 1")
-    return position, quaternion / norm
+def _check_poses(names, poses):
+    """Positions (n, 3) and unit quaternions (n, 4); ValueError names the first body whose pose is not one."""
+    for name, (position, quaternion) in zip(names, poses, strict=True):
+        for kind, value, size in (("position", position, 3), ("quaternion", quaternion, 4)):
+            if np.shape(value) != (size,):
+                raise ValueError(f"{kind} of {name} must be a finite ({size},) array, got {value}")
+    position, quaternion = (np.array(part, dtype=float) for part in zip(*poses, strict=True))
+    norm = np.sqrt(np.einsum("ni,ni->n", quaternion, quaternion))
+    wrong = ~(np.isfinite(position).all(axis=1) & (np.abs(norm - 1.0) <= 1e-3))
+    if wrong.any():
+        k = int(np.argmax(wrong))
+        for kind, value in (("position", position[k]), ("quaternion", quaternion[k])):
+            if not np.isfinite(value).all():
+                raise ValueError(f"{kind} of {names[k]} must be a finite ({len(value)},) array, got {value}")
+        raise ValueError(f"quaternion of {names[k]} has norm {norm[k]:.4f}, not 1")
+    return position, quaternion / norm[:, None]
 
 
 def _check_capsules(capsules):

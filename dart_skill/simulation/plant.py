@@ -165,17 +165,20 @@ class Plant:
 
     def _drive(self, command: Command, push: Command | None) -> None:
         q, qd = self._q, self._qd
-        jacobian = self._empty_arm.jacobian(q)
-        asked = jacobian.T @ command.wrench + command.joint_torque
+        asked = command.joint_torque + self._in_joints(q, command.wrench)
         asked += (1.0 - self.settings.gravity_error) * self._empty_arm.bias(q, ZEROS)
         self._effort = self._actuation.deliverable(asked, np.array(qd))
-        outside = jacobian.T @ push.wrench + push.joint_torque if push is not None else 0.0
+        outside = 0.0 if push is None else push.joint_torque + self._in_joints(q, push.wrench)
         arm = self._loaded_arm if self._held is not None else self._empty_arm
         inertia, bias = arm.inertia(q), arm.bias(q, qd)
         net = self._effort + outside - bias
         acceleration = self._actuation.acceleration(inertia + self._reflected, net, np.array(qd), self.settings.step)
         torque = inertia @ acceleration + bias
         self._world.setJointMotorControlArray(self._arm, JOINTS, pybullet.TORQUE_CONTROL, forces=torque.tolist())
+
+    def _in_joints(self, q: list[float], wrench: np.ndarray) -> np.ndarray | float:
+        """A wrench at the hand as joint torques (7,); nothing for none, which spares the Jacobian of an arm that is held."""
+        return self._empty_arm.jacobian(q).T @ wrench if wrench.any() else 0.0
 
     # the hand and the ball
 
@@ -348,13 +351,22 @@ class _DynamicsOnly:
         return np.vstack([linear, angular])
 
 
+class _Client(BulletClient):
+    """BulletClient looks every function up, and wraps it, at each call; this one remembers."""
+
+    def __getattr__(self, name: str):
+        function = super().__getattr__(name)
+        self.__dict__[name] = function
+        return function
+
+
 def _connect() -> BulletClient:
     """A physics server in this process. PyBullet greets on standard output, which belongs to results: it goes to standard error."""
     sys.stdout.flush()
     results = os.dup(1)
     os.dup2(2, 1)
     try:
-        return BulletClient(pybullet.DIRECT)
+        return _Client(pybullet.DIRECT)
     finally:
         os.dup2(results, 1)
         os.close(results)

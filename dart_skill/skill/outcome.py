@@ -126,7 +126,7 @@ def fit_release(
         kept = free.samples[ball_time[free.samples] >= time]
         if len(kept) < TAIL:
             raise ValueError(f"only {len(kept)} samples of the flight after the release at {time:.3f} s, need {TAIL}")
-        fit, near = fit_flight(ball_time[kept], ball_position[kept], ball, at=time), time
+        fit, near = fit_flight(ball_time[kept], ball_position[kept], ball, at=time, near=fit), time
     if distance > ball.radius:
         raise ValueError(
             f"the flight passes the grip point at {1e3 * distance:.0f} mm: it did not start in this hand;"
@@ -148,8 +148,8 @@ def find_flight(time: np.ndarray, position: np.ndarray, ball: Ball = TENNIS_BALL
     longest = max(last - first for first, last in runs)
     first, last = next(run for run in runs if run[1] - run[0] >= 0.5 * longest)
     samples = np.arange(first, last)
+    fit = fit_flight(time[samples], position[samples], ball)
     for _ in range(20):
-        fit = fit_flight(time[samples], position[samples], ball)
         spread = np.sqrt(np.mean(fit.residuals**2))
         tolerance = np.clip(4.0 * spread, 5.0 * noise, 15.0 * noise)
         predicted, _ = fit.at(time)
@@ -158,7 +158,8 @@ def find_flight(time: np.ndarray, position: np.ndarray, ball: Ball = TENNIS_BALL
         if np.array_equal(grown, samples):
             break
         samples = grown
-    return FreeFlight(samples, fit_flight(time[samples], position[samples], ball))
+        fit = fit_flight(time[samples], position[samples], ball, near=fit)
+    return FreeFlight(samples, fit)
 
 
 def _flying_runs(time, position, ball, tolerance):

@@ -6,7 +6,18 @@ import subprocess
 
 import pytest
 
-FIELDS = {"seed", "bag", "thrown", "in", "median_error_m", "p90_error_m", "wall_seconds", "real_time_factor", "throws"}
+FIELDS = {
+    "seed",
+    "bag",
+    "thrown",
+    "in",
+    "median_error_m",
+    "p90_error_m",
+    "wall_seconds",
+    "real_time_factor",
+    "throw_real_time_factor",
+    "throws",
+}
 PICTURES = {"synchronisation", "gaussians", "execution", "landings"}
 
 

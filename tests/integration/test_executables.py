@@ -16,7 +16,7 @@ NODES = {
     "skill_learner": {"skill_learner"},
     "commander": {"commander"},
     "teacher": {"teacher"},
-    "composed": {"wam_simulator", "mock_optitrack", "commander", "demonstration_recorder"},
+    "composed": {"wam_simulator", "mock_optitrack", "commander", "demonstration_recorder", "teacher"},
 }
 
 

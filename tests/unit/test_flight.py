@@ -106,6 +106,15 @@ def test_fit_recovers_an_exact_flight_at_any_instant():
     np.testing.assert_allclose(fit.at(times)[0], position, atol=1e-7)
 
 
+def test_a_flight_to_begin_with_changes_only_the_work():
+    times = 3.0 + 0.01 * np.arange(60)
+    samples = flight(START, VELOCITY, times - 3.0)[0] + np.random.default_rng(5).normal(0.0, 1e-3, (60, 3))
+    shorter = fit_flight(times[10:30], samples[10:30])
+    alone, helped = fit_flight(times, samples), fit_flight(times, samples, near=shorter)
+    np.testing.assert_allclose(helped.position, alone.position, atol=1e-8)
+    np.testing.assert_allclose(helped.velocity, alone.velocity, atol=1e-7)
+
+
 def test_fit_errors_match_the_least_squares_theory():
     rng = np.random.default_rng(1)
     times, sigma = 0.01 * np.arange(50), 1e-4

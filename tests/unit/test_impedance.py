@@ -9,6 +9,7 @@ from dart_skill.robot.description import wam_description
 from dart_skill.robot.impedance import (
     Impedance,
     JointServo,
+    PoseGains,
     Reference,
     attractor_acceleration,
     minimum_jerk,
@@ -100,7 +101,7 @@ def test_the_hand_is_drawn_to_the_attractor_as_a_critically_damped_mass(model):
 
     def law(q, qd):
         hand = model.hand_state(q, qd)
-        return impedance.act(q, qd, attractor_acceleration(reference, hand, GAINS, GAINS), POSTURE)
+        return impedance.act(q, qd, attractor_acceleration(reference, hand, PoseGains.of(GAINS, GAINS)), POSTURE)
 
     h, duration, w = 5e-4, 0.4, np.sqrt(GAINS[0])
     path = integrate(model, law, start, rate, duration, h)
@@ -121,7 +122,7 @@ def test_the_orientation_is_drawn_to_its_attractor(model):
 
     def law(q, qd):
         hand = model.hand_state(q, qd)
-        return impedance.act(q, qd, attractor_acceleration(reference, hand, GAINS, GAINS), POSTURE)
+        return impedance.act(q, qd, attractor_acceleration(reference, hand, PoseGains.of(GAINS, GAINS)), POSTURE)
 
     path = integrate(model, law, POSTURE, np.zeros(7), 0.3, h)
     turned = [Rotation.from_matrix(model.hand_pose(q)[1] @ rotation.T).as_rotvec() for q in path[::20, 0]]
@@ -132,14 +133,14 @@ def test_the_orientation_is_drawn_to_its_attractor(model):
 
 def some_hand(seed=0):
     rng = np.random.default_rng(seed)
-    return HandState(rng.normal(size=3), Rotation.random(random_state=seed).as_matrix(), rng.normal(size=3), rng.normal(size=3))
+    return HandState(rng.normal(size=3), Rotation.random(random_state=seed).as_matrix(), rng.normal(size=6))
 
 
 def test_attractor_acceleration_is_the_spring_and_the_damper():
     hand, turn = some_hand(), Rotation.from_rotvec([0.1, -0.2, 0.3])
     pull = hand.position + [1.0, 2.0, 3.0], turn.as_matrix() @ hand.rotation
     reference = Reference(*pull, hand.position * 7, np.eye(3), np.ones(6), np.ones(6))
-    result = attractor_acceleration(reference, hand, (10.0, 2.0), (30.0, 4.0))
+    result = attractor_acceleration(reference, hand, PoseGains.of((10.0, 2.0), (30.0, 4.0)))
     np.testing.assert_allclose(result[:3], 10.0 * np.array([1.0, 2.0, 3.0]) - 2.0 * hand.linear)
     np.testing.assert_allclose(result[3:], 30.0 * np.array([0.1, -0.2, 0.3]) - 4.0 * hand.angular)
 
@@ -148,9 +149,11 @@ def test_tracking_acceleration_is_zero_where_the_arm_does_what_was_predicted():
     hand = some_hand(1)
     velocity = np.concatenate([hand.linear, hand.angular])
     reference = Reference(np.zeros(3), np.eye(3), hand.position, hand.rotation, velocity, np.zeros(6))
-    np.testing.assert_allclose(tracking_acceleration(reference, hand, GAINS, GAINS), 0.0, atol=1e-12)
+    np.testing.assert_allclose(tracking_acceleration(reference, hand, PoseGains.of(GAINS, GAINS)), 0.0, atol=1e-12)
     ahead = Reference(np.zeros(3), np.eye(3), hand.position + [0.0, 0.1, 0.0], hand.rotation, velocity + [1, 0, 0, 0, 0, 2], np.zeros(6))
-    np.testing.assert_allclose(tracking_acceleration(ahead, hand, (10.0, 2.0), (30.0, 4.0)), [2.0, 1.0, 0, 0, 0, 8.0], atol=1e-12)
+    np.testing.assert_allclose(
+        tracking_acceleration(ahead, hand, PoseGains.of((10.0, 2.0), (30.0, 4.0))), [2.0, 1.0, 0, 0, 0, 8.0], atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-12, 1e-6, 0.3, 1.5, 3.0, 3.14159])

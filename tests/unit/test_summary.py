@@ -65,7 +65,8 @@ def test_without_a_landing_there_is_no_median(throws):
 
 def test_times_that_are_not_finite_become_null():
     run = strict(summary(wall_seconds=NAN, real_time_factor=float("inf")).to_json())
-    assert run["wall_seconds"] is None and run["real_time_factor"] is None
+    assert run["wall_seconds"] is None and run["real_time_factor"] is None and run["throw_real_time_factor"] is None
+    assert strict(summary(throw_real_time_factor=2.5).to_json())["throw_real_time_factor"] == 2.5
 
 
 def test_numbers_of_numpy_become_plain_ones(tmp_path):
