@@ -33,6 +33,9 @@ from dart_skill.robot.throw_plan import ThrowPlan
 STRETCHED = 0.005
 """Nearer than this to its full reach the arm cannot follow a plan: the elbow may turn over [m]."""
 
+LONGEST_STOP = 2.0
+"""An arm that still creeps after so long, because gravity is compensated badly, is held where it is [s]."""
+
 
 class Mode(Enum):
     """What the commander is doing."""
@@ -140,7 +143,7 @@ class Commander:
     def stop(self, reason: str) -> None:
         """Bring the arm to a damped stop and hold it; `reason` is kept as the message."""
         self.message, self._plan, self._requested = reason, None, None
-        self._mode = Mode.STOPPING
+        self._mode, self._entered_ns = Mode.STOPPING, None
 
     def step(self, state: ArmState) -> Command:
         """The command that answers `state`."""
@@ -149,6 +152,8 @@ class Commander:
         self._notice_gap(state)
         if self._requested is not None:
             self._begin_throw(state)
+        if self._entered_ns is None:
+            self._entered_ns = state.stamp_ns
         self.time = (state.stamp_ns - self._entered_ns) * 1e-9
         return getattr(self, f"_{self._mode.value}")(state)
 
@@ -206,7 +211,7 @@ class Commander:
         return self._come_to_rest(state)
 
     def _come_to_rest(self, state: ArmState) -> Command:
-        if np.abs(state.velocity).max() < 0.05:
+        if np.abs(state.velocity).max() < 0.05 or self.time > LONGEST_STOP:
             self._hold = None
             self._enter(Mode.HOLDING, state)
             return self._holding(state)

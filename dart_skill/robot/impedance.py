@@ -34,6 +34,10 @@ def rotation_error(target: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = (target @ rotation.T).tolist()
     x, y, z = 0.5 * (zy - yz), 0.5 * (xz - zx), 0.5 * (yx - xy)
     sine, cosine = math.sqrt(x * x + y * y + z * z), 0.5 * (xx + yy + zz - 1.0)
+    if sine < 1e-9 and cosine < 0.0:  # half a turn: its axis is an eigenvector, either way round
+        column = np.array([[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]]) + np.eye(3)
+        axis = column[:, np.argmax(np.diag(column))]
+        return math.pi * axis / math.sqrt(axis @ axis)
     scale = 1.0 if sine < 1e-9 else math.atan2(sine, cosine) / sine
     return np.array([scale * x, scale * y, scale * z])
 

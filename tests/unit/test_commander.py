@@ -228,6 +228,15 @@ def test_a_throw_that_is_cancelled_comes_to_rest_within_a_second(begin, plan, in
         assert run.plant.state.ball_held
 
 
+def test_an_arm_that_creeps_on_is_held_in_the_end():
+    commander = Commander()
+    commander.step(at(0))
+    commander.stop("enough")
+    stamps = PERIOD * np.arange(1, 1500)
+    modes = [(commander.step(at(int(ns), velocity=np.full(7, 0.06))), commander.mode)[1] for ns in stamps]
+    assert modes[0] == Mode.STOPPING and modes[-1] == Mode.HOLDING
+
+
 @pytest.mark.parametrize("mode", [Mode.APPROACHING, Mode.SETTLING])
 def test_a_throw_can_be_stopped_before_it_begins(begin, plan, mode):
     run = begin(plan)

@@ -156,6 +156,12 @@ def test_tracking_acceleration_is_zero_where_the_arm_does_what_was_predicted():
     )
 
 
+@pytest.mark.parametrize("axis", np.eye(3))
+def test_half_a_turn_is_not_taken_for_none(axis):
+    error = rotation_error(Rotation.from_rotvec(np.pi * axis).as_matrix().round(), np.eye(3))
+    np.testing.assert_allclose(np.abs(error), np.pi * axis)
+
+
 @pytest.mark.parametrize("angle", [0.0, 1e-12, 1e-6, 0.3, 1.5, 3.0, 3.14159])
 def test_rotation_error_is_the_rotation_vector_between_two_rotations(angle):
     axis = np.array([2.0, -1.0, 2.0]) / 3.0
