@@ -95,6 +95,8 @@ class ThrowingSkill:
 
     def _fit(self, weights: np.ndarray) -> TaskParameterisedMixture:
         used = [(throw, weight) for throw, weight in zip(self.throws, weights, strict=True) if weight > 1e-4]
+        if not used:
+            raise Unreachable(f"no demonstration is near enough for '{self.configuration.name}' to learn from: teach one there")
         samples = [self._samples(throw) for throw, _ in used]
         frames = [frames_for(throw.task, throw.motion[0, :3], self.configuration) for throw, _ in used]
         mixture, shares = TaskParameterisedMixture(self.configuration.components), [weight for _, weight in used]

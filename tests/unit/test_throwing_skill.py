@@ -173,6 +173,11 @@ def test_the_order_of_other_plans_does_not_matter(demonstrations):
     assert same_plan(local.plan(np.array(NEW_BASKETS[0])), first)
 
 
+def test_a_task_far_from_every_demonstration_has_no_local_model(demonstrations):
+    with pytest.raises(Unreachable, match="no demonstration is near enough for 'weighted'"):
+        learn(demonstrations, configuration("weighted")).model_for(np.array([5.0, 0.0, 0.4]))
+
+
 @pytest.mark.parametrize("angle", [0.5, -0.7])
 def test_turning_the_world_turns_the_plan(demonstrations, new_plan, angle):
     """With frames at the base's azimuth nothing depends on where north is, but for smoothing per axis: 0.1 mm."""
