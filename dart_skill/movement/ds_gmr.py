@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..mixture import regress
+from ..mixture._checks import as_samples
 from ._time import as_stamps, uniform_step
 from .attractor import as_gains, attractor_from_motion, critical_damping, follow_attractor
 from .differentiation import smooth_derivatives
@@ -96,11 +97,23 @@ class DSGMR:
         time = as_stamps(time)
         return regress(self.mixture_.product(frames), time[:, None], [0], np.arange(1, self.mixture_.n_dims))
 
-    def reproduce(self, frames: Sequence[TaskFrame], time: ArrayLike, position0: ArrayLike, velocity0: ArrayLike) -> Reproduction:
+    def reproduce(
+        self,
+        frames: Sequence[TaskFrame],
+        time: ArrayLike,
+        position0: ArrayLike,
+        velocity0: ArrayLike,
+        push: ArrayLike | None = None,
+    ) -> Reproduction:
         """Movement in new frames at equally spaced stamps (n,), n >= 2, from position0 and velocity0 (d,) at
-        the first of them.
+        the first of them. push: acceleration (n, d) that acts from outside, straight between the stamps.
         """
         time = as_stamps(time, minimum=2)
         attractor, covariance = self.retrieve(frames, time)
-        motion = follow_attractor(attractor, uniform_step(time), position0, velocity0, self.stiffness, self.damping)
+        push = np.zeros_like(attractor) if push is None else as_samples(push, "push", attractor.shape[1])
+        if len(push) != len(time):
+            raise ValueError(f"push must have {len(time)} rows, one per stamp, got {len(push)}")
+        # A push acts as if the attractor were moved by push / kp.
+        pulled = attractor + push / self.stiffness
+        motion = follow_attractor(pulled, uniform_step(time), position0, velocity0, self.stiffness, self.damping)
         return Reproduction(time, attractor, covariance, *motion)

@@ -19,9 +19,10 @@ class SkillConfiguration:
     each its own interval of time, "em" lets EM decide. distance_input: the distance of the target is a second input of the
     regression, beside time. alignment: instant that all demonstrations share, "start" of the motion or "release" of the ball.
     relabel: a demonstration's task parameter is where its ball landed, not where the basket stood. width [m]: demonstrations are
-    weighted by a Gaussian of the distance between their target and the new one; 0 for equal weights; nearest: only so many
-    demonstrations, 0 for all (8.4.2). solve_aim: the task parameter is solved for so that the plan's own predicted landing is on
-    the target. stiffness [1/s^2]: of (7.19), critically damped. step [s]: of the plan.
+    weighted by a Gaussian of the distance between their target and the new one; 0 for equal weights; widths: the width is chosen
+    among these by cross-validation; nearest: only so many demonstrations, 0 for all (8.4.2). solve_aim: the task parameter
+    is solved for so that the plan's own predicted landing is on the target. stiffness [1/s^2]: of (7.19), critically damped.
+    step [s]: of the plan.
     """
 
     name: str = "default"
@@ -32,6 +33,7 @@ class SkillConfiguration:
     alignment: str = "release"
     relabel: bool = True
     width: float = 0.0
+    widths: tuple[float, ...] = ()
     nearest: int = 0
     solve_aim: bool = True
     stiffness: float = 200.0
@@ -48,6 +50,9 @@ class SkillConfiguration:
         for name, least in (("components", 1), ("width", 0.0), ("nearest", 0), ("stiffness", 1e-6), ("step", 1e-4)):
             if not getattr(self, name) >= least:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be at least {least}")
+        object.__setattr__(self, "widths", tuple(float(width) for width in self.widths))
+        if not all(width > 0.0 for width in self.widths):
+            raise ValueError(f"widths are {self.widths}; all must be positive")
 
     @property
     def turns(self) -> bool:
@@ -69,6 +74,7 @@ CONFIGURATIONS = {
         replace(THESIS, name="thesis_local", nearest=3),
         replace(DEFAULT, name="em", components=12, partition="em"),
         replace(DEFAULT, name="weighted", distance_input=False, width=0.25),
+        replace(DEFAULT, name="cross_validated", distance_input=False, widths=(0.06, 0.1, 0.15, 0.25, 0.5)),
         replace(DEFAULT, name="two_frames", distance_input=False, frames="azimuth_target"),
     )
 }

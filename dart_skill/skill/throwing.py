@@ -15,6 +15,7 @@ from dart_skill.mixture import GaussianMixture, regress
 from dart_skill.movement import TaskParameterisedMixture, follow_attractor
 from dart_skill.movement.attractor import critical_damping
 from dart_skill.movement.frames import azimuth_of, turn_matrix
+from dart_skill.movement.locality import choose_width, gaussian_weights, nearest_weights
 from dart_skill.movement.orientation import angles_from_quaternions, quaternions_from_angles, rotate, turn_about_z
 from dart_skill.recording import Demonstration
 from dart_skill.robot.description import wam_description
@@ -65,7 +66,10 @@ class ThrowingSkill:
         self._posture = np.median([throw.start_posture for throw in throws], axis=0)
         delays = np.array([throw.hand_delay for throw in throws])
         self.hand_delay = float(np.median(delays[np.isfinite(delays)])) if np.isfinite(delays).any() else 0.0
+        self.width = configuration.width
         self._whole = None if self._is_local else self._fit(np.ones(len(throws)))
+        if configuration.widths:
+            self.width = choose_width(self._places, configuration.widths, self._predicts).width
 
     @property
     def model_id(self) -> str:
@@ -91,10 +95,10 @@ class ThrowingSkill:
 
     @property
     def _is_local(self) -> bool:
-        return self.configuration.width > 0 or self.configuration.nearest > 0
+        return self.width > 0 or self.configuration.nearest > 0 or bool(self.configuration.widths)
 
     def _fit(self, weights: np.ndarray) -> TaskParameterisedMixture:
-        used = [(throw, weight) for throw, weight in zip(self.throws, weights, strict=True) if weight > 1e-4]
+        used = [(throw, weight) for throw, weight in zip(self.throws, weights, strict=True) if weight > 0.0]
         if not used:
             raise Unreachable(f"no demonstration is near enough for '{self.configuration.name}' to learn from: teach one there")
         samples = [self._samples(throw) for throw, _ in used]
@@ -115,13 +119,28 @@ class ThrowingSkill:
         return self._whole if self._whole is not None else self._fit(self._weights(task))
 
     def _weights(self, task: np.ndarray) -> np.ndarray:
-        """Weight of each demonstration for a task (8.4.2 and chapter 9): by distance of the targets in polar coordinates."""
-        apart = np.abs(np.hypot(*self._tasks[:, :2].T) - np.hypot(*task[:2]))
-        if not self.configuration.turns:
-            apart = np.linalg.norm(self._tasks[:, :2] - task[:2], axis=1)
+        """Weight of each demonstration for a task (8.4.2 and chapter 9): by the distance of their places."""
+        place = self._place(task[None])[0]
         if self.configuration.nearest:
-            return np.isin(np.arange(len(apart)), np.argsort(apart, kind="stable")[: self.configuration.nearest]).astype(float)
-        return np.exp(-0.5 * (apart / self.configuration.width) ** 2)
+            return nearest_weights(self._places, place, self.configuration.nearest)
+        return gaussian_weights(self._places, place, self.width)
+
+    def _place(self, tasks: np.ndarray) -> np.ndarray:
+        """What of tasks (n, 3) makes throws differ: in turned frames the distance alone (n, 1), else the place on the floor (n, 2)."""
+        return np.hypot(tasks[:, :1], tasks[:, 1:2]) if self.configuration.turns else tasks[:, :2]
+
+    @property
+    def _places(self) -> np.ndarray:
+        return self._place(self._tasks)
+
+    def _predicts(self, i: int, weights: np.ndarray) -> float:
+        """How well a model learned with weights predicts where demonstration i landed: minus the squared error, nan if it has no plan."""
+        task = self._tasks[i]
+        try:
+            predicted = self._course(task, self._fit(weights)).landing
+        except Unreachable:
+            return float("nan")
+        return -float(np.sum((predicted - task)[:2] ** 2))
 
     # planning
 
@@ -165,10 +184,10 @@ class ThrowingSkill:
             raise Unreachable(f"no aim was found whose plan lands on {target.round(3)}; the nearest misses by {least[0]:.3f} m")
         return _point(best, target[2])
 
-    def _course(self, task: np.ndarray) -> _Course:
+    def _course(self, task: np.ndarray, model: TaskParameterisedMixture | None = None) -> _Course:
         azimuth = self.configuration.angle_azimuth(azimuth_of(task))
         start, roll = self._start_features(task)
-        mixture = self.model_for(task).product(frames_for(task, start[:3], self.configuration))
+        mixture = (model or self.model_for(task)).product(frames_for(task, start[:3], self.configuration))
         time = np.arange(self._start, self._stop, self.configuration.step)
         inputs = time[:, None]
         if self.configuration.distance_input:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from dart_skill.mixture import Gaussian, GaussianMixture, product, regress
@@ -233,6 +234,26 @@ def test_static_attractors_at_the_target_are_encoded_and_found_again():
     assert np.sqrt(np.linalg.eigvalsh(covariance).max()) < 1e-4
 
 
+def test_a_push_during_the_motion_is_answered_as_7_19_says():
+    """Against independent integration of x'' = kp (y - x) - kv x' + push, all of it straight between the stamps."""
+    demos, frames = taught()
+    model, push = DSGMR(4, stiffness=150.0).fit(demos, frames), np.zeros((80, 2))
+    push[20:40] = np.random.default_rng(2).normal(0.0, 10.0, (20, 2))
+    run = model.reproduce(frames[1], STEPS, [0.0, 0.1], [0.0, 0.0], push)
+    kp, kv = model.stiffness, model.damping
+
+    def rate(t, s):
+        y, u = ([np.interp(t, STEPS, column) for column in rows.T] for rows in (run.attractor, push))
+        return np.concatenate([s[2:], kp * (np.array(y) - s[:2]) - kv * s[2:] + u])
+
+    solution = solve_ivp(rate, (0.0, 1.0), [0.0, 0.1, 0.0, 0.0], t_eval=STEPS, max_step=1.0 / 79, rtol=1e-9, atol=1e-11)
+    np.testing.assert_allclose(run.position, solution.y[:2].T, atol=1e-6)
+    np.testing.assert_allclose(run.acceleration, [rate(t, s)[2:] for t, s in zip(STEPS, solution.y.T, strict=True)], atol=1e-3)
+    free = model.reproduce(frames[1], STEPS, [0.0, 0.1], [0.0, 0.0])
+    assert np.abs(free.position - run.position).max() > 0.01
+    np.testing.assert_array_equal(free.position[:20], run.position[:20])
+
+
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
@@ -282,5 +303,7 @@ def test_wrong_use_is_refused_with_the_remedy():
         model.reproduce(frames[0], STEPS**2, [0, 0], [0, 0])
     with pytest.raises(ValueError, match="length 2"):
         model.reproduce(frames[0], STEPS, [0, 0, 0], [0, 0])
+    with pytest.raises(ValueError, match="push must have 80 rows"):
+        model.reproduce(frames[0], STEPS, [0, 0], [0, 0], np.zeros((3, 2)))
     with pytest.raises(ValueError, match="not positive definite"):
         TaskParameterisedMixture.from_parameters([1.0], np.zeros((1, 1, 2)), np.ones((1, 1, 2, 2)))

@@ -262,8 +262,25 @@ def test_a_rim_above_the_flight_is_unreachable(skill):
         skill.plan(np.array([1.9, 0.0, 5.0]))
 
 
+def test_the_width_is_the_one_that_predicts_left_out_demonstrations_best(demonstrations):
+    skill = learn(demonstrations, configuration("cross_validated"))
+    widths = skill.configuration.widths
+    assert skill.width in widths
+    errors = []
+    for width in widths:
+        squared = []
+        for i, throw in enumerate(skill.throws):
+            others = learn([d for k, d in enumerate(demonstrations) if k != i], replace(configuration("weighted"), width=width))
+            try:
+                squared.append(np.sum((others._course(throw.task).landing - throw.task)[:2] ** 2))
+            except Unreachable:
+                squared.append(np.nan)
+        errors.append(np.mean(squared))
+    assert skill.width == widths[np.nanargmin(errors)], errors
+
+
 def test_an_unknown_configuration_is_refused_with_the_names_there_are():
-    with pytest.raises(ValueError, match="no configuration 'defualt': choose one of default, em, thesis"):
+    with pytest.raises(ValueError, match="no configuration 'defualt': choose one of cross_validated, default, em, thesis"):
         configuration("defualt")
     assert configuration() is configuration("") is DEFAULT
     assert all(configuration(name).name == name for name in CONFIGURATIONS)

@@ -1,0 +1,163 @@
+"""The state-driven policy: as demonstrated when left alone, waits when held, skips when pushed, always comes to the goal."""
+
+import numpy as np
+import pytest
+
+from dart_skill.mixture import regress
+from dart_skill.movement import TaskFrame, smooth_derivatives
+from dart_skill.movement.autonomous import AutonomousDSGMR, PhaseRule, lift
+
+WORLD = [TaskFrame(np.eye(3), np.zeros(3))]
+STAMPS = np.linspace(-0.3, 1.3, 161)
+
+
+def wind_up_and_reach(rng, goal=(1.0, 0.0)):
+    """Rests, goes back first, then forth past its start to the goal, and rests: a state field cannot hold it."""
+    s = np.clip(STAMPS, 0.0, 1.0)
+    u = s**3 * (10 - 15 * s + 6 * s * s)
+    along = u - 0.6 * np.sin(np.pi * u) * (1 - u)
+    path = along[:, None] * np.asarray(goal) + 0.3 * np.sin(np.pi * u)[:, None] * np.array([-goal[1], goal[0]])
+    return path + rng.normal(0.0, 0.01, 2) + rng.normal(0.0, 1e-4, path.shape)
+
+
+@pytest.fixture(scope="module")
+def demonstrations():
+    rng = np.random.default_rng(0)
+    return [wind_up_and_reach(rng) for _ in range(8)]
+
+
+@pytest.fixture(scope="module")
+def model(demonstrations):
+    motions = [smooth_derivatives(STAMPS, path) for path in demonstrations]
+    return AutonomousDSGMR(12).fit([STAMPS] * 8, motions, [WORLD] * 8)
+
+
+@pytest.fixture(scope="module")
+def policy(model):
+    return model.policy(WORLD)
+
+
+def phase_at(run, time):
+    return float(np.interp(time, run.time, run.phase))
+
+
+def test_left_alone_it_moves_as_demonstrated(policy, demonstrations):
+    run = policy.run([0.0, 0.0], [0.0, 0.0], duration=3.0)
+    mean = np.mean(demonstrations, axis=0)
+    expected = np.column_stack([np.interp(run.phase, STAMPS, column) for column in mean.T])
+    assert np.abs(run.position - expected).max() < 0.03
+    assert run.position[:, 0].min() < 0.7 * mean[:, 0].min() < 0.0, "it winds up"
+    taken = np.interp(0.9, run.phase, run.time) - np.interp(0.2, run.phase, run.time)
+    assert taken == pytest.approx(0.7, abs=0.1), "at about the demonstrated pace"
+
+
+def test_a_field_of_the_state_alone_stalls_where_the_demonstrations_rest(model, policy):
+    """Why there is a phase: plain regression of the attractor on position and velocity asks for no motion at the start."""
+    rest = np.array([*policy.state[0, :2], 0.0, 0.0])
+    attractor, _ = regress(model.mixture_.product([lift(frame) for frame in WORLD]), rest[None], [1, 2, 3, 4], [5, 6])
+    assert np.linalg.norm(attractor[0] - rest[:2]) < 0.02
+    assert np.linalg.norm(policy.run(rest[:2], [0.0, 0.0], duration=4.0).position[-1] - policy.goal) < 1e-3
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_it_comes_to_the_goal_from_any_start(policy, seed):
+    rng = np.random.default_rng(seed)
+    size = 10.0 ** rng.uniform(-2, 2)
+    run = policy.run(rng.normal(0.0, size, 2), rng.normal(0.0, size, 2), duration=40.0, step=0.01)
+    assert np.linalg.norm(run.position[-1] - policy.goal) < 1e-6 and np.linalg.norm(run.velocity[-1]) < 1e-6
+
+
+def test_the_phase_never_stands_still_nor_goes_back(policy):
+    rng = np.random.default_rng(4)
+    run = policy.run([0.0, 0.0], [0.0, 0.0], duration=6.0, push=lambda t, x, v: rng.normal(0.0, 100.0, 2))
+    rates = np.diff(run.phase) / 0.002
+    under_way = run.phase[1:] < policy.phase[-1]
+    assert rates[under_way].min() >= policy.rule.slowest * (1 - 1e-9) and rates.max() <= policy.rule.fastest * (1 + 1e-9)
+
+
+def test_held_in_place_it_waits_and_then_goes_on(policy):
+    """Two seconds in a firm grip: a clock would be at the end of the movement."""
+    run = policy.run([0.0, 0.0], [0.0, 0.0], duration=0.8)
+    held_at = run.position[-1]
+
+    def grip(time, position, velocity):
+        return 4e3 * (held_at - position) - 120.0 * velocity if 0.8 <= time < 2.8 else np.zeros(2)
+
+    run = policy.run([0.0, 0.0], [0.0, 0.0], duration=7.0, push=grip)
+    passed = phase_at(run, 2.8) - phase_at(run, 0.8)
+    assert passed < 0.25, f"the phase went on by {passed:.2f} s"
+    after = (run.time > 2.8) & (run.phase < 1.2)
+    expected = np.column_stack([np.interp(run.phase[after], policy.phase, column) for column in policy.state[:, :2].T])
+    assert np.abs(run.position[after] - expected)[-1].max() < 0.05, "back on the demonstrated path"
+    assert np.linalg.norm(run.position[-1] - policy.goal) < 1e-3
+
+
+def test_pushed_ahead_it_skips(policy):
+    k = int(np.argmin(np.abs(policy.phase - 0.6)))
+    free = policy.run(policy.state[k, :2], policy.state[k, 2:], duration=2.0)
+    assert free.phase[0] == pytest.approx(0.6, abs=0.03), "it knows where it is"
+    ahead = policy.advance(0.5, policy.state[k, :2], policy.state[k, 2:], 0.01)
+    behind = policy.advance(0.7, policy.state[k, :2], policy.state[k, 2:], 0.01)
+    assert ahead - 0.5 > 0.015 and behind - 0.7 < 0.005
+
+
+def test_it_does_not_know_the_time(policy):
+    """The same state gives the same answer at any time: a run that is cut and begun anew goes on as it was."""
+    whole = policy.run([0.0, 0.0], [0.0, 0.0], duration=1.5)
+    phase, state = whole.phase[400], (whole.position[400], whole.velocity[400])
+    for k in range(400, 500):
+        np.testing.assert_allclose(policy.acceleration(phase, *state), whole.acceleration[k], atol=1e-9)
+        phase = policy.advance(phase, *state, 0.002)
+        state = (whole.position[k + 1], whole.velocity[k + 1])
+        assert phase == pytest.approx(whole.phase[k + 1], abs=1e-12)
+
+
+@pytest.mark.parametrize("step", [0.0005, 0.001, 0.004, 0.01])
+def test_any_rate_gives_the_same_movement(policy, step):
+    fine = policy.run([0.05, -0.05], [0.0, 0.0], duration=1.2, step=0.00025)
+    run = policy.run([0.05, -0.05], [0.0, 0.0], duration=1.2, step=step)
+    expected = np.column_stack([np.interp(run.time, fine.time, column) for column in fine.position.T])
+    assert np.abs(run.position - expected).max() < 1.5 * step
+
+
+def test_turning_and_moving_the_task_turns_and_moves_the_motion(demonstrations, policy):
+    angle, offset = 0.7, np.array([0.4, -1.1])
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    matrix = np.eye(3)
+    matrix[1:, 1:] = turn
+    frame = [TaskFrame(matrix, np.concatenate([[0.0], offset]))]
+    motions = [smooth_derivatives(STAMPS, path) for path in demonstrations]
+    run = AutonomousDSGMR(12).fit([STAMPS] * 8, motions, [WORLD] * 8).policy(frame).run(offset, [0.0, 0.0], duration=1.5)
+    expected = policy.run([0.0, 0.0], [0.0, 0.0], duration=1.5)
+    np.testing.assert_allclose(run.position, expected.position @ turn.T + offset, atol=1e-6)
+    np.testing.assert_allclose(run.phase, expected.phase, atol=1e-6)
+
+
+def test_two_frames_bring_it_to_new_goals():
+    rng = np.random.default_rng(3)
+    goals = rng.uniform([0.8, -0.4], [1.4, 0.4], (8, 2))
+    frames = [[WORLD[0], TaskFrame(np.eye(3), [0.0, *goal])] for goal in goals]
+    motions = [smooth_derivatives(STAMPS, wind_up_and_reach(rng, goal)) for goal in goals]
+    model = AutonomousDSGMR(10).fit([STAMPS] * 8, motions, frames)
+    for goal in ([1.0, 0.2], [1.3, -0.3]):
+        run = model.reproduce([WORLD[0], TaskFrame(np.eye(3), [0.0, *goal])], [0.0, 0.0], [0.0, 0.0], duration=5.0)
+        assert np.linalg.norm(run.position[-1] - goal) < 0.03
+
+
+def test_bad_input_is_named(model, policy, demonstrations):
+    with pytest.raises(ValueError, match="position must have length 2|position"):
+        policy.advance(0.0, [0.0, 0.0, 0.0], [0.0, 0.0], 0.01)
+    with pytest.raises(ValueError, match="velocity"):
+        policy.locate([0.0, 0.0], [np.nan, 0.0])
+    with pytest.raises(ValueError, match="either side of 1"):
+        PhaseRule(slowest=1.5)
+    with pytest.raises(ValueError, match="slowest"):
+        PhaseRule(slowest=0.0)
+    with pytest.raises(ValueError, match="call fit first"):
+        AutonomousDSGMR(3).policy(WORLD)
+    with pytest.raises(ValueError, match="as many"):
+        AutonomousDSGMR(3).fit([STAMPS], [], [WORLD])
+    mixed = np.eye(3)
+    mixed[1, 0] = 0.5
+    with pytest.raises(ValueError, match="mixes time"):
+        lift(TaskFrame(mixed, np.zeros(3)))
