@@ -1,5 +1,7 @@
 """What all nodes share: the spin loop, parameters from config/ with their descriptions, diagnostics, quality of service."""
 
+import signal
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -11,6 +13,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
 
 from dart_skill.configuration import node_parameters
 
@@ -96,16 +99,40 @@ def make_executor():
     return EventsExecutor()
 
 
+class _Interrupts:
+    """SIGINT and SIGTERM end the spin loop between two callbacks: rclpy's own handlers invalidate the context at once, in the middle of
+    a callback that still publishes. A second one, when the first did not help, interrupts whatever is running.
+    """
+
+    PATIENCE = 1.0  # seconds in which one Ctrl-C may arrive twice: from the terminal, and forwarded by whoever started the node
+
+    def __init__(self):
+        self._first: float | None = None
+        for signal_number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(signal_number, self._on_signal)
+
+    def __bool__(self) -> bool:
+        return self._first is not None
+
+    def _on_signal(self, *_) -> None:
+        now = time.monotonic()
+        if self._first is None:
+            self._first = now
+        elif now - self._first > self.PATIENCE:
+            raise KeyboardInterrupt
+
+
 def run(make_nodes: Callable[[], list[Node]], args: list[str] | None = None) -> None:
     """Main function of every executable: start nodes, spin until told to stop, shut down in order."""
-    rclpy.init(args=args)
+    interrupts = _Interrupts()
+    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     nodes: list[Node] = []
     try:
         executor = make_executor()
         nodes = make_nodes()
         for node in nodes:
             executor.add_node(node)
-        while rclpy.ok():
+        while rclpy.ok() and not interrupts:
             executor.spin_once(timeout_sec=0.1)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass

@@ -354,6 +354,10 @@ class _DynamicsOnly:
 class _Client(BulletClient):
     """BulletClient looks every function up, and wraps it, at each call; this one remembers."""
 
+    # What BulletClient's destructor asks for, even when an interrupt (Ctrl-C) ended the constructor before there was a connection.
+    _client = -1
+    _pid = -1
+
     def __getattr__(self, name: str):
         function = super().__getattr__(name)
         self.__dict__[name] = function

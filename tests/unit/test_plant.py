@@ -1,8 +1,11 @@
 """The simulated world against independent mechanics: Pinocchio for the arm, Runge-Kutta for the ball, statistics for the hand."""
 
+import gc
+import sys
 from dataclasses import replace
 
 import numpy as np
+import pybullet
 import pytest
 from scipy.spatial.transform import Rotation
 
@@ -13,7 +16,7 @@ from dart_skill.robot.command import Command, Grip
 from dart_skill.robot.description import wam_description
 from dart_skill.robot.model import ArmModel
 from dart_skill.simulation.basket import Basket
-from dart_skill.simulation.plant import PlantSettings, PlantState
+from dart_skill.simulation.plant import PlantSettings, PlantState, _connect
 
 WAM = wam_description()
 STEP = 0.002
@@ -583,3 +586,18 @@ def test_settings_come_from_the_parameters_of_the_node():
     for bad in ([0.0] * 6, [np.nan] * 7):
         with pytest.raises(ValueError, match="start_posture"):
             PlantSettings.from_parameters({**parameters, "start_posture": bad})
+
+
+def test_an_interrupt_while_the_physics_server_starts_leaves_nothing_to_complain_about(monkeypatch):
+    """Ctrl-C in the constructor of the client: its destructor ran on an object that had no connection yet."""
+
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    complaints = []
+    monkeypatch.setattr(pybullet, "connect", interrupted)
+    monkeypatch.setattr(sys, "unraisablehook", complaints.append)
+    with pytest.raises(KeyboardInterrupt):
+        _connect()
+    gc.collect()
+    assert complaints == []
