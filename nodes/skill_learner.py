@@ -12,6 +12,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from dart_skill.recording import BagError, read_demonstrations
 from dart_skill.skill.configuration import configuration
 from dart_skill.skill.model_file import load_model, save_model
+from dart_skill.skill.practice import Practice, PracticeSettings
 from dart_skill.skill.throwing import ThrowingSkill, Unreachable, learn
 from dart_skill.skill.views import component_ellipsoids
 from dart_skill_nodes import conversions
@@ -20,6 +21,8 @@ from dart_skill_nodes.support import LATCHED, OK, WALL, WARN, Diagnostics, Param
 TABLE = [
     Parameter("frame_id", "frame of demonstrations and plans"),
     Parameter("configuration", "name of the skill's configuration"),
+    Parameter("practice_capacity", "demonstrations and trials that are remembered, 0: all", 0, 100_000),
+    Parameter("practice_forget", "which trial goes when the memory is full: oldest or crowded"),
     Parameter("heartbeat_period", "of ~/heartbeat [s, wall clock]", 0.01, 1.0),
 ]
 
@@ -32,7 +35,8 @@ class SkillLearner(Node):
         self.p = declare(self, "skill_learner.yaml", TABLE)
         self._heard: dict[str, object] = {}
         self._skill: ThrowingSkill | None = None
-        self._demonstrations: list = []
+        self._practice: Practice | None = None
+        self._memory = PracticeSettings(self.p["practice_capacity"], self.p["practice_forget"])
         self.create_subscription(Demonstration, "/demonstrations", self._on_demonstration, LATCHED)
         self._markers = self.create_publisher(MarkerArray, "~/model", LATCHED)
         self.create_service(Learn, "~/learn", self._on_learn)
@@ -79,7 +83,7 @@ class SkillLearner(Node):
 
     def _take(self, demonstrations: list, chosen) -> None:
         self._skill = learn(demonstrations, chosen)
-        self._demonstrations = demonstrations
+        self._practice = Practice(demonstrations, chosen, self._memory)
         self._publish_markers()
 
     def _on_plan(self, request, response):
@@ -96,19 +100,32 @@ class SkillLearner(Node):
 
     def _on_add_trial(self, request, response):
         try:
+            if self._practice is None:
+                raise ValueError("nothing is learned yet: call ~/learn, or ~/load a model, before trials are added")
             trial = self._checked(request.trial)
-            chosen = self._skill.configuration if self._skill else configuration(self.p["configuration"])
-            self._take([*self._demonstrations, trial], chosen)
-            response.success, response.demonstrations = True, len(self._demonstrations)
+            verdict = self._practice.add(trial)
+            if verdict.kept:
+                self._learn_again(trial.id)
+            forgotten = f"forgotten: {', '.join(verdict.forgotten)}" if verdict.forgotten else ""
+            response.success, response.message = verdict.kept, verdict.reason or forgotten
+            response.demonstrations = len(self._practice.demonstrations)
         except ValueError as error:
             response.success, response.message = False, str(error)
         return response
+
+    def _learn_again(self, trial_id: str) -> None:
+        try:
+            self._skill = learn(self._practice.demonstrations, self._practice.configuration)
+        except ValueError as error:
+            self._practice.withdraw(trial_id, str(error))
+            raise
+        self._publish_markers()
 
     def _on_save(self, request, response):
         try:
             if self._skill is None:
                 raise ValueError("nothing is learned yet: there is no model to save")
-            save_model(request.path, self._demonstrations, self._skill.configuration)
+            save_model(request.path, self._practice.demonstrations, self._skill.configuration)
             response.success, response.model_id = True, self._skill.model_id
         except (ValueError, OSError) as error:
             response.success, response.message = False, str(error)
@@ -144,9 +161,9 @@ class SkillLearner(Node):
         self._markers.publish(array)
 
     def _describe(self):
-        values = {"heard": len(self._heard), "learned_from": len(self._demonstrations)}
         if self._skill is None:
-            return WARN, "nothing learned yet", values
+            return WARN, "nothing learned yet", {"heard": len(self._heard)}
+        values = {"heard": len(self._heard), "learned_from": len(self._practice.demonstrations), "kept_out": len(self._practice.kept_out)}
         return OK, "ready to plan", {**values, "model_id": self._skill.model_id}
 
 

@@ -2,7 +2,9 @@
 (thesis 7.5 and 8).
 """
 
+from .alignment import Fit, check_alignment
 from .attractor import attractor_from_motion, critical_damping, follow_attractor
+from .autonomous import AutonomousDSGMR, AutonomousPolicy, PhaseRule, StateDriven
 from .differentiation import Motion, estimate_noise, smooth_derivatives
 from .ds_gmr import DSGMR, Reproduction
 from .frames import (
@@ -16,6 +18,7 @@ from .frames import (
     start_frame,
     target_frame,
 )
+from .locality import WidthChoice, choose_width, gaussian_weights, nearest_weights
 from .orientation import (
     angles_from_quaternions,
     angular_velocity,
@@ -32,16 +35,23 @@ from .orientation import (
     turn_about_z,
 )
 from .segmentation import Segment, VelocityThreshold, segment_containing, speed
+from .stiffness import critical_damping_matrix, hold_to, stiffness_from_covariance
 from .task_parameterised import TaskParameterisedMixture
 
 __all__ = [
+    "AutonomousDSGMR",
+    "AutonomousPolicy",
     "DSGMR",
+    "Fit",
     "Motion",
+    "PhaseRule",
     "Reproduction",
     "Segment",
+    "StateDriven",
     "TaskFrame",
     "TaskParameterisedMixture",
     "VelocityThreshold",
+    "WidthChoice",
     "angles_from_quaternions",
     "angular_velocity",
     "attractor_from_motion",
@@ -49,14 +59,20 @@ __all__ = [
     "azimuth_of",
     "azimuth_target_frame",
     "base_frame",
+    "check_alignment",
+    "choose_width",
     "conjugate",
     "critical_damping",
+    "critical_damping_matrix",
     "estimate_noise",
     "features",
     "follow_attractor",
     "from_matrices",
+    "gaussian_weights",
+    "hold_to",
     "make_continuous",
     "multiply",
+    "nearest_weights",
     "normalise",
     "pointing_angles",
     "pointing_at",
@@ -67,6 +83,7 @@ __all__ = [
     "smooth_derivatives",
     "speed",
     "start_frame",
+    "stiffness_from_covariance",
     "target_frame",
     "to_matrices",
     "turn_about_z",

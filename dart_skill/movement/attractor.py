@@ -6,8 +6,10 @@ step has a closed form (matrix exponential), so the result is exact and stable a
 """
 
 import numpy as np
+
+# Its parts load on first use: together they would take most of the time of this package's import.
+import scipy
 from numpy.typing import ArrayLike
-from scipy.linalg import expm
 
 from ..mixture._checks import as_finite, as_number, as_samples, as_vector
 from .differentiation import Motion
@@ -83,7 +85,7 @@ def discretise(step: float, stiffness: float, damping: float) -> tuple[np.ndarra
     generator = np.zeros((4, 4))
     generator[:2] = step * np.array([[0.0, w, 0.0, 0.0], [-w, -damping, w, 0.0]])
     generator[2, 3] = 1.0
-    flow = expm(generator)
+    flow = scipy.linalg.expm(generator)
     return flow[:2, :2], flow[:2, 2] - flow[:2, 3], flow[:2, 3]
 
 
@@ -92,11 +94,11 @@ def _respond(attractor: np.ndarray, step: float, start: np.ndarray, stiffness: f
     transition, now, later = discretise(step, stiffness, damping)
     units = np.array([1.0, np.sqrt(stiffness)])[:, None]
     forcing = np.multiply.outer(now, attractor[:-1]) + np.multiply.outer(later, attractor[1:])
-    state = _recur(transition, np.concatenate([(start / units)[:, None], forcing], axis=1))
+    state = recur(transition, np.concatenate([(start / units)[:, None], forcing], axis=1))
     return state[0], units[1] * state[1]
 
 
-def _recur(transition: np.ndarray, forcing: np.ndarray) -> np.ndarray:
+def recur(transition: np.ndarray, forcing: np.ndarray) -> np.ndarray:
     """s (2, n, d) with s[:, k] = F s[:, k - 1] + forcing[:, k], by doubling: after pass j, each step has
     summed 2^j of them.
     """

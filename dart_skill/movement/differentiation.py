@@ -6,12 +6,13 @@ the unbiased estimate of the risk (Mallows; Craven and Wahba 1978), RSS + 2 sigm
 estimated noise sigma; without noise the fit is plain least squares and exact on polynomials up to degree 5.
 """
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy import sparse
-from scipy.linalg import cho_solve_banded, cholesky_banded, eigh, solve_triangular
 
 from ..mixture._checks import as_finite, as_samples
 from ._time import as_stamps
@@ -113,10 +114,10 @@ def _risk(stamps: np.ndarray, samples: np.ndarray, penalties: np.ndarray) -> np.
     """
     basis, samples = _QuinticBasis(stamps), samples - quadratic_trend(stamps, samples)
     factor = np.linalg.cholesky(basis.gram.toarray())
-    half = solve_triangular(factor, basis.roughness.toarray(), lower=True)
-    roughness = solve_triangular(factor, half.T, lower=True)
-    values, vectors = eigh(0.5 * (roughness + roughness.T))
-    projected = vectors.T @ solve_triangular(factor, basis.design.T @ samples, lower=True)
+    half = scipy.linalg.solve_triangular(factor, basis.roughness.toarray(), lower=True)
+    roughness = scipy.linalg.solve_triangular(factor, half.T, lower=True)
+    values, vectors = scipy.linalg.eigh(0.5 * (roughness + roughness.T))
+    projected = vectors.T @ scipy.linalg.solve_triangular(factor, basis.design.T @ samples, lower=True)
     kept = 1.0 / (1.0 + penalties[:, None] * np.maximum(values, 0.0))
     return np.square(1.0 - kept) @ np.square(projected).sum(1) + 2.0 * samples.shape[1] * kept.sum(1)
 
@@ -128,12 +129,9 @@ def quadratic_trend(stamps: np.ndarray, samples: np.ndarray) -> np.ndarray:
     return orthonormal @ (orthonormal.T @ samples)
 
 
-def _design_matrix(stamps: np.ndarray, knots: np.ndarray, degree: int) -> sparse.csr_array:
+def _design_matrix(stamps: np.ndarray, knots: np.ndarray, degree: int) -> scipy.sparse.csr_array:
     """Values (n, m) of the B-splines on the knots at the stamps (n,)."""
-    # Imported on first use: it would add a quarter to the import time of this package.
-    from scipy.interpolate import BSpline
-
-    return BSpline.design_matrix(stamps, knots, degree)
+    return scipy.interpolate.BSpline.design_matrix(stamps, knots, degree)
 
 
 class _QuinticBasis:
@@ -150,18 +148,18 @@ class _QuinticBasis:
         self.gram = (self.design.T @ self.design).tocsc()
         self.roughness = self._roughness()
 
-    def _derivative(self, order: int) -> tuple[sparse.csc_matrix, np.ndarray]:
+    def _derivative(self, order: int) -> tuple[scipy.sparse.csc_matrix, np.ndarray]:
         """Matrix from coefficients to those of the derivative, and the knots of the latter."""
-        matrix, knots = sparse.identity(self.n_functions, format="csc"), self.knots
+        matrix, knots = scipy.sparse.identity(self.n_functions, format="csc"), self.knots
         for degree in range(DEGREE, DEGREE - order, -1):
             knots = knots[1:-1]
             factor = degree / (knots[degree:] - knots[:-degree])
             n = len(factor)
-            step = sparse.diags([-factor, factor], [0, 1], shape=(n, n + 1), format="csc")
+            step = scipy.sparse.diags([-factor, factor], [0, 1], shape=(n, n + 1), format="csc")
             matrix = step @ matrix
         return matrix, knots
 
-    def _roughness(self) -> sparse.csc_matrix:
+    def _roughness(self) -> scipy.sparse.csc_matrix:
         """integral B'''(t) B'''(t)' dt; three Gauss points are exact for the product of two quadratics."""
         breaks = np.unique(self.knots)
         nodes, node_weights = np.polynomial.legendre.leggauss(3)
@@ -184,7 +182,7 @@ class _QuinticBasis:
     def _solve(self, samples: np.ndarray, penalty: float) -> np.ndarray:
         system = self.gram + penalty * self.roughness
         bands = np.stack([np.pad(system.diagonal(-offset), (0, offset)) for offset in range(DEGREE + 1)])
-        return cho_solve_banded((cholesky_banded(bands, lower=True), True), self.design.T @ samples)
+        return scipy.linalg.cho_solve_banded((scipy.linalg.cholesky_banded(bands, lower=True), True), self.design.T @ samples)
 
     def evaluate(self, coefficients: np.ndarray, stamps: np.ndarray, order: int) -> np.ndarray:
         """Derivative of the given order (n, d) at stamps (n,)."""

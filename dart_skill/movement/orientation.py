@@ -11,14 +11,22 @@ roll = 0. With |beta| < 90 degrees the three angles are unique up to full turns 
 vary continuously. Quaternions are rows x, y, z, w; angles are radians.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 from ..mixture._checks import as_finite, as_samples
 from ._time import as_stamps
 
-HAND_TO_POINTING = Rotation.from_euler("y", 90, degrees=True)
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
+# A quarter turn about y.
+HAND_TO_POINTING = np.sqrt(0.5) * np.array([0.0, 1.0, 0.0, 1.0])
 
 
 def normalise(quaternions: ArrayLike) -> np.ndarray:
@@ -67,12 +75,12 @@ def conjugate(quaternions: ArrayLike) -> np.ndarray:
 
 def rotate(quaternions: ArrayLike, vectors: ArrayLike) -> np.ndarray:
     """Vectors (n, 3) rotated by quaternions (n, 4); one of either against many of the other is allowed."""
-    return Rotation.from_quat(normalise(quaternions)).apply(as_samples(vectors, "vectors", 3))
+    return _rotation(normalise(quaternions)).apply(as_samples(vectors, "vectors", 3))
 
 
 def to_matrices(quaternions: ArrayLike) -> np.ndarray:
     """Rotation matrices (n, 3, 3)."""
-    return Rotation.from_quat(normalise(quaternions)).as_matrix()
+    return _rotation(normalise(quaternions)).as_matrix()
 
 
 def from_matrices(matrices: ArrayLike) -> np.ndarray:
@@ -84,7 +92,7 @@ def from_matrices(matrices: ArrayLike) -> np.ndarray:
     wrong = (error > 1e-6) | (np.linalg.det(matrices) < 0)
     if wrong.any():
         raise ValueError(f"matrix {int(wrong.argmax())} is not a rotation (orthogonal with determinant 1)")
-    return make_continuous(Rotation.from_matrix(matrices).as_quat())
+    return make_continuous(scipy.spatial.transform.Rotation.from_matrix(matrices).as_quat())
 
 
 def turn_about_z(quaternions: ArrayLike, angle: float) -> np.ndarray:
@@ -122,9 +130,9 @@ def angles_from_quaternions(quaternions: ArrayLike, alpha_near: float = np.pi / 
     with the default, a hand that starts behind and below the horizontal (alpha up to 270 degrees) gets the
     same branch in every demonstration. Near |beta| = 90 degrees alpha and roll are ill-defined.
     """
-    hand = Rotation.from_quat(normalise(quaternions))
+    hand = _rotation(normalise(quaternions))
     alpha, beta = pointing_angles(hand.apply([0.0, 0.0, 1.0])).T
-    rest = (_pointing_rotation(alpha, beta).inv() * hand * HAND_TO_POINTING.inv()).as_matrix()
+    rest = (_pointing_rotation(alpha, beta).inv() * hand * _rotation(HAND_TO_POINTING).inv()).as_matrix()
     roll = np.arctan2(rest[:, 2, 1], rest[:, 1, 1])
     return np.stack([_unwrap_near(alpha, alpha_near), beta, _unwrap_near(roll, roll_near)], axis=1)
 
@@ -134,16 +142,20 @@ def quaternions_from_angles(angles: ArrayLike) -> np.ndarray:
     (n, 3).
     """
     alpha, beta, roll = as_samples(angles, "angles", 3).T
-    hand = _pointing_rotation(alpha, beta) * Rotation.from_euler("x", roll[:, None]) * HAND_TO_POINTING
+    hand = _pointing_rotation(alpha, beta) * _turn("x", roll) * _rotation(HAND_TO_POINTING)
     return make_continuous(hand.as_quat())
 
 
 def _pointing_rotation(alpha: np.ndarray, beta: np.ndarray) -> Rotation:
-    return Rotation.from_euler("y", -alpha[:, None]) * Rotation.from_euler("z", beta[:, None])
+    return _turn("y", -alpha) * _turn("z", beta)
+
+
+def _rotation(quaternions: np.ndarray) -> Rotation:
+    return scipy.spatial.transform.Rotation.from_quat(quaternions)
 
 
 def _turn(axis: str, angles: np.ndarray) -> Rotation:
-    return Rotation.from_euler(axis, angles[:, None])
+    return scipy.spatial.transform.Rotation.from_euler(axis, angles[:, None])
 
 
 def _unwrap_near(angles: np.ndarray, near: float) -> np.ndarray:
@@ -160,7 +172,7 @@ def angular_velocity(time: ArrayLike, quaternions: ArrayLike) -> np.ndarray:
     """
     quaternions = normalise(quaternions)
     time = as_stamps(time, len(quaternions), 2)
-    hand = Rotation.from_quat(quaternions)
+    hand = _rotation(quaternions)
     rates = (hand[1:] * hand[:-1].inv()).as_rotvec() / np.diff(time)[:, None]
     if len(rates) == 1:
         return np.repeat(rates, 2, axis=0)

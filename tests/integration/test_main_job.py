@@ -2,10 +2,11 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from dart_skill_msgs.srv import Learn, ModelFile, PlanThrow
+from dart_skill_msgs.srv import AddTrial, Learn, ModelFile, PlanThrow
 
 from dart_skill.experiments.session import Session
 from dart_skill.experiments.targets import targets_for
@@ -13,7 +14,7 @@ from dart_skill.recording import BagReader, read_demonstrations
 from dart_skill.robot.throw_plan import same_plan
 from dart_skill.skill.throwing import learn
 from dart_skill_nodes import conversions
-from dart_skill_nodes.coaching import Coach
+from dart_skill_nodes.coaching import Coach, GraphFailure
 from dart_skill_nodes.graph import Graph
 
 SEED, SHOWN = 0, 3
@@ -124,6 +125,34 @@ def test_a_saved_model_loads_in_a_fresh_learner_and_plans_the_same(over_dds, ros
             plans.append(coach.call(clients["plan_throw"], request).plan)
             coach.close()
     assert plans[0] == plans[1]
+
+
+def test_a_trial_is_added_to_what_is_learned_and_a_strange_one_is_kept_out(over_dds, ros, tmp_path):
+    shown = read_demonstrations(over_dds["bag"])
+    request = PlanThrow.Request(target=conversions.point(TO_THROW[0]))
+    request.header.frame_id = "world"
+    with Graph(tmp_path / "logs") as graph:
+        coach = Coach(graph.dead, name="coach_of_trials")
+        graph.start("skill_learner")
+        kinds = {"learn": Learn, "plan_throw": PlanThrow, "add_trial": AddTrial}
+        clients = {name: coach.node.create_client(kind, f"/skill_learner/{name}") for name, kind in kinds.items()}
+
+        def add(one):
+            trial = AddTrial.Request(trial=conversions.demonstration_msg(one))
+            return coach.call(clients["add_trial"], trial)
+
+        with pytest.raises(GraphFailure, match="nothing is learned yet"):
+            add(shown[0])
+        coach.call(clients["learn"], Learn.Request(bag=str(over_dds["bag"])))
+        before = coach.call(clients["plan_throw"], request).plan
+        with pytest.raises(GraphFailure, match="already"):
+            add(shown[0])
+        with pytest.raises(GraphFailure, match="did not start in this hand"):
+            add(replace(shown[0], id="elsewhere", hand_position=shown[0].hand_position + [0.0, 0.0, 0.5]))
+        assert coach.call(clients["plan_throw"], request).plan == before, "what is kept out changes nothing"
+        assert add(replace(shown[0], id="trial_1")).demonstrations == SHOWN + 1
+        assert coach.call(clients["plan_throw"], request).plan.model_id != before.model_id
+        coach.close()
 
 
 def test_the_bag_holds_what_the_sensors_saw_and_opens_without_ros(over_dds):

@@ -1,0 +1,119 @@
+"""The memory of practice: trials relabelled with where they landed, strange ones kept out, a full memory that forgets."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dart_skill.skill.configuration import DEFAULT
+from dart_skill.skill.practice import Practice, PracticeSettings
+from dart_skill.skill.throwing import learn
+
+
+def trial_like(demonstration, name, **changes):
+    return replace(demonstration, id=name, **changes)
+
+
+def bulged(demonstration, name, size):
+    """The same throw and flight, but hand and ball swerve sideways on the way to the release."""
+
+    def moved(time, position):
+        share = np.clip((time - demonstration.motion_start) / (demonstration.hand_opened - 0.15 - demonstration.motion_start), 0.0, 1.0)
+        return position + size * np.sin(np.pi * share)[:, None] ** 2 * np.array([0.0, 1.0, 0.0])
+
+    hand = moved(demonstration.hand_time, demonstration.hand_position)
+    ball = moved(demonstration.ball_time, demonstration.ball_position)
+    return replace(demonstration, id=name, hand_position=hand, ball_position=ball)
+
+
+def test_a_trial_is_a_demonstration_of_where_it_landed(demonstrations):
+    """The basket stood elsewhere: with the place where the ball came down the trial is as good as any."""
+    aimed_wrong = trial_like(demonstrations[0], "trial_1", target=demonstrations[0].target + [0.3, 0.2, 0.0])
+    practice = Practice(demonstrations[1:])
+    assert practice.add(aimed_wrong).kept
+    skill, expected = learn(practice.demonstrations), learn([*demonstrations[1:], demonstrations[0]])
+    target = demonstrations[2].target
+    np.testing.assert_array_equal(skill.plan(target).path.position, expected.plan(target).path.position)
+
+
+def test_a_trial_like_the_others_is_kept(demonstrations):
+    practice = Practice(demonstrations[:-1])
+    verdict = practice.add(trial_like(demonstrations[-1], "trial_1"))
+    assert verdict.kept and not verdict.reason and not practice.kept_out
+    assert [one.id for one in practice.demonstrations][-1] == "trial_1"
+
+
+def test_a_trial_that_does_not_resemble_the_demonstrations_is_kept_out_and_reported(demonstrations):
+    practice = Practice(demonstrations)
+    verdict = practice.add(bulged(demonstrations[3], "trial_1", 0.15))
+    assert not verdict.kept and "trial trial_1 does not resemble" in verdict.reason and "strays" in verdict.reason
+    assert practice.kept_out == {"trial_1": verdict.reason}
+    assert len(practice.demonstrations) == len(demonstrations)
+    assert practice.add(bulged(demonstrations[3], "trial_2", 0.003)).kept, "a small swerve is no crime"
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda d: replace(d, id="t", ball_time=d.ball_time[:5], ball_position=d.ball_position[:5]), "no free flight|ball"),
+        (lambda d: replace(d, id="t", hand_position=d.hand_position + [0.0, 0.0, 0.5]), "did not start in this hand"),
+        (lambda d: d, "already"),
+    ],
+)
+def test_a_trial_that_cannot_be_read_is_kept_out_with_the_reason(demonstrations, spoil, message):
+    practice = Practice(demonstrations)
+    verdict = practice.add(spoil(demonstrations[2]))
+    assert not verdict.kept
+    with pytest.raises(AssertionError, match=message):
+        raise AssertionError(verdict.reason)
+    assert len(practice.demonstrations) == len(demonstrations)
+
+
+def filled(demonstrations, **settings):
+    """Four shown, the rest tried one by one; practice and what each trial pushed out."""
+    practice = Practice(demonstrations[:4], DEFAULT, PracticeSettings(largest_deviation=1e3, **settings))
+    return practice, [practice.add(trial_like(demonstrations[k % 4], f"trial_{k}")).forgotten for k in range(5)]
+
+
+def test_a_full_memory_forgets_the_oldest_trial_and_no_demonstration(demonstrations):
+    practice, forgotten = filled(demonstrations, capacity=6)
+    assert forgotten == [(), (), ("trial_0",), ("trial_1",), ("trial_2",)]
+    assert [one.id for one in practice.demonstrations] == [*(one.id for one in demonstrations[:4]), "trial_3", "trial_4"]
+
+
+def test_a_memory_smaller_than_what_was_shown_forgets_it_in_the_end(demonstrations):
+    practice, _ = filled(demonstrations, capacity=3)
+    assert [one.id for one in practice.demonstrations] == [demonstrations[2].id, demonstrations[3].id, "trial_4"]
+
+
+def test_crowded_forgetting_keeps_the_region_covered(demonstrations):
+    order = np.argsort([np.hypot(*one.target[:2]) for one in demonstrations])
+    near, far = demonstrations[order[0]], demonstrations[order[-1]]
+    practice = Practice(demonstrations[:4], DEFAULT, PracticeSettings(capacity=7, forget="crowded", largest_deviation=1e3))
+    for name, one in (("far_1", far), ("near", near), ("far_2", far)):
+        assert not practice.add(trial_like(one, name)).forgotten
+    assert practice.add(trial_like(far, "far_3")).forgotten == ("far_1",), "there were two more of its kind"
+
+
+def test_without_a_limit_nothing_is_forgotten(demonstrations):
+    practice, forgotten = filled(demonstrations)
+    assert forgotten == [()] * 5 and len(practice.demonstrations) == 9
+
+
+def test_bad_settings_are_named():
+    for settings, message in (
+        ({"capacity": -1}, "capacity"),
+        ({"forget": "all"}, "oldest, crowded"),
+        ({"largest_deviation": 0.0}, "positive"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            PracticeSettings(**settings)
+
+
+def test_a_trial_that_cannot_be_learned_from_is_taken_back_and_may_be_tried_again(demonstrations):
+    practice = Practice(demonstrations[:-1])
+    trial = trial_like(demonstrations[-1], "trial_1")
+    practice.add(trial)
+    practice.withdraw("trial_1", "no covariance")
+    assert practice.demonstrations == demonstrations[:-1] and practice.kept_out == {"trial_1": "no covariance"}
+    assert practice.add(trial).kept
