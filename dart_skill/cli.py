@@ -41,6 +41,12 @@ def _parser() -> argparse.ArgumentParser:
     again.add_argument("--throws", type=int, default=25, help="of each plan (default 25)")
     again.add_argument("--json", action="store_true", help="JSON instead of the table")
     again.set_defaults(run=_experiment_repeatability)
+    figure = experiments.add_parser("figure", help="a figure of the thesis, computed anew")
+    figure.add_argument("number", help="3.1, 7.1, ...; 'list' says which there are, 'all' draws every one")
+    figure.add_argument("--output", default="figures", metavar="FOLDER", help="where SVG and PNG go (default: figures)")
+    figure.add_argument("--seed", type=int, default=0)
+    figure.add_argument("--json", action="store_true", help="seed, paths and what was measured as JSON")
+    figure.set_defaults(run=_experiment_figure)
     return parser
 
 
@@ -84,3 +90,21 @@ def _experiment_repeatability(options: argparse.Namespace) -> int:
 
 if __name__ == "__main__":
     sys.exit(main())
+
+
+def _experiment_figure(options: argparse.Namespace) -> int:
+    from dart_skill.experiments import thesis
+
+    if options.number == "list":
+        titles = thesis.titles()
+        print(json.dumps(titles, indent=1) if options.json else "\n".join(f"{number}  {title}" for number, title in titles.items()))
+        return 0
+    drawn = {}
+    for number in thesis.FIGURES if options.number == "all" else [options.number]:
+        paths, measured = thesis.draw(number, options.output, options.seed)
+        drawn[number] = {"seed": options.seed, "paths": [str(path) for path in paths], "measured": measured}
+        if not options.json:
+            print(f"figure {number}, seed {options.seed}: {paths[0]}, {paths[1].name}\n  {json.dumps(measured)}")
+    if options.json:
+        print(json.dumps(drawn, indent=1))
+    return 0

@@ -14,10 +14,9 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from matplotlib.patches import Ellipse
 from matplotlib.ticker import MaxNLocator
 
-from dart_skill.experiments.figures.style import BLACK, GREY, VERMILION, house_style, quantity_colours, save
+from dart_skill.experiments.figures.style import BLACK, GREY, VERMILION, gaussian_ellipse, house_style, quantity_colours, save
 from dart_skill.movement.frames import TaskFrame, azimuth_target_frame
 from dart_skill.skill.preparation import PreparedThrow
 from dart_skill.skill.task_frames import frames_for
@@ -167,9 +166,9 @@ def _draw_view(axes: Axes, view: FrameView, plane: tuple[int, int], shades: Scal
         label = "attractor of a demonstration" if number == 1 else None
         axes.plot(path[:, across], path[:, up], color=GREY, linewidth=0.7, gid=f"{gid}_attractor_{number}", label=label, zorder=2)
     for number, (mean, covariance, time) in enumerate(zip(view.means, view.covariances, view.times, strict=True), start=1):
-        ellipse = _ellipse(mean[list(plane)], covariance[np.ix_(plane, plane)], shades.to_rgba(time))
-        ellipse.set_gid(f"{gid}_component_{number}")
-        axes.add_patch(ellipse)
+        colour = shades.to_rgba(time)
+        look = {"facecolor": (*colour[:3], 0.15), "edgecolor": colour, "linewidth": 1.2, "zorder": 2.5, "gid": f"{gid}_component_{number}"}
+        axes.add_patch(gaussian_ellipse(mean[list(plane)], covariance[np.ix_(plane, plane)], DEVIATIONS, **look))
     dots = {"linestyle": "none", "markersize": 4, "markeredgewidth": 0.6, "markeredgecolor": BLACK}
     axes.plot(*view.means[:, plane].T, "o", color="white", label="mean of a component", gid=f"{gid}_means", zorder=3, **dots)
     axes.plot(*view.releases[:, plane].T, "D", color=VERMILION, label="release", gid=f"{gid}_releases", zorder=3, **dots)
@@ -177,11 +176,3 @@ def _draw_view(axes: Axes, view: FrameView, plane: tuple[int, int], shades: Scal
     axes.xaxis.set_major_locator(MaxNLocator(6))
     axes.set_xlabel(f"{view.axes[across]} [m]")
     axes.set_ylabel(f"{view.axes[up]} [m]")
-
-
-def _ellipse(mean: np.ndarray, covariance: np.ndarray, colour: tuple[float, float, float, float]) -> Ellipse:
-    values, vectors = np.linalg.eigh(covariance)
-    width, height = 2 * DEVIATIONS * np.sqrt(np.maximum(values, 0.0))
-    angle = float(np.degrees(np.arctan2(vectors[1, 0], vectors[0, 0])))
-    look = {"facecolor": (*colour[:3], 0.15), "edgecolor": colour, "linewidth": 1.2, "zorder": 2.5}
-    return Ellipse(tuple(mean), width, height, angle=angle, **look)

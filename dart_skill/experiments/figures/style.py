@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Rectangle
+from matplotlib.patches import Circle, Ellipse, Rectangle
 
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 BLUE, VERMILION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
@@ -71,6 +71,14 @@ def basket_from_the_side(axes: Axes, along: float, rim: float, radius: float, de
     walls = ([along - radius] * 2 + [along + radius] * 2, [rim, rim - depth, rim - depth, rim])
     axes.plot(*walls, color=ORANGE, linewidth=1.2, gid="basket")
     axes.plot([along - radius, along + radius], [rim, rim], color=ORANGE, linewidth=2.2, label="basket")
+
+
+def gaussian_ellipse(mean: np.ndarray, covariance: np.ndarray, deviations: float, **look) -> Ellipse:
+    """Contour of a planar Gaussian, mean (2,) and covariance (2, 2), at so many standard deviations."""
+    values, vectors = np.linalg.eigh(covariance)
+    width, height = 2 * deviations * np.sqrt(np.maximum(values, 0.0))
+    angle = float(np.degrees(np.arctan2(vectors[1, 0], vectors[0, 0])))
+    return Ellipse(tuple(mean), width, height, angle=angle, **look)
 
 
 def unit_along(azimuth: float) -> np.ndarray:

@@ -1,0 +1,33 @@
+"""The figures of the thesis, one module each, computed anew: `dart-skill experiment figure NUMBER`.
+
+A module has TITLE and `draw(folder, seed)`, which writes the figure and returns its paths and what was measured, by name. The thesis prints
+few numbers of its experiments; where one had to be chosen, the module says so.
+"""
+
+import importlib
+from pathlib import Path
+
+FIGURES = {
+    "3.1": "figure_3_1",
+    "7.1": "figure_7_1",
+    "7.4": "figure_7_4",
+    "8.1": "figure_8_1",
+    "8.2": "figure_8_2",
+    "8.3": "figure_8_3",
+}
+
+
+def titles() -> dict[str, str]:
+    """Number and title of every figure that can be drawn."""
+    return {number: _module(number).TITLE for number in FIGURES}
+
+
+def draw(number: str, folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
+    """Write a figure into a folder; its paths, and what was measured for it."""
+    return _module(number).draw(folder, seed)
+
+
+def _module(number: str):
+    if number not in FIGURES:
+        raise ValueError(f"there is no figure {number} here: choose one of {', '.join(FIGURES)}")
+    return importlib.import_module(f"{__name__}.{FIGURES[number]}")

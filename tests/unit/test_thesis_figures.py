@@ -1,0 +1,113 @@
+"""The figures of the thesis, computed anew: what they show holds, and the same seed gives the same bytes."""
+
+import json
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from dart_skill.cli import main
+from dart_skill.experiments import thesis
+from dart_skill.experiments.thesis import dart_throws as darts
+from dart_skill.experiments.thesis import figure_3_1, figure_7_1, figure_7_4, figure_8_1, figure_8_3
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+@pytest.fixture
+def fewer_runs(monkeypatch):
+    monkeypatch.setattr(figure_8_3, "N_SEEDS", 2)
+    monkeypatch.setattr(figure_8_3, "N_ATTEMPTS", 6)
+
+
+@pytest.mark.parametrize("number", thesis.FIGURES)
+def test_the_same_seed_gives_the_same_bytes_and_the_units_are_on_the_axes(number, tmp_path, fewer_runs):
+    paths, measured = thesis.draw(number, tmp_path / "once")
+    again, measured_again = thesis.draw(number, tmp_path / "again")
+    assert [path.suffix for path in paths] == [".svg", ".png"]
+    assert [path.read_bytes() for path in paths] == [path.read_bytes() for path in again]
+    assert measured == measured_again and json.loads(json.dumps(measured)) == measured
+    texts = ["".join(element.itertext()) for element in ElementTree.parse(paths[0]).getroot().iter(f"{SVG}text")]
+    assert any("[" in text for text in texts) or number in ("3.1", "5.1", "5.2", "5.3"), f"no unit on any axis: {texts}"
+
+
+def test_regression_retrieves_what_the_demonstrations_share_and_how_much_they_differ():
+    """Figure 3.1: the demonstrations cross in the middle, so that is where the retrieved spread is smallest."""
+    data = figure_3_1.compute()
+    assert figure_3_1.measured(data)["rms_error_over_range"] < 0.03
+    demonstrated = np.interp(data.grid, data.x1[0], data.x2.std(0))
+    assert np.corrcoef(data.deviation, demonstrated)[0, 1] > 0.7
+    assert data.deviation[90:110].mean() < 0.5 * min(data.deviation[:20].mean(), data.deviation[-20:].mean())
+
+
+def test_a_clock_cuts_through_the_ball_and_a_state_does_not():
+    """Figure 7.1: the finger is held for 1.4 s; the pull of a PD controller is that of the whole error that grew meanwhile."""
+    clock, state = figure_7_1.by_the_clock(), figure_7_1.by_the_state()
+    grown = figure_7_1.surface(np.array([figure_7_1.LET_GO])).position - figure_7_1.surface(np.array([figure_7_1.HELD])).position
+    assert clock.greatest_pull == pytest.approx(figure_7_1.STIFFNESS * np.linalg.norm(grown), rel=0.1)
+    assert clock.depth > 0.5 * figure_7_1.RADIUS and state.depth < 0.03 * figure_7_1.RADIUS
+    assert state.greatest_pull < 0.25 * clock.greatest_pull
+    for run in (clock, state):
+        np.testing.assert_allclose(run.path[-1], [figure_7_1.RADIUS, 0.0], atol=0.002, err_msg="both arrive in the end")
+
+
+def test_the_asked_motion_is_consistent_with_its_derivatives():
+    time = np.linspace(0.0, figure_7_1.DURATION, 3001)
+    motion = figure_7_1.surface(time)
+    step = time[1]
+    np.testing.assert_allclose(np.gradient(motion.position, step, axis=0)[2:-2], motion.velocity[2:-2], atol=1e-6)
+    np.testing.assert_allclose(np.gradient(motion.velocity, step, axis=0)[2:-2], motion.acceleration[2:-2], atol=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_peg_enters_new_holes_as_straight_as_the_demonstrations_do(seed):
+    """Figure 7.4."""
+    demonstrations, _, new = figure_7_4.compute(seed)
+    numbers = figure_7_4.measured(demonstrations, new)
+    assert numbers["reproduced"]["largest_miss_mm"] < 5.0, numbers
+    assert numbers["reproduced"]["largest_tilt_deg"] < 15.0, numbers
+
+
+def test_a_dart_flies_as_a_projectile_from_where_the_hand_lets_go():
+    throw = darts.demonstrate(1, np.random.default_rng(3))[0]
+    flight = throw.flight(1001)
+    np.testing.assert_allclose(flight[0], throw.position[-1])
+    np.testing.assert_allclose(flight[-1], throw.hit)
+    assert throw.hit[0] == pytest.approx(darts.BOARD_DISTANCE)
+    duration = darts.time_to_board(throw.position[-1], throw.velocity[-1])
+    rise = throw.velocity[-1, 2] * duration - 0.5 * darts.GRAVITY * duration**2
+    assert throw.hit[2] - throw.position[-1, 2] == pytest.approx(rise)
+
+
+def test_a_static_attractor_is_found_again_by_7_20():
+    throw = darts.demonstrate(1, np.random.default_rng(0))[0]
+    assert np.ptp(throw.attractor, axis=0).max() < 1e-9
+
+
+def test_new_aims_are_hit_and_practice_at_one_aim_makes_it_better():
+    """Figures 8.1 and 8.3."""
+    assert figure_8_1.measured(figure_8_1.compute()[2])["median_error_mm"] < 5.0
+    runs = np.array([figure_8_3.errors(seed, one_aim=True) for seed in range(4)])
+    assert np.median(runs[:, -3:]) < 0.5 * np.median(runs[:, :3])
+
+
+def test_a_dart_thrown_backwards_never_arrives_and_is_not_learned_from(monkeypatch):
+    aim = np.array([darts.BOARD_DISTANCE, 0.0, darts.BOARD_HEIGHT])
+    backwards = darts.thrown(np.tile(darts.SHOULDER - [1.0, 0.0, 0.0], (len(darts.stamps()), 1)), aim)
+    assert not backwards.arrived and backwards.error == np.inf
+    learned_from = []
+    monkeypatch.setattr(darts, "learn", lambda throws, _: learned_from.append(len(throws)))
+    monkeypatch.setattr(darts, "throw_at", lambda model, aim: backwards)
+    assert len(darts.practise(darts.demonstrate(3, np.random.default_rng(0)), np.tile(aim, (2, 1)))) == 2
+    assert learned_from == [3, 3]
+
+
+def test_figures_on_the_command_line(tmp_path, capsys):
+    assert main(["experiment", "figure", "list"]) == 0
+    listed = capsys.readouterr().out
+    assert all(number in listed for number in thesis.FIGURES)
+    assert main(["experiment", "figure", "7.4", "--output", str(tmp_path), "--seed", "2", "--json"]) == 0
+    drawn = json.loads(capsys.readouterr().out)["7.4"]
+    assert drawn["seed"] == 2 and (tmp_path / "figure_7_4.svg").exists()
+    assert main(["experiment", "figure", "9.9"]) == 1
+    assert "there is no figure 9.9 here: choose one of 3.1" in capsys.readouterr().err
