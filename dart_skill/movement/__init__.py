@@ -1,5 +1,5 @@
-"""Movements: attractors, task frames, task-parameterised mixtures, DS-GMR, orientation and segmentation
-(thesis 7.5 and 8).
+"""Movements: attractors, task frames, task-parameterised mixtures, DS-GMR, movement primitives, orientation and segmentation
+(thesis 7 and 8).
 """
 
 from .alignment import Fit, check_alignment
@@ -34,6 +34,7 @@ from .orientation import (
     to_matrices,
     turn_about_z,
 )
+from .primitives import DiscretePrimitive, Execution, PrimitiveState, RhythmicPrimitive, Trajectory
 from .segmentation import Segment, VelocityThreshold, segment_containing, speed
 from .stiffness import critical_damping_matrix, hold_to, stiffness_from_covariance
 from .task_parameterised import TaskParameterisedMixture
@@ -42,14 +43,19 @@ __all__ = [
     "AutonomousDSGMR",
     "AutonomousPolicy",
     "DSGMR",
+    "DiscretePrimitive",
+    "Execution",
     "Fit",
     "Motion",
     "PhaseRule",
+    "PrimitiveState",
     "Reproduction",
+    "RhythmicPrimitive",
     "Segment",
     "StateDriven",
     "TaskFrame",
     "TaskParameterisedMixture",
+    "Trajectory",
     "VelocityThreshold",
     "WidthChoice",
     "angles_from_quaternions",

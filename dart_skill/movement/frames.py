@@ -135,6 +135,7 @@ def features(time: ArrayLike, positions: ArrayLike, quaternions: ArrayLike, azim
     """
     positions = as_samples(positions, "positions", 3)
     time = as_stamps(time, len(positions))
+    azimuth = float(as_finite(azimuth, "azimuth", 0))
     angles = angles_from_quaternions(turn_about_z(as_samples(quaternions, "quaternions", 4), -azimuth))
     if len(angles) != len(positions):
         raise ValueError(f"one quaternion per position is needed, got {len(angles)} for {len(positions)}")

@@ -115,7 +115,7 @@ def pointing_angles(directions: ArrayLike) -> np.ndarray:
 
 def pointing_directions(angles: ArrayLike) -> np.ndarray:
     """Unit vectors (n, 3) of angles whose first two columns are alpha and beta."""
-    angles = as_finite(angles, "angles", 2)
+    angles = as_samples(angles, "angles")
     if angles.shape[1] < 2:
         raise ValueError(f"angles must have columns alpha and beta, got shape {angles.shape}")
     alpha, beta = angles[:, 0], angles[:, 1]

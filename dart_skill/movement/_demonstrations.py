@@ -1,0 +1,176 @@
+"""Demonstrations on their way into a movement primitive: checks, weights, and the derivatives that were not
+recorded.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..mixture._checks import as_finite, as_samples
+from ._time import as_stamps
+from .differentiation import MIN_SAMPLES, Motion, smooth_derivatives
+
+# Points of the polynomial through which a clean sample is differentiated: of sixth order, fifth for accelerations at the ends.
+STENCIL = 7
+# Share of the acceleration that differencing may turn into noise before samples are smoothed instead.
+NOISE_SHARE = 0.02
+
+
+class Demonstration(NamedTuple):
+    """Stamps (n,) from zero, motion (n, d) each, and weights (n,)."""
+
+    time: np.ndarray
+    motion: Motion
+    weights: np.ndarray
+
+
+def as_demonstrations(time, position, velocity, acceleration, weights, noise) -> list[Demonstration]:
+    """One demonstration, time (n,) and position (n, d), or several as sequences of these; those that count."""
+    noise = None if noise is None else as_finite(noise, "noise")
+    if noise is not None and noise.min(initial=0.0) < 0:
+        raise ValueError(f"noise must be at least 0, got {noise.min():g}")
+    if _are_several(position):
+        demonstrations = _as_several(time, position, velocity, acceleration, weights, noise)
+    else:
+        demonstrations = [_as_demonstration(time, position, velocity, acceleration, weights, noise, "")]
+    counting = [demonstration for demonstration in demonstrations if demonstration.weights.any()]
+    if not counting:
+        raise ValueError("weights are all zero; at least one sample must count")
+    return counting
+
+
+def shares(demonstrations: list[Demonstration]) -> np.ndarray:
+    """Mean weight of each demonstration, normalised to sum to one."""
+    weights = np.array([demonstration.weights.mean() for demonstration in demonstrations])
+    return weights / weights.sum()
+
+
+def _as_several(time, position, velocity, acceleration, weights, noise) -> list[Demonstration]:
+    named = [("time", time), ("velocity", velocity), ("acceleration", acceleration), ("weights", weights)]
+    columns = [_per_demonstration(name, value, len(position)) for name, value in named]
+    several = [
+        _as_demonstration(t, x, v, a, w, noise, f" of demonstration {index}")
+        for index, (x, t, v, a, w) in enumerate(zip(position, *columns, strict=True))
+    ]
+    widths = {demonstration.motion.position.shape[1] for demonstration in several}
+    if len(widths) > 1:
+        raise ValueError(f"demonstrations must have the same number of columns, got {sorted(widths)}")
+    return several
+
+
+def _are_several(position) -> bool:
+    if isinstance(position, np.ndarray):
+        return position.ndim == 3 and len(position) > 0
+    try:
+        return isinstance(position, (list, tuple)) and len(position) > 0 and np.ndim(position[0]) == 2
+    except ValueError:  # ragged: left for the check of one demonstration to name
+        return False
+
+
+def _per_demonstration(name: str, value, count: int):
+    if value is None:
+        return [None] * count
+    if not hasattr(value, "__len__") or len(value) != count:
+        raise ValueError(f"{name} must have one entry for each of the {count} demonstrations")
+    return value
+
+
+def _as_demonstration(time, position, velocity, acceleration, weights, noise, place: str) -> Demonstration:
+    position = as_samples(position, f"position{place}")
+    try:
+        time = as_stamps(time, len(position), 2)
+    except ValueError as error:
+        raise ValueError(f"{error}{place}") from None
+    shape = position.shape
+    velocity = _like_position(velocity, shape, f"velocity{place}")
+    acceleration = _like_position(acceleration, shape, f"acceleration{place}")
+    time = time - time[0]
+    motion = complete(time, position, velocity, acceleration, noise)
+    return Demonstration(time, motion, _as_sample_weights(weights, len(time), f"weights{place}"))
+
+
+def _as_sample_weights(weights, n_samples: int, name: str) -> np.ndarray:
+    """One weight for the demonstration or one per sample, as (n_samples,)."""
+    weights = as_finite(1.0 if weights is None else weights, name)
+    if weights.shape not in ((), (n_samples,)):
+        raise ValueError(f"{name} must be one number or one per sample ({n_samples}), got shape {weights.shape}")
+    if weights.min() < 0:
+        raise ValueError(f"{name} must not be negative, got {weights.min():g}")
+    return np.broadcast_to(weights, n_samples)
+
+
+def _like_position(value: ArrayLike | None, shape: tuple[int, int], name: str) -> np.ndarray | None:
+    if value is None:
+        return None
+    value = as_samples(value, name)
+    if value.shape != shape:
+        raise ValueError(f"{name} must have the position's shape {shape}, got {value.shape}")
+    return value
+
+
+def complete(time, position, velocity=None, acceleration=None, noise=None) -> Motion:
+    """Motion (n, d) with what is missing filled in.
+
+    A recorded velocity is differentiated as it is. Positions alone are differenced when they are clean (noise 0,
+    or an estimate that does not matter) and otherwise smoothed by `smooth_derivatives`.
+    """
+    if velocity is not None:
+        return Motion(position, velocity, difference(time, velocity)[0] if acceleration is None else acceleration)
+    slope, curvature = difference(time, position)
+    motion = Motion(position, slope, curvature)
+    if noise is None or np.any(noise):
+        if len(time) >= MIN_SAMPLES and (noise is not None or _noise_matters(time, position, curvature)):
+            motion = smooth_derivatives(time, position, noise=noise)
+    return motion if acceleration is None else motion._replace(acceleration=acceleration)
+
+
+def _noise_matters(time: np.ndarray, position: np.ndarray, acceleration: np.ndarray) -> bool:
+    """Whether noise dominates the sixth differences enough to show in the acceleration."""
+    contrast = np.diff(position - position[0], 6, axis=0)
+    level = np.median(np.abs(contrast)) / (0.6745 * np.sqrt(924.0))
+    interval = (time[-1] - time[0]) / (len(time) - 1)
+    # Differencing a sample twice with seven points multiplies independent noise by about 3.3 per interval squared.
+    return 3.3 * level / interval**2 > NOISE_SHARE * np.sqrt(np.mean(np.square(acceleration)))
+
+
+def difference(time: np.ndarray, samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First and second derivative (n, d) of samples (n, d), from the polynomial through the nearest seven of them."""
+    n = len(time)
+    width = min(STENCIL, n)
+    interval = (time[-1] - time[0]) / (n - 1)
+    # Differences from the first sample are exact near it, so that a large offset costs no digits here.
+    samples, stamps = samples - samples[0], (time - time[0]) / interval
+    if np.abs(np.diff(stamps) - 1.0).max() < 1e-6:
+        derivatives = _difference_evenly(samples, width)
+    else:
+        first = np.clip(np.arange(n) - width // 2, 0, n - width)
+        windows = first[:, None] + np.arange(width)
+        derivatives = np.einsum("nwk,nwd->knd", _stencil(stamps[windows] - stamps[:, None]), samples[windows])
+    return derivatives[0] / interval, derivatives[1] / interval**2
+
+
+def _difference_evenly(samples: np.ndarray, width: int) -> np.ndarray:
+    """Derivatives (2, n, d) per step of equally spaced samples: one stencil inside, others at the ends."""
+    stencils = _stencil(np.arange(width) - np.arange(width)[:, None])
+    head = width // 2
+    tail = width - 1 - head
+    inside = sum(
+        stencils[head, j][:, None, None] * samples[j : len(samples) - width + 1 + j] for j in range(width) if np.any(stencils[head, j])
+    )
+    start = np.einsum("nwk,wd->knd", stencils[:head], samples[:width])
+    end = np.einsum("nwk,wd->knd", stencils[width - tail :], samples[-width:])
+    return np.concatenate([start, inside, end], axis=1)
+
+
+def _stencil(offsets: np.ndarray) -> np.ndarray:
+    """Weights (n, width, 2) of samples at offsets (n, width) for the first and second derivative at offset zero."""
+    width = offsets.shape[1]
+    powers = np.moveaxis(np.stack([offsets**k for k in range(width)]).astype(float), 0, 1)
+    wanted = np.zeros((width, 2))
+    wanted[1, 0] = 1.0
+    if width > 2:
+        wanted[2, 1] = 2.0
+    return np.linalg.solve(powers, np.broadcast_to(wanted, (len(offsets), width, 2)))

@@ -1,0 +1,113 @@
+"""The learned part of a movement primitive: normalised kernels over the phase, (7.11), and the regression that
+finds their weights, (7.12) and (7.13).
+
+Progress s counts executed durations (or periods): s = 0 at the start, 1 at the end. It is the canonical system
+(7.6) in closed form: z = exp(-decay s) solves z' = -tau decay z, and the angle 2 pi s solves z' = tau omega.
+"""
+
+import numpy as np
+
+# Value of a kernel at its neighbour's centre.
+OVERLAP = 0.5
+# Regularisation of the joint regression, relative to the mean weight of a kernel: neighbours are drawn together
+# where no sample tells them apart, and all are drawn to zero still more weakly.
+NEIGHBOUR_PENALTY, SIZE_PENALTY = 1e-8, 1e-11
+
+
+class GaussianKernels:
+    """Gaussians of z (7.11), centres equally spaced in time over s = 0..1."""
+
+    def __init__(self, n_basis: int, decay: float):
+        self.decay = decay
+        self.centres = np.exp(-decay * np.linspace(0.0, 1.0, n_basis))
+        spacing = -np.diff(self.centres)
+        self.widths = np.append(spacing, spacing[-1]) / np.sqrt(-np.log(OVERLAP))
+        self.neighbours = np.diff(np.eye(n_basis), axis=0)
+        # -(z - c)^2 / h^2 in powers of z, so that all exponents are one matrix product.
+        self._exponents = np.stack([-np.square(self.centres), 2.0 * self.centres, -np.ones(n_basis)]) / self.widths**2
+
+    def phase(self, progress: np.ndarray) -> np.ndarray:
+        """z (7.6) at progress (n,)."""
+        return np.exp(-self.decay * progress)
+
+    def raw(self, progress: np.ndarray) -> np.ndarray:
+        """Numerators (n, n_basis) of (7.11), up to a common factor per row."""
+        phase = self.phase(progress)
+        exponent = _rows(phase, phase * phase) @ self._exponents
+        if progress.max(initial=0.0) > 1.0:
+            # Beyond the last centre all would underflow; relative to the last one they do not.
+            exponent += np.square(np.maximum(self.centres[-1] - phase, 0.0) / self.widths[-1])[:, None]
+        return np.exp(exponent, out=exponent)
+
+
+class PeriodicKernels:
+    """Kernels exp(2 (cos(z - c) - 1) / h^2) of the angle z, which near their centre are the Gaussians of (7.11)
+    and have no seam (Ijspeert et al. 2013, equation 2.8).
+    """
+
+    def __init__(self, n_basis: int):
+        self.centres = 2.0 * np.pi * np.arange(n_basis) / n_basis
+        self.widths = np.full(n_basis, 2.0 * np.sin(np.pi / n_basis) / np.sqrt(-np.log(OVERLAP)))
+        self.neighbours = np.eye(n_basis) - np.roll(np.eye(n_basis), 1, axis=0)
+        # cos(z - c) - 1 in 1, cos z and sin z.
+        self._exponents = np.stack([-np.ones(n_basis), np.cos(self.centres), np.sin(self.centres)]) * (2.0 / self.widths**2)
+
+    def phase(self, progress: np.ndarray) -> np.ndarray:
+        """Angle z (7.6) at progress (n,), within one turn."""
+        return 2.0 * np.pi * np.mod(progress, 1.0)
+
+    def raw(self, progress: np.ndarray) -> np.ndarray:
+        """Numerators (n, n_basis) of the kernels."""
+        angle = self.phase(progress)
+        exponent = _rows(np.cos(angle), np.sin(angle)) @ self._exponents
+        return np.exp(exponent, out=exponent)
+
+
+def _rows(second: np.ndarray, third: np.ndarray) -> np.ndarray:
+    """Columns 1, second and third side by side (n, 3), without the overhead of stacking, which shows online."""
+    columns = np.empty((3, len(second)))
+    columns[0], columns[1], columns[2] = 1.0, second, third
+    return columns.T
+
+
+def normalised(raw: np.ndarray) -> np.ndarray:
+    """Rows (n, n_basis) scaled in place to sum to one: the denominator of (7.11)."""
+    raw /= (raw @ np.ones(raw.shape[1]))[:, None]
+    return raw
+
+
+def transformation(raw: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """f (n, d) of (7.10) from numerators (n, n_basis) and weights (n_basis, d)."""
+    return (raw @ weights) / raw.sum(axis=1, keepdims=True)
+
+
+def regress_locally(psi: np.ndarray, gate: np.ndarray, target: np.ndarray, weights: np.ndarray, neighbours: np.ndarray) -> np.ndarray:
+    """(7.13): each kernel by itself fits gate * theta to the targets (n, d) around it, weighted by psi and by the
+    samples' own weights (n,). Kernels that no sample reaches take over what lies between their neighbours.
+    """
+    weighted = psi * (weights * gate)[:, None]
+    evidence = gate @ weighted
+    reached = evidence > 1e-12 * evidence.max()
+    theta = np.zeros((psi.shape[1], target.shape[1]))
+    theta[reached] = (weighted.T @ target)[reached] / evidence[reached, None]
+    if not reached.all():
+        tie = neighbours.T @ neighbours
+        theta[~reached] = np.linalg.lstsq(tie[~reached][:, ~reached], -tie[~reached][:, reached] @ theta[reached], rcond=None)[0]
+    return theta
+
+
+def regress_jointly(psi: np.ndarray, gate: np.ndarray, target: np.ndarray, weights: np.ndarray, neighbours: np.ndarray) -> np.ndarray:
+    """All kernels at once fit (7.10) to the targets (n, d): weighted least squares.
+
+    (7.13) fits each kernel as if it were alone, where neighbours overlap and add up; it is the first Jacobi step
+    (normal matrix replaced by its row sums) towards this solution, and blurs the movement by a kernel's width.
+    """
+    share = np.sqrt(weights)
+    features = psi * (share * gate)[:, None]
+    normal = features.T @ features
+    scale = normal.sum() / len(normal)
+    normal += scale * (NEIGHBOUR_PENALTY * (neighbours.T @ neighbours) + SIZE_PENALTY * np.eye(len(normal)))
+    return np.linalg.solve(normal, features.T @ (share[:, None] * target))
+
+
+REGRESSIONS = {"joint": regress_jointly, "local": regress_locally}

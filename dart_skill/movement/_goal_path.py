@@ -1,0 +1,42 @@
+"""The way of the goal in a discrete primitive: a smooth path from start to goal, and the attractor (7.20) that makes a
+spring-damper follow it.
+"""
+
+import numpy as np
+
+# The blend is s^5 times this polynomial, lowest power first: its first four derivatives vanish at 0 and 1.
+BLEND = [126.0, -420.0, 540.0, -315.0, 70.0]
+# Up to so many values, plain numbers are faster than arrays; an online step needs three.
+FEW = 5
+
+
+def blend(progress: np.ndarray) -> np.ndarray:
+    """Path from 0 at s <= 0 to 1 at s >= 1, four times differentiable, so that integration of fourth order keeps its
+    order wherever the steps fall.
+    """
+    return _polynomial(np.clip(progress, 0.0, 1.0), 5, BLEND)
+
+
+class BlendAttractor:
+    """(7.20) for the blend: the goal that a spring-damper must be pulled by to move along it."""
+
+    def __init__(self, stiffness: float, damping: float):
+        path = np.concatenate([np.zeros(5), BLEND])
+        velocity = np.polynomial.polynomial.polyder(path)
+        path[:-1] += velocity * (damping / stiffness)
+        path[:-2] += np.polynomial.polynomial.polyder(velocity) / stiffness
+        self._coefficients = path[3:].tolist()
+
+    def __call__(self, progress: np.ndarray) -> np.ndarray:
+        if len(progress) <= FEW:
+            return np.array([_polynomial(min(max(s, 0.0), 1.0), 3, self._coefficients) for s in progress.tolist()])
+        return _polynomial(np.clip(progress, 0.0, 1.0), 3, self._coefficients)
+
+
+def _polynomial(s: float | np.ndarray, power: int, coefficients: list[float]) -> float | np.ndarray:
+    """s^power (c_0 + c_1 s + ...) by Horner's rule."""
+    value = coefficients[-1] * s
+    for coefficient in coefficients[-2:0:-1]:
+        value += coefficient
+        value *= s
+    return (value + coefficients[0]) * s**power

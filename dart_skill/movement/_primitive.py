@@ -1,0 +1,246 @@
+"""What discrete and rhythmic movement primitives share: the spring-damper (7.8), (7.9) driven by goal and forcing term,
+its integration, and the regression on demonstrations. `primitives` has the equations and the deviations from them.
+"""
+
+from __future__ import annotations
+
+import math
+from copy import copy
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..mixture._checks import as_finite, as_number, as_vector
+from ._demonstrations import Demonstration
+from ._forcing import REGRESSIONS, normalised, transformation
+from ._runge_kutta import divide, integrate
+from ._time import as_stamps
+from .differentiation import Motion
+
+# The least share of its pace to which a tracking error slows a movement down, so that it can be taken up again.
+MIN_SHARE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """A movement laid out over time (n,): position, velocity and acceleration (n, d)."""
+
+    time: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+
+
+class Execution(NamedTuple):
+    """How a movement is wanted: start, goal and amplitude (d,), duration in seconds.
+
+    A rhythmic movement has its baseline as start and goal, and its period as duration.
+    """
+
+    start: np.ndarray
+    goal: np.ndarray
+    amplitude: np.ndarray
+    duration: float
+
+
+@dataclass(frozen=True, eq=False)
+class PrimitiveState:
+    """Where a movement is: position, velocity and acceleration (d,), progress (durations, or share of the period).
+
+    goal and amplitude (d,) and pace (progress per second) follow smoothly what is wanted.
+    """
+
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    progress: float
+    pace: float
+    goal: np.ndarray
+    amplitude: np.ndarray
+    wanted: Execution
+
+
+class Clock(NamedTuple):
+    """Progress made since a state, the pace then, and its change per second: numbers, or columns (n, 1)."""
+
+    made: float | np.ndarray
+    pace: float | np.ndarray
+    change: float | np.ndarray
+
+
+class Primitive:
+    """Base of both kinds. A subclass has `fit`, `begin` and `step`, and says with `_gate` how f fades and with
+    `_goal_path` which share of the way from start to goal the goal has gone.
+    """
+
+    def __init__(self, kernels, n_basis: int, stiffness: float, regression: str):
+        if regression not in REGRESSIONS:
+            raise ValueError(f"regression must be one of {sorted(REGRESSIONS)}, got {regression!r}")
+        self.n_basis, self.regression = n_basis, regression
+        self.stiffness = as_number(stiffness, "stiffness")
+        self._frequency = float(np.sqrt(self.stiffness))
+        self._damping = 2.0 * self._frequency
+        self._kernels = kernels
+        # Longer steps are subdivided: none is longer than half a time constant of the spring, or than half a kernel.
+        self._max_step = 0.5 / max(self._frequency, n_basis)
+
+    @property
+    def n_dims(self) -> int:
+        """Number of movement variables d."""
+        return self._fitted().weights_.shape[1]
+
+    @property
+    def parameters(self) -> np.ndarray:
+        """theta of (7.10) as one vector (n_basis * d,), kernel by kernel; a copy."""
+        return self._fitted().weights_.ravel().copy()
+
+    def with_parameters(self, parameters: ArrayLike):
+        """A primitive with other parameters (n_basis * d,), otherwise the same; for the search of (7.14)-(7.17)."""
+        other = copy(self._fitted())
+        other.weights_ = as_vector(parameters, "parameters", self.weights_.size).reshape(self.weights_.shape)
+        return other
+
+    def activations(self, progress: ArrayLike) -> np.ndarray:
+        """phi of (7.14), (n, n_basis), at progress (n,), that is time / duration: activations @ weights_ is f (7.10).
+
+        Rows are the kernels (7.11), which sum to one, times what makes f fade.
+        """
+        progress = as_vector(progress, "progress")
+        if progress.min(initial=0.0) < 0:
+            raise ValueError(f"progress must be at least 0, the start of the movement, got {progress.min():g}")
+        return normalised(self._kernels.raw(progress)) * self._gate(progress)[:, None]
+
+    def open_loop(self, times: ArrayLike, state: PrimitiveState | None = None) -> Trajectory:
+        """The movement left to itself from a state of `begin` or `step`; as demonstrated when None.
+
+        times: stamps (n,), the first of which is when the state holds, or one number: a step in seconds with which
+        one duration (or period) is laid out.
+        """
+        state = self.begin() if state is None else self._as_state(state)
+        times = self._as_times(times, state.wanted.duration)
+        clock = self._clock(state, (times - times[0])[:, None], 1.0)
+        return Trajectory(times, *_timed(clock, *self._follow(state, clock.made[:, 0], None)))
+
+    def _fitted(self):
+        if not hasattr(self, "weights_"):
+            raise ValueError(f"this {type(self).__name__} holds no weights yet; call fit first")
+        return self
+
+    def _learn(self, demonstrations: list[Demonstration], starts, goals, durations) -> None:
+        """Weights from all demonstrations by (7.12), then (7.13) or its joint form."""
+        executions = list(zip(demonstrations, starts, goals, durations, strict=True))
+        progress = np.concatenate([demo.time / duration for demo, _, _, duration in executions])
+        target = np.concatenate([self._reference(*execution) for execution in executions])
+        weights = np.concatenate([demo.weights for demo in demonstrations])
+        psi = normalised(self._kernels.raw(progress))
+        self.weights_ = REGRESSIONS[self.regression](psi, self._gate(progress), target, weights, self._kernels.neighbours)
+
+    def _reference(self, demonstration: Demonstration, start: np.ndarray, goal: np.ndarray, duration: float) -> np.ndarray:
+        """f_ref (n, d) of (7.12), with A = 1: what the spring-damper lacks to move as demonstrated."""
+        position, velocity, acceleration = demonstration.motion
+        pull = self._goal_path(demonstration.time / duration)[:, None] * (goal - start) - (position - start)
+        return acceleration * duration**2 + self._damping * duration * velocity - self.stiffness * pull
+
+    def _transformation(self, progress: np.ndarray) -> np.ndarray:
+        """f (n, d) of (7.10) at progress (n,)."""
+        return self._gate(progress)[:, None] * transformation(self._kernels.raw(progress), self.weights_)
+
+    def _begin(self, wanted: Execution, position: np.ndarray, velocity: np.ndarray, progress: float) -> PrimitiveState:
+        at_rest, pace = np.zeros(len(position)), 1.0 / wanted.duration
+        state = PrimitiveState(position, velocity, at_rest, progress, pace, wanted.goal, wanted.amplitude, wanted)
+        return self._after(state, 0.0, 1.0, None)
+
+    def _after(self, state: PrimitiveState, dt: float, share: float, push: np.ndarray | None) -> PrimitiveState:
+        """The state dt seconds later, at a share of the wanted pace and under a push, an acceleration (d,)."""
+        clock = self._clock(state, dt, share)
+        nodes = np.array([0.0, clock.made]) if dt else np.zeros(1)
+        position, velocity, acceleration = _timed(clock, *(rows[-1] for rows in self._follow(state, nodes, push)))
+        goal, amplitude = self._settled(state, clock.made)
+        progress = self._wrapped(state.progress + clock.made)
+        return PrimitiveState(position, velocity, acceleration, progress, clock.pace, goal, amplitude, state.wanted)
+
+    def _clock(self, state: PrimitiveState, elapsed: float | np.ndarray, share: float) -> Clock:
+        """How a movement goes on over elapsed seconds: its pace approaches a share of the wanted one."""
+        wanted, rate = share / state.wanted.duration, self._frequency / state.wanted.duration
+        if state.pace == wanted:
+            return Clock(wanted * elapsed, wanted, 0.0)
+        excess = (state.pace - wanted) * _exp(-rate * elapsed)
+        return Clock(wanted * elapsed + (state.pace - wanted - excess) / rate, wanted + excess, -rate * excess)
+
+    def _follow(self, state: PrimitiveState, made: np.ndarray, push: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """x, dx/ds and d2x/ds2 (n, d) of (7.8) and (7.9) after the progress made (n,)."""
+        start, steps = state.wanted.start, divide(made, self._max_step)
+        progress = state.progress + steps.stages
+        goal, amplitude = self._settled(state, steps.stages[:, None])
+        drive = self._goal_path(progress)[:, None] * (self.stiffness * (goal - start))
+        drive += amplitude * self._transformation(progress)
+        if push is not None:
+            drive += state.wanted.duration**2 * push
+        begin = np.array([state.position - start, state.velocity / state.pace])
+        position, slope = integrate(steps, self.stiffness, self._damping, begin, drive)
+        curvature = drive[:: 2 * steps.per_node] - self.stiffness * position - self._damping * slope
+        return start + position, slope, curvature
+
+    def _settled(self, state: PrimitiveState, made: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Goal and amplitude, which approach what is wanted, after the progress made."""
+        wanted = state.wanted
+        if state.goal is wanted.goal and state.amplitude is wanted.amplitude:
+            return wanted.goal, wanted.amplitude
+        lag = _exp(-self._frequency * made)
+        return wanted.goal + lag * (state.goal - wanted.goal), wanted.amplitude + lag * (state.amplitude - wanted.amplitude)
+
+    def _advance(self, state: PrimitiveState, dt: float, coupling, tracking_error, tolerance) -> PrimitiveState:
+        push = None if coupling is None else as_vector(coupling, "coupling", self.n_dims)
+        share = 1.0
+        if tracking_error is not None:
+            error = math.hypot(*as_vector(tracking_error, "tracking_error", self.n_dims)) / as_number(tolerance, "tolerance")
+            share = max(1.0 / (1.0 + error * error), MIN_SHARE)
+        return self._after(state, as_number(dt, "dt"), share, push)
+
+    def _with_wishes(self, state: PrimitiveState, goal, duration, amplitude, names: tuple[str, str]) -> PrimitiveState:
+        """The state with what is wanted from now on; names are those of goal and duration."""
+        wanted = self._as_state(state).wanted
+        if goal is None and duration is None and amplitude is None:
+            return state
+        goal = self._as_dims(goal, names[0], wanted.goal)
+        duration = wanted.duration if duration is None else as_number(duration, names[1])
+        amplitude = wanted.amplitude if amplitude is None else self._as_amplitude(amplitude)
+        return replace(state, wanted=Execution(wanted.start, goal, amplitude, duration))
+
+    def _wrapped(self, progress: float) -> float:
+        return progress
+
+    def _as_state(self, state: PrimitiveState) -> PrimitiveState:
+        n_dims, motion = self.n_dims, (state.position, state.velocity)
+        if not all(np.shape(part) == (n_dims,) and np.isfinite(part).all() for part in motion):
+            raise ValueError(f"state must hold {n_dims} finite positions and velocities; take it from `begin` or a former step")
+        return state
+
+    def _as_amplitude(self, amplitude: ArrayLike) -> np.ndarray:
+        amplitude = as_finite(amplitude, "amplitude")
+        if amplitude.shape not in ((), (self.n_dims,)):
+            raise ValueError(f"amplitude must be one number or one per dimension ({self.n_dims}), got shape {amplitude.shape}")
+        return np.broadcast_to(amplitude, self.n_dims)
+
+    def _as_dims(self, value: ArrayLike | None, name: str, default: np.ndarray) -> np.ndarray:
+        return default if value is None else as_vector(value, name, self.n_dims)
+
+    @staticmethod
+    def _as_times(times: ArrayLike, duration: float) -> np.ndarray:
+        """Stamps (n,), or those from 0 to the duration or just beyond that one number, a step, stands for."""
+        if np.ndim(times) > 0:
+            return as_stamps(times)
+        step = as_number(times, "step")
+        return step * np.arange(int(np.ceil(duration / step - 1e-6)) + 1)
+
+
+def _timed(clock: Clock, position: np.ndarray, slope: np.ndarray, curvature: np.ndarray) -> Motion:
+    """Motion in seconds from a path and its derivatives by progress."""
+    return Motion(position, clock.pace * slope, clock.pace**2 * curvature + clock.change * slope)
+
+
+def _exp(value: float | np.ndarray) -> float | np.ndarray:
+    """math.exp for numbers, which online steps would otherwise turn into numpy scalars."""
+    return math.exp(value) if isinstance(value, float) else np.exp(value)

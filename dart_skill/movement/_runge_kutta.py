@@ -1,0 +1,105 @@
+"""Classical Runge-Kutta steps of x'' = stiffness (u(s) - x) - damping x' where the drive is known beforehand.
+
+The system is linear, so the four stages collapse: a step is x+ = R x + g0 u(s) + g1 u(s + h/2) + g2 u(s + h) with
+matrices that depend on h only. That is the same arithmetic as the usual four evaluations, for all steps at once.
+"""
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from .attractor import recur
+
+
+class Steps(NamedTuple):
+    """Ends and middles (2 m + 1,) of m steps, their length (a number, or (m,) when they differ), and how many of
+    them lead from one node to the next.
+    """
+
+    stages: np.ndarray
+    length: float | np.ndarray
+    per_node: int
+
+
+def divide(nodes: np.ndarray, longest: float) -> Steps:
+    """Steps from node to node (n,), as many as it takes for none to be longer than `longest`."""
+    if len(nodes) == 1:
+        return Steps(nodes, longest, 1)
+    gaps = nodes[1:] - nodes[:-1]
+    longest_gap = float(gaps.max())
+    per_node = max(1, math.ceil(longest_gap / longest - 1e-9))
+    if len(gaps) == 1:
+        return Steps(nodes[0] + longest_gap * _fractions(per_node), longest_gap / per_node, per_node)
+    length = gaps / per_node
+    even = longest_gap - gaps.min() <= 1e-9 * longest_gap
+    stages = np.append(nodes[:-1, None] + gaps[:, None] * _fractions(per_node)[:-1], nodes[-1])
+    return Steps(stages, float(length.mean()) if even else np.repeat(length, per_node), per_node)
+
+
+@lru_cache(maxsize=16)
+def _fractions(per_node: int) -> np.ndarray:
+    """Ends and middles of equal parts of one."""
+    return np.arange(2 * per_node + 1) / (2 * per_node)
+
+
+class StepGains(NamedTuple):
+    """R (..., 2, 2) and [g0, g1, g2] (..., 2, 3) on a state of position and velocity, for accelerations as drive."""
+
+    transition: np.ndarray
+    kicks: np.ndarray
+
+
+def step_gains(length: float | np.ndarray, stiffness: float, damping: float) -> StepGains:
+    """Gains of one step length, or of m of them."""
+    h = np.asarray(length, dtype=float)[..., None, None]
+    a = h * np.array([[0.0, 1.0], [-stiffness, -damping]])
+    a2 = a @ a
+    a3 = a2 @ a
+    eye = np.eye(2)
+    first, middle, last = eye + a + a2 / 2.0 + a3 / 4.0, 4.0 * eye + 2.0 * a + a2 / 2.0, np.broadcast_to(eye, a.shape)
+    # The drive is an acceleration: it enters through the second column.
+    kicks = h / 6.0 * np.stack([first[..., 1], middle[..., 1], last[..., 1]], axis=-1)
+    return StepGains(eye + a + a2 / 2.0 + a3 / 6.0 + a2 @ a2 / 24.0, kicks)
+
+
+# Online execution asks for the same step again and again.
+_gains_of_equal_steps = lru_cache(maxsize=64)(step_gains)
+
+
+def integrate(steps: Steps, stiffness: float, damping: float, state: np.ndarray, drive: np.ndarray) -> np.ndarray:
+    """Position and velocity (2, n, d) at the nodes, from the state (2, d) at the first, for a drive (2 m + 1, d) at
+    the stages.
+    """
+    if isinstance(steps.length, float):
+        states = _integrate_equal(_gains_of_equal_steps(steps.length, stiffness, damping), state, drive)
+    else:
+        states = _integrate_unequal(step_gains(steps.length, stiffness, damping), state, drive)
+    return states[:, :: steps.per_node]
+
+
+def _integrate_equal(gains: StepGains, state: np.ndarray, drive: np.ndarray) -> np.ndarray:
+    states = np.empty((2, len(drive) // 2 + 1, drive.shape[1]))
+    states[:, 0] = state
+    if len(drive) == 3:
+        states[:, 1] = gains.transition @ state + gains.kicks @ drive
+        return states
+    states[:, 1:] = _kicks(gains, drive)
+    return recur(gains.transition, states)
+
+
+def _integrate_unequal(gains: StepGains, state: np.ndarray, drive: np.ndarray) -> np.ndarray:
+    states = np.empty((2, len(drive) // 2 + 1, drive.shape[1]))
+    states[:, 0] = state
+    states[:, 1:] = _kicks(gains, drive)
+    for k, transition in enumerate(gains.transition):
+        states[:, k + 1] += transition @ states[:, k]
+    return states
+
+
+def _kicks(gains: StepGains, drive: np.ndarray) -> np.ndarray:
+    """What the drive adds in each step (2, m, d)."""
+    # Gains (2, 1, 1) for one length, (2, m, 1) for many.
+    first, middle, last = (kick.T.reshape(2, -1, 1) for kick in np.moveaxis(gains.kicks, -1, 0))
+    return first * drive[:-1:2] + middle * drive[1::2] + last * drive[2::2]
