@@ -1,12 +1,13 @@
 # make demo    teach, learn, and throw at ten baskets       make demo ARGS="--seed 3 --output /somewhere"
 # make test    every test
 # make setup   only the environment and the build           make setup PYTHON=python3.12
+# make benchmark  speed beside other libraries, in an environment of its own; takes minutes, wants a quiet machine
 # make clean   takes away what set-up made
 # The first call sets everything up and takes minutes; later ones start in seconds.
 
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
-.PHONY: demo test setup clean
+.PHONY: demo test setup benchmark clean
 .DEFAULT_GOAL := demo
 
 # A robot does not announce itself to the building until its user says so.
@@ -33,5 +34,15 @@ setup:
 	done; \
 	echo "set-up stopped: no Python was found; 3.10, 3.11, 3.12 or 3.13 is needed" >&2; exit 1
 
+BENCHMARK_PYTHON := .venv-benchmark/bin/python3
+
+benchmark: .venv-benchmark/installed
+	@for script in benchmarks/*.py; do echo; echo "== $$script"; PYTHONPATH=. $(BENCHMARK_PYTHON) "$$script" || exit 1; done
+
+.venv-benchmark/installed: requirements/benchmark.txt | setup
+	@.venv/bin/python3 -m venv .venv-benchmark
+	@$(BENCHMARK_PYTHON) -m pip install --quiet --disable-pip-version-check -r requirements/benchmark.txt
+	@touch $@
+
 clean:
-	rm -rf .venv build install log
+	rm -rf .venv .venv-benchmark build install log

@@ -9,7 +9,7 @@ import pytest
 from dart_skill.cli import main
 from dart_skill.experiments import thesis
 from dart_skill.experiments.thesis import dart_throws as darts
-from dart_skill.experiments.thesis import figure_3_1, figure_7_1, figure_7_4, figure_8_1, figure_8_3
+from dart_skill.experiments.thesis import figure_3_1, figure_5_1, figure_5_2, figure_5_3, figure_7_1, figure_7_4, figure_8_1, figure_8_3
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -38,6 +38,26 @@ def test_regression_retrieves_what_the_demonstrations_share_and_how_much_they_di
     demonstrated = np.interp(data.grid, data.x1[0], data.x2.std(0))
     assert np.corrcoef(data.deviation, demonstrated)[0, 1] > 0.7
     assert data.deviation[90:110].mean() < 0.5 * min(data.deviation[:20].mean(), data.deviation[-20:].mean())
+
+
+def test_an_update_of_power_is_5_1_and_5_2():
+    """Figure 5.1, against the sums as they are printed."""
+    update = figure_5_1.compute()
+    best = np.argsort(-update.returns)[: figure_5_1.N_BEST]
+    share = update.returns[best] / update.returns[best].sum()
+    relative = update.tried[best] - update.before[0]
+    np.testing.assert_allclose(update.after[0], update.before[0] + share @ relative, rtol=1e-12)
+    np.testing.assert_allclose(update.after[1], (share[:, None] * relative).T @ relative + 0.1**2 * np.eye(2), rtol=1e-12)
+    numbers = figure_5_1.measured(update)
+    assert numbers["return_after"] > numbers["return_before"]
+
+
+def test_constant_noise_makes_a_covariance_rounder_and_proportional_noise_keeps_its_shape(tmp_path):
+    """Figures 5.2 and 5.3."""
+    constant, proportional = (module.draw(tmp_path)[1] for module in (figure_5_2, figure_5_3))
+    before = figure_5_2.LONG / figure_5_2.SHORT
+    assert constant["after"] == pytest.approx(np.sqrt((1.0 + 0.25) / (0.0625 + 0.25)))
+    assert proportional["after"] == pytest.approx(before)
 
 
 def test_a_clock_cuts_through_the_ball_and_a_state_does_not():

@@ -467,7 +467,7 @@ def test_runs_side_by_side_get_domains_of_their_own(request):
 HEAVY = ("scipy.linalg", "scipy.sparse", "scipy.spatial", "scipy.optimize", "scipy.interpolate", "matplotlib", "pybullet", "numba")
 
 
-@pytest.mark.parametrize("package", ["dart_skill.mixture", "dart_skill.movement"])
+@pytest.mark.parametrize("package", ["dart_skill.mixture", "dart_skill.movement", "dart_skill.policy_search"])
 def test_importing_the_core_loads_only_what_it_needs_at_once(package):
     program = f"import sys, {package}; print([name for name in {HEAVY} if name in sys.modules])"
     assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.strip() == "[]"

@@ -9,6 +9,9 @@ from pathlib import Path
 
 FIGURES = {
     "3.1": "figure_3_1",
+    "5.1": "figure_5_1",
+    "5.2": "figure_5_2",
+    "5.3": "figure_5_3",
     "7.1": "figure_7_1",
     "7.4": "figure_7_4",
     "8.1": "figure_8_1",

@@ -1,0 +1,272 @@
+"""What every search has in common: trials that are asked and told one at a time, in any order, and saving.
+
+Every `batch` returns the policy is updated from the best M of the latest S. A trial that failed (return NaN or
+-inf) teaches nothing and is counted.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..mixture._checks import as_count, as_number
+from ._exploration import EXPLORATIONS
+from ._weights import check_weighting
+
+GENERATORS = ("PCG64", "PCG64DXSM", "MT19937", "Philox", "SFC64")
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """Parameters (d,) to try; `number` counts from 0."""
+
+    number: int
+    parameters: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """What is remembered of a trial: the noise it was drawn from, the parameters tried, and its return(s)."""
+
+    number: int
+    noise: np.ndarray
+    tried: np.ndarray
+    outcome: np.ndarray
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Choices of a search, checked; see `PoWER`."""
+
+    exploration: str
+    weighting: str
+    batch: int
+    best: int
+    latest: int
+    minimum_exploration: float
+    limits: tuple[float, float]
+
+    def __post_init__(self):
+        if self.exploration not in EXPLORATIONS:
+            raise ValueError(f"exploration must be one of {EXPLORATIONS}, got {self.exploration!r}")
+        check_weighting(self.weighting)
+        for name in ("batch", "best", "latest"):
+            as_count(getattr(self, name), name)
+        if self.latest < max(2, self.best, self.batch):
+            raise ValueError(f"latest = {self.latest} must be at least 2, best = {self.best} and batch = {self.batch}: raise it")
+        if self.exploration == "automatic" and self.latest != self.batch:
+            raise ValueError(
+                f"exploration 'automatic' learns from each trial once, but latest = {self.latest} and batch = {self.batch}: "
+                "give one of them, or choose 'constant' or 'proportional'"
+            )
+        as_number(self.minimum_exploration, "minimum_exploration", strict=False)
+        low, high = (as_number(limit, "limits") for limit in self.limits)
+        if not low < 1.0 < high:
+            raise ValueError(f"limits must lie on both sides of 1, the spread at the start, got {(low, high)}")
+
+
+class Search(ABC):
+    """Ask and tell. A subclass draws trials, reads outcomes, and updates its policy from those told."""
+
+    def __init__(self, settings: Settings, rng: np.random.Generator):
+        if not isinstance(rng, np.random.Generator):
+            raise ValueError(f"rng must be a numpy Generator, got {type(rng).__name__}: use numpy.random.default_rng(seed)")
+        self.settings, self._rng = settings, rng
+        self._open: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+        self._told: deque[Told] = deque(maxlen=settings.latest)
+        self._fresh = 0
+        self.n_asked = self.n_told = self.n_failed = self.n_updates = 0
+        self.best_return, self.best_trial = -np.inf, None
+
+    @property
+    @abstractmethod
+    def parameters(self) -> np.ndarray:
+        """The policy's best guess (d,)."""
+
+    @property
+    @abstractmethod
+    def exploration_size(self) -> float:
+        """Largest standard deviation of the next trial, in units of the spread at the start."""
+
+    @abstractmethod
+    def _draw(self) -> tuple[np.ndarray, np.ndarray]:
+        """Noise, and the parameters it makes."""
+
+    @abstractmethod
+    def _present(self, number: int, tried: np.ndarray) -> Trial: ...
+
+    @abstractmethod
+    def _read(self, outcome: ArrayLike) -> np.ndarray:
+        """Checked return, or returns to go with the whole return first; NaN for a failed trial."""
+
+    @abstractmethod
+    def _update(self, told: list[Told]) -> bool:
+        """Learn; whether there was anything to learn."""
+
+    @abstractmethod
+    def _policy_state(self) -> dict: ...
+
+    @classmethod
+    @abstractmethod
+    def _from_policy_state(cls, state: dict, settings: Settings, rng: np.random.Generator) -> Search: ...
+
+    def ask(self) -> Trial:
+        """Draw a trial. Several may be open at a time."""
+        number, self.n_asked = self.n_asked, self.n_asked + 1
+        noise, tried = self._draw()
+        tried.setflags(write=False)
+        self._open[number] = noise, tried
+        return self._present(number, tried)
+
+    def tell(self, trial: Trial | int, outcome: ArrayLike) -> bool:
+        """Give the outcome of a trial, or of the trial of that number; whether the policy was updated.
+
+        NaN and -inf say that the trial failed or was not run.
+        """
+        number = self._find(trial)
+        outcome = self._read(outcome)
+        noise, tried = self._open.pop(number)
+        if not np.isfinite(outcome).all():
+            self.n_failed += 1
+            return False
+        self.n_told += 1
+        self._keep_best(number, tried, outcome)
+        self._told.append(Told(number, noise, tried, outcome))
+        self._fresh += 1
+        return self._learn()
+
+    def trials(self, n_trials: int | None = None, tolerance: float = 0.0) -> Iterator[Trial]:
+        """Trials to tell: n_trials of them, without end when None, until `exploration_size` is below `tolerance`."""
+        tolerance = as_number(tolerance, "tolerance", strict=False)
+        numbers = itertools.count() if n_trials is None else range(as_count(n_trials, "n_trials", 0))
+        return (self.ask() for _ in itertools.takewhile(lambda _: self.exploration_size >= tolerance, numbers))
+
+    def __iter__(self) -> Iterator[Trial]:
+        return self.trials()
+
+    def maximise(self, return_function: Callable, n_trials: int, tolerance: float = 0.0) -> np.ndarray:
+        """Try n_trials times with return_function(parameters) at most; the policy's parameters (d,) in the end."""
+        for trial in self.trials(n_trials, tolerance):
+            self.tell(trial, return_function(self._argument(trial)))
+        return self.parameters
+
+    def _argument(self, trial: Trial) -> np.ndarray:
+        return trial.parameters
+
+    def _find(self, trial: Trial | int) -> int:
+        number = trial.number if isinstance(trial, Trial) else trial
+        if isinstance(number, (bool, np.bool_)) or not isinstance(number, (int, np.integer)) or not 0 <= number < self.n_asked:
+            raise ValueError(f"trial {number!r} was never asked; tell what ask() gave")
+        if number not in self._open:
+            raise ValueError(f"trial {number} was told before; each counts once")
+        if isinstance(trial, Trial) and not np.array_equal(trial.parameters, self._open[number][1]):
+            raise ValueError(f"trial {number} is not as it was asked; it comes from another search or was changed")
+        return int(number)
+
+    def _keep_best(self, number: int, tried: np.ndarray, outcome: np.ndarray) -> None:
+        earned = float(outcome.flat[0])
+        if earned > self.best_return:
+            self.best_return, self.best_trial = earned, self._present(number, tried)
+
+    def _learn(self) -> bool:
+        if self._fresh < self.settings.batch or len(self._told) < self.settings.best:
+            return False
+        self._fresh = 0
+        # By number, so that the order of telling makes no difference, not even to the last bit.
+        changed = self._update(sorted(self._told, key=lambda told: told.number))
+        self.n_updates += changed
+        return changed
+
+    def state(self) -> dict:
+        """All there is to know, as numbers, strings, lists and dicts for JSON; `from_state` goes on with the very
+        same trials.
+        """
+        best = self.best_trial
+        return {
+            "kind": type(self).__name__,
+            "settings": {**vars(self.settings), "limits": list(self.settings.limits)},
+            "counts": [self.n_asked, self.n_told, self.n_failed, self.n_updates, self._fresh],
+            "open": [[number, noise.tolist(), tried.tolist()] for number, (noise, tried) in self._open.items()],
+            "told": [[told.number, told.noise.tolist(), told.tried.tolist(), told.outcome.tolist()] for told in self._told],
+            "best": None if best is None else [self.best_return, best.number, best.parameters.tolist()],
+            "generator": _plain(self._rng.bit_generator.state),
+            "policy": self._policy_state(),
+        }
+
+    @classmethod
+    def from_state(cls, state: dict) -> Search:
+        """A search as it was when `state()` was called."""
+        kind = state.get("kind") if isinstance(state, dict) else type(state).__name__
+        if kind != cls.__name__:
+            raise ValueError(f"state is of {kind!r}, not of {cls.__name__!r}: give what {cls.__name__}.state() returned")
+        try:
+            settings = Settings(**{**state["settings"], "limits": tuple(state["settings"]["limits"])})
+            search = cls._from_policy_state(state["policy"], settings, _restored_generator(state["generator"]))
+            search._restore(state)
+        except (KeyError, TypeError) as error:
+            raise ValueError(f"state is damaged ({error}); it was cut or comes from another version") from error
+        return search
+
+    def save(self, path: str | Path) -> None:
+        """Write `state()` to a file, as JSON."""
+        Path(path).write_text(json.dumps(self.state(), allow_nan=False), encoding="utf-8")
+
+    @classmethod
+    def load(cls, path: str | Path) -> Search:
+        """A search as it was saved."""
+        return cls.from_state(json.loads(Path(path).read_text(encoding="utf-8")))
+
+    def _restore(self, state: dict) -> None:
+        self.n_asked, self.n_told, self.n_failed, self.n_updates, self._fresh = state["counts"]
+        self._open = {number: (np.array(noise), _frozen(tried)) for number, noise, tried in state["open"]}
+        self._told.extend(
+            Told(number, np.array(noise), _frozen(tried), np.array(outcome)) for number, noise, tried, outcome in state["told"]
+        )
+        if state["best"] is not None:
+            self.best_return, number, tried = state["best"]
+            self.best_trial = self._present(number, _frozen(tried))
+
+
+def read_returns(outcome: ArrayLike, shape: tuple[int, ...], weighting: str) -> np.ndarray:
+    """Return(s) of the given shape; NaN and -inf pass, for a failed trial."""
+    try:
+        values = np.array(outcome, dtype=float)
+    except (TypeError, ValueError):
+        raise ValueError(f"return must be a number, got {outcome!r}; tell NaN for a trial that failed") from None
+    if values.shape != shape:
+        raise ValueError(f"return must have shape {shape}, got {values.shape}; one trial is told at a time")
+    if (values == np.inf).any():
+        raise ValueError("return is +inf; give a finite return, or NaN when the trial failed")
+    if weighting == "returns" and np.isfinite(values).all() and (values < 0).any():
+        raise ValueError(f"return {values.min():g} is negative; weighting 'returns' needs at least 0, use 'rank' or 'exponential'")
+    return values
+
+
+def _frozen(values) -> np.ndarray:
+    array = np.array(values, dtype=float)
+    array.setflags(write=False)
+    return array
+
+
+def _plain(value):
+    """Nested dicts with lists for arrays and Python numbers for numpy's."""
+    if isinstance(value, dict):
+        return {key: _plain(part) for key, part in value.items()}
+    return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value
+
+
+def _restored_generator(state: dict) -> np.random.Generator:
+    name = state["bit_generator"]
+    if name not in GENERATORS:
+        raise ValueError(f"generator {name!r} is not known; use one of {GENERATORS}")
+    bits = getattr(np.random, name)()
+    bits.state = state
+    return np.random.Generator(bits)

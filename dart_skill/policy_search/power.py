@@ -1,0 +1,135 @@
+"""PoWER: policy learning by weighting exploration with returns, on any vector of parameters (thesis 5.1, 5.2).
+
+A policy is a Gaussian over parameters. Trials are drawn from it; its mean moves by the reward-weighted average of
+the relative exploration (5.1), its covariance becomes the reward-weighted covariance about the old mean plus
+exploration noise (5.2, 5.2.1). J. Kober and J. Peters, Policy search for motor primitives in robotics, 2011.
+
+    search = PoWER(parameters, spread, rng=rng)
+    for trial in search.trials(200):
+        search.tell(trial, throw(trial.parameters))      # NaN when it failed
+    throw(search.parameters)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..mixture._checks import as_count, as_number, as_vector
+from ._policy import GaussianPolicy, as_spread
+from ._search import Search, Settings, Told, Trial, read_returns
+from ._weights import return_weights
+
+SMALLEST, LARGEST = 1e-8, 1e4  # exploration over the spread at the start: beyond, a search converged or ran away
+
+
+def with_defaults(d: int, exploration: str, weighting: str, batch, best, latest, minimum_exploration, limits, usual: int) -> Settings:
+    """Settings, with defaults where batch, best, latest or limits is None; `usual` trials are remembered by the modes
+    that use them again. Their shares may be twice or half of these: benchmarks/power.py --defaults.
+    """
+    given = {"batch": batch, "best": best, "latest": latest}
+    batch, best, latest = (None if count is None else as_count(count, name) for name, count in given.items())
+    automatic = exploration == "automatic"
+    if latest is None:
+        usual = population(d) if automatic else usual
+        latest = batch if automatic and batch else max(usual, batch or 0, 2 * (best or 0))
+    if batch is None:
+        batch = latest if automatic else max(latest // 2, 1)
+    if best is None:
+        best = max(latest // (2 if automatic else 4), 1)
+    minimum = as_number(minimum_exploration, "minimum_exploration", strict=False)
+    if limits is None:
+        limits = (max(minimum, SMALLEST) if exploration == "proportional" else SMALLEST, LARGEST)
+    return Settings(exploration, weighting, batch, best, latest, minimum, tuple(as_vector(limits, "limits", 2).tolist()))
+
+
+def population(d: int) -> int:
+    """Trials between updates for d parameters, as CMA-ES has it."""
+    return 4 + int(3 * np.log(d))
+
+
+class PoWER(Search):
+    """Search for parameters (d,) of high return from a first guess and its `spread` (one number or (d,)), the
+    standard deviations of the first trials.
+
+    exploration: "automatic" sets its own size by the length of the path of updates; "constant" adds Sigma_0 to
+    (5.2); "proportional" adds as much in total, shared out as the eigenvalues are (5.2.1); "fixed" keeps the
+    spread, (5.1) alone.
+    weighting: "rank", "exponential" or "returns"; see `return_weights`. "returns" is (5.1) and (5.2) to the letter.
+    An update comes every `batch` returns, from the `best` M of the `latest` S (importance sampling), once there are
+    M. "automatic" uses each trial once, S = batch = 4 + 3 log d and M = S/2; the others use them again, S = 4 (d + 2),
+    batch = S/2 and M = S/4.
+    minimum_exploration: root of Sigma_0 as a fraction of `spread`, for "constant" and "proportional".
+    limits: smallest and largest exploration along any axis, as multiples of `spread`; by default 1e-8 and 1e4, but for
+    "proportional" not less than minimum_exploration, since noise in proportion alone lets the short axes die.
+
+    Changing the units of a parameter, in `parameters` and `spread`, changes nothing but the units.
+    """
+
+    def __init__(
+        self,
+        parameters: ArrayLike,
+        spread: ArrayLike,
+        *,
+        rng: np.random.Generator,
+        exploration: str = "automatic",
+        weighting: str = "rank",
+        batch: int | None = None,
+        best: int | None = None,
+        latest: int | None = None,
+        minimum_exploration: float = 0.1,
+        limits: tuple[float, float] | None = None,
+    ):
+        start = as_vector(parameters, "parameters")
+        if start.size == 0:
+            raise ValueError("parameters is empty; a search needs at least one")
+        settings = with_defaults(start.size, exploration, weighting, batch, best, latest, minimum_exploration, limits, 4 * (start.size + 2))
+        super().__init__(settings, rng)
+        self._policy = GaussianPolicy(start, as_spread(spread, start.shape), settings, diagonal=False)
+
+    @property
+    def parameters(self) -> np.ndarray:
+        """Mean (d,) of the policy: the best guess, also when returns are noisy."""
+        return self._policy.parameters
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Covariance (d, d) of the next trial."""
+        return self._policy.covariance
+
+    @property
+    def spread(self) -> np.ndarray:
+        """Standard deviations (d,) of the next trial."""
+        return np.sqrt(np.diagonal(self.covariance))
+
+    @property
+    def exploration_size(self) -> float:
+        """Standard deviation along the longest axis, in units of the spread at the start."""
+        return self._policy.longest
+
+    def _draw(self) -> tuple[np.ndarray, np.ndarray]:
+        noise = self._rng.standard_normal(self._policy.start.size)
+        return noise, self._policy.draw(noise)
+
+    def _present(self, number: int, tried: np.ndarray) -> Trial:
+        return Trial(number, tried)
+
+    def _read(self, outcome: ArrayLike) -> np.ndarray:
+        return read_returns(outcome, (), self.settings.weighting)
+
+    def _update(self, told: list[Told]) -> bool:
+        weights = return_weights([trial.outcome for trial in told], self.settings.best, self.settings.weighting)
+        if not weights.any():
+            return False
+        noise, tried = np.array([trial.noise for trial in told]), np.array([trial.tried for trial in told])
+        self._policy.update(noise, tried, np.broadcast_to(weights[:, None], tried.shape))
+        return True
+
+    def _policy_state(self) -> dict:
+        return self._policy.state()
+
+    @classmethod
+    def _from_policy_state(cls, state: dict, settings: Settings, rng: np.random.Generator) -> PoWER:
+        search = cls(state["start"], state["scale"], rng=rng, **vars(settings))
+        search._policy.restore(state)
+        return search
