@@ -7,6 +7,9 @@ import operator
 import numpy as np
 from numpy.typing import ArrayLike
 
+# Variances of samples up to this size, and down to one over it, are numbers with all their digits.
+LARGEST_LEARNABLE = 1e145
+
 
 def as_finite(value: ArrayLike, name: str, ndim: int | None = None) -> np.ndarray:
     """Float copy of `value`, refused when it is not numeric, not finite or not of `ndim` dimensions."""
@@ -34,6 +37,25 @@ def as_samples(value: ArrayLike, name: str, n_dims: int | None = None) -> np.nda
     if n_dims is not None and samples.shape[1] != n_dims:
         raise ValueError(f"{name} must have {n_dims} columns, got shape {samples.shape}")
     return samples
+
+
+def as_learnable(value: ArrayLike, name: str) -> np.ndarray:
+    """Samples (n, d) whose squares do not overflow."""
+    samples = as_samples(value, name)
+    if np.abs(samples).max() > LARGEST_LEARNABLE:
+        place = tuple(int(i) for i in np.unravel_index(np.abs(samples).argmax(), samples.shape))
+        raise ValueError(f"{name} holds {samples[place]:g} at index {place}, too large for a variance; choose a larger unit")
+    return samples
+
+
+def require_near(log_density: np.ndarray, points: np.ndarray, name: str, first_row: int = 0) -> None:
+    """ValueError for the first of points (n, d), rows from first_row on, whose log density (n,) is no number, because a square
+    overflowed.
+    """
+    finite = np.isfinite(log_density)
+    if not finite.all():
+        row = int(finite.argmin())
+        raise ValueError(f"{name} row {first_row + row}, {points[row].tolist()}, is so far away that its log density overflows")
 
 
 def as_vector(value: ArrayLike, name: str, length: int | None = None) -> np.ndarray:
@@ -80,8 +102,9 @@ def as_dims(value: ArrayLike, n_dims: int, name: str) -> np.ndarray:
     dims = np.atleast_1d(np.asarray(value))
     if dims.ndim != 1 or dims.size == 0 or not np.issubdtype(dims.dtype, np.integer):
         raise ValueError(f"{name} must be one or more column indices, got {value!r}")
-    if dims.min() < 0 or dims.max() >= n_dims or len(np.unique(dims)) != len(dims):
-        raise ValueError(f"{name} must be distinct and within 0..{n_dims - 1}, got {dims.tolist()}")
+    columns = dims.tolist()
+    if min(columns) < 0 or max(columns) >= n_dims or len(set(columns)) != len(columns):
+        raise ValueError(f"{name} must be distinct and within 0..{n_dims - 1}, got {columns}")
     return dims
 
 

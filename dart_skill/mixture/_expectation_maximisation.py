@@ -3,10 +3,12 @@ columns.
 
 A block is what one task frame sees of the samples, (n, d); responsibilities are shared: the density of a
 component is the product of its densities in all blocks (the tensor GMM of Calinon). One block is the ordinary
-mixture of thesis 3.2.1. Samples are standardised per column first, so that the covariance floor is relative
-to the scale of the data and a change of units changes nothing but units. The floor bounds the eigenvalues of
-each covariance from below, which is the constrained maximum of the M step: the likelihood still rises with
-every iteration.
+mixture of thesis 3.2.1. A row of nan says that the block does not see this sample: it adds no factor to the
+density there, and the sample plays no part in what is learned of this block.
+
+Samples are standardised per column first, so that the covariance floor is relative to the scale of the data
+and a change of units changes nothing but units. The floor bounds the eigenvalues of each covariance from
+below, which is the constrained maximum of the M step: the likelihood still rises with every iteration.
 """
 
 from __future__ import annotations
@@ -15,10 +17,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ._gaussian import LOG_2PI, symmetric
-
-# A component with less than this share of one sample's weight explains nothing.
-DEAD_SHARE = 1e-3
+from ._checks import LARGEST_LEARNABLE, require_near
+from ._gaussian import LOG_2PI, cholesky, raise_to_floor, symmetric
+from ._sweep import DEAD_SHARE, Components, Sweep, seen_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,12 +56,15 @@ class Fit:
 
 def log_densities(block: np.ndarray, means: np.ndarray, covariances: np.ndarray) -> np.ndarray:
     """(n, K) log N(x; mu_k, S_k) of samples (n, d), means (K, d), positive definite covariances (K, d, d)."""
-    factors = np.linalg.cholesky(covariances)
-    whiteners = np.linalg.inv(factors)
-    white = (block[None] - means[:, None]) @ np.swapaxes(whiteners, 1, 2)
-    log_volumes = np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(1)
-    constants = 0.5 * block.shape[1] * LOG_2PI + log_volumes
-    return (-0.5 * np.einsum("kni,kni->kn", white, white) - constants[:, None]).T
+    factors = cholesky(covariances, "covariance of component")
+    whiteners = np.swapaxes(np.linalg.inv(factors), 1, 2)
+    log_volumes = np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(1) + 0.5 * block.shape[1] * LOG_2PI
+    logs = np.empty((len(means), len(block)))
+    for k, (mean, whitener, log_volume) in enumerate(zip(means, whiteners, log_volumes, strict=True)):
+        white = (block - mean) @ whitener
+        logs[k] = -0.5 * np.einsum("ni,ni->n", white, white) - log_volume
+    logs[:, ~seen_rows(block)] = 0.0
+    return logs.T
 
 
 def joint_log_densities(blocks: list[np.ndarray], parameters: Parameters) -> np.ndarray:
@@ -82,43 +86,59 @@ def expectation(blocks: list[np.ndarray], parameters: Parameters) -> tuple[np.nd
     return normalise_log(joint_log_densities(blocks, parameters))
 
 
+def expectation_at(points: np.ndarray, blocks: list[np.ndarray], parameters: Parameters) -> tuple[np.ndarray, np.ndarray]:
+    """The same for points (n, d) that anyone may give, seen as blocks; ValueError for one whose log density overflows."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        shares, log_density = expectation(blocks, parameters)
+    require_near(log_density, points, "samples")
+    return shares, log_density
+
+
 def maximisation(blocks: list[np.ndarray], counts: np.ndarray, floor: float) -> Parameters:
-    """M step from counts (n, K), responsibilities times weights; every component must own something."""
+    """M step from counts (n, K), responsibilities times weights; every component must own something. Where it owns
+    next to nothing of what a block sees, it becomes as wide there as all samples together.
+    """
     mass = counts.sum(0)
-    shares = counts / mass
-    moments = [_moments(block, shares, floor) for block in blocks]
+    moments = [_moments(*_only_seen(block, counts), floor) for block in blocks]
     return Parameters(mass / mass.sum(), [mean for mean, _ in moments], [covariance for _, covariance in moments])
 
 
-def _moments(block: np.ndarray, shares: np.ndarray, floor: float) -> tuple[np.ndarray, np.ndarray]:
+def _only_seen(block: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The rows that the block sees, and the values that belong to them."""
+    seen = seen_rows(block)
+    return (block, values) if seen.all() else (block[seen], values[seen])
+
+
+def _moments(block: np.ndarray, counts: np.ndarray, floor: float) -> tuple[np.ndarray, np.ndarray]:
+    unowned = counts.sum(0) < DEAD_SHARE * counts.sum() / len(counts)
+    if unowned.any():
+        counts = np.where(unowned, counts.sum(1, keepdims=True), counts)
+    shares = counts / counts.sum(0)
     means = shares.T @ block
-    deviations = block[None] - means[:, None]
-    covariances = np.swapaxes(deviations * shares.T[:, :, None], 1, 2) @ deviations
+    covariances = np.empty((*means.shape, block.shape[1]))
+    for mean, share, covariance in zip(means, shares.T, covariances, strict=True):
+        deviations = block - mean
+        covariance[:] = (deviations * share[:, None]).T @ deviations
     return means, raise_to_floor(symmetric(covariances), floor)
-
-
-def raise_to_floor(covariances: np.ndarray, floor: float) -> np.ndarray:
-    """Covariances (K, d, d) with eigenvalues below the floor raised to it."""
-    try:
-        np.linalg.cholesky(covariances - floor * np.eye(covariances.shape[-1]))
-        return covariances
-    except np.linalg.LinAlgError:
-        values, vectors = np.linalg.eigh(covariances)
-        raised = (vectors * np.maximum(values, floor)[:, None, :]) @ np.swapaxes(vectors, 1, 2)
-        return symmetric(raised)
 
 
 def column_scales(block: np.ndarray, weights: np.ndarray, least: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Weighted mean and standard deviation (d,); for a constant column its magnitude (1 for zeros) stands in
     for the deviation.
     """
+    block, weights = _only_seen(block, weights)
     magnitude = np.abs(block).max(0)
     unit = np.where(magnitude > 0, magnitude, 1.0)
     share = weights / weights.sum()
     centre = block[0] + share @ (block - block[0])
     deviation = unit * np.sqrt(share @ np.square((block - centre) / unit))
     scale = np.maximum(deviation, least)
-    return centre, np.where(scale > 8 * np.finfo(float).eps * unit, scale, unit)
+    scale = np.where(scale > 8 * np.finfo(float).eps * unit, scale, unit)
+    if scale.min() < 1.0 / LARGEST_LEARNABLE:
+        raise ValueError(
+            f"column {int(scale.argmin())} of the samples spreads over {scale.min():g}, too little for a variance; choose a smaller unit"
+        )
+    return centre, scale
 
 
 def _revive(blocks, counts, log_density, dead, floor) -> Parameters:
@@ -140,14 +160,17 @@ class _Run:
 
     def __init__(self, blocks, weights, settings, n_components):
         self.blocks, self.weights, self.settings = blocks, weights, settings
-        self.revivals_left = n_components
+        self.revivals_left, self.least_mass = n_components, DEAD_SHARE * weights.mean()
+
+    def dead(self, mass: np.ndarray) -> np.ndarray:
+        """Indices of the components that own next to nothing."""
+        return np.flatnonzero(mass < self.least_mass)
 
     def update(self, responsibilities: np.ndarray, log_density: np.ndarray) -> Parameters:
         """M step that never divides by the mass of a component nobody owns."""
         floor = self.settings.covariance_floor
         counts = responsibilities * self.weights[:, None]
-        mass = counts.sum(0) / self.weights.sum()
-        dead = np.flatnonzero(mass < DEAD_SHARE / len(self.weights))
+        dead = self.dead(counts.sum(0))
         if dead.size == 0:
             return maximisation(self.blocks, counts, floor)
         if dead.size <= self.revivals_left:
@@ -155,49 +178,79 @@ class _Run:
             return _revive(self.blocks, counts, log_density, dead, floor)
         return maximisation(self.blocks, np.delete(counts, dead, axis=1), floor)
 
-    def iterate(self, responsibilities: np.ndarray) -> Fit:
-        """EM from the given responsibilities (n, K) until the mean log-likelihood stops changing."""
-        parameters = self.update(responsibilities, np.zeros(len(self.weights)))
+    def iterate(self, parameters: Parameters) -> Fit:
+        """EM until the mean log-likelihood stops changing."""
+        sweep = Sweep(self.blocks, self.weights, self.settings.covariance_floor)
         share = self.weights / self.weights.sum()
-        previous, converged, n_iterations = -np.inf, False, 0
-        while not converged and n_iterations < self.settings.max_iterations:
-            n_iterations += 1
-            responsibilities, log_density = expectation(self.blocks, parameters)
-            likelihood = float(share @ log_density)
-            converged = abs(likelihood - previous) <= self.settings.tolerance
-            if not converged:
-                previous, parameters = likelihood, self.update(responsibilities, log_density)
-        likelihood = float(share @ expectation(self.blocks, parameters)[1])
-        return Fit(parameters, likelihood, n_iterations, converged)
+        priors, components = parameters.priors, _to_white(sweep, parameters)
+        previous, last = -np.inf, self.settings.max_iterations
+        for iteration in range(1, last + 1):
+            sums = sweep(priors, components)
+            likelihood = float(share @ sums.log_density)
+            if abs(likelihood - previous) <= self.settings.tolerance:
+                return Fit(_from_white(sweep, priors, components), likelihood, iteration, True)
+            if self.dead(sums.mass).size == 0:
+                previous, priors, components = likelihood, sums.mass / sums.mass.sum(), sweep.maximise(sums)
+            else:
+                # A component that is moved must still find its place: that is no end, so the last iteration drops it.
+                self.revivals_left *= iteration < last
+                parameters = self.update(*expectation(self.blocks, _from_white(sweep, priors, components)))
+                previous, priors, components = -np.inf, parameters.priors, _to_white(sweep, parameters)
+        likelihood = float(share @ sweep(priors, components).log_density)
+        return Fit(_from_white(sweep, priors, components), likelihood, last, False)
 
 
-def expectation_maximisation(blocks: list[np.ndarray], weights: np.ndarray, start, settings: Settings, least_scales=0.0) -> Fit:
-    """EM on blocks (n, d) with weights (n,), in the units of the data.
+def _to_white(sweep: Sweep, parameters: Parameters) -> list[Components]:
+    parts = zip(sweep.blocks, parameters.means, parameters.covariances, strict=True)
+    return [block.to_white(*one) for block, *one in parts]
 
-    `start(blocks, weights)` gets the standardised blocks and returns responsibilities (n, K). Samples of
-    weight zero play no part. `least_scales` (P, d) bounds the scale of the columns from below.
+
+def _from_white(sweep: Sweep, priors: np.ndarray, components: list[Components]) -> Parameters:
+    pairs = [block.from_white(one) for block, one in zip(sweep.blocks, components, strict=True)]
+    return Parameters(priors, [means for means, _ in pairs], [covariances for _, covariances in pairs])
+
+
+def expectation_maximisation(blocks: list[np.ndarray], weights: np.ndarray, start, settings: Settings, least_scales=None) -> Fit:
+    """EM on blocks (n, d_p) with weights (n,), in the units of the data.
+
+    start: Parameters in the units of the data, or a function that gets the standardised blocks and the weights
+    and returns responsibilities (n, K). Samples of weight zero play no part. least_scales: per block, an
+    array (d_p,) that bounds the scale of its columns from below.
     """
-    least_scales = np.broadcast_to(least_scales, (len(blocks), blocks[0].shape[1]))
-    counted = weights > 0
-    weights = weights[counted] / weights[counted].mean()
-    scales = [column_scales(block[counted], weights, least) for block, least in zip(blocks, least_scales, strict=True)]
-    standard = [(block[counted] - centre) / scale for block, (centre, scale) in zip(blocks, scales, strict=True)]
-    responsibilities = start(standard, weights)
-    fit = _Run(standard, weights, settings, responsibilities.shape[1]).iterate(responsibilities)
-    return replace(
-        fit,
-        parameters=_in_units(fit.parameters, scales),
-        log_likelihood=fit.log_likelihood - sum(float(np.log(scale).sum()) for _, scale in scales),
+    least_scales = [0.0] * len(blocks) if least_scales is None else least_scales
+    if not (weights > 0).all():
+        blocks, weights = [block[weights > 0] for block in blocks], weights[weights > 0]
+    # Columns in one piece, since all that follows goes along them.
+    blocks, weights = [np.asfortranarray(block) for block in blocks], weights / weights.mean()
+    scales = [column_scales(block, weights, least) for block, least in zip(blocks, least_scales, strict=True)]
+    standard = [(block - centre) / scale for block, (centre, scale) in zip(blocks, scales, strict=True)]
+    if isinstance(start, Parameters):
+        run, parameters = _Run(standard, weights, settings, start.n_components), _standardised(start, scales, settings.covariance_floor)
+    else:
+        responsibilities = start(standard, weights)
+        run = _Run(standard, weights, settings, responsibilities.shape[1])
+        parameters = run.update(responsibilities, np.zeros(len(weights)))
+    fit = run.iterate(parameters)
+    log_volume = sum(
+        np.average(seen_rows(block), weights=weights) * np.log(scale).sum() for block, (_, scale) in zip(blocks, scales, strict=True)
     )
+    return replace(fit, parameters=in_units(fit.parameters, scales), log_likelihood=fit.log_likelihood - float(log_volume))
 
 
-def _in_units(parameters: Parameters, scales) -> Parameters:
+def _standardised(parameters: Parameters, scales, floor: float) -> Parameters:
+    means = [(means - centre) / scale for means, (centre, scale) in zip(parameters.means, scales, strict=True)]
+    covariances = [matrices / np.outer(scale, scale) for matrices, (_, scale) in zip(parameters.covariances, scales, strict=True)]
+    return Parameters(parameters.priors, means, [raise_to_floor(one, floor) for one in covariances])
+
+
+def in_units(parameters: Parameters, scales) -> Parameters:
     means = [means * scale + centre for means, (centre, scale) in zip(parameters.means, scales, strict=True)]
     covariances = [matrices * np.outer(scale, scale) for matrices, (_, scale) in zip(parameters.covariances, scales, strict=True)]
     return Parameters(parameters.priors, means, covariances)
 
 
-def best_fit(blocks: list[np.ndarray], weights: np.ndarray, start, settings: Settings, n_starts: int, least_scales=0.0) -> Fit:
-    """The most likely of several EM runs; the first wins a tie."""
+def best_fit(blocks: list[np.ndarray], weights: np.ndarray, start, settings: Settings, n_starts: int, least_scales=None) -> Fit:
+    """The most likely of several EM runs; the first wins a tie. Given parameters are one start only."""
+    n_starts = 1 if isinstance(start, Parameters) else n_starts
     fits = [expectation_maximisation(blocks, weights, start, settings, least_scales) for _ in range(n_starts)]
     return max(fits, key=lambda fit: fit.log_likelihood)

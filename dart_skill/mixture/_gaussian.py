@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._checks import as_covariances, as_dims, as_finite, as_samples, as_vector
+from ._checks import as_count, as_covariances, as_dims, as_finite, as_samples, as_vector, as_weights, require_near
 
 LOG_2PI = float(np.log(2.0 * np.pi))
 
@@ -38,19 +39,70 @@ def _describe_singular(covariances: np.ndarray, what: str) -> str:
     )
 
 
+def square_root(covariances: np.ndarray) -> np.ndarray:
+    """Roots (..., d, d) with R R' = S of positive semi-definite matrices: Cholesky where that exists."""
+    try:
+        return np.linalg.cholesky(covariances)
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(covariances)
+        return vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]
+
+
+def split_dims(dims: ArrayLike, n_dims: int) -> tuple[np.ndarray, np.ndarray]:
+    """The given dimensions and the others, in ascending order; some must be left."""
+    dims = as_dims(dims, n_dims, "dims")
+    rest = np.setdiff1d(np.arange(n_dims), dims)
+    if rest.size == 0:
+        raise ValueError(f"dims {dims.tolist()} are all dimensions; conditioning leaves nothing")
+    return dims, rest
+
+
 def log_normal(deviations: np.ndarray, covariances: np.ndarray) -> np.ndarray:
-    """log N(deviation; 0, S) for deviations (..., n, d) and covariances (..., d, d): (..., n)."""
+    """log N(deviation; 0, S) for deviations (..., n, d) and covariances (..., d, d): (..., n); no number where a square
+    overflows.
+    """
     factors = cholesky(covariances)
     whitener = np.linalg.inv(factors)
-    white = deviations @ np.swapaxes(whitener, -1, -2)
     log_volume = np.log(np.diagonal(factors, axis1=-2, axis2=-1)).sum(-1)
     constant = 0.5 * deviations.shape[-1] * LOG_2PI + log_volume
-    return -0.5 * np.einsum("...i,...i->...", white, white) - constant[..., None]
+    with np.errstate(over="ignore", invalid="ignore"):
+        white = deviations @ np.swapaxes(whitener, -1, -2)
+        return -0.5 * np.einsum("...i,...i->...", white, white) - constant[..., None]
 
 
 def symmetric(matrices: np.ndarray) -> np.ndarray:
     """Symmetric part of matrices (..., d, d): removes what rounding leaves."""
     return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
+
+
+@lru_cache(maxsize=64)
+def upper_triangle(n_dims: int) -> tuple[np.ndarray, np.ndarray]:
+    """Places (q,) of the upper triangle in a flattened matrix (d, d), by rows; the matrix (d, d) of where in those q
+    each entry of a symmetric matrix is found.
+    """
+    rows, columns = np.triu_indices(n_dims)
+    square = np.empty((n_dims, n_dims), dtype=int)
+    square[rows, columns] = square[columns, rows] = np.arange(len(rows))
+    upper = rows * n_dims + columns
+    for shared in (upper, square):
+        shared.flags.writeable = False
+    return upper, square
+
+
+def log_determinants(covariances: np.ndarray) -> np.ndarray:
+    """Logs of the determinants (...) of positive definite matrices."""
+    return 2.0 * np.log(np.diagonal(cholesky(covariances), axis1=-2, axis2=-1)).sum(-1)
+
+
+def raise_to_floor(covariances: np.ndarray, floor: float) -> np.ndarray:
+    """Covariances (..., d, d) with eigenvalues below the floor raised to it."""
+    try:
+        np.linalg.cholesky(covariances - floor * np.eye(covariances.shape[-1]))
+        return covariances
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(covariances)
+        raised = (vectors * np.maximum(values, floor)[..., None, :]) @ np.swapaxes(vectors, -1, -2)
+        return symmetric(raised)
 
 
 def product_of_two(mean1, covariance1, mean2, covariance2):
@@ -114,12 +166,8 @@ class Gaussian:
 
     def condition(self, dims: ArrayLike, values: ArrayLike) -> Gaussian:
         """(3.7): distribution of the other dimensions, in ascending order, given x[dims] = values."""
-        dims = as_dims(dims, self.n_dims, "dims")
-        values = as_vector(np.atleast_1d(values), "values", len(dims))
-        rest = np.setdiff1d(np.arange(self.n_dims), dims)
-        if rest.size == 0:
-            raise ValueError(f"dims {dims.tolist()} are all dimensions; conditioning leaves nothing")
-        return self._condition(rest, dims, values)
+        dims, rest = split_dims(dims, self.n_dims)
+        return self._condition(rest, dims, as_vector(np.atleast_1d(values), "values", len(dims)))
 
     def _condition(self, rest: np.ndarray, dims: np.ndarray, values: np.ndarray) -> Gaussian:
         factor = cholesky(self.covariance[np.ix_(dims, dims)], "covariance of the given dimensions")
@@ -127,13 +175,20 @@ class Gaussian:
         mean = self.mean[rest] + half.T @ np.linalg.solve(factor, values - self.mean[dims])
         return Gaussian(mean, symmetric(self.covariance[np.ix_(rest, rest)] - half.T @ half))
 
+    def sample(self, n: int, rng: np.random.Generator) -> np.ndarray:
+        """(n, d) independent draws; a singular covariance is allowed."""
+        noise = rng.standard_normal((as_count(n, "n", 0), self.n_dims))
+        return self.mean + noise @ square_root(self.covariance).T
+
     def log_density(self, points: ArrayLike) -> np.ndarray:
         """log N(x; mean, covariance) of points (..., d): (...)."""
         points = as_finite(points, "points")
         if points.ndim == 0 or points.shape[-1] != self.n_dims:
             raise ValueError(f"points must have {self.n_dims} columns, got shape {points.shape}")
         flat = points.reshape(-1, self.n_dims) - self.mean
-        return log_normal(flat, self.covariance).reshape(points.shape[:-1])
+        log_density = log_normal(flat, self.covariance)
+        require_near(log_density, points.reshape(-1, self.n_dims), "points")
+        return log_density.reshape(points.shape[:-1])
 
 
 def _require_semidefinite(covariance: np.ndarray) -> None:
@@ -170,4 +225,22 @@ def product(gaussians: Sequence[Gaussian]) -> tuple[Gaussian, float]:
         np.stack([gaussian.mean for gaussian in gaussians]),
         np.stack([gaussian.covariance for gaussian in gaussians]),
     )
+    if not np.isfinite(log_constant):
+        raise ValueError("the factors of the product are so far apart that its constant overflows")
     return Gaussian(mean, covariance), float(log_constant)
+
+
+def moments(shares: np.ndarray, means: np.ndarray, covariances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (d,) and covariance (d, d) of a mixture with shares (K,) that sum to one."""
+    mean = shares @ means
+    spread = (means - mean) * np.sqrt(shares)[:, None]
+    return mean, symmetric(np.tensordot(shares, covariances, axes=1) + spread.T @ spread)
+
+
+def merge(gaussians: Sequence[Gaussian], weights: ArrayLike) -> Gaussian:
+    """The Gaussian with the mean and covariance of all together, each with its weight (positive, any sum)."""
+    if len(gaussians) == 0 or len({gaussian.n_dims for gaussian in gaussians}) > 1:
+        raise ValueError(f"gaussians must be one or more of one dimension, got {[gaussian.n_dims for gaussian in gaussians]}")
+    weights = as_weights(weights, len(gaussians))
+    means, covariances = [gaussian.mean for gaussian in gaussians], [gaussian.covariance for gaussian in gaussians]
+    return Gaussian(*moments(weights / weights.sum(), np.stack(means), np.stack(covariances)))

@@ -4,13 +4,20 @@ sample (errata).
 
 from __future__ import annotations
 
+import zipfile
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._checks import as_count, as_covariances, as_number, as_samples, as_vector, as_weights
-from ._expectation_maximisation import Parameters, Settings, best_fit, expectation
-from ._gaussian import Gaussian, cholesky
+from ._checks import as_count, as_covariances, as_dims, as_finite, as_learnable, as_number, as_samples, as_vector, as_weights
+from ._expectation_maximisation import Parameters, Settings, best_fit, expectation_at, normalise_log
+from ._gaussian import Gaussian, cholesky, log_determinants, moments, product_of_two, split_dims, square_root
 from ._start import kmeans_start
+
+FORMAT = "dart_skill mixture 1"
 
 
 def checked_priors(priors: ArrayLike) -> np.ndarray:
@@ -19,6 +26,13 @@ def checked_priors(priors: ArrayLike) -> np.ndarray:
     if priors.size == 0 or priors.min() <= 0 or abs(priors.sum() - 1.0) > 1e-6:
         raise ValueError(f"priors must be positive and sum to one, got {priors.tolist()}")
     return priors / priors.sum()
+
+
+def _require_parameters(priors: np.ndarray, means: np.ndarray, covariances: np.ndarray) -> None:
+    """ValueError unless these are a mixture, singular components allowed."""
+    checked_priors(priors)
+    for mean, covariance, _ in zip(as_samples(means, "means"), covariances, priors, strict=True):
+        Gaussian(mean, covariance)
 
 
 def n_free_parameters(n_components: int, n_dims: int) -> int:
@@ -57,7 +71,7 @@ class EMEstimator:
         self.max_iterations = as_count(max_iterations, "max_iterations")
         self.n_starts = as_count(n_starts, "n_starts")
 
-    def _run(self, blocks: list[np.ndarray], weights: np.ndarray, start, least_scales=0.0) -> Parameters:
+    def _run(self, blocks: list[np.ndarray], weights: np.ndarray, start, least_scales=None) -> Parameters:
         require_enough(int((weights > 0).sum()), self.n_components)
         settings = Settings(self.covariance_floor, self.tolerance, self.max_iterations)
         fit = best_fit(blocks, weights, start, settings, self.n_starts, least_scales)
@@ -85,9 +99,7 @@ class GaussianMixture(EMEstimator):
             raise ValueError(f"one mean per prior is needed, got {len(means)} for {len(priors)}")
         covariances = as_covariances(covariances, "covariances", (*means.shape, means.shape[1]))
         cholesky(covariances, "covariance of component")
-        mixture = cls(len(priors))
-        mixture._set(priors, means, covariances)
-        return mixture
+        return cls._made(priors, means, covariances)
 
     def _set(self, priors: np.ndarray, means: np.ndarray, covariances: np.ndarray) -> None:
         self.priors_, self.means_, self.covariances_ = priors, means, covariances
@@ -97,15 +109,34 @@ class GaussianMixture(EMEstimator):
         self._require_fitted()
         return self.means_.shape[1]
 
-    def fit(self, samples: ArrayLike, weights: ArrayLike | None = None, *, rng: np.random.Generator) -> GaussianMixture:
-        """EM on samples (n, d) with weights (n,), from a k-means++ start drawn with rng. An integer weight
-        equals repeated samples.
+    def fit(
+        self,
+        samples: ArrayLike,
+        weights: ArrayLike | None = None,
+        *,
+        rng: np.random.Generator | None = None,
+        start: GaussianMixture | None = None,
+    ) -> GaussianMixture:
+        """EM on samples (n, d) with weights (n,), from a k-means++ start drawn with rng or from a given mixture of
+        equally many components. An integer weight equals repeated samples.
         """
-        samples = as_samples(samples, "samples")
+        samples = as_learnable(samples, "samples")
         weights = as_weights(weights, len(samples))
-        fitted = self._run([samples], weights, lambda blocks, mass: kmeans_start(blocks[0], mass, self.n_components, rng))
+        fitted = self._run([samples], weights, self._starter(samples.shape[1], rng, start))
         self._set(fitted.priors, fitted.means[0], fitted.covariances[0])
         return self
+
+    def _starter(self, n_dims: int, rng: np.random.Generator | None, start: GaussianMixture | None):
+        if (rng is None) == (start is None):
+            raise ValueError("fit needs rng=numpy.random.default_rng(seed) for a random start, or start=mixture, and not both")
+        if start is None:
+            return lambda blocks, mass: kmeans_start(blocks[0], mass, self.n_components, rng)
+        if (start.n_dims, len(start.priors_)) != (n_dims, self.n_components):
+            raise ValueError(
+                f"start has {len(start.priors_)} components in {start.n_dims} dimensions, needed are {self.n_components} in {n_dims}"
+            )
+        cholesky(start.covariances_, "start: covariance of component")
+        return Parameters(start.priors_, [start.means_], [start.covariances_])
 
     @property
     def components(self) -> list[Gaussian]:
@@ -123,7 +154,7 @@ class GaussianMixture(EMEstimator):
 
     def _expectation(self, samples: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         samples = as_samples(samples, "samples", self.n_dims)
-        return expectation([samples], Parameters(self.priors_, [self.means_], [self.covariances_]))
+        return expectation_at(samples, [samples], Parameters(self.priors_, [self.means_], [self.covariances_]))
 
     def sample(self, n: int, rng: np.random.Generator) -> np.ndarray:
         """(n, d) independent draws."""
@@ -131,7 +162,7 @@ class GaussianMixture(EMEstimator):
         self._require_fitted()
         labels = rng.choice(len(self.priors_), size=n, p=self.priors_)
         noise = rng.standard_normal((n, self.n_dims))
-        return self.means_[labels] + np.einsum("nij,nj->ni", cholesky(self.covariances_)[labels], noise)
+        return self.means_[labels] + np.einsum("nij,nj->ni", square_root(self.covariances_)[labels], noise)
 
     @property
     def n_parameters(self) -> int:
@@ -143,3 +174,134 @@ class GaussianMixture(EMEstimator):
         log_density = self.log_density(samples)
         weights = as_weights(weights, len(log_density))
         return float(-2.0 * weights @ log_density + self.n_parameters * np.log(weights.sum()))
+
+    def collapse(self) -> Gaussian:
+        """The Gaussian with the mean and covariance of the whole mixture."""
+        self._require_fitted()
+        return Gaussian(*moments(self.priors_, self.means_, self.covariances_))
+
+    def marginal(self, dims: ArrayLike) -> GaussianMixture:
+        """Mixture of the given dimensions, in the given order."""
+        dims = as_dims(dims, self.n_dims, "dims")
+        return self._made(self.priors_, self.means_[:, dims], self.covariances_[:, dims[:, None], dims])
+
+    def condition(self, dims: ArrayLike, values: ArrayLike) -> GaussianMixture:
+        """(3.5): mixture of the other dimensions, in ascending order, given x[dims] = values.
+
+        A component so far from the values that its prior would be zero is left out.
+        """
+        dims, rest = split_dims(dims, self.n_dims)
+        values = as_vector(np.atleast_1d(values), "values", len(dims))
+        shares = self.marginal(dims).responsibilities(values[None])[0]
+        kept = [Gaussian(self.means_[k], self.covariances_[k]).condition(dims, values) for k in np.flatnonzero(shares)]
+        return self._of(shares[shares > 0], kept)
+
+    def linear_map(self, matrix: ArrayLike, offset: ArrayLike | None = None) -> GaussianMixture:
+        """Mixture of A x + b for any A (e, d) and b (e,), zero by default. More rows than columns make the
+        covariances singular: such a mixture has moments, marginals and samples, but no density.
+        """
+        return self._of(self.priors_, [component.linear_map(matrix, offset) for component in self.components])
+
+    def product(self, other: GaussianMixture | Gaussian) -> tuple[GaussianMixture, float]:
+        """Mixture M and log C with C M(x) = this(x) other(x) for every x; components in pairs, those of `other`
+        fastest. Pairs so far apart that their prior would be zero are left out.
+        """
+        other = GaussianMixture._of(np.ones(1), [other]) if isinstance(other, Gaussian) else other
+        if other.n_dims != self.n_dims:
+            raise ValueError(f"factors must agree in dimension, got {self.n_dims} and {other.n_dims}")
+        mine, yours = np.divmod(np.arange(len(self.priors_) * len(other.priors_)), len(other.priors_))
+        mean, covariance, log_constants = product_of_two(
+            self.means_[mine], self.covariances_[mine], other.means_[yours], other.covariances_[yours]
+        )
+        log_constants = log_constants + np.log(self.priors_[mine]) + np.log(other.priors_[yours])
+        if not np.isfinite(log_constants).any():
+            raise ValueError("the factors of the product are so far apart that its constant overflows")
+        shares, log_total = normalise_log(log_constants[None])
+        kept = shares[0] > 0
+        return self._made(shares[0, kept], mean[kept], covariance[kept]), float(log_total[0])
+
+    def merge(self, indices: ArrayLike) -> GaussianMixture:
+        """Mixture in which the given components are one, with their prior, mean and covariance taken together; it
+        comes last.
+        """
+        self._require_fitted()
+        indices = as_dims(indices, len(self.priors_), "indices")
+        prior = self.priors_[indices].sum()
+        mean, covariance = moments(self.priors_[indices] / prior, self.means_[indices], self.covariances_[indices])
+        rest = np.setdiff1d(np.arange(len(self.priors_)), indices)
+        return self._made(
+            np.append(self.priors_[rest], prior),
+            np.concatenate([self.means_[rest], mean[None]]),
+            np.concatenate([self.covariances_[rest], covariance[None]]),
+        )
+
+    def reduce(self, n_components: int) -> GaussianMixture:
+        """Mixture of n_components, by merging the pair whose merger costs least until so many are left (Runnalls
+        2007: an upper bound of the divergence from the mixture before).
+        """
+        mixture, n_components = self, as_count(n_components, "n_components")
+        self._require_fitted()
+        if n_components > len(self.priors_):
+            raise ValueError(f"n_components must be at most the {len(self.priors_)} that there are, got {n_components}")
+        while len(mixture.priors_) > n_components:
+            mixture = mixture.merge(mixture._cheapest_pair())
+        return mixture
+
+    def _cheapest_pair(self) -> tuple[int, int]:
+        pairs = np.stack(np.triu_indices(len(self.priors_), 1), axis=1)
+        priors = self.priors_[pairs]
+        total = priors.sum(1)
+        shares = priors / total[:, None]
+        step = self.means_[pairs[:, 0]] - self.means_[pairs[:, 1]]
+        covariances = np.einsum("pi,pijk->pjk", shares, self.covariances_[pairs])
+        covariances += shares.prod(1)[:, None, None] * step[:, :, None] * step[:, None, :]
+        volumes = log_determinants(self.covariances_)
+        cost = total * log_determinants(covariances) - (priors * volumes[pairs]).sum(1)
+        return tuple(pairs[cost.argmin()].tolist())
+
+    @staticmethod
+    def together(mixtures: Sequence[GaussianMixture], weights: ArrayLike | None = None) -> GaussianMixture:
+        """All components of several mixtures, each mixture with its weight (positive, any sum; equal by default)."""
+        if len(mixtures) == 0 or len({mixture.n_dims for mixture in mixtures}) > 1:
+            raise ValueError(f"mixtures must be one or more of one dimension, got {[mixture.n_dims for mixture in mixtures]}")
+        weights = as_weights(weights, len(mixtures))
+        parts = [(weight / weights.sum(), mixture) for weight, mixture in zip(weights, mixtures, strict=True) if weight > 0]
+        return GaussianMixture._made(
+            np.concatenate([share * mixture.priors_ for share, mixture in parts]),
+            np.concatenate([mixture.means_ for _, mixture in parts]),
+            np.concatenate([mixture.covariances_ for _, mixture in parts]),
+        )
+
+    def save(self, path: str | Path) -> None:
+        """Write priors, means and covariances to a NumPy archive at `path`, which must not exist."""
+        self._require_fitted()
+        with open(path, "xb") as file:
+            np.savez(file, format=np.array(FORMAT), priors=self.priors_, means=self.means_, covariances=self.covariances_)
+
+    @classmethod
+    def load(cls, path: str | Path) -> GaussianMixture:
+        """The mixture that `save` wrote, to the last bit; ValueError if the file is another's or damaged."""
+        try:
+            with np.load(path, allow_pickle=False) as archive:
+                content = {name: archive[name] for name in ("format", "priors", "means", "covariances")}
+            if str(content.pop("format")) != FORMAT:
+                raise ValueError(f"its format is not '{FORMAT}'")
+            parameters = [as_finite(value, name) for name, value in content.items()]
+            _require_parameters(*parameters)
+        except FileNotFoundError:
+            raise
+        except (KeyError, ValueError, EOFError, TypeError, AttributeError, OSError, zipfile.BadZipFile, zlib.error) as error:
+            raise ValueError(f"{path} is not a mixture saved by dart_skill, or damaged: {error}") from error
+        return cls._made(*parameters)
+
+    @classmethod
+    def _made(cls, priors: np.ndarray, means: np.ndarray, covariances: np.ndarray) -> GaussianMixture:
+        """Mixture of parameters that are known to be right."""
+        mixture = cls(len(priors))
+        mixture._set(priors, means, covariances)
+        return mixture
+
+    @classmethod
+    def _of(cls, priors: np.ndarray, components: Sequence[Gaussian]) -> GaussianMixture:
+        means, covariances = [one.mean for one in components], [one.covariance for one in components]
+        return cls._made(priors, np.stack(means), np.stack(covariances))

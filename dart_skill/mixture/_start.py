@@ -10,7 +10,19 @@ import numpy as np
 
 def squared_distances(samples: np.ndarray, centres: np.ndarray) -> np.ndarray:
     """(n, K) squared distances of samples (n, d) to centres (K, d)."""
-    return np.stack([np.square(samples - centre).sum(1) for centre in centres], axis=1)
+    steps = (samples - centre for centre in centres)
+    return np.stack([np.einsum("ni,ni->n", step, step) for step in steps], axis=1)
+
+
+def nearest_centre(samples: np.ndarray, centres: np.ndarray) -> np.ndarray:
+    """Labels (n,) of samples (n, d); the first of equally near centres."""
+    # The squared norm of the sample is the same for all centres.
+    scores = np.square(centres).sum(1)[:, None] - 2.0 * centres @ samples.T
+    labels, least = np.zeros(len(samples), dtype=int), scores[0]
+    for k, score in enumerate(scores[1:], start=1):
+        labels[score < least] = k
+        least = np.minimum(least, score)
+    return labels
 
 
 def draw(shares: np.ndarray, uniform: np.ndarray) -> np.ndarray:
@@ -39,12 +51,12 @@ def plus_plus_centres(samples: np.ndarray, weights: np.ndarray, n_centres: int, 
 
 def refine_centres(samples: np.ndarray, weights: np.ndarray, centres: np.ndarray, max_iterations: int = 30) -> np.ndarray:
     """Labels (n,) after Lloyd's iteration; a centre that loses all samples stays where it is."""
-    labels = squared_distances(samples, centres).argmin(1)
+    labels, weighted = nearest_centre(samples, centres), np.ascontiguousarray((samples * weights[:, None]).T)
     for _ in range(max_iterations):
-        share = one_hot(labels, len(centres)) * weights[:, None]
-        mass = share.sum(0)
-        centres = np.where(mass[:, None] > 0, share.T @ samples / np.where(mass > 0, mass, 1.0)[:, None], centres)
-        previous, labels = labels, squared_distances(samples, centres).argmin(1)
+        mass = np.bincount(labels, weights, len(centres))
+        sums = np.stack([np.bincount(labels, column, len(centres)) for column in weighted], axis=1)
+        centres = np.where(mass[:, None] > 0, sums / np.where(mass > 0, mass, 1.0)[:, None], centres)
+        previous, labels = labels, nearest_centre(samples, centres)
         if (labels == previous).all():
             break
     return labels

@@ -37,7 +37,7 @@ from .orientation import (
 from .primitives import DiscretePrimitive, Execution, PrimitiveState, RhythmicPrimitive, Trajectory
 from .segmentation import Segment, VelocityThreshold, segment_containing, speed
 from .stiffness import critical_damping_matrix, hold_to, stiffness_from_covariance
-from .task_parameterised import TaskParameterisedMixture
+from .task_parameterised import PartialFrame, TaskParameterisedMixture
 
 __all__ = [
     "AutonomousDSGMR",
@@ -47,6 +47,7 @@ __all__ = [
     "Execution",
     "Fit",
     "Motion",
+    "PartialFrame",
     "PhaseRule",
     "PrimitiveState",
     "Reproduction",

@@ -55,11 +55,14 @@ def smooth_derivatives(
     interval = (time[-1] - time[0]) / (len(time) - 1)
     stamps = (time - time[0]) / interval
     basis = _QuinticBasis(stamps)
-    coefficients = np.empty((basis.n_functions, samples.shape[1]))
+    # The quadratic trend is fitted apart, so that a large penalty, whose system is ill-conditioned, cannot disturb it.
+    trend = quadratic_trend(stamps, samples)
+    coefficients = basis.fit(trend, 0.0)
+    smoother = _Smoother(basis) if levels.any() else None
     for group in groups:
-        level = levels[group[0]]
-        penalty = choose_penalty(stamps, samples[:, group] / level) if level > 0 else 0.0
-        coefficients[:, group] = basis.fit(samples[:, group], penalty)
+        rest, level = samples[:, group] - trend[:, group], levels[group[0]]
+        penalty = smoother.choose_penalty(rest / level) if level > 0 else 0.0
+        coefficients[:, group] += basis.fit(rest, penalty)
     return Motion(*(basis.evaluate(coefficients, (at - time[0]) / interval, order) / interval**order for order in range(3)))
 
 
@@ -97,29 +100,37 @@ def estimate_noise(time: ArrayLike, samples: ArrayLike) -> np.ndarray:
     return np.asarray(np.median(np.abs(np.einsum("nj,ndj->nd", contrast, windows))) / 0.6744897501960817)
 
 
-def choose_penalty(stamps: np.ndarray, samples: np.ndarray) -> float:
-    """lambda of least estimated risk for samples (n, d) of unit noise, stamps in mean intervals."""
-    n_windows = max(1, round(len(stamps) / RISK_WINDOW))
-    penalties = 10.0**LOG_PENALTIES
-    risk = sum(
-        _risk(part, values, penalties)
-        for part, values in zip(np.array_split(stamps, n_windows), np.array_split(samples, n_windows), strict=True)
-    )
-    return float(penalties[risk.argmin()])
+class _Smoother:
+    """The penalised least squares fit at the stamps of a basis: what of the choice of the penalty does not depend on the samples."""
+
+    def __init__(self, basis: _QuinticBasis):
+        n_windows = max(1, round(len(basis.stamps) / RISK_WINDOW))
+        parts = np.array_split(basis.stamps, n_windows)
+        self._windows = [_RiskWindow(basis if n_windows == 1 else _QuinticBasis(part)) for part in parts]
+
+    def choose_penalty(self, samples: np.ndarray) -> float:
+        """lambda of least estimated risk for samples (n, d) of unit noise, stamps in mean intervals."""
+        parts = np.array_split(samples, len(self._windows))
+        risk = sum(window.risk(part) for window, part in zip(self._windows, parts, strict=True))
+        return float(10.0 ** LOG_PENALTIES[risk.argmin()])
 
 
-def _risk(stamps: np.ndarray, samples: np.ndarray, penalties: np.ndarray) -> np.ndarray:
-    """Residual sum of squares plus twice the trace of the smoother, up to a constant, per penalty, in the
-    basis that diagonalises it.
-    """
-    basis, samples = _QuinticBasis(stamps), samples - quadratic_trend(stamps, samples)
-    factor = np.linalg.cholesky(basis.gram.toarray())
-    half = scipy.linalg.solve_triangular(factor, basis.roughness.toarray(), lower=True)
-    roughness = scipy.linalg.solve_triangular(factor, half.T, lower=True)
-    values, vectors = scipy.linalg.eigh(0.5 * (roughness + roughness.T))
-    projected = vectors.T @ scipy.linalg.solve_triangular(factor, basis.design.T @ samples, lower=True)
-    kept = 1.0 / (1.0 + penalties[:, None] * np.maximum(values, 0.0))
-    return np.square(1.0 - kept) @ np.square(projected).sum(1) + 2.0 * samples.shape[1] * kept.sum(1)
+class _RiskWindow:
+    """The smoother on some stamps, in the basis that diagonalises it."""
+
+    def __init__(self, basis: _QuinticBasis):
+        factor = np.linalg.cholesky(basis.gram.toarray())
+        half = scipy.linalg.solve_triangular(factor, basis.roughness.toarray(), lower=True)
+        roughness = scipy.linalg.solve_triangular(factor, half.T, lower=True)
+        values, vectors = scipy.linalg.eigh(0.5 * (roughness + roughness.T))
+        self._stamps = basis.stamps
+        self._project = vectors.T @ scipy.linalg.solve_triangular(factor, basis.design.T.toarray(), lower=True)
+        self._kept = 1.0 / (1.0 + 10.0 ** LOG_PENALTIES[:, None] * np.maximum(values, 0.0))
+
+    def risk(self, samples: np.ndarray) -> np.ndarray:
+        """Residual sum of squares plus twice the trace of the smoother, up to a constant, for every penalty."""
+        projected = self._project @ (samples - quadratic_trend(self._stamps, samples))
+        return np.square(1.0 - self._kept) @ np.square(projected).sum(1) + 2.0 * samples.shape[1] * self._kept.sum(1)
 
 
 def quadratic_trend(stamps: np.ndarray, samples: np.ndarray) -> np.ndarray:
@@ -132,6 +143,11 @@ def quadratic_trend(stamps: np.ndarray, samples: np.ndarray) -> np.ndarray:
 def _design_matrix(stamps: np.ndarray, knots: np.ndarray, degree: int) -> scipy.sparse.csr_array:
     """Values (n, m) of the B-splines on the knots at the stamps (n,)."""
     return scipy.interpolate.BSpline.design_matrix(stamps, knots, degree)
+
+
+def _bands(matrix: scipy.sparse.csc_matrix) -> np.ndarray:
+    """Diagonals (DEGREE + 1, m) of a symmetric matrix, from the main one down."""
+    return np.stack([np.pad(matrix.diagonal(-offset), (0, offset)) for offset in range(DEGREE + 1)])
 
 
 class _QuinticBasis:
@@ -147,6 +163,7 @@ class _QuinticBasis:
         self.design = _design_matrix(stamps, self.knots, DEGREE)
         self.gram = (self.design.T @ self.design).tocsc()
         self.roughness = self._roughness()
+        self._gram_bands, self._roughness_bands = _bands(self.gram), _bands(self.roughness)
 
     def _derivative(self, order: int) -> tuple[scipy.sparse.csc_matrix, np.ndarray]:
         """Matrix from coefficients to those of the derivative, and the knots of the latter."""
@@ -171,17 +188,8 @@ class _QuinticBasis:
         return (values.T @ values.multiply(weights[:, None])).tocsc()
 
     def fit(self, samples: np.ndarray, penalty: float) -> np.ndarray:
-        """Coefficients (m, d) of the penalised least squares fit.
-
-        The quadratic trend is fitted apart, so that a large penalty, whose system is ill-conditioned, cannot
-        disturb it.
-        """
-        trend = quadratic_trend(self.stamps, samples)
-        return self._solve(trend, 0.0) + self._solve(samples - trend, penalty)
-
-    def _solve(self, samples: np.ndarray, penalty: float) -> np.ndarray:
-        system = self.gram + penalty * self.roughness
-        bands = np.stack([np.pad(system.diagonal(-offset), (0, offset)) for offset in range(DEGREE + 1)])
+        """Coefficients (m, d) of the penalised least squares fit."""
+        bands = self._gram_bands + penalty * self._roughness_bands
         return scipy.linalg.cho_solve_banded((scipy.linalg.cholesky_banded(bands, lower=True), True), self.design.T @ samples)
 
     def evaluate(self, coefficients: np.ndarray, stamps: np.ndarray, order: int) -> np.ndarray:

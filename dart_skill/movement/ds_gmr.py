@@ -13,12 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mixture import regress
 from ..mixture._checks import as_samples
+from ._placement import FrameCourse
 from ._time import as_stamps, uniform_step
 from .attractor import as_gains, attractor_from_motion, critical_damping, follow_attractor
 from .differentiation import smooth_derivatives
-from .frames import TaskFrame
 from .task_parameterised import TaskParameterisedMixture
 
 
@@ -79,7 +78,7 @@ class DSGMR:
     def fit(
         self,
         attractors: Sequence[ArrayLike],
-        frames: Sequence[Sequence[TaskFrame]],
+        frames: Sequence[Sequence[FrameCourse]],
         weights: Sequence | None = None,
         *,
         rng: np.random.Generator | None = None,
@@ -90,16 +89,18 @@ class DSGMR:
         self.mixture_ = self._mixture.fit(attractors, frames, weights, rng=rng)
         return self
 
-    def retrieve(self, frames: Sequence[TaskFrame], time: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """Attractor mean (n, d) and covariance (n, d, d) in new frames at stamps (n,)."""
+    def retrieve(self, frames: Sequence[FrameCourse], time: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        """Attractor mean (n, d) and covariance (n, d, d) in new frames at stamps (n,); a frame that moves is given by a list
+        with one for each stamp, a missing one by None.
+        """
         if not hasattr(self, "mixture_"):
             raise ValueError("this DSGMR holds no model yet; call fit first")
         time = as_stamps(time)
-        return regress(self.mixture_.product(frames), time[:, None], [0], np.arange(1, self.mixture_.n_dims))
+        return self.mixture_.regress(frames, time[:, None], [0], np.arange(1, self.mixture_.n_dims))
 
     def reproduce(
         self,
-        frames: Sequence[TaskFrame],
+        frames: Sequence[FrameCourse],
         time: ArrayLike,
         position0: ArrayLike,
         velocity0: ArrayLike,

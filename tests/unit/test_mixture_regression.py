@@ -90,6 +90,7 @@ def test_units_of_inputs_and_outputs_pass_through():
     [
         ([[np.nan]], [0], [1], "nan"),
         ([[1e200]], [0], [1], "far away"),
+        (np.where(np.arange(3000) == 2500, 1e200, 0.0), [0], [1], "row 2500, .* far away"),
         (np.zeros((0, 1)), [0], [1], "empty"),
         (np.zeros((3, 2)), [0], [1], "1 columns"),
         (np.zeros(3), [0, 2], [1], "2 dimension"),

@@ -1,0 +1,115 @@
+"""Number of components of a mixture, by the Bayesian information criterion or by cross-validation (thesis 3.2.2).
+
+Both return the whole curve: a flat one says that the number hardly matters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ._checks import as_count, as_samples, as_weights
+from ._mixture import GaussianMixture
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """Numbers of components tried (C,), their scores (C,), lower is better, with standard errors (C,), zero where
+    there is no estimate; and the mixture of the best number, fitted to all samples.
+    """
+
+    n_components: np.ndarray
+    scores: np.ndarray
+    standard_errors: np.ndarray
+    mixture: GaussianMixture
+
+    @property
+    def best(self) -> int:
+        """The number with the lowest score; the smaller one wins a tie."""
+        return int(self.n_components[self.scores.argmin()])
+
+    @property
+    def simplest_within_error(self) -> int:
+        """The smallest number whose score is within one standard error of the best."""
+        lowest = self.scores.argmin()
+        return int(self.n_components[self.scores <= self.scores[lowest] + self.standard_errors[lowest]].min())
+
+
+def select_by_bic(
+    samples: ArrayLike,
+    n_components: Sequence[int],
+    weights: ArrayLike | None = None,
+    *,
+    rng: np.random.Generator,
+    **options,
+) -> Selection:
+    """Fit samples (n, d) with weights (n,) by every number of components and score by BIC, in which the sum of the
+    weights counts as number of samples. options: hyper-parameters of `GaussianMixture`.
+    """
+    candidates = _as_candidates(n_components)
+    samples, weights = _with_weight(samples, weights)
+    mixtures = [GaussianMixture(k, **options).fit(samples, weights, rng=rng) for k in candidates]
+    scores = np.array([mixture.bic(samples, weights) for mixture in mixtures])
+    return Selection(candidates, scores, np.zeros(len(scores)), mixtures[int(scores.argmin())])
+
+
+def select_by_cross_validation(
+    samples: ArrayLike,
+    n_components: Sequence[int],
+    weights: ArrayLike | None = None,
+    *,
+    groups: ArrayLike | None = None,
+    n_folds: int = 5,
+    rng: np.random.Generator,
+    **options,
+) -> Selection:
+    """Score every number of components by the mean negative log density, per unit of weight, of samples that the
+    fit did not see.
+
+    groups (n,): labels of samples that belong together and are left out together, usually the demonstration:
+    neighbours in time would tell each other's place. No more groups than folds: each is left out once.
+    """
+    candidates, n_folds = _as_candidates(n_components), as_count(n_folds, "n_folds", 2)
+    counted = as_weights(weights, len(as_samples(samples, "samples"))) > 0
+    groups = np.arange(len(counted)) if groups is None else np.asarray(groups)
+    if groups.shape != counted.shape:
+        raise ValueError(f"groups must have shape {counted.shape}, one label per sample, got {groups.shape}")
+    samples, weights = _with_weight(samples, weights)
+    folds = _folds(groups[counted], n_folds, rng)
+    scores = np.array(
+        [[_left_out_score(samples, weights, folds == f, k, rng, options) for f in range(folds.max() + 1)] for k in candidates]
+    )
+    shares = np.bincount(folds, weights=weights) / weights.sum()
+    means = scores @ shares
+    errors = np.sqrt(np.square(scores - means[:, None]) @ shares / (len(shares) - 1))
+    best = GaussianMixture(int(candidates[means.argmin()]), **options).fit(samples, weights, rng=rng)
+    return Selection(candidates, means, errors, best)
+
+
+def _as_candidates(n_components: Sequence[int]) -> np.ndarray:
+    candidates = sorted({as_count(k, "n_components") for k in n_components})
+    if not candidates:
+        raise ValueError("n_components is empty; name at least one number to try")
+    return np.array(candidates)
+
+
+def _with_weight(samples: ArrayLike, weights: ArrayLike | None) -> tuple[np.ndarray, np.ndarray]:
+    samples = as_samples(samples, "samples")
+    weights = as_weights(weights, len(samples))
+    return samples[weights > 0], weights[weights > 0]
+
+
+def _folds(groups: np.ndarray, n_folds: int, rng: np.random.Generator) -> np.ndarray:
+    """Fold (n,) of every sample: the groups are dealt out in random order."""
+    labels, members = np.unique(groups, return_inverse=True)
+    if len(labels) < 2:
+        raise ValueError("cross-validation needs at least two groups of samples with weight, got one")
+    return (rng.permutation(len(labels)) % n_folds)[members.ravel()]
+
+
+def _left_out_score(samples, weights, left_out: np.ndarray, n_components: int, rng: np.random.Generator, options: dict) -> float:
+    mixture = GaussianMixture(int(n_components), **options).fit(samples[~left_out], weights[~left_out], rng=rng)
+    return float(-np.average(mixture.log_density(samples[left_out]), weights=weights[left_out]))

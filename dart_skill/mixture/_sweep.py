@@ -1,0 +1,222 @@
+"""One iteration of EM over all samples as two matrix products.
+
+In coordinates z in which all samples together have mean zero and covariance one, the log of prior times
+density of every component is linear in the products of (1, z) with itself, so that the E step is
+(K, q) @ (q, n) and the sums of the M step are (K, n) @ (n, q). Samples pass in slices that stay in the cache;
+nothing of the size (n, K) is stored.
+
+A sample that a block does not see (a row of nan) is stored as (0, 0): all its products vanish, and with them its
+part in the density and in the sums of this block.
+
+Squares about a common origin lose digits where a component is narrow compared to how far the samples reach.
+Whitening keeps that loss small; where a bound on it says otherwise, the sweep works with deviations from each
+mean instead, which costs more and is as accurate as the plain form.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ._gaussian import LOG_2PI, raise_to_floor, symmetric, upper_triangle
+
+SLICE = 4096
+# Products of up to so many samples are kept between sweeps; beyond, to build them again costs no more than to read them.
+KEPT = 4 * SLICE
+# A log density made from products may be wrong by no more than this.
+LARGEST_LOSS = 1e-10
+# A component with less than this share of one sample's weight explains nothing.
+DEAD_SHARE = 1e-3
+
+
+def seen_rows(block: np.ndarray) -> np.ndarray:
+    """(n,) whether a block (n, d) sees each sample: the others are rows of nan."""
+    return ~np.isnan(block[:, 0])
+
+
+@dataclass(frozen=True, eq=False)
+class Components:
+    """Components of one block in white coordinates: means (K, d), whiteners L^-1 (K, d, d) of covariances
+    L L', log volumes (K,) with the 2 pi, and a bound on the eigenvalues of all precisions.
+    """
+
+    means: np.ndarray
+    whiteners: np.ndarray
+    log_volumes: np.ndarray
+    largest_precision: float
+
+    @classmethod
+    def of(cls, means: np.ndarray, covariances: np.ndarray) -> Components:
+        whiteners = np.linalg.inv(np.linalg.cholesky(covariances))
+        log_volumes = 0.5 * means.shape[1] * LOG_2PI - np.log(np.einsum("kii->ki", whiteners)).sum(1)
+        return cls(means, whiteners, log_volumes, float(np.einsum("kij,kij->k", whiteners, whiteners).max()))
+
+
+@dataclass(frozen=True, eq=False)
+class Sums:
+    """What the M step needs: mass (K,), log densities in the units of the blocks (n,), and per block an origin (K, d)
+    with the sums over samples (K, 1 + d, 1 + d) of counts times the products of (1, z - origin) with itself.
+    """
+
+    mass: np.ndarray
+    log_density: np.ndarray
+    origins: list[np.ndarray | float]
+    products: list[np.ndarray]
+
+
+class WhiteBlock:
+    """Samples (n, d) of one block in white coordinates, x = root z + centre, stored as (1, z): (1 + d, n)."""
+
+    def __init__(self, block: np.ndarray, weights: np.ndarray, floor: float):
+        seen = seen_rows(block)
+        if not seen.all():
+            block, weights = np.where(seen[:, None], block, 0.0), weights * seen
+        share = weights / weights.sum()
+        self.floor, self.least_mass = floor, DEAD_SHARE * weights.sum() / seen.sum()
+        self.centre = share @ block
+        centred = block - self.centre
+        # At least the floor, so that a flat direction of the data can be divided by its deviation.
+        self.root = np.linalg.cholesky(raise_to_floor(symmetric((centred * share[:, None]).T @ centred), floor))
+        self.inverse_root = np.linalg.inv(self.root)
+        self.log_volume = np.log(np.diagonal(self.root)).sum()
+        self.white = np.empty((1 + len(self.centre), len(block)))
+        self.white[0] = seen
+        np.matmul(self.inverse_root, centred.T, out=self.white[1:])
+        if not seen.all():
+            self.white[1:] *= seen
+        self.reach = float(np.einsum("in,in->n", self.white, self.white).max())
+        # A precision up to this, in white coordinates, is certain to be above the floor.
+        self.safe_precision = 1.0 / (floor * np.square(self.inverse_root).sum())
+        side = len(self.white)
+        self.upper, self.square = upper_triangle(side)
+        self.n_products = len(self.upper)
+        # Squares count half, mixed products twice half.
+        self.factors = np.where(self.upper % (side + 1) == 0, -0.5, -1.0)
+
+    def to_white(self, means: np.ndarray, covariances: np.ndarray) -> Components:
+        whitened = symmetric(self.inverse_root @ covariances @ self.inverse_root.T)
+        return Components.of((means - self.centre) @ self.inverse_root.T, whitened)
+
+    def from_white(self, components: Components) -> tuple[np.ndarray, np.ndarray]:
+        lower = self.root @ np.linalg.inv(components.whiteners)
+        return components.means @ self.root.T + self.centre, lower @ np.swapaxes(lower, 1, 2)
+
+    def write_products(self, span: slice, out: np.ndarray) -> None:
+        """Products of (1, z) with itself for the samples in span, the upper triangle by rows: out (q, m)."""
+        white, row = self.white[:, span], len(self.white)
+        out[:row] = white
+        for i in range(1, len(white)):
+            np.multiply(white[i], white[i:], out=out[row : row + len(white) - i])
+            row += len(white) - i
+
+    def coefficients(self, components: Components) -> np.ndarray:
+        """(K, q) factors of the products in the log density."""
+        offsets = components.whiteners @ components.means[:, :, None]
+        affine = np.concatenate([-offsets, components.whiteners], axis=2)
+        precisions = np.swapaxes(affine, 1, 2) @ affine
+        coefficients = precisions.reshape(len(precisions), -1).take(self.upper, axis=1) * self.factors
+        coefficients[:, 0] -= components.log_volumes + self.log_volume
+        return coefficients
+
+    def deviations(self, components: Components, span: slice) -> np.ndarray:
+        """(1, z - mean) of the samples in span from each component: (K, 1 + d, m)."""
+        means = np.pad(components.means, ((0, 0), (1, 0)))
+        return self.white[:, span] - means[:, :, None] * self.white[0, span]
+
+    def log_densities(self, components: Components, deviations: np.ndarray) -> np.ndarray:
+        """(K, m) log densities from (1, deviations) (K, 1 + d, m)."""
+        white = components.whiteners @ deviations[:, 1:]
+        log_volumes = (components.log_volumes + self.log_volume)[:, None]
+        return -0.5 * np.einsum("kin,kin->kn", white, white) - log_volumes * deviations[:, 0]
+
+    def maximise(self, origin: np.ndarray | float, products: np.ndarray) -> Components:
+        """Components from sums, their covariances raised to the floor in the units of the block."""
+        means, covariances = self._moments(origin, products)
+        try:
+            components = Components.of(means, covariances)
+            if components.largest_precision <= self.safe_precision:
+                return components
+        except np.linalg.LinAlgError:
+            pass
+        raised = raise_to_floor(symmetric(self.root @ covariances @ self.root.T), self.floor)
+        return self.to_white(means @ self.root.T + self.centre, raised)
+
+    def _moments(self, origin: np.ndarray | float, products: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Means and covariances from sums; a component that owns next to nothing in this block is as wide as all."""
+        mass = products[:, 0, 0]
+        unowned = mass < self.least_mass
+        products = products / np.maximum(mass, self.least_mass)[:, None, None]
+        step = products[:, 0, 1:]
+        means, covariances = origin + step, products[:, 1:, 1:] - step[:, :, None] * step[:, None, :]
+        if unowned.any():
+            means[unowned], covariances[unowned] = 0.0, np.eye(means.shape[1])
+        return means, covariances
+
+
+class Sweep:
+    """All samples made ready for iterations of EM: blocks (n, d_p), weights (n,), least variance of a component."""
+
+    def __init__(self, blocks: list[np.ndarray], weights: np.ndarray, floor: float):
+        self.weights = weights
+        self.blocks = [WhiteBlock(block, weights, floor) for block in blocks]
+        # In front a row of ones: a block's own products vanish for what it does not see.
+        self.starts = np.cumsum([1] + [block.n_products for block in self.blocks])
+        self.spans = [slice(start, min(start + SLICE, len(weights))) for start in range(0, len(weights), SLICE)]
+        self._scratch = np.ones((self.starts[-1], min(SLICE, len(weights))))
+        self._kept = [self._products(span, self._scratch.copy()) for span in self.spans] if len(weights) <= KEPT else []
+
+    def _products(self, span: slice, out: np.ndarray) -> np.ndarray:
+        out = out[:, : span.stop - span.start]
+        for block, start in zip(self.blocks, self.starts, strict=False):
+            block.write_products(span, out[start : start + block.n_products])
+        return out
+
+    def __call__(self, priors: np.ndarray, components: list[Components]) -> Sums:
+        """E step, and the sums of the M step that follows."""
+        parts = zip(self.blocks, components, strict=True)
+        loss = np.finfo(float).eps * max(block.reach * one.largest_precision for block, one in parts)
+        return (self._by_products if loss <= LARGEST_LOSS else self._by_deviations)(np.log(priors), components)
+
+    def maximise(self, sums: Sums) -> list[Components]:
+        """M step; every component must own something."""
+        return [block.maximise(*one) for block, *one in zip(self.blocks, sums.origins, sums.products, strict=True)]
+
+    def _by_products(self, log_priors: np.ndarray, components: list[Components]) -> Sums:
+        parts = [block.coefficients(one) for block, one in zip(self.blocks, components, strict=True)]
+        coefficients = np.concatenate([log_priors[:, None], *parts], axis=1)
+        total, log_density = np.zeros_like(coefficients), np.empty(len(self.weights))
+        for i, span in enumerate(self.spans):
+            products = self._kept[i] if self._kept else self._products(span, self._scratch)
+            counts = coefficients @ products
+            log_density[span] = to_counts(counts, self.weights[span])
+            total += counts @ products.T
+        squares = [total.take(start + block.square, axis=1) for start, block in zip(self.starts, self.blocks, strict=False)]
+        return Sums(total[:, 0], log_density, [0.0] * len(self.blocks), squares)
+
+    def _by_deviations(self, log_priors: np.ndarray, components: list[Components]) -> Sums:
+        mass, log_density = np.zeros(len(log_priors)), np.empty(len(self.weights))
+        squares = [np.zeros((len(log_priors), len(block.white), len(block.white))) for block in self.blocks]
+        parts = list(zip(self.blocks, components, strict=True))
+        for span in self.spans:
+            deviations = [block.deviations(one, span) for block, one in parts]
+            counts = sum(block.log_densities(*one) for block, *one in zip(self.blocks, components, deviations, strict=True))
+            counts += log_priors[:, None]
+            log_density[span] = to_counts(counts, self.weights[span])
+            mass += counts.sum(1)
+            for square, one in zip(squares, deviations, strict=True):
+                square += (one * counts[:, None, :]) @ np.swapaxes(one, 1, 2)
+        return Sums(mass, log_density, [one.means for one in components], squares)
+
+
+def to_counts(log_values: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Turn logs of prior times density (K, n) into responsibilities times weights, in place; return the log of
+    the mixture's density (n,).
+    """
+    top = log_values.max(0)
+    log_values -= top
+    np.exp(log_values, out=log_values)
+    total = log_values.sum(0)
+    log_values *= weights / total
+    np.log(total, out=total)
+    return np.add(total, top, out=total)

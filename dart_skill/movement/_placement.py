@@ -1,0 +1,238 @@
+"""Where the task frames are while samples are taken: one place per demonstration or one per sample, gaps included.
+
+A frame (A, b) sees a point x of the world at A^-1 (x - b), thesis 7.5.2; with fewer columns than rows, A (m, d), it
+sees d of the m directions, and the pseudo-inverse stands in for the inverse.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..mixture._checks import as_learnable, as_samples, as_vector
+from .frames import TaskFrame
+
+
+@dataclass(frozen=True, eq=False)
+class PartialFrame:
+    """Task frame that sees d of the m features: A (m, d), of full column rank, and b (m,); what lies across the columns of
+    A is open. The first feature is time there too.
+    """
+
+    A: np.ndarray
+    b: np.ndarray
+
+    def __post_init__(self):
+        matrix = as_samples(self.A, "A")
+        lengths = np.linalg.norm(matrix, axis=0)
+        if lengths.min() == 0 or np.linalg.matrix_rank(matrix / lengths) < matrix.shape[1]:
+            raise ValueError(f"A must have independent columns, as many as it has rows at most, got {matrix.tolist()}")
+        object.__setattr__(self, "A", matrix)
+        object.__setattr__(self, "b", as_vector(self.b, "b", len(matrix)))
+
+    @property
+    def n_dims(self) -> int:
+        """Number of directions that it sees."""
+        return self.A.shape[1]
+
+
+Frame = TaskFrame | PartialFrame
+FrameCourse = Frame | Sequence[Frame | None] | None
+"""One frame for a whole demonstration, one per sample, or None where it is missing."""
+
+
+def invert(matrices: np.ndarray) -> np.ndarray:
+    """Inverses (s, d, m) of matrices (s, m, d), pseudo-inverses if d < m."""
+    return np.linalg.inv(matrices) if matrices.shape[1] == matrices.shape[2] else np.linalg.pinv(matrices)
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """One task frame during all samples: its places, A (s, m, d) and b (s, m), and which of them belongs to each sample,
+    place (n,), -1 where the frame is missing.
+    """
+
+    A: np.ndarray
+    b: np.ndarray
+    place: np.ndarray
+
+    @cached_property
+    def inverses(self) -> np.ndarray:
+        """(s, d, m)."""
+        return invert(self.A)
+
+    @property
+    def n_dims(self) -> int:
+        """Number of directions that the frame sees."""
+        return self.A.shape[2]
+
+    @property
+    def seen(self) -> np.ndarray:
+        """(n,) samples for which the frame is there."""
+        return self.place >= 0
+
+    def only(self, kept: np.ndarray) -> Placement:
+        """For the samples in kept (n,) only."""
+        return replace(self, place=self.place[kept])
+
+    def see(self, world: np.ndarray) -> np.ndarray:
+        """World samples (n, m) as the frame sees them (n, d), nan where it is missing."""
+        block, seen = np.full((len(world), self.n_dims), np.nan), self.seen
+        place = self.place[seen]
+        block[seen] = np.einsum("nij,nj->ni", self.inverses[place], world[seen] - self.b[place])
+        return block
+
+    def see_variance(self, variance: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """(d,) variance (m,) of independent columns of the world as the frame sees it, mean over samples with weights (n,)."""
+        shares = np.bincount(self.place[self.seen], weights[self.seen], len(self.A))
+        return np.average(np.square(self.inverses) @ variance, 0, shares)
+
+
+@dataclass(frozen=True, eq=False)
+class Situation:
+    """P task frames at n moments: A (n, P, m, m), inverses (n, P, m, m), b (n, P, m) and seen (n, P); zeros stand for what a
+    frame does not see, and for all of a missing one.
+    """
+
+    A: np.ndarray
+    inverses: np.ndarray
+    b: np.ndarray
+    seen: np.ndarray
+
+    @classmethod
+    def of(cls, courses: Sequence[FrameCourse], n: int, n_features: int, n_dims: Sequence[int]) -> Situation:
+        """The situation of P frames at n moments, of which frame p must see n_dims[p] directions; at each one must be there."""
+        _require_count(courses, len(n_dims), "the new situation")
+        shape, m = (n, len(n_dims)), n_features
+        situation = cls(np.zeros((*shape, m, m)), np.zeros((*shape, m, m)), np.zeros((*shape, m)), np.zeros(shape, dtype=bool))
+        for j, (course, d) in enumerate(zip(courses, n_dims, strict=True)):
+            situation._put(j, _as_frames(course, n, f"task frame {j} of the new situation", m), d)
+        there = situation.seen.any(1)
+        if not there.all():
+            raise ValueError(f"all task frames are missing at moment {int(there.argmin())} of the new situation; give one at least")
+        return situation
+
+    def _put(self, j: int, course: list[Frame | None], n_dims: int) -> None:
+        """Enter frame j, given once for all moments or for each of them."""
+        frames = [frame for frame in course if frame is not None]
+        if not frames:
+            return
+        _require_dims(j, {frame.n_dims for frame in frames} | {n_dims})
+        there = slice(None) if len(course) == 1 else [frame is not None for frame in course]
+        matrices = np.array([frame.A for frame in frames])
+        self.A[there, j, :, :n_dims] = matrices
+        self.inverses[there, j, :n_dims] = invert(matrices)
+        self.b[there, j] = [frame.b for frame in frames]
+        self.seen[there, j] = True
+
+    def middle(self, means: np.ndarray) -> np.ndarray:
+        """(n, K, m) where the frames that are there put means (P, K, m) of theirs in the world, averaged over the frames."""
+        mapped = means @ np.swapaxes(self.A, -1, -2) + self.b[:, :, None]
+        return mapped.sum(1) / self.seen.sum(1)[:, None, None]
+
+
+@dataclass(frozen=True, eq=False)
+class TaskSamples:
+    """Samples of all demonstrations in a row, world (n, m), the placement of each of the P frames, and how many samples each
+    demonstration has.
+    """
+
+    world: np.ndarray
+    placements: list[Placement]
+    lengths: list[int]
+
+    @classmethod
+    def of(cls, samples: Sequence[ArrayLike], frames: Sequence[Sequence[FrameCourse]], n_dims: Sequence[int] | None = None) -> TaskSamples:
+        """Checked samples (n_i, m) and P frames per demonstration; n_dims (P,): how many directions each frame must see."""
+        if len(samples) == 0 or len(samples) != len(frames):
+            raise ValueError(f"one list of frames per demonstration is needed, got {len(frames)} for {len(samples)}")
+        samples = [as_learnable(one, f"samples of demonstration {i}") for i, one in enumerate(samples)]
+        for i, one in enumerate(samples):
+            if one.shape[1] != samples[0].shape[1]:
+                raise ValueError(f"demonstration {i} has {one.shape[1]} columns, the first has {samples[0].shape[1]}")
+        lengths = [len(one) for one in samples]
+        placements = _as_placements(frames, lengths, samples[0].shape[1], n_dims)
+        unseen = ~np.any([placement.seen for placement in placements], axis=0)
+        if unseen.any():
+            i, row = _locate(int(unseen.argmax()), lengths)
+            raise ValueError(f"sample {row} of demonstration {i} is seen by no task frame; leave it out or give a frame")
+        return cls(np.concatenate(samples), placements, lengths)
+
+    def only(self, kept: np.ndarray) -> TaskSamples:
+        """The samples in kept (n,); every frame must see some of them."""
+        demonstrations = np.repeat(np.arange(len(self.lengths)), self.lengths)
+        lengths = np.bincount(demonstrations[kept], minlength=len(self.lengths)).tolist()
+        few = TaskSamples(self.world[kept], [one.only(kept) for one in self.placements], lengths)
+        for j, placement in enumerate(few.placements):
+            if not placement.seen.any():
+                raise ValueError(f"task frame {j} is missing from every sample with weight; leave it out of all demonstrations")
+        return few
+
+    @property
+    def blocks(self) -> list[np.ndarray]:
+        """Per frame, all samples as it sees them (n, d_p), nan where it is missing."""
+        return [placement.see(self.world) for placement in self.placements]
+
+    def per_demonstration(self, values: np.ndarray) -> list[np.ndarray]:
+        """Values (n, ...) of all samples as one array per demonstration."""
+        return np.split(values, np.cumsum(self.lengths)[:-1])
+
+
+def _locate(sample: int, lengths: list[int]) -> tuple[int, int]:
+    """Demonstration and row in it of a sample in the whole row."""
+    i = int(np.searchsorted(np.cumsum(lengths), sample, side="right"))
+    return i, sample - sum(lengths[:i])
+
+
+def _as_placements(
+    frames: Sequence[Sequence[FrameCourse]], lengths: list[int], n_features: int, n_dims: Sequence[int] | None
+) -> list[Placement]:
+    """Placement of each of P frames during demonstrations of so many samples."""
+    n_frames = len(frames[0]) if n_dims is None else len(n_dims)
+    for i, its_frames in enumerate(frames):
+        _require_count(its_frames, n_frames, f"demonstration {i}")
+    wanted = [None] * n_frames if n_dims is None else n_dims
+    return [_as_placement(j, [its_frames[j] for its_frames in frames], lengths, n_features, wanted[j]) for j in range(n_frames)]
+
+
+def _as_placement(j: int, courses: list[FrameCourse], lengths: list[int], n_features: int, n_dims: int | None) -> Placement:
+    frames, place = [], []
+    for i, (course, length) in enumerate(zip(courses, lengths, strict=True)):
+        course = _as_frames(course, length, f"task frame {j} of demonstration {i}", n_features)
+        there = np.array([frame is not None for frame in course])
+        place.append(np.broadcast_to(np.where(there, len(frames) + np.cumsum(there) - 1, -1), length))
+        frames += [frame for frame in course if frame is not None]
+    found = {frame.n_dims for frame in frames} | ({n_dims} if n_dims else set()) or {n_features}
+    _require_dims(j, found)
+    matrices = np.reshape([frame.A for frame in frames], (len(frames), n_features, *found))
+    offsets = np.reshape([frame.b for frame in frames], (len(frames), n_features))
+    return Placement(matrices, offsets, np.concatenate(place))
+
+
+def _require_count(frames: Sequence[FrameCourse], n_frames: int, name: str) -> None:
+    if len(frames) != n_frames or n_frames == 0:
+        raise ValueError(f"{name} has {len(frames)} task frames, expected {n_frames or 'at least 1'}")
+
+
+def _require_dims(j: int, found: set[int]) -> None:
+    if len(found) > 1:
+        raise ValueError(f"task frame {j} must see as many directions everywhere, got {sorted(found)}")
+
+
+def _as_frames(course: FrameCourse, length: int, name: str, n_features: int) -> list[Frame | None]:
+    """The frame that is given for all samples, one entry, or for each of them, as many as `length`."""
+    frames = list(course) if isinstance(course, Sequence) else [course]
+    if isinstance(course, Sequence) and len(frames) != length:
+        raise ValueError(f"{name} is given for {len(frames)} samples, there are {length}")
+    for frame in frames:
+        if frame is None:
+            continue
+        if not isinstance(frame, Frame):
+            raise ValueError(f"{name} must be a TaskFrame, a PartialFrame or None, got {type(frame).__name__}")
+        if len(frame.b) != n_features:
+            raise ValueError(f"{name} has {len(frame.b)} dimensions, the samples have {n_features}")
+    return frames

@@ -1,0 +1,203 @@
+"""The fast iteration of EM against the plain one: Cholesky factors and deviations, component by component."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dart_skill.mixture import GaussianMixture
+from dart_skill.mixture._expectation_maximisation import Parameters, Settings, _Run, expectation, maximisation
+from dart_skill.mixture._sweep import KEPT, LARGEST_LOSS, SLICE, Sweep
+
+FLOOR = 1e-6
+
+
+def responsibilities_of_neighbours(rng, samples, n_components):
+    """Soft and overlapping, around random samples."""
+    centres = samples[rng.choice(len(samples), n_components, replace=False)]
+    shares = np.exp(-0.5 * np.square(samples[:, None] - centres).sum(2)) + 1e-3
+    return shares / shares.sum(1, keepdims=True)
+
+
+def one_iteration(blocks, weights, parameters, path="automatic", floor=FLOOR):
+    """Log densities of the E step and the parameters of the M step by a sweep, in the units of the blocks."""
+    sweep = Sweep(blocks, weights, floor)
+    pairs = zip(sweep.blocks, parameters.means, parameters.covariances, strict=True)
+    components = [block.to_white(*one) for block, *one in pairs]
+    if path == "automatic":
+        sums = sweep(parameters.priors, components)
+    else:
+        sums = getattr(sweep, path)(np.log(parameters.priors), components)
+    found = [block.from_white(one) for block, one in zip(sweep.blocks, sweep.maximise(sums), strict=True)]
+    means, covariances = [mean for mean, _ in found], [covariance for _, covariance in found]
+    return sums.log_density, Parameters(sums.mass / sums.mass.sum(), means, covariances)
+
+
+def plain_iteration(blocks, weights, parameters, floor=FLOOR):
+    shares, log_density = expectation(blocks, parameters)
+    return log_density, maximisation(blocks, shares * weights[:, None], floor)
+
+
+def largest_difference(found, expected):
+    """Of log densities, priors, and means and covariances in units of the deviations of each component."""
+    differences = [np.abs(found[0] - expected[0]).max(), np.abs(found[1].priors - expected[1].priors).max()]
+    for one, other, covariance, other_covariance in zip(
+        found[1].means, expected[1].means, found[1].covariances, expected[1].covariances, strict=True
+    ):
+        deviation = np.sqrt(np.diagonal(other_covariance, axis1=1, axis2=2))
+        differences.append((np.abs(one - other) / deviation).max())
+        scale = deviation[:, :, None] * deviation[:, None, :]
+        differences.append((np.abs(covariance - other_covariance) / scale).max())
+    return max(differences)
+
+
+def least_rounding(parameters):
+    """What rounding must do to the log density of a sample as far out as the component is long: eps times the condition."""
+    return np.finfo(float).eps * max(np.linalg.cond(covariances).max() for covariances in parameters.covariances)
+
+
+def standardised(samples):
+    deviation = samples.std(0)
+    return (samples - samples.mean(0)) / np.where(deviation > 1e-12, deviation, 1.0)
+
+
+def cases():
+    rng = np.random.default_rng(0)
+    base = rng.normal(size=(700, 4)) * [1.0, 2.0, 0.5, 1.0] + 3 * rng.integers(0, 3, (700, 1))
+    time = np.tile(np.linspace(0, 1, 100), 7)
+    motion = np.column_stack([time, np.sin(3 * time), np.cos(3 * time), time**2]) + 1e-3 * rng.normal(size=(700, 4))
+    narrow = np.concatenate([rng.normal(size=(400, 3)), [5.0, -5.0, 5.0] + 1e-3 * rng.normal(size=(300, 3))])
+    return {
+        "clusters": base,
+        "collinear": np.column_stack([base, base @ [1.0, -2.0, 0.5, 0.0]]),
+        "nearly collinear": np.column_stack([base, base[:, 0] + 1e-4 * rng.normal(size=700)]),
+        "constant column": np.column_stack([base, np.full(700, 0.0)]),
+        "motion with little noise": motion,
+        "one narrow component": narrow,
+        "outlier": np.vstack([base, np.full((1, 4), 1e4)]),
+        "one column": base[:, :1],
+        "twelve columns": rng.normal(size=(700, 12)) @ rng.normal(size=(12, 12)),
+    }
+
+
+@pytest.mark.parametrize("case", cases())
+def test_an_iteration_is_the_plain_one(case):
+    rng = np.random.default_rng(1)
+    samples = standardised(cases()[case])
+    weights = rng.random(len(samples))
+    parameters = maximisation([samples], responsibilities_of_neighbours(rng, samples, 3), FLOOR)
+    for iteration in range(8):
+        expected = plain_iteration([samples], weights, parameters)
+        found = one_iteration([samples], weights, parameters)
+        allowed = LARGEST_LOSS + least_rounding(parameters)
+        assert largest_difference(found, expected) < allowed, (case, iteration, largest_difference(found, expected), allowed)
+        parameters = expected[1]
+
+
+@given(seed=st.integers(0, 10_000), n_dims=st.integers(1, 6), n_components=st.integers(1, 5))
+@settings(max_examples=40, deadline=None)
+def test_both_ways_through_the_samples_agree(seed, n_dims, n_components):
+    rng = np.random.default_rng(seed)
+    samples = standardised(rng.normal(size=(200, n_dims)) @ rng.normal(size=(n_dims, n_dims)))
+    weights = rng.random(200)
+    parameters = maximisation([samples], responsibilities_of_neighbours(rng, samples, n_components), FLOOR)
+    by_products = one_iteration([samples], weights, parameters, "_by_products")
+    by_deviations = one_iteration([samples], weights, parameters, "_by_deviations")
+    assert largest_difference(by_products, by_deviations) < 1e-8
+    assert largest_difference(one_iteration([samples], weights, parameters), by_deviations) < 1e-9
+
+
+def test_a_narrow_component_far_out_is_not_left_to_products():
+    """Here products lose digits, which is why the sweep looks before it chooses."""
+    samples = standardised(cases()["one narrow component"])
+    shares = np.column_stack([np.arange(700) < 400, np.arange(700) >= 400]).astype(float)
+    parameters, weights = maximisation([samples], shares, FLOOR), np.ones(700)
+    expected = plain_iteration([samples], weights, parameters)
+    lost = largest_difference(one_iteration([samples], weights, parameters, "_by_products"), expected)
+    kept = largest_difference(one_iteration([samples], weights, parameters), expected)
+    assert lost > 1e-10 > kept, (lost, kept)
+
+
+@pytest.mark.parametrize("n_samples", [SLICE - 1, SLICE, SLICE + 1, KEPT, KEPT + 1])
+@pytest.mark.parametrize("path", ["_by_products", "_by_deviations"])
+def test_slices_leave_no_seam(n_samples, path):
+    rng = np.random.default_rng(2)
+    samples, weights = standardised(rng.normal(size=(n_samples, 2))), rng.random(n_samples)
+    parameters = maximisation([samples], responsibilities_of_neighbours(rng, samples, 2), FLOOR)
+    found = one_iteration([samples], weights, parameters, path)
+    assert largest_difference(found, plain_iteration([samples], weights, parameters)) < 1e-11
+
+
+@pytest.mark.parametrize("path", ["_by_products", "_by_deviations"])
+def test_blocks_of_different_width_share_their_responsibilities(path):
+    rng = np.random.default_rng(3)
+    samples = standardised(cases()["clusters"])
+    blocks, weights = [samples[:, :3], samples[:, 2:], samples[:, :1]], rng.random(700)
+    parameters = maximisation(blocks, responsibilities_of_neighbours(rng, samples, 3), FLOOR)
+    found = one_iteration(blocks, weights, parameters, path)
+    assert largest_difference(found, plain_iteration(blocks, weights, parameters)) < 1e-10
+
+
+@pytest.mark.parametrize("path", ["_by_products", "_by_deviations"])
+def test_samples_that_a_block_does_not_see_add_nothing_there(path):
+    rng = np.random.default_rng(6)
+    samples = standardised(cases()["clusters"])
+    blocks, weights = [samples[:, :3].copy(), samples[:, 2:].copy()], rng.random(700)
+    blocks[0][:200], blocks[1][500:] = np.nan, np.nan
+    parameters = maximisation(blocks, responsibilities_of_neighbours(rng, samples, 3), FLOOR)
+    log_density, found = one_iteration(blocks, weights, parameters, path)
+    assert largest_difference((log_density, found), plain_iteration(blocks, weights, parameters)) < 1e-10
+    alone = Parameters(parameters.priors, parameters.means[1:], parameters.covariances[1:])
+    np.testing.assert_allclose(log_density[:200], expectation([samples[:200, 2:]], alone)[1], atol=1e-11)
+
+
+@pytest.mark.parametrize("path", ["_by_products", "_by_deviations"])
+def test_a_component_that_a_block_does_not_see_is_as_wide_there_as_all(path):
+    rng = np.random.default_rng(7)
+    samples = standardised(np.concatenate([rng.normal(-4.0, 1.0, (300, 2)), rng.normal(4.0, 1.0, (300, 2))]))
+    blocks, weights = [samples, np.where(np.arange(600)[:, None] < 300, np.nan, samples)], rng.random(600)
+    parameters = maximisation(blocks, np.repeat(np.eye(2), 300, axis=0), FLOOR)
+    found = one_iteration(blocks, weights, parameters, path)
+    assert largest_difference(found, plain_iteration(blocks, weights, parameters)) < 1e-10
+    seen, its_weights = samples[300:], weights[300:]
+    np.testing.assert_allclose(found[1].means[1], np.tile(np.average(seen, axis=0, weights=its_weights), (2, 1)), atol=1e-4)
+    np.testing.assert_allclose(found[1].covariances[1][0], np.cov(seen.T, aweights=its_weights, bias=True), atol=1e-10)
+
+
+@pytest.mark.parametrize("floor", [1e-6, 1e-2, 0.3])
+def test_the_floor_is_that_of_the_plain_step(floor):
+    rng = np.random.default_rng(4)
+    samples, weights = standardised(cases()["motion with little noise"]), np.ones(700)
+    parameters = maximisation([samples], responsibilities_of_neighbours(rng, samples, 5), floor)
+    found = one_iteration([samples], weights, parameters, floor=floor)
+    assert np.linalg.eigvalsh(found[1].covariances[0]).min() > floor * (1 - 1e-9)
+    assert largest_difference(found, plain_iteration([samples], weights, parameters, floor)) < 1e-9
+
+
+def test_fifty_iterations_stay_with_the_plain_ones():
+    rng = np.random.default_rng(5)
+    samples, weights = standardised(cases()["clusters"]), rng.random(700) + 0.1
+    start = maximisation([samples], responsibilities_of_neighbours(rng, samples, 4), FLOOR)
+    plain = start
+    for _ in range(50):
+        plain = plain_iteration([samples], weights, plain)[1]
+    fit = _Run([samples], weights, Settings(FLOOR, 0.0, 50), 4).iterate(start)
+    assert fit.n_iterations == 50
+    log_density = expectation([samples], plain)[1]
+    assert largest_difference((log_density, fit.parameters), (log_density, plain)) < 1e-9
+    assert fit.log_likelihood == pytest.approx(np.average(log_density, weights=weights), rel=1e-12)
+
+
+def test_a_fit_of_many_samples_needs_little_more_memory_than_the_samples():
+    import tracemalloc
+
+    rng = np.random.default_rng(6)
+    samples = np.concatenate([rng.normal(centre, 1.0, (15_000, 4)) for centre in (0.0, 3.0)])
+    start = GaussianMixture(2).fit(samples[::100], rng=rng)
+    tracemalloc.start()
+    try:
+        GaussianMixture(2, max_iterations=3).fit(samples, start=start)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 8 * samples.nbytes, f"{peak / samples.nbytes:.1f} times the samples"
