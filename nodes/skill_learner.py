@@ -13,7 +13,7 @@ from dart_skill.recording import BagError, read_demonstrations
 from dart_skill.skill.configuration import configuration
 from dart_skill.skill.model_file import load_model, save_model
 from dart_skill.skill.practice import Practice, PracticeSettings
-from dart_skill.skill.throwing import ThrowingSkill, Unreachable, learn
+from dart_skill.skill.throwing import ThrowingSkill, Unreachable
 from dart_skill.skill.views import component_ellipsoids
 from dart_skill_nodes import conversions
 from dart_skill_nodes.support import LATCHED, OK, WALL, WARN, Diagnostics, Parameter, declare, run
@@ -82,8 +82,8 @@ class SkillLearner(Node):
         return response
 
     def _take(self, demonstrations: list, chosen) -> None:
-        self._skill = learn(demonstrations, chosen)
-        self._practice = Practice(demonstrations, chosen, self._memory)
+        practice = Practice(demonstrations, chosen, self._memory)
+        self._skill, self._practice = practice.learn(), practice
         self._publish_markers()
 
     def _on_plan(self, request, response):
@@ -115,7 +115,7 @@ class SkillLearner(Node):
 
     def _learn_again(self, trial_id: str) -> None:
         try:
-            self._skill = learn(self._practice.demonstrations, self._practice.configuration)
+            self._skill = self._practice.learn()
         except ValueError as error:
             self._practice.withdraw(trial_id, str(error))
             raise

@@ -76,17 +76,19 @@ def judge_flight(
     rim_radius: float,
     ball: Ball = TENNIS_BALL,
     noise: float = NOISE,
+    *,
+    free: FreeFlight | None = None,
 ) -> Outcome:
     """Outcome of a throw at the basket with centre of the rim `rim` (3,) and radius `rim_radius` [m].
 
     ball_time (n,) [s], ball_position (n, 3) [m], world frame: every sample from the grip until the ball has
     come to rest or was lost for good. No samples, or none in flight, is an outcome too: not seen.
-    noise: standard deviation of a sample [m].
+    noise: standard deviation of a sample [m]; free: what `find_flight` says of these samples, if it was asked before.
     """
     ball_time, ball_position = check_samples("ball", ball_time, ball_position, least=0)
     rim = _check_rim(rim, rim_radius)
     inside = _ends_in_basket(ball_time, ball_position, rim, rim_radius, ball, noise)
-    free = find_flight(ball_time, ball_position, ball, noise)
+    free = free or find_flight(ball_time, ball_position, ball, noise)
     crossing = None if free is None else landing(free.fit.position, free.fit.velocity, rim[2], ball)
     if crossing is None or not _tracked_to(free, ball_time, free.fit.time + crossing.time):
         return Outcome(False, np.full(3, np.nan), np.nan, np.nan, inside)
@@ -103,6 +105,8 @@ def fit_release(
     grip_offset: np.ndarray,
     ball: Ball = TENNIS_BALL,
     noise: float = NOISE,
+    *,
+    free: FreeFlight | None = None,
 ) -> Release:
     """Release of the ball, from its samples and the hand's, in one world frame and on one clock.
 
@@ -112,11 +116,11 @@ def fit_release(
     difference of the two paths is stationary at the release: its derivative is linear in time and tells the
     instant far better than the distance, which is quadratic. Good to a few tenths of a
     millisecond where the hand's acceleration differs from a free ball's by 4 m/s^2 or more. ValueError if no
-    flight or no hand is seen there.
+    flight or no hand is seen there. free: as in `judge_flight`.
     """
     ball_time, ball_position = check_samples("ball", ball_time, ball_position)
     hand_time, grip = _grip_path(hand_time, hand_position, hand_quaternion, grip_offset)
-    free = find_flight(ball_time, ball_position, ball, noise)
+    free = free or find_flight(ball_time, ball_position, ball, noise)
     if free is None:
         raise ValueError(f"no free flight in {len(ball_time)} ball samples: was the ball thrown, and was it tracked?")
     fit = free.fit

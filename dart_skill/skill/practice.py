@@ -14,6 +14,7 @@ from dart_skill.movement.frames import turn_matrix
 from dart_skill.recording import Demonstration
 from dart_skill.skill.configuration import DEFAULT, SkillConfiguration
 from dart_skill.skill.preparation import PreparedThrow, prepare
+from dart_skill.skill.throwing import ThrowingSkill, learn_prepared
 
 FORGETTING = ("oldest", "crowded")
 LEAST_TO_COMPARE = 4
@@ -72,6 +73,10 @@ class Practice:
     @property
     def demonstrations(self) -> list[Demonstration]:
         return [*self._shown, *self._tried]
+
+    def learn(self) -> ThrowingSkill:
+        """The skill that all these demonstrations teach; each is prepared only once."""
+        return learn_prepared([self._prepared[one.id] for one in self.demonstrations], self.configuration)
 
     def add(self, trial: Demonstration) -> Verdict:
         """Judge a trial and remember it if it will do; its task is where it landed, not where it was aimed."""

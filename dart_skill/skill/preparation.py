@@ -14,7 +14,7 @@ from dart_skill.movement.orientation import angles_from_quaternions, turn_about_
 from dart_skill.recording import Demonstration
 from dart_skill.robot.description import wam_description
 from dart_skill.skill.configuration import SkillConfiguration
-from dart_skill.skill.outcome import Release, fit_release, judge_flight
+from dart_skill.skill.outcome import FreeFlight, Release, find_flight, fit_release, judge_flight
 
 RIM_RADIUS = 0.15
 RATE = 100.0
@@ -62,8 +62,10 @@ def prepare(demonstration: Demonstration, configuration: SkillConfiguration) -> 
 
 def _prepare(demonstration: Demonstration, configuration: SkillConfiguration) -> PreparedThrow:
     d = demonstration
-    release = fit_release(d.ball_time, d.ball_position, d.hand_time, d.hand_position, d.hand_quaternion, wam_description().hand.ball_centre)
-    task = _task(d, configuration)
+    free = find_flight(d.ball_time, d.ball_position) if len(d.ball_time) else None
+    grip = wam_description().hand.ball_centre
+    release = fit_release(d.ball_time, d.ball_position, d.hand_time, d.hand_position, d.hand_quaternion, grip, free=free)
+    task = _task(d, configuration, free)
     azimuth = float(np.arctan2(task[1], task[0]))
     shared = release.time if configuration.alignment == "release" else d.motion_start
     angles = angles_from_quaternions(turn_about_z(d.hand_quaternion, -configuration.angle_azimuth(azimuth)))
@@ -101,10 +103,10 @@ def _start_pose(demonstration: Demonstration, azimuth: float) -> np.ndarray:
     return np.median(np.hstack([position, angles]), axis=0)
 
 
-def _task(demonstration: Demonstration, configuration: SkillConfiguration) -> np.ndarray:
+def _task(demonstration: Demonstration, configuration: SkillConfiguration, free: FreeFlight | None) -> np.ndarray:
     if not configuration.relabel:
         return demonstration.target
-    outcome = judge_flight(demonstration.ball_time, demonstration.ball_position, demonstration.target, RIM_RADIUS)
+    outcome = judge_flight(demonstration.ball_time, demonstration.ball_position, demonstration.target, RIM_RADIUS, free=free)
     if not outcome.landing_seen:
         raise ValueError("nobody saw where the ball landed; learn without relabelling, or track the ball to the rim")
     return outcome.landing

@@ -243,9 +243,14 @@ class ThrowingSkill:
 
 def learn(demonstrations: list[Demonstration], configuration: SkillConfiguration = DEFAULT) -> ThrowingSkill:
     """A skill from demonstrations; ValueError names a demonstration that cannot be used, or says how many are needed."""
-    if len(demonstrations) < LEAST_DEMONSTRATIONS:
-        raise ValueError(f"{len(demonstrations)} demonstrations are too few: record at least {LEAST_DEMONSTRATIONS}")
-    return ThrowingSkill(configuration, [prepare(demonstration, configuration) for demonstration in demonstrations])
+    return learn_prepared([prepare(demonstration, configuration) for demonstration in demonstrations], configuration)
+
+
+def learn_prepared(throws: list[PreparedThrow], configuration: SkillConfiguration = DEFAULT) -> ThrowingSkill:
+    """The same from throws that were prepared before, for the same configuration."""
+    if len(throws) < LEAST_DEMONSTRATIONS:
+        raise ValueError(f"{len(throws)} demonstrations are too few: record at least {LEAST_DEMONSTRATIONS}")
+    return ThrowingSkill(configuration, throws)
 
 
 def _polar(point: np.ndarray) -> np.ndarray:

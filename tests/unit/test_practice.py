@@ -31,7 +31,7 @@ def test_a_trial_is_a_demonstration_of_where_it_landed(demonstrations):
     aimed_wrong = trial_like(demonstrations[0], "trial_1", target=demonstrations[0].target + [0.3, 0.2, 0.0])
     practice = Practice(demonstrations[1:])
     assert practice.add(aimed_wrong).kept
-    skill, expected = learn(practice.demonstrations), learn([*demonstrations[1:], demonstrations[0]])
+    skill, expected = practice.learn(), learn([*demonstrations[1:], demonstrations[0]])
     target = demonstrations[2].target
     np.testing.assert_array_equal(skill.plan(target).path.position, expected.plan(target).path.position)
 
