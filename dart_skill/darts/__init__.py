@@ -1,0 +1,67 @@
+"""Darts: the board, the thrower's spread, where to aim (thesis chapter 6).
+
+Millimetres everywhere; the origin is the bull's centre, x points to the right and y up as the thrower sees the board. A dart lands at
+aim + bias + N(0, covariance).
+"""
+
+from ._board import (
+    BED_IS_DOUBLE,
+    BED_NAMES,
+    BED_SCORES,
+    POSSIBLE_SCORES,
+    RADII,
+    SECTORS,
+    as_target,
+    bed_at,
+    bed_centres,
+    name_at,
+    place_of,
+    score,
+)
+from ._estimation import LikelihoodRatio, SpreadEstimate, estimate_from_points, estimate_from_scores
+from ._exact import bed_probabilities, expected_score, score_derivatives
+from ._heat_map import HeatMap, heat_map
+from ._leg import CheckoutTable, LegPolicy, checkout_table, simulate_legs, solve_leg
+from ._optimum import Aim, best_aim, local_optima
+from ._path import Jump, OptimumPath, optimum_path
+from ._professionals import PROFESSIONALS, professional
+from ._spread import Spread, SpreadByTarget
+
+__all__ = [
+    "BED_IS_DOUBLE",
+    "BED_NAMES",
+    "BED_SCORES",
+    "POSSIBLE_SCORES",
+    "PROFESSIONALS",
+    "RADII",
+    "SECTORS",
+    "Aim",
+    "CheckoutTable",
+    "HeatMap",
+    "Jump",
+    "LegPolicy",
+    "LikelihoodRatio",
+    "OptimumPath",
+    "Spread",
+    "SpreadByTarget",
+    "SpreadEstimate",
+    "as_target",
+    "bed_at",
+    "bed_centres",
+    "bed_probabilities",
+    "best_aim",
+    "checkout_table",
+    "estimate_from_points",
+    "estimate_from_scores",
+    "expected_score",
+    "heat_map",
+    "local_optima",
+    "name_at",
+    "optimum_path",
+    "place_of",
+    "professional",
+    "score",
+    "score_derivatives",
+    "simulate_legs",
+    "solve_leg",
+]

@@ -1,0 +1,164 @@
+"""Where to aim one dart: the best aim and all local optima of the expected score.
+
+Candidates are the local maxima of the heat map and, for narrow spreads, whose maxima are plateaus, the middles of trebles, doubles
+and bull. Each is climbed on the exact expected score by Newton steps with the eigenvalues' signs turned uphill, inside a trust
+region; the end is exact to far better than 0.1 mm wherever the optimum itself is sharper than round-off.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ._board import RADII, bed_centres, place_of
+from ._exact import Derivatives, expected_score, score_derivatives
+from ._heat_map import HeatMap, heat_map
+from ._spread import Spread, as_spread
+
+PLATEAU = 4.5
+"""Up to this standard deviation [mm] beds are plateaus and each optimum lies in a treble, a double or the bull."""
+BED_SEEDS = 6.0
+"""Up to this standard deviation [mm] of the narrower axis the beds' middles are candidates besides the map's maxima."""
+SPACING = 2.0
+OFF_BOARD = 1e-3
+N_STEPS = 200
+STEP_TOLERANCE, GAIN_TOLERANCE = 1e-7, 1e-13
+"""A climb ends when a step is shorter [mm] or promises less [points]."""
+SAME = 0.02
+"""Two ends of a climb nearer than this [mm] are one optimum."""
+DIP = 1e-7
+"""Points by which the expected score must fall between two optima for both to count."""
+
+
+@dataclass(frozen=True, eq=False)
+class Aim:
+    """A point (2,) [mm] to aim at and what one dart scores there on average."""
+
+    point: np.ndarray
+    expected_score: float
+
+    @property
+    def bed(self) -> str:
+        """Name of the bed at the point, such as T20, or "outside D1" off the board."""
+        return place_of(self.point)
+
+
+def best_aim(spread: Spread | float | ArrayLike) -> Aim:
+    """The aim of highest expected score for one dart; spread: a Spread, sigma [mm] or a covariance (2, 2) [mm^2]."""
+    spread = as_spread(spread)
+    seeds = _seeds(spread)
+    return _climb_all(seeds[_promising(seeds, spread)], spread)[0]
+
+
+def local_optima(spread: Spread | float | ArrayLike) -> list[Aim]:
+    """All local maxima of the expected score of one dart, best first: the first one is `best_aim`."""
+    spread = as_spread(spread)
+    return _separate(_climb_all(_seeds(spread), spread), spread)
+
+
+def climb(point: ArrayLike, spread: Spread) -> Aim:
+    """The local optimum uphill of a point (2,) [mm]."""
+    return _climb_all(np.asarray(point, dtype=float)[None], spread)[0]
+
+
+def _seeds(spread: Spread) -> np.ndarray:
+    """Aims (n, 2) in the basin of every local optimum."""
+    narrowest, widest = spread.deviations
+    high_beds = np.r_[0, 22:42, 62:82]
+    seeds = [bed_centres()[high_beds] - spread.bias] if narrowest < BED_SEEDS else []
+    if widest > PLATEAU:
+        reach = RADII[-1] + np.abs(spread.bias).max() + SPACING
+        seeds.append(_maxima(heat_map(spread, min(SPACING, 0.25 * narrowest), reach)))
+    return np.concatenate(seeds)
+
+
+def _maxima(heat: HeatMap) -> np.ndarray:
+    """Nodes (n, 2) that are as high as each of their eight neighbours."""
+    values = np.pad(heat.expected_score, 1, constant_values=-np.inf)
+    n_rows, n_columns = heat.expected_score.shape
+    # Far off the board nothing but round-off is left.
+    highest = heat.expected_score > OFF_BOARD * heat.expected_score.max()
+    for down, right in ((0, 0), (0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1), (2, 2)):
+        highest &= heat.expected_score >= values[down : down + n_rows, right : right + n_columns]
+    rows, columns = np.nonzero(highest)
+    return np.column_stack([heat.x[columns], heat.y[rows]])
+
+
+def _promising(seeds: np.ndarray, spread: Spread) -> np.ndarray:
+    """Which seeds can lead to the global optimum: those within what a climb of one seed's distance can gain."""
+    values = expected_score(seeds, spread)
+    gain = 60.0 * (SPACING / spread.deviations[0]) ** 2
+    return values >= values.max() - min(gain, 0.5 * values.max())
+
+
+def _climb_all(seeds: np.ndarray, spread: Spread) -> list[Aim]:
+    """Ends of the climbs from seeds (n, 2), best first, each once."""
+    points, values = _newton(seeds, spread)
+    order = np.argsort(-values, kind="stable")
+    ends: list[Aim] = []
+    for point, value in zip(points[order], values[order], strict=True):
+        if all(np.hypot(*(point - end.point)) > SAME for end in ends):
+            ends.append(Aim(point, float(value)))
+    return ends
+
+
+def _newton(points: np.ndarray, spread: Spread) -> tuple[np.ndarray, np.ndarray]:
+    """Ends (n, 2) and expected scores (n,) of climbs from points (n, 2), all at once; a step that does not climb is halved."""
+    points = points.copy()
+    trust = np.full(len(points), 0.5 * spread.deviations[0])
+    state = score_derivatives(points, spread)
+    active = np.arange(len(points))
+    for _ in range(N_STEPS):
+        local = Derivatives(*(part[active] for part in state))
+        step = _uphill(local, trust[active])
+        length = np.hypot(*step.T)
+        moving = (length > STEP_TOLERANCE) & (np.einsum("nd,nd->n", local.gradient, step) > GAIN_TOLERANCE)
+        active, step, length = active[moving], step[moving], length[moving]
+        if len(active) == 0:
+            break
+        trial = score_derivatives(points[active] + step, spread)
+        climbs = trial.value >= state.value[active] - 1e-13
+        accepted = active[climbs]
+        points[accepted] += step[climbs]
+        for part, new in zip(state, trial, strict=True):
+            part[accepted] = new[climbs]
+        trust[active] = np.where(climbs, np.maximum(trust[active], np.minimum(2.0 * length, spread.deviations[0])), 0.25 * length)
+    return points, state.value
+
+
+def _uphill(local: Derivatives, trust: np.ndarray) -> np.ndarray:
+    """Newton steps (n, 2) towards a maximum, cut to the trust radius (n,)."""
+    curvature, axes = np.linalg.eigh(local.hessian)
+    slope = np.einsum("nij,ni->nj", axes, local.gradient)
+    step = np.einsum("nij,nj->ni", axes, slope / np.maximum(np.abs(curvature), 1e-14))
+    length = np.maximum(np.hypot(*step.T), 1e-300)
+    return step * np.minimum(1.0, trust / length)[:, None]
+
+
+def _separate(ends: list[Aim], spread: Spread) -> list[Aim]:
+    """Drops ends on a plateau or slope from which a path leads, without descending, to a better one."""
+    curvatures = np.linalg.eigvalsh(score_derivatives(np.array([end.point for end in ends]), spread).hessian)
+    kept: list[Aim] = []
+    for end, curvature in zip(ends, curvatures, strict=True):
+        sharp = curvature[1] < -1e-7
+        if sharp or not any(_connected(end, better, spread) for better in _nearest(end, kept)):
+            kept.append(end)
+    return kept
+
+
+def _nearest(end: Aim, others: list[Aim], n: int = 4) -> list[Aim]:
+    return sorted(others, key=lambda other: float(np.hypot(*(other.point - end.point))))[:n]
+
+
+def _connected(lower: Aim, higher: Aim, spread: Spread) -> bool:
+    """Whether a straight line, or one round the bull, leads from one to the other without descending."""
+    share = np.linspace(0.0, 1.0, 65)[:, None]
+    straight = lower.point + share * (higher.point - lower.point)
+    ends = np.array([lower.point, higher.point]) + spread.bias
+    radius, angle = np.hypot(*ends.T), np.unwrap(np.arctan2(ends[:, 1], ends[:, 0]))
+    turned = angle[0] + share * (angle[1] - angle[0])
+    round_bull = (radius[0] + share * (radius[1] - radius[0])) * np.hstack([np.cos(turned), np.sin(turned)]) - spread.bias
+    lows = expected_score(np.stack([straight, round_bull]), spread).min(axis=1)
+    return bool(lows.max() >= lower.expected_score - DIP)

@@ -1,0 +1,122 @@
+"""The best aim as the spread narrows or widens (thesis figure 6.6): pieces that move continuously, and the jumps between them.
+
+At a jump two local optima are equally good. Where the best aims of neighbouring sigmas are not one optimum followed along sigma, the
+two are followed towards each other and the sigma at which they tie is found by root finding, to 1e-6 mm; a third optimum
+that is better there means two jumps, each found in turn.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+from numpy.typing import ArrayLike
+
+from ._optimum import Aim, best_aim, climb
+from ._spread import Spread, as_spread
+
+RATIO = 1.03
+"""Largest ratio of neighbouring sigmas at which the best aim is looked for afresh."""
+SIGMA_TOLERANCE = 1e-6
+TIE = 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class Jump:
+    """At sigma [mm] the aims below (for smaller sigma) and above (for larger) score the same."""
+
+    sigma: float
+    below: Aim
+    above: Aim
+
+
+@dataclass(frozen=True, eq=False)
+class OptimumPath:
+    """Best aims (n, 2) [mm] and expected scores (n,) at sigmas (n,) [mm], ascending, and the jumps between them, ascending.
+
+    At a jump sigma stands twice: before and after it.
+    """
+
+    sigmas: np.ndarray
+    aims: np.ndarray
+    expected_scores: np.ndarray
+    jumps: tuple[Jump, ...]
+
+    @property
+    def pieces(self) -> list[slice]:
+        """Parts of the arrays between which the optimum jumps."""
+        ends = np.flatnonzero(np.diff(self.sigmas) == 0.0) + 1
+        return [slice(int(a), int(b)) for a, b in zip([0, *ends], [*ends, len(self.sigmas)], strict=True)]
+
+
+def optimum_path(lowest: float, highest: float, shape: Spread | ArrayLike | None = None) -> OptimumPath:
+    """The best aim for sigma from lowest to highest [mm], for the shape (and bias) of a spread, isotropic by default."""
+    shape = Spread(np.eye(2)) if shape is None else as_spread(shape)
+    low, high = shape.scaled_to(lowest), shape.scaled_to(highest)
+    if not low.sigma < high.sigma:
+        raise ValueError(f"the lowest sigma must be below the highest, got {lowest:g} and {highest:g} mm")
+    sigmas = np.geomspace(low.sigma, high.sigma, 2 + int(np.log(high.sigma / low.sigma) / np.log(RATIO)))
+    rows = [(sigmas[0], best_aim(low))]
+    jumps: list[Jump] = []
+    for sigma in sigmas[1:]:
+        aim = best_aim(shape.scaled_to(sigma))
+        found = _jumps_between(*rows[-1], sigma, aim, shape)
+        for jump in found:
+            rows += [(jump.sigma, jump.below), (jump.sigma, jump.above)]
+        jumps += found
+        rows.append((sigma, aim))
+    points = np.array([aim.point for _, aim in rows])
+    return OptimumPath(np.array([s for s, _ in rows]), points, np.array([aim.expected_score for _, aim in rows]), tuple(jumps))
+
+
+def _jumps_between(low: float, below: Aim, high: float, above: Aim, shape: Spread) -> list[Jump]:
+    """Jumps of the best aim between two sigmas and their best aims, ascending."""
+    followed = _follow(below.point, low, high, shape)
+    if followed is not None and above.expected_score - followed.expected_score < TIE:
+        return []
+    sigma = _tie(low, below, high, above, shape)
+    if sigma is None:
+        return _halves(low, below, high, above, shape)
+    left, right = _follow(below.point, low, sigma, shape), _follow(above.point, high, sigma, shape)
+    best = best_aim(shape.scaled_to(sigma))
+    if best.expected_score - max(left.expected_score, right.expected_score) > TIE:
+        return _jumps_between(low, below, sigma, best, shape) + _jumps_between(sigma, best, high, above, shape)
+    return [Jump(sigma, left, right)]
+
+
+def _halves(low: float, below: Aim, high: float, above: Aim, shape: Spread) -> list[Jump]:
+    """For optima that end between the sigmas: looks for the best aim half way."""
+    if high - low < SIGMA_TOLERANCE:
+        return [Jump(0.5 * (low + high), below, above)]
+    middle = 0.5 * (low + high)
+    best = best_aim(shape.scaled_to(middle))
+    return _jumps_between(low, below, middle, best, shape) + _jumps_between(middle, best, high, above, shape)
+
+
+def _tie(low: float, below: Aim, high: float, above: Aim, shape: Spread) -> float | None:
+    """Sigma at which the optimum followed up from `below` and that followed down from `above` are equal; None if one of them ends."""
+    if _follow(below.point, low, high, shape) is None or _follow(above.point, high, low, shape) is None:
+        return None
+
+    def advantage(sigma: float) -> float:
+        from_below, from_above = _follow(below.point, low, sigma, shape), _follow(above.point, high, sigma, shape)
+        return from_below.expected_score - from_above.expected_score
+
+    if advantage(low) < 0.0 or advantage(high) > 0.0:
+        return None
+    return float(scipy.optimize.brentq(advantage, low, high, xtol=0.1 * SIGMA_TOLERANCE))
+
+
+def _follow(point: np.ndarray, start: float, end: float, shape: Spread, n_steps: int = 4) -> Aim | None:
+    """The local optimum at `start`, followed along sigma to `end`; None when it ends on the way."""
+    aim = Aim(point, float("nan"))
+    for sigma in np.linspace(start, end, n_steps + 1)[1:]:
+        spread = shape.scaled_to(sigma)
+        nearest = climb(aim.point, spread)
+        step = float(np.hypot(*(nearest.point - aim.point)))
+        # A followed optimum moves less than the spread changes things; one that has ended slides off to another.
+        if step > 0.5 * spread.deviations[0]:
+            return None
+        aim = nearest
+    return aim

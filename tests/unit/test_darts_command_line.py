@@ -1,0 +1,166 @@
+"""`dart-skill darts`: what it prints, as text and as JSON, what it writes, and how it ends."""
+
+import argparse
+import io
+import json
+
+import numpy as np
+import pytest
+
+from dart_skill.darts import estimate_from_scores, local_optima
+from dart_skill.darts.command_line import add_commands
+
+FIFTY = """12 16 19 3 17 1 25 19 17 50 18 1 3 17 2 2 13 18 16 2 25 5 5 1 5
+4 17 25 25 50 3 7 17 17 3 3 3 7 11 10 25 1 19 15 4 1 5 12 17 16""".split()
+
+
+@pytest.fixture
+def run(capsys):
+    """Runs `darts` with arguments; returns the exit status and what was printed, JSON parsed."""
+
+    def call(*arguments):
+        parser = argparse.ArgumentParser(prog="dart-skill")
+        add_commands(parser.add_subparsers(required=True))
+        options = parser.parse_args(["darts", *map(str, arguments)])
+        status = options.run(options)
+        printed = capsys.readouterr().out
+        return status, json.loads(printed) if options.json else printed
+
+    return call
+
+
+def test_aim_gives_the_best_aim_and_all_local_optima(run):
+    status, result = run("aim", "--sigma", 16, "--json")
+    optima = local_optima(16.0)
+    keys = ("x_mm", "y_mm", "expected_score")
+    assert status == 0
+    assert [result[key] for key in keys] == [result["local_optima"][0][key] for key in keys]
+    assert [aim["expected_score"] for aim in result["local_optima"]] == pytest.approx([aim.expected_score for aim in optima])
+    assert (result["x_mm"], result["y_mm"]) == pytest.approx((-1.80, 105.85), abs=0.05)
+
+
+def test_aim_over_a_range_gives_the_jumps(run, tmp_path):
+    status, result = run("aim", "--from", 16, "--to", 18, "--json", "--output", tmp_path)
+    assert status == 0
+    assert [jump["sigma_mm"] for jump in result["jumps"]] == result["sigma_mm"] == pytest.approx([16.9069], abs=1e-3)
+    assert result["jumps"][0]["below"]["bed"] == "T20" and result["jumps"][0]["above"]["bed"] == "T19"
+    assert sorted(path.suffix for path in tmp_path.iterdir()) == [".png", ".svg"]
+
+
+def test_a_range_without_jumps_says_so(run):
+    assert "does not jump" in run("aim", "--from", 20, "--to", 22)[1]
+
+
+def test_fifty_scores_tell_where_to_aim(run, tmp_path):
+    status, result = run("estimate", *FIFTY, "--json", "--output", tmp_path)
+    estimate = estimate_from_scores(FIFTY)
+    assert status == 0
+    assert result["sigma_mm"] == pytest.approx(estimate.sigma)
+    assert result["ci95_mm"] == pytest.approx(list(estimate.confidence_interval()))
+    assert result["ci95_mm"][0] < result["sigma_mm"] < result["ci95_mm"][1]
+    assert result["best_aim"]["bed"] == "T19"
+    assert all(tmp_path.joinpath(name).stat().st_size > 10_000 for name in ("estimate.svg", "estimate.png"))
+
+
+def test_an_estimate_reads_well_as_text(run):
+    _, text = run("estimate", *FIFTY)
+    assert "sigma = 28.3 mm, 95 % interval 20.6 to 40.4 mm, from 50 darts" in text
+    assert "--model general" in text and "best aim: T19 at x = " in text
+
+
+def test_scores_come_from_standard_input_too_and_the_model_can_be_chosen(run, monkeypatch):
+    monkeypatch.setattr("sys.stdin", io.StringIO(", ".join(FIFTY) + "\nx"))
+    _, result = run("estimate", "-", "--model", "general", "--with-bias", "--json")
+    assert result["n_throws"] == 50 and result["bounced_out"] == 1
+    assert result["bias_mm"] != [0.0, 0.0] and result["covariance_mm2"][0][1] != 0.0
+
+
+def test_an_open_interval_is_null(run):
+    _, result = run("estimate", *"0 0 0 0 0 0 5 0 0 0 0".split(), "--json")
+    assert result["ci95_mm"][1] is None and result["ci95_mm"][0] > 20.0
+
+
+def test_what_was_aimed_at_can_be_a_bed_or_a_point(run):
+    by_name, by_point = (run("estimate", *"20 60 5 20 1 20 12 20 18 7 20".split(), "--aim", aim, "--json")[1] for aim in ("T20", "0,103"))
+    assert by_name["sigma_mm"] == pytest.approx(by_point["sigma_mm"])
+
+
+def test_heatmap_writes_a_picture_and_its_numbers(run, tmp_path):
+    status, result = run(
+        "heatmap",
+        "--covariance",
+        400,
+        -60,
+        200,
+        "--bias",
+        -3,
+        2,
+        "--spacing",
+        5,
+        "--csv",
+        tmp_path / "map.csv",
+        "--output",
+        tmp_path,
+        "--json",
+    )
+    rows = np.loadtxt(tmp_path / "map.csv", delimiter=",", skiprows=1)
+    assert status == 0 and rows.shape == (69**2, 3)
+    assert rows[:, 2].max() == pytest.approx(result["expected_score"], abs=0.3)
+    assert all((tmp_path / f"heat_map.{kind}").exists() for kind in ("svg", "png"))
+    assert result["bias_mm"] == [-3.0, 2.0]
+
+
+def test_a_leg_as_a_table_and_a_picture(run, tmp_path):
+    status, text = run("501", "--professional", "Wade", "--start", 41, "--output", tmp_path)
+    assert status == 0 and "turns on average from 41" in text
+    assert any(line.split()[:3] == ["40", "3", "D20"] for line in text.splitlines()), text
+    assert (tmp_path / "leg.png").exists()
+
+
+def test_one_state_of_a_leg(run):
+    _, result = run("501", "--sigma", 20, "--start", 45, "--remaining", 40, "--darts", 1, "--turn-start", 45, "--json")
+    (row,) = result["aims"]
+    assert (row["remaining"], row["darts_left"], row["turn_start"], row["bed"]) == (40, 1, 45, "D20")
+    assert 0.1 < row["best_chance_to_finish"] < 0.15
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["aim"],
+        ["aim", "--sigma", "16", "--from", "5", "--to", "9"],
+        ["aim", "--from", "5"],
+        ["aim", "--sigma", "wide"],
+        ["estimate"],
+        ["heatmap"],
+        ["501"],
+        ["501", "--sigma", "9", "--professional"],
+        ["throw"],
+        [],
+    ],
+)
+def test_wrong_usage_ends_with_status_two(run, arguments, capsys):
+    with pytest.raises(SystemExit) as end:
+        run(*arguments)
+    assert end.value.code == 2
+    assert "usage:" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "arguments, words",
+    [
+        (["aim", "--sigma", "-3"], "sigma must lie between .* got -3"),
+        (["aim", "--sigma", "nan"], "sigma must lie between .* got nan"),
+        (["aim", "--from", "30", "--to", "20"], "lowest sigma must be below"),
+        (["estimate", "20", "23"], "throw 2: score 23 cannot be thrown"),
+        (["estimate", "20", "-5"], "score -5 cannot be thrown"),
+        (["estimate", "20", "5", "1", "--aim", "a,b"], "neither a bed"),
+        (["heatmap", "--covariance", "1", "5", "1"], "variances"),
+        (["501", "--sigma", "20", "--start", "4", "--remaining", "5"], "between 2 and 4"),
+        (["501", "--professional", "Nobody"], "no professional is called"),
+    ],
+)
+def test_bad_values_are_named(run, arguments, words):
+    """The command line turns a ValueError into its message and status 1."""
+    with pytest.raises(ValueError, match=words):
+        run(*arguments)
