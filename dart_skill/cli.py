@@ -5,6 +5,9 @@ import json
 import runpy
 import sys
 
+from dart_skill.darts.command_line import add_commands as add_darts
+from dart_skill.experiments.search_command import add_search
+
 DEMO_MODULE = "dart_skill_nodes.demo"
 
 
@@ -16,7 +19,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     try:
         return options.run(options)
-    except (ValueError, OSError) as error:
+    except (ValueError, OSError, ImportError) as error:
         print(f"dart-skill: {error}", file=sys.stderr)
         return 1
 
@@ -47,6 +50,7 @@ def _parser() -> argparse.ArgumentParser:
     figure.add_argument("--seed", type=int, default=0)
     figure.add_argument("--json", action="store_true", help="seed, paths and what was measured as JSON")
     figure.set_defaults(run=_experiment_figure)
+    add_search(add_darts(commands))
     return parser
 
 

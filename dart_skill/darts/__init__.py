@@ -4,6 +4,7 @@ Millimetres everywhere; the origin is the bull's centre, x points to the right a
 aim + bias + N(0, covariance).
 """
 
+from ._agent import ModelBasedAgent
 from ._board import (
     BED_IS_DOUBLE,
     BED_NAMES,
@@ -41,6 +42,7 @@ __all__ = [
     "Jump",
     "LegPolicy",
     "LikelihoodRatio",
+    "ModelBasedAgent",
     "OptimumPath",
     "Spread",
     "SpreadByTarget",

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from dart_skill.darts import best_aim, expected_score, score
-from dart_skill.darts._agent import ModelBasedAgent
+from dart_skill.darts import ModelBasedAgent, best_aim, expected_score, score
 
 
 def play(sigmas, seed):

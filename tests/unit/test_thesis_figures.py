@@ -8,9 +8,24 @@ import pytest
 
 from dart_skill.cli import main
 from dart_skill.experiments import thesis
+from dart_skill.experiments.dart_search import SCHEDULES, Schedule, best_scores
 from dart_skill.experiments.thesis import dart_throws as darts
-from dart_skill.experiments.thesis import figure_3_1, figure_5_1, figure_5_2, figure_5_3, figure_7_1, figure_7_4, figure_8_1, figure_8_3
+from dart_skill.experiments.thesis import (
+    figure_3_1,
+    figure_5_1,
+    figure_5_2,
+    figure_5_3,
+    figure_6_2,
+    figure_6_3,
+    figure_6_6,
+    figure_7_1,
+    figure_7_4,
+    figure_8_1,
+    figure_8_3,
+)
 
+WITHOUT_UNITS = {"3.1", "5.1", "5.2", "5.3", "5.5", "6.2"}
+"""Figures of abstract parameters, and one of the board itself."""
 SVG = "{http://www.w3.org/2000/svg}"
 
 
@@ -18,6 +33,14 @@ SVG = "{http://www.w3.org/2000/svg}"
 def fewer_runs(monkeypatch):
     monkeypatch.setattr(figure_8_3, "N_SEEDS", 2)
     monkeypatch.setattr(figure_8_3, "N_ATTEMPTS", 6)
+    monkeypatch.setitem(SCHEDULES, "thesis", Schedule(75.0, 60.0, 300))
+    monkeypatch.setattr(figure_6_2, "MOMENTS", (150, 300))
+    monkeypatch.setattr(figure_6_3, "N_SEEDS", 1)
+    monkeypatch.setattr(figure_6_6, "LOWEST", 12.0)
+    monkeypatch.setattr(figure_6_6, "HIGHEST", 30.0)
+    best_scores.cache_clear()
+    yield
+    best_scores.cache_clear()
 
 
 @pytest.mark.parametrize("number", thesis.FIGURES)
@@ -28,7 +51,7 @@ def test_the_same_seed_gives_the_same_bytes_and_the_units_are_on_the_axes(number
     assert [path.read_bytes() for path in paths] == [path.read_bytes() for path in again]
     assert measured == measured_again and json.loads(json.dumps(measured)) == measured
     texts = ["".join(element.itertext()) for element in ElementTree.parse(paths[0]).getroot().iter(f"{SVG}text")]
-    assert any("[" in text for text in texts) or number in ("3.1", "5.1", "5.2", "5.3"), f"no unit on any axis: {texts}"
+    assert any("[" in text for text in texts) or number in WITHOUT_UNITS, f"no unit on any axis: {texts}"
 
 
 def test_regression_retrieves_what_the_demonstrations_share_and_how_much_they_differ():

@@ -1,0 +1,213 @@
+"""Learning where to aim while the thrower gets better: thesis 6.3, for every method, schedule and kind of reward.
+
+A search is told the reward of each throw and nothing else. Regret is measured beside it, with the exact expected score: what the best aim
+of the moment would have earned more, of the throw that was made and of the aim that the search holds for the best (its `parameters`).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import scipy
+from tqdm import tqdm
+
+from dart_skill.darts import ModelBasedAgent, expected_score, optimum_path, score
+from dart_skill.experiments.parallel import run_all
+from dart_skill.policy_search import PoWER, Search, Trial
+from dart_skill.policy_search.baselines import CMAES, CrossEntropy, MonteCarlo, RandomRestarts
+from dart_skill.policy_search.mixture_power import MixturePoWER
+
+START, SPREAD = np.zeros(2), 75.0
+"""First aim, the bull, and spread of the first aims [mm]: that of the thrower at the beginning."""
+BLOCK = 10
+"""Throws whose mean regret is kept as one number."""
+END = 50
+"""Throws at the end by which a search is judged."""
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """The thrower's standard deviation [mm] falls linearly from `first` to `last` over so many throws."""
+
+    first: float
+    last: float
+    n_throws: int
+
+    @property
+    def sigmas(self) -> np.ndarray:
+        return np.linspace(self.first, self.last, self.n_throws)
+
+
+class _Informed:
+    """The model-based agent in the clothes of a search: it throws where it thinks best."""
+
+    def __init__(self):
+        self._agent, self._n = ModelBasedAgent(), 0
+
+    @property
+    def parameters(self) -> np.ndarray:
+        return self._agent.aim
+
+    def ask(self) -> Trial:
+        self._n += 1
+        return Trial(self._n, self.parameters)
+
+    def tell(self, trial: Trial, reward: float) -> None:
+        self._agent.tell(int(reward))
+
+
+SCHEDULES = {"thesis": Schedule(75.0, 16.0, 3000), "extended": Schedule(75.0, 6.0, 3000)}
+REWARDS = ("expected", "thrown")
+METHODS: dict[str, Callable[[np.random.Generator], Search]] = {
+    "mixture": lambda rng: MixturePoWER(START, SPREAD, rng=rng),
+    "power": lambda rng: PoWER(START, SPREAD, rng=rng, limits=(0.03, 10.0)),
+    "power_constant": lambda rng: PoWER(START, SPREAD, rng=rng, exploration="constant"),
+    "power_proportional": lambda rng: PoWER(START, SPREAD, rng=rng, exploration="proportional"),
+    "cem": lambda rng: CrossEntropy(START, SPREAD, rng=rng),
+    "cma": lambda rng: CMAES(START, SPREAD, rng=rng, minimum_exploration=0.03),
+    "cma_default": lambda rng: CMAES(START, SPREAD, rng=rng),
+    "restarts": lambda rng: RandomRestarts(START, SPREAD, rng=rng),
+    "monte_carlo": lambda rng: MonteCarlo(START, SPREAD, rng=rng),
+    "model_based": lambda rng: _Informed(),
+}
+
+
+@dataclass(frozen=True)
+class Task:
+    """One run; stop_after: throws after which the search learns no more and throws at its best guess, 0 for never."""
+
+    method: str
+    schedule: str
+    seed: int
+    reward: str = "expected"
+    stop_after: int = 0
+
+    def __post_init__(self):
+        for name, choices in (("method", METHODS), ("schedule", SCHEDULES), ("reward", REWARDS)):
+            if getattr(self, name) not in choices:
+                raise ValueError(f"there is no {name} '{getattr(self, name)}': choose one of {', '.join(choices)}")
+        if self.method == "model_based" and self.reward != "thrown":
+            raise ValueError("the model-based agent learns from the scores of single darts: give it the reward 'thrown'")
+
+
+@dataclass(frozen=True)
+class Run:
+    """What came of a task: mean regret [points] of all throws and of the aim held for the best, of the latter in the last 50 throws, and
+    the same per block of 10 throws; components of the mixture per block, 1 for others.
+    """
+
+    task: Task
+    throw_regret: float
+    best_regret: float
+    end_regret: float
+    throw_regrets: tuple[float, ...]
+    best_regrets: tuple[float, ...]
+    components: tuple[float, ...]
+
+
+@lru_cache(maxsize=8)
+def best_scores(schedule: str) -> np.ndarray:
+    """Expected score (n,) of the best aim at every throw, interpolated between the knots of the exact path, piece by piece."""
+    sigmas = SCHEDULES[schedule].sigmas
+    path = optimum_path(sigmas.min(), sigmas.max())
+    best = np.full(len(sigmas), -np.inf)
+    for piece in path.pieces:
+        known, value = path.sigmas[piece], path.expected_scores[piece]
+        inside = (sigmas >= known[0] - 1e-9) & (sigmas <= known[-1] + 1e-9)
+        best[inside] = np.maximum(best[inside], scipy.interpolate.PchipInterpolator(known, value, extrapolate=True)(sigmas[inside]))
+    return best
+
+
+def run(task: Task) -> Run:
+    """One search over one schedule. Seeds of the search and of the thrower's hand are independent."""
+    sigmas, best = SCHEDULES[task.schedule].sigmas, best_scores(task.schedule)
+    searching, throwing = (np.random.default_rng([task.seed, part]) for part in range(2))
+    search = METHODS[task.method](searching)
+    thrown_at, held = np.empty(len(sigmas)), np.empty(len(sigmas))
+    components = np.ones(len(sigmas))
+    for n, sigma in enumerate(sigmas):
+        learning = not task.stop_after or n < task.stop_after
+        trial = search.ask() if learning else None
+        aims = np.stack([trial.parameters if learning else search.parameters, search.parameters])
+        thrown_at[n], held[n] = best[n] - expected_score(aims, sigma)
+        components[n] = getattr(search, "n_components", 1)
+        if learning:
+            search.tell(trial, _reward(task.reward, aims[0], sigma, best[n] - thrown_at[n], throwing))
+    blocks = (tuple(np.round(np.mean(values.reshape(-1, BLOCK), axis=1), 4).tolist()) for values in (thrown_at, held, components))
+    return Run(task, float(thrown_at.mean()), float(held.mean()), float(held[-END:].mean()), *blocks)
+
+
+def _reward(kind: str, aim: np.ndarray, sigma: float, expected: float, rng: np.random.Generator) -> float:
+    return expected if kind == "expected" else float(score(aim + sigma * rng.standard_normal(2)))
+
+
+def run_tasks(tasks: list[Task], results: Path | None = None, jobs: int = 0, scheduler: str = "") -> list[Run]:
+    """Every task once; those that stand in the file of results already are not run again, and each new one is added to it at once."""
+    known = {}
+    if results and results.exists():
+        _drop_unfinished_line(results)
+        known = {one.task: one for one in read(results)}
+    missing = [task for task in dict.fromkeys(tasks) if task not in known]
+    for _, one in tqdm(run_all(run, missing, jobs, scheduler), total=len(missing), unit="run", disable=None):
+        known[one.task] = one
+        if results:
+            with results.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(asdict(one)) + "\n")
+    return [known[task] for task in tasks]
+
+
+def _drop_unfinished_line(results: Path) -> None:
+    """What a run that was killed while it wrote has left behind would spoil the next line."""
+    text = results.read_bytes()
+    if not text.endswith(b"\n"):
+        results.write_bytes(text[: text.rfind(b"\n") + 1])
+
+
+def read(results: Path) -> list[Run]:
+    """Runs of a file, one JSON object a line; ValueError names a line that is not one."""
+    lines = results.read_text(encoding="utf-8").splitlines()
+    return [_parsed(line, results, number) for number, line in enumerate(lines, start=1)]
+
+
+def _parsed(line: str, results: Path, number: int) -> Run:
+    try:
+        row = json.loads(line)
+        parts = {name: tuple(value) if isinstance(value, list) else value for name, value in row.items()}
+        return Run(**{**parts, "task": Task(**row["task"])})
+    except (ValueError, TypeError, KeyError) as error:
+        raise ValueError(f"line {number} of {results} is not a run ({error}): move the file away, or remove the line") from error
+
+
+def summarise(runs: list[Run]) -> list[dict]:
+    """One row per method, schedule, reward and stop: runs, and [lower quartile, median, upper quartile] over seeds of the regrets."""
+    groups: dict[tuple, list[Run]] = {}
+    for one in runs:
+        groups.setdefault((one.task.method, one.task.schedule, one.task.reward, one.task.stop_after), []).append(one)
+    rows = []
+    for (method, schedule, reward, stop), group in groups.items():
+        row = {"method": method, "schedule": schedule, "reward": reward, "stop_after": stop, "runs": len(group)}
+        for name in REGRETS:
+            row[name] = np.percentile([getattr(one, name) for one in group], [25, 50, 75]).round(4).tolist()
+        row["components"] = round(float(np.mean([one.components for one in group])), 2)
+        row["components_at_the_end"] = round(float(np.mean([one.components[-1] for one in group])), 2)
+        rows.append(row)
+    return rows
+
+
+REGRETS = {"throw_regret": "of each throw", "best_regret": "of the best aim", "end_regret": "at the end"}
+
+
+def table(runs: list[Run]) -> str:
+    """The rows of `summarise` as text."""
+    heads = "".join(f"{head:>24}" for head in REGRETS.values())
+    lines = [f"{'method':<20}{'schedule':<10}{'reward':<10}{'runs':>5}{heads}{'K':>6}"]
+    for row in summarise(runs):
+        regrets = "".join(f"{middle:>10.3f} ({low:.3f}-{high:.3f})".rjust(24) for low, middle, high in map(row.get, REGRETS))
+        name = row["method"] + (f" to {row['stop_after']}" if row["stop_after"] else "")
+        lines.append(f"{name:<20}{row['schedule']:<10}{row['reward']:<10}{row['runs']:>5}{regrets}{row['components_at_the_end']:>6.1f}")
+    return "\n".join([*lines, "regret in points per throw: median and quartiles over the runs; K: components at the end"])

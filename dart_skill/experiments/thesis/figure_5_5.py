@@ -1,0 +1,76 @@
+"""Figure 5.5: data spectroscopy with weights (5.13). Points of one Gaussian, weighted by the density of a mixture of four (5.14), and the
+groups that their weights make.
+
+The thesis does not print its bandwidth. Weighted, the four Gaussians are 3.8 of their standard deviations apart, which is close for data
+spectroscopy, and points far out, which weigh next to nothing, are groups of their own by the authors' threshold: four are counted for 5 of
+20 seeds, but are others than the four, at this bandwidth and at all others tried. With the threshold used here, 19 of 20 seeds give the
+four, with 97 % of the weight or more labelled as it should be.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from dart_skill.experiments.figures.style import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, gaussian_ellipse, house_style, save
+from dart_skill.mixture import GaussianMixture
+from dart_skill.mixture._spectroscopy import Spectroscopy, data_spectroscopy
+
+TITLE = "Data spectroscopy finds the groups of weighted points"
+N_POINTS, SAMPLED = 1000, 9.0 * np.eye(2)
+MIXTURE = GaussianMixture.from_parameters([0.25] * 4, [[3, 3], [-3, 3], [3, -3], [-3, -3]], [2.0 * np.eye(2)] * 4)
+BANDWIDTH, CORE, TOLERANCE = 0.65, 0.99, 0.1
+DEVIATIONS = 2.0
+COLOURS = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY)
+
+
+@dataclass(frozen=True, eq=False)
+class Grouping:
+    """Points (n, 2), their weights (n,), and what data spectroscopy makes of them."""
+
+    points: np.ndarray
+    weights: np.ndarray
+    groups: Spectroscopy
+
+
+def compute(seed: int = 0) -> Grouping:
+    points = np.random.default_rng(seed).multivariate_normal(np.zeros(2), SAMPLED, N_POINTS, method="cholesky")
+    weights = np.exp(MIXTURE.log_density(points))  # (5.14)
+    return Grouping(points, weights, data_spectroscopy(points, weights, bandwidth=BANDWIDTH, core=CORE, tolerance=TOLERANCE))
+
+
+def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
+    grouping = compute(seed)
+    with house_style():
+        figure = Figure(figsize=(9.0, 4.4), layout="constrained")
+        left, right = figure.subplots(1, 2, sharex=True, sharey=True)
+        size = 24 * grouping.weights / grouping.weights.max()
+        left.scatter(*grouping.points.T, s=size, color=GREY, linewidth=0)
+        left.add_patch(gaussian_ellipse(np.zeros(2), SAMPLED, DEVIATIONS, facecolor="none", edgecolor=VERMILION, linewidth=2.0))
+        for component in MIXTURE.components:
+            ellipse = gaussian_ellipse(component.mean, component.covariance, DEVIATIONS, facecolor="none", edgecolor=BLUE, linewidth=2.0)
+            left.add_patch(ellipse)
+        left.set_title(f"points of one Gaussian (red), area by weight:\nthe density of four (blue), {DEVIATIONS:g} s.d.")
+        for group in range(grouping.groups.n_groups):
+            own = grouping.groups.labels == group
+            right.scatter(*grouping.points[own].T, s=size[own], color=COLOURS[group % len(COLOURS)], linewidth=0)
+        right.set_title(f"{grouping.groups.n_groups} groups at bandwidth {BANDWIDTH:g}")
+        for axes in (left, right):
+            axes.set(xlabel="first coordinate", aspect="equal", xlim=(-9, 9), ylim=(-9, 9))
+        left.set_ylabel("second coordinate")
+        return save(figure, folder, "figure_5_5"), measured(grouping)
+
+
+def measured(grouping: Grouping) -> dict:
+    """Number of groups; share of all weight whose label is the Gaussian that most likely weighs it, the groups matched with Gaussians."""
+    likely = MIXTURE.responsibilities(grouping.points).argmax(axis=1)
+    together = np.zeros((grouping.groups.n_groups, len(MIXTURE.priors_)))
+    np.add.at(together, (grouping.groups.labels, likely), grouping.weights / grouping.weights.sum())
+    return {
+        "groups": grouping.groups.n_groups,
+        "groups_with_the_authors_threshold": data_spectroscopy(grouping.points, grouping.weights, bandwidth=BANDWIDTH, core=1.0).n_groups,
+        "weight_labelled_as_its_gaussian": round(float(together.max(axis=1).sum()), 3),
+    }

@@ -1,0 +1,77 @@
+"""Figure 6.2: the search for optima of 5.3 while the thrower gets better, at four moments: the heat map of the moment, the last 150 trials
+and the Gaussians.
+
+The thesis shows the most common of its runs, in which splits came at throws 1060 and 1757; here is the run of the seed, with its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from dart_skill.darts import expected_score, heat_map
+from dart_skill.darts.pictures import draw_board
+from dart_skill.experiments.dart_search import METHODS, SCHEDULES
+from dart_skill.experiments.figures.style import BLACK, gaussian_ellipse, house_style, quantity_colours, save
+from dart_skill.mixture import GaussianMixture
+
+TITLE = "The mixture's search over the board while the thrower gets better"
+MOMENTS, LATEST = (150, 1060, 1757, 3000), 150
+SPACING = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """After so many throws: sigma [mm], the last trials (n, 2) [mm], and the mixture."""
+
+    throws: int
+    sigma: float
+    trials: np.ndarray
+    mixture: GaussianMixture
+
+
+def compute(seed: int = 0) -> tuple[list[Moment], list[int]]:
+    """The moments of one run on the thesis's schedule, and the throws after which the number of components changed."""
+    search, sigmas = METHODS["mixture"](np.random.default_rng([seed, 0])), SCHEDULES["thesis"].sigmas
+    tried, moments, changes, before = np.empty((len(sigmas), 2)), [], [], 1
+    for n, sigma in enumerate(sigmas, start=1):
+        trial = search.ask()
+        tried[n - 1] = trial.parameters
+        search.tell(trial, float(expected_score(trial.parameters[None], sigma)[0]))
+        if search.n_components != before:
+            changes, before = [*changes, n], search.n_components
+        if n in MOMENTS:
+            moments.append(Moment(n, float(sigma), tried[max(0, n - LATEST) : n].copy(), search.mixture))
+    return moments, changes
+
+
+def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
+    moments, changes = compute(seed)
+    with house_style():
+        figure = Figure(figsize=(13.0, 3.7), layout="constrained")
+        for axes, moment in zip(figure.subplots(1, len(moments)), moments, strict=True):
+            _draw_moment(axes, moment)
+        return save(figure, folder, "figure_6_2"), measured(moments, changes)
+
+
+def measured(moments: list[Moment], changes: list[int]) -> dict:
+    return {
+        "components": {str(one.throws): len(one.mixture.priors_) for one in moments},
+        "changes": len(changes),
+        "first_changes": changes[:5],
+    }
+
+
+def _draw_moment(axes: Axes, moment: Moment) -> None:
+    heat = heat_map(moment.sigma, SPACING)
+    edge = heat.x[-1] + 0.5 * SPACING
+    axes.imshow(heat.expected_score, origin="lower", extent=(-edge, edge, -edge, edge), cmap=quantity_colours(), interpolation="nearest")
+    draw_board(axes, "#FFFFFF60")
+    axes.plot(*moment.trials.T, ".", color=BLACK, markersize=2.5)
+    for mean, covariance in zip(moment.mixture.means_, moment.mixture.covariances_, strict=True):
+        axes.add_patch(gaussian_ellipse(mean, covariance, 2.0, facecolor="none", edgecolor="white", linewidth=1.6, zorder=3))
+    axes.set_title(f"throw {moment.throws}, sigma {moment.sigma:.1f} mm, K = {len(moment.mixture.priors_)}")

@@ -1,0 +1,102 @@
+"""The policy of the multi-optima search, a Gaussian mixture over parameters (d,), and its update from trials (thesis (5.3)-(5.6)).
+
+As in PoWER's policy, a parameter is counted from where the search began, in units of the spread it began with.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..mixture import GaussianMixture
+from ..mixture._gaussian import symmetric
+from ._exploration import NOISE
+from ._search import Settings
+
+DEAD_SHARE = 1e-6  # a component with less of all weight than this is dropped
+FLATTEST = 1e-10  # least variance of a component over its largest, so that its covariance can be inverted
+
+
+class MixturePolicy:
+    """Components with priors (K,), means (K, d) and covariances (K, d, d), kept as variances (K, d) along axes (K, d, d)."""
+
+    def __init__(self, start: np.ndarray, scale: np.ndarray, settings: Settings):
+        d = start.size
+        self.start, self.scale, self._settings = start, scale, settings
+        self.priors, self.means = np.ones(1), np.zeros((1, d))
+        self.variances, self.axes = np.ones((1, d)), np.eye(d)[None]
+        self.returns = np.zeros(1)
+
+    @property
+    def covariances(self) -> np.ndarray:
+        return symmetric((self.axes * self.variances[:, None]) @ np.swapaxes(self.axes, 1, 2))
+
+    @property
+    def components(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Priors, means and covariances, from where the search began."""
+        return self.priors, self.means, self.covariances
+
+    @property
+    def mixture(self) -> GaussianMixture:
+        """The policy in the units of the parameters."""
+        means, covariances = self.start + self.scale * self.means, self.covariances * np.outer(self.scale, self.scale)
+        return GaussianMixture.from_parameters(self.priors, means, covariances)
+
+    def draw(self, component: int, noise: np.ndarray) -> np.ndarray:
+        """Parameters (d,) from standard normal noise (d,) through one component."""
+        coloured = self.axes[component] @ (np.sqrt(self.variances[component]) * noise)
+        return self.start + self.scale * (self.means[component] + coloured)
+
+    def relative(self, tried: np.ndarray) -> np.ndarray:
+        return (tried - self.start) / self.scale
+
+    def responsibilities(self, points: np.ndarray) -> np.ndarray:
+        """(5.6): (K, n) for points (n, d) relative to the start."""
+        white = (points - self.means[:, None]) @ (self.axes / np.sqrt(self.variances)[:, None])
+        logs = np.log(self.priors) - 0.5 * np.log(self.variances).sum(axis=1)
+        logs = logs[:, None] - 0.5 * np.einsum("kni,kni->kn", white, white)
+        shares = np.exp(logs - logs.max(axis=0))
+        return shares / shares.sum(axis=0)
+
+    def update(self, points: np.ndarray, weights: np.ndarray) -> bool:
+        """(5.3)-(5.5) from points (n, d) relative to the start and weights (K, n), returns times responsibilities of the M best; whether
+        there was any weight. A component that gets none is dropped.
+        """
+        mass = weights.sum(axis=1)
+        alive = mass > DEAD_SHARE * mass.sum()
+        if not alive.any():
+            return False
+        weights, mass = weights[alive], mass[alive]
+        shares = weights / mass[:, None]
+        deviations = points - self.means[alive, None]
+        covariances = np.swapaxes(deviations * shares[..., None], 1, 2) @ deviations
+        self.priors, self.means = mass / mass.sum(), self.means[alive] + (shares[:, None] @ deviations)[:, 0]
+        self._set_shapes(covariances, noisy=True)
+        return True
+
+    def replace(self, priors: np.ndarray, means: np.ndarray, covariances: np.ndarray, noisy: bool) -> None:
+        """Other components, their covariances with exploration noise, or as they are but for its limits."""
+        self.priors, self.means = priors / priors.sum(), means
+        self._set_shapes(covariances, noisy)
+
+    def _set_shapes(self, covariances: np.ndarray, noisy: bool) -> None:
+        variances, self.axes = np.linalg.eigh(covariances)
+        variances = np.maximum(variances, 0.0)
+        if noisy:
+            noise = NOISE[self._settings.exploration]
+            variances = np.array([noise(one, self._settings.minimum_exploration) for one in variances])
+        low, high = self._settings.limits
+        variances = np.clip(variances, low**2, high**2)
+        self.variances = np.maximum(variances, FLATTEST * variances.max(axis=1, keepdims=True))
+
+    def judge(self, points: np.ndarray, returns: np.ndarray) -> None:
+        """Set the return that each component earns, from the returns (n,) of points (n, d) by its share in them."""
+        shares = self.responsibilities(points)
+        total = shares.sum(axis=1)
+        self.returns = np.where(total > 0, shares @ returns / np.where(total > 0, total, 1.0), returns.min())
+
+    def state(self) -> dict:
+        return {name: getattr(self, name).tolist() for name in ("start", "scale", "priors", "means", "variances", "axes", "returns")}
+
+    def restore(self, state: dict) -> None:
+        for name in ("priors", "means", "variances", "axes", "returns"):
+            setattr(self, name, np.array(state[name], dtype=float))
