@@ -14,7 +14,7 @@ AUTHOR_2 = """12 16 19 3 17 1 25 19 17 50 18 1 3 17 2 2 13 18 16 2 25 5 5 1 5
 AUTHOR_1 = """20 20 5 19 11 25 15 2 7 1 12 1 5 19 3 17 17 2 10 16 17 19 5 20 8 0 17 17 2 15 2 25 60 19 17 2 4 1 5 15 16 7 2 13 5 0 7 19 14 2
 11 18 20 19 17 15 11 5 5 4 9 20 1 17 2 0 19 3 2 13 4 4 7 7 3 17 14 12 19 17 17 17 13 15 14 19 3 6 13 18 9 20 9 12 19 18 0 12 17 17
 3 5 8 19 3 17 10 15 8 51""".split()
-"""Tibshirani, Price and Taylor's throws at the double bull (facts)."""
+"""Tibshirani, Price and Taylor's throws at the double bull, as the man pages of the CRAN package `darts` list them."""
 
 
 def closed_form(scores, sigma):
