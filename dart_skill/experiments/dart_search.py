@@ -21,6 +21,7 @@ from dart_skill.experiments.parallel import run_all
 from dart_skill.policy_search import PoWER, Search, Trial
 from dart_skill.policy_search.baselines import CMAES, CrossEntropy, MonteCarlo, RandomRestarts
 from dart_skill.policy_search.mixture_power import MixturePoWER
+from dart_skill.policy_search.niches import Niches
 
 START, SPREAD = np.zeros(2), 75.0
 """First aim, the bull, and spread of the first aims [mm]: that of the thrower at the beginning."""
@@ -73,6 +74,8 @@ METHODS: dict[str, Callable[[np.random.Generator], Search]] = {
     "cma_default": lambda rng: CMAES(START, SPREAD, rng=rng),
     "restarts": lambda rng: RandomRestarts(START, SPREAD, rng=rng),
     "monte_carlo": lambda rng: MonteCarlo(START, SPREAD, rng=rng),
+    "niches": lambda rng: Niches(START, SPREAD, rng=rng),
+    "niches_thrifty": lambda rng: Niches(START, SPREAD, rng=rng, following=2.0, scouting=2.0, hopeless=2.0, waiting=0.002),
     "model_based": lambda rng: _Informed(),
 }
 

@@ -1,0 +1,149 @@
+"""One hill of a changing landscape: a quadratic model of the returns about its top, fitted to its own latest trials.
+
+    y = a + s t + b'x + x'Hx / 2,    x = (place - centre) / radius,    t the age of the trial
+
+by least squares with weights that halve with every so many trials. The top is one Newton step away, no further than the model is trusted;
+the radius of trials grows while steps are long, and shrinks while they are short, so it is as small as drift and noise allow. Beyond
+`FULL_MODEL` parameters H is diagonal. G. Box and K. Wilson, On the experimental attainment of optimum conditions, JRSS B 1951.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+
+import numpy as np
+
+FULL_MODEL = 10  # parameters up to which all products are modelled, with 66 coefficients
+RIDGE = 0.03  # weight of the prior (no slope, the last curvature) in trials: keeps a model of few trials well posed
+LONGEST_STEP = 1.0  # [radii per root of the dimension]
+STILL = 0.1  # step at which the radius stays as it is, in the same unit
+SETTLED = 0.5  # step below which the top counts as found, in the same unit
+
+
+@dataclass
+class Niche:
+    """State of one hill. Places (d,) are in spreads from where the search began; trials are (number, place, return), by number.
+
+    value, error: return of the model at the centre, its standard error; drop: what trials earn less on average; relative: value over the
+    common level of the landscape; last, clock: number and clock when last tried; surprises: trials in a row that earned far too little.
+    """
+
+    identity: int
+    centre: np.ndarray
+    radius: float
+    hessian: np.ndarray
+    value: float = 0.0
+    error: float = 0.0
+    drop: float = 0.0
+    relative: float = 0.0
+    last: int = 0
+    clock: float = 0.0
+    burst: int = 0
+    surprises: int = 0
+    settled: bool = False
+    trials: list[tuple[int, np.ndarray, float, float]] = field(default_factory=list)
+
+    def __post_init__(self):
+        self.centre, self.hessian = np.array(self.centre, dtype=float), np.array(self.hessian, dtype=float)
+
+    @property
+    def known(self) -> bool:
+        """Whether there are trials enough for a slope."""
+        return len(self.trials) >= self.centre.size + 2
+
+    def draw(self, rng: np.random.Generator) -> np.ndarray:
+        """A place (d,), uniform in the ball whose covariance is radius^2."""
+        d = self.centre.size
+        direction = rng.standard_normal(d)
+        return self.centre + self.radius * np.sqrt(d + 2) * rng.random() ** (1 / d) * direction / np.linalg.norm(direction)
+
+    def tell(
+        self, trial: tuple[int, np.ndarray, float, float], fading: float, repeats: int, alarm: float, limits: tuple[float, float]
+    ) -> None:
+        """Learn from a trial; after two (times `repeats`) in a row that earned `alarm` less than expected, all older ones are forgotten."""
+        surprised = self.known and trial[2] < self.value - 3 * self.drop - alarm
+        self.surprises = self.surprises + 1 if surprised else 0
+        self.trials.append(trial)
+        self.trials.sort(key=lambda trial: trial[0])
+        forgets = self.surprises == 2 * repeats
+        self.trials = self.trials[-(self.surprises if forgets else 4 * n_coefficients(self.centre.size) * repeats) :]
+        # A single surprise may be an outlier, and is not fitted before a second one confirms it.
+        if not self.known:
+            earned_here = [trial[2] for trial in self.trials]
+            self.value = float(np.mean(earned_here) if repeats > 1 else np.max(earned_here))
+        elif trial[0] % max(repeats // 10, 1) == 0 and (repeats > 1 or not self.surprises):
+            self._fit(fading, repeats, limits)
+
+    def _fit(self, fading: float, repeats: int, limits: tuple[float, float]) -> None:
+        d, recent = self.centre.size, n_coefficients(self.centre.size) * repeats
+        numbers, places, earned, clocks = (np.array(part, dtype=float) for part in zip(*self.trials, strict=True))
+        ages, points = (numbers - numbers[-1]) / max(numbers[-1] - numbers[0], 1.0), (places - self.centre) / self.radius
+        weights = 0.5 ** (np.arange(len(earned))[::-1] / recent) * np.exp(
+            -np.square(points).sum(axis=1) / (32 * d) - (clocks.max() - clocks) / fading
+        )
+        prior = np.concatenate([np.zeros(2 + d), (self.hessian * self.radius**2)[_products(d)]])
+        coefficients, self.error = _solve(_design(points, ages), earned, weights, prior)
+        slope, hessian = _read(coefficients, d)
+        curvatures, axes = np.linalg.eigh(hessian)
+        step = _newton(slope, curvatures, axes)
+        # A top that no trial came near to is not believed.
+        self.value = min(float(coefficients[0] + slope @ step + 0.5 * step @ hessian @ step), float(earned[-recent:].max()))
+        self.drop = 0.5 * float(np.maximum(-curvatures, 0).sum())
+        self.hessian, self.centre = hessian / self.radius**2, self.centre + self.radius * step
+        length = float(np.linalg.norm(step)) / np.sqrt(d)
+        self.settled = bool(curvatures.max() < 0 and length < SETTLED and len(earned) > n_coefficients(d))
+        self.radius = float(np.clip(self.radius * np.clip((length / STILL) ** 0.2, 0.9, 1.15), *limits))
+
+    def state(self) -> dict:
+        trials = [[number, place.tolist(), *rest] for number, place, *rest in self.trials]
+        return {**asdict(self), "centre": self.centre.tolist(), "hessian": self.hessian.tolist(), "trials": trials}
+
+    @classmethod
+    def from_state(cls, state: dict) -> Niche:
+        return cls(**{**state, "trials": [(number, np.array(place), *rest) for number, place, *rest in state["trials"]]})
+
+
+def n_coefficients(d: int) -> int:
+    """Of the model without its trend."""
+    return 1 + d + (d * (d + 1) // 2 if d <= FULL_MODEL else d)
+
+
+def _products(d: int) -> tuple[np.ndarray, np.ndarray]:
+    return np.triu_indices(d) if d <= FULL_MODEL else (np.arange(d), np.arange(d))
+
+
+def _design(points: np.ndarray, ages: np.ndarray) -> np.ndarray:
+    rows, columns = _products(points.shape[1])
+    products = points[:, rows] * points[:, columns] * np.where(rows == columns, 0.5, 1.0)
+    return np.column_stack([np.ones(len(points)), ages, points, products])
+
+
+def _solve(design: np.ndarray, earned: np.ndarray, weights: np.ndarray, prior: np.ndarray) -> tuple[np.ndarray, float]:
+    """Coefficients, and the standard error of the first."""
+    middle = float(earned.mean())
+    residual = earned - middle - design @ prior
+    normal = design.T @ (weights[:, None] * design)
+    ridge = np.full(len(prior), RIDGE)
+    ridge[: 2 if len(earned) > len(prior) else 1] = 1e-9
+    inverse = np.linalg.inv(normal + np.diag(ridge))
+    change = inverse @ (design.T @ (weights * residual))
+    freedom = max(float(weights.sum() - np.sum(inverse * normal)), 0.5)
+    variance = float(weights @ np.square(residual - design @ change)) / freedom
+    coefficients = prior + change
+    coefficients[0] += middle
+    return coefficients, float(np.sqrt(variance * inverse[0, 0]))
+
+
+def _read(coefficients: np.ndarray, d: int) -> tuple[np.ndarray, np.ndarray]:
+    """Slope (d,) and second derivatives (d, d)."""
+    rows, columns = _products(d)
+    hessian = np.zeros((d, d))
+    hessian[rows, columns] = hessian[columns, rows] = coefficients[2 + d :]
+    return coefficients[2 : 2 + d], hessian
+
+
+def _newton(slope: np.ndarray, curvatures: np.ndarray, axes: np.ndarray) -> np.ndarray:
+    """Step (d,) to the top; as far uphill as allowed where there is none."""
+    along, longest = axes.T @ slope, LONGEST_STEP * np.sqrt(len(slope))
+    step = axes @ (along / np.maximum(np.maximum(-curvatures, np.abs(along) / longest), 1e-300))
+    return step * min(1.0, longest / max(float(np.linalg.norm(step)), 1e-300))
