@@ -46,8 +46,9 @@ class Niches(VectorSearch):
     repeats: trials that one comparison needs, 1 for exact returns, hundreds when noise exceeds the relief.
     limits: smallest and largest radius of trials about an optimum, as multiples of `spread`.
 
-    The defaults find a hill in time that overtakes late, and pay for that; following = scouting = hopeless = 2 with waiting = 0.002 costs a
-    fifth of it and finds such a hill seldom. Both are measured in experiments/dart_search.py, as "niches" and "niches_thrifty".
+    Darts from 75 to 6 mm: the defaults take the hill that overtakes late in 15 of 20 runs, and pay 0.12 points a throw
+    (from 75 to 16 mm); following = scouting = hopeless = 2 with waiting = 0.002 pays 0.02 and takes it in 2 of 20. They are
+    "niches" and "niches_thrifty" in experiments/dart_search.py.
     """
 
     def __init__(
