@@ -18,9 +18,9 @@ from rclpy.signals import SignalHandlerOptions
 from dart_skill.configuration import node_parameters
 
 LOOP = QoSProfile(depth=10)
-"""Of the handshake: reliable, ten messages."""
+"""For subscribers that answer the newest state: reliable, ten messages."""
 COMPLETE = QoSProfile(depth=2000)
-"""For whoever must not miss a message: reliable, a long queue."""
+"""For what is recorded, at both ends: reliable, four seconds of 500 Hz. A reliable publisher repeats only what it still keeps."""
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Late joiners get what was published before."""
 SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST)

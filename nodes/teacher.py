@@ -21,7 +21,7 @@ from dart_skill.skill.outcome import judge_flight
 from dart_skill_nodes import conversions
 from dart_skill_nodes.links import Link
 from dart_skill_nodes.routines import Promise, RoutineServer, answer, pause
-from dart_skill_nodes.support import LOOP, OK, Diagnostics, Parameter, declare, run
+from dart_skill_nodes.support import COMPLETE, LOOP, OK, Diagnostics, Parameter, declare, run
 from dart_skill_nodes.watching import ARRIVAL_NS, BEFORE_NS, Watcher
 
 TABLE = [
@@ -62,7 +62,7 @@ class TeacherNode(Node):
         self._links: dict[str, Link] = {}
         self._message = WamCommand()
         self._message.header.frame_id = self.p["frame_id"]
-        self._wrench = self.create_publisher(WamCommand, "/wam/teacher_wrench", LOOP)
+        self._wrench = self.create_publisher(WamCommand, "/wam/teacher_wrench", COMPLETE)
         self._watcher = Watcher(self, self.p["frame_id"], on_pose=self._check_over)
         self.create_subscription(JointState, "/joint_states", self._on_state, LOOP, raw=True)
         self._reset = self.create_client(Reset, "/simulation/reset")

@@ -1,5 +1,6 @@
 """What goes wrong in a graph is stopped and said: a dead learner, a cancelled throw, nonsense on a topic, an unreachable basket."""
 
+import signal
 import time
 
 import numpy as np
@@ -12,6 +13,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
 from dart_skill.experiments.targets import targets_for
+from dart_skill.recording import BagReader
 from dart_skill_nodes import conversions
 from dart_skill_nodes.coaching import GraphFailure
 from dart_skill_nodes.graph import NODES
@@ -32,6 +34,10 @@ class Joints:
 
     def _take(self, message):
         self.message, self.count = message, self.count + 1
+
+    @property
+    def newest_ns(self):
+        return conversions.stamp_ns(self.message.header.stamp)
 
     @property
     def fastest(self):
@@ -109,6 +115,30 @@ def test_a_recorder_that_hears_nothing_does_not_start(make_graph, tmp_path):
     start = coach.node.create_client(Trigger, "/demonstration_recorder/start")
     with pytest.raises(GraphFailure, match="nothing has come on /joint_states, /vrpn_mocap/hand/pose, /wam/command"):
         coach.call(start, Trigger.Request())
+
+
+def test_a_recorder_that_is_held_up_loses_nothing(make_graph, tmp_path):
+    """Whoever must not miss a message needs publishers that keep more than the newest ten until it has them."""
+    graph, coach = make_graph("processes")
+    joints, recorder = Joints(coach), graph.processes["demonstration_recorder"]
+
+    def more(count):
+        until = joints.newest_ns + count * 2_000_000
+        wait_for(coach, lambda: joints.newest_ns >= until, what=f"{count} more states")
+
+    wait_for(coach, lambda: joints.message is not None, what="the first state")
+    more(200)
+    recorder.send_signal(signal.SIGSTOP)
+    try:
+        more(800)
+    finally:
+        recorder.send_signal(signal.SIGCONT)
+    more(200)
+    graph.stop()
+    with BagReader(tmp_path / "bag_1") as bag:
+        for topic in ("/joint_states", "/wam/command"):
+            stamps = np.unique([conversions.stamp_ns(m.data.header.stamp) for m in bag.messages([topic])])
+            assert len(stamps) > 1000 and set(np.diff(stamps)) == {2_000_000}, topic
 
 
 def test_nodes_that_are_there_already_are_named(make_graph):
