@@ -79,6 +79,7 @@ class DemonstrationRecorder(LifecycleNode):
         self.p = declare(self, "demonstration_recorder.yaml", TABLE)
         self.declare_parameter("autostart", True)
         self._bag, self._count, self._recording, self._now_ns = None, 0, False, 0
+        self._newest: dict[str, int] = {}
         if self.get_parameter("autostart").value:
             autostart(self)
 
@@ -163,7 +164,7 @@ class DemonstrationRecorder(LifecycleNode):
         self._silent.discard(topic)
         sec, nanosec = struct.unpack_from("<iI", data, 4)
         ns = sec * conversions.GIGA + nanosec
-        self._now_ns = max(self._now_ns, ns)
+        self._now_ns, self._newest[topic] = max(self._now_ns, ns), ns
         if self._bag is not None and topic in self.p["topics"]:
             self._bag.write(topic, self._now_ns, ns, bytes(data))
         if look is not None and self._recording:
@@ -187,6 +188,7 @@ class DemonstrationRecorder(LifecycleNode):
             response.success, response.message = False, f"nothing has come on {silent} yet: is the node running that publishes it?"
             return response
         self._watcher.clear()
+        self._newest.clear()
         self._recording = True
         response.success, response.message = True, str(self._bag.path)
         return response
@@ -195,14 +197,19 @@ class DemonstrationRecorder(LifecycleNode):
         if not self._recording:
             response.success, response.message = False, "no demonstration is being recorded: call ~/start first"
             return response
-        until = conversions.stamp_ns(request.until) or self._now_ns
-        response.pending = self._now_ns < until or self._watcher.newest_ns < until - FRAME_NS
+        until = conversions.stamp_ns(request.until)
+        response.pending = self._arrived_ns < until  # never, if the caller asks for what there is
         if response.pending:
-            newest = min(self._now_ns, self._watcher.newest_ns)
-            response.success, response.message = False, f"sensor messages have come up to {newest} ns only, not {until} ns"
+            response.success, response.message = False, f"messages have come up to {self._arrived_ns} ns only, not {until} ns"
             return response
         self._recording = False
-        return self._cut(request, response, until)
+        return self._cut(request, response, until or self._now_ns)
+
+    @property
+    def _arrived_ns(self) -> int:
+        """Up to this stamp everything has come: a topic that was heard since ~/start may lag behind the others."""
+        steps = (newest for topic, newest in self._newest.items() if topic in self._needed and topic not in self._role_of)
+        return min(self._watcher.newest_ns + FRAME_NS, min(steps, default=0))
 
     def _cut(self, request, response, until: int):
         try:

@@ -19,8 +19,9 @@ from dart_skill.configuration import node_parameters
 
 LOOP = QoSProfile(depth=10)
 """For subscribers that answer the newest state: reliable, ten messages."""
-COMPLETE = QoSProfile(depth=2000)
-"""For what is recorded, at both ends: reliable, four seconds of 500 Hz. A reliable publisher repeats only what it still keeps."""
+COMPLETE = QoSProfile(depth=10_000)
+"""For what is recorded, at both ends: reliable, 20 s of 500 Hz. A reliable publisher repeats only what it still keeps, and Fast DDS may
+take its heartbeat period of 3 s to find out what was lost."""
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Late joiners get what was published before."""
 SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST)

@@ -45,14 +45,15 @@ class Joints:
 
 
 class Diagnoses:
-    """The last message of every node on /diagnostics."""
+    """The last message, and the last values, of every node on /diagnostics."""
 
     def __init__(self, coach):
-        self.of = {}
+        self.of, self.values = {}, {}
         coach.node.create_subscription(DiagnosticArray, "/diagnostics", self._take, 50)
 
     def _take(self, message):
         self.of.update({status.name: status.message for status in message.status})
+        self.values.update({status.name: {pair.key: pair.value for pair in status.values} for status in message.status})
 
 
 def _taught(make_graph, extra=None):
@@ -120,7 +121,8 @@ def test_a_recorder_that_hears_nothing_does_not_start(make_graph, tmp_path):
 def test_a_recorder_that_is_held_up_loses_nothing(make_graph, tmp_path):
     """Whoever must not miss a message needs publishers that keep more than the newest ten until it has them."""
     graph, coach = make_graph("processes")
-    joints, recorder = Joints(coach), graph.processes["demonstration_recorder"]
+    topics = ("/joint_states", "/wam/command")
+    joints, diagnoses, recorder = Joints(coach), Diagnoses(coach), graph.processes["demonstration_recorder"]
 
     def more(count):
         until = joints.newest_ns + count * 2_000_000
@@ -133,12 +135,17 @@ def test_a_recorder_that_is_held_up_loses_nothing(make_graph, tmp_path):
         more(800)
     finally:
         recorder.send_signal(signal.SIGCONT)
-    more(200)
+
+    def has_caught_up():
+        recorded = diagnoses.values.get("demonstration_recorder", {})
+        return all(int(recorded.get(topic, 0)) > 1200 for topic in topics)
+
+    wait_for(coach, has_caught_up, what="the recorder has everything")
     graph.stop()
     with BagReader(tmp_path / "bag_1") as bag:
-        for topic in ("/joint_states", "/wam/command"):
+        for topic in topics:
             stamps = np.unique([conversions.stamp_ns(m.data.header.stamp) for m in bag.messages([topic])])
-            assert len(stamps) > 1000 and set(np.diff(stamps)) == {2_000_000}, topic
+            assert len(stamps) > 1200 and set(np.diff(stamps)) == {2_000_000}, topic
 
 
 def test_nodes_that_are_there_already_are_named(make_graph):
