@@ -12,6 +12,7 @@ NODES = (
     "skill_learner",
     "commander",
     "teacher",
+    "coach",
     "composed",
 )
 

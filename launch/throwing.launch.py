@@ -13,7 +13,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 from launch import LaunchDescription
 
-SEPARATE = ("wam_simulator", "mock_optitrack", "commander", "demonstration_recorder", "teacher")
+SEPARATE = ("wam_simulator", "mock_optitrack", "commander", "demonstration_recorder", "teacher", "coach")
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 import rclpy
-from dart_skill_msgs.action import Teach, Throw
+from dart_skill_msgs.action import Practice, Teach, Throw
 from dart_skill_msgs.srv import Learn, Reset
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.action import ActionClient
@@ -27,12 +27,13 @@ class Coach:
     throw_seconds (2,): all throws so far, simulated and on the wall clock [s].
     """
 
-    def __init__(self, dead: Callable[[], str] = lambda: "", name: str = "coach", patience: float = 180.0):
+    def __init__(self, dead: Callable[[], str] = lambda: "", name: str = "client", patience: float = 180.0):
         self.node = rclpy.create_node(name)
         self._executor, self._dead, self._patience = make_executor(), dead, patience
         self._executor.add_node(self.node)
         self._teach = ActionClient(self.node, Teach, "/teach")
         self._throw = ActionClient(self.node, Throw, "/throw")
+        self._practice = ActionClient(self.node, Practice, "/practice")
         self._learn = self.node.create_client(Learn, "/skill_learner/learn")
         self._reset = self.node.create_client(Reset, "/simulation/reset")
         self._pause = self.node.create_client(SetBool, "/simulation/pause")
@@ -112,6 +113,13 @@ class Coach:
         self.call(self._pause, SetBool.Request(data=False))
         return result, handle
 
+    def practise(self, throws: int = 0, targets: Iterable[np.ndarray] = (), on_feedback=lambda feedback: None) -> Practice.Result:
+        """Own throws that are learned from; without targets the coach node chooses them. on_feedback: called with each feedback."""
+        goal = Practice.Goal(throws=throws, targets=[conversions.point(target) for target in targets])
+        self._link(_of_action("/practice"), self._patience)
+        sent = self._practice.send_goal_async(goal, feedback_callback=lambda message: on_feedback(message.feedback))
+        return self.wait(self._accepted(sent, "/practice").get_result_async(), "practice", patience=np.inf).result
+
     def call(self, client, request):
         """Response of a service; GraphFailure if it says no."""
         self._link(client.srv_name, self._patience)
@@ -120,13 +128,14 @@ class Coach:
             raise GraphFailure(f"{client.srv_name}: {response.message}")
         return response
 
-    def wait(self, future, what: str):
+    def wait(self, future, what: str, patience: float | None = None):
         """Result of a future; GraphFailure when a process died or the patience is over."""
-        until = time.monotonic() + self._patience
+        patience = self._patience if patience is None else patience
+        until = time.monotonic() + patience
         while not future.done():
             self.spin()
             if time.monotonic() > until:
-                raise GraphFailure(f"{what} took longer than {self._patience:.0f} s")
+                raise GraphFailure(f"{what} took longer than {patience:.0f} s")
         return future.result()
 
     def spin(self) -> None:

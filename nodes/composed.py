@@ -1,5 +1,6 @@
-"""Simulator, motion capture, commander, recorder and teacher in one process and one executor: the same nodes, faster."""
+"""Simulator, motion capture, commander, recorder, teacher and coach in one process and one executor: the same nodes, faster."""
 
+from dart_skill_nodes.coach import CoachNode
 from dart_skill_nodes.commander import CommanderNode
 from dart_skill_nodes.demonstration_recorder import DemonstrationRecorder
 from dart_skill_nodes.mock_optitrack import MockOptitrack
@@ -10,7 +11,7 @@ from dart_skill_nodes.wam_simulator import WamSimulator
 
 def main(args: list[str] | None = None) -> None:
     """Entry point of `ros2 run dart_skill composed`."""
-    run(lambda: [DemonstrationRecorder(), MockOptitrack(), CommanderNode(), TeacherNode(), WamSimulator()], args)
+    run(lambda: [DemonstrationRecorder(), MockOptitrack(), CommanderNode(), TeacherNode(), CoachNode(), WamSimulator()], args)
 
 
 if __name__ == "__main__":

@@ -16,13 +16,13 @@ from pathlib import Path
 
 LAYOUTS = {
     "composed": ("composed", "skill_learner"),
-    "processes": ("wam_simulator", "mock_optitrack", "commander", "demonstration_recorder", "teacher", "skill_learner"),
+    "processes": ("wam_simulator", "mock_optitrack", "commander", "demonstration_recorder", "teacher", "coach", "skill_learner"),
 }
 NODES = LAYOUTS["processes"]
 """Names of all nodes; each is the name of its executable too."""
 TAKING_TURNS = ("wam_simulator", "commander", "composed")
 """They wait for each other at every step: on one core they hand over faster than from core to core (1.6 times, on two cores)."""
-SEEDED = ("composed", "wam_simulator", "mock_optitrack", "demonstration_recorder", "teacher")
+SEEDED = ("composed", "wam_simulator", "mock_optitrack", "demonstration_recorder", "teacher", "coach")
 
 
 def choose_domain() -> None:
@@ -51,17 +51,22 @@ def _free(port: int) -> bool:
 
 @dataclass
 class Graph:
-    """Running nodes, each a process with its log in `logs`; a context manager that leaves no process behind."""
+    """Running nodes, each a process with its log in `logs`; a context manager that leaves no process behind.
+
+    remappings: per executable, names of topics and what they are called instead.
+    """
 
     logs: Path
+    remappings: dict[str, dict[str, str]] = field(default_factory=dict)
     processes: dict[str, subprocess.Popen] = field(default_factory=dict)
 
     def start(self, executable: str, parameters: dict | None = None) -> None:
-        """Start an executable of this package; parameters go on its command line."""
-        arguments = [f"{name}:={_text(value)}" for name, value in (parameters or {}).items()]
+        """Start an executable of this package; parameters go on its command line, and so do the graph's remappings."""
+        arguments = [("-p", f"{name}:={_text(value)}") for name, value in (parameters or {}).items()]
+        arguments += [("-r", f"{name}:={other}") for name, other in self.remappings.get(executable, {}).items()]
         command = [sys.executable, "-m", f"dart_skill_nodes.{executable}"]
         if arguments:
-            command += ["--ros-args", *(part for argument in arguments for part in ("-p", argument))]
+            command += ["--ros-args", *(part for argument in arguments for part in argument)]
         self.logs.mkdir(parents=True, exist_ok=True)
         with open(self.logs / f"{executable}.log", "ab") as log:
             process = subprocess.Popen(command, stdout=log, stderr=log, stdin=subprocess.DEVNULL)

@@ -110,7 +110,7 @@ class MockOptitrack(LifecycleNode):
         bodies = {name: self._pose(getattr(message, name)) for name in self._capture.config.bodies}
         radius, depth = (self.get_parameter(name).value for name in ("basket_radius", "basket_depth"))
         walls = BasketWalls(conversions.vector(message.basket.position), radius, depth)
-        capsules = self._kinematics.link_capsules(message.joint_position)
+        capsules = self._kinematics.link_capsules(message.joint_position, message.base_turn)
         samples = self._capture.observe(ns, message.episode, bodies, capsules, walls)
         for name in set(bodies) - {sample.name for sample in samples}:
             self._lost[name] += 1

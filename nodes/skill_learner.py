@@ -12,8 +12,9 @@ from visualization_msgs.msg import Marker, MarkerArray
 from dart_skill.recording import BagError, read_demonstrations
 from dart_skill.skill.configuration import configuration
 from dart_skill.skill.model_file import load_model, save_model
-from dart_skill.skill.practice import Practice, PracticeSettings
-from dart_skill.skill.throwing import ThrowingSkill, Unreachable
+from dart_skill.skill.practice import PracticeSettings
+from dart_skill.skill.practising import PractisingSkill
+from dart_skill.skill.throwing import Unreachable
 from dart_skill.skill.views import component_ellipsoids
 from dart_skill_nodes import conversions
 from dart_skill_nodes.support import LATCHED, OK, WALL, WARN, Diagnostics, Parameter, declare, run
@@ -21,6 +22,7 @@ from dart_skill_nodes.support import LATCHED, OK, WALL, WARN, Diagnostics, Param
 TABLE = [
     Parameter("frame_id", "frame of demonstrations and plans"),
     Parameter("configuration", "name of the skill's configuration"),
+    Parameter("practice_method", "how to learn from own throws: residual, bootstrap, both or none"),
     Parameter("practice_capacity", "demonstrations and trials that are remembered, 0: all", 0, 100_000),
     Parameter("practice_forget", "which trial goes when the memory is full: oldest or crowded"),
     Parameter("heartbeat_period", "of ~/heartbeat [s, wall clock]", 0.01, 1.0),
@@ -34,8 +36,7 @@ class SkillLearner(Node):
         super().__init__("skill_learner")
         self.p = declare(self, "skill_learner.yaml", TABLE)
         self._heard: dict[str, object] = {}
-        self._skill: ThrowingSkill | None = None
-        self._practice: Practice | None = None
+        self._skill: PractisingSkill | None = None
         self._memory = PracticeSettings(self.p["practice_capacity"], self.p["practice_forget"])
         self.create_subscription(Demonstration, "/demonstrations", self._on_demonstration, LATCHED)
         self._markers = self.create_publisher(MarkerArray, "~/model", LATCHED)
@@ -74,16 +75,19 @@ class SkillLearner(Node):
             response.success, response.message = False, str(error)
             self.get_logger().error(f"nothing learned: {error}")
             return response
-        response.success, response.demonstrations, response.model_id = True, len(heard), self._skill.model_id
+        skill = self._skill.skill
+        response.success, response.demonstrations, response.model_id = True, len(heard), skill.model_id
         response.message = (
-            f"learned from {len(heard)} demonstrations with '{self._skill.configuration.name}'; "
-            f"the hand opens {1e3 * self._skill.hand_delay:.0f} ms after it is told to"
+            f"learned from {len(heard)} demonstrations with '{skill.configuration.name}'; "
+            f"the hand opens {1e3 * skill.hand_delay:.0f} ms after it is told to"
         )
         return response
 
-    def _take(self, demonstrations: list, chosen) -> None:
-        practice = Practice(demonstrations, chosen, self._memory)
-        self._skill, self._practice = practice.learn(), practice
+    def _take(self, demonstrations: list, chosen, practised=None) -> None:
+        skill = PractisingSkill(demonstrations, chosen, self.p["practice_method"], self._memory)
+        if practised is not None and skill.correction is not None:
+            skill.correction.remember(practised)
+        self._skill = skill
         self._publish_markers()
 
     def _on_plan(self, request, response):
@@ -99,43 +103,36 @@ class SkillLearner(Node):
         return response
 
     def _on_add_trial(self, request, response):
+        response.left = [float("nan")] * 2
         try:
-            if self._practice is None:
+            if self._skill is None:
                 raise ValueError("nothing is learned yet: call ~/learn, or ~/load a model, before trials are added")
-            trial = self._checked(request.trial)
-            verdict = self._practice.add(trial)
-            if verdict.kept:
-                self._learn_again(trial.id)
-            forgotten = f"forgotten: {', '.join(verdict.forgotten)}" if verdict.forgotten else ""
-            response.success, response.message = verdict.kept, verdict.reason or forgotten
-            response.demonstrations = len(self._practice.demonstrations)
+            planned = request.plan.trajectory.points
+            told = self._skill.tell(conversions.plan(request.plan) if planned else None, self._checked(request.trial))
+            forgotten = f"forgotten: {', '.join(told.forgotten)}" if told.forgotten else ""
+            response.success, response.message, response.left = told.kept, told.reason or forgotten, list(told.left)
+            response.demonstrations = len(self._skill.practice.demonstrations)
+            self._publish_markers()
         except ValueError as error:
             response.success, response.message = False, str(error)
         return response
-
-    def _learn_again(self, trial_id: str) -> None:
-        try:
-            self._skill = self._practice.learn()
-        except ValueError as error:
-            self._practice.withdraw(trial_id, str(error))
-            raise
-        self._publish_markers()
 
     def _on_save(self, request, response):
         try:
             if self._skill is None:
                 raise ValueError("nothing is learned yet: there is no model to save")
-            save_model(request.path, self._practice.demonstrations, self._skill.configuration)
-            response.success, response.model_id = True, self._skill.model_id
+            skill = self._skill
+            practised = [] if skill.correction is None else [skill.correction.throws]
+            save_model(request.path, skill.practice.demonstrations, skill.skill.configuration, *practised)
+            response.success, response.model_id = True, skill.skill.model_id
         except (ValueError, OSError) as error:
             response.success, response.message = False, str(error)
         return response
 
     def _on_load(self, request, response):
         try:
-            demonstrations, chosen = load_model(request.path)
-            self._take(demonstrations, chosen)
-            response.success, response.model_id = True, self._skill.model_id
+            self._take(*load_model(request.path))
+            response.success, response.model_id = True, self._skill.skill.model_id
         except (ValueError, OSError) as error:
             response.success, response.message = False, str(error)
         return response
@@ -143,9 +140,10 @@ class SkillLearner(Node):
     # what is shown
 
     def _publish_markers(self) -> None:
-        centre = np.median([throw.task for throw in self._skill.throws], axis=0)
+        skill = self._skill.skill
+        centre = np.median([throw.task for throw in skill.throws], axis=0)
         array = MarkerArray()
-        for k, (position, orientation, size) in enumerate(component_ellipsoids(self._skill.mixture(centre))):
+        for k, (position, orientation, size) in enumerate(component_ellipsoids(skill.mixture(centre))):
             marker = Marker(ns="components", id=k, type=Marker.SPHERE, action=Marker.ADD)
             marker.header.frame_id = self.p["frame_id"]
             conversions.set_pose(marker.pose, position, orientation)
@@ -156,15 +154,17 @@ class SkillLearner(Node):
         targets.header.frame_id = self.p["frame_id"]
         targets.scale.x = targets.scale.y = targets.scale.z = 0.05
         targets.color = ColorRGBA(r=0.8, g=0.3, b=0.1, a=1.0)
-        targets.points = [Point(x=float(x), y=float(y), z=float(z)) for x, y, z in (t.task for t in self._skill.throws)]
+        targets.points = [Point(x=float(x), y=float(y), z=float(z)) for x, y, z in (t.task for t in skill.throws)]
         array.markers.append(targets)
         self._markers.publish(array)
 
     def _describe(self):
         if self._skill is None:
             return WARN, "nothing learned yet", {"heard": len(self._heard)}
-        values = {"heard": len(self._heard), "learned_from": len(self._practice.demonstrations), "kept_out": len(self._practice.kept_out)}
-        return OK, "ready to plan", {**values, "model_id": self._skill.model_id}
+        practice, correction = self._skill.practice, self._skill.correction
+        values = {"heard": len(self._heard), "learned_from": len(practice.demonstrations), "kept_out": len(practice.kept_out)}
+        values["practised"] = 0 if correction is None else len(correction)
+        return OK, "ready to plan", {**values, "model_id": self._skill.skill.model_id}
 
 
 def main(args: list[str] | None = None) -> None:

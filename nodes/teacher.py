@@ -8,19 +8,19 @@ import time
 
 from dart_skill_msgs.action import Teach
 from dart_skill_msgs.msg import WamCommand
-from dart_skill_msgs.srv import Reset, StopDemonstration
+from dart_skill_msgs.srv import Reset
 from rclpy.action import CancelResponse, GoalResponse
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import SetBool
 
 from dart_skill.robot.command import Command, Grip
 from dart_skill.simulation.teacher import Person, Phase, Teacher
 from dart_skill.skill.outcome import judge_flight
 from dart_skill_nodes import conversions
-from dart_skill_nodes.links import Link
-from dart_skill_nodes.routines import Promise, RoutineServer, answer, pause
+from dart_skill_nodes.calls import Calls, Gone, Recording
+from dart_skill_nodes.routines import Promise, RoutineServer, pause
 from dart_skill_nodes.support import COMPLETE, LOOP, OK, Diagnostics, Parameter, declare, run
 from dart_skill_nodes.watching import ARRIVAL_NS, BEFORE_NS, Watcher
 
@@ -47,10 +47,6 @@ TABLE = [
 ]
 
 
-class Gone(RuntimeError):
-    """A node that the teacher needs did not answer."""
-
-
 class TeacherNode(Node):
     """Guided throws as an action."""
 
@@ -59,7 +55,8 @@ class TeacherNode(Node):
         self.p = declare(self, "teacher.yaml", TABLE)
         self._teacher = Teacher(self.p["seed"], person=Person.from_parameters(self.p))
         self._goal, self._over, self._begin, self._last_ns = None, None, None, None
-        self._links: dict[str, Link] = {}
+        calls = Calls(self)
+        self._call, self._recording = calls.call, Recording(self, calls)
         self._message = WamCommand()
         self._message.header.frame_id = self.p["frame_id"]
         self._wrench = self.create_publisher(WamCommand, "/wam/teacher_wrench", COMPLETE)
@@ -68,8 +65,6 @@ class TeacherNode(Node):
         self._reset = self.create_client(Reset, "/simulation/reset")
         self._pause = self.create_client(SetBool, "/simulation/pause")
         self._free_arm = self.create_client(SetBool, "/commander/release_arm")
-        self._record = self.create_client(Trigger, "/demonstration_recorder/start")
-        self._stop_recording = self.create_client(StopDemonstration, "/demonstration_recorder/stop")
         accept = {"goal_callback": self._on_goal, "cancel_callback": lambda _: CancelResponse.ACCEPT}
         self._action = RoutineServer(self, Teach, "/teach", self._teach, self._finish, **accept)
         self._diagnostics = Diagnostics(self, lambda: (OK, self._teacher.phase.value, {}))
@@ -146,7 +141,8 @@ class TeacherNode(Node):
             outcome = await self._guided_throw(target, attempt)
             release = self._watcher.log.release_between(self._opened_ns - BEFORE_NS, self._ended_ns - ARRIVAL_NS)
             result.outcome = conversions.outcome_msg(outcome, target, self.p["frame_id"], self._opened_ns, release)
-            kept = await self._keep(outcome)
+            reason = "" if outcome.in_basket else "missed"
+            kept = await self._recording.stop(self._ended_ns - ARRIVAL_NS, bool(outcome.in_basket), reason)
             if goal_handle.is_cancel_requested:
                 result.message = "cancelled"
                 break
@@ -163,7 +159,7 @@ class TeacherNode(Node):
         self._guiding, self._ended_ns, self._opened_ns = False, None, 0
         self._patience = time.monotonic() + 120.0
         self._watcher.clear()
-        await self._start_recording()
+        await self._recording.start()
         await self._call(self._free_arm, SetBool.Request(data=True))
         reset = Reset.Request(move_basket=True, basket=conversions.point(target), paused=True, guided=True)
         first = await self._call(self._reset, reset)
@@ -177,25 +173,6 @@ class TeacherNode(Node):
         seen = self._watcher.log.ball_between(self._opened_ns, self._ended_ns - ARRIVAL_NS)
         return judge_flight(*seen, target, self.p["rim_radius"])
 
-    async def _start_recording(self) -> None:
-        """A graph that has just been started needs a moment until every topic has come to the recorder."""
-        for _ in range(100):
-            response = await self._call(self._record, Trigger.Request())
-            if response.success:
-                return
-            await pause(self, 0.1)
-        raise Gone(f"{self._record.srv_name}: {response.message}")
-
-    async def _keep(self, outcome):
-        request = StopDemonstration.Request(keep=bool(outcome.in_basket), reason="" if outcome.in_basket else "missed")
-        request.until = conversions.time_msg(self._ended_ns - ARRIVAL_NS)
-        for _ in range(100):
-            response = await self._call(self._stop_recording, request)
-            if not response.pending:
-                return response
-            await pause(self, 0.05)
-        raise Gone(f"the recorder still waits for sensor messages: {response.message}")
-
     async def _until(self, condition, what: str) -> None:
         """Wait for a message that the graph has sent already; Gone if it does not come in 10 s."""
         for _ in range(1000):
@@ -203,23 +180,6 @@ class TeacherNode(Node):
                 return
             await pause(self, 0.01)
         raise Gone(f"{what} did not arrive in 10 s")
-
-    async def _call(self, client, request):
-        """Response of a service; Gone with the remedy if nobody serves it, does not answer in 20 s, or says no."""
-        link = self._links.setdefault(client.srv_name, Link(self, client.srv_name))
-        for _ in range(2000):  # a graph that has just been started finds itself within seconds
-            if link.up():
-                break
-            await pause(self, 0.01)
-        else:
-            raise Gone(f"nobody serves {client.srv_name}: start the node that does")
-        response = await answer(self, client, request, 20.0)
-        if response is None:
-            link.renew()
-            raise Gone(f"no answer from {client.srv_name} in 20 s")
-        if not response.success and client not in (self._record, self._stop_recording):
-            raise Gone(f"{client.srv_name}: {response.message}")
-        return response
 
     def _feed(self, phase: str, attempt: int) -> None:
         self._goal.publish_feedback(Teach.Feedback(phase=phase, attempt=attempt))

@@ -32,17 +32,21 @@ TABLE = [
     Parameter("command_timeout", "real time: age of a command after which the arm is braked [s]", 0.002, 10.0),
     Parameter("frame_id", "frame of everything that is published"),
     Parameter("start_posture", "joint angles after a reset [rad]"),
-    Parameter("gravity_error", "share of gravity that compensation misses", -0.5, 0.5),
-    Parameter("friction_scale", "factor on the joint friction", 0.0, 10.0),
-    Parameter("hand_delay", "mean time from the command to the ball being free [s]", 0.0, 1.0),
-    Parameter("hand_spread", "standard deviation of that time [s]", 0.0, 0.1),
-    Parameter("ball_mass_scale", "factor on the mass of the ball", 0.1, 10.0),
+    Parameter("gravity_error", "share of gravity that compensation misses", -0.5, 0.5, read_only=False),
+    Parameter("friction_scale", "factor on the joint friction", 0.0, 10.0, read_only=False),
+    Parameter("motor_scale", "factor on what the motors can do", 0.1, 10.0, read_only=False),
+    Parameter("base_turn", "of the arm's base about the vertical; the controller does not know of it [rad]", -1.0, 1.0, read_only=False),
+    Parameter("hand_delay", "mean time from the command to the ball being free [s]", 0.0, 1.0, read_only=False),
+    Parameter("hand_spread", "standard deviation of that time [s]", 0.0, 0.1, read_only=False),
+    Parameter("ball_mass_scale", "factor on the mass of the ball", 0.1, 10.0, read_only=False),
     Parameter("basket_position", "centre of the rim at the start [m]"),
     Parameter("basket_radius", "free opening of the basket [m]", 0.05, 1.0),
     Parameter("basket_depth", "rim to floor of the basket [m]", 0.05, 1.0),
     Parameter("basket_restitution", "of the basket's walls and floor", 0.0, 1.0),
     Parameter("ground_truth_period", "steps between messages on /simulation/state", 1, 1000),
 ]
+CHANGEABLE = [row.name for row in TABLE if not row.read_only and row.name != "speed_factor"]
+"""What can change while the simulator runs, from the next reset on."""
 CATCH_UP = 25
 """Real time: steps made at once at most after the machine was late."""
 
@@ -174,6 +178,7 @@ class WamSimulator(Node):
     def _on_reset(self, request, response):
         try:
             basket = conversions.vector(request.basket) if request.move_basket else None
+            self._take_changes()
             state = self._plant.reset(basket)
         except ValueError as error:
             response.success, response.message = False, str(error)
@@ -183,6 +188,12 @@ class WamSimulator(Node):
         response.success, response.episode = True, state.episode
         response.stamp = conversions.time_msg(state.stamp_ns)
         return response
+
+    def _take_changes(self) -> None:
+        now = {name: self.get_parameter(name).value for name in CHANGEABLE}
+        if any(self.p[name] != value for name, value in now.items()):
+            self.p.update(now)
+            self._plant.change(PlantSettings.from_parameters(self.p))
 
     def _on_pause(self, request, response):
         self._paused = request.data
@@ -244,7 +255,7 @@ class WamSimulator(Node):
     def _publish_truth(self) -> None:
         state, message = self._plant.state, self._truth_msg
         conversions.set_stamp(message.header.stamp, state.stamp_ns)
-        message.episode, message.step = state.episode, state.step
+        message.episode, message.step, message.base_turn = state.episode, state.step, self.p["base_turn"]
         message.joint_position, message.joint_velocity = state.position, state.velocity
         message.joint_effort = state.effort
         conversions.set_pose(message.hand, state.hand_position, state.hand_quaternion)

@@ -9,11 +9,11 @@ import numpy as np
 
 from dart_skill.configuration import node_parameters
 from dart_skill.recording import Demonstration
-from dart_skill.robot.command import Command
+from dart_skill.robot.command import ArmState, Command
 from dart_skill.robot.commander import Commander, CommanderSettings, Mode
 from dart_skill.robot.model import ArmModel
 from dart_skill.robot.throw_plan import ThrowPlan
-from dart_skill.simulation.motion_capture import BasketWalls, LatencyQueue, MotionCapture
+from dart_skill.simulation.motion_capture import BasketWalls, Frame, LatencyQueue, MotionCapture
 from dart_skill.simulation.plant import Plant, PlantSettings, PlantState
 from dart_skill.simulation.teacher import Person, Phase, Swing, Teacher
 from dart_skill.skill.cutting import ThrowLog
@@ -56,7 +56,7 @@ class Session:
         self.teacher = Teacher(seed, swing, person or Person.from_parameters(node_parameters("teacher.yaml", "teacher")))
         self.commander = Commander(commander or CommanderSettings.from_parameters(node_parameters("commander.yaml", "commander")))
         self._kinematics = ArmModel()
-        self._queue, self._log, self._keep = LatencyQueue(), ThrowLog(), keep_states
+        self._exposed, self._log, self._keep = [], ThrowLog(), keep_states
         self._frame_steps = round(1e9 / self.capture.config.rate / self.plant.settings.step_ns)
         self.steps = 0
 
@@ -79,71 +79,68 @@ class Session:
 
     def throw(self, plan: ThrowPlan) -> Trial:
         """One planned throw."""
-        state = self._begin(plan.target)
+        arm = self._begin(plan.target)
         self.commander.throw(plan)
 
-        def step(state: PlantState) -> tuple[Command, None]:
-            return self.commander.step(state.arm), None
+        def step(arm: ArmState) -> tuple[Command, None]:
+            return self.commander.step(arm), None
 
-        return self._run(state, plan.target, step, lambda: self.commander.mode in RESTING, "throw")
+        return self._run(arm, plan.target, step, lambda: self.commander.mode in RESTING, "throw")
 
     def _guided_throw(self, target: np.ndarray, correct: bool) -> Trial:
         self.commander.release_arm(True)
-        state = self._begin(target, guided=True)
-        self.teacher.begin(target, state.arm, correct)
+        arm = self._begin(target, guided=True)
+        self.teacher.begin(target, arm, correct)
 
-        def step(state: PlantState) -> tuple[Command, Command]:
-            return self.commander.step(state.arm), self.teacher.step(state.arm)
+        def step(arm: ArmState) -> tuple[Command, Command]:
+            return self.commander.step(arm), self.teacher.step(arm)
 
-        trial = self._run(state, target, step, lambda: self.teacher.phase == Phase.WATCHING, "demonstration")
+        trial = self._run(arm, target, step, lambda: self.teacher.phase == Phase.WATCHING, "demonstration")
         self.commander.release_arm(False)
         return trial
 
-    def _begin(self, target: np.ndarray, guided: bool = False) -> PlantState:
+    def _begin(self, target: np.ndarray, guided: bool = False) -> ArmState:
         """Reset, and the first step: as in the graph, it is answered before anybody is told to do anything."""
         self._log.clear()
-        self._queue.clear()
-        state = self.plant.reset(target)
-        self._sense(state)
-        self.plant.step(self.commander.step(state.arm), Command(state.stamp_ns) if guided else None)
-        state = self.plant.state
-        self._sense(state)
-        return state
+        self._exposed.clear()
+        self.plant.reset(target)
+        arm = self._sense()
+        self.plant.step(self.commander.step(arm), Command(arm.stamp_ns) if guided else None)
+        return self._sense()
 
-    def _run(self, state: PlantState, target: np.ndarray, step, moved_through, kind: str) -> Trial:
+    def _run(self, arm: ArmState, target: np.ndarray, step, moved_through, kind: str) -> Trial:
         states, over_ns = [], None
-        begun = state.stamp_ns
-        while over_ns is None or state.stamp_ns < over_ns:
+        begun = arm.stamp_ns
+        while over_ns is None or arm.stamp_ns < over_ns:
             if self._keep:
-                states.append(state)
-            command, push = step(state)
+                states.append(self.plant.state)
+            command, push = step(arm)
             for answer in (command, push):
                 if answer is not None and answer.grip == 2:
                     self._log.add_opening(answer.stamp_ns)
             self.plant.step(command, push)
-            state = self.plant.state
-            self._sense(state)
+            arm = self._sense()
             self.steps += 1
             if over_ns is None and moved_through():
-                opened = self._log.opened_ns or state.stamp_ns
-                over_ns = max(state.stamp_ns, opened + WATCH_NS)
-            if (state.stamp_ns - begun) * 1e-9 > LONGEST_THROW:
+                opened = self._log.opened_ns or arm.stamp_ns
+                over_ns = max(arm.stamp_ns, opened + WATCH_NS)
+            if (arm.stamp_ns - begun) * 1e-9 > LONGEST_THROW:
                 break
-        return self._trial(state, target, states, kind, over_ns or state.stamp_ns)
+        return self._trial(target, states, kind, over_ns or arm.stamp_ns)
 
-    def _sense(self, state: PlantState) -> None:
-        self._log.add_joints(state.stamp_ns, state.position, state.velocity)
-        if state.step % self._frame_steps == 0:
-            bodies = {
-                "hand": (state.hand_position, state.hand_quaternion),
-                "ball": (state.ball_position, state.ball_quaternion),
-                "basket": (state.basket, np.array([0.0, 0.0, 0.0, 1.0])),
-            }
-            basket = self.plant.settings.basket
-            walls = BasketWalls(state.basket, basket.radius, basket.depth)
-            capsules = self._kinematics.link_capsules(state.position)
-            self._queue.push(self.capture.observe(state.stamp_ns, state.episode, bodies, capsules, walls))
-        for sample in self._queue.due(state.stamp_ns):
+    def _sense(self) -> ArmState:
+        """What the arm's own sensors say now; the cameras expose a frame when it is time."""
+        arm = self.plant.arm_state
+        self._log.add_joints(arm.stamp_ns, arm.position, arm.velocity)
+        if self.plant.step_count % self._frame_steps == 0:
+            self._exposed.append(self.plant.state)
+        return arm
+
+    def _look_back(self, now_ns: int) -> None:
+        """Log what the cameras have delivered by now: nobody looks at it before a throw is over, and many frames at once take less time."""
+        queue = LatencyQueue()
+        queue.push(self.capture.observe_frames(self._exposed[0].episode, [self._frame(state) for state in self._exposed]))
+        for sample in queue.due(now_ns):
             if sample.name == "hand":
                 self._log.add_hand(sample.stamp_ns, sample.position, sample.quaternion)
             elif sample.name == "ball":
@@ -151,7 +148,20 @@ class Session:
             else:
                 self._log.add_basket(sample.stamp_ns, sample.position)
 
-    def _trial(self, state: PlantState, target: np.ndarray, states: list[PlantState], kind: str, over_ns: int) -> Trial:
+    def _frame(self, state: PlantState) -> Frame:
+        bodies = {
+            "hand": (state.hand_position, state.hand_quaternion),
+            "ball": (state.ball_position, state.ball_quaternion),
+            "basket": (state.basket, np.array([0.0, 0.0, 0.0, 1.0])),
+        }
+        basket = self.plant.settings.basket
+        walls = BasketWalls(state.basket, basket.radius, basket.depth)
+        capsules = self._kinematics.link_capsules(state.position, self.plant.settings.base_turn)
+        return Frame(state.stamp_ns, bodies, capsules, walls)
+
+    def _trial(self, target: np.ndarray, states: list[PlantState], kind: str, over_ns: int) -> Trial:
+        state = self.plant.state
+        self._look_back(state.stamp_ns)
         if self._log.opened_ns is None and self.commander.message:
             raise ValueError(f"the throw was stopped: {self.commander.message}")
         until_ns = over_ns - ARRIVAL_NS

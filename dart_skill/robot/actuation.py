@@ -7,7 +7,6 @@ from dart_skill.robot.description import N_JOINTS, WamDescription
 
 STICTION_SPEED = 1e-3
 """Joint speed [rad/s] below which Coulomb friction falls linearly to zero: a stuck joint creeps at most this fast."""
-DIAGONAL = np.diag_indices(N_JOINTS)
 
 
 class Actuation:
@@ -17,13 +16,13 @@ class Actuation:
     turns into braking beyond it. J2 and J3, and J5 and J6, share two motors each, so their limits depend on both speeds.
     """
 
-    def __init__(self, description: WamDescription, friction_scale: float = 1.0):
+    def __init__(self, description: WamDescription, friction_scale: float = 1.0, motor_scale: float = 1.0):
         motors = description.motors
         self._to_motor = motors.joint_to_motor
         self._from_joint_torque = np.linalg.inv(motors.joint_to_motor.T)
-        self._stall = motors.stall_torque
-        self._slope = motors.stall_torque / motors.no_load_speed
-        self._peak = description.of_joints("peak_torque")
+        self._stall = motor_scale * motors.stall_torque
+        self._slope = self._stall / motors.no_load_speed
+        self._peak = motor_scale * description.of_joints("peak_torque")
         self.coulomb = friction_scale * description.of_joints("coulomb_friction")
         self.viscous = friction_scale * description.of_joints("viscous_friction")
 
@@ -48,6 +47,6 @@ class Actuation:
         for _ in range(2):
             damping = self.viscous + self.coulomb / np.maximum(np.abs(reached), STICTION_SPEED)
             damped = inertia.copy()
-            damped[DIAGONAL] += step * damping
+            damped.ravel()[:: N_JOINTS + 1] += step * damping  # the diagonal
             reached = dposv(damped, momentum)[1]  # symmetric and positive definite
         return (reached - velocity) / step

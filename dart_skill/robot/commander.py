@@ -15,7 +15,7 @@ from enum import Enum
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dart_skill.robot.command import ArmState, Command, Grip
+from dart_skill.robot.command import ArmState, Command, Grip, all_finite
 from dart_skill.robot.description import N_JOINTS, WamDescription, wam_description
 from dart_skill.robot.impedance import (
     Impedance,
@@ -147,7 +147,7 @@ class Commander:
 
     def step(self, state: ArmState) -> Command:
         """The command that answers `state`."""
-        if not math.isfinite(state.position.sum() + state.velocity.sum()):
+        if not (all_finite(state.position) and all_finite(state.velocity)):
             raise ValueError(f"joint state of {state.stamp_ns} ns is not finite: {state.position}, {state.velocity}")
         self._notice_gap(state)
         if self._requested is not None:

@@ -87,13 +87,14 @@ class ArmModel:
         """Coriolis and centrifugal torque (7,) [N m]."""
         return pin.rnea(self._model, self._data, q, qd, np.zeros(N_JOINTS)) - self.gravity_torque(q)
 
-    def link_capsules(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The arm's shapes in the world: end points (n, 2, 3) and radii (n,) [m]."""
+    def link_capsules(self, q: np.ndarray, base_turn: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """The arm's shapes in the world: end points (n, 2, 3) and radii (n,) [m]; its base may stand turned about the vertical [rad]."""
         pin.framesForwardKinematics(self._model, self._data, q)
         placements = [self._base, *(self._data.oMi[k] for k in range(1, N_JOINTS + 1)), self._data.oMf[self._hand]]
         rotation = np.array([placement.rotation for placement in placements])[self._capsule_links]
         translation = np.array([placement.translation for placement in placements])[self._capsule_links]
-        return self._capsule_ends @ rotation.transpose(0, 2, 1) + translation[:, None], self._capsule_radii
+        ends = self._capsule_ends @ rotation.transpose(0, 2, 1) + translation[:, None]
+        return (ends @ pin.utils.rotate("z", -base_turn) if base_turn else ends), self._capsule_radii
 
     def _prepare_capsules(self) -> None:
         capsules = self.description.capsules

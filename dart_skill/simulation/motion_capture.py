@@ -10,7 +10,7 @@ The module knows no robot: the arm is a set of capsules, given with every frame.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 
 import numpy as np
@@ -137,6 +137,16 @@ class Sample:
 NO_CAPSULES = (np.empty((0, 2, 3)), np.empty(0))
 
 
+@dataclass(frozen=True)
+class Frame:
+    """The true world at one exposure: what the arguments of `MotionCapture.observe` of the same names say."""
+
+    stamp_ns: int
+    bodies: Mapping[str, tuple[np.ndarray, np.ndarray]]
+    capsules: tuple[np.ndarray, np.ndarray] = NO_CAPSULES
+    basket: BasketWalls | None = None
+
+
 class MotionCapture:
     """The whole system. Same seed, episodes and frames: same samples, whatever was visible before.
 
@@ -167,22 +177,29 @@ class MotionCapture:
         Randomness starts anew from (seed, episode) when the episode changes, and every frame takes the same
         number of draws.
         """
+        return self.observe_frames(episode, [Frame(stamp_ns, bodies, capsules, basket)])
+
+    def observe_frames(self, episode: int, frames: Sequence[Frame]) -> list[Sample]:
+        """The samples that `observe` gives of one frame after the other, at a tenth of its cost per frame.
+
+        Every frame has the same bodies, as many capsules, and a basket if another one has.
+        """
         if episode != self._episode:
             self._start_episode(episode)
-        draws = self._draw()
-        unknown = set(bodies) - set(self.config.bodies)
-        if unknown:
-            raise ValueError(f"unknown body {sorted(unknown)}: configured are {list(self.config.bodies)}")
-        present = [name for name in self.config.bodies if name in bodies]
+        draws = self._draw(len(frames))
+        present = self._present(frames)
         if not present:
             return []
-        position, quaternion = _check_poses(present, [bodies[name] for name in present])
-        counts = self._view.count(position, capsules, basket)
+        position, quaternion = _check_poses(present, [[frame.bodies[name] for name in present] for frame in frames])
+        counts = self._view.count(position, *_check_capsules([frame.capsules for frame in frames]), _walls(frames))
         rows = np.array([self.config.bodies.index(name) for name in present])
-        position, quaternion = self._measure(rows, position, quaternion, draws.noise[rows])
-        publish_ns = int(stamp_ns) + round(1e9 * (self.config.latency + draws.delay))
-        tracked = (counts >= self.config.min_cameras) & ~draws.dropped[rows]
-        return [Sample(present[i], int(stamp_ns), publish_ns, position[i], quaternion[i]) for i in np.flatnonzero(tracked)]
+        tracked = (counts >= self.config.min_cameras) & ~draws.dropped[:, rows]
+        position, quaternion = self._measure(rows, position, quaternion, draws.noise[:, rows])
+        stamps = [int(frame.stamp_ns) for frame in frames]
+        return [
+            Sample(present[i], stamps[k], stamps[k] + draws.latency_ns[k], position[k, i], quaternion[k, i])
+            for k, i in np.argwhere(tracked).tolist()
+        ]
 
     def visible_cameras(
         self,
@@ -191,29 +208,47 @@ class MotionCapture:
         basket: BasketWalls | None = None,
     ) -> np.ndarray:
         """How many cameras see each of the points (n, 3): integers (n,)."""
-        return self._view.count(np.asarray(points, dtype=float), capsules, basket)
+        frame = Frame(0, {}, capsules, basket)
+        return self._view.count(np.asarray(points, dtype=float)[None], *_check_capsules([capsules]), _walls([frame]))[0]
 
     def _start_episode(self, episode):
         self._episode = episode
         self._rng = np.random.default_rng([self.seed, int(episode)])
-        self._remaining = np.zeros(len(self.config.bodies), dtype=int)
+        self._frames_drawn = 0
+        self._lost_until = np.zeros(len(self.config.bodies), dtype=int)  # frame at which the dropout of each body is over
 
-    def _draw(self):
-        """Every random number of a frame, whoever needs it; also counts the dropouts down."""
+    def _draw(self, n_frames):
+        """Every random number of the next frames, whoever needs it, frame by frame; also notes the dropouts."""
         n_bodies, rng, config = len(self.config.bodies), self._rng, self.config
-        noise = rng.standard_normal((n_bodies, 6))
-        begins = rng.random(n_bodies) < config.dropout_rate / config.rate
-        lengths = rng.integers(config.dropout_frames[0], config.dropout_frames[1] + 1, size=n_bodies)
-        delay = config.latency_jitter * rng.exponential()
-        self._remaining = np.maximum(self._remaining - 1, np.where(begins, lengths, 0))
-        return _Draws(noise, self._remaining > 0, delay)
+        noise, chance = np.empty((n_frames, n_bodies, 6)), np.empty((n_frames, n_bodies))
+        lengths, delay = np.empty((n_frames, n_bodies), dtype=int), np.empty(n_frames)
+        for k in range(n_frames):
+            rng.standard_normal(out=noise[k])
+            rng.random(out=chance[k])
+            lengths[k] = rng.integers(config.dropout_frames[0], config.dropout_frames[1] + 1, size=n_bodies)
+            delay[k] = rng.exponential()
+        frame = self._frames_drawn + np.arange(n_frames)[:, None]
+        until = np.where(chance < config.dropout_rate / config.rate, frame + lengths, 0)
+        until = np.maximum.accumulate(np.vstack([self._lost_until, until]))
+        self._frames_drawn, self._lost_until = self._frames_drawn + n_frames, until[-1]
+        latency = np.rint(1e9 * (config.latency + config.latency_jitter * delay))
+        return _Draws(noise, until[1:] > frame, latency.astype(int).tolist())
+
+    def _present(self, frames):
+        """Names of the configured bodies that the frames show."""
+        unknown = {name for frame in frames for name in frame.bodies} - set(self.config.bodies)
+        if unknown:
+            raise ValueError(f"unknown body {sorted(unknown)}: configured are {list(self.config.bodies)}")
+        if any(frame.bodies.keys() != frames[0].bodies.keys() for frame in frames):
+            raise ValueError("frames with different bodies: observe them one by one")
+        return [name for name in self.config.bodies if frames and name in frames[0].bodies]
 
     def _measure(self, rows, position, quaternion, noise):
-        """What the cameras make of true poses (n, 3), (n, 4) of the bodies `rows` (n,): calibration error and noise (n, 6)."""
+        """What the cameras make of true poses (f, n, 3), (f, n, 4) of the bodies `rows` (n,): calibration error and noise (f, n, 6)."""
         noise = self.config.noise * noise
         offset = _rotate(quaternion, self._offsets[rows])
-        tilt = _small_rotations(noise[:, 3:] / self.config.marker_spread)
-        return position + offset + noise[:, :3], _multiply(tilt, quaternion)
+        tilt = _small_rotations(noise[..., 3:] / self.config.marker_spread)
+        return position + offset + noise[..., :3], _multiply(tilt, quaternion)
 
 
 @dataclass
@@ -239,9 +274,9 @@ class LatencyQueue:
 
 @dataclass(frozen=True)
 class _Draws:
-    noise: np.ndarray  # (n_bodies, 6)
-    dropped: np.ndarray  # (n_bodies,) bool
-    delay: float
+    noise: np.ndarray  # (n_frames, n_bodies, 6)
+    dropped: np.ndarray  # (n_frames, n_bodies) bool
+    latency_ns: list[int]  # n_frames
 
 
 class _View:
@@ -254,56 +289,56 @@ class _View:
         self.range = np.array([camera.range for camera in cameras])
         self.clearance = clearance
 
-    def count(self, points, capsules, basket):
-        """Cameras (n,) that see each point (n, 3)."""
-        ray = points[:, None] - self.position  # (n, cameras, 3)
-        squared = np.einsum("nci,nci->nc", ray, ray)
-        right, down, depth = np.einsum("cij,ncj->inc", self.axes, ray)
+    def count(self, points, ends, radii, walls):
+        """Cameras (f, n) that see each point (f, n, 3), past the capsules and the basket of its frame."""
+        ray = points[:, :, None] - self.position  # (f, n, cameras, 3)
+        distance = np.sqrt(np.einsum("fnci,fnci->fnc", ray, ray))
+        right, down, depth = np.einsum("cij,fncj->ifnc", self.axes, ray)
         seen = (np.abs(right) <= self.tangents[:, 0] * depth) & (np.abs(down) <= self.tangents[:, 1] * depth)
-        seen &= (depth > 0.0) & (squared <= self.range**2)
-        start, line = self.position[np.nonzero(seen)[1]], ray[seen]
+        seen &= (depth > 0.0) & (distance <= self.range)
         # A line of sight ends `clearance` before the body, so that neither its holder nor itself hides it.
-        shorten = np.maximum(0.0, 1.0 - self.clearance / np.maximum(np.sqrt(squared[seen]), 1e-9))
-        hidden = _hidden_by_capsules(start, shorten[:, None] * line, *_check_capsules(capsules))
-        if basket is not None:
-            hidden |= _hidden_by_walls(start, line, basket)
-        seen[seen] = ~hidden
-        return np.sum(seen, axis=1)
+        shorten = np.maximum(0.0, 1.0 - self.clearance / np.maximum(distance, 1e-9))
+        seen &= ~_hidden_by_capsules(self.position, shorten[..., None] * ray, ends, radii)
+        if walls is not None:
+            seen &= ~_hidden_by_walls(self.position, ray, *(part[:, None, None] for part in walls))
+        return np.sum(seen, axis=-1)
 
 
 def _hidden_by_capsules(start, ray, ends, radii):
-    """Whether segments start + s ray (m, 3), s in [0, 1], pass through a capsule."""
-    if len(radii) == 0 or len(start) == 0:
-        return np.zeros(len(start), dtype=bool)
-    axis = ends[:, 1] - ends[:, 0]  # (c, 3)
-    offset = start[:, None] - ends[:, 0]  # (m, c, 3)
-    length, thick = np.einsum("mi,mi->m", ray, ray)[:, None], np.einsum("ci,ci->c", axis, axis)
-    along, across = ray @ axis.T, np.einsum("mci,ci->mc", offset, axis)
-    behind = np.einsum("mci,mi->mc", offset, ray)
+    """Whether segments start + s ray, s in [0, 1], pass through a capsule of their frame: (f, n, k).
+
+    start (k, 3), ray (f, n, k, 3), ends (f, c, 2, 3), radii (f, c). Every product below is (f, n, k, c) or broadcasts to it.
+    """
+    axis = ends[:, :, 1] - ends[:, :, 0]  # (f, c, 3)
+    offset = start[:, None] - ends[:, None, :, 0]  # (f, k, c, 3)
+    length, thick = np.einsum("fnki,fnki->fnk", ray, ray)[..., None], np.einsum("fci,fci->fc", axis, axis)[:, None, None]
+    along, across = ray @ axis.swapaxes(1, 2)[:, None], np.einsum("fkci,fci->fkc", offset, axis)[:, None]
+    behind = (offset @ ray.transpose(0, 2, 3, 1)).transpose(0, 3, 1, 2)
     # Closest points of two segments: minimise over the ray, clamp, over the axis, clamp, over the ray again.
     det = length * thick - along**2
     s = _unit_interval((along * across - behind * thick) * (det > 1e-12), np.maximum(det, 1e-12))
     t = _unit_interval(along * s + across, np.maximum(thick, 1e-12))
     s = _unit_interval(along * t - behind, np.maximum(length, 1e-12))
-    gap = offset + s[..., None] * ray[:, None] - t[..., None] * axis
-    return (np.einsum("mci,mci->mc", gap, gap) < radii**2).any(axis=1)
+    apart = np.einsum("fkci,fkci->fkc", offset, offset)[:, None]
+    gap = apart + s * (s * length + 2.0 * behind) + t * (t * thick - 2.0 * (across + s * along))  # |offset + s ray - t axis|^2
+    return (gap < radii[:, None, None] ** 2).any(axis=-1)
 
 
 def _unit_interval(numerator, denominator):
     return np.minimum(np.maximum(numerator / denominator, 0.0), 1.0)
 
 
-def _hidden_by_walls(start, ray, basket):
-    """Whether segments (m, 3) pass through the side of the cylinder below its rim."""
-    offset, flat = start[:, :2] - basket.rim[:2], ray[:, :2]
-    a = np.maximum(np.einsum("mi,mi->m", flat, flat), 1e-12)
-    b = np.einsum("mi,mi->m", offset, flat)
-    c = np.einsum("mi,mi->m", offset, offset) - basket.radius**2
+def _hidden_by_walls(start, ray, rim, radius, depth):
+    """Whether segments start + ray (..., 3) pass through the side of a cylinder below its rim: (..., 3), (...), (...)."""
+    offset, flat = start[..., :2] - rim[..., :2], ray[..., :2]
+    a = np.maximum(np.einsum("...i,...i->...", flat, flat), 1e-12)
+    b = np.einsum("...i,...i->...", offset, flat)
+    c = np.einsum("...i,...i->...", offset, offset) - radius**2
     discriminant = b**2 - a * c  # negative: the line misses the cylinder
     root = np.sqrt(np.maximum(discriminant, 0.0))
-    crossings = (np.array([[-1.0], [1.0]]) * root - b) / a  # (2, m)
-    height = start[:, 2] + crossings * ray[:, 2]
-    low, high = basket.rim[2] - basket.depth, basket.rim[2] - 1e-9
+    crossings = (np.stack([-root, root]) - b) / a
+    height = start[..., 2] + crossings * ray[..., 2]
+    low, high = rim[..., 2] - depth, rim[..., 2] - 1e-9
     through = (crossings > 0.0) & (crossings < 1.0) & (height > low) & (height < high)
     return through.any(axis=0) & (discriminant >= 0.0)
 
@@ -315,50 +350,64 @@ def _calibration_offsets(config, rng):
 
 
 def _small_rotations(vectors):
-    """Quaternions (n, 4) of rotation vectors (n, 3)."""
-    half = 0.5 * np.sqrt(np.einsum("ni,ni->n", vectors, vectors))[:, None]
-    return np.hstack([0.5 * np.sinc(half / np.pi) * vectors, np.cos(half)])
+    """Quaternions (..., 4) of rotation vectors (..., 3)."""
+    half = 0.5 * np.sqrt(np.einsum("...i,...i->...", vectors, vectors))[..., None]
+    return np.concatenate([0.5 * np.sinc(half / np.pi) * vectors, np.cos(half)], axis=-1)
 
 
 def _multiply(p, q):
-    """Products (n, 4) of quaternions (n, 4)."""
-    (a, b, c, d), (e, f, g, h) = p.T, q.T
+    """Products (..., 4) of quaternions (..., 4)."""
+    (a, b, c, d), (e, f, g, h) = np.moveaxis(p, -1, 0), np.moveaxis(q, -1, 0)
     rows = [d * e + a * h + b * g - c * f, d * f - a * g + b * h + c * e, d * g + a * f - b * e + c * h, d * h - a * e - b * f - c * g]
-    return np.stack(rows, axis=1)
+    return np.stack(rows, axis=-1)
 
 
 def _rotate(q, vectors):
-    """Vectors (n, 3) turned by quaternions (n, 4)."""
-    (x, y, z, w), (a, b, c) = q.T, vectors.T
+    """Vectors (..., 3) turned by quaternions (..., 4)."""
+    (x, y, z, w), (a, b, c) = np.moveaxis(q, -1, 0), np.moveaxis(vectors, -1, 0)
     u, v, n = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
-    return np.stack([a + w * u + y * n - z * v, b + w * v + z * u - x * n, c + w * n + x * v - y * u], axis=1)
+    return np.stack([a + w * u + y * n - z * v, b + w * v + z * u - x * n, c + w * n + x * v - y * u], axis=-1)
 
 
 def _check_poses(names, poses):
-    """Positions (n, 3) and unit quaternions (n, 4); ValueError names the first body whose pose is not one."""
-    for name, (position, quaternion) in zip(names, poses, strict=True):
-        for kind, value, size in (("position", position, 3), ("quaternion", quaternion, 4)):
-            if np.shape(value) != (size,):
-                raise ValueError(f"{kind} of {name} must be a finite ({size},) array, got {value}")
-    position, quaternion = (np.array(part, dtype=float) for part in zip(*poses, strict=True))
-    norm = np.sqrt(np.einsum("ni,ni->n", quaternion, quaternion))
-    wrong = ~(np.isfinite(position).all(axis=1) & (np.abs(norm - 1.0) <= 1e-3))
+    """Positions (f, n, 3) and unit quaternions (f, n, 4); ValueError names the first body whose pose is not one."""
+    for frame in poses:
+        for name, (position, quaternion) in zip(names, frame, strict=True):
+            for kind, value, size in (("position", position, 3), ("quaternion", quaternion, 4)):
+                if np.shape(value) != (size,):
+                    raise ValueError(f"{kind} of {name} must be a finite ({size},) array, got {value}")
+    position = np.array([[position for position, _ in frame] for frame in poses], dtype=float)
+    quaternion = np.array([[quaternion for _, quaternion in frame] for frame in poses], dtype=float)
+    norm = np.sqrt(np.einsum("fni,fni->fn", quaternion, quaternion))
+    wrong = ~(np.isfinite(position).all(axis=-1) & (np.abs(norm - 1.0) <= 1e-3))
     if wrong.any():
-        k = int(np.argmax(wrong))
-        for kind, value in (("position", position[k]), ("quaternion", quaternion[k])):
+        k, i = np.argwhere(wrong)[0]
+        for kind, value in (("position", position[k, i]), ("quaternion", quaternion[k, i])):
             if not np.isfinite(value).all():
-                raise ValueError(f"{kind} of {names[k]} must be a finite ({len(value)},) array, got {value}")
-        raise ValueError(f"quaternion of {names[k]} has norm {norm[k]:.4f}, not 1")
-    return position, quaternion / norm[:, None]
+                raise ValueError(f"{kind} of {names[i]} must be a finite ({len(value)},) array, got {value}")
+        raise ValueError(f"quaternion of {names[i]} has norm {norm[k, i]:.4f}, not 1")
+    return position, quaternion / norm[..., None]
 
 
 def _check_capsules(capsules):
-    ends, radii = np.asarray(capsules[0], dtype=float), np.asarray(capsules[1], dtype=float)
-    if radii.ndim != 1 or ends.shape != (len(radii), 2, 3):
-        raise ValueError(f"capsules: need end points (c, 2, 3) and radii (c,), got {ends.shape} and {radii.shape}")
+    """End points (f, c, 2, 3) and radii (f, c) of the capsules of every frame."""
+    for ends, radii in capsules:
+        if np.ndim(radii) != 1 or np.shape(ends) != (len(radii), 2, 3) or len(radii) != len(capsules[0][1]):
+            raise ValueError(f"capsules: need end points (c, 2, 3) and radii (c,), got {np.shape(ends)} and {np.shape(radii)}")
+    ends, radii = (np.array(part, dtype=float) for part in zip(*capsules, strict=True))
     if not (np.all(np.isfinite(ends)) and np.all(radii > 0.0)):
         raise ValueError("capsules: end points must be finite and radii positive")
     return ends, radii
+
+
+def _walls(frames):
+    """Centres of the rims (f, 3), radii (f,) and depths (f,) of the frames' baskets; None if there are none."""
+    baskets = [frame.basket for frame in frames if frame.basket is not None]
+    if not baskets:
+        return None
+    if len(baskets) < len(frames):
+        raise ValueError("frames with and without a basket: observe them one by one")
+    return tuple(np.array([getattr(basket, name) for basket in baskets]) for name in ("rim", "radius", "depth"))
 
 
 def _vector(name, value, size):

@@ -11,6 +11,7 @@ import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pybullet
@@ -36,7 +37,8 @@ class PlantSettings:
     reset_ns: how far a reset moves the clock on, so that everybody notices the gap; start_posture (7,) [rad];
     gravity_error: share of the gravity torque that compensation misses (5 % is what calibrated arms
     show, wam_facts 2.4); hand_delay and hand_spread: mean and standard deviation of the time from the command to the ball being
-    free [s] (throwing_study.md); friction_scale multiplies joint friction.
+    free [s] (throwing_study.md); friction_scale multiplies joint friction, motor_scale what the motors can do; base_turn [rad]: the
+    arm's base stands turned about the vertical, and nobody told the controller.
     """
 
     step_ns: int = 2_000_000
@@ -44,6 +46,8 @@ class PlantSettings:
     start_posture: tuple[float, ...] = (0.0,) * N_JOINTS
     gravity_error: float = 0.05
     friction_scale: float = 1.0
+    motor_scale: float = 1.0
+    base_turn: float = 0.0
     hand_delay: float = 0.030
     hand_spread: float = 0.004
     hand_clearance: float = 0.10
@@ -66,7 +70,7 @@ class PlantSettings:
         posture = tuple(float(angle) for angle in parameters["start_posture"])
         if len(posture) != N_JOINTS or not np.isfinite(posture).all():
             raise ValueError(f"start_posture {posture} is not {N_JOINTS} finite angles")
-        own = ("gravity_error", "friction_scale", "hand_delay", "hand_spread", "ball_mass_scale")
+        own = ("gravity_error", "friction_scale", "motor_scale", "base_turn", "hand_delay", "hand_spread", "ball_mass_scale")
         return cls(start_posture=posture, basket=basket, **{name: parameters[name] for name in own})
 
 
@@ -105,12 +109,14 @@ class Plant:
         self.settings = settings or PlantSettings()
         self.description = description or wam_description()
         self._seed = seed
-        self._actuation = Actuation(self.description, self.settings.friction_scale)
+        self._actuation = Actuation(self.description, self.settings.friction_scale, self.settings.motor_scale)
         self._reflected = self.description.motors.reflected_inertia
+        self._urdf = _unseen(write_urdf(self.description))
         self._world = _connect()
         self._empty_arm = _DynamicsOnly(self.description, ball_in_hand=False)
         self._loaded_arm = _DynamicsOnly(self._with_its_ball(), ball_in_hand=True)
         self._basket = np.array(self.settings.basket.position)
+        self._changed: PlantSettings | None = None
         self._episode = 0
         self._stamp_ns = 0
         self.reset()
@@ -128,6 +134,7 @@ class Plant:
     def reset(self, basket: np.ndarray | None = None) -> PlantState:
         """Arm at rest in its start posture, ball in the hand; the world is built anew, time goes on."""
         self._basket = self._basket if basket is None else _checked_basket(basket)
+        self._apply_change()
         self._episode += 1
         self._stamp_ns += self.settings.reset_ns
         self._step_count = 0
@@ -137,6 +144,20 @@ class Plant:
         self._effort = np.zeros(N_JOINTS)
         self._observe()
         return self.state
+
+    def change(self, settings: PlantSettings) -> None:
+        """From the next reset on the plant is as `settings` say: worn joints, another ball, a base that was pushed. Time and seed stay."""
+        if (settings.step_ns, settings.reset_ns) != (self.settings.step_ns, self.settings.reset_ns):
+            raise ValueError("step_ns and reset_ns cannot change while a plant runs: make a new one")
+        self._changed = settings
+
+    def _apply_change(self) -> None:
+        if self._changed is None:
+            return
+        self.settings, self._changed = self._changed, None
+        self._actuation = Actuation(self.description, self.settings.friction_scale, self.settings.motor_scale)
+        self._loaded_arm.client.disconnect()
+        self._loaded_arm = _DynamicsOnly(self._with_its_ball(), ball_in_hand=True)
 
     def place_basket(self, position: np.ndarray) -> None:
         """Put the basket, centre of its rim at position (3,), without touching anything else."""
@@ -164,15 +185,15 @@ class Plant:
     # the arm
 
     def _drive(self, command: Command, push: Command | None) -> None:
-        q, qd = self._q, self._qd
+        q, velocity = self._q, self._velocity
         asked = command.joint_torque + self._in_joints(q, command.wrench)
         asked += (1.0 - self.settings.gravity_error) * self._empty_arm.bias(q, ZEROS)
-        self._effort = self._actuation.deliverable(asked, np.array(qd))
+        self._effort = self._actuation.deliverable(asked, velocity)
         outside = 0.0 if push is None else push.joint_torque + self._in_joints(q, push.wrench)
         arm = self._loaded_arm if self._held is not None else self._empty_arm
-        inertia, bias = arm.inertia(q), arm.bias(q, qd)
+        inertia, bias = arm.inertia(q), arm.bias(q, self._qd)
         net = self._effort + outside - bias
-        acceleration = self._actuation.acceleration(inertia + self._reflected, net, np.array(qd), self.settings.step)
+        acceleration = self._actuation.acceleration(inertia + self._reflected, net, velocity, self.settings.step)
         torque = inertia @ acceleration + bias
         self._world.setJointMotorControlArray(self._arm, JOINTS, pybullet.TORQUE_CONTROL, forces=torque.tolist())
 
@@ -196,7 +217,7 @@ class Plant:
 
     def braking(self) -> Command:
         """The command of an arm whose controller is silent: motors shorted, a damped stop (wam_facts, section 3)."""
-        return Command(self._stamp_ns, joint_torque=self._actuation.braking(np.array(self._qd)))
+        return Command(self._stamp_ns, joint_torque=self._actuation.braking(self._velocity))
 
     def open_hand(self) -> None:
         """Begin to open the hand, as a command with Grip.OPEN does."""
@@ -254,12 +275,12 @@ class Plant:
         world.setGravity(0, 0, -self.description.gravity)
         # Without contactERP=0 a bounce gains up to 10 % of its speed: Bullet pushes bodies apart that met between two steps.
         world.setPhysicsEngineParameter(fixedTimeStep=self.settings.step, deterministicOverlappingPairs=1, contactERP=0.0)
-        self._arm = _load_arm(world, write_urdf(self.description), self.description.mount_height)
+        self._arm = _load_arm(world, self._urdf, self.description.mount_height, self.settings.base_turn)
         world.setJointMotorControlArray(self._arm, JOINTS, pybullet.VELOCITY_CONTROL, forces=ZEROS)
         for joint, angle in zip(JOINTS, self.settings.start_posture, strict=True):
             world.resetJointState(self._arm, joint, angle, 0.0)
         _floor(world)
-        self._basket_body = _load_urdf(world, basket_urdf(self.settings.basket), self._basket.tolist())
+        self._basket_body = _load_urdf(world, _unseen(basket_urdf(self.settings.basket)), self._basket.tolist())
         world.changeDynamics(self._basket_body, -1, restitution=self.settings.basket.restitution, lateralFriction=0.5)
         self._ball_mass = self.description.ball.mass * self.settings.ball_mass_scale
         self._ball = _ball_body(world, self.description.ball, self._ball_mass)
@@ -267,6 +288,7 @@ class Plant:
     def _observe(self) -> None:
         joints = self._world.getJointStates(self._arm, JOINTS)
         self._q, self._qd = [joint[0] for joint in joints], [joint[1] for joint in joints]
+        self._position, self._velocity = np.array(self._q), np.array(self._qd)
         hand = self._world.getLinkState(self._arm, HAND_LINK_INDEX, computeForwardKinematics=1)
         self._hand_position, self._hand_quaternion = np.array(hand[4]), np.array(hand[5])
         self._ball_position, self._ball_quaternion = self._world.getBasePositionAndOrientation(self._ball)
@@ -308,6 +330,11 @@ class Plant:
         return self._hand_quaternion
 
     @property
+    def arm_state(self) -> ArmState:
+        """The part of the present state that the arm's own sensors tell."""
+        return ArmState(self._stamp_ns, self._position, self._velocity)
+
+    @property
     def state(self) -> PlantState:
         """The present state."""
         ball = np.array(self._ball_position)
@@ -315,8 +342,8 @@ class Plant:
             stamp_ns=self._stamp_ns,
             episode=self._episode,
             step=self._step_count,
-            position=np.array(self._q),
-            velocity=np.array(self._qd),
+            position=self._position,
+            velocity=self._velocity,
             effort=self._effort,
             hand_position=self._hand_position,
             hand_quaternion=self._hand_quaternion,
@@ -376,18 +403,34 @@ def _connect() -> BulletClient:
         os.close(results)
 
 
-def _load_arm(client: BulletClient, urdf: str, mount_height: float) -> int:
-    body = _load_urdf(client, urdf, [0, 0, mount_height])
+def _load_arm(client: BulletClient, urdf: str, mount_height: float, turn: float = 0.0) -> int:
+    body = _load_urdf(client, urdf, [0, 0, mount_height], turn)
     for link in range(-1, client.getNumJoints(body)):
         client.changeDynamics(body, link, linearDamping=0, angularDamping=0, jointDamping=0, restitution=0.3)
     return body
 
 
-def _load_urdf(client: BulletClient, urdf: str, position: list[float]) -> int:
+def _load_urdf(client: BulletClient, urdf: str, position: list[float], turn: float = 0.0) -> int:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "body.urdf"
         path.write_text(urdf, encoding="utf-8")
-        return client.loadURDF(str(path), position, useFixedBase=True, flags=pybullet.URDF_USE_INERTIA_FROM_FILE)
+        upright = [0.0, 0.0, float(np.sin(turn / 2)), float(np.cos(turn / 2))]
+        return client.loadURDF(str(path), position, upright, useFixedBase=True, flags=pybullet.URDF_USE_INERTIA_FROM_FILE)
+
+
+def _unseen(urdf: str) -> str:
+    """The same bodies with a small box as the only visible shape of a link.
+
+    PyBullet makes a mesh of every visible shape, or of every collision shape where none is visible, which takes ten times as long as
+    all the rest of loading; nobody looks.
+    """
+    robot = ElementTree.fromstring(urdf)
+    for link in robot.findall("link"):
+        for visual in link.findall("visual"):
+            link.remove(visual)
+        geometry = ElementTree.SubElement(ElementTree.SubElement(link, "visual"), "geometry")
+        ElementTree.SubElement(geometry, "box", size="0.01 0.01 0.01")
+    return ElementTree.tostring(robot, encoding="unicode")
 
 
 def _in_principal_axes(link_state: tuple, point: np.ndarray) -> tuple[list[float], list[float]]:
@@ -399,13 +442,18 @@ def _in_principal_axes(link_state: tuple, point: np.ndarray) -> tuple[list[float
 
 def _floor(world: BulletClient) -> None:
     shape = world.createCollisionShape(pybullet.GEOM_PLANE)
-    body = world.createMultiBody(0, shape)
+    body = world.createMultiBody(0, shape, _small_box(world))
     world.changeDynamics(body, -1, restitution=1.0, lateralFriction=0.7)
+
+
+def _small_box(world: BulletClient) -> int:
+    """A visible shape that takes little time, see `_unseen`."""
+    return world.createVisualShape(pybullet.GEOM_BOX, halfExtents=[0.005] * 3)
 
 
 def _ball_body(world: BulletClient, ball: Ball, mass: float) -> int:
     shape = world.createCollisionShape(pybullet.GEOM_SPHERE, radius=ball.radius)
-    body = world.createMultiBody(mass, shape)
+    body = world.createMultiBody(mass, shape, _small_box(world))
     inertia = [ball.inertia * mass / ball.mass] * 3
     world.changeDynamics(
         body, -1, restitution=ball.restitution, linearDamping=0, angularDamping=0, rollingFriction=1e-3,

@@ -10,6 +10,7 @@ import numpy as np
 
 from dart_skill.movement import VelocityThreshold, segment_containing
 from dart_skill.recording import Demonstration
+from dart_skill.robot.command import all_finite
 from dart_skill.robot.description import wam_description
 from dart_skill.samples import to_the_nanosecond
 from dart_skill.skill.outcome import Release, fit_release
@@ -26,10 +27,11 @@ class _Stream:
 
     def add(self, stamp_ns: int, row: np.ndarray) -> bool:
         """Keep a sample unless it is not finite, or not newer than the last one: drivers repeat stale poses."""
-        if (self.stamps and stamp_ns <= self.stamps[-1]) or not np.isfinite(row).all():
+        row = np.asarray(row, dtype=float)
+        if (self.stamps and stamp_ns <= self.stamps[-1]) or not all_finite(row):
             return False
         self.stamps.append(stamp_ns)
-        self.rows.append(np.asarray(row, dtype=float))
+        self.rows.append(row)
         return True
 
     def between(self, origin_ns: int, start: float, stop: float) -> tuple[np.ndarray, np.ndarray]:

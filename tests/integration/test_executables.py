@@ -16,7 +16,8 @@ NODES = {
     "skill_learner": {"skill_learner"},
     "commander": {"commander"},
     "teacher": {"teacher"},
-    "composed": {"wam_simulator", "mock_optitrack", "commander", "demonstration_recorder", "teacher"},
+    "coach": {"coach"},
+    "composed": {"wam_simulator", "mock_optitrack", "commander", "demonstration_recorder", "teacher", "coach"},
 }
 
 

@@ -25,13 +25,13 @@ def saved(tmp_path, demonstrations):
 
 
 def test_a_loaded_model_plans_the_same_throw_to_the_last_bit(saved, demonstrations):
-    loaded, configuration = load_model(saved)
+    loaded, configuration, _ = load_model(saved)
     assert configuration == DEFAULT
     assert same_plan(learn(loaded, configuration).plan(BASKET), learn(demonstrations).plan(BASKET))
 
 
 def test_demonstrations_come_back_as_they_were(saved, demonstrations):
-    loaded, _ = load_model(saved)
+    loaded, *_ = load_model(saved)
     assert len(loaded) == len(demonstrations)
     for original, copy in zip(demonstrations, loaded, strict=True):
         for f in fields(Demonstration):
@@ -45,7 +45,7 @@ def test_unknown_events_and_joint_names_come_back(tmp_path, demonstrations):
     names = tuple(f"wam_j{k}" for k in range(1, 8))
     original = Demonstration(**{**values, "hand_opened": float("nan"), "joint_names": names, "id": "throw ünïcode"})
     save_model(tmp_path / "one.npz", [original], DEFAULT)
-    (copy,), _ = load_model(tmp_path / "one.npz")
+    (copy,), *_ = load_model(tmp_path / "one.npz")
     assert np.isnan(copy.hand_opened) and copy.joint_names == names and copy.id == original.id
 
 

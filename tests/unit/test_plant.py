@@ -601,3 +601,40 @@ def test_an_interrupt_while_the_physics_server_starts_leaves_nothing_to_complain
         _connect()
     gc.collect()
     assert complaints == []
+
+
+def test_a_change_waits_for_the_next_reset_and_leaves_time_and_seed_alone(make_plant):
+    plant, other = make_plant(), make_plant()
+    plant.change(replace(plant.settings, friction_scale=3.0, ball_mass_scale=2.0))
+    assert plant.settings.friction_scale == 1.0
+    before, expected = plant.reset(), other.reset()
+    assert plant.settings.friction_scale == 3.0
+    assert (before.stamp_ns, before.episode) == (expected.stamp_ns, expected.episode)
+    with pytest.raises(ValueError, match="step_ns"):
+        plant.change(replace(plant.settings, step_ns=1_000_000))
+
+
+def test_a_turned_base_turns_the_hand_and_nothing_that_the_joints_know(make_plant):
+    plant = make_plant()
+    straight = plant.state
+    plant.change(replace(plant.settings, base_turn=0.3))
+    turned = plant.reset()
+    cosine, sine = np.cos(0.3), np.sin(0.3)
+    expected = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]]) @ straight.hand_position
+    np.testing.assert_allclose(turned.hand_position, expected, atol=1e-9)
+    np.testing.assert_array_equal(turned.position, straight.position)
+
+
+def test_weaker_motors_stop_at_a_lower_torque(make_plant):
+    strong, weak = make_plant(), make_plant(motor_scale=0.5)
+    for plant in (strong, weak):
+        plant.step(Command(plant.state_stamp_ns, joint_torque=np.array([0.0, 500.0, 0.0, 0.0, 0.0, 0.0, 0.0])))
+    assert weak.joint_effort[1] == pytest.approx(0.5 * strong.joint_effort[1])
+
+
+def test_a_heavier_ball_pulls_the_hand_down_further(make_plant):
+    light, heavy = make_plant(), make_plant(ball_mass_scale=10.0)
+    for plant in (light, heavy):
+        for _ in range(50):
+            plant.step(Command(plant.state_stamp_ns))
+    assert heavy.hand_position[2] < light.hand_position[2] - 1e-3

@@ -1,0 +1,144 @@
+"""Practice in process: does the arm get better with its own throws, how fast, and how does it recover from a change that nobody announces?
+
+    dart-skill experiment practice --methods residual,bootstrap,both,power,none --demonstrations 13 --throws 50
+
+Every seed has its own teacher, demonstrations, baskets and sensor noise; all methods of a seed start from the same demonstrations. The
+practised throws go where the curriculum sends them; how good the arm is after n of them is measured by further throws at baskets of a test
+set, from which nothing is learned.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dart_skill.experiments.session import Session
+from dart_skill.experiments.targets import REGION, targets_for
+from dart_skill.recording import Demonstration
+from dart_skill.simulation.plant import PlantSettings
+from dart_skill.skill.curriculum import Curriculum
+from dart_skill.skill.practising import METHODS, PractisingSkill
+from dart_skill.skill.throwing import Unreachable
+
+CANDIDATES = 48
+"""Baskets among which the curriculum chooses."""
+CHANGES: dict[str, dict[str, float]] = {
+    "none": {},
+    "heavier_ball": {"ball_mass_scale": 2.0},
+    "friction": {"friction_scale": 2.0},
+    "weaker_motors": {"motor_scale": 0.8},
+    "slower_hand": {"hand_delay": 0.045},
+    "base_turned": {"base_turn": float(np.deg2rad(5.0))},
+}
+"""What happens to the plant: a ball of twice the mass, joints with twice the friction, motors with 80 % of their torque, ..."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """One run: `throws` practised throws after `demonstrations`; change: one of CHANGES, after `change_after` throws.
+
+    tests: throws of each test, after each number of practised throws in `tested_after`.
+    """
+
+    seed: int
+    method: str = "both"
+    demonstrations: int = 13
+    throws: int = 50
+    change: str = "none"
+    change_after: int = 0
+    tested_after: tuple[int, ...] = (0, 1, 2, 5, 10, 20, 50)
+    tests: int = 10
+
+    def __post_init__(self):
+        for name, choices in (("method", METHODS), ("change", CHANGES)):
+            if getattr(self, name) not in choices:
+                raise ValueError(f"there is no {name} '{getattr(self, name)}': choose one of {', '.join(choices)}")
+        object.__setattr__(self, "tested_after", tuple(n for n in self.tested_after if n <= self.throws))
+
+
+@dataclass(frozen=True)
+class Run:
+    """errors [m] (throws,) and in_basket (throws,) of the practised throws; test_errors, test_in_basket: per test, its throws; nan where no
+    throw came about or no landing was seen; test_floors [m]: the part of each error that the hand's own delay explains.
+    """
+
+    task: Task
+    errors: tuple[float, ...]
+    in_basket: tuple[bool, ...]
+    test_errors: tuple[tuple[float, ...], ...]
+    test_in_basket: tuple[tuple[bool, ...], ...]
+    notes: tuple[str, ...] = ()
+
+
+def teach(session: Session, seed: int, wanted: int) -> list[Demonstration]:
+    """As many demonstrations as wanted, each of a throw that went in."""
+    rng, kept = np.random.default_rng([seed, 3]), []
+    for target in [*targets_for(seed, wanted, 0)[0], *REGION.spread(wanted, rng)]:
+        lesson = session.teach(target)[-1]
+        if lesson.outcome.in_basket:
+            kept.append(lesson.demonstration)
+        if len(kept) == wanted:
+            return kept
+    raise ValueError(f"seed {seed}: only {len(kept)} of {wanted} demonstrations succeeded")
+
+
+def run(task: Task) -> Run:
+    """One teacher, one arm, one way to practise."""
+    session = Session(task.seed)
+    try:
+        return _run(task, session)
+    finally:
+        session.close()
+
+
+def _run(task: Task, session: Session) -> Run:
+    skill = PractisingSkill(teach(session, task.seed, task.demonstrations), method=task.method, rng=np.random.default_rng([task.seed, 4]))
+    curriculum, choosing, testing = Curriculum(), np.random.default_rng([task.seed, 5]), np.random.default_rng([task.seed, 6])
+    errors, inside, tests, notes = [], [], [], []
+    for n in range(task.throws + 1):
+        if n == task.change_after and task.change != "none":
+            session.plant.change(changed(session.plant.settings, task.change))
+        if n in task.tested_after:
+            tests.append([_throw(session, skill, target) for target in REGION.spread(task.tests, testing)])
+        if n == task.throws:
+            break
+        target = _choose(skill, curriculum, REGION.spread(CANDIDATES, choosing))
+        error, went_in, miss, note = _throw(session, skill, target, learn=True)
+        curriculum.tell(target, miss)
+        errors.append(error)
+        inside.append(went_in)
+        notes += [f"throw {n + 1}: {note}"] if note else []
+    test_errors, test_inside = (tuple(tuple(throw[k] for throw in test) for test in tests) for k in range(2))
+    return Run(task, tuple(errors), tuple(inside), test_errors, test_inside, tuple(notes))
+
+
+def _choose(skill: PractisingSkill, curriculum: Curriculum, baskets: np.ndarray) -> np.ndarray:
+    """The basket where throws are worst, of those for which there is a plan."""
+    for k in curriculum.order(baskets):
+        try:
+            skill.plan(baskets[k])
+        except Unreachable:
+            continue
+        return baskets[k]
+    raise ValueError(f"none of {len(baskets)} baskets can be reached")
+
+
+def changed(settings: PlantSettings, change: str) -> PlantSettings:
+    """The plant after a change."""
+    return replace(settings, **CHANGES[change])
+
+
+def _throw(session: Session, skill: PractisingSkill, target: np.ndarray, learn: bool = False) -> tuple[float, bool, float, str]:
+    """Error [m], whether it went in, the repeatable part of the miss [m] and a note; only a throw that is practised is learned from."""
+    try:
+        plan = skill.plan(target, explore=learn)
+        trial = session.throw(plan)
+    except ValueError as error:
+        return np.nan, False, np.nan, str(error)
+    error = float(trial.outcome.landing_error)
+    if not learn:
+        return error, trial.outcome.in_basket, error, ""
+    told = skill.tell(plan, trial.demonstration)
+    miss = np.hypot(*told.left) if np.isfinite(told.left).all() else error
+    return error, trial.outcome.in_basket, float(miss), "" if told.kept else told.reason

@@ -1,0 +1,175 @@
+"""What a thrower gets wrong in the same way again and again, learned from where the balls came down, and taken out of the next plan.
+
+A miss has a part that is known once it has happened, the hand opened early or late and the ball left the path elsewhere, and a part that
+belongs to the place: friction, the load, a base that was turned. The first is computed and taken away, so that one throw already tells much
+about the second, which a Gaussian process over the places describes: a common offset and a smooth difference from place to place
+(C. Rasmussen and C. Williams, Gaussian Processes for Machine Learning, 2006, chapter 2). After something has changed, what was learned
+before is of no use: two surprises in a row in the same direction forget it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dart_skill.flight import landing
+from dart_skill.movement.frames import azimuth_of, turn_matrix
+from dart_skill.movement.orientation import rotate
+from dart_skill.robot.description import wam_description
+from dart_skill.robot.throw_plan import ThrowPlan
+
+NOISES = 0.008 * 2.0 ** np.arange(-2, 4)
+DIFFERENCES = 0.01 * 2.0 ** np.arange(-2, 4)
+"""Standard deviations [m] among which evidence decides: of what does not repeat, and of what differs from place to place."""
+UNUSUAL = 1.0
+"""Log probability that a factor of two costs, squared for more: two throws that happen to agree are no evidence of a steady hand."""
+
+
+@dataclass(frozen=True)
+class CorrectionSettings:
+    """offset [m]: standard deviation of what all places have in common, before the first throw; lengths: over which misses resemble
+    each other, in distance [m] and azimuth [rad]; surprise: standard deviations that make a miss one; farthest [m]: a plan is moved no
+    farther than this from its target; memory: throws at most, the latest.
+    """
+
+    offset: float = 0.1
+    lengths: tuple[float, float] = (0.5, 0.7)
+    surprise: float = 4.0
+    farthest: float = 0.5
+    memory: int = 200
+
+    def __post_init__(self):
+        values = np.array([self.offset, *self.lengths, self.surprise, self.farthest, self.memory], dtype=float)
+        if not (np.isfinite(values).all() and (values > 0).all()):
+            raise ValueError(f"correction: {self} must hold finite positive numbers only")
+
+
+class Correction:
+    """Misses (along, across) [m] as a function of the place (distance [m], azimuth [rad]) that a plan is meant for."""
+
+    def __init__(self, settings: CorrectionSettings | None = None):
+        self.settings = settings or CorrectionSettings()
+        self._places, self._misses = np.empty((0, 2)), np.empty((0, 2))
+        self._suspect = None
+        self.n_forgotten = 0
+
+    def __len__(self) -> int:
+        """Throws that count."""
+        return len(self._places)
+
+    @property
+    def throws(self) -> np.ndarray:
+        """What is remembered (n, 4): distance [m], azimuth [rad], miss along and across [m]."""
+        return np.hstack([self._places, self._misses])
+
+    def remember(self, throws: np.ndarray) -> None:
+        """Take up (n, 4) what another correction remembered, as `throws` gave it."""
+        throws = np.asarray(throws, dtype=float)
+        if throws.ndim != 2 or throws.shape[1] != 4 or not np.isfinite(throws).all():
+            raise ValueError(f"throws of a correction must be a finite (n, 4) array, got shape {throws.shape}")
+        if len(throws):
+            self._remember(list(throws[:, :2]), list(throws[:, 2:]))
+
+    def add(self, place: np.ndarray, miss: np.ndarray) -> None:
+        """Remember a miss (2,) at a place (2,). A surprise waits for the next one: then it is a change, or else an accident."""
+        place, miss = (np.asarray(part, dtype=float) for part in (place, miss))
+        if place.shape != (2,) or miss.shape != (2,) or not np.isfinite([place, miss]).all():
+            raise ValueError(f"place {place} and miss {miss} must be two finite numbers each: was the landing seen?")
+        surprise = self._surprise(place, miss)
+        if surprise is None:
+            self._suspect = None
+            self._remember([place], [miss])
+        elif self._suspect is not None and np.dot(self._suspect[2], surprise) > 0:
+            self.n_forgotten, self._places, self._misses = self.n_forgotten + 1, np.empty((0, 2)), np.empty((0, 2))
+            self._remember([self._suspect[0], place], [self._suspect[1], miss])
+            self._suspect = None
+        else:
+            self._suspect = (place, miss, surprise)
+
+    def predict(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and standard deviation (n, 2) of the repeatable miss at places (n, 2)."""
+        places = np.asarray(places, dtype=float).reshape(-1, 2)
+        if not len(self._places):
+            return np.zeros_like(places), np.full_like(places, self.settings.offset)
+        columns = [self._predict(places, axis) for axis in range(2)]
+        return tuple(np.stack(part, axis=1) for part in zip(*columns, strict=True))
+
+    def shifted(self, target: np.ndarray) -> np.ndarray:
+        """The point (3,) to plan for so that the ball comes down on the target (3,)."""
+        target = np.asarray(target, dtype=float)
+        point = target.copy()
+        for _ in range(3):
+            mean = self.predict(polar(point))[0][0]
+            move = turn_matrix(azimuth_of(point))[:2, :2] @ mean
+            move *= min(1.0, self.settings.farthest / max(float(np.linalg.norm(move)), 1e-12))
+            point = target - [*move, 0.0]
+        return point
+
+    def _remember(self, places: list, misses: list) -> None:
+        last = self.settings.memory
+        self._places, self._misses = np.vstack([self._places, *places])[-last:], np.vstack([self._misses, *misses])[-last:]
+        self._fits = [self._fit(axis) for axis in range(2)]
+
+    def _surprise(self, place: np.ndarray, miss: np.ndarray) -> np.ndarray | None:
+        """The innovation (2,) in standard deviations if it is too large to be chance."""
+        if len(self._places) < 2:
+            return None
+        mean, deviation = (part[0] for part in self.predict(place))
+        innovation = (miss - mean) / np.hypot(deviation, [noise for noise, *_ in self._fits])
+        return innovation if np.abs(innovation).max() > self.settings.surprise else None
+
+    def _kernel(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+        apart = (first[:, None] - second) / self.settings.lengths
+        return np.exp(-0.5 * np.einsum("ijk,ijk->ij", apart, apart))
+
+    def _fit(self, axis: int) -> tuple[float, float, np.ndarray, np.ndarray]:
+        """The most probable noise and difference (evidence times prior), and their inverse covariance and weights."""
+        values, n = self._misses[:, axis], len(self._misses)
+        smooth = self._kernel(self._places, self._places)
+        noise, difference = (part.ravel() for part in np.meshgrid(NOISES, DIFFERENCES, indexing="ij"))
+        covariance = self.settings.offset**2 + difference[:, None, None] ** 2 * smooth + noise[:, None, None] ** 2 * np.eye(n)
+        inverse = np.linalg.inv(covariance)
+        weights = inverse @ values
+        evidence = -0.5 * (weights @ values + np.linalg.slogdet(covariance)[1])
+        evidence -= UNUSUAL * (np.log2(noise / 0.008) ** 2 + np.log2(difference / 0.01) ** 2)
+        best = int(evidence.argmax())
+        return float(noise[best]), float(difference[best]), inverse[best], weights[best]
+
+    def _predict(self, places: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
+        _, difference, inverse, weights = self._fits[axis]
+        common = self.settings.offset**2
+        kernel = common + difference**2 * self._kernel(places, self._places)
+        left = common + difference**2 - np.einsum("ij,jk,ik->i", kernel, inverse, kernel)
+        return kernel @ weights, np.sqrt(np.maximum(left, 0.0))
+
+
+def polar(point: np.ndarray) -> np.ndarray:
+    """Distance from the base axis [m] and azimuth [rad] of a point (3,)."""
+    return np.array([np.hypot(point[0], point[1]), np.arctan2(point[1], point[0])])
+
+
+def corrected(plan: ThrowPlan, target: np.ndarray) -> ThrowPlan:
+    """A plan that was made for a shifted point, as a plan for the target (3,)."""
+    return replace(plan, target=np.asarray(target, dtype=float), predicted_landing=plan.predicted_landing + (target - plan.target))
+
+
+def landing_if_late(plan: ThrowPlan, late: float) -> np.ndarray:
+    """Where the ball comes down (3,) on the plane of the rim if the hand follows the plan and the ball leaves it `late` [s]."""
+    path, when = plan.path, plan.release + late
+    k = int(np.clip(np.searchsorted(path.time, when), 0, len(path.time) - 1))
+    rest = when - path.time[k]
+    arm = rotate(path.quaternion[k : k + 1], wam_description().hand.ball_centre[None])[0]
+    velocity = path.velocity[k, :3] + np.cross(path.velocity[k, 3:], arm)
+    turning = np.cross(path.velocity[k, 3:], np.cross(path.velocity[k, 3:], arm)) + np.cross(path.acceleration[k, 3:], arm)
+    acceleration = path.acceleration[k, :3] + turning
+    return landing(path.position[k] + arm + rest * velocity, velocity + rest * acceleration, plan.target[2]).position
+
+
+def repeatable_miss(plan: ThrowPlan, seen: np.ndarray, late: float) -> tuple[np.ndarray, np.ndarray]:
+    """Place (2,) that the plan's own path would send a ball to, and how far the ball that was released `late` [s] came down (3,) from where
+    the path would have sent it then: along, across [m]. A release nobody saw, nan, counts as one on time.
+    """
+    meant = landing_if_late(plan, 0.0)
+    expected = landing_if_late(plan, late) if np.isfinite(late) else meant
+    return polar(meant), ((seen - expected) @ turn_matrix(azimuth_of(meant)))[:2]

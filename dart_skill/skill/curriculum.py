@@ -1,0 +1,45 @@
+"""Which basket to practise next: the one where throws are worst, as far as one's own throws tell, or where none was thrown yet."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+UNKNOWN = 0.05
+"""Error [m] that is expected where nobody has thrown: it takes worse ones than this to be sent back to a place at once."""
+LENGTHS = (0.25, 0.35)
+"""Over which errors tell of each other, in distance [m] and azimuth [rad]."""
+FADING = 0.95
+"""Weight that an error loses with each later throw: the skill has learned since."""
+UNSEEN = 0.3
+"""Error [m] of a throw that was refused, stopped, or whose landing nobody saw."""
+
+
+class Curriculum:
+    """Remembers the errors of throws at places (distance [m], azimuth [rad])."""
+
+    def __init__(self):
+        self._places, self._squares = np.empty((0, 2)), np.empty(0)
+
+    def tell(self, target: ArrayLike, error: float) -> None:
+        """A throw at a target (3,) missed by `error` [m], nan if nobody knows by how much."""
+        place = _places(np.reshape(np.asarray(target, dtype=float), (1, 3)))
+        if not np.isfinite(place).all():
+            raise ValueError(f"target {target} of a throw is not finite")
+        error = UNSEEN if not np.isfinite(error) else float(error)
+        self._places, self._squares = np.vstack([self._places, place]), np.append(self._squares, error**2)
+
+    def expected_error(self, targets: ArrayLike) -> np.ndarray:
+        """Root mean square (n,) [m] of the errors near targets (n, 3), newer ones counting more, and of one of 5 cm that stands for ignorance."""
+        apart = (_places(np.asarray(targets, dtype=float).reshape(-1, 3))[:, None] - self._places) / LENGTHS
+        age = np.arange(len(self._squares))[::-1]
+        weights = np.exp(-0.5 * np.einsum("ijk,ijk->ij", apart, apart)) * FADING**age
+        return np.sqrt((UNKNOWN**2 + weights @ self._squares) / (1.0 + weights.sum(axis=1)))
+
+    def order(self, targets: ArrayLike) -> list[int]:
+        """Indices of targets (n, 3), first the one where the next throw teaches most."""
+        return np.argsort(-self.expected_error(targets), kind="stable").tolist()
+
+
+def _places(targets: np.ndarray) -> np.ndarray:
+    return np.column_stack([np.hypot(targets[:, 0], targets[:, 1]), np.arctan2(targets[:, 1], targets[:, 0])])

@@ -1,0 +1,116 @@
+"""A skill that throws, is told what came of it, and throws better: three ways to learn from one's own throws.
+
+`bootstrap` (thesis 8.2): a throw is one more demonstration of how to hit the place where it came down. `residual`: the repeatable miss is
+learned and taken out of the next plan (`correction`). `power` (5.1): PoWER searches for the offsets and slopes of such a correction, with
+the error as the return.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dart_skill.movement.frames import azimuth_of, turn_matrix
+from dart_skill.policy_search import PoWER
+from dart_skill.policy_search import Trial as SearchTrial
+from dart_skill.recording import Demonstration
+from dart_skill.robot.throw_plan import ThrowPlan
+from dart_skill.skill.configuration import DEFAULT, SkillConfiguration
+from dart_skill.skill.correction import Correction, CorrectionSettings, corrected, polar, repeatable_miss
+from dart_skill.skill.practice import Practice, PracticeSettings, Verdict
+from dart_skill.skill.preparation import prepare
+
+METHODS = ("residual", "bootstrap", "both", "power", "none")
+MIDDLE = 2.0
+"""Distance [m] at which the slope of PoWER's correction changes nothing."""
+SPREAD = np.array([0.05, 0.05, 0.02, 0.02])
+"""Of PoWER's first trials: offset along [m], slope along [1], offset across [m], slope across [1]."""
+
+
+@dataclass(frozen=True)
+class Told:
+    """What became of a throw that was told: whether it was learned from, and why not; `left`: along and across, what of the error [m] the
+    delay of the hand does not explain, so that a perfect skill would have avoided it; nan if nobody knows; ids of what was forgotten for it.
+    """
+
+    kept: bool
+    reason: str = ""
+    left: tuple[float, float] = (np.nan, np.nan)
+    forgotten: tuple[str, ...] = ()
+
+
+class PractisingSkill:
+    """Demonstrations, own throws, and what each method makes of them. method: one of METHODS."""
+
+    def __init__(
+        self,
+        shown: Sequence[Demonstration],
+        configuration: SkillConfiguration = DEFAULT,
+        method: str = "residual",
+        memory: PracticeSettings | None = None,
+        settings: CorrectionSettings | None = None,
+        rng: np.random.Generator | None = None,
+    ):
+        if method not in METHODS:
+            raise ValueError(f"there is no way to practise '{method}': choose one of {', '.join(METHODS)}")
+        self.method = method
+        self.practice = Practice(shown, configuration, memory)
+        self.skill = self.practice.learn()
+        self.correction = Correction(settings) if method in ("residual", "both") else None
+        self._search = PoWER(np.zeros(4), SPREAD, rng=rng or np.random.default_rng(0)) if method == "power" else None
+        self._trial: SearchTrial | None = None
+
+    def plan(self, target: np.ndarray, explore: bool = False) -> ThrowPlan:
+        """A throw at the basket whose rim is centred at target (3,); explore: PoWER tries something new. Unreachable says why not."""
+        target = np.asarray(target, dtype=float)
+        if self.correction is not None:
+            return corrected(self.skill.plan(self.correction.shifted(target)), target)
+        if self._search is not None:
+            return corrected(self.skill.plan(self._searched(target, explore)), target)
+        return self.skill.plan(target)
+
+    def tell(self, plan: ThrowPlan | None, trial: Demonstration) -> Told:
+        """What came of a plan of this skill; without a plan the throw is a demonstration, whatever the method."""
+        if plan is None:
+            verdict = self._bootstrap(trial)
+            return Told(verdict.kept, verdict.reason, forgotten=verdict.forgotten)
+        try:
+            seen = prepare(replace(trial, target=plan.target), replace(self.skill.configuration, relabel=True))
+        except ValueError as error:
+            self._trial = None
+            return Told(False, str(error))
+        place, miss = repeatable_miss(plan, seen.task, seen.hand_delay - (plan.release - plan.open_hand))
+        if self._trial is not None:
+            self._search.tell(self._trial, -float(np.linalg.norm(seen.task - plan.target)))
+            self._trial = None
+        if self.correction is not None:
+            self.correction.add(place, miss)
+        verdict = self._bootstrap(trial) if self.method in ("bootstrap", "both") else Verdict(True)
+        return Told(verdict.kept, verdict.reason, self._left(plan, place, miss), verdict.forgotten)
+
+    @staticmethod
+    def _left(plan: ThrowPlan, place: np.ndarray, miss: np.ndarray) -> tuple[float, float]:
+        """The miss as seen from the target: the plan was meant for another place if it was corrected."""
+        distance, azimuth = polar(plan.target)
+        return float(place[0] + miss[0] - distance), float(place[0] * (place[1] - azimuth) + miss[1])
+
+    def _searched(self, target: np.ndarray, explore: bool) -> np.ndarray:
+        """The point to plan for under PoWER's best correction, or under the one that it tries now."""
+        if explore:
+            self._trial = self._search.ask()
+        along, along_slope, across, across_slope = self._trial.parameters if explore else self._search.parameters
+        away = np.hypot(target[0], target[1]) - MIDDLE
+        shift = np.array([along + along_slope * away, across + across_slope * away, 0.0])
+        return target + turn_matrix(azimuth_of(target)) @ shift
+
+    def _bootstrap(self, trial: Demonstration) -> Verdict:
+        verdict = self.practice.add(trial)
+        if verdict.kept:
+            try:
+                self.skill = self.practice.learn()
+            except ValueError as error:
+                self.practice.withdraw(trial.id, str(error))
+                return Verdict(False, str(error))
+        return verdict

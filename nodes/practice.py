@@ -1,0 +1,123 @@
+"""Practice over the real graph: a few demonstrations, then throw after throw, each of which the arm learns from."""
+
+import argparse
+import json
+import sys
+import time
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+
+from dart_skill_nodes.graph import LAYOUTS, NODES, Graph, choose_domain
+
+choose_domain()
+
+import rclpy  # noqa: E402  the domain must be chosen before rclpy starts
+
+from dart_skill.skill.practising import METHODS  # noqa: E402
+from dart_skill_nodes import conversions  # noqa: E402
+from dart_skill_nodes.coaching import Coach, GraphFailure  # noqa: E402
+from dart_skill_nodes.demo import place, say, teach  # noqa: E402
+
+BLOCK = 5
+"""Throws per line of the table."""
+
+
+def parse(arguments: list[str] | None) -> argparse.Namespace:
+    """Command line of practice."""
+    parser = argparse.ArgumentParser(prog="dart-skill practice", description=__doc__)
+    parser.add_argument("--seed", type=int, default=0, help="everything random comes from it (default 0)")
+    parser.add_argument("--demonstrations", type=int, default=3, help="throws to be shown (default 3)")
+    parser.add_argument("--throws", type=int, default=20, help="own throws (default 20)")
+    parser.add_argument("--method", choices=[name for name in METHODS if name != "power"], help="default: of config/skill_learner.yaml")
+    parser.add_argument("--output", type=Path, help="folder for the bag and the logs (default output/practice_<date>)")
+    parser.add_argument("--json", action="store_true", help="every throw as JSON on stdout instead of the table")
+    parser.add_argument("--layout", choices=sorted(LAYOUTS), default="composed", help="processes of the graph (default composed)")
+    options = parser.parse_args(arguments)
+    for name, least in (("seed", 0), ("demonstrations", 2), ("throws", 1)):
+        if getattr(options, name) < least:
+            parser.error(f"--{name} is {getattr(options, name)}; it must be at least {least}")
+    options.output = (options.output or Path("output") / f"practice_{datetime.now():%Y_%m_%d-%H_%M_%S}").resolve()
+    if (options.output / "bag").exists():
+        parser.error(f"--output {options.output} holds a bag already: choose another folder")
+    return options
+
+
+def _report(feedback) -> None:
+    if feedback.phase != "done":
+        return
+    outcome = feedback.outcome
+    error = f"{100 * outcome.landing_error:.1f} cm" if outcome.landing_seen else "landing not seen"
+    where = place(conversions.vector(outcome.target))
+    say(f"throw {feedback.number}: {where}: {'in' if outcome.in_basket else 'out'}, {error} {feedback.message}")
+
+
+def run(options: argparse.Namespace) -> dict:
+    """The whole job on a graph of its own."""
+    extra = {"skill_learner": {"practice_method": options.method}} if options.method else {}
+    with Graph(options.output / "logs") as graph:
+        say(f"seed {options.seed}; starting {', '.join(LAYOUTS[options.layout])}")
+        coach = Coach(graph.dead)
+        coach.wait_until_gone(NODES)
+        graph.start_all(options.layout, options.seed, options.output / "bag", extra)
+        coach.wait_until_ready()
+        teach(coach, options.seed, options.demonstrations)
+        say(coach.learn().message)
+        begun = time.monotonic()
+        result = coach.practise(options.throws, on_feedback=_report)
+        took = time.monotonic() - begun
+        coach.close()
+    throws = [_as_row(outcome) for outcome in result.outcomes]
+    return {
+        "seed": options.seed, "demonstrations": options.demonstrations, "thrown": result.thrown, "learned": result.learned,
+        "seconds": round(took, 1), "message": result.message, "bag": str(options.output / "bag"), "throws": throws,
+    }  # fmt: skip
+
+
+def _as_row(outcome) -> dict:
+    seen = bool(outcome.landing_seen)
+    return {
+        "target_m": conversions.vector(outcome.target).tolist(),
+        "landing_m": conversions.vector(outcome.landing).tolist() if seen else None,
+        "error_m": float(outcome.landing_error) if seen else None,
+        "in_basket": bool(outcome.in_basket),
+    }
+
+
+def table(summary: dict) -> str:
+    """Errors in blocks of throws."""
+    lines = [f"{'throws':>10}{'in':>8}{'median [cm]':>14}{'worst [cm]':>13}"]
+    for first in range(0, len(summary["throws"]), BLOCK):
+        block = summary["throws"][first : first + BLOCK]
+        errors = 100 * np.array([row["error_m"] for row in block if row["error_m"] is not None])
+        numbers = f"{np.median(errors):>14.1f}{errors.max():>13.1f}" if len(errors) else f"{'not seen':>14}"
+        span, inside = f"{first + 1}-{first + len(block)}", sum(row["in_basket"] for row in block)
+        lines.append(f"{span:>10}{f'{inside}/{len(block)}':>8}{numbers}")
+    return "\n".join([*lines, f"{summary['message']}; {summary['seconds']:.0f} s"])
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point; returns the exit status."""
+    options = parse(arguments)
+    options.output.mkdir(parents=True, exist_ok=True)
+    rclpy.init(args=[])
+    try:
+        summary = run(options)
+    except (GraphFailure, ValueError, OSError) as error:
+        say(f"practice failed: {error}")
+        say(f"logs: {options.output / 'logs'}")
+        return 1
+    except KeyboardInterrupt:
+        say("stopped")
+        return 1
+    finally:
+        rclpy.try_shutdown()
+    print(json.dumps(summary, indent=1) if options.json else table(summary))
+    if not options.json:
+        print(f"\nbag: {summary['bag']}")
+    return 0 if summary["thrown"] == options.throws else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,110 @@
+"""Practice over DDS is practice in process, to the last bit, and ground truth has no part in it: here it is garbage for all but the cameras."""
+
+import numpy as np
+import pytest
+from dart_skill_msgs.msg import SimulationState
+from dart_skill_msgs.srv import PlanThrow
+
+from dart_skill.experiments.session import Session
+from dart_skill.experiments.targets import targets_for
+from dart_skill.skill.practising import PractisingSkill
+from dart_skill_nodes import conversions
+from dart_skill_nodes.coaching import Coach
+from dart_skill_nodes.graph import Graph
+
+SEED, SHOWN = 4, 3
+TO_DEMONSTRATE, TO_PRACTISE = targets_for(SEED, SHOWN, 3)
+NEW = np.array([1.95, 0.2, 0.4])
+HIDDEN = {"/simulation/state": "/behind_the_scenes/state"}
+
+
+class Liar:
+    """Publishes nonsense where ground truth would be, as often as messages come in."""
+
+    def __init__(self, coach):
+        self._coach, self._spin, self.told = coach, coach.spin, 0
+        self._rng = np.random.default_rng(0)
+        self._publisher = coach.node.create_publisher(SimulationState, "/simulation/state", 10)
+        coach.spin = self._spin_and_lie
+
+    def _spin_and_lie(self):
+        message = SimulationState(episode=int(self._rng.integers(1000)), ball_in_basket=bool(self._rng.integers(2)))
+        message.header.frame_id, message.header.stamp = "world", conversions.time_msg(int(self._rng.integers(10**11)))
+        message.joint_position, message.joint_velocity = self._rng.standard_normal(7), self._rng.standard_normal(7)
+        for pose in (message.hand, message.ball, message.basket):
+            conversions.set_vector(pose.position, self._rng.standard_normal(3))
+        self._publisher.publish(message)
+        self.told += 1
+        self._spin()
+
+
+@pytest.fixture(scope="module")
+def practised(ros, tmp_path_factory):
+    """Three lessons, three practised throws and a plan, by the nodes; nobody but the cameras and the simulator has the truth."""
+    folder = tmp_path_factory.mktemp("practice")
+    with Graph(folder / "logs", {name: HIDDEN for name in ("wam_simulator", "mock_optitrack")}) as graph:
+        coach = Coach(graph.dead, name="client_of_practice")
+        liar = Liar(coach)
+        graph.start_all("processes", SEED, folder / "bag", {"skill_learner": {"practice_method": "both"}})
+        coach.wait_until_ready()
+        for target in TO_DEMONSTRATE:
+            assert coach.teach(target).success
+        coach.learn()
+        phases = []
+        result = coach.practise(targets=TO_PRACTISE, on_feedback=lambda feedback: phases.append((feedback.number, feedback.phase)))
+        request = PlanThrow.Request(target=conversions.point(NEW))
+        request.header.frame_id = "world"
+        plan = coach.call(coach.node.create_client(PlanThrow, "/skill_learner/plan_throw"), request).plan
+        coach.close()
+    assert liar.told > 10
+    return {"result": result, "phases": phases, "plan": plan}
+
+
+@pytest.fixture(scope="module")
+def in_process():
+    """The same without ROS."""
+    session = Session(SEED)
+    skill = PractisingSkill([session.teach(target)[-1].demonstration for target in TO_DEMONSTRATE], method="both")
+    landings = []
+    for target in TO_PRACTISE:
+        plan = skill.plan(target)
+        trial = session.throw(plan)
+        landings.append(trial.outcome.landing)
+        assert skill.tell(plan, trial.demonstration).kept
+    session.close()
+    return {"landings": landings, "plan": skill.plan(NEW), "n": len(skill.practice.demonstrations)}
+
+
+def test_every_throw_is_made_and_learned_from(practised):
+    result = practised["result"]
+    assert result.success, result.message
+    assert (result.thrown, result.learned) == (3, 3)
+    assert [outcome.landing_seen for outcome in result.outcomes] == [True] * 3
+    assert practised["phases"][-1] == (3, "done")
+
+
+def test_landings_are_those_of_the_session_bit_for_bit_and_so_is_what_was_learned(practised, in_process):
+    landings = [conversions.vector(outcome.landing) for outcome in practised["result"].outcomes]
+    np.testing.assert_array_equal(landings, in_process["landings"])
+    plan = conversions.plan(practised["plan"])
+    for part in ("aim", "predicted_landing", "attractor_position"):
+        np.testing.assert_array_equal(getattr(plan, part), getattr(in_process["plan"], part), err_msg=part)
+
+
+def test_the_coach_chooses_baskets_by_itself_and_cannot_be_asked_twice(make_graph):
+    graph, coach = make_graph("composed", 1)
+    for target in targets_for(1, 2, 0)[0]:
+        assert coach.teach(target).success
+    coach.learn()
+    said = []
+    result = coach.practise(2, on_feedback=lambda feedback: said.append(feedback.phase))
+    assert result.success and result.thrown == 2, result.message
+    distances = [np.hypot(outcome.target.x, outcome.target.y) for outcome in result.outcomes]
+    assert all(1.5 <= distance <= 2.5 for distance in distances)
+    assert said == ["resetting", "throwing", "learning", "done"] * 2
+
+
+def test_practice_before_anything_is_learned_says_so(make_graph):
+    _, coach = make_graph("composed")
+    result = coach.practise(3)
+    assert not result.success and "nothing is learned yet" in result.message

@@ -1,0 +1,130 @@
+"""What repeats in the misses of a thrower is learned and taken out; accidents are not, and changes are noticed."""
+
+import numpy as np
+import pytest
+
+from dart_skill.mixture import Gaussian
+from dart_skill.movement.frames import turn_matrix
+from dart_skill.skill.correction import DIFFERENCES, NOISES, Correction, CorrectionSettings, landing_if_late, polar, repeatable_miss
+from dart_skill.skill.throwing import learn
+
+
+def places(n, rng):
+    return np.column_stack([rng.uniform(1.5, 2.5, n), rng.uniform(-0.8, 0.8, n)])
+
+
+def told(function, n, noise, seed):
+    """A correction that was told n throws of a thrower who misses by a function of the place, and by noise."""
+    rng = np.random.default_rng(seed)
+    correction = Correction()
+    for place in places(n, rng):
+        correction.add(place, function(place) + noise * rng.standard_normal(2))
+    return correction
+
+
+def crooked(place):
+    """Misses 12 cm short on average, more for far baskets, and drifts to one side with the azimuth."""
+    return np.array([-0.12 - 0.05 * (place[0] - 2.0), 0.03 * np.sin(2.0 * place[1])])
+
+
+def test_knows_nothing_before_the_first_throw():
+    mean, deviation = Correction().predict([[2.0, 0.0]])
+    np.testing.assert_array_equal(mean, [[0.0, 0.0]])
+    np.testing.assert_array_equal(deviation, [[0.1, 0.1]])
+    np.testing.assert_array_equal(Correction().shifted([2.0, 0.5, 0.4]), [2.0, 0.5, 0.4])
+
+
+def test_learns_a_function_of_the_place():
+    correction = told(crooked, 25, 0.004, seed=0)
+    new = places(50, np.random.default_rng(1))
+    error = correction.predict(new)[0] - np.array([crooked(place) for place in new])
+    assert np.sqrt(np.mean(error**2)) < 0.004, "25 throws that each vary by 4 mm tell the function to less than that"
+
+
+def test_is_the_conditional_of_a_joint_gaussian():
+    """The same prediction from conditioning the joint density of all misses and the new one (Table 3.1)."""
+    correction = told(crooked, 6, 0.004, seed=2)
+    new = np.array([1.7, 0.3])
+    mean, deviation = correction.predict(new)
+    known = correction._places
+    every = np.vstack([known, new])
+    apart = (every[:, None] - every) / correction.settings.lengths
+    for axis in range(2):
+        noise, difference = correction._fits[axis][:2]
+        assert noise in NOISES and difference in DIFFERENCES
+        covariance = 0.1**2 + difference**2 * np.exp(-0.5 * np.sum(apart**2, axis=2)) + np.diag([noise**2] * 6 + [0.0])
+        joint = Gaussian(np.zeros(7), covariance)
+        expected = joint.condition(range(6), correction._misses[:, axis])
+        assert mean[0, axis] == pytest.approx(expected.mean[0], abs=1e-9)
+        assert deviation[0, axis] ** 2 == pytest.approx(expected.covariance[0, 0], abs=1e-9)
+
+
+def test_a_plan_for_the_shifted_point_comes_down_on_the_target():
+    correction, target = told(crooked, 25, 0.002, seed=3), np.array([1.4, 1.2, 0.4])
+    point = correction.shifted(target)
+    comes_down = point[:2] + turn_matrix(polar(point)[1])[:2, :2] @ crooked(polar(point))
+    assert np.linalg.norm(comes_down - target[:2]) < 0.005
+    assert point[2] == target[2]
+
+
+def test_an_accident_is_not_learned():
+    correction = told(crooked, 10, 0.004, seed=4)
+    before = correction.predict([[2.0, 0.0]])[0]
+    correction.add([2.0, 0.1], [0.5, -0.4])
+    correction.add([1.8, 0.2], crooked([1.8, 0.2]))
+    np.testing.assert_allclose(correction.predict([[2.0, 0.0]])[0], before, atol=0.003)
+    assert correction.n_forgotten == 0 and len(correction) == 11
+
+
+def test_a_change_is_noticed_at_its_second_throw():
+    """A heavier ball: everything falls 20 cm shorter from now on."""
+    correction = told(crooked, 30, 0.004, seed=5)
+    for place in ([2.0, 0.1], [1.7, -0.4]):
+        correction.add(place, crooked(place) + [-0.2, 0.0])
+    assert correction.n_forgotten == 1 and len(correction) == 2
+    left = correction.predict([[1.9, 0.0]])[0][0] - crooked([1.9, 0.0]) - [-0.2, 0.0]
+    assert np.abs(left).max() < 0.02
+
+
+def test_surprises_in_opposite_directions_are_two_accidents():
+    correction = told(crooked, 10, 0.004, seed=6)
+    correction.add([2.0, 0.0], [0.4, 0.0])
+    correction.add([2.0, 0.0], [-0.6, 0.0])
+    assert correction.n_forgotten == 0 and len(correction) == 10
+
+
+def test_only_the_latest_throws_are_remembered_and_no_plan_is_moved_too_far():
+    correction = Correction(CorrectionSettings(memory=5, farthest=0.2))
+    for _ in range(8):
+        correction.add([2.0, 0.0], [-1.0, 0.0])
+    assert len(correction) == 5
+    assert np.linalg.norm(correction.shifted([2.0, 0.0, 0.4]) - [2.0, 0.0, 0.4]) == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize("miss", [[np.nan, 0.0], [0.1], [np.inf, 0.0]])
+def test_a_miss_that_is_no_miss_is_refused(miss):
+    with pytest.raises(ValueError, match="was the landing seen"):
+        Correction().add([2.0, 0.0], miss)
+
+
+@pytest.mark.parametrize("values", [{"offset": 0.0}, {"lengths": (0.5, -1.0)}, {"memory": 0}, {"surprise": np.nan}])
+def test_settings_that_make_no_sense_are_refused(values):
+    with pytest.raises(ValueError, match="finite positive"):
+        CorrectionSettings(**values)
+
+
+def test_a_plan_sends_the_ball_where_it_says(demonstrations):
+    plan = learn(demonstrations).plan(demonstrations[0].target)
+    np.testing.assert_allclose(landing_if_late(plan, 0.0), plan.predicted_landing, atol=2e-3)
+
+
+def test_a_late_release_explains_its_part_of_the_miss(demonstrations):
+    """The hand opens 5 ms late: the ball comes down elsewhere by centimetres, and nothing of it is the place's fault."""
+    plan = learn(demonstrations).plan(demonstrations[0].target)
+    where = landing_if_late(plan, 0.005)
+    assert np.linalg.norm(where - landing_if_late(plan, 0.0)) > 0.01
+    place, miss = repeatable_miss(plan, where + turn_matrix(polar(plan.target)[1]) @ [0.03, -0.01, 0.0], 0.005)
+    np.testing.assert_allclose(place, polar(plan.target), atol=2e-3)
+    np.testing.assert_allclose(miss, [0.03, -0.01], atol=1e-4)
+    unseen = repeatable_miss(plan, where, np.nan)[1]
+    assert np.linalg.norm(unseen) > 0.01, "a release that nobody saw counts as one on time"
