@@ -6,16 +6,17 @@ import runpy
 import sys
 
 from dart_skill.darts.command_line import add_commands as add_darts
-from dart_skill.experiments.search_command import add_search
+from dart_skill.experiments.search_command import add_landscapes, add_search
 
-DEMO_MODULE = "dart_skill_nodes.demo"
+OVER_THE_GRAPH = {"demo": "dart_skill_nodes.demo", "practice": "dart_skill_nodes.practice"}
+"""Commands that need the ROS 2 workspace, and the modules that run them."""
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Entry point; returns the exit status."""
     arguments = sys.argv[1:] if arguments is None else arguments
-    if arguments[:1] == ["demo"]:
-        return _demo(arguments[1:])
+    if arguments and arguments[0] in OVER_THE_GRAPH:
+        return _over_the_graph(arguments[0], arguments[1:])
     options = _parser().parse_args(arguments)
     try:
         return options.run(options)
@@ -28,6 +29,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="dart-skill", description="A robot arm that learns to throw from demonstrations.")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     commands.add_parser("demo", help="the main job over real nodes: teach, learn, throw (dart-skill demo --help)")
+    commands.add_parser("practice", help="own throws over real nodes, each of which is learned from (dart-skill practice --help)")
     experiments = commands.add_parser("experiment", help="repeat what the documentation quotes").add_subparsers(
         required=True, metavar="EXPERIMENT"
     )
@@ -44,8 +46,9 @@ def _parser() -> argparse.ArgumentParser:
     again.add_argument("--throws", type=int, default=25, help="of each plan (default 25)")
     again.add_argument("--json", action="store_true", help="JSON instead of the table")
     again.set_defaults(run=_experiment_repeatability)
+    add_landscapes(experiments)
     figure = experiments.add_parser("figure", help="a figure of the thesis, computed anew")
-    figure.add_argument("number", help="3.1, 7.1, ...; 'list' says which there are, 'all' draws every one")
+    figure.add_argument("number", help="3.1, 7.1, ..., regrets; 'list' says which there are, 'all' draws every one")
     figure.add_argument("--output", default="figures", metavar="FOLDER", help="where SVG and PNG go (default: figures)")
     figure.add_argument("--seed", type=int, default=0)
     figure.add_argument("--json", action="store_true", help="seed, paths and what was measured as JSON")
@@ -54,13 +57,13 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _demo(arguments: list[str]) -> int:
-    """Run the demo of the nodes in this interpreter: the library itself knows no ROS."""
-    sys.argv = ["dart-skill demo", *arguments]
+def _over_the_graph(command: str, arguments: list[str]) -> int:
+    """Run a command of the nodes in this interpreter: the library itself knows no ROS."""
+    sys.argv = [f"dart-skill {command}", *arguments]
     try:
-        runpy.run_module(DEMO_MODULE, run_name="__main__")
+        runpy.run_module(OVER_THE_GRAPH[command], run_name="__main__")
     except ImportError as error:
-        print(f"dart-skill demo needs the ROS 2 workspace: 'make setup', then 'source tools/env.sh' ({error})", file=sys.stderr)
+        print(f"dart-skill {command} needs the ROS 2 workspace: 'make setup', then 'source tools/env.sh' ({error})", file=sys.stderr)
         return 1
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else int(bool(end.code))
@@ -92,10 +95,6 @@ def _experiment_repeatability(options: argparse.Namespace) -> int:
     return 0
 
 
-if __name__ == "__main__":
-    sys.exit(main())
-
-
 def _experiment_figure(options: argparse.Namespace) -> int:
     from dart_skill.experiments import thesis
 
@@ -108,7 +107,12 @@ def _experiment_figure(options: argparse.Namespace) -> int:
         paths, measured = thesis.draw(number, options.output, options.seed)
         drawn[number] = {"seed": options.seed, "paths": [str(path) for path in paths], "measured": measured}
         if not options.json:
-            print(f"figure {number}, seed {options.seed}: {paths[0]}, {paths[1].name}\n  {json.dumps(measured)}")
+            text = thesis.describe(number, measured).replace("\n", "\n  ")
+            print(f"figure {number}, seed {options.seed}: {paths[0]}, {paths[1].name}\n  {text}")
     if options.json:
         print(json.dumps(drawn, indent=1))
     return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -45,7 +45,8 @@ class Spread:
     @property
     def sigma(self) -> float:
         """(det covariance)^(1/4) [mm]: the standard deviation when the spread is isotropic."""
-        return float(np.linalg.det(self.covariance) ** 0.25)
+        # Not from the determinant, which does not give back exactly the sigma that was squared.
+        return float(np.sqrt(np.prod(self.deviations)))
 
     @property
     def deviations(self) -> np.ndarray:

@@ -1,4 +1,5 @@
-"""Learning where to aim while the thrower gets better: thesis 6.3, for every method, schedule and kind of reward.
+"""Learning where to aim while the thrower gets better: thesis 6.3, for every method, schedule and kind of reward. The same searches run on
+other landscapes (`landscapes`), under whose name as a schedule.
 
 A search is told the reward of each throw and nothing else. Regret is measured beside it, with the exact expected score: what the best aim
 of the moment would have earned more, of the throw that was made and of the aim that the search holds for the best (its `parameters`).
@@ -9,7 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ import scipy
 from tqdm import tqdm
 
 from dart_skill.darts import ModelBasedAgent, expected_score, optimum_path, score
+from dart_skill.experiments.landscapes import LANDSCAPES, Landscape
 from dart_skill.experiments.parallel import run_all
 from dart_skill.policy_search import PoWER, Search, Trial
 from dart_skill.policy_search.baselines import CMAES, CrossEntropy, MonteCarlo, RandomRestarts
@@ -44,6 +46,22 @@ class Schedule:
         return np.linspace(self.first, self.last, self.n_throws)
 
 
+class Darts:
+    """The board as a landscape: the expected score of an aim (2,) [mm] for the thrower of the moment."""
+
+    start, spread, changes = START, SPREAD, ()
+
+    def __init__(self, schedule: str):
+        self.best, self._sigmas = best_scores(schedule), SCHEDULES[schedule].sigmas
+
+    def rewards(self, parameters: np.ndarray, trial: int) -> np.ndarray:
+        return expected_score(parameters, self._sigmas[trial])
+
+    def thrown(self, aim: np.ndarray, trial: int, rng: np.random.Generator) -> float:
+        """Score of one dart."""
+        return float(score(aim + self._sigmas[trial] * rng.standard_normal(2)))
+
+
 class _Informed:
     """The model-based agent in the clothes of a search: it throws where it thinks best."""
 
@@ -64,25 +82,28 @@ class _Informed:
 
 SCHEDULES = {"thesis": Schedule(75.0, 16.0, 3000), "extended": Schedule(75.0, 6.0, 3000)}
 REWARDS = ("expected", "thrown")
-METHODS: dict[str, Callable[[np.random.Generator], Search]] = {
-    "mixture": lambda rng: MixturePoWER(START, SPREAD, rng=rng),
-    "power": lambda rng: PoWER(START, SPREAD, rng=rng, limits=(0.03, 10.0)),
-    "power_constant": lambda rng: PoWER(START, SPREAD, rng=rng, exploration="constant"),
-    "power_proportional": lambda rng: PoWER(START, SPREAD, rng=rng, exploration="proportional"),
-    "cem": lambda rng: CrossEntropy(START, SPREAD, rng=rng),
-    "cma": lambda rng: CMAES(START, SPREAD, rng=rng, minimum_exploration=0.03),
-    "cma_default": lambda rng: CMAES(START, SPREAD, rng=rng),
-    "restarts": lambda rng: RandomRestarts(START, SPREAD, rng=rng),
-    "monte_carlo": lambda rng: MonteCarlo(START, SPREAD, rng=rng),
-    "niches": lambda rng: Niches(START, SPREAD, rng=rng),
-    "niches_thrifty": lambda rng: Niches(START, SPREAD, rng=rng, following=2.0, scouting=2.0, hopeless=2.0, waiting=0.002),
-    "model_based": lambda rng: _Informed(),
+METHODS: dict[str, Callable[..., Search]] = {
+    "mixture": MixturePoWER,
+    "power": partial(PoWER, limits=(0.03, 10.0)),
+    "power_constant": partial(PoWER, exploration="constant"),
+    "power_proportional": partial(PoWER, exploration="proportional"),
+    "cem": CrossEntropy,
+    "cma": partial(CMAES, minimum_exploration=0.03),
+    "cma_default": CMAES,
+    "restarts": RandomRestarts,
+    "monte_carlo": MonteCarlo,
+    "niches": Niches,
+    "niches_thrifty": partial(Niches, following=2.0, scouting=2.0, hopeless=2.0, waiting=0.002),
+    "model_based": lambda *_, **__: _Informed(),
 }
+"""Made with the first parameters (d,), the spread of the first trials and rng; all settings are in units of that spread."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """One run; stop_after: throws after which the search learns no more and throws at its best guess, 0 for never."""
+    """One run. schedule: of the thrower, or the name of another landscape; stop_after: throws after which the search learns no more and
+    throws at its best guess, 0 for never.
+    """
 
     method: str
     schedule: str
@@ -91,9 +112,11 @@ class Task:
     stop_after: int = 0
 
     def __post_init__(self):
-        for name, choices in (("method", METHODS), ("schedule", SCHEDULES), ("reward", REWARDS)):
+        for name, choices in (("method", METHODS), ("schedule", {**SCHEDULES, **LANDSCAPES}), ("reward", REWARDS)):
             if getattr(self, name) not in choices:
                 raise ValueError(f"there is no {name} '{getattr(self, name)}': choose one of {', '.join(choices)}")
+        if self.schedule in LANDSCAPES and (self.reward == "thrown" or self.method == "model_based"):
+            raise ValueError(f"the reward 'thrown' and the model-based agent are for darts, and not for '{self.schedule}': choose others")
         if self.method == "model_based" and self.reward != "thrown":
             raise ValueError("the model-based agent learns from the scores of single darts: give it the reward 'thrown'")
 
@@ -101,7 +124,8 @@ class Task:
 @dataclass(frozen=True)
 class Run:
     """What came of a task: mean regret [points] of all throws and of the aim held for the best, of the latter in the last 50 throws, and
-    the same per block of 10 throws; components of the mixture per block, 1 for others.
+    the same per block of 10 throws; components of the mixture per block, 1 for others. offline_error, where a landscape changes at a blow:
+    mean over trials of what the best trial since the last change lost (Branke 1999).
     """
 
     task: Task
@@ -111,6 +135,7 @@ class Run:
     throw_regrets: tuple[float, ...]
     best_regrets: tuple[float, ...]
     components: tuple[float, ...]
+    offline_error: float | None = None
 
 
 @lru_cache(maxsize=8)
@@ -127,26 +152,31 @@ def best_scores(schedule: str) -> np.ndarray:
 
 
 def run(task: Task) -> Run:
-    """One search over one schedule. Seeds of the search and of the thrower's hand are independent."""
-    sigmas, best = SCHEDULES[task.schedule].sigmas, best_scores(task.schedule)
-    searching, throwing = (np.random.default_rng([task.seed, part]) for part in range(2))
-    search = METHODS[task.method](searching)
-    thrown_at, held = np.empty(len(sigmas)), np.empty(len(sigmas))
-    components = np.ones(len(sigmas))
-    for n, sigma in enumerate(sigmas):
+    """One search over one landscape. Seeds of the search, of the thrower's hand and of the landscape are independent."""
+    searching, throwing, drawing = (np.random.default_rng([task.seed, part]) for part in range(3))
+    landscape = _landscape(task.schedule, drawing)
+    best, search = landscape.best, METHODS[task.method](landscape.start, landscape.spread, rng=searching)
+    tried, held, components = np.empty(len(best)), np.empty(len(best)), np.ones(len(best))
+    for n, highest in enumerate(best):
         learning = not task.stop_after or n < task.stop_after
         trial = search.ask() if learning else None
-        aims = np.stack([trial.parameters if learning else search.parameters, search.parameters])
-        thrown_at[n], held[n] = best[n] - expected_score(aims, sigma)
+        both = np.stack([trial.parameters if learning else search.parameters, search.parameters])
+        rewards = landscape.rewards(both, n)
+        tried[n], held[n] = highest - rewards
         components[n] = getattr(search, "n_components", 1)
         if learning:
-            search.tell(trial, _reward(task.reward, aims[0], sigma, best[n] - thrown_at[n], throwing))
-    blocks = (tuple(np.round(np.mean(values.reshape(-1, BLOCK), axis=1), 4).tolist()) for values in (thrown_at, held, components))
-    return Run(task, float(thrown_at.mean()), float(held.mean()), float(held[-END:].mean()), *blocks)
+            search.tell(trial, landscape.thrown(both[0], n, throwing) if task.reward == "thrown" else float(rewards[0]))
+    blocks = (tuple(np.round(np.mean(values.reshape(-1, BLOCK), axis=1), 4).tolist()) for values in (tried, held, components))
+    return Run(task, float(tried.mean()), float(held.mean()), float(held[-END:].mean()), *blocks, _offline_error(tried, landscape.changes))
 
 
-def _reward(kind: str, aim: np.ndarray, sigma: float, expected: float, rng: np.random.Generator) -> float:
-    return expected if kind == "expected" else float(score(aim + sigma * rng.standard_normal(2)))
+def _landscape(name: str, rng: np.random.Generator) -> Landscape:
+    return LANDSCAPES[name](rng) if name in LANDSCAPES else Darts(name)
+
+
+def _offline_error(regrets: np.ndarray, changes: tuple[int, ...]) -> float | None:
+    least = [np.minimum.accumulate(period) for period in np.split(regrets, changes)]
+    return float(np.concatenate(least).mean()) if changes else None
 
 
 def run_tasks(tasks: list[Task], results: Path | None = None, jobs: int = 0, scheduler: str = "") -> list[Run]:
@@ -195,22 +225,36 @@ def summarise(runs: list[Run]) -> list[dict]:
     for (method, schedule, reward, stop), group in groups.items():
         row = {"method": method, "schedule": schedule, "reward": reward, "stop_after": stop, "runs": len(group)}
         for name in REGRETS:
-            row[name] = np.percentile([getattr(one, name) for one in group], [25, 50, 75]).round(4).tolist()
+            row[name] = _quartiles([getattr(one, name) for one in group])
+        row["offline_error"] = _quartiles([one.offline_error for one in group]) if group[0].offline_error is not None else None
         row["components"] = round(float(np.mean([one.components for one in group])), 2)
         row["components_at_the_end"] = round(float(np.mean([one.components[-1] for one in group])), 2)
         rows.append(row)
     return rows
 
 
-REGRETS = {"throw_regret": "of each throw", "best_regret": "of the best aim", "end_regret": "at the end"}
+def _quartiles(values: list[float]) -> list[float]:
+    return np.percentile(values, [25, 50, 75]).round(4).tolist()
+
+
+REGRETS = {"throw_regret": "of each trial", "best_regret": "of the best guess", "end_regret": "at the end"}
 
 
 def table(runs: list[Run]) -> str:
     """The rows of `summarise` as text."""
-    heads = "".join(f"{head:>24}" for head in REGRETS.values())
-    lines = [f"{'method':<20}{'schedule':<10}{'reward':<10}{'runs':>5}{heads}{'K':>6}"]
-    for row in summarise(runs):
-        regrets = "".join(f"{middle:>10.3f} ({low:.3f}-{high:.3f})".rjust(24) for low, middle, high in map(row.get, REGRETS))
+    return table_of(summarise(runs))
+
+
+def table_of(rows: list[dict]) -> str:
+    """Rows as `summarise` gives them as text; the offline error where one has it."""
+    heads = {**REGRETS, **({"offline_error": "offline error"} if any(row["offline_error"] for row in rows) else {})}
+    lines = [f"{'method':<20}{'schedule':<16}{'reward':<10}{'runs':>5}{''.join(f'{head:>24}' for head in heads.values())}{'K':>6}"]
+    for row in rows:
+        regrets = "".join(_cell(row[name]) for name in heads)
         name = row["method"] + (f" to {row['stop_after']}" if row["stop_after"] else "")
-        lines.append(f"{name:<20}{row['schedule']:<10}{row['reward']:<10}{row['runs']:>5}{regrets}{row['components_at_the_end']:>6.1f}")
-    return "\n".join([*lines, "regret in points per throw: median and quartiles over the runs; K: components at the end"])
+        lines.append(f"{name:<20}{row['schedule']:<16}{row['reward']:<10}{row['runs']:>5}{regrets}{row['components_at_the_end']:>6.1f}")
+    return "\n".join([*lines, "regret: reward lost per trial, median and quartiles over the runs; K: components at the end"])
+
+
+def _cell(quartiles: list[float] | None) -> str:
+    return f"{quartiles[1]:>10.3f} ({quartiles[0]:.3f}-{quartiles[2]:.3f})".rjust(24) if quartiles else f"{'-':>24}"

@@ -1,4 +1,6 @@
-"""`dart-skill darts search`: learning where to aim by throwing, as a table of regrets."""
+"""`dart-skill darts search` and `dart-skill experiment landscapes`: searches that learn where the reward is highest while it changes, as a
+table of regrets.
+"""
 
 from __future__ import annotations
 
@@ -6,15 +8,37 @@ import argparse
 import json
 from pathlib import Path
 
+LANDSCAPE_METHODS = "power,power_constant,power_proportional,cem,cma,cma_default,mixture,restarts,monte_carlo,niches"
+
 
 def add_search(verbs) -> None:
     """Add `search` to the verbs of `dart-skill darts`."""
     parser = verbs.add_parser("search", help="learn where to aim by throwing while the thrower gets better, as a table of regrets")
-    parser.add_argument("--methods", default="mixture,power,cem", help="separated by commas; a wrong one is answered with the list")
     parser.add_argument("--schedules", default="thesis", help="thesis (sigma 75 to 16 mm), extended (to 6), or both with a comma")
     parser.add_argument("--reward", choices=("expected", "thrown"), default="expected", help="expected score, or that of the dart thrown")
+    _add_runs(parser, "mixture,power,cem")
+
+
+def add_landscapes(experiments) -> None:
+    """Add `landscapes` to the experiments of `dart-skill experiment`."""
+    parser = experiments.add_parser("landscapes", help="the same searches on other landscapes that change, as a table of regrets")
+    parser.add_argument(
+        "--landscapes",
+        dest="schedules",
+        metavar="NAMES",
+        default="all",
+        help="separated by commas (default all): moving_peaks_2, moving_peaks_5, vanishing_peak, half_range, stuck_joint",
+    )
+    parser.set_defaults(reward="expected")
+    _add_runs(parser, LANDSCAPE_METHODS)
+
+
+def _add_runs(parser: argparse.ArgumentParser, methods: str) -> None:
+    parser.add_argument(
+        "--methods", default=methods, help=f"separated by commas (default {methods}); a wrong one is answered with the list"
+    )
     parser.add_argument("--seeds", type=int, default=20, help="seeds 0 to N - 1 (default 20)")
-    parser.add_argument("--stop-after", type=int, default=0, metavar="N", help="throws after which nothing more is learned (default never)")
+    parser.add_argument("--stop-after", type=int, default=0, metavar="N", help="trials after which nothing more is learned (default never)")
     parser.add_argument("--jobs", type=int, default=0, help="processes at a time (default one per core)")
     parser.add_argument("--scheduler", default="", metavar="ADDRESS", help="run on the Dask cluster of this scheduler instead")
     parser.add_argument("--results", metavar="FILE", type=Path, help="add each run to this file; what it holds already is not run again")
@@ -23,11 +47,12 @@ def add_search(verbs) -> None:
 
 
 def _search(options: argparse.Namespace) -> int:
-    from dart_skill.experiments.dart_search import Task, run_tasks, summarise, table
+    from dart_skill.experiments.dart_search import LANDSCAPES, Task, run_tasks, summarise, table
 
     if options.seeds < 1:
         raise ValueError(f"--seeds is {options.seeds}: give at least 1")
-    kinds = [(method, schedule) for method in options.methods.split(",") for schedule in options.schedules.split(",")]
+    schedules = list(LANDSCAPES) if options.schedules == "all" else options.schedules.split(",")
+    kinds = [(method, schedule) for schedule in schedules for method in options.methods.split(",")]
     tasks = [Task(*kind, seed, options.reward, options.stop_after) for kind in kinds for seed in range(options.seeds)]
     runs = run_tasks(tasks, options.results, options.jobs, options.scheduler)
     print(json.dumps(summarise(runs), indent=1) if options.json else table(runs))

@@ -8,6 +8,7 @@ from ._search import Search, Trial
 from ._weights import return_weights
 from .baselines import CMAES, CrossEntropy, MonteCarlo, RandomRestarts
 from .mixture_power import MixturePoWER, Readings
+from .niches import Niches
 from .power import PoWER
 
 __all__ = [
@@ -15,6 +16,7 @@ __all__ = [
     "CrossEntropy",
     "MixturePoWER",
     "MonteCarlo",
+    "Niches",
     "PoWER",
     "PrimitivePoWER",
     "PrimitiveTrial",

@@ -39,6 +39,11 @@ def test_aim_gives_the_best_aim_and_all_local_optima(run):
     assert (result["x_mm"], result["y_mm"]) == pytest.approx((-1.80, 105.85), abs=0.05)
 
 
+@pytest.mark.parametrize("sigma", [20, 28.3, 0.7])
+def test_sigma_comes_back_as_it_was_given(run, sigma):
+    assert run("aim", "--sigma", sigma, "--json")[1]["sigma_mm"] == sigma
+
+
 def test_aim_over_a_range_gives_the_jumps(run, tmp_path):
     status, result = run("aim", "--from", 16, "--to", 18, "--json", "--output", tmp_path)
     assert status == 0

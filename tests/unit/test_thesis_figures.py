@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dart_skill.cli import main
-from dart_skill.experiments import thesis
+from dart_skill.experiments import dart_search, thesis
 from dart_skill.experiments.dart_search import SCHEDULES, Schedule, best_scores
 from dart_skill.experiments.thesis import dart_throws as darts
 from dart_skill.experiments.thesis import (
@@ -22,10 +22,11 @@ from dart_skill.experiments.thesis import (
     figure_7_4,
     figure_8_1,
     figure_8_3,
+    regrets,
 )
 
-WITHOUT_UNITS = {"3.1", "5.1", "5.2", "5.3", "5.5", "6.2"}
-"""Figures of abstract parameters, and one of the board itself."""
+WITHOUT_UNITS = {"3.1", "5.1", "5.2", "5.3", "5.5"}
+"""Figures of abstract parameters."""
 SVG = "{http://www.w3.org/2000/svg}"
 
 
@@ -34,6 +35,9 @@ def fewer_runs(monkeypatch):
     monkeypatch.setattr(figure_8_3, "N_SEEDS", 2)
     monkeypatch.setattr(figure_8_3, "N_ATTEMPTS", 6)
     monkeypatch.setitem(SCHEDULES, "thesis", Schedule(75.0, 60.0, 300))
+    monkeypatch.setitem(SCHEDULES, "extended", Schedule(75.0, 50.0, 300))
+    monkeypatch.setattr(regrets, "N_SEEDS", 2)
+    monkeypatch.setattr(regrets, "METHODS", {name: regrets.METHODS[name] for name in ("model_based", "power", "cem")})
     monkeypatch.setattr(figure_6_2, "MOMENTS", (150, 300))
     monkeypatch.setattr(figure_6_3, "N_SEEDS", 1)
     monkeypatch.setattr(figure_6_6, "LOWEST", 12.0)
@@ -143,6 +147,18 @@ def test_a_dart_thrown_backwards_never_arrives_and_is_not_learned_from(monkeypat
     monkeypatch.setattr(darts, "throw_at", lambda model, aim: backwards)
     assert len(darts.practise(darts.demonstrate(3, np.random.default_rng(0)), np.tile(aim, (2, 1)))) == 2
     assert learned_from == [3, 3]
+
+
+def test_the_picture_of_regrets_comes_with_its_table_and_runs_are_not_run_again(tmp_path, fewer_runs, capsys, monkeypatch):
+    assert main(["experiment", "figure", "regrets", "--output", str(tmp_path)]) == 0
+    shown = capsys.readouterr().out
+    assert "median and quartiles over the runs" in shown and shown.count("model_based") == 2
+    lines = (tmp_path / "regrets.jsonl").read_text().splitlines()
+    assert len(lines) == 2 * 2 * 3
+    monkeypatch.setattr(dart_search, "run", lambda task: pytest.fail(f"{task} was run again"))
+    assert main(["experiment", "figure", "regrets", "--output", str(tmp_path), "--json"]) == 0
+    row = json.loads(capsys.readouterr().out)["regrets"]["measured"]["rows"][0]
+    assert row["method"] == "model_based" and row["reward"] == "thrown" and row["runs"] == 2
 
 
 def test_figures_on_the_command_line(tmp_path, capsys):

@@ -1,10 +1,11 @@
 """The figures of the thesis, one module each, computed anew: `dart-skill experiment figure NUMBER`.
 
-A module has TITLE and `draw(folder, seed)`, which writes the figure and returns its paths and what was measured, by name. The thesis prints
-few numbers of its experiments; where one had to be chosen, the module says so.
+A module has TITLE and `draw(folder, seed)`, which writes the figure and returns its paths and what was measured, by name; `describe`, where
+that reads better than JSON. The thesis prints few numbers of its experiments; where one had to be chosen, the module says so.
 """
 
 import importlib
+import json
 from pathlib import Path
 
 FIGURES = {
@@ -22,6 +23,7 @@ FIGURES = {
     "8.1": "figure_8_1",
     "8.2": "figure_8_2",
     "8.3": "figure_8_3",
+    "regrets": "regrets",
 }
 
 
@@ -33,6 +35,11 @@ def titles() -> dict[str, str]:
 def draw(number: str, folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
     """Write a figure into a folder; its paths, and what was measured for it."""
     return _module(number).draw(folder, seed)
+
+
+def describe(number: str, measured: dict) -> str:
+    """What was measured for a figure, as text."""
+    return getattr(_module(number), "describe", json.dumps)(measured)
 
 
 def _module(number: str):

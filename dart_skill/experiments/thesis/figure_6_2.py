@@ -12,10 +12,11 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 
-from dart_skill.darts import expected_score, heat_map
+from dart_skill.darts import HeatMap, expected_score, heat_map
 from dart_skill.darts.pictures import draw_board
-from dart_skill.experiments.dart_search import METHODS, SCHEDULES
+from dart_skill.experiments.dart_search import METHODS, SCHEDULES, SPREAD, START
 from dart_skill.experiments.figures.style import BLACK, gaussian_ellipse, house_style, quantity_colours, save
 from dart_skill.mixture import GaussianMixture
 
@@ -36,7 +37,7 @@ class Moment:
 
 def compute(seed: int = 0) -> tuple[list[Moment], list[int]]:
     """The moments of one run on the thesis's schedule, and the throws after which the number of components changed."""
-    search, sigmas = METHODS["mixture"](np.random.default_rng([seed, 0])), SCHEDULES["thesis"].sigmas
+    search, sigmas = METHODS["mixture"](START, SPREAD, rng=np.random.default_rng([seed, 0])), SCHEDULES["thesis"].sigmas
     tried, moments, changes, before = np.empty((len(sigmas), 2)), [], [], 1
     for n, sigma in enumerate(sigmas, start=1):
         trial = search.ask()
@@ -53,8 +54,12 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
     moments, changes = compute(seed)
     with house_style():
         figure = Figure(figsize=(13.0, 3.7), layout="constrained")
-        for axes, moment in zip(figure.subplots(1, len(moments)), moments, strict=True):
-            _draw_moment(axes, moment)
+        panels = figure.subplots(1, len(moments))
+        heats = [heat_map(moment.sigma, SPACING) for moment in moments]
+        highest = max(heat.expected_score.max() for heat in heats)
+        for axes, moment, heat in zip(panels, moments, heats, strict=True):
+            image = _draw_moment(axes, moment, heat, highest)
+        figure.colorbar(image, ax=panels, label="expected score [points per dart]", shrink=0.8)
         return save(figure, folder, "figure_6_2"), measured(moments, changes)
 
 
@@ -66,12 +71,13 @@ def measured(moments: list[Moment], changes: list[int]) -> dict:
     }
 
 
-def _draw_moment(axes: Axes, moment: Moment) -> None:
-    heat = heat_map(moment.sigma, SPACING)
+def _draw_moment(axes: Axes, moment: Moment, heat: HeatMap, highest: float) -> AxesImage:
     edge = heat.x[-1] + 0.5 * SPACING
-    axes.imshow(heat.expected_score, origin="lower", extent=(-edge, edge, -edge, edge), cmap=quantity_colours(), interpolation="nearest")
+    look = {"cmap": quantity_colours(), "interpolation": "nearest", "vmin": 0.0, "vmax": highest}
+    image = axes.imshow(heat.expected_score, origin="lower", extent=(-edge, edge, -edge, edge), **look)
     draw_board(axes, "#FFFFFF60")
     axes.plot(*moment.trials.T, ".", color=BLACK, markersize=2.5)
     for mean, covariance in zip(moment.mixture.means_, moment.mixture.covariances_, strict=True):
         axes.add_patch(gaussian_ellipse(mean, covariance, 2.0, facecolor="none", edgecolor="white", linewidth=1.6, zorder=3))
     axes.set_title(f"throw {moment.throws}, sigma {moment.sigma:.1f} mm, K = {len(moment.mixture.priors_)}")
+    return image
