@@ -7,19 +7,17 @@ of the moment would have earned more, of the throw that was made and of the aim 
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
 import scipy
-from tqdm import tqdm
 
 from dart_skill.darts import ModelBasedAgent, expected_score, optimum_path, score
+from dart_skill.experiments import runs
 from dart_skill.experiments.landscapes import LANDSCAPES, Landscape
-from dart_skill.experiments.parallel import run_all
 from dart_skill.policy_search import PoWER, Search, Trial
 from dart_skill.policy_search.baselines import CMAES, CrossEntropy, MonteCarlo, RandomRestarts
 from dart_skill.policy_search.mixture_power import MixturePoWER
@@ -181,45 +179,18 @@ def _offline_error(regrets: np.ndarray, changes: tuple[int, ...]) -> float | Non
 
 def run_tasks(tasks: list[Task], results: Path | None = None, jobs: int = 0, scheduler: str = "") -> list[Run]:
     """Every task once; those that stand in the file of results already are not run again, and each new one is added to it at once."""
-    known = {}
-    if results and results.exists():
-        _drop_unfinished_line(results)
-        known = {one.task: one for one in read(results)}
-    missing = [task for task in dict.fromkeys(tasks) if task not in known]
-    for _, one in tqdm(run_all(run, missing, jobs, scheduler), total=len(missing), unit="run", disable=None):
-        known[one.task] = one
-        if results:
-            with results.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(asdict(one)) + "\n")
-    return [known[task] for task in tasks]
-
-
-def _drop_unfinished_line(results: Path) -> None:
-    """What a run that was killed while it wrote has left behind would spoil the next line."""
-    text = results.read_bytes()
-    if not text.endswith(b"\n"):
-        results.write_bytes(text[: text.rfind(b"\n") + 1])
+    return runs.run_tasks(run, tasks, Run, Task, results, jobs, scheduler)
 
 
 def read(results: Path) -> list[Run]:
     """Runs of a file, one JSON object a line; ValueError names a line that is not one."""
-    lines = results.read_text(encoding="utf-8").splitlines()
-    return [_parsed(line, results, number) for number, line in enumerate(lines, start=1)]
+    return runs.read(results, Run, Task)
 
 
-def _parsed(line: str, results: Path, number: int) -> Run:
-    try:
-        row = json.loads(line)
-        parts = {name: tuple(value) if isinstance(value, list) else value for name, value in row.items()}
-        return Run(**{**parts, "task": Task(**row["task"])})
-    except (ValueError, TypeError, KeyError) as error:
-        raise ValueError(f"line {number} of {results} is not a run ({error}): move the file away, or remove the line") from error
-
-
-def summarise(runs: list[Run]) -> list[dict]:
+def summarise(results: list[Run]) -> list[dict]:
     """One row per method, schedule, reward and stop: runs, and [lower quartile, median, upper quartile] over seeds of the regrets."""
     groups: dict[tuple, list[Run]] = {}
-    for one in runs:
+    for one in results:
         groups.setdefault((one.task.method, one.task.schedule, one.task.reward, one.task.stop_after), []).append(one)
     rows = []
     for (method, schedule, reward, stop), group in groups.items():
@@ -240,9 +211,9 @@ def _quartiles(values: list[float]) -> list[float]:
 REGRETS = {"throw_regret": "of each trial", "best_regret": "of the best guess", "end_regret": "at the end"}
 
 
-def table(runs: list[Run]) -> str:
+def table(results: list[Run]) -> str:
     """The rows of `summarise` as text."""
-    return table_of(summarise(runs))
+    return table_of(summarise(results))
 
 
 def table_of(rows: list[dict]) -> str:

@@ -10,9 +10,11 @@ set, from which nothing is learned.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
+from dart_skill.experiments import runs
 from dart_skill.experiments.session import Session
 from dart_skill.experiments.targets import REGION, targets_for
 from dart_skill.recording import Demonstration
@@ -60,7 +62,7 @@ class Task:
 @dataclass(frozen=True)
 class Run:
     """errors [m] (throws,) and in_basket (throws,) of the practised throws; test_errors, test_in_basket: per test, its throws; nan where no
-    throw came about or no landing was seen; test_floors [m]: the part of each error that the hand's own delay explains.
+    throw came about or no landing was seen.
     """
 
     task: Task
@@ -142,3 +144,56 @@ def _throw(session: Session, skill: PractisingSkill, target: np.ndarray, learn: 
     told = skill.tell(plan, trial.demonstration)
     miss = np.hypot(*told.left) if np.isfinite(told.left).all() else error
     return error, trial.outcome.in_basket, float(miss), "" if told.kept else told.reason
+
+
+def run_all(tasks: list[Task], results: Path | None = None, jobs: int = 0, scheduler: str = "") -> list[Run]:
+    """Every task once; those that stand in the file of results already are not run again."""
+    return runs.run_tasks(run, tasks, Run, Task, results, jobs, scheduler)
+
+
+def summarise(results: list[Run]) -> list[dict]:
+    """One row per method, demonstrations, change and number of practised throws: throws of the tests, share in the basket, median and
+    90 % of their error [cm], and how many had none.
+    """
+    groups: dict[tuple, list[Run]] = {}
+    for one in results:
+        groups.setdefault((one.task.method, one.task.demonstrations, one.task.change), []).append(one)
+    rows = []
+    for (method, demonstrations, change), group in groups.items():
+        for k, after in enumerate(group[0].task.tested_after):
+            errors = 100 * np.array([error for one in group for error in one.test_errors[k]])
+            inside = [went_in for one in group for went_in in one.test_in_basket[k]]
+            quantiles = np.nanpercentile(errors, [50, 90]) if np.isfinite(errors).any() else [np.nan] * 2
+            rows.append(
+                {
+                    "method": method,
+                    "demonstrations": demonstrations,
+                    "change": change,
+                    "after": after,
+                    "runs": len(group),
+                    "throws": len(errors),
+                    "in": float(np.mean(inside)),
+                    "median_cm": round(float(quantiles[0]), 3),
+                    "p90_cm": round(float(quantiles[1]), 3),
+                    "without_error": int(np.isnan(errors).sum()),
+                }  # fmt: skip
+            )
+    return rows
+
+
+def table(results: list[Run]) -> str:
+    """The rows of `summarise` as text: one line per method, one column per number of practised throws."""
+    rows = summarise(results)
+    counts = sorted({row["after"] for row in rows})
+    lines = [f"{'method':<11}{'shown':>6}  {'change':<15}{'runs':>5}" + "".join(f"{f'after {n}':>20}" for n in counts)]
+    for method, demonstrations, change in dict.fromkeys((row["method"], row["demonstrations"], row["change"]) for row in rows):
+        own = {
+            row["after"]: row for row in rows if (row["method"], row["demonstrations"], row["change"]) == (method, demonstrations, change)
+        }
+        cells = "".join(_cell(own.get(n)).rjust(20) for n in counts)
+        lines.append(f"{method:<11}{demonstrations:>6}  {change:<15}{next(iter(own.values()))['runs']:>5}{cells}")
+    return "\n".join([*lines, "median and 90 % of the landing error [cm], share in the basket, of throws from which nothing was learned"])
+
+
+def _cell(row: dict | None) -> str:
+    return f"{row['median_cm']:.2f} {row['p90_cm']:.1f} {100 * row['in']:.0f} %" if row else "-"

@@ -6,7 +6,7 @@ speed, so that the ball in the hand, bounces, outliers and gaps fall away by the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial import polynomial
@@ -123,14 +123,17 @@ def fit_release(
     free = free or find_flight(ball_time, ball_position, ball, noise)
     if free is None:
         raise ValueError(f"no free flight in {len(ball_time)} ball samples: was the ball thrown, and was it tracked?")
-    fit = free.fit
+    fit, kept = free.fit, free.samples
     near = _nearest_approach(fit, hand_time, grip)
     for _ in range(2):
         time, uncertainty, distance = _parting(fit, hand_time, grip, near)
-        kept = free.samples[ball_time[free.samples] >= time]
+        fitted, kept = kept, free.samples[ball_time[free.samples] >= time]
         if len(kept) < TAIL:
             raise ValueError(f"only {len(kept)} samples of the flight after the release at {time:.3f} s, need {TAIL}")
-        fit, near = fit_flight(ball_time[kept], ball_position[kept], ball, at=time, near=fit), time
+        if np.array_equal(kept, fitted):
+            fit, near = _followed(fit, time), time
+        else:
+            fit, near = fit_flight(ball_time[kept], ball_position[kept], ball, at=time, near=fit), time
     if distance > ball.radius:
         raise ValueError(
             f"the flight passes the grip point at {1e3 * distance:.0f} mm: it did not start in this hand;"
@@ -217,6 +220,12 @@ def _nearest_approach(fit, hand_time, grip):
         raise ValueError(f"no hand samples within 0.3 s before the flight at {fit.time:.3f} s: the hand was occluded")
     path, _ = fit.at(hand_time[around])
     return hand_time[around][np.argmin(np.linalg.norm(path - grip[around], axis=1))]
+
+
+def _followed(fit, time):
+    """The same flight with its state at another instant."""
+    position, velocity = fit.at([time])
+    return replace(fit, time=time, position=position[0], velocity=velocity[0])
 
 
 def _parting(fit, hand_time, grip, near):

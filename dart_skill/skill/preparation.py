@@ -68,7 +68,8 @@ def _prepare(demonstration: Demonstration, configuration: SkillConfiguration) ->
     task = _task(d, configuration, free)
     azimuth = float(np.arctan2(task[1], task[0]))
     shared = release.time if configuration.alignment == "release" else d.motion_start
-    angles = angles_from_quaternions(turn_about_z(d.hand_quaternion, -configuration.angle_azimuth(azimuth)))
+    turned = angles_from_quaternions(turn_about_z(d.hand_quaternion, -azimuth))
+    angles = turned if configuration.turns else angles_from_quaternions(d.hand_quaternion)
     clock = d.hand_time - shared
     grid = np.arange(np.ceil(clock[0] * RATE), np.floor(clock[-1] * RATE) + 1) / RATE
     columns = np.column_stack([d.hand_position, angles[:, :2]])
@@ -83,7 +84,7 @@ def _prepare(demonstration: Demonstration, configuration: SkillConfiguration) ->
         time=grid,
         motion=motion.position,
         attractor=attractor_from_motion(*motion, configuration.stiffness),
-        start_pose=_start_pose(d, azimuth),
+        start_pose=_start_pose(d, azimuth, turned),
         start=float(d.motion_start - shared),
         stop=float(d.motion_stop - shared),
         release=release,
@@ -93,14 +94,13 @@ def _prepare(demonstration: Demonstration, configuration: SkillConfiguration) ->
     )
 
 
-def _start_pose(demonstration: Demonstration, azimuth: float) -> np.ndarray:
-    """Hand pose at rest before the motion (6,), in axes turned by the azimuth: x, y, z, alpha, beta, roll."""
+def _start_pose(demonstration: Demonstration, azimuth: float, angles: np.ndarray) -> np.ndarray:
+    """Hand pose at rest before the motion (6,), in axes turned by the azimuth, as the angles (n, 3) are: x, y, z, alpha, beta, roll."""
     d = demonstration
     at_rest = d.hand_time <= d.motion_start - 0.05
     kept = at_rest if at_rest.any() else slice(0, 1)
-    angles = angles_from_quaternions(turn_about_z(d.hand_quaternion[kept], -azimuth))
     position = d.hand_position[kept] @ turn_matrix(azimuth)
-    return np.median(np.hstack([position, angles]), axis=0)
+    return np.median(np.hstack([position, angles[kept]]), axis=0)
 
 
 def _task(demonstration: Demonstration, configuration: SkillConfiguration, free: FreeFlight | None) -> np.ndarray:

@@ -27,8 +27,8 @@ from dart_skill.skill.task_frames import frames_for
 
 LEAST_DEMONSTRATIONS = 2
 REACH_MARGIN = 0.25
-"""How far beyond the demonstrated distances a plan may aim [m]."""
-SIDE_MARGIN = np.deg2rad(30.0)
+"""How far beyond the demonstrated distances a plan may aim, as a share of them: docs/skill.md has what comes of it."""
+SIDE_MARGIN = np.deg2rad(45.0)
 """How far beyond the demonstrated azimuths a plan may aim [rad]."""
 AIM_TOLERANCE, WORST_AIM, LONGEST_AIM_STEP = 5e-4, 5e-3, 0.15
 """Of the search for the aim: where it stops, what it accepts at worst, its longest step; metres, and radians of azimuth."""
@@ -50,6 +50,11 @@ class _Course:
     azimuth: float
     roll: float
     landing: np.ndarray
+
+    def part(self, start: int, stop: int) -> "_Course":
+        """The course between two indices."""
+        rows = {name: getattr(self, name)[start:stop] for name in ("time", "attractor", "position", "velocity", "acceleration")}
+        return replace(self, **rows)
 
 
 class ThrowingSkill:
@@ -83,8 +88,8 @@ class ThrowingSkill:
     def plan(self, target: np.ndarray) -> ThrowPlan:
         """A throw at the basket whose rim is centred at target (3,); Unreachable says why not."""
         target = self._checked(target)
-        aim = self._solve_aim(target) if self.configuration.solve_aim else target
-        return self._as_plan(target, aim, self._course(aim))
+        aim, course = self._solve_aim(target) if self.configuration.solve_aim else (target, self._course(target))
+        return self._as_plan(target, aim, course)
 
     def mixture(self, target: np.ndarray) -> GaussianMixture:
         """The Gaussians for one task parameter, in the world (7.21)."""
@@ -149,7 +154,7 @@ class ThrowingSkill:
         if target.shape != (3,) or not np.isfinite(target).all():
             raise Unreachable(f"target {target} is not three finite numbers: give the centre of the rim in metres")
         distances, distance = np.hypot(*self._tasks[:, :2].T), float(np.hypot(*target[:2]))
-        low, high = distances.min() - REACH_MARGIN, distances.max() + REACH_MARGIN
+        low, high = (1.0 - REACH_MARGIN) * distances.min(), (1.0 + REACH_MARGIN) * distances.max()
         if not low <= distance <= high:
             raise Unreachable(f"the basket is {distance:.2f} m from the base axis; the demonstrations reach from {low:.2f} to {high:.2f} m")
         azimuths, azimuth = np.arctan2(self._tasks[:, 1], self._tasks[:, 0]), float(np.arctan2(target[1], target[0]))
@@ -161,28 +166,30 @@ class ThrowingSkill:
             )
         return target
 
-    def _solve_aim(self, target: np.ndarray) -> np.ndarray:
-        """Task parameter whose plan lands on the target: Broyden's method in polar coordinates, from the target itself.
+    def _solve_aim(self, target: np.ndarray) -> tuple[np.ndarray, _Course]:
+        """Task parameter whose course lands on the target, and that course: Broyden's method in polar coordinates, from the target itself.
 
         In turned frames the azimuth comes out right by itself and the distance is a smooth function of one variable.
         """
         wanted, aim, slope = _polar(target), _polar(target), np.eye(2)
-        miss = _polar(self._course(_point(aim, target[2])).landing) - wanted
-        best, least = aim, np.abs(miss)
+        course = self._course(_point(aim, target[2]))
+        miss = _polar(course.landing) - wanted
+        best, found, least = aim, course, np.abs(miss)
         for _ in range(25):
             if np.abs(miss).max() < AIM_TOLERANCE:
                 break
             step = -np.linalg.solve(slope, miss)
             step *= min(1.0, LONGEST_AIM_STEP / np.abs(step).max())
             aim = aim + step
-            after = _polar(self._course(_point(aim, target[2])).landing) - wanted
+            course = self._course(_point(aim, target[2]))
+            after = _polar(course.landing) - wanted
             slope += np.outer(after - miss - slope @ step, step) / (step @ step)
             miss = after
             if np.abs(miss).max() < least.max():
-                best, least = aim, np.abs(miss)
+                best, found, least = aim, course, np.abs(miss)
         if least.max() > WORST_AIM:
             raise Unreachable(f"no aim was found whose plan lands on {target.round(3)}; the nearest misses by {least[0]:.3f} m")
-        return _point(best, target[2])
+        return _point(best, target[2]), found
 
     def _course(self, task: np.ndarray, model: TaskParameterisedMixture | None = None) -> _Course:
         azimuth = self.configuration.angle_azimuth(azimuth_of(task))
@@ -206,16 +213,19 @@ class ThrowingSkill:
         azimuth = azimuth_of(task)
         position = turn_matrix(azimuth) @ self._start_pose[:3]
         turn = azimuth - self.configuration.angle_azimuth(azimuth)
-        angles = angles_from_quaternions(turn_about_z(quaternions_from_angles(self._start_pose[None, 3:]), turn))[0]
+        angles = self._start_pose[3:]
+        if turn:
+            angles = angles_from_quaternions(turn_about_z(quaternions_from_angles(angles[None]), turn))[0]
         return np.concatenate([position, angles[:2]]), float(angles[2])
 
     def _predicted_landing(self, course: _Course, rim_height: float) -> np.ndarray:
         """Where the ball comes down if the hand does what is planned and opens at the learned release (3,)."""
-        path = _hand_path(course)
         k = min(int(np.searchsorted(course.time, self.release)), len(course.time) - 1)
+        late = self.release - course.time[k]
+        first = max(k - 1, 0)
+        path, k = _hand_path(course.part(first, k + 2)), k - first  # a derivative needs the neighbours
         arm = rotate(path.quaternion[k : k + 1], wam_description().hand.ball_centre[None])[0]
         velocity = path.velocity[k, :3] + np.cross(path.velocity[k, 3:], arm)
-        late = self.release - course.time[k]
         point = landing(path.position[k] + arm + late * velocity, velocity + late * path.acceleration[k, :3], rim_height)
         if not np.isfinite(point.position).all():
             raise Unreachable(f"the plan for {course.azimuth:.2f} rad never comes down on the plane of the rim at {rim_height:.2f} m")

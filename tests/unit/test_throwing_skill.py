@@ -236,7 +236,7 @@ def test_two_demonstrations_are_enough_to_plan_between_them(demonstrations):
 
 def test_baskets_beyond_the_demonstrations_are_unreachable(skill):
     distances = np.array([throw.distance for throw in skill.throws])
-    low, high = distances.min() - REACH_MARGIN, distances.max() + REACH_MARGIN
+    low, high = (1.0 - REACH_MARGIN) * distances.min(), (1.0 + REACH_MARGIN) * distances.max()
     message = rf"is {{:.2f}} m from the base axis; the demonstrations reach from {low:.2f} to {high:.2f} m"
     for distance in (high + 0.05, low - 0.05, 10.0):
         with pytest.raises(Unreachable, match=message.format(distance)):

@@ -1,0 +1,44 @@
+"""`dart-skill experiment practice`: does the arm get better with its own throws, and how fast?"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+
+def add_practice(experiments) -> None:
+    """Add `practice` to the experiments of `dart-skill experiment`."""
+    parser = experiments.add_parser("practice", help="own throws in process, for several seeds and methods, as a table of errors")
+    parser.add_argument("--methods", default="residual,bootstrap,both,power,none", help="separated by commas (default: all)")
+    parser.add_argument("--changes", default="none", help="none, heavier_ball, friction, weaker_motors, slower_hand, base_turned; commas")
+    parser.add_argument("--change-after", type=int, default=0, metavar="N", help="practised throws before the change (default 0)")
+    parser.add_argument("--demonstrations", default="13", help="how many are shown; several numbers with commas (default 13)")
+    parser.add_argument("--throws", type=int, default=50, help="practised throws (default 50)")
+    parser.add_argument(
+        "--tested-after", default="0,1,2,5,10,20,50", metavar="NUMBERS", help="practised throws after which there is a test"
+    )
+    parser.add_argument("--tests", type=int, default=10, help="throws of each test (default 10)")
+    parser.add_argument("--seeds", type=int, default=20, help="seeds 0 to N - 1 (default 20)")
+    parser.add_argument("--jobs", type=int, default=0, help="processes at a time (default one per core)")
+    parser.add_argument("--scheduler", default="", metavar="ADDRESS", help="run on the Dask cluster of this scheduler instead")
+    parser.add_argument("--results", metavar="FILE", type=Path, help="add each run to this file; what it holds already is not run again")
+    parser.add_argument("--json", action="store_true", help="the table as JSON")
+    parser.set_defaults(run=_practice)
+
+
+def _practice(options: argparse.Namespace) -> int:
+    from dart_skill.experiments.practice import Task, run_all, summarise, table
+
+    tested = tuple(int(number) for number in options.tested_after.split(","))
+    shared = {"throws": options.throws, "change_after": options.change_after, "tested_after": tested, "tests": options.tests}
+    tasks = [
+        Task(seed, method, int(shown), change=change, **shared)
+        for shown in options.demonstrations.split(",")
+        for change in options.changes.split(",")
+        for method in options.methods.split(",")
+        for seed in range(options.seeds)
+    ]
+    results = run_all(tasks, options.results, options.jobs, options.scheduler)
+    print(json.dumps(summarise(results), indent=1) if options.json else table(results))
+    return 0
