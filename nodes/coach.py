@@ -6,6 +6,7 @@ Action /practice. What it knows of a throw comes from the motion capture, throug
 import numpy as np
 from dart_skill_msgs.action import Practice, Throw
 from dart_skill_msgs.srv import AddTrial, PlanThrow, Reset
+from geometry_msgs.msg import PoseStamped
 from rclpy.action import ActionClient, CancelResponse, GoalResponse
 from rclpy.node import Node
 from std_srvs.srv import SetBool
@@ -13,14 +14,15 @@ from std_srvs.srv import SetBool
 from dart_skill.experiments.targets import Region
 from dart_skill.skill.curriculum import Curriculum
 from dart_skill_nodes import conversions
-from dart_skill_nodes.calls import Calls, Gone, Recording
+from dart_skill_nodes.calls import PATIENCE, Calls, Gone, Recording
 from dart_skill_nodes.routines import Promise, RoutineServer, within
-from dart_skill_nodes.support import OK, Diagnostics, Parameter, declare, run
+from dart_skill_nodes.support import OK, SENSOR, Diagnostics, Parameter, declare, run
 from dart_skill_nodes.watching import ARRIVAL_NS
 
 TABLE = [
     Parameter("seed", "of the baskets among which it chooses", 0, 2**31 - 1),
     Parameter("frame_id", "frame of targets"),
+    Parameter("basket_body", "tracked body that is the basket"),
     Parameter("near", "nearest basket, from the base axis [m]", 0.5, 5.0),
     Parameter("far", "farthest basket [m]", 0.5, 5.0),
     Parameter("side", "largest azimuth to either side [rad]", 0.0, 3.14),
@@ -40,7 +42,7 @@ class CoachNode(Node):
         self.p = declare(self, "coach.yaml", TABLE)
         self._region = Region(**{name: self.p[name] for name in ("near", "far", "side", "rim")})
         self._rng, self._curriculum = np.random.default_rng([self.p["seed"], 5]), Curriculum()
-        self._goal, self._under_way = None, None
+        self._goal, self._under_way, self._sighting = None, None, None
         self._calls = Calls(self)
         self._recording = Recording(self, self._calls)
         self._reset = self.create_client(Reset, "/simulation/reset")
@@ -48,6 +50,7 @@ class CoachNode(Node):
         self._plan = self.create_client(PlanThrow, "/skill_learner/plan_throw")
         self._add_trial = self.create_client(AddTrial, "/skill_learner/add_trial")
         self._throw = ActionClient(self, Throw, "/throw")
+        self.create_subscription(PoseStamped, f"/vrpn_mocap/{self.p['basket_body']}/pose", self._on_basket, SENSOR)
         accept = {"goal_callback": self._on_goal, "cancel_callback": self._on_cancel}
         self._action = RoutineServer(self, Practice, "/practice", self._practise, self._finish, **accept)
         self._diagnostics = Diagnostics(self, lambda: (OK, "practising" if self._goal else "waiting", {}))
@@ -67,9 +70,11 @@ class CoachNode(Node):
         self._goal, result = goal_handle, Practice.Result()
         try:
             targets = [conversions.vector(point) for point in goal_handle.request.targets]
-            wanted = goal_handle.request.throws or len(targets)
+            follow, wanted = goal_handle.request.follow_basket, goal_handle.request.throws or len(targets)
+            if follow and targets:
+                raise ValueError("follow_basket throws where the cameras see the basket: give no targets")
             for number in range(1, wanted + 1):
-                target = targets[(number - 1) % len(targets)] if targets else await self._choose()
+                target = None if follow else targets[(number - 1) % len(targets)] if targets else await self._choose()
                 await self._one_throw(number, target, result)
                 if goal_handle.is_cancel_requested:
                     raise Gone("cancelled")
@@ -101,11 +106,15 @@ class CoachNode(Node):
                 return baskets[k]
         raise Gone(f"{self._plan.srv_name} has no plan for any of {len(baskets)} baskets: {response.message}")
 
-    async def _one_throw(self, number: int, target: np.ndarray, result: Practice.Result) -> None:
+    async def _one_throw(self, number: int, target: np.ndarray | None, result: Practice.Result) -> None:
+        """target (3,), where the basket is put; None: where it is seen."""
         self._feed(number, "resetting")
         await self._recording.start()
-        reset = Reset.Request(move_basket=True, basket=conversions.point(target), paused=True)
+        reset = Reset.Request(paused=True)
+        if target is not None:
+            reset.move_basket, reset.basket = True, conversions.point(target)
         first = await self._calls.call(self._reset, reset)
+        target = await self._basket_seen(conversions.stamp_ns(first.stamp)) if target is None else target
         self._feed(number, "throwing")
         thrown = await self._throw_at(target, first.stamp)
         await self._calls.call(self._pause, SetBool.Request(data=True))
@@ -120,6 +129,23 @@ class CoachNode(Node):
             thrown.outcome.landing_error = np.nan
         result.outcomes.append(thrown.outcome)
         self._goal.publish_feedback(feedback)
+
+    async def _basket_seen(self, since_ns: int) -> np.ndarray:
+        """Where the cameras see the basket (3,), not before a stamp; a paused world is let run until they do."""
+        self._sighting = Promise()
+        self._sighting_since_ns = since_ns
+        await self._calls.call(self._pause, SetBool.Request(data=False))
+        seen, self._sighting = await within(self, self._sighting, PATIENCE), None
+        await self._calls.call(self._pause, SetBool.Request(data=True))
+        if seen is None:
+            raise Gone(f"the basket was not seen for {PATIENCE:.0f} s: is it tracked?")
+        return seen
+
+    def _on_basket(self, message: PoseStamped) -> None:
+        if self._sighting is None or conversions.stamp_ns(message.header.stamp) < self._sighting_since_ns:
+            return
+        if message.header.frame_id == self.p["frame_id"]:
+            self._sighting.keep(conversions.vector(message.pose.position))
 
     async def _throw_at(self, target: np.ndarray, first_stamp) -> Throw.Result:
         """Result of a throw that begins after a known state, so that it begins at the same step every time."""

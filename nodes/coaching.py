@@ -113,9 +113,13 @@ class Coach:
         self.call(self._pause, SetBool.Request(data=False))
         return result, handle
 
-    def practise(self, throws: int = 0, targets: Iterable[np.ndarray] = (), on_feedback=lambda feedback: None) -> Practice.Result:
-        """Own throws that are learned from; without targets the coach node chooses them. on_feedback: called with each feedback."""
-        goal = Practice.Goal(throws=throws, targets=[conversions.point(target) for target in targets])
+    def practise(
+        self, throws: int = 0, targets: Iterable[np.ndarray] = (), follow_basket: bool = False, on_feedback=lambda feedback: None
+    ) -> Practice.Result:
+        """Own throws that are learned from; without targets the coach node chooses them, or throws where it sees the basket. on_feedback:
+        called with each feedback.
+        """
+        goal = Practice.Goal(throws=throws, targets=[conversions.point(target) for target in targets], follow_basket=follow_basket)
         self._link(_of_action("/practice"), self._patience)
         sent = self._practice.send_goal_async(goal, feedback_callback=lambda message: on_feedback(message.feedback))
         return self.wait(self._accepted(sent, "/practice").get_result_async(), "practice", patience=np.inf).result

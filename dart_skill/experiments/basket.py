@@ -43,8 +43,8 @@ class Task:
 
 @dataclass(frozen=True)
 class Run:
-    """targets (throws, 3) [m]; per model (models, throws): along and across [m], nan without a landing that was seen, and whether it went in;
-    refused: whether there was no plan, or it was stopped; shown (demonstrations, 3): where the demonstrations landed, or their baskets.
+    """targets (throws, 3) [m]; per model (models, throws): along and across [m], nan without a landing that was seen, and whether it went
+    in; refused: whether there was no plan, or it was stopped; shown (demonstrations, 3): where the demonstrations landed, or their baskets.
     """
 
     task: Task

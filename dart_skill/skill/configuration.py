@@ -3,11 +3,14 @@
 `thesis` is what chapter 8 describes; `default` is what throws best here. docs/skill.md holds the comparison.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+
+from dart_skill.surface import Game, game_at
 
 FRAMES = ("thesis", "start", "azimuth", "azimuth_target")
 ALIGNMENTS = ("start", "release")
 PARTITIONS = ("time", "em")
+DRIVES = ("time", "state")
 
 
 @dataclass(frozen=True)
@@ -22,7 +25,8 @@ class SkillConfiguration:
     weighted by a Gaussian of the distance between their target and the new one; 0 for equal weights; widths: the width is chosen
     among these by cross-validation; nearest: only so many demonstrations, 0 for all (8.4.2). solve_aim: the task parameter
     is solved for so that the plan's own predicted landing is on the target. stiffness [1/s^2]: of (7.19), critically damped.
-    step [s]: of the plan.
+    step [s]: of the plan. drive: what carries the movement on, "time", or the "state" of the arm (chapter 9).
+    board: where the bull (x, y, z) [m] of a board is that darts are thrown at; empty for balls and baskets.
     """
 
     name: str = "default"
@@ -39,6 +43,8 @@ class SkillConfiguration:
     stiffness: float = 200.0
     step: float = 0.004
     noise: float = 1e-4
+    drive: str = "time"
+    board: tuple[float, ...] = field(default=(), repr=False)  # left out of a model's name, which its tasks decide anyway
 
     def __post_init__(self):
         if self.frames not in FRAMES:
@@ -47,12 +53,22 @@ class SkillConfiguration:
             raise ValueError(f"alignment '{self.alignment}' is unknown: choose one of {', '.join(ALIGNMENTS)}")
         if self.partition not in PARTITIONS:
             raise ValueError(f"partition '{self.partition}' is unknown: choose one of {', '.join(PARTITIONS)}")
+        if self.drive not in DRIVES:
+            raise ValueError(f"drive '{self.drive}' is unknown: choose one of {', '.join(DRIVES)}")
         for name, least in (("components", 1), ("width", 0.0), ("nearest", 0), ("stiffness", 1e-6), ("step", 1e-4)):
             if not getattr(self, name) >= least:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be at least {least}")
         object.__setattr__(self, "widths", tuple(float(width) for width in self.widths))
         if not all(width > 0.0 for width in self.widths):
             raise ValueError(f"widths are {self.widths}; all must be positive")
+
+        object.__setattr__(self, "board", tuple(float(value) for value in self.board))
+        game_at(self.board)
+
+    @property
+    def game(self) -> Game:
+        """What is thrown at what."""
+        return game_at(self.board)
 
     @property
     def turns(self) -> bool:
@@ -75,6 +91,7 @@ CONFIGURATIONS = {
         replace(DEFAULT, name="em", components=12, partition="em"),
         replace(DEFAULT, name="weighted", distance_input=False, width=0.25),
         replace(DEFAULT, name="cross_validated", distance_input=False, widths=(0.06, 0.1, 0.15, 0.25, 0.5)),
+        replace(DEFAULT, name="autonomous", drive="state"),
         replace(DEFAULT, name="two_frames", distance_input=False, frames="azimuth_target"),
     )
 }

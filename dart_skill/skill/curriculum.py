@@ -30,7 +30,7 @@ class Curriculum:
         self._places, self._squares = np.vstack([self._places, place]), np.append(self._squares, error**2)
 
     def expected_error(self, targets: ArrayLike) -> np.ndarray:
-        """Root mean square (n,) [m] of the errors near targets (n, 3), newer ones counting more, and of one of 5 cm that stands for ignorance."""
+        """Root mean square (n,) [m] of the errors near targets (n, 3), newer ones counting more, and of UNKNOWN, which counts as one."""
         apart = (_places(np.asarray(targets, dtype=float).reshape(-1, 3))[:, None] - self._places) / LENGTHS
         age = np.arange(len(self._squares))[::-1]
         weights = np.exp(-0.5 * np.einsum("ijk,ijk->ij", apart, apart)) * FADING**age

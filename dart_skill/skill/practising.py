@@ -18,7 +18,7 @@ from dart_skill.policy_search import Trial as SearchTrial
 from dart_skill.recording import Demonstration
 from dart_skill.robot.throw_plan import ThrowPlan
 from dart_skill.skill.configuration import DEFAULT, SkillConfiguration
-from dart_skill.skill.correction import Correction, CorrectionSettings, corrected, polar, repeatable_miss
+from dart_skill.skill.correction import Correction, CorrectionSettings, corrected, repeatable_miss
 from dart_skill.skill.practice import Practice, PracticeSettings, Verdict
 from dart_skill.skill.preparation import prepare
 
@@ -32,7 +32,7 @@ SPREAD = np.array([0.05, 0.05, 0.02, 0.02])
 @dataclass(frozen=True)
 class Told:
     """What became of a throw that was told: whether it was learned from, and why not; `left`: along and across, what of the error [m] the
-    delay of the hand does not explain, so that a perfect skill would have avoided it; nan if nobody knows; ids of what was forgotten for it.
+    delay of the hand does not explain, so that a perfect skill would have avoided it, nan if nobody knows; ids of what was forgotten for it.
     """
 
     kept: bool
@@ -55,10 +55,13 @@ class PractisingSkill:
     ):
         if method not in METHODS:
             raise ValueError(f"there is no way to practise '{method}': choose one of {', '.join(METHODS)}")
+        if method == "power" and configuration.board:
+            raise ValueError("PoWER's offsets and slopes are those of baskets: practise darts with residual, bootstrap or both")
         self.method = method
         self.practice = Practice(shown, configuration, memory)
         self.skill = self.practice.learn()
-        self.correction = Correction(settings) if method in ("residual", "both") else None
+        self._game = configuration.game
+        self.correction = Correction(settings, self._game.surface) if method in ("residual", "both") else None
         self._search = PoWER(np.zeros(4), SPREAD, rng=rng or np.random.default_rng(0)) if method == "power" else None
         self._trial: SearchTrial | None = None
 
@@ -81,20 +84,16 @@ class PractisingSkill:
         except ValueError as error:
             self._trial = None
             return Told(False, str(error))
-        place, miss = repeatable_miss(plan, seen.task, seen.hand_delay - (plan.release - plan.open_hand))
+        place, miss = repeatable_miss(plan, seen.task, seen.hand_delay - (plan.release - plan.open_hand), self._game)
         if self._trial is not None:
             self._search.tell(self._trial, -float(np.linalg.norm(seen.task - plan.target)))
             self._trial = None
         if self.correction is not None:
             self.correction.add(place, miss)
         verdict = self._bootstrap(trial) if self.method in ("bootstrap", "both") else Verdict(True)
-        return Told(verdict.kept, verdict.reason, self._left(plan, place, miss), verdict.forgotten)
-
-    @staticmethod
-    def _left(plan: ThrowPlan, place: np.ndarray, miss: np.ndarray) -> tuple[float, float]:
-        """The miss as seen from the target: the plan was meant for another place if it was corrected."""
-        distance, azimuth = polar(plan.target)
-        return float(place[0] + miss[0] - distance), float(place[0] * (place[1] - azimuth) + miss[1])
+        # The plan was meant for another place if it was corrected.
+        left = self._game.surface.seen_from(plan.target, place, miss)
+        return Told(verdict.kept, verdict.reason, left, verdict.forgotten)
 
     def _searched(self, target: np.ndarray, explore: bool) -> np.ndarray:
         """The point to plan for under PoWER's best correction, or under the one that it tries now."""

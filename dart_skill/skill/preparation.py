@@ -25,9 +25,9 @@ RATE = 100.0
 class PreparedThrow:
     """A demonstration ready to be learned.
 
-    task (3,) is its task parameter: where the ball came down on the plane of the rim, or where the basket stood; azimuth of the
-    task [rad]; time (n,) [s], 0 at the shared instant; motion (n, 5) x, y, z in the world and alpha, beta in the axes of
-    the configuration; attractor (n, 5) likewise; start_pose (6,): x, y, z, alpha, beta, roll of the hand at rest, all in axes turned
+    task (3,) is its task parameter: where the ball came down on the plane of the rim (a dart: where it met the board), or where the basket
+    stood; its azimuth [rad] and reach [m], the distance from the base axis or the height on the board; time (n,) [s], 0 at the shared instant; motion (n, 5) x, y, z in the world and alpha, beta in the axes of
+    the configuration; velocity and attractor (n, 5) likewise; start_pose (6,): x, y, z, alpha, beta, roll of the hand at rest, all in axes turned
     by the azimuth; release [s] on the same clock; start_posture (7,) with J1 relative
     to the azimuth; hand_delay [s] from the command to the ball being free, nan if the command was not seen.
     """
@@ -35,8 +35,10 @@ class PreparedThrow:
     id: str
     task: np.ndarray
     azimuth: float
+    reach: float
     time: np.ndarray
     motion: np.ndarray
+    velocity: np.ndarray
     attractor: np.ndarray
     start_pose: np.ndarray
     start: float
@@ -62,9 +64,10 @@ def prepare(demonstration: Demonstration, configuration: SkillConfiguration) -> 
 
 def _prepare(demonstration: Demonstration, configuration: SkillConfiguration) -> PreparedThrow:
     d = demonstration
-    free = find_flight(d.ball_time, d.ball_position) if len(d.ball_time) else None
+    ball, surface = configuration.game.projectile, configuration.game.surface
+    free = find_flight(d.ball_time, d.ball_position, ball) if len(d.ball_time) else None
     grip = wam_description().hand.ball_centre
-    release = fit_release(d.ball_time, d.ball_position, d.hand_time, d.hand_position, d.hand_quaternion, grip, free=free)
+    release = fit_release(d.ball_time, d.ball_position, d.hand_time, d.hand_position, d.hand_quaternion, grip, ball, free=free)
     task = _task(d, configuration, free)
     azimuth = float(np.arctan2(task[1], task[0]))
     shared = release.time if configuration.alignment == "release" else d.motion_start
@@ -81,8 +84,10 @@ def _prepare(demonstration: Demonstration, configuration: SkillConfiguration) ->
         id=d.id,
         task=task,
         azimuth=azimuth,
+        reach=float(surface.coordinates(task)[0]),
         time=grid,
         motion=motion.position,
+        velocity=motion.velocity,
         attractor=attractor_from_motion(*motion, configuration.stiffness),
         start_pose=_start_pose(d, azimuth, turned),
         start=float(d.motion_start - shared),
@@ -106,7 +111,8 @@ def _start_pose(demonstration: Demonstration, azimuth: float, angles: np.ndarray
 def _task(demonstration: Demonstration, configuration: SkillConfiguration, free: FreeFlight | None) -> np.ndarray:
     if not configuration.relabel:
         return demonstration.target
-    outcome = judge_flight(demonstration.ball_time, demonstration.ball_position, demonstration.target, RIM_RADIUS, free=free)
+    d, game = demonstration, configuration.game
+    outcome = judge_flight(d.ball_time, d.ball_position, d.target, RIM_RADIUS, game.projectile, free=free, surface=game.surface)
     if not outcome.landing_seen:
         raise ValueError("nobody saw where the ball landed; learn without relabelling, or track the ball to the rim")
     return outcome.landing

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from dart_skill.movement.autonomous import lift
 from dart_skill.movement.frames import (
     TaskFrame,
     azimuth_frame,
@@ -25,6 +26,8 @@ def frames_for(task: np.ndarray, start: np.ndarray, configuration: SkillConfigur
         frames = [azimuth_frame(azimuth_of(task))]
         if configuration.frames == "azimuth_target":
             frames.append(azimuth_target_frame(task))
+    if configuration.drive == "state":
+        frames = [lift(frame) for frame in frames]
     return [_with_distance(frame) for frame in frames] if configuration.distance_input else frames
 
 

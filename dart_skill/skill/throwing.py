@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dart_skill.flight import landing
 from dart_skill.mixture import GaussianMixture, regress
 from dart_skill.movement import TaskParameterisedMixture, follow_attractor
 from dart_skill.movement.attractor import critical_damping
+from dart_skill.movement.autonomous import AutonomousPolicy, PhaseRule
 from dart_skill.movement.frames import azimuth_of, turn_matrix
 from dart_skill.movement.locality import choose_width, gaussian_weights, nearest_weights
 from dart_skill.movement.orientation import angles_from_quaternions, quaternions_from_angles, rotate, turn_about_z
@@ -24,12 +24,15 @@ from dart_skill.samples import to_the_nanosecond
 from dart_skill.skill.configuration import DEFAULT, SkillConfiguration
 from dart_skill.skill.preparation import PreparedThrow, prepare
 from dart_skill.skill.task_frames import frames_for
+from dart_skill.surface import RIMS
 
 LEAST_DEMONSTRATIONS = 2
 REACH_MARGIN = 0.25
 """How far beyond the demonstrated distances a plan may aim, as a share of them: docs/skill.md has what comes of it."""
 SIDE_MARGIN = np.deg2rad(45.0)
 """How far beyond the demonstrated azimuths a plan may aim [rad]."""
+LONGEST_DRIVE = 1.5
+"""A movement that is driven by the state may take so many times as long as shown."""
 AIM_TOLERANCE, WORST_AIM, LONGEST_AIM_STEP = 5e-4, 5e-3, 0.15
 """Of the search for the aim: where it stops, what it accepts at worst, its longest step; metres, and radians of azimuth."""
 
@@ -62,6 +65,7 @@ class ThrowingSkill:
 
     def __init__(self, configuration: SkillConfiguration, throws: list[PreparedThrow]):
         self.configuration = configuration
+        self._surface = configuration.game.surface
         self.throws = tuple(throws)
         self._tasks = np.array([throw.task for throw in throws])
         self._start = float(np.median([throw.start for throw in throws])) - 0.05
@@ -86,7 +90,7 @@ class ThrowingSkill:
         return digest.hexdigest()[:16]
 
     def plan(self, target: np.ndarray) -> ThrowPlan:
-        """A throw at the basket whose rim is centred at target (3,); Unreachable says why not."""
+        """A throw at the basket whose rim is centred at target (3,), or at a target on the board; Unreachable says why not."""
         target = self._checked(target)
         aim, course = self._solve_aim(target) if self.configuration.solve_aim else (target, self._course(target))
         return self._as_plan(target, aim, course)
@@ -114,9 +118,10 @@ class ThrowingSkill:
 
     def _samples(self, throw: PreparedThrow) -> np.ndarray:
         kept = (throw.time >= self._start) & (throw.time <= self._stop + 0.05)
-        columns = [throw.time[kept, None], throw.attractor[kept]]
+        state = [throw.motion[kept], throw.velocity[kept]] if self.configuration.drive == "state" else []
+        columns = [throw.time[kept, None], *state, throw.attractor[kept]]
         if self.configuration.distance_input:
-            columns.insert(1, np.full((kept.sum(), 1), throw.distance))
+            columns.insert(1, np.full((kept.sum(), 1), throw.reach))
         return np.hstack(columns)
 
     def model_for(self, task: np.ndarray) -> TaskParameterisedMixture:
@@ -131,8 +136,8 @@ class ThrowingSkill:
         return gaussian_weights(self._places, place, self.width)
 
     def _place(self, tasks: np.ndarray) -> np.ndarray:
-        """What of tasks (n, 3) makes throws differ: in turned frames the distance alone (n, 1), else the place on the floor (n, 2)."""
-        return np.hypot(tasks[:, :1], tasks[:, 1:2]) if self.configuration.turns else tasks[:, :2]
+        """What of tasks (n, 3) makes throws differ: in turned frames the reach alone (n, 1), else the place on the floor (n, 2)."""
+        return self._surface.coordinates(tasks)[:, :1] if self.configuration.turns else tasks[:, :2]
 
     @property
     def _places(self) -> np.ndarray:
@@ -145,7 +150,7 @@ class ThrowingSkill:
             predicted = self._course(task, self._fit(weights)).landing
         except Unreachable:
             return float("nan")
-        return -float(np.sum((predicted - task)[:2] ** 2))
+        return -(self._surface.apart(predicted, task) ** 2)
 
     # planning
 
@@ -153,27 +158,28 @@ class ThrowingSkill:
         target = np.asarray(target, dtype=float)
         if target.shape != (3,) or not np.isfinite(target).all():
             raise Unreachable(f"target {target} is not three finite numbers: give the centre of the rim in metres")
-        distances, distance = np.hypot(*self._tasks[:, :2].T), float(np.hypot(*target[:2]))
-        low, high = (1.0 - REACH_MARGIN) * distances.min(), (1.0 + REACH_MARGIN) * distances.max()
-        if not low <= distance <= high:
-            raise Unreachable(f"the basket is {distance:.2f} m from the base axis; the demonstrations reach from {low:.2f} to {high:.2f} m")
-        azimuths, azimuth = np.arctan2(self._tasks[:, 1], self._tasks[:, 0]), float(np.arctan2(target[1], target[0]))
+        surface = self._surface
+        (reaches, azimuths), (reach, azimuth) = surface.coordinates(self._tasks).T, surface.coordinates(target).tolist()
+        low, high = (1.0 - REACH_MARGIN) * reaches.min(), (1.0 + REACH_MARGIN) * reaches.max()
+        if not low <= reach <= high:
+            raise Unreachable(f"the {surface.what} is {surface.far(reach)}; the demonstrations reach from {low:.2f} to {high:.2f} m")
         left, right = azimuths.max() + SIDE_MARGIN, azimuths.min() - SIDE_MARGIN
         if not right <= azimuth <= left:
             raise Unreachable(
-                f"the basket is at {np.rad2deg(azimuth):.0f} degrees; the demonstrations reach from {np.rad2deg(right):.0f} to "
+                f"the {surface.what} is at {np.rad2deg(azimuth):.0f} degrees; the demonstrations reach from {np.rad2deg(right):.0f} to "
                 f"{np.rad2deg(left):.0f} degrees"
             )
         return target
 
     def _solve_aim(self, target: np.ndarray) -> tuple[np.ndarray, _Course]:
-        """Task parameter whose course lands on the target, and that course: Broyden's method in polar coordinates, from the target itself.
+        """Task parameter whose course lands on the target, and that course: Broyden's method in reach and azimuth, from the target itself.
 
-        In turned frames the azimuth comes out right by itself and the distance is a smooth function of one variable.
+        In turned frames the azimuth comes out right by itself and the reach is a smooth function of one variable.
         """
-        wanted, aim, slope = _polar(target), _polar(target), np.eye(2)
-        course = self._course(_point(aim, target[2]))
-        miss = _polar(course.landing) - wanted
+        coordinates, point = self._surface.coordinates, self._surface.point
+        wanted, aim, slope = coordinates(target), coordinates(target), np.eye(2)
+        course = self._course(point(aim, target))
+        miss = coordinates(course.landing) - wanted
         best, found, least = aim, course, np.abs(miss)
         for _ in range(25):
             if np.abs(miss).max() < AIM_TOLERANCE:
@@ -181,15 +187,15 @@ class ThrowingSkill:
             step = -np.linalg.solve(slope, miss)
             step *= min(1.0, LONGEST_AIM_STEP / np.abs(step).max())
             aim = aim + step
-            course = self._course(_point(aim, target[2]))
-            after = _polar(course.landing) - wanted
+            course = self._course(point(aim, target))
+            after = coordinates(course.landing) - wanted
             slope += np.outer(after - miss - slope @ step, step) / (step @ step)
             miss = after
             if np.abs(miss).max() < least.max():
                 best, found, least = aim, course, np.abs(miss)
         if least.max() > WORST_AIM:
             raise Unreachable(f"no aim was found whose plan lands on {target.round(3)}; the nearest misses by {least[0]:.3f} m")
-        return _point(best, target[2]), found
+        return point(best, target), found
 
     def _course(self, task: np.ndarray, model: TaskParameterisedMixture | None = None) -> _Course:
         azimuth = self.configuration.angle_azimuth(azimuth_of(task))
@@ -198,11 +204,30 @@ class ThrowingSkill:
         time = np.arange(self._start, self._stop, self.configuration.step)
         inputs = time[:, None]
         if self.configuration.distance_input:
-            inputs = np.column_stack([time, np.full(len(time), np.hypot(task[0], task[1]))])
+            inputs = np.column_stack([time, np.full(len(time), self._surface.coordinates(task)[0])])
+        if self.configuration.drive == "state":
+            return self._carried(self._policy(mixture, inputs), start, task, azimuth, roll)
         n_inputs = inputs.shape[1]
         attractor, _ = regress(mixture, inputs, range(n_inputs), range(n_inputs, n_inputs + 5))
         motion = follow_attractor(attractor, self.configuration.step, start, np.zeros(5), self.configuration.stiffness)
         course = _Course(time, attractor, *motion, azimuth, roll, np.full(3, np.nan))
+        return replace(course, landing=self._predicted_landing(course, task[2]))
+
+    def _policy(self, mixture: GaussianMixture, inputs: np.ndarray) -> AutonomousPolicy:
+        """The policy that is driven by the state (chapter 9), its phases those of the inputs (n, 1 or 2)."""
+        n_inputs, stiffness = inputs.shape[1], self.configuration.stiffness
+        mean, covariance = regress(mixture, inputs, range(n_inputs), range(n_inputs, n_inputs + 15))
+        spread = covariance[:, :10, :10]
+        return AutonomousPolicy(inputs[:, 0], mean[:, :10], spread, mean[:, 10:], stiffness, critical_damping(stiffness), PhaseRule())
+
+    def _carried(self, policy: AutonomousPolicy, start: np.ndarray, task: np.ndarray, azimuth: float, roll: float) -> _Course:
+        """The movement of a policy, on the clock on which it comes to the phase of the release when the ball is released."""
+        step = self.configuration.step
+        run = policy.run(start, np.zeros(5), step=step, duration=LONGEST_DRIVE * (self._stop - self._start))
+        time = run.time + self.release - np.interp(self.release, run.phase, run.time)
+        kept = time <= self._stop
+        course = _Course(time, run.attractor, run.position, run.velocity, run.acceleration, azimuth, roll, np.full(3, np.nan))
+        course = course.part(0, int(kept.sum()))
         return replace(course, landing=self._predicted_landing(course, task[2]))
 
     def _start_features(self, task: np.ndarray) -> tuple[np.ndarray, float]:
@@ -226,9 +251,13 @@ class ThrowingSkill:
         path, k = _hand_path(course.part(first, k + 2)), k - first  # a derivative needs the neighbours
         arm = rotate(path.quaternion[k : k + 1], wam_description().hand.ball_centre[None])[0]
         velocity = path.velocity[k, :3] + np.cross(path.velocity[k, 3:], arm)
-        point = landing(path.position[k] + arm + late * velocity, velocity + late * path.acceleration[k, :3], rim_height)
+        acceleration = path.acceleration[k, :3]
+        if self._surface is not RIMS:  # a board asks for millimetres: not without the turn of the hand in the rest of a step
+            acceleration = acceleration + turning(path.velocity[k, 3:], path.acceleration[k, 3:], arm)
+        start, speed = path.position[k] + arm + late * velocity, velocity + late * acceleration
+        point = self._surface.crossing(start, speed, np.array([0.0, 0.0, rim_height]), self.configuration.game.projectile)
         if not np.isfinite(point.position).all():
-            raise Unreachable(f"the plan for {course.azimuth:.2f} rad never comes down on the plane of the rim at {rim_height:.2f} m")
+            raise Unreachable(f"the plan for {course.azimuth:.2f} rad never comes down on the plane of the {self._surface.what} at {rim_height:.2f} m")
         return point.position
 
     def _as_plan(self, target: np.ndarray, aim: np.ndarray, course: _Course) -> ThrowPlan:
@@ -263,13 +292,9 @@ def learn_prepared(throws: list[PreparedThrow], configuration: SkillConfiguratio
     return ThrowingSkill(configuration, throws)
 
 
-def _polar(point: np.ndarray) -> np.ndarray:
-    """Distance from the base axis and azimuth (2,)."""
-    return np.array([np.hypot(point[0], point[1]), np.arctan2(point[1], point[0])])
-
-
-def _point(polar: np.ndarray, height: float) -> np.ndarray:
-    return np.array([polar[0] * np.cos(polar[1]), polar[0] * np.sin(polar[1]), height])
+def turning(rate: np.ndarray, change: np.ndarray, arm: np.ndarray) -> np.ndarray:
+    """Acceleration (3,) of a point at `arm` (3,) from the origin of a body that turns at a rate (3,) which changes (3,)."""
+    return np.cross(rate, np.cross(rate, arm)) + np.cross(change, arm)
 
 
 def _hand_quaternions(angles: np.ndarray, course: _Course) -> np.ndarray:

@@ -1,9 +1,9 @@
-"""Practice over DDS is practice in process, to the last bit, and ground truth has no part in it: here it is garbage for all but the cameras."""
+"""Practice over DDS is practice in process, to the last bit; ground truth has no part in it: for all but the cameras it is garbage here."""
 
 import numpy as np
 import pytest
 from dart_skill_msgs.msg import SimulationState
-from dart_skill_msgs.srv import PlanThrow
+from dart_skill_msgs.srv import PlaceBasket, PlanThrow
 
 from dart_skill.experiments.session import Session
 from dart_skill.experiments.targets import targets_for
@@ -102,6 +102,26 @@ def test_the_coach_chooses_baskets_by_itself_and_cannot_be_asked_twice(make_grap
     distances = [np.hypot(outcome.target.x, outcome.target.y) for outcome in result.outcomes]
     assert all(1.5 <= distance <= 2.5 for distance in distances)
     assert said == ["resetting", "throwing", "learning", "done"] * 2
+
+
+def test_throws_follow_a_basket_that_somebody_moves_while_the_arm_returns(make_graph):
+    graph, coach = make_graph("composed", 1)
+    for target in targets_for(1, 2, 0)[0]:
+        assert coach.teach(target).success
+    coach.learn()
+    places = [np.array([1.8, 0.1, 0.4]), np.array([2.0, -0.3, 0.4])]
+    move = coach.node.create_client(PlaceBasket, "/simulation/place_basket")
+    coach.call(move, PlaceBasket.Request(position=conversions.point(places[0])))
+
+    def on_feedback(feedback):
+        if (feedback.number, feedback.phase) == (1, "learning"):
+            move.call_async(PlaceBasket.Request(position=conversions.point(places[1])))
+
+    result = coach.practise(2, follow_basket=True, on_feedback=on_feedback)
+    assert result.thrown == 2, result.message
+    aimed = np.array([conversions.vector(outcome.target) for outcome in result.outcomes])
+    np.testing.assert_allclose(aimed, places, atol=0.003)
+    assert [outcome.in_basket for outcome in result.outcomes] == [True, True]
 
 
 def test_practice_before_anything_is_learned_says_so(make_graph):
