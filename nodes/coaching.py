@@ -9,7 +9,9 @@ import rclpy
 from dart_skill_msgs.action import Practice, Teach, Throw
 from dart_skill_msgs.srv import Learn, Reset
 from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.srv import SetParameters
 from rclpy.action import ActionClient
+from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
 from dart_skill_nodes import conversions
@@ -123,6 +125,15 @@ class Coach:
         self._link(_of_action("/practice"), self._patience)
         sent = self._practice.send_goal_async(goal, feedback_callback=lambda message: on_feedback(message.feedback))
         return self.wait(self._accepted(sent, "/practice").get_result_async(), "practice", patience=np.inf).result
+
+    def set_parameters(self, node: str, values: dict[str, float]) -> None:
+        """Set numbers of a node; GraphFailure if it refuses one."""
+        client = self.node.create_client(SetParameters, f"{node}/set_parameters")
+        self._link(client.srv_name, self._patience)
+        request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg() for name, value in values.items()])
+        for name, result in zip(values, self.wait(client.call_async(request), client.srv_name).results, strict=True):
+            if not result.successful:
+                raise GraphFailure(f"{node} does not take {name} = {values[name]}: {result.reason}")
 
     def call(self, client, request):
         """Response of a service; GraphFailure if it says no."""

@@ -5,6 +5,7 @@ import json
 import sys
 import time
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ choose_domain()
 
 import rclpy  # noqa: E402  the domain must be chosen before rclpy starts
 
+from dart_skill.experiments.practice import CHANGES  # noqa: E402
 from dart_skill.skill.practising import METHODS  # noqa: E402
 from dart_skill_nodes import conversions  # noqa: E402
 from dart_skill_nodes.coaching import Coach, GraphFailure  # noqa: E402
@@ -31,26 +33,31 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--demonstrations", type=int, default=3, help="throws to be shown (default 3)")
     parser.add_argument("--throws", type=int, default=20, help="own throws (default 20)")
     parser.add_argument("--method", choices=[name for name in METHODS if name != "power"], help="default: of config/skill_learner.yaml")
+    parser.add_argument("--change", choices=sorted(CHANGES), default="none", help="what happens to the arm, unannounced (default none)")
+    parser.add_argument("--change-after", type=int, default=5, metavar="N", help="own throws before the change (default 5)")
     parser.add_argument("--output", type=Path, help="folder for the bag and the logs (default output/practice_<date>)")
     parser.add_argument("--json", action="store_true", help="every throw as JSON on stdout instead of the table")
     parser.add_argument("--layout", choices=sorted(LAYOUTS), default="composed", help="processes of the graph (default composed)")
     options = parser.parse_args(arguments)
-    for name, least in (("seed", 0), ("demonstrations", 2), ("throws", 1)):
+    for name, least in (("seed", 0), ("demonstrations", 2), ("throws", 1), ("change_after", 0)):
         if getattr(options, name) < least:
             parser.error(f"--{name} is {getattr(options, name)}; it must be at least {least}")
+    if options.change != "none" and options.change_after >= options.throws:
+        parser.error(f"--change-after is {options.change_after}: there are {options.throws} throws only")
     options.output = (options.output or Path("output") / f"practice_{datetime.now():%Y_%m_%d-%H_%M_%S}").resolve()
     if (options.output / "bag").exists():
         parser.error(f"--output {options.output} holds a bag already: choose another folder")
     return options
 
 
-def _report(feedback) -> None:
+def _report(feedback, before: int) -> None:
+    """One line per throw; `before`: throws of earlier goals."""
     if feedback.phase != "done":
         return
     outcome = feedback.outcome
     error = f"{100 * outcome.landing_error:.1f} cm" if outcome.landing_seen else "landing not seen"
     where = place(conversions.vector(outcome.target))
-    say(f"throw {feedback.number}: {where}: {'in' if outcome.in_basket else 'out'}, {error} {feedback.message}")
+    say(f"throw {before + feedback.number}: {where}: {'in' if outcome.in_basket else 'out'}, {error} {feedback.message}")
 
 
 def run(options: argparse.Namespace) -> dict:
@@ -65,13 +72,23 @@ def run(options: argparse.Namespace) -> dict:
         teach(coach, options.seed, options.demonstrations)
         say(coach.learn().message)
         begun = time.monotonic()
-        result = coach.practise(options.throws, on_feedback=_report)
+        blocks = [options.throws] if options.change == "none" else [options.change_after, options.throws - options.change_after]
+        results = []
+        for block, throws in enumerate(blocks):
+            if block:
+                coach.set_parameters("/wam_simulator", CHANGES[options.change])
+                say(f"from now on: {options.change}")
+            if throws:
+                results.append(
+                    coach.practise(throws, on_feedback=lambda feedback: _report(feedback, sum(len(r.outcomes) for r in results)))
+                )
         took = time.monotonic() - begun
         coach.close()
-    throws = [_as_row(outcome) for outcome in result.outcomes]
+    throws = [_as_row(outcome) for result in results for outcome in result.outcomes]
     return {
-        "seed": options.seed, "demonstrations": options.demonstrations, "thrown": result.thrown, "learned": result.learned,
-        "seconds": round(took, 1), "message": result.message, "bag": str(options.output / "bag"), "throws": throws,
+        "seed": options.seed, "demonstrations": options.demonstrations, "thrown": sum(result.thrown for result in results),
+        "learned": sum(result.learned for result in results), "change": options.change, "change_after": options.change_after,
+        "seconds": round(took, 1), "message": results[-1].message, "bag": str(options.output / "bag"), "throws": throws,
     }  # fmt: skip
 
 
@@ -94,7 +111,8 @@ def table(summary: dict) -> str:
         numbers = f"{np.median(errors):>14.1f}{errors.max():>13.1f}" if len(errors) else f"{'not seen':>14}"
         span, inside = f"{first + 1}-{first + len(block)}", sum(row["in_basket"] for row in block)
         lines.append(f"{span:>10}{f'{inside}/{len(block)}':>8}{numbers}")
-    return "\n".join([*lines, f"{summary['message']}; {summary['seconds']:.0f} s"])
+    done = f"{summary['thrown']} throws made, {summary['learned']} learned from, in {summary['seconds']:.0f} s"
+    return "\n".join([*lines, done])
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -3,14 +3,16 @@
 import numpy as np
 import pytest
 from dart_skill_msgs.msg import SimulationState
-from dart_skill_msgs.srv import PlaceBasket, PlanThrow
+from dart_skill_msgs.srv import PlaceBasket, PlanThrow, Reset
 
 from dart_skill.experiments.session import Session
 from dart_skill.experiments.targets import targets_for
 from dart_skill.skill.practising import PractisingSkill
 from dart_skill_nodes import conversions
-from dart_skill_nodes.coaching import Coach
+from dart_skill_nodes.coaching import Coach, GraphFailure
 from dart_skill_nodes.graph import Graph
+
+from .conftest import wait_for
 
 SEED, SHOWN = 4, 3
 TO_DEMONSTRATE, TO_PRACTISE = targets_for(SEED, SHOWN, 3)
@@ -122,6 +124,28 @@ def test_throws_follow_a_basket_that_somebody_moves_while_the_arm_returns(make_g
     aimed = np.array([conversions.vector(outcome.target) for outcome in result.outcomes])
     np.testing.assert_allclose(aimed, places, atol=0.003)
     assert [outcome.in_basket for outcome in result.outcomes] == [True, True]
+
+
+def test_the_simulated_arm_changes_with_the_next_reset(make_graph):
+    _, coach = make_graph("composed")
+    seen = []
+    coach.node.create_subscription(SimulationState, "/simulation/state", seen.append, 10)
+    reset = coach.node.create_client(Reset, "/simulation/reset")
+
+    def hand():
+        episode = coach.call(reset, Reset.Request(paused=True)).episode
+        wait_for(coach, lambda: seen and seen[-1].episode == episode, what="the state after the reset")
+        return conversions.vector(seen[-1].hand.position), seen[-1].base_turn
+
+    straight, turn = hand()
+    assert turn == 0.0
+    coach.set_parameters("/wam_simulator", {"base_turn": 0.1})
+    turned, turn = hand()
+    assert turn == 0.1
+    azimuths = [np.arctan2(position[1], position[0]) for position in (straight, turned)]
+    assert np.angle(np.exp(1j * (azimuths[1] - azimuths[0]))) == pytest.approx(0.1, abs=1e-6)
+    with pytest.raises(GraphFailure, match="does not take base_turn = 5.0"):
+        coach.set_parameters("/wam_simulator", {"base_turn": 5.0})
 
 
 def test_practice_before_anything_is_learned_says_so(make_graph):
