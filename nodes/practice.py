@@ -5,7 +5,6 @@ import json
 import sys
 import time
 from datetime import datetime
-from functools import partial
 from pathlib import Path
 
 import numpy as np
