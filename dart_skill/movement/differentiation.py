@@ -23,6 +23,7 @@ MIN_SAMPLES = 8
 RISK_WINDOW = 300
 # lambda in units of the mean sample interval, per unit of noise variance.
 LOG_PENALTIES = np.linspace(-6.0, 12.0, 181)
+GAUSS_POINTS = np.polynomial.legendre.leggauss(3)
 
 
 class Motion(NamedTuple):
@@ -58,11 +59,11 @@ def smooth_derivatives(
     # The quadratic trend is fitted apart, so that a large penalty, whose system is ill-conditioned, cannot disturb it.
     trend = quadratic_trend(stamps, samples)
     coefficients = basis.fit(trend, 0.0)
-    smoother = _Smoother(basis) if levels.any() else None
+    rest = samples - trend
+    risk = _Smoother(basis).risk(rest / np.where(levels > 0, levels, 1.0)) if levels.any() else None
     for group in groups:
-        rest, level = samples[:, group] - trend[:, group], levels[group[0]]
-        penalty = smoother.choose_penalty(rest / level) if level > 0 else 0.0
-        coefficients[:, group] += basis.fit(rest, penalty)
+        penalty = _best_penalty(risk[:, group]) if levels[group[0]] > 0 else 0.0
+        coefficients[:, group] += basis.fit(rest[:, group], penalty)
     return Motion(*(basis.evaluate(coefficients, (at - time[0]) / interval, order) / interval**order for order in range(3)))
 
 
@@ -108,29 +109,30 @@ class _Smoother:
         parts = np.array_split(basis.stamps, n_windows)
         self._windows = [_RiskWindow(basis if n_windows == 1 else _QuinticBasis(part)) for part in parts]
 
-    def choose_penalty(self, samples: np.ndarray) -> float:
-        """lambda of least estimated risk for samples (n, d) of unit noise, stamps in mean intervals."""
+    def risk(self, samples: np.ndarray) -> np.ndarray:
+        """Estimated risk (n_penalties, d) of samples (n, d) of unit noise, stamps in mean intervals, up to constants."""
         parts = np.array_split(samples, len(self._windows))
-        risk = sum(window.risk(part) for window, part in zip(self._windows, parts, strict=True))
-        return float(10.0 ** LOG_PENALTIES[risk.argmin()])
+        return sum(window.risk(part) for window, part in zip(self._windows, parts, strict=True))
+
+
+def _best_penalty(risk: np.ndarray) -> float:
+    """lambda of least risk (n_penalties, d), summed over columns that are smoothed alike."""
+    return float(10.0 ** LOG_PENALTIES[risk.sum(axis=1).argmin()])
 
 
 class _RiskWindow:
     """The smoother on some stamps, in the basis that diagonalises it."""
 
     def __init__(self, basis: _QuinticBasis):
-        factor = np.linalg.cholesky(basis.gram.toarray())
-        half = scipy.linalg.solve_triangular(factor, basis.roughness.toarray(), lower=True)
-        roughness = scipy.linalg.solve_triangular(factor, half.T, lower=True)
-        values, vectors = scipy.linalg.eigh(0.5 * (roughness + roughness.T))
+        values, vectors = scipy.linalg.eigh(_lower(basis.roughness), _lower(basis.gram))
         self._stamps = basis.stamps
-        self._project = vectors.T @ scipy.linalg.solve_triangular(factor, basis.design.T.toarray(), lower=True)
+        self._project = (basis.design @ vectors).T
         self._kept = 1.0 / (1.0 + 10.0 ** LOG_PENALTIES[:, None] * np.maximum(values, 0.0))
 
     def risk(self, samples: np.ndarray) -> np.ndarray:
-        """Residual sum of squares plus twice the trace of the smoother, up to a constant, for every penalty."""
+        """Residual sum of squares plus twice the trace of the smoother, up to constants: (n_penalties, d)."""
         projected = self._project @ (samples - quadratic_trend(self._stamps, samples))
-        return np.square(1.0 - self._kept) @ np.square(projected).sum(1) + 2.0 * samples.shape[1] * self._kept.sum(1)
+        return np.square(1.0 - self._kept) @ np.square(projected) + 2.0 * self._kept.sum(axis=1)[:, None]
 
 
 def quadratic_trend(stamps: np.ndarray, samples: np.ndarray) -> np.ndarray:
@@ -140,19 +142,29 @@ def quadratic_trend(stamps: np.ndarray, samples: np.ndarray) -> np.ndarray:
     return orthonormal @ (orthonormal.T @ samples)
 
 
-def _design_matrix(stamps: np.ndarray, knots: np.ndarray, degree: int) -> scipy.sparse.csr_array:
-    """Values (n, m) of the B-splines on the knots at the stamps (n,)."""
-    return scipy.interpolate.BSpline.design_matrix(stamps, knots, degree)
+def _sum_of_squares(first: np.ndarray, rows: np.ndarray, n: int) -> np.ndarray:
+    """Bands (DEGREE + 1, n), from the main diagonal down, of the sum of r r' over rows (p, DEGREE + 1) whose entries stand at
+    the places from `first` (p,) on.
+    """
+    bands = np.zeros((DEGREE + 1, n))
+    for offset in range(DEGREE + 1):
+        for k in range(DEGREE + 1 - offset):
+            bands[offset] += np.bincount(first + k, rows[:, k] * rows[:, k + offset], n)
+    return bands
 
 
-def _bands(matrix: scipy.sparse.csc_matrix) -> np.ndarray:
-    """Diagonals (DEGREE + 1, m) of a symmetric matrix, from the main one down."""
-    return np.stack([np.pad(matrix.diagonal(-offset), (0, offset)) for offset in range(DEGREE + 1)])
+def _lower(bands: np.ndarray) -> np.ndarray:
+    """Lower triangle (n, n) of the symmetric matrix with these bands."""
+    n = bands.shape[1]
+    matrix = np.zeros((n, n))
+    for offset, band in enumerate(bands[:n]):
+        matrix.ravel()[offset * n :: n + 1] = band[: n - offset]
+    return matrix
 
 
 class _QuinticBasis:
-    """B-splines of degree 5 on every second stamp, with Gram matrix B'B and roughness matrix of the third
-    derivative.
+    """B-splines of degree 5 on every second stamp: design matrix B at the stamps, bands of the Gram matrix B'B and of the roughness
+    matrix of the third derivative.
     """
 
     def __init__(self, stamps: np.ndarray):
@@ -160,39 +172,34 @@ class _QuinticBasis:
         inner = stamps[2:-2:2] if len(stamps) >= 12 else stamps[:0]
         self.knots = np.concatenate([np.repeat(stamps[0], DEGREE + 1), inner, np.repeat(stamps[-1], DEGREE + 1)])
         self.n_functions = len(self.knots) - DEGREE - 1
-        self.design = _design_matrix(stamps, self.knots, DEGREE)
-        self.gram = (self.design.T @ self.design).tocsc()
+        self.design = scipy.interpolate.BSpline.design_matrix(stamps, self.knots, DEGREE)
+        self._transposed = self.design.T
+        self.gram = _sum_of_squares(*self._values(stamps, 0), self.n_functions)
         self.roughness = self._roughness()
-        self._gram_bands, self._roughness_bands = _bands(self.gram), _bands(self.roughness)
 
-    def _derivative(self, order: int) -> tuple[scipy.sparse.csc_matrix, np.ndarray]:
-        """Matrix from coefficients to those of the derivative, and the knots of the latter."""
-        matrix, knots = scipy.sparse.identity(self.n_functions, format="csc"), self.knots
-        for degree in range(DEGREE, DEGREE - order, -1):
-            knots = knots[1:-1]
-            factor = degree / (knots[degree:] - knots[:-degree])
-            n = len(factor)
-            step = scipy.sparse.diags([-factor, factor], [0, 1], shape=(n, n + 1), format="csc")
-            matrix = step @ matrix
-        return matrix, knots
+    def _values(self, points: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray]:
+        """Index (p,) of the first of the functions that do not vanish at the points (p,), and a derivative of these (p, DEGREE + 1).
 
-    def _roughness(self) -> scipy.sparse.csc_matrix:
+        Of every DEGREE + 1 functions in a row one does not vanish: those that far apart share a column of the coefficients.
+        """
+        first = np.clip(np.searchsorted(self.knots, points, "right") - 1, DEGREE, self.n_functions - 1) - DEGREE
+        columns = np.eye(DEGREE + 1)[np.arange(self.n_functions) % (DEGREE + 1)]
+        places = (first[:, None] + np.arange(DEGREE + 1)) % (DEGREE + 1)
+        return first, np.take_along_axis(self.evaluate(columns, points, order), places, axis=1)
+
+    def _roughness(self) -> np.ndarray:
         """integral B'''(t) B'''(t)' dt; three Gauss points are exact for the product of two quadratics."""
-        breaks = np.unique(self.knots)
-        nodes, node_weights = np.polynomial.legendre.leggauss(3)
-        half = 0.5 * np.diff(breaks)
-        points = (0.5 * (breaks[1:] + breaks[:-1])[:, None] + half[:, None] * nodes).ravel()
-        weights = (half[:, None] * node_weights).ravel()
-        matrix, knots = self._derivative(3)
-        values = _design_matrix(points, knots, DEGREE - 3) @ matrix
-        return (values.T @ values.multiply(weights[:, None])).tocsc()
+        breaks = self.knots[DEGREE:-DEGREE]
+        nodes, weights = GAUSS_POINTS
+        half = 0.5 * np.diff(breaks)[:, None]
+        points = (0.5 * (breaks[1:] + breaks[:-1])[:, None] + half * nodes).ravel()
+        first, values = self._values(points, 3)
+        return _sum_of_squares(first, values * np.sqrt(half * weights).reshape(-1, 1), self.n_functions)
 
     def fit(self, samples: np.ndarray, penalty: float) -> np.ndarray:
         """Coefficients (m, d) of the penalised least squares fit."""
-        bands = self._gram_bands + penalty * self._roughness_bands
-        return scipy.linalg.cho_solve_banded((scipy.linalg.cholesky_banded(bands, lower=True), True), self.design.T @ samples)
+        return scipy.linalg.solveh_banded(self.gram + penalty * self.roughness, self._transposed @ samples, lower=True)
 
     def evaluate(self, coefficients: np.ndarray, stamps: np.ndarray, order: int) -> np.ndarray:
         """Derivative of the given order (n, d) at stamps (n,)."""
-        matrix, knots = self._derivative(order)
-        return _design_matrix(stamps, knots, DEGREE - order) @ (matrix @ coefficients)
+        return scipy.interpolate.BSpline(self.knots, coefficients, DEGREE)(stamps, order)

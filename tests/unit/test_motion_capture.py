@@ -8,6 +8,7 @@ from dart_skill.configuration import node_parameters
 from dart_skill.simulation.motion_capture import (
     BasketWalls,
     Camera,
+    Frame,
     LatencyQueue,
     MotionCapture,
     MotionCaptureConfig,
@@ -194,6 +195,45 @@ def test_same_seed_and_episode_give_the_same_samples_whatever_came_before():
     assert same(run(one, 100, episode=1), run(two, 100, episode=1))
     assert not same(run(one, 100, episode=2), run(two, 100, episode=1))
     assert not same(run(MotionCapture(PARAMETERS, seed=8), 100, 1), run(MotionCapture(PARAMETERS, seed=7), 100, 1))
+
+
+def moving_frames(n_frames, seed):
+    """An arm that waves before the cameras, a ball that flies into a basket that somebody carries."""
+    rng = np.random.default_rng(seed)
+    for i in range(n_frames):
+        s = i / n_frames
+        rim = np.array([2.0, 0.5 - s, 0.6])
+        bodies = {
+            "hand": (np.array([0.3, 0.1, 1.8 - s]), Rotation.from_euler("xyz", [0.3, -1.0 + 2 * s, 2.0]).as_quat()),
+            "ball": ((1 - s) * np.array([0.4, 0.1, 1.9]) + s * (rim - [0.0, 0.0, 0.2]), IDENTITY),
+            "basket": (rim, IDENTITY),
+        }
+        capsules = (rng.normal([0.3, 0.0, 1.5], 0.3, size=(4, 2, 3)), rng.uniform(0.05, 0.2, size=4))
+        yield Frame(i * FRAME_NS, bodies, capsules, BasketWalls(rim, 0.15, 0.3))
+
+
+def test_many_frames_at_once_are_the_frames_one_by_one_to_the_last_bit():
+    parameters = {**PARAMETERS, "dropout_rate": 3.0}
+    one_by_one, at_once = MotionCapture(parameters, seed=7), MotionCapture(parameters, seed=7)
+    for episode in (1, 2):
+        frames = list(moving_frames(150, seed=episode))
+        single = [one_by_one.observe(f.stamp_ns, episode, f.bodies, f.capsules, f.basket) for f in frames]
+        parts = [at_once.observe_frames(episode, part) for part in (frames[:1], frames[1:60], frames[60:60], frames[60:])]
+        assert same(parts, single)
+        counts = [sum(sample.name == name for frame in single for sample in frame) for name in ("hand", "ball", "basket")]
+        assert all(20 < count < 145 for count in counts), f"{counts} of 150 frames: some must be lost, some seen"
+
+
+def test_frames_that_cannot_be_observed_at_once_are_refused():
+    system = MotionCapture(PARAMETERS, seed=0)
+    whole = next(moving_frames(1, seed=0))
+    lone = {"ball": whole.bodies["ball"]}
+    with pytest.raises(ValueError, match="different bodies"):
+        system.observe_frames(0, [whole, Frame(0, lone, whole.capsules, whole.basket)])
+    with pytest.raises(ValueError, match="with and without a basket"):
+        system.observe_frames(0, [whole, Frame(0, whole.bodies, whole.capsules)])
+    with pytest.raises(ValueError, match=r"capsules: .* got \(0, 2, 3\)"):
+        system.observe_frames(0, [whole, Frame(0, whole.bodies, basket=whole.basket)])
 
 
 def test_what_is_visible_does_not_change_the_noise_of_what_comes_later():
