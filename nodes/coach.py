@@ -124,7 +124,7 @@ class CoachNode(Node):
             self._feed(number, "learning")
             feedback.message = await self._learn_from(thrown, target, result)
         else:
-            self._curriculum.tell(target, np.nan)
+            self._curriculum.give_up(target)
             thrown.outcome.target, thrown.outcome.landing = conversions.point(target), conversions.point([np.nan] * 3)
             thrown.outcome.landing_error = np.nan
         result.outcomes.append(thrown.outcome)

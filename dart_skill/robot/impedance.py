@@ -8,9 +8,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg.lapack import dposv
+from scipy.linalg.lapack import dposv, dsyev
 
 from dart_skill.robot.model import ArmModel, HandState
+
+
+LENGTHS = np.array([1.0, 1.0, 1.0, 0.18, 0.18, 0.18])
+"""Metres that a metre, or a radian, of the hand's motion counts for when directions are compared: 0.18 m from the wrist to the ball."""
 
 
 @dataclass(frozen=True)
@@ -64,8 +68,8 @@ class Impedance:
     """Wrench and joint torques for a wanted acceleration of the hand, by the controller's model of the arm.
 
     friction_compensation is the share of the identified joint friction that is fed forward; null_stiffness and null_damping
-    [1/s^2, 1/s] hold the posture in the arm's free motion; conditioning is the damping of the task-space inverse [kg^-1] that keeps
-    the wrench bounded where the arm is stretched.
+    [1/s^2, 1/s] hold the posture in the arm's free motion. least_mobility [1/kg]: a direction in which the hand is harder to accelerate
+    than this (a shoulder or a wrist that is straight: axes in line) is left to the posture by and by, the less mobile the more.
     """
 
     def __init__(
@@ -74,14 +78,14 @@ class Impedance:
         friction_compensation: float = 0.8,
         null_stiffness: float = 60.0,
         null_damping: float = 12.0,
-        conditioning: float = 3e-3,
+        least_mobility: float = 0.08,
     ):
         self.model = model
         self._coulomb = friction_compensation * model.description.of_joints("coulomb_friction")
         self._viscous = friction_compensation * model.description.of_joints("viscous_friction")
         self._null_stiffness = null_stiffness
         self._null_damping = null_damping
-        self._conditioning = conditioning * np.diag([1.0, 1.0, 1.0, 30.0, 30.0, 30.0])
+        self._least_mobility = least_mobility
 
     def friction_torque(self, qd: np.ndarray) -> np.ndarray:
         """The share of joint friction that is compensated (7,) [N m]; smooth through zero speed."""
@@ -90,11 +94,13 @@ class Impedance:
     def act(self, q: np.ndarray, qd: np.ndarray, acceleration: np.ndarray, posture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Wrench (6,) and additional joint torque (7,) that accelerate the hand by `acceleration` (6,), posture (7,) in the null space."""
         jacobian, inertia = self.model.jacobian(q), self.model.mass_matrix(q)
-        mobility = jacobian @ dposv(inertia, jacobian.T)[1] + self._conditioning
+        scaled = LENGTHS[:, None] * jacobian
+        mobility, directions, _ = dsyev(scaled @ dposv(inertia, scaled.T)[1])
         free = self._null_stiffness * (posture - q) - self._null_damping * qd
         # One factorisation for both: the wrench, and the part of the free motion that would move the hand.
-        wanted = np.array([acceleration - self.model.jacobian_drift(q, qd), jacobian @ free])
-        wrench, disturbing = dposv(mobility, wanted.T)[1].T
+        wanted = LENGTHS * np.array([acceleration - self.model.jacobian_drift(q, qd), jacobian @ free])
+        share = np.minimum(mobility / self._least_mobility, 1.0) ** 2
+        wrench, disturbing = LENGTHS * (((wanted @ directions) * (share / mobility)) @ directions.T)
         null_torque = inertia @ free - jacobian.T @ disturbing
         return wrench, self.model.coriolis_torque(q, qd) + self.friction_torque(qd) + null_torque
 

@@ -12,28 +12,37 @@ LENGTHS = (0.25, 0.35)
 FADING = 0.95
 """Weight that an error loses with each later throw: the skill has learned since."""
 UNSEEN = 0.3
-"""Error [m] of a throw that was refused, stopped, or whose landing nobody saw."""
+"""Error [m] of a throw whose landing nobody saw."""
+GIVEN_UP = 20.0
+"""Good throws that a place counts for where no throw came about: there is nothing to be learned."""
 
 
 class Curriculum:
     """Remembers the errors of throws at places (distance [m], azimuth [rad])."""
 
     def __init__(self):
-        self._places, self._squares = np.empty((0, 2)), np.empty(0)
+        self._places, self._squares, self._weights = np.empty((0, 2)), np.empty(0), np.empty(0)
 
     def tell(self, target: ArrayLike, error: float) -> None:
-        """A throw at a target (3,) missed by `error` [m], nan if nobody knows by how much."""
+        """A throw at a target (3,) missed by `error` [m], nan if nobody saw by how much."""
+        self._add(target, UNSEEN if not np.isfinite(error) else float(error), 1.0)
+
+    def give_up(self, target: ArrayLike) -> None:
+        """A throw at a target (3,) was refused, or stopped on its way: stay away from there for a while."""
+        self._add(target, 0.0, GIVEN_UP)
+
+    def _add(self, target: ArrayLike, error: float, weight: float) -> None:
         place = _places(np.reshape(np.asarray(target, dtype=float), (1, 3)))
         if not np.isfinite(place).all():
             raise ValueError(f"target {target} of a throw is not finite")
-        error = UNSEEN if not np.isfinite(error) else float(error)
         self._places, self._squares = np.vstack([self._places, place]), np.append(self._squares, error**2)
+        self._weights = np.append(self._weights, weight)
 
     def expected_error(self, targets: ArrayLike) -> np.ndarray:
         """Root mean square (n,) [m] of the errors near targets (n, 3), newer ones counting more, and of UNKNOWN, which counts as one."""
         apart = (_places(np.asarray(targets, dtype=float).reshape(-1, 3))[:, None] - self._places) / LENGTHS
         age = np.arange(len(self._squares))[::-1]
-        weights = np.exp(-0.5 * np.einsum("ijk,ijk->ij", apart, apart)) * FADING**age
+        weights = np.exp(-0.5 * np.einsum("ijk,ijk->ij", apart, apart)) * FADING**age * self._weights
         return np.sqrt((UNKNOWN**2 + weights @ self._squares) / (1.0 + weights.sum(axis=1)))
 
     def order(self, targets: ArrayLike) -> list[int]:

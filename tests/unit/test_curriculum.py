@@ -42,6 +42,17 @@ def test_a_landing_that_nobody_saw_counts_as_a_bad_throw():
     assert curriculum.expected_error([NEAR])[0] == pytest.approx(np.sqrt((UNKNOWN**2 + UNSEEN**2) / 2))
 
 
+def test_stays_away_from_where_no_throw_came_about():
+    curriculum = Curriculum()
+    for target in (NEAR, LEFT):
+        curriculum.tell(target, 0.02)
+    curriculum.give_up(FAR)
+    assert curriculum.order([NEAR, FAR, LEFT])[-1] == 1
+    for _ in range(100):
+        curriculum.tell(NEAR, 0.02)
+    assert curriculum.order([NEAR, FAR, LEFT])[-1] != 1, "but not for ever"
+
+
 def test_a_target_that_is_none_is_refused():
     with pytest.raises(ValueError, match="not finite"):
         Curriculum().tell([np.nan, 0.0, 0.4], 0.1)
