@@ -91,7 +91,6 @@ METHODS: dict[str, Callable[..., Search]] = {
     "restarts": RandomRestarts,
     "monte_carlo": MonteCarlo,
     "niches": Niches,
-    "niches_thrifty": partial(Niches, following=2.0, scouting=2.0, hopeless=2.0, waiting=0.002),
     "model_based": lambda *_, **__: _Informed(),
 }
 """Made with the first parameters (d,), the spread of the first trials and rng; all settings are in units of that spread."""

@@ -25,7 +25,8 @@ class Niche:
     """State of one hill. Places (d,) are in spreads from where the search began; trials are (number, place, return), by number.
 
     value, error: return of the model at the centre, its standard error; drop: what trials earn less on average; relative: value over the
-    common level of the landscape; last, clock: number and clock when last tried; surprises: trials in a row that earned far too little.
+    common level of the landscape; last, clock: number and clock when last tried; burst: trials of this visit that are still to come;
+    surprises: trials in a row that earned far too little; visits: clock, relative value and error at the end of each visit.
     """
 
     identity: int
@@ -42,6 +43,7 @@ class Niche:
     surprises: int = 0
     settled: bool = False
     trials: list[tuple[int, np.ndarray, float, float]] = field(default_factory=list)
+    visits: list[tuple[float, float, float]] = field(default_factory=list)
 
     def __post_init__(self):
         self.centre, self.hessian = np.array(self.centre, dtype=float), np.array(self.hessian, dtype=float)
@@ -58,9 +60,18 @@ class Niche:
         return self.centre + self.radius * np.sqrt(d + 2) * rng.random() ** (1 / d) * direction / np.linalg.norm(direction)
 
     def tell(
-        self, trial: tuple[int, np.ndarray, float, float], fading: float, repeats: int, alarm: float, limits: tuple[float, float]
+        self,
+        trial: tuple[int, np.ndarray, float, float],
+        fading: float,
+        repeats: int,
+        alarm: float,
+        limits: tuple[float, float],
+        fits: bool = True,
     ) -> None:
-        """Learn from a trial; after two (times `repeats`) in a row that earned `alarm` less than expected, all older ones are forgotten."""
+        """Learn from a trial, or only remember it until one `fits`.
+
+        After two (times `repeats`) in a row that earned `alarm` less than expected, all older ones are forgotten.
+        """
         surprised = self.known and trial[2] < self.value - 3 * self.drop - alarm
         self.surprises = self.surprises + 1 if surprised else 0
         self.trials.append(trial)
@@ -71,7 +82,7 @@ class Niche:
         if not self.known:
             earned_here = [trial[2] for trial in self.trials]
             self.value = float(np.mean(earned_here) if repeats > 1 else np.max(earned_here))
-        elif trial[0] % max(repeats // 10, 1) == 0 and (repeats > 1 or not self.surprises):
+        elif fits and trial[0] % max(repeats // 10, 1) == 0 and (repeats > 1 or not self.surprises):
             self._fit(fading, repeats, limits)
 
     def _fit(self, fading: float, repeats: int, limits: tuple[float, float]) -> None:
@@ -96,11 +107,13 @@ class Niche:
 
     def state(self) -> dict:
         trials = [[number, place.tolist(), *rest] for number, place, *rest in self.trials]
-        return {**asdict(self), "centre": self.centre.tolist(), "hessian": self.hessian.tolist(), "trials": trials}
+        visits = [list(visit) for visit in self.visits]
+        return {**asdict(self), "centre": self.centre.tolist(), "hessian": self.hessian.tolist(), "trials": trials, "visits": visits}
 
     @classmethod
     def from_state(cls, state: dict) -> Niche:
-        return cls(**{**state, "trials": [(number, np.array(place), *rest) for number, place, *rest in state["trials"]]})
+        trials = [(number, np.array(place), *rest) for number, place, *rest in state["trials"]]
+        return cls(**{**state, "trials": trials, "visits": [tuple(visit) for visit in state["visits"]]})
 
 
 def n_coefficients(d: int) -> int:

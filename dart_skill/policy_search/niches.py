@@ -1,11 +1,12 @@
 """A search that follows several optima of a changing landscape, and makes each earn its trials.
 
 Every hill is a niche with a quadratic model of its own (`_niche`). The best one is tried with tiny steps. Time is counted by a clock, how
-far the best value went up or down: what was found out ages by change and not by waiting. Another niche is due when `following` times the
-change since its last trial reaches what a trial would cost: its gap to the best, less what is uncertain about it. So the rate falls with
-the gap, and near a tie both are followed. Scouts are paid in the same way; one goes where a Gaussian process over everything seen
-(`_surrogate`) hopes for most, clear of all niches. A place worth it founds a niche. A niche keeps clear of better ones (A. Petrowski, A
-clearing procedure as a niching method for genetic algorithms, 1996) and is given up when it falls too far behind.
+far the best value went up or down: what was found out ages by change and not by waiting. Another niche is visited when the line through
+what its visits found (`_trend`), less its error, says that it may have overtaken the best: often near a tie, hardly ever if it falls
+behind. A scout goes where a Gaussian process over everything seen (`_surrogate`) hopes for most among places that are not known and clear
+of all niches, if that could be the best before the clock has doubled. A place that could, beyond a valley from every niche, founds one,
+which is climbed at once. Of two niches that are not clear of each other (A. Petrowski, A clearing procedure as a niching method for genetic
+algorithms, 1996) the worse is given up.
 
     search = Niches(aim, spread, rng=rng)
     for trial in search.trials(3000):
@@ -22,14 +23,18 @@ from ..mixture._checks import as_count, as_number, as_vector
 from ._niche import Niche, n_coefficients
 from ._search import Settings, Told
 from ._surrogate import FIRST, LENGTHS, Surrogate
+from ._trend import REMEMBERED, forecast
 from .baselines import VectorSearch
 
 SCOUT = -1  # in the place of a niche's identity
 LANDMARKS = 150  # trials of scouts and lesser niches that are remembered
 THINNING = 0.1  # a trial takes the place of landmarks this near [spreads per root of the dimension]
 PLACES = 200  # among which a scout chooses
+KNOWN = 0.3  # deviation of the surrogate up to which a place is known [standard deviations of the landscape]
+VALLEY = 0.15  # least depth of what divides two hills, in the same unit
 FIRST_RADIUS = 0.3  # of trials about a new niche, in lengths of the surrogate; of the first one, in spreads
 LARGEST_RADIUS = 0.4  # in lengths of the surrogate
+VISIT = 0.5  # radius of a visit to a top that was found, over that of its climb
 STEADY = 0.1  # largest change of the common level by one trial [reliefs]; more is a hill that falls by itself
 FRESH = 0.3  # change that takes the weight of a trial in the model of its niche to 1/e [reliefs]
 PAUSE = 10  # fewest trials between scouts
@@ -38,17 +43,18 @@ PAUSE = 10  # fewest trials between scouts
 class Niches(VectorSearch):
     """Search for the best of several optima (d,) that rise and fall, from a first guess and the `spread` of sensible first trials.
 
-    following, scouting: what each niche but the best, and what scouts, may cost in all, over the change of the best value meanwhile.
-    waiting: what each of these may cost per trial, in reliefs, also while the best value stays; raise it where others change by themselves.
-    most: niches at a time. hopeless: a niche so far behind is given up, in reliefs (standard deviations of the landscape within reach).
-    clearing: two niches are at least so far apart, and reach: scouts stay so near to the beginning, in spreads per root of the dimension.
+    drift: change of a gap between two hills that is expected of a change of the best value, over the latter.
+    scouting: what scouts may cost in all, over the change of the best value meanwhile.
+    waiting: change that a trial counts for while the best value stays, in reliefs (standard deviations of the landscape within reach);
+    raise it where others change by themselves. most: niches at a time.
+    clearing: niches are about so far apart at least, and reach: scouts stay so near to the beginning, in spreads per root of the dimension.
     optimism: standard deviations of the surrogate that count as hope. fading: change that takes what was seen to 1/e, in reliefs.
     repeats: trials that one comparison needs, 1 for exact returns, hundreds when noise exceeds the relief.
     limits: smallest and largest radius of trials about an optimum, as multiples of `spread`.
 
-    Darts from 75 to 6 mm: the defaults take the hill that overtakes late in 15 of 20 runs, and pay 0.12 points a throw
-    (from 75 to 16 mm); following = scouting = hopeless = 2 with waiting = 0.002 pays 0.02 and takes it in 2 of 20. They are
-    "niches" and "niches_thrifty" in experiments/dart_search.py.
+    Darts from 75 to 16 mm (experiments/dart_search.py, 20 runs): it pays 0.044 points a throw, 0.001 for its best aim; from 75 to 6 mm it
+    takes the hill that overtakes late in 10 of 20. Scores as they are thrown are too noisy for it: with 12000 of them from 75 to 16 mm and
+    repeats of 100 or 400, its best aim lost 0.7 to 1.0 points in four runs.
     """
 
     def __init__(
@@ -57,34 +63,32 @@ class Niches(VectorSearch):
         spread: ArrayLike,
         *,
         rng: np.random.Generator,
-        following: float = 8.0,
-        scouting: float = 3.0,
-        waiting: float = 0.005,
+        drift: float = 0.2,
+        scouting: float = 6.0,
+        waiting: float = 0.001,
         most: int = 4,
-        hopeless: float = 10.0,
         clearing: float = 1.0,
         reach: float = 1.25,
-        optimism: float = 1.0,
-        fading: float = 3.0,
+        optimism: float = 2.0,
+        fading: float = 20.0,
         repeats: int = 1,
         limits: tuple[float, float] = (0.01, 2.0),
     ):
         settings = Settings("constant", "rank", 1, 1, 2, 0.0, tuple(as_vector(limits, "limits", 2).tolist()))
         super().__init__(parameters, spread, settings, rng)
-        self._following = as_number(following, "following", strict=False)
+        self._drift = as_number(drift, "drift")
         self._scouting = as_number(scouting, "scouting", strict=False)
         self._waiting = as_number(waiting, "waiting", strict=False)
         self._optimism = as_number(optimism, "optimism", strict=False)
-        self._hopeless, self._clearing = as_number(hopeless, "hopeless"), as_number(clearing, "clearing")
-        self._reach, self._fading = as_number(reach, "reach"), as_number(fading, "fading")
+        self._clearing, self._reach, self._fading = as_number(clearing, "clearing"), as_number(reach, "reach"), as_number(fading, "fading")
         self._most, self._repeats = as_count(most, "most"), as_count(repeats, "repeats")
         d = self._start.size
-        self._root, self._burst = float(np.sqrt(d)), n_coefficients(d)
+        self._root, self._burst, self._check = float(np.sqrt(d)), n_coefficients(d), d + 1
         self._niches, self._main, self._founded = [Niche(0, np.zeros(d), FIRST_RADIUS, np.zeros((d, d)))], 0, 1
-        self._level, self._clock, self._mark = 0.0, 0.0, None
+        self._level, self._clock, self._change, self._mark = 0.0, 0.0, 0.0, None
         self._relief, self._purse, self._next_scout, self._turns = 0.0, 0.0, 0, 0
         self._indices, self._length = FIRST, float(LENGTHS[FIRST[0]]) * self._root
-        self._landmarks: list[tuple[int, np.ndarray, float, int, float]] = []
+        self._landmarks: list[tuple[int, np.ndarray, float, int, float, float]] = []
 
     @property
     def parameters(self) -> np.ndarray:
@@ -114,30 +118,39 @@ class Niches(VectorSearch):
         place = self._scout(number) if self._scout_is_due(number) else None
         if place is None:
             niche = self._due(number)
-            identity, place = niche.identity, niche.draw(self._rng)
+            identity, place = niche.identity, self._trial(niche)
         return np.append(place, identity), self._start + self._scale * place
+
+    def _trial(self, niche: Niche) -> np.ndarray:
+        """Place (d,) of the niche's next trial: visits to a known top begin there and stay near."""
+        place = niche.draw(self._rng)
+        if niche.identity == self._main or not niche.settled:
+            return place
+        return niche.centre + (VISIT * (place - niche.centre) if niche.burst < self._check - 1 else 0.0)
 
     def _due(self, number: int) -> Niche:
         """The niche whose burst is not over, else the most overdue, else the best, which has at least as many turns as all others."""
         best = self._best()
         others = [one for one in self._niches if one is not best]
         niche = next((one for one in others if one.burst), None)
-        if niche is None and self._turns >= self._burst:
-            late = max(others, key=lambda one: self._credit(one, number), default=None)
-            if late is not None and self._credit(late, number) > 0:
+        if niche is None and others and self._turns >= self._burst:
+            late = max(others, key=self._lead)
+            if self._lead(late) > 0:
                 niche, self._turns = late, 0
-                niche.burst, niche.last, niche.clock = self._burst, number, self._clock
+                niche.burst, niche.last = self._check if niche.settled else self._burst, number
+                niche.visits = [*niche.visits, (self._clock, niche.relative, niche.error)][-REMEMBERED:]
         if niche is None:
             self._turns += 1
             return best
         niche.burst -= 1
         return niche
 
-    def _credit(self, niche: Niche, number: int) -> float:
-        """What a burst of the niche may cost after so long, less what it costs if all that is uncertain is in its favour."""
-        allowed = self._following * (self._clock - niche.clock) + self._waiting * self._relief * (number - niche.last - 1)
-        gap = self._gap(niche)
-        return allowed - self._burst * max(gap - niche.error - self._best().error, gap / 2)
+    def _lead(self, niche: Niche) -> float:
+        """How far above the best the niche may be by now."""
+        if not niche.visits:
+            return np.inf
+        value, deviation = forecast(niche.visits, self._clock, self._drift)
+        return value + deviation - self._best().relative
 
     def _gap(self, niche: Niche) -> float:
         return max(self._best().relative - niche.relative, 0.0)
@@ -157,7 +170,7 @@ class Niches(VectorSearch):
         return len(self._landmarks) <= self._start.size + 2
 
     def _scout_is_due(self, number: int) -> bool:
-        self._purse += self._waiting * self._relief
+        self._pass(self._waiting * self._relief)
         due = number >= self._next_scout and number % 2 == 1 and (self._purse > 0 or self._beginning())
         if due:
             self._next_scout = number + PAUSE
@@ -169,10 +182,12 @@ class Niches(VectorSearch):
         if self._beginning():
             self._remember(number, places[0], 0.0)
             return places[0]
-        mean, deviation = self._surrogate().predict(places)
-        hope = np.where(self._distances(places).min(axis=0) > self._clear, mean + self._optimism * deviation, -np.inf)
+        surrogate = self._surrogate()
+        mean, deviation = surrogate.predict(places)
+        new = (self._distances(places).min(axis=0) > self._clear) & (deviation > KNOWN * surrogate.relief)
+        hope = np.where(new, mean + self._optimism * deviation, -np.inf)
         best = int(hope.argmax())
-        if not np.isfinite(hope[best]):
+        if hope[best] + self._repair < self._best().value:
             return None
         self._remember(number, places[best], float(mean[best]))  # as believed until it is told, or for good if it fails
         return places[best]
@@ -189,28 +204,43 @@ class Niches(VectorSearch):
         return np.linalg.norm(np.array([one.centre for one in self._niches])[:, None] - places, axis=2)
 
     @property
+    def _repair(self) -> float:
+        """What a gap may lose until the clock has doubled."""
+        return self._drift * self._clock
+
+    @property
     def _clear(self) -> float:
         return self._clearing * self._root
 
     def _surrogate(self) -> Surrogate:
-        tops = [(0, one.centre, one.relative, self._repeats, self._clock) for one in self._niches if one.known]
-        _, points, values, counts, clocks = (np.array(part, dtype=float) for part in zip(*self._landmarks, *tops, strict=True))
+        usual = self._usual()
+        tops = [(0, one.centre, one.value, self._repeats, one.clock, usual) for one in self._niches if one.known]
+        _, points, values, counts, clocks, lengths = (np.array(part, dtype=float) for part in zip(*self._landmarks, *tops, strict=True))
         ages = (self._clock - clocks) / max(self._fading * self._relief, 1e-300)
-        surrogate = Surrogate(points, values, ages, counts, self._indices)
+        surrogate = Surrogate(points, values, ages, counts, self._indices, lengths, usual, self._repeats == 1)
         self._indices, self._length = surrogate.indices, surrogate.length
         self._relief = surrogate.relief if self._repeats > 1 else float(np.std(values))
         return surrogate
 
-    def _remember(self, number: int, place: np.ndarray, relative: float) -> None:
+    def _usual(self) -> float:
+        """Length that height and curvature of the best hill speak of: about a top the expected value falls as exp(-r^2 / 2 length^2)."""
+        best, first = self._best(), float(LENGTHS[FIRST[0]])
+        if not best.settled or not self._landmarks:
+            return first
+        curvature = -float(np.trace(best.hessian)) / best.centre.size
+        height = best.value - float(np.median([mark[2] for mark in self._landmarks]))
+        return float(np.clip(np.sqrt(max(height, 0.0) / curvature) / self._root, LENGTHS[0], LENGTHS[-1]))
+
+    def _remember(self, number: int, place: np.ndarray, value: float) -> None:
         """A landmark instead of those near it; of noisy returns, with their mean."""
         points = np.reshape([mark[1] for mark in self._landmarks], (-1, place.size))
         near = np.linalg.norm(points - place, axis=1) < THINNING * self._root
         old = [mark for mark, close in zip(self._landmarks, near, strict=True) if close and mark[0] != number]
         count = min(sum(mark[3] for mark in old), self._repeats - 1)
         if count:
-            relative = (count * float(np.average([mark[2] for mark in old], weights=[mark[3] for mark in old])) + relative) / (count + 1)
+            value = (count * float(np.average([mark[2] for mark in old], weights=[mark[3] for mark in old])) + value) / (count + 1)
         kept = [mark for mark, close in zip(self._landmarks, near, strict=True) if not close]
-        self._landmarks = [*kept, (number, place, relative, count + 1, self._clock)][-LANDMARKS:]
+        self._landmarks = [*kept, (number, place, value, count + 1, self._clock, self._usual())][-LANDMARKS:]
 
     # Learning
 
@@ -227,22 +257,30 @@ class Niches(VectorSearch):
         if niche is not None:
             self._tell_niche(niche, told[0].number, place, earned)
         if identity != self._main:
-            self._remember(told[0].number, place, earned - self._level)
+            self._remember(told[0].number, place, earned)
         if identity == SCOUT and not self._beginning():
             self._found(told[0].number, place)
         return True
 
     def _tell_niche(self, niche: Niche, number: int, place: np.ndarray, earned: float) -> None:
-        before, knew = niche.value, niche.known
-        niche.tell(
-            (number, place, earned, self._clock), FRESH * self._relief or np.inf, self._repeats, self._relief or np.inf, self._radii()
-        )
+        before, knew, fading, alarm = niche.value, niche.known, FRESH * self._relief or np.inf, self._relief or np.inf
+        visited = niche.settled and niche.burst > 0 and niche.identity != self._main
+        niche.tell((number, place, earned, self._change), fading, self._repeats, alarm, self._radii(), fits=not visited)
         if niche.identity == self._main and knew:
             self._notice(niche)
             self._level += float(np.clip(niche.value - before, -STEADY * self._relief, STEADY * self._relief))
-        niche.relative = niche.value - self._level
+        niche.relative, niche.clock = niche.value - self._level, self._clock
+        if niche.visits and niche.known:
+            niche.visits[-1] = (self._clock, niche.relative, niche.error)
+            self._climb_on(niche)
         self._elect()
         self._keep_clear()
+
+    def _climb_on(self, niche: Niche) -> None:
+        """The first climb goes on while its top is not found and may matter."""
+        early = len(niche.visits) == 1 and len(niche.trials) < 3 * self._burst
+        if early and not niche.settled and not niche.burst and self._gap(niche) < 2 * self._repair:
+            niche.burst = self._burst // 2
 
     def _radii(self) -> tuple[float, float]:
         low, high = self.settings.limits
@@ -254,7 +292,11 @@ class Niches(VectorSearch):
             self._mark = best.value
         change = abs(best.value - self._mark)
         if best.settled and change > max(0.05 * self._relief, 2 * best.error):
-            self._clock, self._mark, self._purse = self._clock + change, best.value, self._purse + self._scouting * change
+            self._change, self._mark = self._change + change, best.value
+            self._pass(change)
+
+    def _pass(self, change: float) -> None:
+        self._clock, self._purse = self._clock + change, self._purse + self._scouting * change
 
     def _elect(self) -> None:
         """Another niche becomes the best when it is better by more than the errors of both."""
@@ -264,44 +306,49 @@ class Niches(VectorSearch):
                 best = one
         if best.identity != self._main:
             self._main, self._mark = best.identity, None
+            for one in self._niches:
+                one.visits = one.visits[-1:]
 
     def _keep_clear(self) -> None:
-        """Niches stay clear of better ones; those that cannot, or have no hope, or left what is within reach, are given up."""
+        """Niches that came too near to a better one, or left what is within reach, are given up."""
         ranked = self._ranked()
-        for rank, niche in enumerate(ranked):
-            for better in ranked[:rank]:
-                away = niche.centre - better.centre
-                distance = float(np.linalg.norm(away))
-                if distance < self._clear:
-                    niche.centre = better.centre + away * self._clear / max(distance, 1e-300)
         self._niches = [ranked[0], *(one for rank, one in enumerate(ranked[1:], 1) if self._stays(one, ranked[:rank]))]
 
     def _stays(self, niche: Niche, better: list[Niche]) -> bool:
         alone = all(np.linalg.norm(niche.centre - one.centre) > 0.8 * self._clear for one in better)
-        within = np.linalg.norm(niche.centre) < 1.2 * self._reach * self._root
-        return bool(alone and within and not (niche.trials and self._gap(niche) > self._hopeless * self._relief))
+        return bool(alone and np.linalg.norm(niche.centre) < 1.2 * self._reach * self._root)
 
     def _found(self, number: int, place: np.ndarray) -> None:
-        """Pay the scout; the best known place that is clear of the niches, and has hope, becomes one, if need be for the worst."""
+        """Pay the scout; the best known place that may be a hill of its own becomes a niche, if need be instead of the worst."""
         surrogate, best, d = self._surrogate(), self._best(), place.size
-        self._purse -= max(best.relative - float(surrogate.predict(place[None])[0][0]), 0.0)
+        self._purse -= max(best.value - float(surrogate.predict(place[None])[0][0]), 0.0)
         places = np.array([mark[1] for mark in self._landmarks])
         mean, deviation = surrogate.predict(places)
-        new = (self._distances(places).min(axis=0) > 0.99 * self._clear) & (deviation < 0.5 * surrogate.relief)
-        new &= mean > best.relative - self._hopeless * self._relief
+        new = (self._distances(places).min(axis=0) > 0.99 * self._clear) & (deviation < KNOWN * surrogate.relief)
+        new &= mean + self._optimism * deviation + self._repair > best.value
+        new &= self._valleys(surrogate, places) < mean - VALLEY * surrogate.relief
         if not new.any():
             return
         chosen = int(np.where(new, mean, -np.inf).argmax())
+        value = float(mean[chosen])
         if len(self._niches) >= self._most:
             worst = self._ranked()[-1]
-            if worst is best or worst.relative >= mean[chosen]:
+            if worst is best or worst.value >= value:
                 return
             self._niches.remove(worst)
         radius = float(np.clip(FIRST_RADIUS * self._length / self._root, *self.settings.limits))
-        new_one = Niche(
-            self._founded, places[chosen], radius, np.zeros((d, d)), relative=float(mean[chosen]), last=number, clock=self._clock
-        )
-        self._niches, self._founded = [*self._niches, new_one], self._founded + 1
+        found = Niche(self._founded, places[chosen], radius, np.zeros((d, d)), value, last=number, clock=self._clock)
+        found.relative = value - self._level
+        self._niches, self._founded = [*self._niches, found], self._founded + 1
+
+    def _valleys(self, surrogate: Surrogate, places: np.ndarray) -> np.ndarray:
+        """Height (n,) of the surrogate in the shallowest of the valleys between each place and the niches (R. Ursem, Multinational
+        evolutionary algorithms, 1999).
+        """
+        parts, centres = np.linspace(0, 1, 12)[1:-1, None, None, None], np.array([one.centre for one in self._niches])
+        between = places + parts * (centres[:, None] - places)
+        heights = surrogate.predict(between.reshape(-1, places.shape[1]))[0]
+        return heights.reshape(between.shape[:3]).min(axis=0).max(axis=0)
 
     # Saving
 
@@ -326,5 +373,5 @@ class Niches(VectorSearch):
         return search
 
 
-OPTIONS = ("following", "scouting", "waiting", "most", "hopeless", "clearing", "reach", "optimism", "fading", "repeats")
-MEMORY = ("main", "founded", "level", "clock", "mark", "relief", "purse", "next_scout", "turns", "length")
+OPTIONS = ("drift", "scouting", "waiting", "most", "clearing", "reach", "optimism", "fading", "repeats")
+MEMORY = ("main", "founded", "level", "clock", "change", "mark", "relief", "purse", "next_scout", "turns", "length")

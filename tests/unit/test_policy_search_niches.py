@@ -8,6 +8,7 @@ import pytest
 from dart_skill.policy_search import PoWER
 from dart_skill.policy_search._niche import Niche
 from dart_skill.policy_search._surrogate import FIRST, Surrogate
+from dart_skill.policy_search._trend import forecast
 from dart_skill.policy_search.niches import Niches
 
 SEEDS = range(5)
@@ -174,11 +175,10 @@ def test_returns_that_are_all_alike_lead_nowhere_and_break_nothing():
 @pytest.mark.parametrize(
     "options, message",
     [
-        ({"following": -1.0}, "following"),
+        ({"drift": 0.0}, "drift"),
         ({"scouting": np.nan}, "scouting"),
         ({"waiting": -0.1}, "waiting"),
         ({"most": 0}, "most"),
-        ({"hopeless": 0.0}, "hopeless"),
         ({"clearing": 0.0}, "clearing"),
         ({"reach": -1.0}, "reach"),
         ({"fading": 0.0}, "fading"),
@@ -240,6 +240,54 @@ def test_the_surrogate_is_the_posterior_of_a_gaussian_process():
     np.testing.assert_allclose(mean, level + across @ np.linalg.solve(seen, values - level), rtol=1e-6)
     variance = np.diag(joint[12:, 12:] - across @ np.linalg.solve(seen, across.T))
     np.testing.assert_allclose(deviation, np.sqrt(variance), rtol=1e-6)
+
+
+def test_what_the_surrogate_saw_of_broad_hills_tells_less_of_sharp_ones():
+    points, values, ones = np.array([[0.0, 0.0], [3.0, 0.0], [0.0, 3.0]]), np.array([5.0, -1.0, 0.0]), np.ones(3)
+    sharp, broad = (Surrogate(points, values, 0 * ones, ones, FIRST, lengths, 0.35) for lengths in (0.35 * ones, 1.4 * ones))
+    assert sharp.predict(points)[1].max() < 0.1 * sharp.relief
+    left = np.sqrt(1 - (2 * 4 / (1 + 16)) ** 4)
+    far = Surrogate(100 * points, values, 0 * ones, ones, FIRST, 1.4 * ones, 0.35)
+    np.testing.assert_allclose(far.predict(100 * points)[1], left * far.relief, rtol=1e-3)
+    assert broad.predict(points)[1].min() > 0.5 * broad.relief
+
+
+def test_the_covariance_of_the_surrogate_is_positive_whatever_the_lengths():
+    rng = np.random.default_rng(0)
+    for d in (1, 2, 5):
+        points, lengths = rng.normal(size=(60, d)), rng.uniform(0.1, 2, 60)
+        surrogate = Surrogate(points, rng.normal(size=60), np.zeros(60), np.ones(60), FIRST, lengths, 0.5)
+        squares = np.square(points[:, None] - points).sum(axis=2)
+        kernel = surrogate._kernel(squares, lengths[:, None])
+        np.testing.assert_allclose(kernel, kernel.T, atol=1e-12)
+        assert np.linalg.eigvalsh(kernel).min() > -1e-9 and np.allclose(np.diag(kernel), 1)
+
+
+def test_a_trend_is_the_line_through_exact_visits_and_stays_uncertain_ahead():
+    visits = [(clock, 3.0 - 0.1 * clock, 1e-9) for clock in (1.0, 1.01)]
+    value, deviation = forecast(visits, 1.01, 0.2)
+    assert value == pytest.approx(3.0 - 0.101) and deviation < 1e-4
+    value, deviation = forecast(visits, 3.01, 0.2)
+    assert 3.0 - 0.301 < value < 3.0 - 0.101 and deviation > 0.1 * 2
+
+
+def test_a_trend_of_one_visit_is_level_and_as_uncertain_as_drift_and_its_error():
+    value, deviation = forecast([(4.0, -1.0, 0.3)], 7.0, 0.2)
+    assert value == -1.0
+    assert deviation == pytest.approx(np.sqrt(0.3**2 + (3 * 0.2) ** 2 + (3 * 0.1) ** 2))
+
+
+def test_the_trend_is_the_posterior_of_linear_regression():
+    visits, drift = [(1.0, 0.5, 0.2), (2.0, 0.1, 0.1), (4.0, 0.2, 0.3)], 0.4
+    clocks, values, errors = np.array(visits).T
+    ages = clocks - 4.0
+    prior = 1e6 + drift**2 * np.outer(ages, ages)  # covariance of the line at the visits, its height unknown
+    noise = np.diag(errors**2 + (0.5 * drift * ages) ** 2)
+    ahead = 1e6 + drift**2 * 2.0 * ages
+    expected = ahead @ np.linalg.solve(prior + noise, values)
+    variance = 1e6 + (drift * 2.0) ** 2 - ahead @ np.linalg.solve(prior + noise, ahead) + (0.5 * drift * 2.0) ** 2
+    value, deviation = forecast(visits, 6.0, drift)
+    assert value == pytest.approx(expected, rel=1e-4) and deviation**2 == pytest.approx(variance, rel=1e-4)
 
 
 def test_the_surrogate_forgets_what_is_old():
