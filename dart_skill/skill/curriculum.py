@@ -13,6 +13,10 @@ FADING = 0.95
 """Weight that an error loses with each later throw: the skill has learned since."""
 UNSEEN = 0.3
 """Error [m] of a throw whose landing nobody saw."""
+ODD = 2.0
+"""A throw that was so many times as bad as expected asks for one elsewhere."""
+ELSEWHERE = (0.4, 0.5)
+"""Farther than this, in distance [m] and azimuth [rad]."""
 GIVEN_UP = 20.0
 """Good throws that a place counts for where no throw came about: there is nothing to be learned."""
 
@@ -22,10 +26,14 @@ class Curriculum:
 
     def __init__(self):
         self._places, self._squares, self._weights = np.empty((0, 2)), np.empty(0), np.empty(0)
+        self._odd: np.ndarray | None = None
 
     def tell(self, target: ArrayLike, error: float) -> None:
         """A throw at a target (3,) missed by `error` [m], nan if nobody saw by how much."""
-        self._add(target, UNSEEN if not np.isfinite(error) else float(error), 1.0)
+        error = UNSEEN if not np.isfinite(error) else float(error)
+        odd = error > ODD * self.expected_error([target])[0]
+        self._add(target, error, 1.0)
+        self._odd = self._places[-1] if odd else None
 
     def give_up(self, target: ArrayLike) -> None:
         """A throw at a target (3,) was refused, or stopped on its way: stay away from there for a while."""
@@ -46,8 +54,13 @@ class Curriculum:
         return np.sqrt((UNKNOWN**2 + weights @ self._squares) / (1.0 + weights.sum(axis=1)))
 
     def order(self, targets: ArrayLike) -> list[int]:
-        """Indices of targets (n, 3), first the one where the next throw teaches most."""
-        return np.argsort(-self.expected_error(targets), kind="stable").tolist()
+        """Indices of targets (n, 3), first the one where the next throw teaches most. After a throw that was much worse than expected that is
+        one elsewhere: has the arm changed, or is it the place?
+        """
+        near = np.zeros(len(targets), dtype=bool)
+        if self._odd is not None:
+            near = np.linalg.norm((_places(np.asarray(targets, dtype=float)) - self._odd) / ELSEWHERE, axis=1) < 1.0
+        return np.lexsort([-self.expected_error(targets), near]).tolist()
 
 
 def _places(targets: np.ndarray) -> np.ndarray:

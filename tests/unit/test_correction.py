@@ -86,6 +86,16 @@ def test_a_change_is_noticed_at_its_second_throw():
     assert np.abs(left).max() < 0.02
 
 
+def test_one_place_where_throws_go_wrong_changes_nothing_elsewhere():
+    """Far baskets at one side are missed by 30 cm, again and again: the arm is the same."""
+    correction = told(crooked, 30, 0.004, seed=7)
+    before = correction.predict([[1.6, -0.6]])[0]
+    for place in ([2.6, 0.9], [2.65, 0.85], [2.55, 0.95]):
+        correction.add(place, crooked(place) + [0.0, 0.3])
+    np.testing.assert_allclose(correction.predict([[1.6, -0.6]])[0], before, atol=0.02)
+    assert correction.n_forgotten == 0
+
+
 def test_surprises_in_opposite_directions_are_two_accidents():
     correction = told(crooked, 10, 0.004, seed=6)
     correction.add([2.0, 0.0], [0.4, 0.0])

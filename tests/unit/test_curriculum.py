@@ -24,9 +24,20 @@ def test_goes_back_to_where_a_throw_was_bad_until_it_is_good():
     for target, error in ((NEAR, 0.01), (FAR, 0.20), (LEFT, 0.01)):
         curriculum.tell(target, error)
     assert curriculum.order([NEAR, FAR, LEFT])[0] == 1
-    for _ in range(20):
+    for _ in range(30):
         curriculum.tell(FAR, 0.005)
     assert curriculum.order([NEAR, FAR, LEFT])[-1] == 1
+
+
+def test_after_an_odd_throw_goes_elsewhere_once():
+    """Has the arm changed, or is it the place? A throw at another place tells."""
+    curriculum = Curriculum()
+    for target in (NEAR, FAR, LEFT, NEAR, FAR, LEFT):
+        curriculum.tell(target, 0.01)
+    curriculum.tell(FAR, 0.30)
+    assert curriculum.order([NEAR, FAR, LEFT])[-1] == 1
+    curriculum.tell(NEAR, 0.01)
+    assert curriculum.order([NEAR, FAR, LEFT])[0] == 1
 
 
 def test_a_lone_throw_is_weighed_against_ignorance():
