@@ -6,6 +6,8 @@ import runpy
 import sys
 
 from dart_skill.darts.command_line import add_commands as add_darts
+from dart_skill.experiments.basket_command import add_basket
+from dart_skill.experiments.darts_command import add_arm_darts
 from dart_skill.experiments.practice_command import add_practice
 from dart_skill.experiments.search_command import add_landscapes, add_search
 
@@ -42,7 +44,9 @@ def _parser() -> argparse.ArgumentParser:
     throws.add_argument("--jobs", type=int, default=1, help="processes at a time (default 1)")
     throws.add_argument("--json", action="store_true", help="every throw as JSON instead of the table")
     throws.set_defaults(run=_experiment_throws)
+    add_basket(experiments)
     add_practice(experiments)
+    add_arm_darts(experiments)
     again = experiments.add_parser("repeatability", help="one plan thrown again and again: the floor of the error")
     again.add_argument("--seed", type=int, default=0)
     again.add_argument("--throws", type=int, default=25, help="of each plan (default 25)")

@@ -106,8 +106,11 @@ def _run(task: Task, session: Session) -> Run:
         if n == task.throws:
             break
         target = _choose(skill, curriculum, REGION.spread(CANDIDATES, choosing))
-        error, went_in, miss, note = _throw(session, skill, target, learn=True)
-        curriculum.tell(target, miss)
+        error, went_in, miss, note, thrown = _throw(session, skill, target, learn=True)
+        if thrown:
+            curriculum.tell(target, miss)
+        else:
+            curriculum.give_up(target)
         errors.append(error)
         inside.append(went_in)
         notes += [f"throw {n + 1}: {note}"] if note else []
@@ -131,19 +134,21 @@ def changed(settings: PlantSettings, change: str) -> PlantSettings:
     return replace(settings, **CHANGES[change])
 
 
-def _throw(session: Session, skill: PractisingSkill, target: np.ndarray, learn: bool = False) -> tuple[float, bool, float, str]:
-    """Error [m], whether it went in, the repeatable part of the miss [m] and a note; only a throw that is practised is learned from."""
+def _throw(session: Session, skill: PractisingSkill, target: np.ndarray, learn: bool = False) -> tuple[float, bool, float, str, bool]:
+    """Error [m], whether it went in, the repeatable part of the miss [m], a note, and whether there was a throw; only one that is practised
+    is learned from.
+    """
     try:
         plan = skill.plan(target, explore=learn)
         trial = session.throw(plan)
     except ValueError as error:
-        return np.nan, False, np.nan, str(error)
+        return np.nan, False, np.nan, str(error), False
     error = float(trial.outcome.landing_error)
     if not learn:
-        return error, trial.outcome.in_basket, error, ""
+        return error, trial.outcome.in_basket, error, "", True
     told = skill.tell(plan, trial.demonstration)
     miss = np.hypot(*told.left) if np.isfinite(told.left).all() else error
-    return error, trial.outcome.in_basket, float(miss), "" if told.kept else told.reason
+    return error, trial.outcome.in_basket, float(miss), "" if told.kept else told.reason, True
 
 
 def run_all(tasks: list[Task], results: Path | None = None, jobs: int = 0, scheduler: str = "") -> list[Run]:

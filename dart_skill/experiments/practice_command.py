@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from pathlib import Path
 
 
@@ -23,6 +24,8 @@ def add_practice(experiments) -> None:
     parser.add_argument("--jobs", type=int, default=0, help="processes at a time (default one per core)")
     parser.add_argument("--scheduler", default="", metavar="ADDRESS", help="run on the Dask cluster of this scheduler instead")
     parser.add_argument("--results", metavar="FILE", type=Path, help="add each run to this file; what it holds already is not run again")
+    parser.add_argument("--figure", metavar="FOLDER", type=Path, help="write error and success against own throws there")
+    parser.add_argument("--floor", type=float, metavar="CM", help="median error that `repeatability` leaves: a line in the figure [cm]")
     parser.add_argument("--json", action="store_true", help="the table as JSON")
     parser.set_defaults(run=_practice)
 
@@ -41,4 +44,9 @@ def _practice(options: argparse.Namespace) -> int:
     ]
     results = run_all(tasks, options.results, options.jobs, options.scheduler)
     print(json.dumps(summarise(results), indent=1) if options.json else table(results))
+    if options.figure:
+        from dart_skill.experiments.figures.practice import draw_practice
+
+        floor = None if options.floor is None else 0.01 * options.floor
+        print(*draw_practice(results, options.figure, floor), sep="\n", file=sys.stderr)
     return 0

@@ -18,6 +18,7 @@ from dart_skill.simulation.plant import Plant, PlantSettings, PlantState
 from dart_skill.simulation.teacher import Person, Phase, Swing, Teacher
 from dart_skill.skill.cutting import ThrowLog
 from dart_skill.skill.outcome import Outcome, judge_flight
+from dart_skill.surface import game_at
 
 WATCH_NS = 1_200_000_000
 """Time after the hand was told to open during which the ball is watched."""
@@ -29,7 +30,9 @@ RESTING = (Mode.HOLDING, Mode.STOPPING)
 
 @dataclass(frozen=True)
 class Trial:
-    """One throw: what the cameras made of it, the throw as a demonstration, and the simulator's own word on it."""
+    """One throw: what the cameras made of it, the throw as a demonstration, and the simulator's own word on it: whether the ball is in the
+    basket, or the dart in the board.
+    """
 
     outcome: Outcome
     demonstration: Demonstration
@@ -39,7 +42,11 @@ class Trial:
 
 
 class Session:
-    """Simulator, motion capture, teacher, recorder and commander, stepped together."""
+    """Simulator, motion capture, teacher, recorder and commander, stepped together.
+
+    With a board in the plant's settings darts are thrown, targets are points of the board, and it is the board that the cameras track as
+    basket.
+    """
 
     def __init__(
         self,
@@ -53,8 +60,11 @@ class Session:
         settings = plant or PlantSettings.from_parameters(node_parameters("wam_simulator.yaml", "wam_simulator"))
         self.plant = Plant(settings, seed)
         self.capture = MotionCapture(node_parameters("optitrack.yaml", "mock_optitrack"), seed)
-        self.teacher = Teacher(seed, swing, person or Person.from_parameters(node_parameters("teacher.yaml", "teacher")))
-        self.commander = Commander(commander or CommanderSettings.from_parameters(node_parameters("commander.yaml", "commander")))
+        self._game = game_at(() if settings.board is None else settings.board.position)
+        person = person or Person.from_parameters(node_parameters("teacher.yaml", "teacher"))
+        self.teacher = Teacher(seed, swing, person, game=self._game)
+        limits = commander or CommanderSettings.from_parameters(node_parameters("commander.yaml", "commander"))
+        self.commander = Commander(limits, self.plant.description_of_load)
         self._kinematics = ArmModel()
         self._exposed, self._log, self._keep = [], ThrowLog(), keep_states
         self._frame_steps = round(1e9 / self.capture.config.rate / self.plant.settings.step_ns)
@@ -154,10 +164,11 @@ class Session:
             "ball": (state.ball_position, state.ball_quaternion),
             "basket": (state.basket, np.array([0.0, 0.0, 0.0, 1.0])),
         }
-        basket = self.plant.settings.basket
-        walls = BasketWalls(state.basket, basket.radius, basket.depth)
+        basket, board = self.plant.settings.basket, self.plant.settings.board
         capsules = self._kinematics.link_capsules(state.position, self.plant.settings.base_turn)
-        return Frame(state.stamp_ns, bodies, capsules, walls)
+        if board is None:
+            return Frame(state.stamp_ns, bodies, capsules, BasketWalls(state.basket, basket.radius, basket.depth))
+        return Frame(state.stamp_ns, bodies, tuple(np.concatenate(parts) for parts in zip(capsules, board.capsules, strict=True)))
 
     def _trial(self, target: np.ndarray, states: list[PlantState], kind: str, over_ns: int) -> Trial:
         state = self.plant.state
@@ -166,5 +177,6 @@ class Session:
             raise ValueError(f"the throw was stopped: {self.commander.message}")
         until_ns = over_ns - ARRIVAL_NS
         demonstration = self._log.cut(f"{kind}_{state.episode}", until_ns)
-        outcome = judge_flight(*self._log.ball_between(self._log.opened_ns, until_ns), target, self.plant.settings.basket.radius)
+        seen, game = self._log.ball_between(self._log.opened_ns, until_ns), self._game
+        outcome = judge_flight(*seen, target, self.plant.settings.basket.radius, game.projectile, surface=game.surface)
         return Trial(outcome, demonstration, state.ball_in_basket, self.commander.message, states)

@@ -112,7 +112,7 @@ def table(results: list[Throw]) -> str:
 def repeatability(seed: int, distances: list[float], throws: int, demonstrations: int = 13) -> list[dict]:
     """One plan thrown again and again, straight ahead: what of the error is the hand's, not the plan's.
 
-    Per distance: mean and standard deviation of the landing along and across [cm].
+    Per distance: mean and standard deviation of the landing along and across [cm], and the median distance from the mean landing.
     """
     session = Session(seed)
     lessons = [session.teach(target)[-1] for target in targets_for(seed, demonstrations, 0)[0]]
@@ -122,15 +122,17 @@ def repeatability(seed: int, distances: list[float], throws: int, demonstrations
         target = np.array([distance, 0.0, REGION.rim])
         plan = skill.plan(target)
         miss = 100 * np.array([session.throw(plan).outcome.landing[:2] - target[:2] for _ in range(throws)])
-        rows.append({"distance_m": distance, "throws": throws, "mean_cm": miss.mean(0).tolist(), "sd_cm": miss.std(0).tolist()})
+        floor = float(np.median(np.linalg.norm(miss - miss.mean(0), axis=1)))
+        row = {"distance_m": distance, "throws": throws, "mean_cm": miss.mean(0).tolist(), "sd_cm": miss.std(0).tolist(), "floor_cm": floor}
+        rows.append(row)
     session.close()
     return rows
 
 
 def repeatability_table(rows: list[dict]) -> str:
     """The rows of `repeatability` as text."""
-    lines = [f"{'distance [m]':>12}{'throws':>8}{'along [cm]':>16}{'across [cm]':>16}"]
+    lines = [f"{'distance [m]':>12}{'throws':>8}{'along [cm]':>16}{'across [cm]':>16}{'floor [cm]':>12}"]
     for row in rows:
         along, across = (f"{m:+.2f} +- {s:.2f}" for m, s in zip(row["mean_cm"], row["sd_cm"], strict=True))
-        lines.append(f"{row['distance_m']:>12.2f}{row['throws']:>8}{along:>16}{across:>16}")
-    return "\n".join(lines)
+        lines.append(f"{row['distance_m']:>12.2f}{row['throws']:>8}{along:>16}{across:>16}{row['floor_cm']:>12.2f}")
+    return "\n".join([*lines, "floor: median distance from the mean landing, which no better plan can do away with"])

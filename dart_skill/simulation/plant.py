@@ -22,6 +22,7 @@ from dart_skill.robot.command import ArmState, Command, Grip, check_command
 from dart_skill.robot.description import N_JOINTS, Ball, WamDescription, wam_description
 from dart_skill.robot.urdf import write_urdf
 from dart_skill.simulation.basket import Basket, basket_urdf
+from dart_skill.simulation.board import DART, Board
 
 HAND_LINK_INDEX = N_JOINTS
 JOINTS = list(range(N_JOINTS))
@@ -38,7 +39,8 @@ class PlantSettings:
     gravity_error: share of the gravity torque that compensation misses (5 % is what calibrated arms
     show, wam_facts 2.4); hand_delay and hand_spread: mean and standard deviation of the time from the command to the ball being
     free [s] (throwing_study.md); friction_scale multiplies joint friction, motor_scale what the motors can do; base_turn [rad]: the
-    arm's base stands turned about the vertical, and nobody told the controller.
+    arm's base stands turned about the vertical, and nobody told the controller; board: where there is one, darts are thrown at it, and
+    there is no basket.
     """
 
     step_ns: int = 2_000_000
@@ -53,6 +55,7 @@ class PlantSettings:
     hand_clearance: float = 0.10
     basket: Basket = Basket()
     ball_mass_scale: float = 1.0
+    board: Board | None = None
 
     @property
     def step(self) -> float:
@@ -115,7 +118,7 @@ class Plant:
         self._world = _connect()
         self._empty_arm = _DynamicsOnly(self.description, ball_in_hand=False)
         self._loaded_arm = _DynamicsOnly(self._with_its_ball(), ball_in_hand=True)
-        self._basket = np.array(self.settings.basket.position)
+        self._basket = self._place_of_target()
         self._changed: PlantSettings | None = None
         self._episode = 0
         self._stamp_ns = 0
@@ -123,8 +126,20 @@ class Plant:
 
     def _with_its_ball(self) -> WamDescription:
         """The description with the mass that the ball really has here."""
-        ball, scale = self.description.ball, self.settings.ball_mass_scale
+        ball, scale = self._projectile, self.settings.ball_mass_scale
         return replace(self.description, ball=replace(ball, mass=scale * ball.mass, inertia=scale * ball.inertia))
+
+    @property
+    def description_of_load(self) -> WamDescription:
+        """The arm with what its user knows to be in its hand: a ball, or a dart where there is a board."""
+        return self.description if self.settings.board is None else replace(self.description, ball=DART)
+
+    @property
+    def _projectile(self) -> Ball:
+        return self.description.ball if self.settings.board is None else DART
+
+    def _place_of_target(self) -> np.ndarray:
+        return np.array((self.settings.board or self.settings.basket).position)
 
     def close(self) -> None:
         """Disconnect from PyBullet."""
@@ -132,9 +147,11 @@ class Plant:
             client.disconnect()
 
     def reset(self, basket: np.ndarray | None = None) -> PlantState:
-        """Arm at rest in its start posture, ball in the hand; the world is built anew, time goes on."""
+        """Arm at rest in its start posture, ball in the hand; the world is built anew, time goes on. A board stays where it hangs."""
         self._basket = self._basket if basket is None else _checked_basket(basket)
         self._apply_change()
+        if self.settings.board is not None:
+            self._basket = self._place_of_target()
         self._episode += 1
         self._stamp_ns += self.settings.reset_ns
         self._step_count = 0
@@ -149,6 +166,8 @@ class Plant:
         """From the next reset on the plant is as `settings` say: worn joints, another ball, a base that was pushed. Time and seed stay."""
         if (settings.step_ns, settings.reset_ns) != (self.settings.step_ns, self.settings.reset_ns):
             raise ValueError("step_ns and reset_ns cannot change while a plant runs: make a new one")
+        if (settings.board is None) != (self.settings.board is None):
+            raise ValueError("a board cannot take the place of the basket while a plant runs: make a new one")
         self._changed = settings
 
     def _apply_change(self) -> None:
@@ -161,6 +180,8 @@ class Plant:
 
     def place_basket(self, position: np.ndarray) -> None:
         """Put the basket, centre of its rim at position (3,), without touching anything else."""
+        if self.settings.board is not None:
+            raise ValueError("there is a board and no basket to place: change the settings to hang it elsewhere")
         self._basket = _checked_basket(position)
         self._world.resetBasePositionAndOrientation(self._basket_body, list(self._basket), [0, 0, 0, 1])
 
@@ -180,7 +201,10 @@ class Plant:
         self._world.stepSimulation()
         self._stamp_ns += self.settings.step_ns
         self._step_count += 1
+        before = self._ball_position
         self._observe()
+        if self.settings.board is not None and self._held is None and not self._stuck:
+            self._stick_to_the_board(np.array(before))
 
     # the arm
 
@@ -231,9 +255,9 @@ class Plant:
 
     def _act_on_ball(self) -> None:
         """Drag; and half the gravity in the first free step, which makes PyBullet's Euler steps a leapfrog, exact for a parabola."""
-        if self._held is not None:
+        if self._held is not None or self._stuck:
             return
-        ball = self.description.ball
+        ball = self._projectile
         velocity = np.array(self._ball_velocity)
         area = np.pi * ball.radius**2
         force = -0.5 * AIR_DENSITY * ball.drag_coefficient * area * np.linalg.norm(velocity) * velocity
@@ -241,6 +265,17 @@ class Plant:
             force[2] += 0.5 * self._ball_mass * self.description.gravity
         self._world.applyExternalForce(self._ball, -1, force.tolist(), list(self._ball_position), pybullet.WORLD_FRAME)
         self._touch_when_clear()
+
+    def _stick_to_the_board(self, before: np.ndarray) -> None:
+        """A dart that has met the board in the last step stays where it met it."""
+        point = self.settings.board.hit(before, np.array(self._ball_position))
+        if point is None:
+            return
+        self._world.resetBasePositionAndOrientation(self._ball, point.tolist(), self._ball_quaternion)
+        self._world.resetBaseVelocity(self._ball, [0, 0, 0], [0, 0, 0])
+        self._world.changeDynamics(self._ball, -1, mass=0)
+        self._stuck = True
+        self._observe()
 
     def _touch_when_clear(self) -> None:
         """The open fingers are not modelled: the hand can touch the ball again once it is a hand's breadth away."""
@@ -264,7 +299,7 @@ class Plant:
         self._held = self._world.createConstraint(
             self._arm, HAND_LINK_INDEX, self._ball, -1, pybullet.JOINT_FIXED, [0, 0, 0], offset, [0, 0, 0], turn
         )
-        self._free_at, self._just_freed = None, False
+        self._free_at, self._just_freed, self._stuck = None, False, False
         self._set_touchable(False)
 
     # the world
@@ -280,10 +315,11 @@ class Plant:
         for joint, angle in zip(JOINTS, self.settings.start_posture, strict=True):
             world.resetJointState(self._arm, joint, angle, 0.0)
         _floor(world)
-        self._basket_body = _load_urdf(world, _unseen(basket_urdf(self.settings.basket)), self._basket.tolist())
-        world.changeDynamics(self._basket_body, -1, restitution=self.settings.basket.restitution, lateralFriction=0.5)
-        self._ball_mass = self.description.ball.mass * self.settings.ball_mass_scale
-        self._ball = _ball_body(world, self.description.ball, self._ball_mass)
+        if self.settings.board is None:
+            self._basket_body = _load_urdf(world, _unseen(basket_urdf(self.settings.basket)), self._basket.tolist())
+            world.changeDynamics(self._basket_body, -1, restitution=self.settings.basket.restitution, lateralFriction=0.5)
+        self._ball_mass = self._projectile.mass * self.settings.ball_mass_scale
+        self._ball = _ball_body(world, self._projectile, self._ball_mass)
 
     def _observe(self) -> None:
         joints = self._world.getJointStates(self._arm, JOINTS)
@@ -352,7 +388,7 @@ class Plant:
             ball_velocity=np.array(self._ball_velocity),
             ball_held=self._held is not None,
             basket=self._basket,
-            ball_in_basket=self.settings.basket.holds(ball, self._basket),
+            ball_in_basket=self._stuck if self.settings.board is not None else self.settings.basket.holds(ball, self._basket),
         )
 
 

@@ -12,11 +12,11 @@ from enum import Enum
 import numpy as np
 from scipy.optimize import brentq
 
-from dart_skill.flight import landing
 from dart_skill.robot.command import ArmState, Command, Grip
 from dart_skill.robot.description import N_JOINTS
 from dart_skill.robot.impedance import minimum_jerk, rotation_error
 from dart_skill.robot.model import ArmModel
+from dart_skill.surface import BASKETS, RIMS, Game
 
 SWING_JOINTS = (1, 3, 5)
 """J2, J4 and J6 move the hand in the vertical plane of the throw."""
@@ -98,11 +98,12 @@ class _Motion:
 class Teacher:
     """Guides one throw at a time: `begin` with a target, then `step` once per state until the phase is WATCHING.
 
-    `learn_from(landing)` corrects the next throw at the same target, as a person does who saw where the ball went.
+    game: what is thrown at what. `learn_from(landing)` corrects the next throw at the same target, as a person does who saw where the
+    ball went.
     """
 
-    def __init__(self, seed: int = 0, swing: Swing | None = None, person: Person | None = None, step: float = 0.002):
-        self.swing, self.person, self._step = swing or Swing(), person or Person(), step
+    def __init__(self, seed: int = 0, swing: Swing | None = None, person: Person | None = None, step: float = 0.002, game: Game = BASKETS):
+        self.swing, self.person, self._step, self._game = swing or Swing(), person or Person(), step, game
         self._model = ArmModel(ball_in_hand=True)
         self._seed, self._throws = seed, 0
         self._phase, self._motion = Phase.IDLE, None
@@ -113,9 +114,9 @@ class Teacher:
         return self._phase
 
     def begin(self, target: np.ndarray, state: ArmState, correction: bool = False) -> None:
-        """Prepare a throw at the basket `target` (3,); correction=False forgets what was learned at the basket before.
+        """Prepare a throw at `target` (3,); correction=False forgets what was learned at it before.
 
-        ValueError, and nothing has changed, for a basket out of reach.
+        ValueError, and nothing has changed, for a target out of reach.
         """
         target, learned = self.check(target, correction)
         self._throws += 1
@@ -127,19 +128,16 @@ class Teacher:
         self._phase = Phase.TURNING
 
     def check(self, target: np.ndarray, correction: bool = False) -> tuple[np.ndarray, np.ndarray]:
-        """The basket (3,), and what was learned at it (2,); ValueError for one out of reach."""
+        """The target (3,), and what was learned at it (2,); ValueError for one out of reach."""
         target, learned = self._checked(target), self._correction if correction else np.zeros(2)
-        self._speed_for(np.hypot(*target[:2]) + learned[0], target[2])
+        self._speed_for(self._reach(target) + learned[0], target)
         return target, learned
 
     def learn_from(self, landed: np.ndarray) -> None:
         """Aim the next throw against the miss: landed (3,) is where the ball was seen to come down."""
         if not np.isfinite(landed[:2]).all():
             raise ValueError(f"nobody saw where the ball landed ({landed}): there is nothing to learn from it")
-        azimuth = np.arctan2(self._target[1], self._target[0])
-        miss = landed[:2] - self._target[:2]
-        along = miss @ [np.cos(azimuth), np.sin(azimuth)]
-        across = miss @ [-np.sin(azimuth), np.cos(azimuth)]
+        along, across = self._game.surface.miss(landed - self._target, self._target)
         self._correction = self._correction - 0.8 * np.array([along, across / np.hypot(*self._target[:2])])
 
     def step(self, state: ArmState) -> Command:
@@ -161,15 +159,16 @@ class Teacher:
             raise ValueError(f"target {target} is not three finite numbers: give the centre of the rim in metres")
         base, azimuth = self._model.description.joints[0], float(np.arctan2(target[1], target[0]))
         if not base.lower < azimuth < base.upper:
-            raise ValueError(f"a basket at {azimuth:.2f} rad is behind the arm: place it between {base.lower} and {base.upper} rad")
+            what = self._game.surface.what
+            raise ValueError(f"a {what} at {azimuth:.2f} rad is behind the arm: place it between {base.lower} and {base.upper} rad")
         return target
 
     def _prepare(self, state: ArmState) -> _Motion:
         person, swing, rng = self.person, self.swing, self._rng
         azimuth = np.arctan2(self._target[1], self._target[0]) + self._correction[1]
         azimuth += person.direction * rng.standard_normal()
-        distance = np.hypot(*self._target[:2]) + self._correction[0]
-        speed = self._speed_for(distance, self._target[2]) * (1.0 + person.speed * rng.standard_normal())
+        speed = self._speed_for(self._reach(self._target) + self._correction[0], self._target)
+        speed *= 1.0 + person.speed * rng.standard_normal()
         duration = swing.duration * (1.0 + person.duration * rng.standard_normal())
         turn = max(0.6, 1.6 * abs(azimuth - state.position[0]))
         start = turn + rng.uniform(*person.pause)
@@ -188,19 +187,24 @@ class Teacher:
             offset=person.release_point * rng.standard_normal(3),
         )
 
-    def _speed_for(self, distance: float, rim_height: float) -> float:
-        """Share of the joints' no-load speed whose ball comes down at `distance` from the base axis [m]."""
+    def _reach(self, target: np.ndarray) -> float:
+        return float(self._game.surface.coordinates(target)[0])
+
+    def _speed_for(self, reach: float, target: np.ndarray) -> float:
+        """Share of the joints' no-load speed whose ball gets to `reach` [m] on the surface of the target (3,)."""
+        surface = self._game.surface
 
         def miss(speed: float) -> float:
             position, velocity = self._ball_at_release(speed)
-            landed = float(landing(position, velocity, rim_height).position[0])
-            return landed - distance if np.isfinite(landed) else -distance  # too slow to rise above the rim
+            reached = surface.reached(position, velocity, target, self._game.projectile)
+            return reached - reach if np.isfinite(reached) else -reach  # too slow to rise above the rim
 
         low, high = 0.05, 1.0
-        out_of_reach = f"a basket at {distance:.2f} m, {rim_height:.2f} m high, is out of the teacher's reach"
+        where = f"{reach:.2f} m, {target[2]:.2f} m high," if surface is RIMS else surface.far(reach)
+        out_of_reach = f"a {surface.what} at {where} is out of the teacher's reach"
         if miss(low) > 0 or miss(high) < 0:
-            nearest, farthest = miss(low) + distance, miss(high) + distance
-            raise ValueError(f"{out_of_reach}: place it between {nearest:.2f} and {farthest:.2f} m from the base axis")
+            nearest, farthest = miss(low) + reach, miss(high) + reach
+            raise ValueError(f"{out_of_reach}: place it between {nearest:.2f} and {surface.far(farthest)}")
         speed = brentq(miss, low, high, xtol=1e-4)
         if abs(miss(speed)) > 0.05:
             raise ValueError(f"{out_of_reach}: place it lower or farther away")

@@ -4,20 +4,21 @@ A miss has a part that is known once it has happened, the hand opened early or l
 belongs to the place: friction, the load, a base that was turned. The first is computed and taken away, so that one throw already tells much
 about the second, which a Gaussian process over the places describes: a common offset and a smooth difference from place to place
 (C. Rasmussen and C. Williams, Gaussian Processes for Machine Learning, 2006, chapter 2). After something has changed, what was learned
-before is of no use: two surprises in a row in the same direction forget it.
+before is of no use: two surprises in a row in the same direction, at different places, forget it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from dart_skill.flight import landing
-from dart_skill.movement.frames import azimuth_of, turn_matrix
 from dart_skill.movement.orientation import rotate
 from dart_skill.robot.description import wam_description
 from dart_skill.robot.throw_plan import ThrowPlan
+from dart_skill.skill.throwing import turning
+from dart_skill.surface import BASKETS, RIMS, Game, Surface
 
 NOISES = 0.008 * 2.0 ** np.arange(-2, 4)
 DIFFERENCES = 0.01 * 2.0 ** np.arange(-2, 4)
@@ -29,29 +30,50 @@ UNUSUAL = 1.0
 @dataclass(frozen=True)
 class CorrectionSettings:
     """offset [m]: standard deviation of what all places have in common, before the first throw; lengths: over which misses resemble
-    each other, in distance [m] and azimuth [rad]; surprise: standard deviations that make a miss one; farthest [m]: a plan is moved no
-    farther than this from its target; memory: throws at most, the latest.
+    each other, in distance [m] and azimuth [rad]; surprise: standard deviations that make a miss one; apart: two surprises nearer than
+    this, in distance [m] and azimuth [rad], may be the fault of the place; farthest [m]: a plan is moved no farther than this from its
+    target; memory: throws at most, the latest.
     """
 
     offset: float = 0.1
     lengths: tuple[float, float] = (0.5, 0.7)
     surprise: float = 4.0
+    apart: tuple[float, float] = (0.25, 0.35)
     farthest: float = 0.5
     memory: int = 200
 
     def __post_init__(self):
-        values = np.array([self.offset, *self.lengths, self.surprise, self.farthest, self.memory], dtype=float)
+        values = np.array([self.offset, *self.lengths, self.surprise, *self.apart, self.farthest, self.memory], dtype=float)
         if not (np.isfinite(values).all() and (values > 0).all()):
             raise ValueError(f"correction: {self} must hold finite positive numbers only")
 
 
-class Correction:
-    """Misses (along, across) [m] as a function of the place (distance [m], azimuth [rad]) that a plan is meant for."""
+class _Fit(NamedTuple):
+    """Noise and difference [m], inverse covariance (n, n) of the misses, and its product with them (n,)."""
 
-    def __init__(self, settings: CorrectionSettings | None = None):
-        self.settings = settings or CorrectionSettings()
+    noise: float
+    difference: float
+    inverse: np.ndarray
+    weights: np.ndarray
+
+
+class _Suspect(NamedTuple):
+    """A miss that surprised: place (2,), miss (2,), and by how many standard deviations (2,)."""
+
+    place: np.ndarray
+    miss: np.ndarray
+    surprise: np.ndarray
+
+
+class Correction:
+    """Misses (along, across) [m] as a function of the place (distance [m], azimuth [rad]) that a plan is meant for; on a board: misses
+    (up, left), and the height for the distance.
+    """
+
+    def __init__(self, settings: CorrectionSettings | None = None, surface: Surface = RIMS):
+        self.settings, self._surface = settings or CorrectionSettings(), surface
         self._places, self._misses = np.empty((0, 2)), np.empty((0, 2))
-        self._suspect = None
+        self._suspects: list[_Suspect] = []
         self.n_forgotten = 0
 
     def __len__(self) -> int:
@@ -72,20 +94,23 @@ class Correction:
             self._remember(list(throws[:, :2]), list(throws[:, 2:]))
 
     def add(self, place: np.ndarray, miss: np.ndarray) -> None:
-        """Remember a miss (2,) at a place (2,). A surprise waits for the next one: then it is a change, or else an accident."""
+        """Remember a miss (2,) at a place (2,). A surprise waits: for one like it at another place, then the arm has changed, or for a
+        throw that is none, then it was an accident, or the fault of its place.
+        """
         place, miss = (np.asarray(part, dtype=float) for part in (place, miss))
         if place.shape != (2,) or miss.shape != (2,) or not np.isfinite([place, miss]).all():
             raise ValueError(f"place {place} and miss {miss} must be two finite numbers each: was the landing seen?")
         surprise = self._surprise(place, miss)
         if surprise is None:
-            self._suspect = None
+            self._suspects = []
             self._remember([place], [miss])
-        elif self._suspect is not None and np.dot(self._suspect[2], surprise) > 0:
+            return
+        alike = [one for one in self._suspects if np.dot(one.surprise, surprise) > 0]
+        self._suspects.append(_Suspect(place, miss, surprise))
+        if any(np.linalg.norm((one.place - place) / self.settings.apart) > 1.0 for one in alike):
             self.n_forgotten, self._places, self._misses = self.n_forgotten + 1, np.empty((0, 2)), np.empty((0, 2))
-            self._remember([self._suspect[0], place], [self._suspect[1], miss])
-            self._suspect = None
-        else:
-            self._suspect = (place, miss, surprise)
+            self._remember([*(one.place for one in alike), place], [*(one.miss for one in alike), miss])
+            self._suspects = []
 
     def predict(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean and standard deviation (n, 2) of the repeatable miss at places (n, 2)."""
@@ -100,10 +125,10 @@ class Correction:
         target = np.asarray(target, dtype=float)
         point = target.copy()
         for _ in range(3):
-            mean = self.predict(polar(point))[0][0]
-            move = turn_matrix(azimuth_of(point))[:2, :2] @ mean
+            mean = self.predict(self._surface.coordinates(point))[0][0]
+            move = self._surface.offset(mean, point)
             move *= min(1.0, self.settings.farthest / max(float(np.linalg.norm(move)), 1e-12))
-            point = target - [*move, 0.0]
+            point = target - move
         return point
 
     def _remember(self, places: list, misses: list) -> None:
@@ -123,8 +148,8 @@ class Correction:
         apart = (first[:, None] - second) / self.settings.lengths
         return np.exp(-0.5 * np.einsum("ijk,ijk->ij", apart, apart))
 
-    def _fit(self, axis: int) -> tuple[float, float, np.ndarray, np.ndarray]:
-        """The most probable noise and difference (evidence times prior), and their inverse covariance and weights."""
+    def _fit(self, axis: int) -> _Fit:
+        """The process with the most probable noise and difference (evidence times prior)."""
         values, n = self._misses[:, axis], len(self._misses)
         smooth = self._kernel(self._places, self._places)
         noise, difference = (part.ravel() for part in np.meshgrid(NOISES, DIFFERENCES, indexing="ij"))
@@ -134,7 +159,7 @@ class Correction:
         evidence = -0.5 * (weights @ values + np.linalg.slogdet(covariance)[1])
         evidence -= UNUSUAL * (np.log2(noise / 0.008) ** 2 + np.log2(difference / 0.01) ** 2)
         best = int(evidence.argmax())
-        return float(noise[best]), float(difference[best]), inverse[best], weights[best]
+        return _Fit(float(noise[best]), float(difference[best]), inverse[best], weights[best])
 
     def _predict(self, places: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
         _, difference, inverse, weights = self._fits[axis]
@@ -154,22 +179,24 @@ def corrected(plan: ThrowPlan, target: np.ndarray) -> ThrowPlan:
     return replace(plan, target=np.asarray(target, dtype=float), predicted_landing=plan.predicted_landing + (target - plan.target))
 
 
-def landing_if_late(plan: ThrowPlan, late: float) -> np.ndarray:
-    """Where the ball comes down (3,) on the plane of the rim if the hand follows the plan and the ball leaves it `late` [s]."""
+def landing_if_late(plan: ThrowPlan, late: float, game: Game = BASKETS) -> np.ndarray:
+    """Where the ball comes down (3,) on the plane of the rim, or meets the board, if the hand follows the plan and the ball leaves it so
+    `late` [s].
+    """
     path, when = plan.path, plan.release + late
     k = int(np.clip(np.searchsorted(path.time, when), 0, len(path.time) - 1))
     rest = when - path.time[k]
     arm = rotate(path.quaternion[k : k + 1], wam_description().hand.ball_centre[None])[0]
     velocity = path.velocity[k, :3] + np.cross(path.velocity[k, 3:], arm)
-    turning = np.cross(path.velocity[k, 3:], np.cross(path.velocity[k, 3:], arm)) + np.cross(path.acceleration[k, 3:], arm)
-    acceleration = path.acceleration[k, :3] + turning
-    return landing(path.position[k] + arm + rest * velocity, velocity + rest * acceleration, plan.target[2]).position
+    acceleration = path.acceleration[k, :3] + turning(path.velocity[k, 3:], path.acceleration[k, 3:], arm)
+    start, speed = path.position[k] + arm + rest * velocity, velocity + rest * acceleration
+    return game.surface.crossing(start, speed, plan.target, game.projectile).position
 
 
-def repeatable_miss(plan: ThrowPlan, seen: np.ndarray, late: float) -> tuple[np.ndarray, np.ndarray]:
+def repeatable_miss(plan: ThrowPlan, seen: np.ndarray, late: float, game: Game = BASKETS) -> tuple[np.ndarray, np.ndarray]:
     """Place (2,) that the plan's own path would send a ball to, and how far the ball that was released `late` [s] came down (3,) from where
-    the path would have sent it then: along, across [m]. A release nobody saw, nan, counts as one on time.
+    the path would have sent it then: along, across [m] or, on a board, up, left. A release nobody saw, nan, counts as one on time.
     """
-    meant = landing_if_late(plan, 0.0)
-    expected = landing_if_late(plan, late) if np.isfinite(late) else meant
-    return polar(meant), ((seen - expected) @ turn_matrix(azimuth_of(meant)))[:2]
+    meant = landing_if_late(plan, 0.0, game)
+    expected = landing_if_late(plan, late, game) if np.isfinite(late) else meant
+    return game.surface.coordinates(meant), game.surface.miss(seen - expected, meant)

@@ -13,6 +13,7 @@ from numpy.polynomial import polynomial
 
 from dart_skill.flight import TENNIS_BALL, Ball, FlightFit, fit_flight, fit_flights, landing
 from dart_skill.samples import check_samples, check_unit_quaternions
+from dart_skill.surface import RIMS, Surface
 
 NOISE = 1e-4  # standard deviation of a tracked position [m]
 WINDOW = 10  # samples; over 90 ms a motion at constant velocity misses a free fall by 7 mm
@@ -29,10 +30,10 @@ class Outcome:
 
     landing_seen: the ball was tracked up to, or at most 0.15 s before, the crossing of the rim's plane.
     landing: (3,) where the ball's centre crosses the plane of the rim going down, on its first free flight; a
-        ball that touches the rim counts where it would have crossed [m]; nan if not seen.
+        ball that touches the rim counts where it would have crossed; a dart: where it meets the plane of the board [m]; nan if not seen.
     landing_time: of the crossing, on the clock of the samples [s]; nan if not seen.
-    landing_error: horizontal distance of the landing from the centre of the rim [m]; nan if not seen.
-    in_basket: last seen inside the walls below the rim, or flying down through the rim and never seen again.
+    landing_error: distance of the landing from the centre of the rim, or from the target on the board, in that plane [m]; nan if not seen.
+    in_basket: last seen inside the walls below the rim, or flying down through the rim and never seen again; a dart: it met the board.
     """
 
     landing_seen: bool
@@ -78,8 +79,9 @@ def judge_flight(
     noise: float = NOISE,
     *,
     free: FreeFlight | None = None,
+    surface: Surface = RIMS,
 ) -> Outcome:
-    """Outcome of a throw at the basket with centre of the rim `rim` (3,) and radius `rim_radius` [m].
+    """Outcome of a throw at the basket with centre of the rim `rim` (3,) and radius `rim_radius` [m], or at the point `rim` of a board.
 
     ball_time (n,) [s], ball_position (n, 3) [m], world frame: every sample from the grip until the ball has
     come to rest or was lost for good. No samples, or none in flight, is an outcome too: not seen.
@@ -87,12 +89,14 @@ def judge_flight(
     """
     ball_time, ball_position = check_samples("ball", ball_time, ball_position, least=0)
     rim = _check_rim(rim, rim_radius)
-    inside = _ends_in_basket(ball_time, ball_position, rim, rim_radius, ball, noise)
+    inside = surface is RIMS and _ends_in_basket(ball_time, ball_position, rim, rim_radius, ball, noise)
     free = free or find_flight(ball_time, ball_position, ball, noise)
-    crossing = None if free is None else landing(free.fit.position, free.fit.velocity, rim[2], ball)
+    crossing = None if free is None else surface.crossing(free.fit.position, free.fit.velocity, rim, ball)
     if crossing is None or not _tracked_to(free, ball_time, free.fit.time + crossing.time):
         return Outcome(False, np.full(3, np.nan), np.nan, np.nan, inside)
-    error = float(np.linalg.norm(crossing.position[:2] - rim[:2]))
+    if surface is not RIMS:
+        inside = surface.holds(crossing.position)
+    error = surface.apart(crossing.position, rim)
     return Outcome(True, crossing.position, float(free.fit.time + crossing.time), error, inside)
 
 

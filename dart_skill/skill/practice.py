@@ -110,7 +110,7 @@ class Practice:
         if len(throws) < LEAST_TO_COMPARE:
             return None
         clocks, paths = zip(*(self._path(throw) for throw in throws), strict=True)
-        distances = np.array([[throw.distance] for throw in throws])
+        distances = np.array([[throw.reach] for throw in throws])
         return check_alignment(
             clocks, paths, distances, largest_deviation=self.settings.largest_deviation, tolerance=self.settings.tolerance
         )[-1]

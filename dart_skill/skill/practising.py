@@ -21,6 +21,7 @@ from dart_skill.skill.configuration import DEFAULT, SkillConfiguration
 from dart_skill.skill.correction import Correction, CorrectionSettings, corrected, repeatable_miss
 from dart_skill.skill.practice import Practice, PracticeSettings, Verdict
 from dart_skill.skill.preparation import prepare
+from dart_skill.skill.steadiness import LEAST, STEP, Steadiness
 
 METHODS = ("residual", "bootstrap", "both", "power", "none")
 MIDDLE = 2.0
@@ -32,7 +33,8 @@ SPREAD = np.array([0.05, 0.05, 0.02, 0.02])
 @dataclass(frozen=True)
 class Told:
     """What became of a throw that was told: whether it was learned from, and why not; `left`: along and across, what of the error [m] the
-    delay of the hand does not explain, so that a perfect skill would have avoided it, nan if nobody knows; ids of what was forgotten for it.
+    delay of the hand does not explain, so that a perfect skill would have avoided it, nan if nobody knows; ids of what was forgotten
+    for it.
     """
 
     kept: bool
@@ -42,7 +44,11 @@ class Told:
 
 
 class PractisingSkill:
-    """Demonstrations, own throws, and what each method makes of them. method: one of METHODS."""
+    """Demonstrations, own throws, and what each method makes of them.
+
+    method: one of METHODS; steady_every: after so many throws the release may be moved farther to where the hand's delay matters least
+    (`steadiness`), 0 for never.
+    """
 
     def __init__(
         self,
@@ -52,27 +58,32 @@ class PractisingSkill:
         memory: PracticeSettings | None = None,
         settings: CorrectionSettings | None = None,
         rng: np.random.Generator | None = None,
+        steady_every: int = 0,
     ):
         if method not in METHODS:
             raise ValueError(f"there is no way to practise '{method}': choose one of {', '.join(METHODS)}")
         if method == "power" and configuration.board:
             raise ValueError("PoWER's offsets and slopes are those of baskets: practise darts with residual, bootstrap or both")
-        self.method = method
+        self.method, self._steady_every = method, steady_every
         self.practice = Practice(shown, configuration, memory)
         self.skill = self.practice.learn()
         self._game = configuration.game
         self.correction = Correction(settings, self._game.surface) if method in ("residual", "both") else None
         self._search = PoWER(np.zeros(4), SPREAD, rng=rng or np.random.default_rng(0)) if method == "power" else None
         self._trial: SearchTrial | None = None
+        self.steadiness = Steadiness(self._game)
+        self.release_shift, self._told, self._let_go = 0.0, 0, None
 
     def plan(self, target: np.ndarray, explore: bool = False) -> ThrowPlan:
         """A throw at the basket whose rim is centred at target (3,); explore: PoWER tries something new. Unreachable says why not."""
         target = np.asarray(target, dtype=float)
+        centre = self._let_go_well(target) if self._steady_every else 0.0
+        skill = self.skill.releasing(self.release_shift) if self.release_shift else self.skill
         if self.correction is not None:
-            return corrected(self.skill.plan(self.correction.shifted(target)), target)
+            return corrected(skill.plan(self.correction.shifted(target) - centre), target)
         if self._search is not None:
-            return corrected(self.skill.plan(self._searched(target, explore)), target)
-        return self.skill.plan(target)
+            return corrected(skill.plan(self._searched(target, explore)), target)
+        return skill.plan(target)
 
     def tell(self, plan: ThrowPlan | None, trial: Demonstration) -> Told:
         """What came of a plan of this skill; without a plan the throw is a demonstration, whatever the method."""
@@ -84,7 +95,10 @@ class PractisingSkill:
         except ValueError as error:
             self._trial = None
             return Told(False, str(error))
-        place, miss = repeatable_miss(plan, seen.task, seen.hand_delay - (plan.release - plan.open_hand), self._game)
+        late = seen.hand_delay - (plan.release - plan.open_hand)
+        place, miss = repeatable_miss(plan, seen.task, late, self._game)
+        self.steadiness.add((*plan.target, plan.release), late, miss)
+        self._told += 1
         if self._trial is not None:
             self._search.tell(self._trial, -float(np.linalg.norm(seen.task - plan.target)))
             self._trial = None
@@ -94,6 +108,18 @@ class PractisingSkill:
         # The plan was meant for another place if it was corrected.
         left = self._game.surface.seen_from(plan.target, place, miss)
         return Told(verdict.kept, verdict.reason, left, verdict.forgotten)
+
+    def _let_go_well(self, target: np.ndarray) -> np.ndarray:
+        """Move the release to where hits on a target (3,) scatter least; the median (3,) [m] of the deviations that are left."""
+        rounds = self._told // self._steady_every
+        if rounds == 0 or len(self.steadiness) < LEAST:
+            return np.zeros(3)
+        if self._let_go is None or self._let_go[0] != (rounds, *target):
+            goal = target if self.correction is None else self.correction.shifted(target)
+            found = self.steadiness.steadiest(lambda shift: self.skill.releasing(shift).plan(goal), self.release_shift, rounds * STEP)
+            self._let_go = ((rounds, *target), *found)
+        _, self.release_shift, centre = self._let_go
+        return self._game.surface.offset(centre, target)
 
     def _searched(self, target: np.ndarray, explore: bool) -> np.ndarray:
         """The point to plan for under PoWER's best correction, or under the one that it tries now."""

@@ -26,10 +26,11 @@ class PreparedThrow:
     """A demonstration ready to be learned.
 
     task (3,) is its task parameter: where the ball came down on the plane of the rim (a dart: where it met the board), or where the basket
-    stood; its azimuth [rad] and reach [m], the distance from the base axis or the height on the board; time (n,) [s], 0 at the shared instant; motion (n, 5) x, y, z in the world and alpha, beta in the axes of
-    the configuration; velocity and attractor (n, 5) likewise; start_pose (6,): x, y, z, alpha, beta, roll of the hand at rest, all in axes turned
-    by the azimuth; release [s] on the same clock; start_posture (7,) with J1 relative
-    to the azimuth; hand_delay [s] from the command to the ball being free, nan if the command was not seen.
+    stood; its azimuth [rad] and reach [m], the distance from the base axis or the height on the board; time (n,) [s], 0 at the shared
+    instant; motion (n, 5) x, y, z in the world and alpha, beta in the axes of the configuration; velocity and attractor (n, 5) likewise;
+    start_pose (6,): x, y, z, alpha, beta, roll of the hand at rest, all in axes turned by the azimuth; release [s] on the same clock;
+    start_posture (7,) with J1 relative to the azimuth; hand_delay [s] from the command to the ball being free, nan if the command was not
+    seen.
     """
 
     id: str

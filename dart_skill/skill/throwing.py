@@ -6,6 +6,7 @@ target. The release and the delay of the hand are learned with the motion.
 """
 
 import hashlib
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -94,6 +95,12 @@ class ThrowingSkill:
         target = self._checked(target)
         aim, course = self._solve_aim(target) if self.configuration.solve_aim else (target, self._course(target))
         return self._as_plan(target, aim, course)
+
+    def releasing(self, later: float) -> "ThrowingSkill":
+        """The same skill, which lets go so much later [s] on the paths that it has learned, and aims accordingly."""
+        other = copy(self)
+        other.release = self.release + later
+        return other
 
     def mixture(self, target: np.ndarray) -> GaussianMixture:
         """The Gaussians for one task parameter, in the world (7.21)."""
@@ -257,7 +264,8 @@ class ThrowingSkill:
         start, speed = path.position[k] + arm + late * velocity, velocity + late * acceleration
         point = self._surface.crossing(start, speed, np.array([0.0, 0.0, rim_height]), self.configuration.game.projectile)
         if not np.isfinite(point.position).all():
-            raise Unreachable(f"the plan for {course.azimuth:.2f} rad never comes down on the plane of the {self._surface.what} at {rim_height:.2f} m")
+            where = f"the plane of the {self._surface.what} at {rim_height:.2f} m"
+            raise Unreachable(f"the plan for {course.azimuth:.2f} rad never comes down on {where}")
         return point.position
 
     def _as_plan(self, target: np.ndarray, aim: np.ndarray, course: _Course) -> ThrowPlan:

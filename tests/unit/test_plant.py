@@ -107,6 +107,16 @@ def test_the_held_ball_weighs_on_the_arm(make_plant):
     np.testing.assert_allclose(after.velocity / STEP, expected, rtol=0.02, atol=0.02 * np.abs(expected).max())
 
 
+def test_the_arm_sees_of_the_state_its_joints_and_nothing_else(make_plant):
+    plant = make_plant()
+    state = run(plant, 3, joint_torque=one(1, 5.0))[-1]
+    for arm in (plant.arm_state, state.arm):
+        assert arm.stamp_ns == plant.state_stamp_ns
+        np.testing.assert_array_equal(arm.position, plant.joint_position)
+        np.testing.assert_array_equal(arm.velocity, plant.joint_velocity)
+        assert np.abs(arm.velocity).max() > 1e-3, arm.velocity
+
+
 def test_the_wrench_of_a_command_acts_at_the_hand_frame(make_plant):
     plant = make_plant(start_posture=(0.2, 0.7, 0.1, 0.4, 0.0, 0.3, 0.0), **IDEAL)
     wrench = np.array([3.0, -2.0, 4.0, 0.2, -0.3, 0.1])

@@ -9,6 +9,7 @@ import pytest
 from dart_skill.cli import main
 from dart_skill.experiments import dart_search, thesis
 from dart_skill.experiments.dart_search import SCHEDULES, Schedule, best_scores
+from dart_skill.experiments.thesis import ball_throws as balls
 from dart_skill.experiments.thesis import dart_throws as darts
 from dart_skill.experiments.thesis import (
     figure_3_1,
@@ -22,6 +23,12 @@ from dart_skill.experiments.thesis import (
     figure_7_4,
     figure_8_1,
     figure_8_3,
+    figure_8_6,
+    figure_8_7,
+    figure_8_8,
+    figure_8_9,
+    figure_8_10,
+    figure_8_11,
     regrets,
 )
 
@@ -147,6 +154,94 @@ def test_a_dart_thrown_backwards_never_arrives_and_is_not_learned_from(monkeypat
     monkeypatch.setattr(darts, "throw_at", lambda model, aim: backwards)
     assert len(darts.practise(darts.demonstrate(3, np.random.default_rng(0)), np.tile(aim, (2, 1)))) == 2
     assert learned_from == [3, 3]
+
+
+def test_all_figures_of_the_ball_share_one_set_of_lessons(tmp_path, monkeypatch):
+    balls.lessons(0)
+    monkeypatch.setattr(balls, "Session", lambda *_, **__: pytest.fail("the teacher was asked again"))
+    for number in range(6, 12):
+        assert len(thesis.draw(f"8.{number}", tmp_path)[0]) == 2
+
+
+def test_the_global_model_of_the_thesis_misses_and_ours_expects_to_hit(tmp_path):
+    """Figure 8.6; the miss is in the plan already, before anything is thrown."""
+    numbers = figure_8_6.draw(tmp_path)[1]
+    assert numbers["demonstrations"] >= 12
+    assert numbers["expected_miss_median_cm"]["default"] < 0.1 and numbers["expected_miss_median_cm"]["thesis"] > 15.0, numbers
+    slowest, fastest = numbers["speed_at_release_m_s"]["demonstrated"]
+    assert slowest < numbers["speed_at_release_m_s"]["default"] < fastest, numbers
+    assert numbers["jerk_rms_m_s3"]["default"] < numbers["jerk_rms_m_s3"]["demonstrated"], "an average is smoother than what it is of"
+
+
+@pytest.mark.parametrize("name", ["thesis", "thesis_local", "default"])
+def test_the_drawn_flight_ends_where_the_plan_expects_it_to(name):
+    """The plan works out the release from the nearest step, without the turning of the ball about the hand in the rest of it: 1 cm."""
+    plan = balls.skill(0, name).plan(balls.new_baskets(0)[0])
+    np.testing.assert_allclose(balls.planned(plan).flight[-1], plan.predicted_landing, atol=0.015)
+
+
+def test_a_drawn_demonstration_ends_at_its_basket():
+    for one in balls.all_demonstrated(0, "thesis"):
+        assert one.time[0] < one.release < one.time[-1] and 1.5 < one.speed < 3.5
+        assert np.linalg.norm((one.flight[-1] - one.target)[:2]) < 0.35, "the ball went in, but its last part may be hidden"
+
+
+def test_frame_2_doubles_the_spread_of_beta_and_turned_axes_remove_it(tmp_path):
+    """Figure 8.7, and what 8.4.4 complains about."""
+    numbers = figure_8_7.draw(tmp_path)[1]
+    first, second, turned = (numbers[frame]["spread"]["beta_deg"] for frame in ("frame_1", "frame_2", "turned"))
+    assert second > 1.7 * first and turned < 0.25 * first, numbers
+    assert numbers["frame_2"]["spread_at_release"]["beta_deg"] > 20.0, numbers
+
+
+def test_beta_in_frame_2_is_beta_in_frame_1_less_that_of_the_target():
+    first, second = (balls.angles_in(0, frame) for frame in ("frame_1", "frame_2"))
+    differences = first.values - second.values
+    np.testing.assert_allclose(differences, np.broadcast_to(differences[:, :1], differences.shape), atol=1e-9)
+    assert np.corrcoef(differences[:, 0, 1], first.azimuths)[0, 1] > 0.95
+
+
+def test_an_angle_in_an_unknown_frame_is_refused():
+    with pytest.raises(ValueError, match="no frame 'frame_3': choose one of frame_1"):
+        balls.angles_in(0, "frame_3")
+
+
+def test_the_chosen_demonstrations_are_the_nearest_three():
+    """Figure 8.8."""
+    shown, new, chosen = figure_8_8.compute()
+    away = np.hypot(*(shown - new)[:, :2].T)
+    assert len(chosen) == 3 and away[chosen].tolist() == sorted(away)[:3]
+
+
+@pytest.mark.parametrize(("point", "within"), [((0.5, 0.3), True), ((0.9, 0.9), False), ((-0.1, 0.5), False), ((0.0, 0.99), True)])
+def test_a_point_lies_between_three_others(point, within):
+    assert figure_8_8.inside(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), np.array(point)) is within
+
+
+def test_most_baskets_do_not_lie_between_the_three_nearest(tmp_path):
+    """So that local regression extrapolates more often than not, which it cannot do."""
+    assert 0.1 < figure_8_8.draw(tmp_path)[1]["share_of_baskets_between_their_nearest"] < 0.5
+
+
+def test_local_regression_expects_to_miss_less_than_the_global_model_but_it_misses(tmp_path):
+    """Figure 8.9."""
+    misses = figure_8_9.draw(tmp_path)[1]["expected_miss_median_cm"]
+    assert misses["default"] < 0.1 < 10.0 < misses["thesis_local"] < misses["thesis"], misses
+
+
+def test_the_angles_of_the_chosen_demonstrations_are_consistent(tmp_path):
+    """Figure 8.10: the thesis is right about that."""
+    numbers = figure_8_10.draw(tmp_path)[1]
+    for frame in ("frame_1", "frame_2"):
+        chosen, every = (numbers[frame][which]["spread"]["beta_deg"] for which in ("chosen", "all"))
+        assert chosen < 0.35 * every, numbers
+
+
+def test_thresholds_of_the_speed_bring_the_throws_together(tmp_path):
+    """Figure 8.11."""
+    spread = figure_8_11.draw(tmp_path)[1]["release_spread_ms"]
+    assert spread["from_the_start_of_the_motion"] < 0.15 * spread["as_recorded"], spread
+    assert spread["as_recorded"] > 100.0, "the teacher pauses before the throw"
 
 
 def test_the_picture_of_regrets_comes_with_its_table_and_runs_are_not_run_again(tmp_path, fewer_runs, capsys, monkeypatch):

@@ -23,6 +23,12 @@ FIGURES = {
     "8.1": "figure_8_1",
     "8.2": "figure_8_2",
     "8.3": "figure_8_3",
+    "8.6": "figure_8_6",
+    "8.7": "figure_8_7",
+    "8.8": "figure_8_8",
+    "8.9": "figure_8_9",
+    "8.10": "figure_8_10",
+    "8.11": "figure_8_11",
     "regrets": "regrets",
 }
 

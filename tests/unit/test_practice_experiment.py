@@ -1,0 +1,155 @@
+"""The practice experiment: changes are made, tests teach nothing, rows count what they say, and one tiny run."""
+
+import json
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+
+from dart_skill.cli import main
+from dart_skill.experiments import practice
+from dart_skill.experiments.practice import CHANGES, Run, Task, changed, summarise, table
+from dart_skill.experiments.session import Session
+from dart_skill.robot.throw_plan import same_plan
+from dart_skill.simulation.plant import PlantSettings
+from dart_skill.skill.practising import PractisingSkill
+
+BASKET = np.array([1.9, 0.2, 0.40])
+NAN = float("nan")
+
+
+def made(seed=0, method="residual", scale=1.0, **task):
+    """A run by hand with tests of three throws after 0 and 5 practised ones."""
+    tests = ((0.04 * scale, 0.01 * scale, 0.02 * scale), (0.01 * scale, NAN, 0.2 * scale))
+    inside = ((True, True, True), (True, False, False))
+    return Run(Task(seed, method, throws=5, tested_after=(0, 5), tests=3, **task), (0.1,) * 5, (True,) * 5, tests, inside)
+
+
+def test_a_row_is_the_median_over_all_throws_of_all_runs():
+    before, after = summarise([made(0), made(1, scale=2.0)])
+    assert (before["after"], before["runs"], before["throws"], before["in"], before["without_error"]) == (0, 2, 6, 1.0, 0)
+    assert before["median_cm"] == pytest.approx(3.0) and before["p90_cm"] == pytest.approx(6.0)
+    assert (after["after"], after["in"], after["without_error"]) == (5, pytest.approx(1 / 3), 2)
+    assert after["median_cm"] == pytest.approx((2.0 + 20.0) / 2), "of 1, 2, 20 and 40 cm: throws without an error do not count"
+
+
+def test_rows_of_methods_demonstrations_and_changes_are_kept_apart():
+    runs = [made(), made(method="power"), made(demonstrations=3), made(change="friction")]
+    kinds = [(row["method"], row["demonstrations"], row["change"]) for row in summarise(runs)[::2]]
+    assert kinds == [("residual", 13, "none"), ("power", 13, "none"), ("residual", 3, "none"), ("residual", 13, "friction")]
+    lines = table(runs).splitlines()
+    assert len(lines) == 2 + len(runs) and "after 5" in lines[0] and "2.00 3.6 100 %" in lines[1]
+
+
+def test_throws_without_a_landing_give_a_row_without_a_median():
+    nothing = Run(made().task, (NAN,) * 5, (False,) * 5, ((NAN,) * 3,) * 2, ((False,) * 3,) * 2)
+    row = summarise([nothing])[0]
+    assert np.isnan(row["median_cm"]) and row["in"] == 0.0 and row["without_error"] == 3
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"), [({"method": "hope"}, "no method 'hope': choose one of"), ({"change": "moon"}, "no change 'moon'")]
+)
+def test_an_unknown_method_or_change_is_refused(wrong, message):
+    with pytest.raises(ValueError, match=message):
+        Task(0, **wrong)
+
+
+def test_tests_after_more_throws_than_there_are_do_not_take_place():
+    assert Task(0, throws=10).tested_after == (0, 1, 2, 5, 10)
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_a_change_changes_what_it_says_and_nothing_else(change):
+    before = PlantSettings()
+    after = changed(before, change)
+    assert {name: value for name, value in asdict(after).items() if value != asdict(before)[name]} == CHANGES[change]
+
+
+class Spied(Session):
+    """A session that notes the friction of the plant in each throw."""
+
+    frictions = []
+
+    def throw(self, plan):
+        trial = super().throw(plan)
+        self.frictions.append(self.plant.settings.friction_scale)
+        return trial
+
+
+def test_the_plant_changes_after_so_many_practised_throws_and_not_before(demonstrations, monkeypatch):
+    monkeypatch.setattr(practice, "Session", Spied)
+    monkeypatch.setattr(practice, "teach", lambda session, seed, wanted: demonstrations)
+    Spied.frictions.clear()
+    one = practice.run(Task(0, "residual", 4, throws=2, change="friction", change_after=1, tested_after=(0, 2), tests=1))
+    assert Spied.frictions == [1.0, 1.0, 2.0, 2.0], "test, practice, change, practice, test"
+    assert len(one.errors) == 2 and np.shape(one.test_errors) == np.shape(one.test_in_basket) == (2, 1)
+
+
+def practised(demonstrations, method):
+    return PractisingSkill(demonstrations, method=method, rng=np.random.default_rng(1))
+
+
+@pytest.mark.parametrize("method", ["residual", "bootstrap", "both", "power", "none"])
+def test_a_test_teaches_nothing(demonstrations, method):
+    """A skill that was tested goes on to the very plans of one that was not, also those with which PoWER explores."""
+    tested, untested = practised(demonstrations, method), practised(demonstrations, method)
+    session = Session(4)
+    error, inside, miss, note = practice._throw(session, tested, BASKET)[:4]
+    assert error == miss and np.isfinite(error) and inside == (error < 0.15) and not note
+    for explore in (False, True):
+        assert same_plan(tested.plan(BASKET, explore), untested.plan(BASKET, explore)), method
+    session.close()
+
+
+@pytest.mark.parametrize("method", ["residual", "bootstrap", "both"])
+def test_a_practised_throw_teaches(demonstrations, method):
+    """So that the test above could fail."""
+    skill = practised(demonstrations, method)
+    before, session = skill.plan(BASKET), Session(4)
+    practice._throw(session, skill, BASKET, learn=True)
+    assert not same_plan(skill.plan(BASKET), before), method
+    session.close()
+
+
+def test_a_basket_out_of_reach_is_a_throw_without_an_error(demonstrations):
+    skill = practised(demonstrations, "residual")
+    error, inside, miss, note = practice._throw(None, skill, np.array([9.0, 0.0, 0.4]))[:4]
+    assert np.isnan(error) and np.isnan(miss) and not inside and "9.00 m" in note
+
+
+def test_results_come_back_with_their_nan_and_are_not_run_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(practice, "run", lambda task: made(task.seed))
+    file, tasks = tmp_path / "practice.jsonl", [made(seed).task for seed in range(2)]
+    first = practice.run_all(tasks, file, jobs=1)
+    monkeypatch.setattr(practice, "run", lambda task: pytest.fail(f"{task} was run again"))
+    assert repr(practice.run_all(tasks, file, jobs=1)) == repr(first) and np.isnan(first[0].test_errors[1][1])
+
+
+def test_the_command_prints_the_table_and_draws_a_figure_per_change(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(practice, "run", lambda task: made(task.seed, task.method, change=task.change, demonstrations=task.demonstrations))
+    options = [
+        "--methods",
+        "residual,none",
+        "--changes",
+        "none,friction",
+        "--demonstrations",
+        "3",
+        "--throws",
+        "5",
+        "--tested-after",
+        "0,5",
+    ]
+    options += ["--seeds", "2", "--tests", "3", "--jobs", "1"]
+    assert main(["experiment", "practice", *options, "--figure", str(tmp_path), "--floor", "0.9", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert {(row["method"], row["change"]) for row in rows} == {(m, c) for m in ("residual", "none") for c in ("none", "friction")}
+    assert {path.name for path in tmp_path.glob("*.svg")} == {"practice_3_none.svg", "practice_3_friction.svg"}
+
+
+def test_a_tiny_run_practises_and_is_tested():
+    one = practice.run(Task(0, "residual", 3, throws=2, tested_after=(0, 2), tests=2))
+    assert len(one.errors) == len(one.in_basket) == 2 and np.shape(one.test_errors) == (2, 2)
+    assert np.nanmedian(np.concatenate(one.test_errors)) < 0.1, f"after 3 demonstrations: {one.test_errors}, {one.notes}"
+    again = practice.run(one.task)
+    assert repr(again) == repr(one), "the same seed, the same run"
