@@ -12,7 +12,6 @@ from scipy.linalg.lapack import dposv, dsyev
 
 from dart_skill.robot.model import ArmModel, HandState
 
-
 LENGTHS = np.array([1.0, 1.0, 1.0, 0.18, 0.18, 0.18])
 """Metres that a metre, or a radian, of the hand's motion counts for when directions are compared: 0.18 m from the wrist to the ball."""
 

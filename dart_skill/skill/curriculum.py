@@ -54,8 +54,8 @@ class Curriculum:
         return np.sqrt((UNKNOWN**2 + weights @ self._squares) / (1.0 + weights.sum(axis=1)))
 
     def order(self, targets: ArrayLike) -> list[int]:
-        """Indices of targets (n, 3), first the one where the next throw teaches most. After a throw that was much worse than expected that is
-        one elsewhere: has the arm changed, or is it the place?
+        """Indices of targets (n, 3), first the one where the next throw teaches most. After a throw that was much worse than expected that
+        is one elsewhere: has the arm changed, or is it the place?
         """
         near = np.zeros(len(targets), dtype=bool)
         if self._odd is not None:
