@@ -2,7 +2,7 @@
 
 `bootstrap` (thesis 8.2): a throw is one more demonstration of how to hit the place where it came down. `residual`: the repeatable miss is
 learned and taken out of the next plan (`correction`). `power` (5.1): PoWER searches for the offsets and slopes of such a correction, with
-the error as the return.
+the error as the return. With each of them the hand is told to open as early as it has needed lately (`hand_delay`).
 """
 
 from __future__ import annotations
@@ -17,8 +17,10 @@ from dart_skill.policy_search import PoWER
 from dart_skill.policy_search import Trial as SearchTrial
 from dart_skill.recording import Demonstration
 from dart_skill.robot.throw_plan import ThrowPlan
+from dart_skill.samples import to_the_nanosecond
 from dart_skill.skill.configuration import DEFAULT, SkillConfiguration
 from dart_skill.skill.correction import Correction, CorrectionSettings, corrected, repeatable_miss
+from dart_skill.skill.hand_delay import HandDelay
 from dart_skill.skill.practice import Practice, PracticeSettings, Verdict
 from dart_skill.skill.preparation import prepare
 from dart_skill.skill.steadiness import LEAST, STEP, Steadiness
@@ -71,6 +73,8 @@ class PractisingSkill:
         self.correction = Correction(settings, self._game.surface) if method in ("residual", "both") else None
         self._search = PoWER(np.zeros(4), SPREAD, rng=rng or np.random.default_rng(0)) if method == "power" else None
         self._trial: SearchTrial | None = None
+        # At a board the release itself is moved, and what the hand's mean delay does there is taken out with it: `steadiness`.
+        self.hand = None if method == "none" or configuration.board else HandDelay(throw.hand_delay for throw in self.skill.throws)
         self.steadiness = Steadiness(self._game)
         self.release_shift, self._told, self._let_go = 0.0, 0, None
 
@@ -80,10 +84,10 @@ class PractisingSkill:
         centre = self._let_go_well(target) if self._steady_every else 0.0
         skill = self.skill.releasing(self.release_shift) if self.release_shift else self.skill
         if self.correction is not None:
-            return corrected(skill.plan(self.correction.shifted(target) - centre), target)
+            return self._in_time(corrected(skill.plan(self.correction.shifted(target) - centre), target))
         if self._search is not None:
-            return corrected(skill.plan(self._searched(target, explore)), target)
-        return skill.plan(target)
+            return self._in_time(corrected(skill.plan(self._searched(target, explore)), target))
+        return self._in_time(skill.plan(target))
 
     def tell(self, plan: ThrowPlan | None, trial: Demonstration) -> Told:
         """What came of a plan of this skill; without a plan the throw is a demonstration, whatever the method."""
@@ -99,6 +103,8 @@ class PractisingSkill:
         place, miss = repeatable_miss(plan, seen.task, late, self._game)
         self.steadiness.add((*plan.target, plan.release), late, miss)
         self._told += 1
+        if self.hand is not None:
+            self.hand.add(seen.hand_delay)
         if self._trial is not None:
             self._search.tell(self._trial, -float(np.linalg.norm(seen.task - plan.target)))
             self._trial = None
@@ -108,6 +114,12 @@ class PractisingSkill:
         # The plan was meant for another place if it was corrected.
         left = self._game.surface.seen_from(plan.target, place, miss)
         return Told(verdict.kept, verdict.reason, left, verdict.forgotten)
+
+    def _in_time(self, plan: ThrowPlan) -> ThrowPlan:
+        """The plan with the command to open as early as the hand has needed lately."""
+        if self.hand is None or not len(self.hand):
+            return plan
+        return replace(plan, open_hand=to_the_nanosecond(max(0.0, plan.release - self.hand.mean)))
 
     def _let_go_well(self, target: np.ndarray) -> np.ndarray:
         """Move the release to where hits on a target (3,) scatter least; the median (3,) [m] of the deviations that are left."""

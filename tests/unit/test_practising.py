@@ -39,6 +39,20 @@ def test_the_residual_finds_out_that_the_base_was_turned(crooked, demonstrations
     assert left[2] < 0.03, f"and is found: {left}"
 
 
+def test_the_hand_is_told_earlier_when_it_has_become_slower(demonstrations):
+    """15 ms late are 5 cm at the basket, which no shift of the target repairs well: it is the command that comes too late."""
+    session = Session(seed=12)
+    session.plant.change(replace(session.plant.settings, hand_delay=0.045))
+    skill = PractisingSkill(demonstrations)
+    ahead = [skill.plan(BASKETS[0]).release - skill.plan(BASKETS[0]).open_hand]
+    for basket in np.tile(BASKETS, (2, 1)):
+        plan = skill.plan(basket)
+        skill.tell(plan, session.throw(plan).demonstration)
+        ahead.append(plan.release - plan.open_hand)
+    session.close()
+    assert abs(ahead[0] - 0.030) < 0.006 and abs(ahead[-1] - 0.045) < 0.006, ahead
+
+
 def test_bootstrapping_alone_does_not_find_out(crooked, demonstrations):
     """What each throw shows is right, and yet the motion that is imitated next has the same flaw: thesis 8.2 corrects no execution."""
     left = thrown(crooked, PractisingSkill(demonstrations, method="bootstrap"), BASKETS)
