@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from dart_skill.configuration import node_parameters
-from dart_skill.darts import Aim, Spread, best_aim, estimate_from_points, name_at, score
+from dart_skill.darts import Aim, Spread, best_aim, estimate_from_points, expected_score, local_optima, name_at, score
 from dart_skill.experiments.session import Session
 from dart_skill.recording import Demonstration
 from dart_skill.simulation.board import Board
@@ -30,7 +30,7 @@ WINDOW, LEAST, EVERY = 50, 10, 5
 """The spread is estimated from so many last throws, from at least so many, and anew after so many; until then the bull is aimed at."""
 SHOWN = 0.12
 """Half the height and width of the part of the board that the teacher aims at [m]."""
-SWING = Swing(cocked=(-1.00, -0.55, -0.60))
+SWING = Swing(cocked=(-1.00, -0.42, -0.60))
 """The teacher's swing, the elbow less bent at first than for baskets: at this speed the wind-up takes J4 farther back, to its end at -0.9.
 """
 LEARNING = CorrectionSettings(offset=0.05, lengths=(0.2, 0.1), apart=(1e-6, 1e-6), farthest=0.15, memory=40)
@@ -108,7 +108,7 @@ def run(seed: int, throws: int = 300, demonstrations: int = 8, practice: str = "
         shown, misses = teach(session, points_to_show(seed, demonstrations), board.face)
         method, steady = PRACTICE[practice]
         skill = PractisingSkill(shown, darts_configuration(board), method, settings=LEARNING, steady_every=steady)
-        darts, agent = [], _Aimer()
+        darts, agent = [], Aimer()
         for n in range(throws):
             darts.append(_throw(session, skill, agent, board.face))
             if each is not None:
@@ -118,12 +118,15 @@ def run(seed: int, throws: int = 300, demonstrations: int = 8, practice: str = "
     return Run(seed, practice, board.position, tuple(map(tuple, misses.tolist())), tuple(darts))
 
 
-class _Aimer:
-    """Where to aim, from where one's own darts went: the spread about the aim of the last ones, bias included, and the best aim for it."""
+class Aimer:
+    """Where to aim, from where one's own darts went: the spread about the aim of the last ones, bias included, and the best aim for it.
+
+    A bed that the arm cannot throw at, because the throw was refused or stopped, is not aimed at any more; the bull always is.
+    """
 
     def __init__(self):
         self.aim, self.spread = Aim(np.zeros(2), float("nan")), None
-        self._aims, self._hits = [], []
+        self._aims, self._hits, self._beyond = [], [], set()
 
     def tell(self, hit: np.ndarray) -> None:
         """Where a dart (2,) [mm] went that was thrown at the present aim."""
@@ -131,7 +134,20 @@ class _Aimer:
         self._hits.append(hit)
         if len(self._hits) >= LEAST and len(self._hits) % EVERY == 0:
             self.spread = spread_of(np.array(self._hits[-WINDOW:]), np.array(self._aims[-WINDOW:]))
-            self.aim = best_aim(self.spread)
+            self._choose()
+
+    def cannot(self) -> None:
+        """No throw came about at the present aim."""
+        self._beyond.add(self.aim.bed)
+        if self.spread is not None:
+            self._choose()
+
+    def _choose(self) -> None:
+        best = best_aim(self.spread)
+        if best.bed in self._beyond:
+            others = (aim for aim in local_optima(self.spread) if aim.bed not in self._beyond)
+            best = next(others, Aim(np.zeros(2), float(expected_score(np.zeros(2), self.spread))))
+        self.aim = best
 
 
 def spread_of(hits: np.ndarray, aims: np.ndarray) -> Spread:
@@ -139,7 +155,7 @@ def spread_of(hits: np.ndarray, aims: np.ndarray) -> Spread:
     return estimate_from_points(hits, aims, model="general").spread
 
 
-def _throw(session: Session, skill: PractisingSkill, agent: _Aimer, face: BoardFace) -> Dart:
+def _throw(session: Session, skill: PractisingSkill, agent: Aimer, face: BoardFace) -> Dart:
     aim, spread, expected = agent.aim.point, agent.spread, agent.aim.expected_score
     covariance = np.zeros((2, 2)) if spread is None else spread.covariance
     known = (tuple(map(tuple, covariance.tolist())), expected, skill.release_shift)
@@ -147,6 +163,7 @@ def _throw(session: Session, skill: PractisingSkill, agent: _Aimer, face: BoardF
         plan = skill.plan(face.in_world(aim))
         trial = session.throw(plan)
     except ValueError as error:
+        agent.cannot()
         return Dart(tuple(aim.tolist()), (np.nan, np.nan), 0, *known, str(error))
     if not trial.outcome.landing_seen:
         return Dart(tuple(aim.tolist()), (np.nan, np.nan), 0, *known, "nobody saw where the dart went")

@@ -20,6 +20,8 @@ WINDOW = 10  # samples; over 90 ms a motion at constant velocity misses a free f
 MAX_WINDOW = 0.5  # a window that lasts longer, because the ball was hidden, is not used [s]
 TAIL = 6  # samples that tell how a ball moved when it was last seen
 MAX_UNSEEN = 0.15  # longest time that a flight is extrapolated beyond its last sample [s]
+SIDE = 4  # samples of the hand that are needed before the release, and after it
+WIDEST_HAND_WINDOW = 0.15  # like HAND_WINDOW, when the hand was hidden in it
 HAND_WINDOW = 0.08  # half the time over which the paths of hand and flight are compared at the release [s]
 DEGREE = 4  # of the polynomial for their difference
 
@@ -234,16 +236,23 @@ def _followed(fit, time):
 
 def _parting(fit, hand_time, grip, near):
     """Instant at which flight and grip move alike, its deviation, and their distance then."""
-    around = np.abs(hand_time - near) <= HAND_WINDOW
-    time = (hand_time[around] - near) / HAND_WINDOW  # in -1 to 1: keeps the powers of time comparable
-    if np.sum(time < 0.0) < 4 or np.sum(time > 0.0) < 4:
-        raise ValueError(f"{len(time)} hand samples within {HAND_WINDOW} s of the release at {near:.3f} s, need 4 on either side")
+    window = _hand_window(hand_time - near)
+    if not window <= WIDEST_HAND_WINDOW:
+        raise ValueError(f"the hand was hidden at the release at {near:.3f} s: fewer than {SIDE} samples within {WIDEST_HAND_WINDOW} s of it")
+    around = np.abs(hand_time - near) <= window
+    time = (hand_time[around] - near) / window  # in -1 to 1: keeps the powers of time comparable
     difference = fit.at(hand_time[around])[0] - grip[around]
     coefficients = polynomial.polyfit(time, difference, DEGREE)
     best = _slowest(coefficients, time[0], time[-1])
-    uncertainty = HAND_WINDOW * _root_deviation(coefficients, time, difference, best)
+    uncertainty = window * _root_deviation(coefficients, time, difference, best)
     distance = np.linalg.norm(polynomial.polyval(best, coefficients))
-    return float(near + best * HAND_WINDOW), float(uncertainty), float(distance)
+    return float(near + best * window), float(uncertainty), float(distance)
+
+
+def _hand_window(time):
+    """Half the length [s] of a window about time 0 that holds enough samples on either side; wider where the hand was hidden for a while."""
+    sides = (-time[time < 0.0][::-1], time[time > 0.0])
+    return max([HAND_WINDOW, *(side[SIDE - 1] if len(side) >= SIDE else np.inf for side in sides)])
 
 
 def _slowest(coefficients, first, last):

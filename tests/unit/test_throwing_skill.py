@@ -355,3 +355,24 @@ def test_a_movement_that_the_state_carries_releases_at_its_clock_and_lands_on_th
     by_time = learn(demonstrations).plan(basket)
     at = [p.path.position[np.searchsorted(p.path.time, p.release)] for p in (plan, by_time)]
     assert np.linalg.norm(at[0] - at[1]) < 0.05, "it lets go where the movement in time does"
+
+
+@pytest.mark.parametrize(("hidden", "off"), [(5, 1.0e-3), (10, 5.0e-3)])
+@pytest.mark.parametrize("first", [-10, -6, -2, 2])
+def test_a_hand_that_was_hidden_about_the_release_still_tells_when_it_was(demonstrations, first, hidden, off):
+    """Cameras lose a body for up to ten frames; one lost hand in a demonstration once stopped all learning."""
+    for one in demonstrations:
+        release = one.hand_opened + prepare(one, DEFAULT).hand_delay
+        start = int(np.searchsorted(one.hand_time, release)) + first
+        seen = np.delete(np.arange(len(one.hand_time)), np.arange(start, start + hidden))
+        parts = {name: getattr(one, name)[seen] for name in ("hand_time", "hand_position", "hand_quaternion")}
+        delay = prepare(replace(one, **parts), DEFAULT).hand_delay
+        assert abs(one.hand_opened + delay - release) < off
+
+
+def test_a_hand_that_was_hidden_for_longer_is_named(demonstrations):
+    one = demonstrations[0]
+    seen = np.abs(one.hand_time - one.hand_opened) > 0.2
+    parts = {name: getattr(one, name)[seen] for name in ("hand_time", "hand_position", "hand_quaternion")}
+    with pytest.raises(ValueError, match=f"{one.id}: the hand was hidden at the release"):
+        prepare(replace(one, **parts), DEFAULT)
