@@ -238,7 +238,8 @@ def _parting(fit, hand_time, grip, near):
     """Instant at which flight and grip move alike, its deviation, and their distance then."""
     window = _hand_window(hand_time - near)
     if not window <= WIDEST_HAND_WINDOW:
-        raise ValueError(f"the hand was hidden at the release at {near:.3f} s: fewer than {SIDE} samples within {WIDEST_HAND_WINDOW} s of it")
+        few = f"fewer than {SIDE} samples on one side within {WIDEST_HAND_WINDOW} s"
+        raise ValueError(f"the hand was hidden at the release at {near:.3f} s: {few}")
     around = np.abs(hand_time - near) <= window
     time = (hand_time[around] - near) / window  # in -1 to 1: keeps the powers of time comparable
     difference = fit.at(hand_time[around])[0] - grip[around]
