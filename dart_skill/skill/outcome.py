@@ -251,7 +251,7 @@ def _parting(fit, hand_time, grip, near):
 
 
 def _hand_window(time):
-    """Half the length [s] of a window about time 0 that holds enough samples on either side; wider where the hand was hidden for a while."""
+    """Half the length [s] of a window about time 0 that holds enough samples on either side: wider where the hand was hidden."""
     sides = (-time[time < 0.0][::-1], time[time > 0.0])
     return max([HAND_WINDOW, *(side[SIDE - 1] if len(side) >= SIDE else np.inf for side in sides)])
 
