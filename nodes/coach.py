@@ -15,7 +15,7 @@ from dart_skill.experiments.targets import Region
 from dart_skill.skill.curriculum import Curriculum
 from dart_skill_nodes import conversions
 from dart_skill_nodes.calls import PATIENCE, Calls, Gone, Recording
-from dart_skill_nodes.routines import Promise, RoutineServer, within
+from dart_skill_nodes.routines import Promise, RoutineServer, finish_by_success, within
 from dart_skill_nodes.support import OK, SENSOR, Diagnostics, Parameter, declare, run
 from dart_skill_nodes.watching import ARRIVAL_NS
 
@@ -52,7 +52,9 @@ class CoachNode(Node):
         self._throw = ActionClient(self, Throw, "/throw")
         self.create_subscription(PoseStamped, f"/vrpn_mocap/{self.p['basket_body']}/pose", self._on_basket, SENSOR)
         accept = {"goal_callback": self._on_goal, "cancel_callback": self._on_cancel}
-        self._action = RoutineServer(self, Practice, "/practice", self._practise, self._finish, **accept)
+        self._action = RoutineServer(
+            self, Practice, "/practice", self._practise, lambda handle, result: finish(handle, result.success), **accept
+        )
         self._diagnostics = Diagnostics(self, lambda: (OK, "practising" if self._goal else "waiting", {}))
 
     def _on_goal(self, goal) -> GoalResponse:
@@ -86,14 +88,6 @@ class CoachNode(Node):
         finally:
             self._goal = self._under_way = None
         return result
-
-    def _finish(self, goal_handle, result) -> None:
-        if goal_handle.is_cancel_requested:
-            goal_handle.canceled()
-        elif result.success:
-            goal_handle.succeed()
-        else:
-            goal_handle.abort()
 
     async def _choose(self) -> np.ndarray:
         """The basket where throws are worst, of those for which the learner has a plan."""

@@ -22,7 +22,7 @@ from dart_skill.robot.commander import Commander, CommanderSettings, Mode, PlanR
 from dart_skill.skill.outcome import judge_flight
 from dart_skill_nodes import conversions
 from dart_skill_nodes.links import Link
-from dart_skill_nodes.routines import Promise, RoutineServer, answer, pause
+from dart_skill_nodes.routines import Promise, RoutineServer, answer, finish, pause
 from dart_skill_nodes.support import COMPLETE, ERROR, LOOP, OK, WALL, WARN, Diagnostics, Parameter, declare, run
 from dart_skill_nodes.watching import ARRIVAL_NS, BEFORE_NS, Watcher
 
@@ -195,12 +195,7 @@ class CommanderNode(Node):
     def _finish(self, goal_handle, result) -> None:
         if result.code != Throw.Goal.OUTCOME_THROWN:
             self.get_logger().error(f"no throw: {result.message}")
-        if goal_handle.is_cancel_requested:
-            goal_handle.canceled()
-        elif result.code == Throw.Goal.OUTCOME_THROWN:
-            goal_handle.succeed()
-        else:
-            goal_handle.abort()
+        finish(goal_handle, result.code == Throw.Goal.OUTCOME_THROWN)
 
     def _feed(self, phase: str) -> None:
         error = self._commander.tracking_error if np.isfinite(self._commander.tracking_error) else 0.0

@@ -4,6 +4,7 @@ import argparse
 import json
 import sys
 import time
+from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 
@@ -127,22 +128,29 @@ def run(options: argparse.Namespace) -> tuple[DemoSummary, list]:
     return summary, bag
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Entry point; returns the exit status."""
-    options = parse(arguments)
+def carried_out(job: Callable, options: argparse.Namespace, what: str):
+    """job(options) with ROS running; None, and a line why, if it failed or was stopped."""
     options.output.mkdir(parents=True, exist_ok=True)
     rclpy.init(args=[])
     try:
-        summary, bag = run(options)
+        return job(options)
     except (GraphFailure, ValueError, OSError) as error:
-        say(f"the demo failed: {error}")
+        say(f"{what} failed: {error}")
         say(f"logs: {options.output / 'logs'}")
-        return 1
     except KeyboardInterrupt:
         say("stopped")
-        return 1
     finally:
         rclpy.try_shutdown()
+    return None
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point; returns the exit status."""
+    options = parse(arguments)
+    done = carried_out(run, options, "the demo")
+    if done is None:
+        return 1
+    summary, bag = done
     written = write_report(summary, bag, options.output, options.configuration)
     print(json.dumps(summary.to_json(), indent=1) if options.json else table(summary))
     if not options.json:

@@ -13,13 +13,11 @@ from dart_skill_nodes.graph import LAYOUTS, NODES, Graph, choose_domain
 
 choose_domain()
 
-import rclpy  # noqa: E402  the domain must be chosen before rclpy starts
-
 from dart_skill.experiments.practice import CHANGES  # noqa: E402
 from dart_skill.skill.practising import METHODS  # noqa: E402
 from dart_skill_nodes import conversions  # noqa: E402
-from dart_skill_nodes.coaching import Coach, GraphFailure  # noqa: E402
-from dart_skill_nodes.demo import place, say, teach  # noqa: E402
+from dart_skill_nodes.coaching import Coach  # noqa: E402
+from dart_skill_nodes.demo import carried_out, place, say, teach  # noqa: E402
 
 BLOCK = 5
 """Throws per line of the table."""
@@ -117,19 +115,9 @@ def table(summary: dict) -> str:
 def main(arguments: list[str] | None = None) -> int:
     """Entry point; returns the exit status."""
     options = parse(arguments)
-    options.output.mkdir(parents=True, exist_ok=True)
-    rclpy.init(args=[])
-    try:
-        summary = run(options)
-    except (GraphFailure, ValueError, OSError) as error:
-        say(f"practice failed: {error}")
-        say(f"logs: {options.output / 'logs'}")
+    summary = carried_out(run, options, "practice")
+    if summary is None:
         return 1
-    except KeyboardInterrupt:
-        say("stopped")
-        return 1
-    finally:
-        rclpy.try_shutdown()
     print(json.dumps(summary, indent=1) if options.json else table(summary))
     if not options.json:
         print(f"\nbag: {summary['bag']}")

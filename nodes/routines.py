@@ -77,6 +77,21 @@ async def answer(node: Node, client, request, limit: float):
     return await within(node, promise, limit)
 
 
+def finish(goal_handle: ServerGoalHandle, succeeded: bool) -> None:
+    """Set the final state of a goal: canceled if somebody asked for that, else by its success."""
+    if goal_handle.is_cancel_requested:
+        goal_handle.canceled()
+    elif succeeded:
+        goal_handle.succeed()
+    else:
+        goal_handle.abort()
+
+
+def finish_by_success(goal_handle: ServerGoalHandle, result) -> None:
+    """The same for a result that says whether it is a success."""
+    finish(goal_handle, result.success)
+
+
 class RoutineServer(ActionServer):
     """An action server whose goals are executed as routines.
 

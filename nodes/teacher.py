@@ -20,7 +20,7 @@ from dart_skill.simulation.teacher import Person, Phase, Teacher
 from dart_skill.skill.outcome import judge_flight
 from dart_skill_nodes import conversions
 from dart_skill_nodes.calls import Calls, Gone, Recording
-from dart_skill_nodes.routines import Promise, RoutineServer, pause
+from dart_skill_nodes.routines import Promise, RoutineServer, finish_by_success, pause
 from dart_skill_nodes.support import COMPLETE, LOOP, OK, Diagnostics, Parameter, declare, run
 from dart_skill_nodes.watching import ARRIVAL_NS, BEFORE_NS, Watcher
 
@@ -66,7 +66,7 @@ class TeacherNode(Node):
         self._pause = self.create_client(SetBool, "/simulation/pause")
         self._free_arm = self.create_client(SetBool, "/commander/release_arm")
         accept = {"goal_callback": self._on_goal, "cancel_callback": lambda _: CancelResponse.ACCEPT}
-        self._action = RoutineServer(self, Teach, "/teach", self._teach, self._finish, **accept)
+        self._action = RoutineServer(self, Teach, "/teach", self._teach, finish_by_success, **accept)
         self._diagnostics = Diagnostics(self, lambda: (OK, self._teacher.phase.value, {}))
 
     # the hands
@@ -122,14 +122,6 @@ class TeacherNode(Node):
             self._goal, self._over = None, None
             self._watcher.rest()
         return result
-
-    def _finish(self, goal_handle, result) -> None:
-        if goal_handle.is_cancel_requested:
-            goal_handle.canceled()
-        elif result.success:
-            goal_handle.succeed()
-        else:
-            goal_handle.abort()
 
     async def _lesson(self, goal_handle, result) -> None:
         target = conversions.vector(goal_handle.request.target)

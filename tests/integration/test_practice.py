@@ -1,5 +1,8 @@
 """Practice over DDS is practice in process, to the last bit; ground truth has no part in it: for all but the cameras it is garbage here."""
 
+import json
+import subprocess
+
 import numpy as np
 import pytest
 from dart_skill_msgs.msg import SimulationState
@@ -152,3 +155,26 @@ def test_practice_before_anything_is_learned_says_so(make_graph):
     _, coach = make_graph("composed")
     result = coach.practise(3)
     assert not result.success and "nothing is learned yet" in result.message
+
+
+def test_the_practice_command_changes_the_arm_on_the_way_and_reports_every_throw(tmp_path):
+    command = [
+        "dart-skill",
+        "practice",
+        "--demonstrations",
+        "2",
+        "--throws",
+        "3",
+        "--change",
+        "base_turned",
+        "--change-after",
+        "1",
+        "--json",
+    ]
+    done = subprocess.run([*command, "--output", str(tmp_path / "out")], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    summary = json.loads(done.stdout)
+    assert summary["thrown"] == summary["learned"] == len(summary["throws"]) == 3
+    errors = [throw["error_m"] for throw in summary["throws"]]
+    assert errors[1] > 0.08 > errors[0], f"five degrees at 1.5 m and more: {errors}"
+    assert "from now on: base_turned" in done.stderr
