@@ -52,9 +52,7 @@ class CoachNode(Node):
         self._throw = ActionClient(self, Throw, "/throw")
         self.create_subscription(PoseStamped, f"/vrpn_mocap/{self.p['basket_body']}/pose", self._on_basket, SENSOR)
         accept = {"goal_callback": self._on_goal, "cancel_callback": self._on_cancel}
-        self._action = RoutineServer(
-            self, Practice, "/practice", self._practise, lambda handle, result: finish(handle, result.success), **accept
-        )
+        self._action = RoutineServer(self, Practice, "/practice", self._practise, finish_by_success, **accept)
         self._diagnostics = Diagnostics(self, lambda: (OK, "practising" if self._goal else "waiting", {}))
 
     def _on_goal(self, goal) -> GoalResponse:
