@@ -130,10 +130,14 @@ def angles_from_quaternions(quaternions: ArrayLike, alpha_near: float = np.pi / 
     with the default, a hand that starts behind and below the horizontal (alpha up to 270 degrees) gets the
     same branch in every demonstration. Near |beta| = 90 degrees alpha and roll are ill-defined.
     """
-    hand = _rotation(normalise(quaternions))
-    alpha, beta = pointing_angles(hand.apply([0.0, 0.0, 1.0])).T
-    rest = (_pointing_rotation(alpha, beta).inv() * hand * _rotation(HAND_TO_POINTING).inv()).as_matrix()
-    roll = np.arctan2(rest[:, 2, 1], rest[:, 1, 1])
+    x, y, z, w = normalise(quaternions).T
+    ahead = np.stack([x * z + w * y, y * z - w * x, 0.5 - x * x - y * y], axis=1)  # half the hand's z axis
+    side = np.stack([x * y - w * z, 0.5 - x * x - z * z, y * z + w * x], axis=1)  # half its y axis
+    alpha, beta = pointing_angles(ahead).T
+    # Without roll the y axis would be `left`; roll turns it about z towards `up`, see R above.
+    left = np.stack([-np.sin(beta) * np.cos(alpha), np.cos(beta), -np.sin(beta) * np.sin(alpha)], axis=1)
+    up = np.stack([-np.sin(alpha), np.zeros_like(alpha), np.cos(alpha)], axis=1)
+    roll = np.arctan2(np.einsum("ni,ni->n", side, up), np.einsum("ni,ni->n", side, left))
     return np.stack([_unwrap_near(alpha, alpha_near), beta, _unwrap_near(roll, roll_near)], axis=1)
 
 
