@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.polynomial import polynomial
 
 from dart_skill.flight import TENNIS_BALL, Ball, FlightFit, fit_flight, fit_flights, landing
@@ -18,6 +19,8 @@ from dart_skill.surface import RIMS, Surface
 NOISE = 1e-4  # standard deviation of a tracked position [m]
 WINDOW = 10  # samples; over 90 ms a motion at constant velocity misses a free fall by 7 mm
 MAX_WINDOW = 0.5  # a window that lasts longer, because the ball was hidden, is not used [s]
+CALIBRATION = 1e-3  # what grip and ball may be apart at the release, by the errors of both bodies' markers [m]
+ANOTHER_BALL = 4.0  # rms misfit of a flight, in deviations of a sample, beyond which the ball is not the one that was expected
 TAIL = 6  # samples that tell how a ball moved when it was last seen
 MAX_UNSEEN = 0.15  # longest time that a flight is extrapolated beyond its last sample [s]
 SIDE = 4  # samples of the hand that are needed before the release, and after it
@@ -93,7 +96,7 @@ def judge_flight(
     rim = _check_rim(rim, rim_radius)
     inside = surface is RIMS and _ends_in_basket(ball_time, ball_position, rim, rim_radius, ball, noise)
     free = free or find_flight(ball_time, ball_position, ball, noise)
-    crossing = None if free is None else surface.crossing(free.fit.position, free.fit.velocity, rim, ball)
+    crossing = None if free is None else surface.crossing(free.fit.position, free.fit.velocity, rim, free.fit.ball)
     if crossing is None or not _tracked_to(free, ball_time, free.fit.time + crossing.time):
         return Outcome(False, np.full(3, np.nan), np.nan, np.nan, inside)
     if surface is not RIMS:
@@ -127,6 +130,7 @@ def fit_release(
     ball_time, ball_position = check_samples("ball", ball_time, ball_position)
     hand_time, grip = _grip_path(hand_time, hand_position, hand_quaternion, grip_offset)
     free = free or find_flight(ball_time, ball_position, ball, noise)
+    ball = free.fit.ball if free else ball
     if free is None:
         raise ValueError(f"no free flight in {len(ball_time)} ball samples: was the ball thrown, and was it tracked?")
     fit, kept = free.fit, free.samples
@@ -153,7 +157,7 @@ def find_flight(time: np.ndarray, position: np.ndarray, ball: Ball = TENNIS_BALL
 
     Every window of ten samples is fitted; runs of windows that fly freely are candidates. The first one
     that is at least half as long as the longest is refitted and grown over its neighbours, skipping up to
-    two outliers.
+    two outliers. A flight that is not this ball's is fitted with a drag of its own: `fit.ball` says which.
     """
     runs = _flying_runs(time, position, ball, 10.0 * noise)
     if not runs:
@@ -162,6 +166,9 @@ def find_flight(time: np.ndarray, position: np.ndarray, ball: Ball = TENNIS_BALL
     first, last = next(run for run in runs if run[1] - run[0] >= 0.5 * longest)
     samples = np.arange(first, last)
     fit = fit_flight(time[samples], position[samples], ball)
+    if fit.residual > ANOTHER_BALL * noise:
+        ball = _ball_that_flies_so(time[samples], position[samples], ball)
+        fit = fit_flight(time[samples], position[samples], ball)
     for _ in range(20):
         spread = np.sqrt(np.mean(fit.residuals**2))
         tolerance = np.clip(4.0 * spread, 5.0 * noise, 15.0 * noise)
@@ -173,6 +180,16 @@ def find_flight(time: np.ndarray, position: np.ndarray, ball: Ball = TENNIS_BALL
         samples = grown
         fit = fit_flight(time[samples], position[samples], ball, near=fit)
     return FreeFlight(samples, fit)
+
+
+def _ball_that_flies_so(time, position, ball):
+    """The ball with the drag that explains a flight best, up to four times its own: nobody may have said that it is another one."""
+
+    def misfit(scale):
+        return fit_flight(time, position, replace(ball, drag_coefficient=scale * ball.drag_coefficient)).residual
+
+    best = scipy.optimize.minimize_scalar(misfit, bounds=(0.0, 4.0), method="bounded", options={"xatol": 0.01}).x
+    return replace(ball, drag_coefficient=float(best) * ball.drag_coefficient)
 
 
 def _flying_runs(time, position, ball, tolerance):
@@ -257,11 +274,15 @@ def _hand_window(time):
 
 
 def _slowest(coefficients, first, last):
-    """Where in [first, last] the curve (degree + 1, 3) has the least speed."""
+    """Where in [first, last] the curve (degree + 1, 3) has the least speed, of the places where it is nearest to the origin: after the
+    release the hand may for a while move as the ball does, millimetres away from it.
+    """
     rates = polynomial.polyder(coefficients)
     squared = sum(polynomial.polymul(rate, rate) for rate in rates.T)
     roots = polynomial.polyroots(polynomial.polyder(squared))
     candidates = np.clip(np.append(roots[np.abs(roots.imag) < 1e-6].real, 0.0), first, last)
+    distances = np.linalg.norm(polynomial.polyval(candidates, coefficients), axis=0)
+    candidates = candidates[distances < distances.min() + CALIBRATION]
     return candidates[np.argmin(polynomial.polyval(candidates, squared))]
 
 

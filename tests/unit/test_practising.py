@@ -93,3 +93,13 @@ def test_a_correction_moves_the_plan_and_not_the_basket(demonstrations):
 def test_an_unknown_method_is_refused(demonstrations):
     with pytest.raises(ValueError, match="choose one of residual"):
         PractisingSkill(demonstrations, method="magic")
+
+
+def test_a_ball_that_nobody_said_was_another_one_is_seen_to_land(demonstrations):
+    """Twice the mass is half the drag: a flight that was compared with the old ball's was no flight, and nothing was learned from it."""
+    session = Session(seed=13)
+    session.plant.change(replace(session.plant.settings, ball_mass_scale=2.0))
+    skill = PractisingSkill(demonstrations)
+    left = thrown(session, skill, BASKETS)
+    session.close()
+    assert len(skill.correction) >= 2 and left[2] < 0.04, left
