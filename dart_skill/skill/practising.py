@@ -116,8 +116,8 @@ class PractisingSkill:
         return Told(verdict.kept, verdict.reason, left, verdict.forgotten)
 
     def _in_time(self, plan: ThrowPlan) -> ThrowPlan:
-        """The plan with the command to open as early as the hand has needed lately."""
-        if self.hand is None or not len(self.hand):
+        """The plan with the command to open as early as the hand has needed lately; before the first own throw, as it is."""
+        if self.hand is None or not self._told:
             return plan
         return replace(plan, open_hand=to_the_nanosecond(max(0.0, plan.release - self.hand.mean)))
 

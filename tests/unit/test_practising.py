@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from dart_skill.experiments.session import Session
+from dart_skill.robot.throw_plan import same_plan
 from dart_skill.skill.correction import landing_if_late, polar
 from dart_skill.skill.practising import METHODS, PractisingSkill
+from dart_skill.skill.throwing import learn
 
 BASKETS = np.array([[1.85, 0.10, 0.4], [2.05, -0.30, 0.4], [1.75, 0.45, 0.4]])
 
@@ -57,6 +59,11 @@ def test_bootstrapping_alone_does_not_find_out(crooked, demonstrations):
     """What each throw shows is right, and yet the motion that is imitated next has the same flaw: thesis 8.2 corrects no execution."""
     left = thrown(crooked, PractisingSkill(demonstrations, method="bootstrap"), BASKETS)
     assert left[2] > 0.05, left
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_before_the_first_own_throw_plans_are_those_of_the_skill(method, demonstrations):
+    assert same_plan(PractisingSkill(demonstrations, method=method).plan(BASKETS[0]), learn(demonstrations).plan(BASKETS[0]))
 
 
 def test_a_throw_without_a_plan_is_a_demonstration(demonstrations):
