@@ -111,7 +111,7 @@ class CommanderNode(Node):
         """The throw is over when its end has come and what the cameras saw until shortly before it has arrived."""
         if self._over is None or self._over.kept or self._ended_ns is None or self._state is None:
             return
-        arrived = self._watcher.newest_ns >= self._ended_ns - ARRIVAL_NS or self._commander.opened_ns is None
+        arrived = self._watcher.has_all_until(self._ended_ns - ARRIVAL_NS) or self._commander.opened_ns is None
         late = time.monotonic() - self._alive > 5.0
         if self._state.stamp_ns >= self._ended_ns and (arrived or late):
             self._over.keep()

@@ -44,7 +44,7 @@ from dart_skill_nodes.support import (
     declare,
     run,
 )
-from dart_skill_nodes.watching import ROLES, Watcher
+from dart_skill_nodes.watching import FRAME_NS, ROLES, Watcher
 
 TABLE = [
     Parameter("frame_id", "frame of the poses"),
@@ -62,7 +62,6 @@ TABLE = [
     Parameter("settle", "kept after the motion [s]", 0.0, 5.0),
     Parameter("speed_window", "over which the speed is estimated [s]", 0.02, 1.0),
 ]
-FRAME_NS = 10_000_000
 KNOWN_TYPES = {
     "/joint_states": "sensor_msgs/msg/JointState",
     "/wam/command": "dart_skill_msgs/msg/WamCommand",
@@ -209,7 +208,7 @@ class DemonstrationRecorder(LifecycleNode):
     def _arrived_ns(self) -> int:
         """Up to this stamp everything has come: a topic that was heard since ~/start may lag behind the others."""
         steps = (newest for topic, newest in self._newest.items() if topic in self._needed and topic not in self._role_of)
-        return min(self._watcher.newest_ns + FRAME_NS, min(steps, default=0))
+        return min(self._watcher.newest_ns - FRAME_NS, min(steps, default=0))
 
     def _cut(self, request, response, until: int):
         try:

@@ -98,7 +98,7 @@ class TeacherNode(Node):
     def _check_over(self) -> None:
         if self._over is None or self._over.kept or self._ended_ns is None or self._last_ns is None:
             return
-        arrived = self._watcher.newest_ns >= self._ended_ns - ARRIVAL_NS
+        arrived = self._watcher.has_all_until(self._ended_ns - ARRIVAL_NS)
         if self._last_ns >= self._ended_ns and (arrived or time.monotonic() > self._patience):
             self._over.keep()
 

@@ -10,6 +10,8 @@ from dart_skill_nodes.support import SENSOR_COMPLETE
 
 ARRIVAL_NS = 50_000_000
 """Samples this new may still be on their way: what is judged ends so long before the present."""
+FRAME_NS = 10_000_000
+"""Between two frames of the cameras."""
 BEFORE_NS = 200_000_000
 """The release is looked for from so long before the hand was told to open."""
 ROLES = ("hand", "ball", "basket")
@@ -38,6 +40,10 @@ class Watcher:
     def rest(self) -> None:
         """The throw is over; what was seen of it is kept."""
         self._awake = False
+
+    def has_all_until(self, ns: int) -> bool:
+        """Whether every pose up to a stamp has come: one that is a frame newer has, and the bodies' poses travel on topics of their own."""
+        return self.newest_ns >= ns + FRAME_NS
 
     def take(self, role: str, data: bytes) -> None:
         """A pose of hand, ball or basket, serialised."""
