@@ -13,11 +13,12 @@ from std_srvs.srv import SetBool
 
 from dart_skill.experiments.targets import Region
 from dart_skill.skill.curriculum import Curriculum
+from dart_skill.skill.cutting import ARRIVAL_NS
 from dart_skill_nodes import conversions
 from dart_skill_nodes.calls import PATIENCE, Calls, Gone, Recording
+from dart_skill_nodes.offered import AsOffered
 from dart_skill_nodes.routines import Promise, RoutineServer, finish_by_success, within
-from dart_skill_nodes.support import OK, SENSOR, Diagnostics, Parameter, declare, run
-from dart_skill_nodes.watching import ARRIVAL_NS
+from dart_skill_nodes.support import OK, Diagnostics, Parameter, declare, run
 
 TABLE = [
     Parameter("seed", "of the baskets among which it chooses", 0, 2**31 - 1),
@@ -50,7 +51,8 @@ class CoachNode(Node):
         self._plan = self.create_client(PlanThrow, "/skill_learner/plan_throw")
         self._add_trial = self.create_client(AddTrial, "/skill_learner/add_trial")
         self._throw = ActionClient(self, Throw, "/throw")
-        self.create_subscription(PoseStamped, f"/vrpn_mocap/{self.p['basket_body']}/pose", self._on_basket, SENSOR)
+        self._cameras = AsOffered(self)
+        self._cameras.subscribe(f"/vrpn_mocap/{self.p['basket_body']}/pose", self._on_basket, PoseStamped)
         accept = {"goal_callback": self._on_goal, "cancel_callback": self._on_cancel}
         self._action = RoutineServer(self, Practice, "/practice", self._practise, finish_by_success, **accept)
         self._diagnostics = Diagnostics(self, lambda: (OK, "practising" if self._goal else "waiting", {}))

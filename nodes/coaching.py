@@ -18,6 +18,9 @@ from dart_skill_nodes import conversions
 from dart_skill_nodes.links import Link
 from dart_skill_nodes.support import make_executor
 
+ASK_AGAIN = 0.1
+"""Whoever was told to wait asks again after so long [s, wall clock]."""
+
 
 class GraphFailure(RuntimeError):
     """The graph did not do its job: a node died, is missing, or did not answer."""
@@ -40,7 +43,7 @@ class Coach:
         self._reset = self.node.create_client(Reset, "/simulation/reset")
         self._pause = self.node.create_client(SetBool, "/simulation/pause")
         self._links: dict[str, Link] = {}
-        self.simulated_steps, self.throw_seconds = 0, np.zeros(2)
+        self._taught, self.simulated_steps, self.throw_seconds = 0, 0, np.zeros(2)
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
 
     def close(self) -> None:
@@ -81,12 +84,22 @@ class Coach:
         """Guided throws at one basket until one goes in."""
         handle = self._accepted(self._teach.send_goal_async(Teach.Goal(target=conversions.point(target))), "/teach")
         result = self.wait(handle.get_result_async(), "the lesson").result
+        self._taught += result.success
         self.call(self._pause, SetBool.Request(data=True))
         return result
 
-    def learn(self, bag: str = "", configuration: str = "") -> Learn.Response:
-        """Learn from the demonstrations heard, or from a bag; GraphFailure says why nothing was learned."""
-        return self.call(self._learn, Learn.Request(bag=bag, configuration=configuration))
+    def learn(self, bag: str = "", configuration: str = "", at_least: int | None = None) -> Learn.Response:
+        """Learn from the demonstrations heard, at least so many (default: those taught), or from a bag; GraphFailure says why nothing was
+        learned.
+        """
+        at_least = (0 if bag else self._taught) if at_least is None else at_least
+        request = Learn.Request(bag=bag, configuration=configuration, at_least=at_least)
+        until = time.monotonic() + self._patience
+        while (response := self.call(self._learn, request, may_refuse=True)).pending and time.monotonic() < until:
+            self._rest()
+        if not response.success:
+            raise GraphFailure(f"{self._learn.srv_name}: {response.message}")
+        return response
 
     def throw(self, target: np.ndarray) -> Throw.Result:
         """One throw at a basket that is put there, from a world that is reset."""
@@ -135,11 +148,11 @@ class Coach:
             if not result.successful:
                 raise GraphFailure(f"{node} does not take {name} = {values[name]}: {result.reason}")
 
-    def call(self, client, request):
-        """Response of a service; GraphFailure if it says no."""
+    def call(self, client, request, may_refuse: bool = False):
+        """Response of a service; GraphFailure if it says no, unless it may."""
         self._link(client.srv_name, self._patience)
         response = self.wait(client.call_async(request), client.srv_name)
-        if not response.success:
+        if not response.success and not may_refuse:
             raise GraphFailure(f"{client.srv_name}: {response.message}")
         return response
 
@@ -158,6 +171,12 @@ class Coach:
         if dead := self._dead():
             raise GraphFailure(dead)
         self._executor.spin_once(timeout_sec=0.1)
+
+    def _rest(self) -> None:
+        """Let messages come in until it is worth asking again."""
+        again = time.monotonic() + ASK_AGAIN
+        while time.monotonic() < again:
+            self.spin()
 
     def _accepted(self, sent, what: str):
         handle = self.wait(sent, what)

@@ -19,12 +19,13 @@ from std_srvs.srv import SetBool, Trigger
 
 from dart_skill.robot.command import ArmState
 from dart_skill.robot.commander import Commander, CommanderSettings, Mode, PlanRefused
+from dart_skill.skill.cutting import ARRIVAL_NS
 from dart_skill.skill.outcome import judge_flight
 from dart_skill_nodes import conversions
 from dart_skill_nodes.links import Link
 from dart_skill_nodes.routines import Promise, RoutineServer, answer, finish, pause
 from dart_skill_nodes.support import COMPLETE, ERROR, LOOP, OK, WALL, WARN, Diagnostics, Parameter, declare, run
-from dart_skill_nodes.watching import ARRIVAL_NS, BEFORE_NS, Watcher
+from dart_skill_nodes.watching import BEFORE_NS, Watcher
 
 TABLE = [
     Parameter("frame_id", "frame of targets, plans and wrenches"),
@@ -130,6 +131,7 @@ class CommanderNode(Node):
         result = Throw.Result(code=Throw.Goal.OUTCOME_REFUSED)
         try:
             self._feed("planning")
+            await self._watcher.listen()
             plan = await self._ask_for_plan(goal_handle.request, result)
             if plan is not None:
                 await self._execute(plan, result)

@@ -1,5 +1,7 @@
 """Between messages and the library's dataclasses. Stamps are integer nanoseconds, quaternions x, y, z, w."""
 
+import struct
+
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
 from dart_skill_msgs.msg import Demonstration as DemonstrationMsg
@@ -25,6 +27,12 @@ NEW = {
 def stamp_ns(stamp: Time | Duration) -> int:
     """A stamp or duration as nanoseconds."""
     return stamp.sec * GIGA + stamp.nanosec
+
+
+def leading_stamp_ns(data: bytes) -> int:
+    """The stamp that serialised messages begin with whose first field is a header or a time."""
+    sec, nanosec = struct.unpack_from("<iI", data, 4)
+    return sec * GIGA + nanosec
 
 
 def time_msg(ns: int) -> Time:

@@ -1,10 +1,9 @@
 """The mock OptiTrack: 12 cameras look at the simulated world and publish as vrpn_mocap does.
 
-/vrpn_mocap/<body>/pose, PoseStamped, sensor-data quality of service, 100 Hz, frame `world`. A body that too few cameras see is not
-published, as the real driver does. Stamps are those of the exposure (vrpn_mocap: use_vrpn_timestamps); messages come a latency later.
+/vrpn_mocap/<body>/pose, PoseStamped, 100 Hz, frame `world`. A body that too few cameras see is not published, as the real driver does.
+Stamps are those of the exposure (vrpn_mocap: use_vrpn_timestamps); messages come a latency later. They are reliable, because the same seed
+must give the same throw on a busy machine too; `reliability: best_effort` is what vrpn_mocap does.
 """
-
-import struct
 
 from dart_skill_msgs.msg import SimulationState
 from geometry_msgs.msg import PoseStamped
@@ -17,10 +16,11 @@ from dart_skill.robot.model import ArmModel
 from dart_skill.simulation.motion_capture import BasketWalls, LatencyQueue, MotionCapture
 from dart_skill.simulation.plant import PlantSettings
 from dart_skill_nodes import conversions
-from dart_skill_nodes.support import CLOCK, OK, SENSOR, WARN, Diagnostics, autostart, run
+from dart_skill_nodes.support import CLOCK, FRAMES, OK, POSES, WARN, Diagnostics, autostart, run
 
 STEP_NS = PlantSettings().step_ns
 TEXTS = {
+    "reliability": "of the published poses: reliable, or best_effort as vrpn_mocap publishes",
     "rate": "frames per second",
     "min_cameras": "cameras that must see a body",
     "clearance": "what is nearer to a body than this does not hide it [m]",
@@ -43,7 +43,7 @@ class MockOptitrack(LifecycleNode):
         super().__init__("mock_optitrack")
         self._parameters_in_force = self._declare()
         self._capture, self._queue = None, LatencyQueue()
-        self._published, self._lost, self._active, self._frame_ns, self._episode = {}, {}, False, None, None
+        self._published, self._lost, self._active, self._frame_ns, self._episode = {}, {}, False, 0, None
         if self.get_parameter("autostart").value:
             autostart(self)
 
@@ -73,16 +73,18 @@ class MockOptitrack(LifecycleNode):
     def on_configure(self, state) -> TransitionCallbackReturn:
         try:
             self._capture = MotionCapture(self._parameters_in_force, self.get_parameter("seed").value)
+            if (reliability := self.get_parameter("reliability").value) not in POSES:
+                raise ValueError(f"reliability = '{reliability}': give one of {', '.join(POSES)}")
         except (ValueError, KeyError) as error:
             self.get_logger().error(f"not configured: {error}")
             return TransitionCallbackReturn.FAILURE
         self._kinematics = ArmModel()
-        names = self._capture.config.bodies
-        self._publishers_of = {n: self.create_publisher(PoseStamped, f"/vrpn_mocap/{n}/pose", SENSOR) for n in names}
+        names, qos = self._capture.config.bodies, POSES[self.get_parameter("reliability").value]
+        self._publishers_of = {n: self.create_publisher(PoseStamped, f"/vrpn_mocap/{n}/pose", qos) for n in names}
         self._published, self._lost = dict.fromkeys(names, 0), dict.fromkeys(names, 0)
         self._message = PoseStamped()
         self._message.header.frame_id = self.get_parameter("frame_id").value
-        self.create_subscription(SimulationState, "/simulation/state", self._on_state, 1000)
+        self.create_subscription(SimulationState, "/simulation/state", self._on_state, FRAMES)
         self.create_subscription(Clock, "/clock", self._on_clock, CLOCK, raw=True)
         self._diagnostics = Diagnostics(self, self._describe)
         return TransitionCallbackReturn.SUCCESS
@@ -103,23 +105,23 @@ class MockOptitrack(LifecycleNode):
         frame_ns = round(1e9 / self._capture.config.rate)
         if not self._active or (message.step * STEP_NS) % frame_ns or ns == self._frame_ns:
             return  # an unanswered state is published again: it is the same frame
-        self._frame_ns = ns
-        if message.episode != self._episode:
+        if message.episode != self._episode or ns < self._frame_ns:  # the latter: a simulator that was started again
             self._episode = message.episode
+            self._capture.begin(message.episode)
             self._queue.clear()
+        self._frame_ns = ns
         bodies = {name: self._pose(getattr(message, name)) for name in self._capture.config.bodies}
         radius, depth = (self.get_parameter(name).value for name in ("basket_radius", "basket_depth"))
         walls = BasketWalls(conversions.vector(message.basket.position), radius, depth)
         capsules = self._kinematics.link_capsules(message.joint_position, message.base_turn)
-        samples = self._capture.observe(ns, message.episode, bodies, capsules, walls)
+        samples = self._capture.observe(ns, message.episode, bodies, capsules, walls, message.step * STEP_NS // frame_ns)
         for name in set(bodies) - {sample.name for sample in samples}:
             self._lost[name] += 1
         self._queue.push(samples)
         self._publish_due(ns)
 
     def _on_clock(self, data: bytes) -> None:
-        sec, nanosec = struct.unpack_from("<iI", data, 4)
-        self._publish_due(sec * conversions.GIGA + nanosec)
+        self._publish_due(conversions.leading_stamp_ns(data))
 
     def _publish_due(self, now_ns: int) -> None:
         for sample in self._queue.due(now_ns):

@@ -70,6 +70,10 @@ class SkillLearner(Node):
     def _on_learn(self, request, response):
         try:
             heard = read_demonstrations(request.bag) if request.bag else list(self._heard.values())
+            response.pending = not request.bag and len(heard) < request.at_least
+            if response.pending:
+                response.message = f"{len(heard)} of {request.at_least} demonstrations have been heard so far"
+                return response
             self._take(heard, configuration(request.configuration or self.p["configuration"]))
         except (ValueError, BagError, OSError) as error:
             response.success, response.message = False, str(error)

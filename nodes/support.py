@@ -24,10 +24,14 @@ COMPLETE = QoSProfile(depth=10_000)
 take its heartbeat period of 3 s to find out what was lost."""
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Late joiners get what was published before."""
-SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST)
-"""What motion-capture drivers publish with."""
-SENSOR_COMPLETE = QoSProfile(depth=2000, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""For subscribers of sensor data that must not miss a message."""
+FRAMES = QoSProfile(depth=500)
+"""For what comes with every frame of the cameras: reliable, 5 s. Once its history is full, Fast DDS tells with every message what came
+before it, so that what was lost is repeated at once."""
+POSES = {
+    "reliable": FRAMES,
+    "best_effort": QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST),
+}
+"""What a motion-capture driver may publish with; the second one is sensor data as ROS has it."""
 CLOCK = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 WALL = Clock(clock_type=ClockType.STEADY_TIME)
@@ -123,8 +127,10 @@ class _Interrupts:
             raise KeyboardInterrupt
 
 
-def run(make_nodes: Callable[[], list[Node]], args: list[str] | None = None) -> None:
-    """Main function of every executable: start nodes, spin until told to stop, shut down in order."""
+def run(
+    make_nodes: Callable[[], list[Node]], args: list[str] | None = None, over: Callable[[list[Node]], bool] = lambda nodes: False
+) -> None:
+    """Main function of every executable: start nodes, spin until told to stop, or until it is over, shut down in order."""
     interrupts = _Interrupts()
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     nodes: list[Node] = []
@@ -133,7 +139,7 @@ def run(make_nodes: Callable[[], list[Node]], args: list[str] | None = None) -> 
         nodes = make_nodes()
         for node in nodes:
             executor.add_node(node)
-        while rclpy.ok() and not interrupts:
+        while rclpy.ok() and not interrupts and not over(nodes):
             executor.spin_once(timeout_sec=0.1)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass

@@ -17,12 +17,13 @@ from std_srvs.srv import SetBool
 
 from dart_skill.robot.command import Command, Grip
 from dart_skill.simulation.teacher import Person, Phase, Teacher
+from dart_skill.skill.cutting import ARRIVAL_NS
 from dart_skill.skill.outcome import judge_flight
 from dart_skill_nodes import conversions
 from dart_skill_nodes.calls import Calls, Gone, Recording
 from dart_skill_nodes.routines import Promise, RoutineServer, finish_by_success, pause
 from dart_skill_nodes.support import COMPLETE, LOOP, OK, Diagnostics, Parameter, declare, run
-from dart_skill_nodes.watching import ARRIVAL_NS, BEFORE_NS, Watcher
+from dart_skill_nodes.watching import BEFORE_NS, Watcher
 
 TABLE = [
     Parameter("seed", "everything random comes from it", 0, 2**31 - 1),
@@ -150,6 +151,7 @@ class TeacherNode(Node):
     async def _guided_throw(self, target, attempt: int):
         self._guiding, self._ended_ns, self._opened_ns = False, None, 0
         self._patience = time.monotonic() + 120.0
+        await self._watcher.listen()
         self._watcher.clear()
         await self._recording.start()
         await self._call(self._free_arm, SetBool.Request(data=True))

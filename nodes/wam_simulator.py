@@ -21,7 +21,7 @@ from dart_skill.robot.description import wam_description
 from dart_skill.robot.urdf import write_urdf
 from dart_skill.simulation.plant import Plant, PlantSettings
 from dart_skill_nodes import conversions
-from dart_skill_nodes.support import CLOCK, COMPLETE, ERROR, LATCHED, LOOP, OK, WALL, WARN, Diagnostics, Parameter, declare, run
+from dart_skill_nodes.support import CLOCK, COMPLETE, ERROR, FRAMES, LATCHED, LOOP, OK, WALL, WARN, Diagnostics, Parameter, declare, run
 
 TABLE = [
     Parameter("seed", "everything random comes from it", 0, 2**31 - 1),
@@ -72,9 +72,9 @@ class WamSimulator(Node):
 
     def _make_topics(self) -> None:
         self._joint_states = self.create_publisher(JointState, "/joint_states", COMPLETE)
-        self._tool_pose = self.create_publisher(PoseStamped, "/wam/tool_pose", LOOP)
+        self._tool_pose = self.create_publisher(PoseStamped, "/wam/tool_pose", COMPLETE)
         self._clock_out = self.create_publisher(ClockMsg, "/clock", CLOCK)
-        self._truth = self.create_publisher(SimulationState, "/simulation/state", 1000)
+        self._truth = self.create_publisher(SimulationState, "/simulation/state", FRAMES)
         self._description = self.create_publisher(String, "/robot_description", LATCHED)
         self._description.publish(String(data=write_urdf(wam_description())))
         frame = self.p["frame_id"]

@@ -1,20 +1,38 @@
 """What the commander, the teacher and the recorder have in common: they watch hand, ball and basket through the motion capture."""
 
+from collections import deque
+from functools import partial
+
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 
 from dart_skill.skill.cutting import ThrowLog
 from dart_skill_nodes import conversions
-from dart_skill_nodes.support import SENSOR_COMPLETE
+from dart_skill_nodes.offered import AsOffered
 
-ARRIVAL_NS = 50_000_000
-"""Samples this new may still be on their way: what is judged ends so long before the present."""
 FRAME_NS = 10_000_000
 """Between two frames of the cameras."""
 BEFORE_NS = 200_000_000
 """The release is looked for from so long before the hand was told to open."""
 ROLES = ("hand", "ball", "basket")
+SILENCE = 5.0
+"""A sensor that is silent for longer sees nothing: what is lost on the way is repeated within 3 s [s, wall clock]."""
+
+
+class Arrivals:
+    """Up to which stamp everything has come: as far as the sensor that is farthest behind, or as far as all were long enough ago."""
+
+    def __init__(self):
+        self._past: deque[tuple[float, int]] = deque()
+        self._sure_ns = 0
+
+    def until(self, newest_ns: list[int], now: float) -> int:
+        """That stamp [ns], of the newest one of each sensor, at an instant of the wall clock [s]."""
+        self._past.append((now, max(newest_ns) - FRAME_NS))
+        while self._past[0][0] <= now - SILENCE:
+            self._sure_ns = self._past.popleft()[1]
+        return max(self._sure_ns, min(newest_ns))
 
 
 class Watcher:
@@ -28,9 +46,13 @@ class Watcher:
         self._awake = False
         self.log, self._node, self._frame_id, self._on_pose = ThrowLog(), node, frame_id, on_pose
         self.newest_ns, self.wrong_frame = 0, ""
+        self._cameras = AsOffered(node)
         for role in ROLES if subscribe else ():
-            topic = f"/vrpn_mocap/{role}/pose"
-            node.create_subscription(PoseStamped, topic, lambda data, role=role: self.take(role, data), SENSOR_COMPLETE, raw=True)
+            self._cameras.subscribe(f"/vrpn_mocap/{role}/pose", partial(self.take, role), PoseStamped, raw=True)
+
+    async def listen(self) -> None:
+        """Wait until the cameras are heard: in a graph that has just been started they may not be yet. Without any, go on after a while."""
+        await self._cameras.found()
 
     def clear(self) -> None:
         """Forget what was seen; a new throw begins."""

@@ -16,14 +16,10 @@ from dart_skill.robot.throw_plan import ThrowPlan
 from dart_skill.simulation.motion_capture import BasketWalls, Frame, LatencyQueue, MotionCapture
 from dart_skill.simulation.plant import Plant, PlantSettings, PlantState
 from dart_skill.simulation.teacher import Person, Phase, Swing, Teacher
-from dart_skill.skill.cutting import ThrowLog
+from dart_skill.skill.cutting import ARRIVAL_NS, WATCH_NS, ThrowLog
 from dart_skill.skill.outcome import Outcome, judge_flight
 from dart_skill.surface import game_at
 
-WATCH_NS = 1_200_000_000
-"""Time after the hand was told to open during which the ball is watched."""
-ARRIVAL_NS = 50_000_000
-"""Samples newer than this at the end of a throw may still be on their way, and are not used."""
 LONGEST_THROW = 15.0
 RESTING = (Mode.HOLDING, Mode.STOPPING)
 
@@ -164,11 +160,12 @@ class Session:
             "ball": (state.ball_position, state.ball_quaternion),
             "basket": (state.basket, np.array([0.0, 0.0, 0.0, 1.0])),
         }
-        basket, board = self.plant.settings.basket, self.plant.settings.board
+        basket, board, number = self.plant.settings.basket, self.plant.settings.board, state.step // self._frame_steps
         capsules = self._kinematics.link_capsules(state.position, self.plant.settings.base_turn)
         if board is None:
-            return Frame(state.stamp_ns, bodies, capsules, BasketWalls(state.basket, basket.radius, basket.depth))
-        return Frame(state.stamp_ns, bodies, tuple(np.concatenate(parts) for parts in zip(capsules, board.capsules, strict=True)))
+            return Frame(state.stamp_ns, bodies, capsules, BasketWalls(state.basket, basket.radius, basket.depth), number)
+        capsules = tuple(np.concatenate(parts) for parts in zip(capsules, board.capsules, strict=True))
+        return Frame(state.stamp_ns, bodies, capsules, number=number)
 
     def _trial(self, target: np.ndarray, states: list[PlantState], kind: str, over_ns: int) -> Trial:
         state = self.plant.state

@@ -145,6 +145,7 @@ class Frame:
     bodies: Mapping[str, tuple[np.ndarray, np.ndarray]]
     capsules: tuple[np.ndarray, np.ndarray] = NO_CAPSULES
     basket: BasketWalls | None = None
+    number: int | None = None
 
 
 class MotionCapture:
@@ -169,15 +170,17 @@ class MotionCapture:
         bodies: Mapping[str, tuple[np.ndarray, np.ndarray]],
         capsules: tuple[np.ndarray, np.ndarray] = NO_CAPSULES,
         basket: BasketWalls | None = None,
+        number: int | None = None,
     ) -> list[Sample]:
         """Samples of the frame exposed at `stamp_ns`, in the order of `config.bodies`, without lost bodies.
 
         bodies: name -> (position (3,), quaternion (4,) x, y, z, w) in the world frame; one that is
         configured but not given is not there. capsules: end points (c, 2, 3) and radii (c,) of the arm [m].
+        number: of the frame in its episode, so that one that never came changes nothing in those after it; None: the one after the last.
         Randomness starts anew from (seed, episode) when the episode changes, and every frame takes the same
         number of draws.
         """
-        return self.observe_frames(episode, [Frame(stamp_ns, bodies, capsules, basket)])
+        return self.observe_frames(episode, [Frame(stamp_ns, bodies, capsules, basket, number)])
 
     def observe_frames(self, episode: int, frames: Sequence[Frame]) -> list[Sample]:
         """The samples that `observe` gives of one frame after the other, at a tenth of its cost per frame.
@@ -185,8 +188,8 @@ class MotionCapture:
         Every frame has the same bodies, as many capsules, and a basket if another one has.
         """
         if episode != self._episode:
-            self._start_episode(episode)
-        draws = self._draw(len(frames))
+            self.begin(episode)
+        draws = self._draw([frame.number for frame in frames])
         present = self._present(frames)
         if not present:
             return []
@@ -201,6 +204,13 @@ class MotionCapture:
             for k, i in np.argwhere(tracked).tolist()
         ]
 
+    def begin(self, episode: int) -> None:
+        """Start an episode, or the same one anew: `observe` does it when the episode changes, a caller whose time jumped back by itself."""
+        self._episode = episode
+        self._rng = np.random.default_rng([self.seed, int(episode)])
+        self._frames_drawn = 0
+        self._lost_until = np.zeros(len(self.config.bodies), dtype=int)  # frame at which the dropout of each body is over
+
     def visible_cameras(
         self,
         points: np.ndarray,
@@ -211,15 +221,10 @@ class MotionCapture:
         frame = Frame(0, {}, capsules, basket)
         return self._view.count(np.asarray(points, dtype=float)[None], *_check_capsules([capsules]), _walls([frame]))[0]
 
-    def _start_episode(self, episode):
-        self._episode = episode
-        self._rng = np.random.default_rng([self.seed, int(episode)])
-        self._frames_drawn = 0
-        self._lost_until = np.zeros(len(self.config.bodies), dtype=int)  # frame at which the dropout of each body is over
-
-    def _draw(self, n_frames):
-        """Every random number of the next frames, whoever needs it, frame by frame; also notes the dropouts."""
-        n_bodies, rng, config = len(self.config.bodies), self._rng, self.config
+    def _draw(self, numbers):
+        """Every random number of frames, whoever needs it, those of frames that never came too; also notes the dropouts."""
+        rows = self._since_the_last(numbers)
+        n_frames, n_bodies, rng, config = (rows[-1] + 1 if rows else 0), len(self.config.bodies), self._rng, self.config
         noise, chance = np.empty((n_frames, n_bodies, 6)), np.empty((n_frames, n_bodies))
         lengths, delay = np.empty((n_frames, n_bodies), dtype=int), np.empty(n_frames)
         for k in range(n_frames):
@@ -231,8 +236,20 @@ class MotionCapture:
         until = np.where(chance < config.dropout_rate / config.rate, frame + lengths, 0)
         until = np.maximum.accumulate(np.vstack([self._lost_until, until]))
         self._frames_drawn, self._lost_until = self._frames_drawn + n_frames, until[-1]
-        latency = np.rint(1e9 * (config.latency + config.latency_jitter * delay))
-        return _Draws(noise, until[1:] > frame, latency.astype(int).tolist())
+        latency = np.rint(1e9 * (config.latency + config.latency_jitter * delay[rows]))
+        return _Draws(noise[rows], (until[1:] > frame)[rows], latency.astype(int).tolist())
+
+    def _since_the_last(self, numbers):
+        """How many frames after the next one each is; ValueError for a frame that was there already."""
+        rows, following = [], 0
+        for number in numbers:
+            row = following if number is None else number - self._frames_drawn
+            if row < following:
+                last = self._frames_drawn + following - 1
+                raise ValueError(f"frame {number} of the episode comes after frame {last}: give them in order")
+            rows.append(row)
+            following = row + 1
+        return rows
 
     def _present(self, frames):
         """Names of the configured bodies that the frames show."""

@@ -2,6 +2,7 @@
 
 import pytest
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
 
 from dart_skill_nodes.coaching import Coach
 from dart_skill_nodes.graph import Graph
@@ -41,6 +42,18 @@ def make_graph(ros, tmp_path):
     for graph, coach in started:
         coach.close()
         graph.stop()
+
+
+class Diagnoses:
+    """The last message, and the last values, of every node on /diagnostics."""
+
+    def __init__(self, coach):
+        self.of, self.values = {}, {}
+        coach.node.create_subscription(DiagnosticArray, "/diagnostics", self._take, 50)
+
+    def _take(self, message):
+        self.of.update({status.name: status.message for status in message.status})
+        self.values.update({status.name: {pair.key: pair.value for pair in status.values} for status in message.status})
 
 
 def wait_for(coach, condition, limit=60.0, what="the condition"):

@@ -1,5 +1,7 @@
 """The motion-capture model: who is seen, with what error, when, and the same again for the same seed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -222,6 +224,20 @@ def test_many_frames_at_once_are_the_frames_one_by_one_to_the_last_bit():
         assert same(parts, single)
         counts = [sum(sample.name == name for frame in single for sample in frame) for name in ("hand", "ball", "basket")]
         assert all(20 < count < 145 for count in counts), f"{counts} of 150 frames: some must be lost, some seen"
+
+
+def test_a_frame_that_never_came_changes_nothing_in_those_after_it():
+    parameters = {**PARAMETERS, "dropout_rate": 3.0}
+    whole, torn = MotionCapture(parameters, seed=7), MotionCapture(parameters, seed=7)
+    frames = [replace(frame, number=i) for i, frame in enumerate(moving_frames(150, seed=1))]
+    came = [frame for frame in frames if frame.number % 7 != 3 and not 40 <= frame.number < 60]
+    stamps = {frame.stamp_ns for frame in came}
+    expected = [sample for sample in whole.observe_frames(1, frames) if sample.stamp_ns in stamps]
+    assert same([torn.observe_frames(1, came[:30]), torn.observe_frames(1, came[30:])], [expected])
+    with pytest.raises(ValueError, match="frame 149 of the episode comes after frame 149"):
+        torn.observe_frames(1, came[-1:])
+    torn.begin(1)
+    assert same([torn.observe_frames(1, came)], [expected])
 
 
 def test_frames_that_cannot_be_observed_at_once_are_refused():
