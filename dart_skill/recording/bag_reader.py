@@ -1,39 +1,41 @@
 """Reading bags without ROS: rosbag2 folders, with or without metadata.yaml, and single .mcap files.
 
 Messages are decoded by the definitions in the bag, so that types of other packages need no installation.
+MCAP files are read here; SQLite files, and bags whose files or messages are compressed one by one, by `rosbags`.
 """
 
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, NamedTuple
+from pathlib import Path, PurePath
 
-from mcap.reader import make_reader
 from rosbags.interfaces import MessageDefinitionFormat
 from rosbags.rosbag2 import Reader
+from rosbags.rosbag2.metadata import parse_qos
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
+from dart_skill.recording._mcap_read import END_OF_TIME, BagMessage, McapInput, in_time_order
+from dart_skill.recording._mcap_scan import DamagedError
+from dart_skill.recording._rosbag2_metadata import METADATA_FILE, METADATA_VERSION, RECORD_NAME, parse_record, read_metadata_file
 from dart_skill.recording.messages import deserialize
 
-_CUT_OFF = (OSError, TypeError, AssertionError, EOFError)  # what readers raise where a record ends too early
+__all__ = ["BagAttachment", "BagError", "BagFile", "BagMessage", "BagReader", "TopicInfo"]
+
+_RECOVER = (
+    "the file is cut off or damaged, its recorder was probably stopped before it closed the bag:"
+    " 'dart-skill bag recover' makes a new bag of what is in it"
+)
+_SUFFIXES = (".mcap", ".db3")
+_FORMATS = {MessageDefinitionFormat.MSG: "ros2msg", MessageDefinitionFormat.IDL: "ros2idl"}
 
 
 class BagError(ValueError):
     """A bag that cannot be read, with the reason and, where there is one, the remedy."""
-
-
-class BagMessage(NamedTuple):
-    """A message. stamp_ns: log time; data: CDR bytes or, decoded, an object with the message's fields."""
-
-    topic: str
-    type_name: str
-    stamp_ns: int
-    data: Any
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,7 @@ class TopicInfo:
     count: int
     type_hash: str
     qos: tuple
+    encoding: str = "cdr"
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,22 @@ class BagAttachment:
     data: bytes
 
 
+@dataclass(frozen=True)
+class BagFile:
+    """A file of a bag; start_ns and end_ns: log times of its first and last message, 0 without messages.
+
+    count, start_ns, end_ns: None if nobody tells them of this file alone. compression: of its chunks, or of all of it; library: its writer.
+    """
+
+    path: Path
+    size: int
+    count: int | None
+    start_ns: int | None
+    end_ns: int | None
+    library: str = ""
+    compression: str = ""
+
+
 class BagReader:
     """An open bag; a context manager.
 
@@ -65,49 +84,52 @@ class BagReader:
 
     def __init__(self, path: str | os.PathLike, types: Typestore | None = None):
         self.path = Path(path)
-        self._reader = None
-        self._files = _storage_files(self.path)
-        # Without its metadata.yaml a folder is as good as the file in it.
-        whole = self.path.is_dir() and (self.path / "metadata.yaml").is_file()
-        source = self.path if whole else self._files[0]
-        with _explained(source):
-            self._reader = Reader(source)
-            self._reader.open()
-            self.types = _embedded_types(self._reader.connections, types)
+        self._source = None
+        files = storage_files(self.path)
+        with _explained(self.path):
+            metadata = read_metadata_file(self.path) if (self.path / METADATA_FILE).is_file() else None
+            self._source = _open(self.path, files, metadata)
+            self.types, self._unknown = embedded_types(self._source.definitions(), types)
 
     @property
     def topics(self) -> dict[str, TopicInfo]:
         """Topics by name."""
-        return {
-            connection.topic: TopicInfo(
-                connection.topic,
-                connection.msgtype,
-                sum(c.msgcount for c in self._reader.connections if c.topic == connection.topic),
-                connection.digest,
-                tuple(connection.ext.offered_qos_profiles),
-            )
-            for connection in self._reader.connections
-        }
+        return self._source.topics
+
+    @property
+    def files(self) -> list[BagFile]:
+        """The files that hold the messages, in order."""
+        return self._source.files
+
+    @property
+    def storage(self) -> str:
+        """How rosbag2 calls the format of the files: mcap or sqlite3."""
+        return "sqlite3" if any(".db3" in file.path.suffixes for file in self.files) else "mcap"
+
+    @property
+    def metadata(self) -> dict:
+        """Metadata of rosbag2, of metadata.yaml or, without it, of the file; empty if neither tells them."""
+        return self._source.metadata
 
     @property
     def start_ns(self) -> int:
         """Log time of the first message; 0 for an empty bag."""
-        return self._reader.start_time if self._reader.message_count else 0
+        return self._source.start_ns
 
     @property
     def end_ns(self) -> int:
         """Log time of the last message; 0 for an empty bag."""
-        return self._reader.end_time - 1 if self._reader.message_count else 0
+        return self._source.end_ns
 
     @property
     def message_count(self) -> int:
         """Number of messages on all topics."""
-        return self._reader.message_count
+        return sum(topic.count for topic in self.topics.values())
 
     @property
     def custom_data(self) -> dict[str, str]:
         """Names and texts of the bag's metadata, as `BagWriter` got them."""
-        return dict(self._reader.storage.metadata.custom or {})
+        return dict(self._source.custom_data)
 
     def messages(
         self,
@@ -117,33 +139,22 @@ class BagReader:
         decode: bool = True,
     ) -> Iterator[BagMessage]:
         """Messages of topics (default: all) in order of log time, from start_ns to before stop_ns."""
-        chosen = self._connections(topics)
-        if not chosen:
-            return
-        raw = self._reader.messages(chosen, start_ns, stop_ns)
-        while True:
-            with _explained(self.path):
-                item = next(raw, None)
-                if item is None:
-                    return
-                connection, stamp_ns, data = item
-                if decode:
-                    data = self._decode(connection, data)
-            yield BagMessage(connection.topic, connection.msgtype, stamp_ns, data)
+        chosen = self._chosen(topics)
+        limits = (0 if start_ns is None else start_ns, END_OF_TIME if stop_ns is None else stop_ns)
+        with _explained(self.path):
+            found = self._source.messages(chosen, *limits)
+            yield from map(self._decoded, found) if decode else found
 
     def attachments(self) -> list[BagAttachment]:
         """Files that were kept with the bag."""
-        found = []
-        for file in (file for file in self._files if file.suffix == ".mcap"):
-            with _explained(file), open(file, "rb") as stream:
-                items = make_reader(stream).iter_attachments()
-                found += [BagAttachment(item.name, item.media_type, item.data) for item in items]
-        return found
+        self._check_open()
+        with _explained(self.path):
+            return [BagAttachment(item.name, item.media_type, item.data) for item in self._source.attachments()]
 
     def close(self) -> None:
         """Close the files; twice is no error."""
-        if self._reader is not None and self._reader.is_open:
-            self._reader.close()
+        if self._source is not None:
+            self._source.close()
 
     def __enter__(self) -> BagReader:
         return self
@@ -151,65 +162,269 @@ class BagReader:
     def __exit__(self, *_exception) -> None:
         self.close()
 
-    def _connections(self, topics):
-        if not self._reader.is_open:
+    def _check_open(self):
+        if not self._source.is_open:
             raise BagError(f"{self.path}: the bag is closed")
+
+    def _chosen(self, topics) -> set[str]:
+        self._check_open()
         if topics is None:
-            return self._reader.connections
+            return set(self.topics)
         wanted = {topics} if isinstance(topics, str) else set(topics)
         unknown = wanted - set(self.topics)
         if unknown:
             raise BagError(f"{self.path}: no topic {sorted(unknown)}, only {sorted(self.topics)}")
-        return [connection for connection in self._reader.connections if connection.topic in wanted]
+        return wanted
 
-    def _decode(self, connection, data):
-        if connection.msgtype not in self.types.fielddefs:
+    def _decoded(self, message: BagMessage) -> BagMessage:
+        topic, type_name, stamp_ns, data = message
+        encoding = self.topics[topic].encoding
+        if encoding != "cdr":
+            raise BagError(f"{self.path}: topic {topic} is encoded as '{encoding}', not as cdr: read it raw")
+        if type_name not in self.types.fielddefs:
+            reason = self._unknown.get(type_name, "which neither the bag nor the given types define")
             raise BagError(
-                f"{self.path}: topic {connection.topic} has type {connection.msgtype}, which neither the bag"
-                " nor the given types define: give a typestore with its folder of .msg files, or read it raw"
+                f"{self.path}: topic {topic} has type {type_name}, {reason}: give a typestore with its folder of .msg files, or read it raw"
             )
         try:
-            return deserialize(self.types, connection.msgtype, data)
+            return BagMessage(topic, type_name, stamp_ns, deserialize(self.types, type_name, data))
         except ValueError as error:
-            raise BagError(f"{self.path}: topic {connection.topic}: {error}") from error
+            raise BagError(f"{self.path}: topic {topic}: {error}") from error
 
 
-def _storage_files(path: Path) -> list[Path]:
-    """Files that hold the messages; BagError if there are none, or several in unknown order."""
+class _McapSource:
+    """The MCAP files of a bag, in order."""
+
+    def __init__(self, path: Path, files: list[Path], metadata: dict | None):
+        self._files: list[McapInput] = []
+        try:
+            for file in files:
+                with _explained(file):
+                    self._files.append(McapInput(file))
+            if metadata is None and len(files) > 1:
+                _require_one_bag(path, self._files)
+        except BaseException:
+            self.close()
+            raise
+        filled = [file for file in self._files if file.message_count]
+        self.start_ns = min((file.start_ns for file in filled), default=0)
+        self.end_ns = max((file.end_ns for file in filled), default=0)
+        self.metadata = metadata if metadata is not None else self._embedded_metadata()
+        self.topics = self._topics()
+        self.files = [
+            BagFile(file.path, file.path.stat().st_size, *_extent(file), file.header.library, file.compression) for file in self._files
+        ]
+
+    @property
+    def is_open(self) -> bool:
+        return all(file.is_open for file in self._files)
+
+    @property
+    def custom_data(self) -> dict[str, str]:
+        return self.metadata.get("custom_data") or {}
+
+    def definitions(self) -> list[tuple[str, str, str]]:
+        """Type name, schema encoding and definition text of each type."""
+        return [
+            (schema.name, schema.encoding, schema.data.decode(errors="replace")) for file in self._files for schema in file.schemas.values()
+        ]
+
+    def messages(self, topics: set[str], start_ns: int, stop_ns: int) -> Iterator[BagMessage]:
+        parts = []
+        for file in self._files:
+            wanted = {
+                number: (channel.topic, file.type_name(channel) or self.topics[channel.topic].type_name)
+                for number, channel in file.channels.items()
+                if channel.topic in topics
+            }
+            parts += file.parts(wanted, start_ns, stop_ns)
+        return in_time_order(parts)
+
+    def attachments(self) -> list:
+        return [item for file in self._files for item in file.attachments()]
+
+    def close(self) -> None:
+        for file in self._files:
+            file.close()
+
+    def _embedded_metadata(self) -> dict:
+        """What the last file tells by itself."""
+        records = [record for file in self._files for record in file.metadata() if record.name == RECORD_NAME]
+        return parse_record(records[-1].metadata) if records else {}
+
+    def _topics(self) -> dict[str, TopicInfo]:
+        """Counts from the files; what only metadata.yaml tells (types of schemaless channels, hashes, QoS) from there."""
+        told = {}
+        for item in self.metadata.get("topics_with_message_count") or []:
+            topic = item["topic_metadata"]
+            told[topic["name"]] = (topic.get("type", ""), topic.get("type_description_hash", ""), topic.get("offered_qos_profiles"))
+        found: dict[str, TopicInfo] = {}
+        for file in self._files:
+            for number, channel in file.channels.items():
+                name, known = channel.topic, found.get(channel.topic)
+                type_name, type_hash, qos = told.get(name, ("", "", None))
+                found[name] = TopicInfo(
+                    name,
+                    (known and known.type_name) or file.type_name(channel) or type_name,
+                    file.counts[number] + (known.count if known else 0),
+                    type_hash or channel.metadata.get("topic_type_hash", ""),
+                    tuple(parse_qos(qos or channel.metadata.get("offered_qos_profiles", ""))),
+                    channel.message_encoding,
+                )
+        return found
+
+
+class _RosbagsSource:
+    """A bag that `rosbags` reads."""
+
+    def __init__(self, path: Path, files: list[Path], metadata: dict | None):
+        self.metadata = metadata or {}
+        self._reader = Reader(path if metadata else files[0])
+        self._reader.open()
+        reader = self._reader
+        self.start_ns = reader.start_time if reader.message_count else 0
+        self.end_ns = reader.end_time - 1 if reader.message_count else 0
+        self.custom_data = reader.storage.metadata.custom or {}
+        self.files = self._described(path, files)
+        self.topics = {
+            one.topic: TopicInfo(
+                one.topic,
+                one.msgtype,
+                sum(other.msgcount for other in reader.connections if other.topic == one.topic),
+                one.digest,
+                tuple(one.ext.offered_qos_profiles),
+                one.ext.serialization_format,
+            )
+            for one in reader.connections
+        }
+
+    @property
+    def is_open(self) -> bool:
+        return self._reader.is_open
+
+    def _described(self, path: Path, files: list[Path]) -> list[BagFile]:
+        """What metadata.yaml says of each file; of a single one it is what there is in all."""
+        named = [path / PurePath(name).name for name in self.metadata.get("relative_file_paths") or []] or files[:1]
+        whole = (self._reader.message_count, self.start_ns, self.end_ns)
+        told = {PurePath(item["path"]).name: _told_extent(item) for item in self.metadata.get("files") or []}
+        unknown = whole if len(named) == 1 else (None, None, None)
+        compression = self.metadata.get("compression_format", "")
+        return [BagFile(file, file.stat().st_size, *told.get(file.name, unknown), compression=compression) for file in named]
+
+    def definitions(self) -> list[tuple[str, str, str]]:
+        found = [(one.msgtype, _FORMATS.get(one.msgdef.format, ""), one.msgdef.data) for one in self._reader.connections]
+        return [item for item in found if item[1]]
+
+    def messages(self, topics: set[str], start_ns: int, stop_ns: int) -> Iterator[BagMessage]:
+        chosen = [one for one in self._reader.connections if one.topic in topics]
+        if not chosen:
+            return
+        for one, stamp_ns, data in self._reader.messages(chosen, start_ns, min(stop_ns, 2**63 - 1)):
+            yield BagMessage(one.topic, one.msgtype, stamp_ns, bytes(data))
+
+    def attachments(self) -> list:
+        return []
+
+    def close(self) -> None:
+        if self._reader.is_open:
+            self._reader.close()
+
+
+def _extent(file: McapInput) -> tuple[int, int, int]:
+    return file.message_count, file.start_ns, file.end_ns
+
+
+def _told_extent(item: dict) -> tuple[int, int, int]:
+    """Count, first and last log time of a file, as metadata.yaml tells them."""
+    start = item["starting_time"]["nanoseconds_since_epoch"]
+    return item["message_count"], start, start + item["duration"]["nanoseconds"]
+
+
+def storage_files(path: Path) -> list[Path]:
+    """Files that hold a bag's messages, in order; BagError if there are none, or several that are not one bag's."""
     if not path.exists():
         raise BagError(f"{path}: no such bag")
     if path.is_file():
         files = [path]
-        if path.suffix not in (".mcap", ".db3"):
+        if path.suffix not in _SUFFIXES:
             raise BagError(f"{path}: a bag is a folder with metadata.yaml, or a .mcap or .db3 file")
     else:
-        files = sorted(file for file in path.iterdir() if file.suffix in (".mcap", ".db3"))
-    if not files:
+        files = sorted((file for file in path.iterdir() if file.suffix in _SUFFIXES), key=part_number)
+    if not files and not any(path.glob("*.zstd")):
         raise BagError(f"{path}: no .mcap file in this folder")
     empty = [file.name for file in files if file.stat().st_size == 0]
     if empty:
         raise BagError(f"{path}: {', '.join(empty)} is empty (0 bytes): the recorder stopped before its first write")
-    if len(files) > 1 and not (path / "metadata.yaml").is_file():
-        raise BagError(f"{path}: {len(files)} files and no metadata.yaml: open one of them by its name")
+    if len(files) > 1 and not (path / METADATA_FILE).is_file():
+        numbers, stems = [part_number(file)[1] for file in files], {part_number(file)[0] for file in files}
+        if len(stems) > 1 or numbers != list(range(len(files))) or files[0].suffix != ".mcap":
+            raise _not_one_bag(path, len(files), "are not named as the parts of one bag (NAME_0.mcap, NAME_1.mcap ...)")
     return files
 
 
-def _embedded_types(connections, types: Typestore | None) -> Typestore:
-    """Types that the bag defines, and those of `types` that it lacks."""
-    found: dict = {}
-    for connection in connections:
-        text = connection.msgdef.data
-        if connection.msgdef.format == MessageDefinitionFormat.MSG:
-            found.update(get_types_from_msg(text, connection.msgtype))
-        elif connection.msgdef.format == MessageDefinitionFormat.IDL:
-            for part in text.split("=" * 80 + "\n"):
-                body = part.split("\n", 1)[1] if part.startswith("IDL: ") else part
-                found.update(get_types_from_idl(body) if body.strip() else {})
+def part_number(file: Path) -> tuple[str, int]:
+    """Name and number of a file of a split bag; number -1 if it has none."""
+    match = re.fullmatch(r"(.*)_(\d+)", file.stem)
+    return (match[1], int(match[2])) if match else (file.stem, -1)
+
+
+def _not_one_bag(path: Path, count: int, reason: str) -> BagError:
+    return BagError(f"{path}: {count} files and no metadata.yaml, and they {reason}: open one of them by its name")
+
+
+def _require_one_bag(path: Path, files: list[McapInput]) -> None:
+    """Files of a split bag without metadata.yaml (its recorder crashed) follow each other and agree on their topics."""
+    types: dict[str, str] = {}
+    for file in files:
+        for channel in file.channels.values():
+            if types.setdefault(channel.topic, file.type_name(channel)) != file.type_name(channel):
+                raise _not_one_bag(path, len(files), f"disagree on the type of {channel.topic}")
+    starts = [file.start_ns for file in files if file.message_count]
+    if any(later <= earlier for earlier, later in zip(starts, starts[1:], strict=False)):
+        raise _not_one_bag(path, len(files), "do not follow each other in time")
+
+
+def _open(path: Path, files: list[Path], metadata: dict | None):
+    """What reads the bag."""
+    if metadata is None:
+        return _McapSource(path, files, None) if files[0].suffix == ".mcap" else _RosbagsSource(path, files, None)
+    try:
+        named = [path / PurePath(name).name for name in metadata["relative_file_paths"]]
+        mode = (metadata.get("compression_mode") or "none").lower()
+        if metadata["storage_identifier"] != "mcap" or mode in ("file", "message") or metadata["version"] > METADATA_VERSION:
+            return _RosbagsSource(path, files, metadata)
+    except (KeyError, TypeError, AttributeError) as error:
+        raise BagError(f"{path}: its metadata.yaml lacks or misuses {error}") from error
+    missing = [file.name for file in named if not file.is_file()]
+    if missing or not named:
+        raise BagError(f"{path}: {', '.join(missing) or 'every file'} is missing, which metadata.yaml names")
+    return _McapSource(path, named, metadata)
+
+
+def embedded_types(definitions: list[tuple[str, str, str]], types: Typestore | None) -> tuple[Typestore, dict[str, str]]:
+    """Types that the bag defines, and those of `types` that it lacks; and why the others are unknown."""
+    found, unknown = {}, {}
+    for name, encoding, text in definitions:
+        try:
+            found.update(_types_in(name, encoding, text))
+        except Exception as error:  # generated parsers meet arbitrary text
+            unknown[name] = f"whose definition in the bag is damaged ({error})"
     store = get_typestore(Stores.EMPTY)
     store.register(found)
     if types is not None:
         store.register({name: types.fielddefs[name] for name in types.fielddefs.keys() - found.keys()})
-    return store
+    return store, unknown
+
+
+def _types_in(name: str, encoding: str, text: str) -> dict:
+    if encoding == "ros2msg":
+        return get_types_from_msg(text, name) if text else {}
+    found: dict = {}
+    if encoding in ("ros2idl", "omgidl"):
+        for part in text.split("=" * 80 + "\n"):
+            body = part.split("\n", 1)[1] if part.startswith("IDL: ") else part
+            found.update(get_types_from_idl(body) if body.strip() else {})
+    return found
 
 
 @contextmanager
@@ -219,8 +434,9 @@ def _explained(path: Path):
         yield
     except BagError:
         raise
+    except DamagedError as error:
+        reason = str(error)
+        raise BagError(f"{path}: {reason}: {_RECOVER}") from error
     except Exception as error:
         reason = (str(error) or type(error).__name__).rstrip(".")
-        if "end magic" in reason or "Truncated" in reason or isinstance(error, _CUT_OFF):
-            reason += ": the file is cut off or damaged, its recorder was probably stopped before it closed the bag"
         raise BagError(f"{path}: {reason}") from error

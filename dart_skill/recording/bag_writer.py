@@ -1,34 +1,57 @@
-"""Writing bags: a rosbag2 folder with one MCAP file, from messages that are serialised already.
+"""Writing bags: a rosbag2 folder of MCAP files, from messages that are serialised already.
 
 The layout is that of rosbag2 in ROS 2 Jazzy (metadata version 9; MCAP profile `ros2`, schemas `ros2msg` with
 all nested definitions), so that `ros2 bag`, Foxglove, Rerun and `rosbags` open it without this package.
-Chunks of 256 KiB are zstd-compressed and are flushed each second of log time: a killed process loses no more.
+Chunks of 256 KiB are zstd-compressed and, each second of log time, handed to the operating system, which a thread
+asks to put them on the disk: a killed process loses no more than that second, and a cut power line what the disk had
+not taken yet.
 """
 
 from __future__ import annotations
 
 import os
+import struct
 from collections.abc import Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-import yaml
-from mcap.writer import CompressionType, Writer
+from dart_skill.recording._disk_sync import DiskSync, sync_folder
+from dart_skill.recording._mcap_stream import CHUNK_SIZE, McapChannel, McapFile
+from dart_skill.recording._rosbag2_metadata import (
+    RECORD_NAME,
+    FileMetadata,
+    TopicMetadata,
+    bag_metadata,
+    dump,
+    parse_qos,
+    record_values,
+    write_metadata_file,
+)
 
-CHUNK_SIZE = 256 * 1024
 FLUSH_PERIOD_NS = 1_000_000_000
-METADATA_VERSION = 9
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}
+
+
+class BagWriteError(OSError):
+    """A bag that can be written no further: which file, why, how much of it is safe, and what to do."""
 
 
 @dataclass
 class _Topic:
     name: str
     type_name: str
-    qos: str
+    qos_text: str
+    qos: list
     type_hash: str
-    channel: int
-    count: int = 0
+    channel: McapChannel | None  # in the current file
+    count: int = 0  # messages written
+    finished: int = 0  # of these in finished files
+
+    @property
+    def saved(self) -> int:
+        """Messages that the current file holds."""
+        return self.channel.count if self.channel is not None else 0
 
 
 def qos_yaml(reliability: str = "reliable", durability: str = "volatile", history: str = "keep_last", depth: int = 10) -> str:
@@ -36,7 +59,7 @@ def qos_yaml(reliability: str = "reliable", durability: str = "volatile", histor
     allowed = {
         "reliability": ("reliable", "best_effort"),
         "durability": ("volatile", "transient_local"),
-        "history": ("keep_last", "keep_all"),
+        "history": ("keep_last", "keep_all", "unknown"),
     }
     given = {"reliability": reliability, "durability": durability, "history": history}
     for name, value in given.items():
@@ -53,15 +76,19 @@ def qos_yaml(reliability: str = "reliable", durability: str = "volatile", histor
         "liveliness_lease_duration": dict(_FOREVER),
         "avoid_ros_namespace_conventions": False,
     }
-    return _dump([profile])
+    return dump([profile])
 
 
 class BagWriter:
     """A bag that is being written; a context manager. What was written stays, also when the block raises.
 
-    path: folder of the bag, which must not exist yet; it holds `<name>_0.mcap` and, once closed,
+    path: folder of the bag, which must not exist yet; it holds `<name>_0.mcap`, `<name>_1.mcap` ... and, once closed,
     metadata.yaml.
-    custom_data: names and texts that go into the metadata (seed, version, who recorded).
+    custom_data: names and texts that go into the metadata (seed, version, who recorded); `note` adds some.
+    max_bytes, max_duration_ns: a new file begins before the current one gets larger, or as long in log time; 0: never.
+
+    One thread at a time may call its methods. Each of them raises BagWriteError once the disk takes no more;
+    what was written until then stays readable (`recover`), and `close` adds no second error.
     """
 
     def __init__(
@@ -71,22 +98,46 @@ class BagWriter:
         chunk_size: int = CHUNK_SIZE,
         flush_period_ns: int = FLUSH_PERIOD_NS,
         ros_distro: str = "jazzy",
+        max_bytes: int = 0,
+        max_duration_ns: int = 0,
     ):
         self.path = Path(path)
         self.custom_data = _check_custom_data(custom_data or {})
+        self._chunk_size, self._max_bytes, self._max_duration_ns = int(chunk_size), int(max_bytes), int(max_duration_ns)
+        if self._max_bytes < 0 or self._max_duration_ns < 0 or 0 < self._max_bytes < 2 * self._chunk_size:
+            raise ValueError(
+                f"max_bytes = {max_bytes}, max_duration_ns = {max_duration_ns}: give 0 for no limit, and at least two chunks"
+                f" ({2 * self._chunk_size} bytes)"
+            )
         self._ros_distro, self._flush_period_ns = ros_distro, int(flush_period_ns)
         self._topics: dict[str, _Topic] = {}
-        self._schemas: dict[str, tuple[int, str]] = {}
-        self._first_ns, self._last_ns, self._flushed_ns = None, None, None
+        self._writable: dict[str, _Topic] = {}  # the same, empty when nothing can be written any more
+        self._types: dict[str, str] = {}
+        self._finished: list[FileMetadata] = []
+        self._file: McapFile | None = None  # none between two files
+        self._flushed_ns = self._due_ns = 0  # log times: of the last flush, and when the next thing is due
+        self._file_first_ns: int | None = None
+        self._failure: tuple | None = None
+        self._closed, self._full, self._synced_bytes = False, False, 0
         try:
             self.path.mkdir(parents=True)
         except FileExistsError:
             raise FileExistsError(f"{self.path} exists already: bags are never overwritten, choose another name") from None
-        self.file = self.path / f"{self.path.name}_0.mcap"
-        self._stream = open(self.file, "xb")
-        self._writer = Writer(self._stream, chunk_size=chunk_size, compression=CompressionType.ZSTD)
-        self._writer.start(profile="ros2", library="dart_skill")
-        self._write_metadata_record()
+        sync_folder(self.path.parent)
+        with self._explained():
+            self._open_file()
+        self._sync = DiskSync(self._stopped)
+        self._sync.request(self._file.stream)
+
+    @property
+    def file(self) -> Path:
+        """The file that is being written, or was the last."""
+        return self.path / f"{self.path.name}_{max(0, len(self._finished) - (self._file is None))}.mcap"
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Messages written so far, by topic."""
+        return {name: topic.count for name, topic in self._topics.items()}
 
     def add_topic(self, name: str, type_name: str, definition_text: str, qos_profile_yaml: str = "", type_hash: str = "") -> None:
         """Announce a topic before its first message.
@@ -95,77 +146,96 @@ class BagWriter:
         (`messages.definition`).
         qos_profile_yaml: list of profiles (`qos_yaml`). type_hash: RIHS01 (`messages.type_hash`).
         """
-        self._check_open()
+        self._check_writable()
         if not name.startswith("/"):
             raise ValueError(f"topic '{name}': give the full name, with its leading slash")
         if name in self._topics:
             raise ValueError(f"topic {name} is in the bag already, with type {self._topics[name].type_name}")
         if len(type_name.split("/")) != 3:
             raise ValueError(f"type '{type_name}' of topic {name}: write it as package/msg/Name")
-        if not isinstance(_parse_qos(name, qos_profile_yaml), list):
+        qos = parse_qos(name, qos_profile_yaml)
+        if not isinstance(qos, list):
             raise ValueError(f"QoS of topic {name} must be a YAML list of profiles, got {qos_profile_yaml!r}")
-        channel = self._writer.register_channel(
-            topic=name,
-            message_encoding="cdr",
-            schema_id=self._schema(type_name, definition_text),
-            metadata={"offered_qos_profiles": qos_profile_yaml, "topic_type_hash": type_hash},
-        )
-        self._topics[name] = _Topic(name, type_name, qos_profile_yaml, type_hash, channel)
+        if self._types.setdefault(type_name, definition_text) != definition_text:
+            raise ValueError(f"type {type_name} is in the bag already with another definition")
+        topic = _Topic(name, type_name, qos_profile_yaml, qos, type_hash, channel=None)
+        with self._explained():
+            topic.channel = self._channel(topic)
+        self._topics[name] = self._writable[name] = topic
 
     def write(self, topic: str, log_time_ns: int, publish_time_ns: int, cdr_bytes: bytes) -> None:
         """Append a message. Log time: when it was received; publish time: when it was sent [ns]."""
-        self._check_open()
-        entry = self._topics.get(topic)
+        entry = self._writable.get(topic)
         if entry is None:
-            raise ValueError(f"topic '{topic}' is not in the bag, only {sorted(self._topics)}: add_topic first")
-        if log_time_ns < 0 or publish_time_ns < 0 or len(cdr_bytes) < 4:
-            raise ValueError(
-                f"{topic}: log time {log_time_ns} ns, publish time {publish_time_ns} ns, {len(cdr_bytes)}"
-                " bytes: times must not be negative, and a CDR message has at least its 4-byte header"
-            )
-        if self._flushed_ns is None:
-            self._first_ns = self._last_ns = self._flushed_ns = log_time_ns
-        # Time that jumps back (a new simulation) flushes too, or the promise would not hold after it.
-        elif not 0 <= log_time_ns - self._flushed_ns < self._flush_period_ns:
-            self.flush()
-            self._flushed_ns = log_time_ns
-        self._writer.add_message(entry.channel, log_time_ns, cdr_bytes, publish_time_ns, entry.count)
+            raise self._refusal(topic)
+        if not self._flushed_ns <= log_time_ns < self._due_ns:
+            self._turn(topic, log_time_ns)
+        if type(cdr_bytes) is not bytes:
+            cdr_bytes = memoryview(cdr_bytes).tobytes()
+        if len(cdr_bytes) < 4:
+            raise ValueError(f"{topic}: {len(cdr_bytes)} bytes: a CDR message has at least its 4-byte header")
+        try:
+            if self._file.add_message(entry.channel, entry.count & 0xFFFFFFFF, log_time_ns, publish_time_ns, cdr_bytes):
+                self._chunk_ended()
+        except struct.error:
+            raise ValueError(_bad_times(topic, log_time_ns, publish_time_ns)) from None
+        except OSError as error:
+            raise self._stopped(error) from error
         entry.count += 1
-        self._first_ns = min(self._first_ns, log_time_ns)
-        self._last_ns = max(self._last_ns, log_time_ns)
 
     def add_attachment(self, name: str, data: bytes | str, media_type: str = "text/plain", time_ns: int = 0) -> None:
         """Keep a file with the bag: parameters (YAML), robot description (URDF)."""
-        self._check_open()
+        self._check_writable()
         data = data.encode() if isinstance(data, str) else bytes(data)
-        self._writer.add_attachment(time_ns, time_ns, name, media_type, data)
+        with self._explained():
+            self._file.add_attachment(name, media_type, data, time_ns, time_ns)
 
-    @property
-    def counts(self) -> dict[str, int]:
-        """Messages written so far, by topic."""
-        return {name: topic.count for name, topic in self._topics.items()}
+    def note(self, name: str, text: str) -> None:
+        """Add to the custom data, or replace what it says by that name; until the bag is closed."""
+        if self._closed:
+            raise self._refusal()
+        self.custom_data.update(_check_custom_data({name: text}))
 
     def flush(self, to_disk: bool = False) -> None:
-        """Hand all to the operating system, safe from a crash of this process; to_disk: of the machine."""
-        self._check_open()
-        self._writer.flush()
+        """Hand all to the operating system, safe from a crash of this process, and have it put on the disk soon.
+
+        to_disk: return only when it is there, safe from a crash of the machine. Costs nothing when nothing is new.
+        """
+        self._check_writable()
+        with self._explained():
+            if self._file.end_chunk():
+                self._chunk_ended()
+        if self._file.position > self._synced_bytes:
+            self._synced_bytes = self._file.position
+            self._sync.request(self._file.stream)
         if to_disk:
-            os.fsync(self._stream.fileno())
+            self._sync.wait()
+            self._check_writable()
 
     def close(self) -> None:
-        """Write index, summary and metadata.yaml. Closing twice is no error."""
-        if self._stream.closed:
+        """Write index, summary and metadata.yaml. Closing twice is no error, nor closing what cannot be written."""
+        if self._closed:
             return
+        self._closed, self._writable = True, {}
+        failed_before = self._failure is not None
+        if failed_before:
+            self.custom_data["writing_stopped"] = self._failure[1]
+        stream = self._file.stream if self._file is not None else None
         try:
-            self._write_metadata_record()
-            self._writer.finish()
-            self._stream.flush()
-            os.fsync(self._stream.fileno())
-        finally:
-            self._stream.close()
-        temporary = self.path / "metadata.yaml.tmp"
-        temporary.write_text(_dump({"rosbag2_bagfile_information": self._metadata()}), encoding="utf-8")
-        temporary.replace(self.path / "metadata.yaml")
+            if stream is not None:
+                self._finish_file()
+        except OSError as error:
+            self._stopped(error)
+        if stream is not None:
+            self._sync.request(stream, close=True)
+        self._sync.stop()
+        try:
+            if self._file is None and (failed_before or self._failure is None):
+                write_metadata_file(self.path, self._metadata(self._finished, in_file=False))
+        except OSError as error:
+            self._stopped(error)
+        if self._failure is not None and not failed_before:
+            raise BagWriteError(*self._failure)
 
     def __enter__(self) -> BagWriter:
         return self
@@ -173,64 +243,118 @@ class BagWriter:
     def __exit__(self, *_exception) -> None:
         self.close()
 
-    def _check_open(self):
-        if self._stream.closed:
-            raise ValueError(f"bag {self.path} is closed")
+    def _check_writable(self):
+        if self._failure is not None or self._closed:
+            raise self._refusal()
 
-    def _schema(self, type_name, definition_text):
-        known = self._schemas.get(type_name)
-        if known is None:
-            number = self._writer.register_schema(type_name, "ros2msg", definition_text.encode())
-            known = self._schemas[type_name] = (number, definition_text)
-        if known[1] != definition_text:
-            raise ValueError(f"type {type_name} is in the bag already with another definition")
-        return known[0]
+    def _refusal(self, topic: str = "") -> Exception:
+        """Why nothing can be written, or not on this topic."""
+        if self._failure is not None:
+            return BagWriteError(*self._failure)
+        if self._closed:
+            return ValueError(f"bag {self.path} is closed")
+        return ValueError(f"topic '{topic}' is not in the bag, only {sorted(self._topics)}: add_topic first")
 
-    def _write_metadata_record(self):
-        """What rosbag2 writes at opening and at closing, so that a lone .mcap file tells its metadata."""
-        self._writer.add_metadata("rosbag2", {"serialized_metadata": _dump(self._metadata())})
+    def _stopped(self, error: OSError) -> BagWriteError:
+        """Write no more, for a reason that every later call meets. Called by the sync thread too."""
+        self._writable = {}
+        if self._failure is None:
+            files = [*self._finished, *([self._file_metadata()] if self._file is not None else [])]
+            count, ends = sum(file.count for file in files), [file.end_ns for file in files if file.end_ns is not None]
+            until = f", until log time {max(ends)} ns," if ends else ""
+            text = (
+                f"{error.strerror or error}: writing of the bag stopped; {count} messages{until} are in its files: make room, and see"
+                f" 'dart-skill bag check {self.path}'; if a file is not whole, 'dart-skill bag recover' makes a new bag of it"
+            )
+            self._failure = (error.errno, text, str(self.file))
+        return BagWriteError(*self._failure)
 
-    def _metadata(self):
-        start = 0 if self._first_ns is None else self._first_ns
-        duration = 0 if self._first_ns is None else self._last_ns - self._first_ns
-        count = sum(self.counts.values())
-        times = {
-            "duration": {"nanoseconds": duration},
-            "starting_time": {"nanoseconds_since_epoch": start},
-            "message_count": count,
-        }
-        return {
-            "version": METADATA_VERSION,
-            "storage_identifier": "mcap",
-            **times,
-            "topics_with_message_count": [_topic_metadata(topic) for topic in self._topics.values()],
-            "compression_format": "",
-            "compression_mode": "",
-            "relative_file_paths": [self.file.name],
-            "files": [{"path": self.file.name, **times}],
-            "custom_data": self.custom_data or None,
-            "ros_distro": self._ros_distro,
-        }
+    @contextmanager
+    def _explained(self):
+        try:
+            yield
+        except BagWriteError:
+            raise
+        except OSError as error:
+            raise self._stopped(error) from error
+
+    def _turn(self, topic, log_time_ns):
+        """What is due before the message of this log time: a flush, or the next file."""
+        if log_time_ns < 0:
+            raise ValueError(_bad_times(topic, log_time_ns))
+        if self._file_first_ns is not None:
+            self._file_first_ns = min(self._file_first_ns, log_time_ns)
+            lasted = log_time_ns - self._file_first_ns
+            if self._full or 0 < self._max_duration_ns <= lasted:
+                with self._explained():
+                    self._next_file()
+            else:
+                self.flush()
+        if self._file_first_ns is None:
+            self._file_first_ns = log_time_ns
+        # Time that jumps back (a new simulation) comes here too, or the promise would not hold after it.
+        self._flushed_ns, self._due_ns = log_time_ns, 0
+        if not self._full:
+            self._due_ns = log_time_ns + self._flush_period_ns
+        if self._max_duration_ns:
+            self._due_ns = min(self._due_ns, self._file_first_ns + self._max_duration_ns)
+
+    def _chunk_ended(self):
+        """Whether another chunk, with its index and the file's end, would be more than a file may hold."""
+        texts = sum(len(text) for item in self.custom_data.items() for text in item)
+        room = 3 * self._chunk_size // 2 + 1000 * len(self._topics) + texts + self._file.summary_size
+        if self._max_bytes and self._file.position + room > self._max_bytes:
+            self._full, self._due_ns = True, 0
+
+    def _next_file(self):
+        stream = self._file.stream
+        self._finish_file()
+        self._sync.request(stream, close=True)
+        self._open_file()
+        self._sync.request(self._file.stream)
+        for topic in self._topics.values():
+            topic.channel = self._channel(topic)
+
+    def _open_file(self):
+        """Begin the next file, with the metadata record that rosbag2 writes at opening."""
+        file = McapFile(self.path / f"{self.path.name}_{len(self._finished)}.mcap", chunk_size=self._chunk_size)
+        self._file, self._schemas = file, {}
+        self._full, self._file_first_ns, self._synced_bytes = False, None, 0
+        self._file.add_metadata(RECORD_NAME, record_values(self._metadata([self._file_metadata()])))
+
+    def _finish_file(self):
+        """End the file; the metadata record that rosbag2 writes at closing lets it tell what it holds by itself."""
+        self._file.end_chunk()
+        self._file.add_metadata(RECORD_NAME, record_values(self._metadata([self._file_metadata()])))
+        self._file.finish()
+        self._finished.append(self._file_metadata())
+        for topic in self._topics.values():
+            topic.finished += topic.saved
+            topic.channel = None
+        self._file = None
+
+    def _channel(self, topic: _Topic) -> McapChannel:
+        """The topic's channel in the current file."""
+        if topic.type_name not in self._schemas:
+            definition = self._types[topic.type_name].encode()
+            self._schemas[topic.type_name] = self._file.add_schema(topic.type_name, "ros2msg", definition)
+        metadata = {"offered_qos_profiles": topic.qos_text, "topic_type_hash": topic.type_hash}
+        return self._file.add_channel(topic.name, "cdr", self._schemas[topic.type_name], metadata)
+
+    def _file_metadata(self) -> FileMetadata:
+        return FileMetadata(self._file.path.name, self._file.message_count, self._file.start_ns, self._file.end_ns)
+
+    def _metadata(self, files: list[FileMetadata], in_file: bool = True) -> dict:
+        """Metadata of the current file by itself, or of the whole bag."""
+        topics = [
+            TopicMetadata(topic.name, topic.type_name, topic.qos, topic.type_hash, topic.saved if in_file else topic.finished)
+            for topic in self._topics.values()
+        ]
+        return bag_metadata(files, topics, self.custom_data, self._ros_distro)
 
 
-def _topic_metadata(topic: _Topic) -> dict:
-    return {
-        "topic_metadata": {
-            "name": topic.name,
-            "type": topic.type_name,
-            "serialization_format": "cdr",
-            "offered_qos_profiles": _parse_qos(topic.name, topic.qos),
-            "type_description_hash": topic.type_hash,
-        },
-        "message_count": topic.count,
-    }
-
-
-def _parse_qos(topic: str, text: str) -> list:
-    try:
-        return yaml.safe_load(text) or []
-    except yaml.YAMLError as error:
-        raise ValueError(f"QoS of topic {topic} is no YAML: {error}") from error
+def _bad_times(topic: str, *times_ns: int) -> str:
+    return f"{topic}: log and publish time {', '.join(map(str, times_ns))} ns: times are integers and must not be negative"
 
 
 def _check_custom_data(data: Mapping[str, str]) -> dict[str, str]:
@@ -238,16 +362,3 @@ def _check_custom_data(data: Mapping[str, str]) -> dict[str, str]:
         if not (isinstance(name, str) and isinstance(value, str)):
             raise ValueError(f"custom_data holds texts only, got {name!r}: {value!r}")
     return dict(data)
-
-
-class _NoAliases(yaml.SafeDumper):
-    """yaml-cpp, which rosbag2 reads with, knows anchors, but people who read the file do not expect
-    them.
-    """
-
-    def ignore_aliases(self, data):
-        return True
-
-
-def _dump(content) -> str:
-    return yaml.dump(content, Dumper=_NoAliases, sort_keys=False)

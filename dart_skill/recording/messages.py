@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -21,6 +22,7 @@ PACKAGE = "dart_skill_msgs"
 _PARTS = {".msg": ("",), ".srv": ("_Request", "_Response"), ".action": ("_Goal", "_Result", "_Feedback")}
 _ZERO = {"bool": False, "string": "", "wstring": "", "float32": 0.0, "float64": 0.0}
 _BYTES = ("byte", "char", "octet")
+_STAMPED = ("std_msgs/msg/Header", "builtin_interfaces/msg/Time")
 
 
 def interface_folder() -> Path:
@@ -44,6 +46,22 @@ def typestore(*extra_folders: str | os.PathLike) -> Typestore:
     for folder in (interface_folder(), *map(Path, extra_folders)):
         types.register(_definitions(folder))
     return types
+
+
+def types_for(type_name: str) -> Typestore:
+    """Types that include one of any installed package, with all that it nests; ValueError if its definition is not found."""
+    types = _shared_types()
+    _install(types, type_name)
+    return types
+
+
+def is_stamped(types: Typestore, type_name: str) -> bool:
+    """Whether messages of a type begin with a stamp, in a header or bare: 4 bytes of seconds and 4 of nanoseconds behind CDR's header."""
+    fields = types.fielddefs[_known(types, type_name)][1]
+    if type_name == "builtin_interfaces/msg/Time":
+        return True
+    node, detail = fields[0][1] if fields else (None, None)
+    return node == Nodetype.NAME and is_stamped(types, detail) if detail in _STAMPED else False
 
 
 def definition(types: Typestore, type_name: str) -> str:
@@ -82,6 +100,34 @@ def deserialize(types: Typestore, type_name: str, data: bytes) -> Any:
         return types.deserialize_cdr(data, type_name)
     except Exception as error:  # generated code meets arbitrary bytes
         raise ValueError(f"{len(data)} bytes are no {type_name}: {error!r}") from error
+
+
+@cache
+def _shared_types() -> Typestore:
+    return typestore()
+
+
+def _install(types: Typestore, type_name: str) -> None:
+    """Add a type and those that it nests to a store, from the definitions that its package installed."""
+    if type_name in types.fielddefs:
+        return
+    package, kind, name = type_name.split("/")
+    for prefix in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
+        file = Path(prefix, "share", package, kind, f"{name}.msg")
+        if file.is_file():
+            found = get_types_from_msg(file.read_text(encoding="utf-8"), type_name)
+            for nested in _nested(found[type_name]):
+                _install(types, nested)
+            types.register({key: fields for key, fields in found.items() if key not in types.fielddefs})
+            return
+    raise ValueError(f"no definition of {type_name}: source the workspace in which the package {package} is installed")
+
+
+def _nested(definition: tuple) -> set[str]:
+    """Names of the message types in a definition's fields."""
+    kinds = [kind for _, kind in definition[1]]
+    kinds = [detail[0] if node in (Nodetype.ARRAY, Nodetype.SEQUENCE) else (node, detail) for node, detail in kinds]
+    return {detail for node, detail in kinds if node == Nodetype.NAME}
 
 
 def _definitions(folder: Path) -> dict:

@@ -1,12 +1,19 @@
 """Bags as rosbag2 lays them out: read back by our reader and by others' code, every message equal."""
 
+import os
+import struct
+from itertools import islice as take
+
 import numpy as np
 import pytest
 import yaml
+import zstandard
 from mcap.exceptions import EndOfFile
-from mcap.reader import make_reader
+from mcap.reader import NonSeekingReader, make_reader
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
+from mcap.writer import CompressionType, IndexType
+from mcap.writer import Writer as McapWriter
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -118,6 +125,36 @@ def test_mcap_and_its_ros2_decoder_read_every_message_equal(bag, types):
     assert raw == written
     for schema, _, message, decoded in read:
         assert plain(decoded) == plain(deserialize(types, schema.name, message.data))
+
+
+def test_every_crc_fits_and_definitions_come_before_their_messages(bag):
+    """Read without seeking: the CRC of all before the summary is checked too."""
+    path, written = bag
+    with open(path / "throws_0.mcap", "rb") as stream:
+        read = list(NonSeekingReader(stream, validate_crcs=True).iter_messages(log_time_order=False))
+    assert [(channel.topic, message.log_time, message.publish_time, message.data) for _, channel, message in read] == written
+    assert [message.sequence for _, channel, message in read if channel.topic == "/joint_states"] == list(range(700))
+    with open(path / "throws_0.mcap", "rb") as stream:
+        crcs = [record.uncompressed_crc for record in StreamReader(stream, emit_chunks=True).records if hasattr(record, "uncompressed_crc")]
+    assert len(crcs) > 1 and all(crcs)
+
+
+def test_the_index_of_every_chunk_finds_its_messages(bag):
+    path, written = bag
+    with open(path / "throws_0.mcap", "rb") as stream:
+        summary = make_reader(stream).get_summary()
+        counts = summary.statistics.channel_message_counts
+        for index in summary.chunk_indexes:
+            stream.seek(index.chunk_start_offset)
+            records = list(take(StreamReader(stream, skip_magic=True, emit_chunks=True).records, 1 + len(index.message_index_offsets)))
+            chunk, message_indexes = records[0], records[1:]
+            raw = zstandard.decompress(chunk.data)
+            for one in message_indexes:
+                counts[one.channel_id] -= len(one.records)
+                for log_time, place in one.records:
+                    opcode, _, channel, _, its_time = struct.unpack_from("<BQHIQ", raw, place)
+                    assert (opcode, channel, its_time) == (5, one.channel_id, log_time)
+    assert set(counts.values()) == {0}
 
 
 def test_our_reader_reads_every_message_equal_with_and_without_the_metadata_file(bag, types):
@@ -354,8 +391,6 @@ def test_missing_bags_and_files_are_named(tmp_path, bag):
 
 
 def test_a_type_that_nobody_defines_can_be_read_raw_only(tmp_path, types):
-    from mcap.writer import Writer as McapWriter
-
     file = tmp_path / "foreign.mcap"
     with open(file, "wb") as stream:
         writer = McapWriter(stream)
@@ -392,3 +427,243 @@ def test_a_message_that_its_definition_does_not_fit_is_an_error(tmp_path, types)
         pytest.raises(BagError, match="/text: 11 bytes are no std_msgs"),
     ):
         list(reader.messages())
+
+
+# many files of one bag
+
+
+def split_bag(path, types, **limits):
+    """A bag of poses at 100 Hz in several files; returns its messages."""
+    type_name, rng, written = "geometry_msgs/msg/PoseStamped", np.random.default_rng(0), []
+    with BagWriter(path, custom_data={"seed": "7"}, **limits) as bag:
+        for name in ("/hand", "/ball"):
+            bag.add_topic(name, type_name, definition(types, type_name), qos_yaml(), type_hash(types, type_name))
+        for step in range(1000):
+            name, stamp = ("/hand", "/ball")[step % 2], START_NS + step * 10_000_000
+            data = random_message(types, type_name, stamp, rng)
+            bag.write(name, stamp, stamp, data)
+            written.append((name, stamp, data))
+            if step == 600:
+                bag.note("lost", "/ball: 3")
+    return written
+
+
+@pytest.mark.parametrize("limits", [{"max_duration_ns": 3_000_000_000}, {"max_bytes": 30_000, "chunk_size": 4096}])
+def test_a_bag_is_split_into_whole_files_that_all_readers_join_again(tmp_path, types, limits):
+    path = tmp_path / "bag"
+    written = split_bag(path, types, **limits)
+    files = [path / f"bag_{number}.mcap" for number in range(len(list(path.glob("*.mcap"))))]
+    assert len(files) >= 4 and all(file.is_file() for file in files)
+    with BagReader(path) as reader, AnyReader([path]) as other:
+        assert [(m.topic, m.stamp_ns, m.data) for m in reader.messages(decode=False)] == written
+        assert [(c.topic, stamp, bytes(raw)) for c, stamp, raw in other.messages()] == written
+        assert reader.custom_data == {"seed": "7", "lost": "/ball: 3"}
+        assert {name: topic.count for name, topic in reader.topics.items()} == {"/hand": 500, "/ball": 500}
+    information = yaml.safe_load((path / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    assert information["relative_file_paths"] == [file.name for file in files]
+    for file, told in zip(files, information["files"], strict=True):
+        with open(file, "rb") as stream:
+            read = list(make_reader(stream, validate_crcs=True).iter_messages())
+        with BagReader(file) as reader:
+            closed = yaml.safe_load(reader._source._files[0].metadata()[-1].metadata["serialized_metadata"])
+        times = [message.log_time for _, _, message in read]
+        assert told["path"] == file.name and told["message_count"] == closed["message_count"] == len(read)
+        assert told["starting_time"]["nanoseconds_since_epoch"] == min(times)
+        assert told["duration"]["nanoseconds"] == max(times) - min(times) < limits.get("max_duration_ns", 10**18)
+        assert file.stat().st_size <= limits.get("max_bytes", 10**9)
+
+
+def test_a_lone_file_tells_the_custom_data_hashes_and_qos(tmp_path, types):
+    split_bag(tmp_path / "bag", types)
+    with BagReader(tmp_path / "bag" / "bag_0.mcap") as lone, BagReader(tmp_path / "bag") as whole:
+        assert lone.custom_data == whole.custom_data == {"seed": "7", "lost": "/ball: 3"}
+        assert lone.topics == whole.topics and lone.topics["/hand"].type_hash
+
+
+def test_a_split_bag_without_metadata_file_is_read_and_strangers_are_not(tmp_path, types):
+    path = tmp_path / "bag"
+    written = split_bag(path, types, max_duration_ns=1_000_000_000)  # bag_10 comes after bag_9
+    (path / "metadata.yaml").unlink()
+    with BagReader(path) as reader:
+        assert [(m.topic, m.stamp_ns, m.data) for m in reader.messages(decode=False)] == written
+        assert reader.custom_data["seed"] == "7" and len(reader.files) == 10
+    missing = (path / "bag_4.mcap").read_bytes()
+    (path / "bag_4.mcap").unlink()
+    with pytest.raises(BagError, match="9 files and no metadata.yaml.*not named as the parts of one bag"):
+        BagReader(path)
+    record(tmp_path / "other", types, n_steps=3, topics={"/hand": TOPICS["/joint_states"]})
+    (path / "bag_4.mcap").write_bytes((tmp_path / "other" / "other_0.mcap").read_bytes())
+    with pytest.raises(BagError, match="10 files and no metadata.yaml.*disagree on the type of /hand"):
+        BagReader(path)
+    (path / "bag_4.mcap").write_bytes(missing[:-1])
+    with pytest.raises(BagError, match="bag_4.mcap.*recover"):
+        BagReader(path)
+
+
+def test_a_file_that_the_metadata_names_and_that_is_missing_is_an_error(tmp_path, types):
+    split_bag(tmp_path / "bag", types, max_duration_ns=3_000_000_000)
+    (tmp_path / "bag" / "bag_2.mcap").unlink()
+    with pytest.raises(BagError, match="bag_2.mcap is missing, which metadata.yaml names"):
+        BagReader(tmp_path / "bag")
+
+
+def test_limits_that_make_no_sense_are_refused(tmp_path):
+    for limits in ({"max_bytes": -1}, {"max_duration_ns": -1}, {"max_bytes": 1000}):
+        with pytest.raises(ValueError, match="give 0 for no limit"):
+            BagWriter(tmp_path / "bag", **limits)
+    assert not (tmp_path / "bag").exists()
+
+
+# the promise of flush
+
+
+def test_a_flush_with_nothing_new_writes_nothing(tmp_path, types):
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic("/a", "std_msgs/msg/String", definition(types, "std_msgs/msg/String"))
+        bag.write("/a", 1, 1, serialize(types, "std_msgs/msg/String", None))
+        bag.flush()
+        size = bag.file.stat().st_size
+        for _ in range(100):
+            bag.flush()
+            bag.flush(to_disk=True)
+        assert bag.file.stat().st_size == size
+
+
+def test_what_is_flushed_to_the_disk_was_synced_after_it_was_written(tmp_path, types, monkeypatch):
+    synced = []
+    real = os.fdatasync
+    monkeypatch.setattr(os, "fdatasync", lambda fd: (real(fd), synced.append(os.fstat(fd).st_size)))
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic("/a", "std_msgs/msg/String", definition(types, "std_msgs/msg/String"))
+        for stamp in range(5):
+            bag.write("/a", stamp, stamp, serialize(types, "std_msgs/msg/String", None))
+            bag.flush(to_disk=True)
+            assert synced[-1] == bag.file.stat().st_size
+    assert synced[-1] == bag.file.stat().st_size, "and the end of the file when it is closed"
+
+
+def test_notes_are_texts_and_end_with_the_bag(tmp_path):
+    bag = BagWriter(tmp_path / "bag")
+    with pytest.raises(ValueError, match="custom_data holds texts only"):
+        bag.note("lost", 3)
+    bag.note("lost", "3")
+    bag.close()
+    with pytest.raises(ValueError, match="is closed"):
+        bag.note("lost", "4")
+    with BagReader(bag.path) as reader:
+        assert reader.custom_data == {"lost": "3"}
+
+
+@pytest.mark.parametrize(
+    "view", [bytearray, memoryview, lambda data: np.frombuffer(data, np.uint8), lambda data: memoryview(data).cast("I")]
+)
+def test_any_buffer_of_bytes_is_written_as_it_is_now(tmp_path, types, view):
+    data = bytearray(serialize(types, "std_msgs/msg/String", {"data": "hello w"}))
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic("/a", "std_msgs/msg/String", definition(types, "std_msgs/msg/String"))
+        bag.write("/a", 1, 1, view(data))
+        data[8] = ord("j")
+        for wrong in ("text", 7, b"\0\1"):
+            with pytest.raises((TypeError, ValueError)):
+                bag.write("/a", 1, 1, wrong)
+        with pytest.raises(ValueError, match="must not be negative"):
+            bag.write("/a", 1, 1.5, b"\0\1\0\0")
+    with BagReader(bag.path) as reader:
+        assert [m.data.data for m in reader.messages()] == ["hello w"]
+
+
+# bags of others
+
+
+def write_plain(file, types, stamps, **options):
+    """A file of plain `mcap` with strings that say their log time."""
+    with open(file, "wb") as stream:
+        writer = McapWriter(stream, chunk_size=1000, **options)
+        writer.start("")
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", definition(types, "std_msgs/msg/String").encode())
+        channel = writer.register_channel("/text", "cdr", schema)
+        for stamp in stamps:
+            writer.add_message(channel, int(stamp), serialize(types, "std_msgs/msg/String", {"data": str(stamp)}), int(stamp))
+        writer.finish()
+    return file
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"compression": CompressionType.LZ4},
+        {"compression": CompressionType.NONE},
+        {"use_chunking": False},
+        {"index_types": IndexType.NONE},
+        {"index_types": IndexType.CHUNK},
+        {"use_statistics": False, "repeat_channels": False, "repeat_schemas": False},
+        {
+            "use_statistics": False,
+            "repeat_channels": False,
+            "repeat_schemas": False,
+            "index_types": IndexType.NONE,
+            "use_summary_offsets": False,
+        },
+    ],
+)
+@pytest.mark.parametrize("order", ["sorted", "shuffled", "twice the same time"])
+def test_files_of_plain_mcap_are_read_in_order_of_log_time(tmp_path, types, options, order):
+    stamps = np.arange(400)
+    if order == "shuffled":
+        stamps = np.random.default_rng(0).permutation(stamps)
+    elif order == "twice the same time":
+        stamps = np.concatenate([stamps, stamps])
+    with BagReader(write_plain(tmp_path / "plain.mcap", types, stamps, **options)) as reader:
+        read = list(reader.messages())
+        assert [message.stamp_ns for message in read] == sorted(stamps)
+        assert all(message.data.data == str(message.stamp_ns) for message in read)
+        assert [m.stamp_ns for m in reader.messages("/text", 100, 103, decode=False)] == [s for s in sorted(stamps) if 100 <= s < 103]
+        assert (reader.message_count, reader.start_ns, reader.end_ns) == (len(stamps), 0, 399)
+
+
+def test_sqlite_bags_and_bags_with_compressed_messages_are_read(tmp_path, types):
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode
+
+    data = serialize(types, "std_msgs/msg/String", {"data": "hello"})
+    cases = {
+        "sqlite": (StoragePlugin.SQLITE3, CompressionMode.NONE),
+        "messages": (StoragePlugin.MCAP, CompressionMode.MESSAGE),
+        "file": (StoragePlugin.MCAP, CompressionMode.FILE),
+    }
+    for name, (plugin, mode) in cases.items():
+        writer = Writer(tmp_path / name, version=9, storage_plugin=plugin)
+        if mode != CompressionMode.NONE:
+            writer.set_compression(mode, CompressionFormat.ZSTD)
+        with writer:
+            connection = writer.add_connection("/text", "std_msgs/msg/String", typestore=types)
+            for stamp in range(10):
+                writer.write(connection, stamp, data)
+        with BagReader(tmp_path / name, types) as reader:
+            assert [(m.stamp_ns, m.data.data) for m in reader.messages()] == [(stamp, "hello") for stamp in range(10)], name
+
+
+def test_a_topic_that_is_not_cdr_can_be_read_raw_only(tmp_path):
+    file = tmp_path / "json.mcap"
+    with open(file, "wb") as stream:
+        writer = McapWriter(stream)
+        writer.start()
+        channel = writer.register_channel("/json", "json", writer.register_schema("T", "jsonschema", b"{}"))
+        writer.add_message(channel, 5, b"{}", 5)
+        writer.finish()
+    with BagReader(file) as reader:
+        assert [m.data for m in reader.messages(decode=False)] == [b"{}"]
+        with pytest.raises(BagError, match="/json is encoded as 'json', not as cdr"):
+            list(reader.messages())
+
+
+def test_a_changed_byte_in_the_summary_is_found_at_opening(bag, tmp_path):
+    whole = (bag[0] / "throws_0.mcap").read_bytes()
+    (start,) = struct.unpack_from("<Q", whole, len(whole) - 28)
+    file, rng = tmp_path / "bad.mcap", np.random.default_rng(0)
+    for place in rng.integers(start, len(whole), size=100):
+        changed = bytearray(whole)
+        changed[place] ^= int(rng.integers(1, 256))
+        file.write_bytes(changed)
+        with pytest.raises(BagError, match="bad.mcap"):
+            BagReader(file)

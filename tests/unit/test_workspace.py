@@ -39,6 +39,7 @@ def write_executable(path, text):
 # --- package descriptions ---
 
 KEYS = {  # rosdep's names of what is imported under another one
+    "lz4": "mcap-ros2-support",
     "matplotlib": "python3-matplotlib",
     "mcap": "mcap-ros2-support",
     "numpy": "python3-numpy",
@@ -48,7 +49,7 @@ KEYS = {  # rosdep's names of what is imported under another one
     "scipy": "python3-scipy",
     "tqdm": "python3-tqdm",
     "yaml": "python3-yaml",
-    "zstandard": "python3-rosbags-pip",
+    "zstandard": "mcap-ros2-support",
 }
 OWN = {"dart_skill", "dart_skill_nodes"}
 
@@ -119,8 +120,8 @@ def test_every_executable_has_a_module_with_a_main(setup_arguments):
 
 def test_every_node_is_an_executable(setup_arguments):
     installed = {line.split(" = ")[0] for line in setup_arguments["entry_points"]["console_scripts"]}
-    # no nodes: dart-skill demo and dart-skill practice run these
-    with_main = {path.stem for path in (ROOT / "nodes").glob("*.py") if "\ndef main(" in path.read_text()} - {"demo", "practice"}
+    # no nodes: dart-skill demo, practice and bag play run these
+    with_main = {path.stem for path in (ROOT / "nodes").glob("*.py") if "\ndef main(" in path.read_text()} - {"demo", "practice", "play"}
     assert with_main <= installed, f"not in setup.py: {with_main - installed}"
 
 

@@ -1,0 +1,146 @@
+"""What rosbag2 tells about a bag (metadata version 9, ROS 2 Jazzy): the content of metadata.yaml and of the records in its files."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+from dart_skill.recording._disk_sync import sync_folder
+
+METADATA_VERSION = 9
+METADATA_FILE = "metadata.yaml"
+RECORD_NAME, RECORD_KEY = "rosbag2", "serialized_metadata"
+_ROOT = "rosbag2_bagfile_information"
+
+
+@dataclass(frozen=True)
+class TopicMetadata:
+    """A topic of a bag; qos: list of profiles as rosbag2 writes them; count: messages."""
+
+    name: str
+    type_name: str
+    qos: list
+    type_hash: str
+    count: int
+    encoding: str = "cdr"
+
+
+@dataclass(frozen=True)
+class FileMetadata:
+    """A file of a bag; start_ns and end_ns: log times of its first and last message, None without messages."""
+
+    name: str
+    count: int
+    start_ns: int | None
+    end_ns: int | None
+
+
+def bag_metadata(files: list[FileMetadata], topics: Iterable[TopicMetadata], custom_data: Mapping[str, str], ros_distro: str) -> dict:
+    """Metadata of a bag as rosbag2 nests them."""
+    starts = [file.start_ns for file in files if file.start_ns is not None]
+    ends = [file.end_ns for file in files if file.end_ns is not None]
+    whole = FileMetadata("", sum(file.count for file in files), min(starts, default=None), max(ends, default=None))
+    return {
+        "version": METADATA_VERSION,
+        "storage_identifier": "mcap",
+        **_times(whole),
+        "topics_with_message_count": [_topic(topic) for topic in topics],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [file.name for file in files],
+        "files": [{"path": file.name, **_times(file)} for file in files],
+        "custom_data": dict(custom_data) or None,
+        "ros_distro": ros_distro,
+    }
+
+
+def record_values(metadata: dict) -> dict[str, str]:
+    """Values of the Metadata record (named `RECORD_NAME`) with which a lone file tells its metadata."""
+    return {RECORD_KEY: dump(metadata)}
+
+
+def write_metadata_file(folder: Path, metadata: dict) -> None:
+    """Write metadata.yaml whole, and onto the disk, or not at all (OSError)."""
+    temporary = folder / (METADATA_FILE + ".tmp")
+    try:
+        with open(temporary, "w", encoding="utf-8") as stream:
+            stream.write(dump({_ROOT: metadata}))
+            stream.flush()
+            os.fsync(stream.fileno())
+        temporary.replace(folder / METADATA_FILE)
+    except OSError:
+        with suppress(OSError):
+            temporary.unlink()
+        raise
+    sync_folder(folder)
+
+
+def read_metadata_file(folder: Path) -> dict:
+    """Metadata of a bag folder; ValueError if its metadata.yaml is damaged, FileNotFoundError without one."""
+    try:
+        content = yaml.load((folder / METADATA_FILE).read_text(encoding="utf-8"), Loader=_LOADER)
+    except yaml.YAMLError as error:
+        raise ValueError(f"{METADATA_FILE} is no YAML: {error}") from error
+    found = content.get(_ROOT) if isinstance(content, dict) else None
+    if not isinstance(found, dict):
+        raise ValueError(f"{METADATA_FILE} has no mapping '{_ROOT}'")
+    return found
+
+
+def parse_record(values: Mapping[str, str]) -> dict:
+    """Metadata in the record of a file; empty if they cannot be read."""
+    try:
+        found = yaml.load(values.get(RECORD_KEY, ""), Loader=_LOADER)
+    except yaml.YAMLError:
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def parse_qos(topic: str, text: str) -> list:
+    """QoS profiles of a topic from their YAML text."""
+    try:
+        return yaml.load(text, Loader=_LOADER) or []
+    except yaml.YAMLError as error:
+        raise ValueError(f"QoS of topic {topic} is no YAML: {error}") from error
+
+
+def _times(file: FileMetadata) -> dict:
+    start = file.start_ns or 0
+    return {
+        "duration": {"nanoseconds": (file.end_ns or 0) - start},
+        "starting_time": {"nanoseconds_since_epoch": start},
+        "message_count": file.count,
+    }
+
+
+def _topic(topic: TopicMetadata) -> dict:
+    return {
+        "topic_metadata": {
+            "name": topic.name,
+            "type": topic.type_name,
+            "serialization_format": topic.encoding,
+            "offered_qos_profiles": topic.qos,
+            "type_description_hash": topic.type_hash,
+        },
+        "message_count": topic.count,
+    }
+
+
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+class _NoAliases(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):
+    """yaml-cpp, which rosbag2 reads with, knows anchors, but people who read the file do not expect them."""
+
+    def ignore_aliases(self, data):
+        return True
+
+
+def dump(content) -> str:
+    """YAML text."""
+    return yaml.dump(content, Dumper=_NoAliases, sort_keys=False)

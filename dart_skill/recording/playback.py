@@ -1,0 +1,168 @@
+"""Playing a bag: which message is due when, at any rate, paused, stepped, looped, from an offset; with a clock that is told.
+
+Positions are nanoseconds since playing began, at rate 1; they go on rising when a bag is played again in a loop.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+import struct
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from dart_skill.recording.bag_reader import BagReader, TopicInfo
+
+CLOCK_TOPIC, CLOCK_TYPE = "/clock", "rosgraph_msgs/msg/Clock"
+GIGA = 1_000_000_000
+
+
+class Due(NamedTuple):
+    """A message to publish. position_ns: when; topic: after remapping; stamp_ns: log time in the bag."""
+
+    position_ns: int
+    topic: str
+    stamp_ns: int
+    data: bytes
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What of a bag is played.
+
+    topics, exclude: regular expressions that match a topic as a whole. remap: recorded name -> published name.
+    start, duration: of the bag [s]. clock_rate: of /clock [1/s of the bag's time], 0 for none; a recorded /clock is played instead.
+    """
+
+    topics: Sequence[str] = (".*",)
+    exclude: Sequence[str] = ()
+    remap: dict[str, str] = field(default_factory=dict)
+    start: float = 0.0
+    duration: float = math.inf
+    loop: bool = False
+    clock_rate: float = 100.0
+
+    def __post_init__(self):
+        if not (math.isfinite(self.start) and self.start >= 0.0):
+            raise ValueError(f"start = {self.start}: give seconds after the bag's first message, not negative")
+        if not self.duration > 0.0:
+            raise ValueError(f"duration = {self.duration}: give seconds, more than 0")
+        if not (math.isfinite(self.clock_rate) and self.clock_rate >= 0.0):
+            raise ValueError(f"clock_rate = {self.clock_rate}: give ticks per second, or 0 for no /clock")
+
+    def matches(self, topic: str) -> bool:
+        """Whether a recorded topic is played."""
+        return _any_matches(self.topics, topic) and not _any_matches(self.exclude, topic)
+
+
+class Playback:
+    """The messages of an open bag in the order in which they are due; iterate once.
+
+    topics: published name -> what the bag says of it; ValueError if nothing is left to play.
+    """
+
+    def __init__(self, bag: BagReader, selection: Selection):
+        self._bag, self._selection = bag, selection
+        chosen = {name: info for name, info in bag.topics.items() if selection.matches(name)}
+        if unknown := set(selection.remap) - set(bag.topics):
+            raise ValueError(f"{bag.path}: no topic {sorted(unknown)} to remap, only {sorted(bag.topics)}")
+        self._names = {name: selection.remap.get(name, name) for name in chosen}
+        if len(set(self._names.values())) < len(self._names):
+            raise ValueError(f"remap = {selection.remap}: two topics would be published under one name")
+        self.topics: dict[str, TopicInfo] = {self._names[name]: info for name, info in chosen.items()}
+        self.start_ns = bag.start_ns + round(selection.start * GIGA)
+        length = min(selection.duration, (bag.end_ns - self.start_ns) / GIGA)
+        if not (chosen and length >= 0.0 and sum(info.count for info in chosen.values())):
+            whole = f"the bag is {(bag.end_ns - bag.start_ns) / GIGA:.3f} s long"
+            raise ValueError(f"{bag.path}: nothing to play of {sorted(bag.topics)} from {selection.start} s on; {whole}")
+        self.end_ns = self.start_ns + round(length * GIGA)
+
+    @property
+    def makes_clock(self) -> bool:
+        """Whether /clock is made here: it is wanted and the bag has none that is played."""
+        return self._selection.clock_rate > 0.0 and CLOCK_TOPIC not in self.topics
+
+    def __iter__(self) -> Iterator[Due]:
+        rounds = itertools.count() if self._selection.loop else range(1)
+        # A loop has a moment between its last and its first message, or a bag with one message would never let go.
+        length = self.end_ns - self.start_ns + 10_000_000
+        for k in rounds:
+            yield from self._once(k * length)
+
+    def _once(self, begun_ns: int) -> Iterator[Due]:
+        offset = begun_ns - self.start_ns
+        tick, period = self.start_ns, round(GIGA / self._selection.clock_rate) if self.makes_clock else 0
+        for message in self._bag.messages(list(self._names), self.start_ns, self.end_ns + 1, decode=False):
+            while period and tick <= message.stamp_ns:
+                yield Due(tick + offset, CLOCK_TOPIC, tick, clock_message(tick))
+                tick += period
+            yield Due(message.stamp_ns + offset, self._names[message.topic], message.stamp_ns, message.data)
+
+
+class Pace:
+    """Where playing has come to on somebody's clock; every method is told what time it is there [s].
+
+    rate: seconds of the bag in a second of the clock; 0: as fast as can be.
+    """
+
+    def __init__(self, rate: float, now: float, paused: bool = False):
+        self._mark, self._reached_ns, self.paused = now, 0.0, paused
+        self.rate = _checked(rate)
+
+    def position_ns(self, now: float) -> float:
+        """Where playing is: messages up to here are due."""
+        if self.paused or now <= self._mark:
+            return self._reached_ns
+        return math.inf if self.rate == 0.0 else self._reached_ns + (now - self._mark) * self.rate * GIGA
+
+    def wait(self, position_ns: int, now: float) -> float:
+        """How long until a position is due; infinite while paused [s]."""
+        if self.paused:
+            return math.inf
+        if position_ns <= self._reached_ns or self.rate == 0.0:
+            return 0.0
+        return max(0.0, (position_ns - self._reached_ns) / (GIGA * self.rate) - (now - self._mark))
+
+    def reach(self, position_ns: int, now: float) -> None:
+        """A message was published: what follows is paced from it, if playing could not keep up."""
+        if self.paused or self.rate == 0.0:
+            self._reached_ns, self._mark = max(self._reached_ns, position_ns), now
+
+    def begin(self, now: float) -> None:
+        """Playing begins only now."""
+        self._mark = now
+
+    def set_rate(self, rate: float, now: float) -> None:
+        """Go on from here at another rate."""
+        self._stand(now)
+        self.rate = _checked(rate)
+
+    def pause(self, paused: bool, now: float) -> None:
+        """Stop here, or go on from here."""
+        self._stand(now)
+        self.paused = paused
+
+    def _stand(self, now: float) -> None:
+        if not self.paused and self.rate > 0.0:
+            self._reached_ns = self.position_ns(now)
+        self._mark = now
+
+
+def clock_message(stamp_ns: int) -> bytes:
+    """rosgraph_msgs/msg/Clock as CDR."""
+    return struct.pack("<4BiI", 0, 1, 0, 0, *divmod(stamp_ns, GIGA))
+
+
+def _any_matches(patterns: Sequence[str], topic: str) -> bool:
+    try:
+        return any(re.fullmatch(pattern, topic) for pattern in patterns)
+    except re.error as error:
+        raise ValueError(f"{patterns}: no regular expression: {error}") from error
+
+
+def _checked(rate: float) -> float:
+    if not (math.isfinite(rate) and rate >= 0.0):
+        raise ValueError(f"rate = {rate}: give seconds of the bag per second, or 0 for as fast as can be")
+    return float(rate)
