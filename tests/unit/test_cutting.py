@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dart_skill.movement import VelocityThreshold
-from dart_skill.skill.cutting import ThrowLog
+from dart_skill.skill.cutting import ThrowLog, watched_until
 
 MS = 1_000_000
 START_NS = 5_000 * MS
@@ -210,3 +210,36 @@ def test_ten_samples_are_the_least():
         log.add_basket(START_NS + k * 10 * MS, BASKET)
     with pytest.raises(ValueError, match="only 9 samples of the basket"):
         log.cut("one", END_NS)
+
+
+def test_what_was_seen_before_the_world_was_set_anew_changes_no_cut():
+    """A simulator that puts the ball back sets its clock on; when the log was begun before that must not matter."""
+    clean, early = filled(), ThrowLog()
+    for k in range(200):
+        stamp = START_NS - 3_000 * MS + k * 10 * MS
+        early.add_hand(stamp, hand_at(1.8 - 0.005 * k), UPRIGHT)
+        early.add_ball(stamp, np.full(3, 0.01 * k))
+        early.add_joints(stamp, np.full(7, 9.0), np.zeros(7))
+    for name in ("hand", "ball", "basket", "joints"):
+        late, stream = getattr(clean, name), getattr(early, name)
+        for stamp, row in zip(late.stamps, late.rows, strict=True):
+            stream.add(stamp, row)
+    early.add_opening(OPENED_NS)
+    first, second = clean.cut("one", END_NS), early.cut("one", END_NS)
+    assert first.stamp_ns == second.stamp_ns
+    for name in ("hand_time", "hand_position", "ball_time", "ball_position", "joint_time", "joint_position", "target"):
+        np.testing.assert_array_equal(getattr(first, name), getattr(second, name), err_msg=name)
+
+
+def test_a_ball_that_was_seen_to_leave_the_hand_stands_in_for_the_button():
+    log, told = filled(opened=None), filled()
+    log.add_release(OPENED_NS)
+    log.add_release(OPENED_NS + 500 * MS)
+    first, second = log.cut("one", END_NS), told.cut("one", END_NS)
+    assert np.isnan(first.hand_opened) and second.hand_opened > 0.0
+    assert first.stamp_ns == second.stamp_ns
+    np.testing.assert_array_equal(first.hand_position, second.hand_position)
+
+
+def test_a_throw_is_watched_as_long_as_its_samples_are_sure_to_have_come():
+    assert watched_until(OPENED_NS) == OPENED_NS + 1_150 * MS

@@ -1,0 +1,291 @@
+"""Recordings of throws from anywhere as what the sensors saw of hand, ball, basket and arm: our bags, other people's bags, CSV files.
+
+A mapping says where everything is (`mapping`); poses come out in our axes and units, without the faults that can be repaired
+(`pose_faults`). `convert` writes them as a bag of ours.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections import Counter
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dart_skill.recording.bag_reader import BagError, BagMessage, BagReader
+from dart_skill.recording.bag_writer import BagWriter, qos_yaml
+from dart_skill.recording.grip_signal import GIGA, OPEN, GripSignal, Opening
+from dart_skill.recording.mapping import LENGTH_UNITS, N_JOINTS, OWN, ROLES, PoseSource, RecordingMapping, SignalSource
+from dart_skill.recording.messages import definition, deserialize, serialize, type_hash, typestore
+from dart_skill.recording.pose_faults import Fault, repair
+from dart_skill.recording.pose_stream import IDENTITY, UP_AXES, PoseStream, RigidTransform, transformed, with_continuous_signs
+from dart_skill.recording.tables import read_motive, read_pose_table, read_table
+
+POSE_TYPES = ("PoseStamped", "PoseWithCovarianceStamped", "PointStamped", "TransformStamped", "Odometry", "TFMessage")
+SIGNAL_TYPES = ("WamCommand", "Bool", "Empty")
+
+
+@dataclass(frozen=True, eq=False)
+class JointStream:
+    """The arm's own sensors: stamp_ns (n,), position (n, 7) [rad], velocity (n, 7) [rad/s], in the order of recording."""
+
+    stamp_ns: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    names: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class ThrowRecording:
+    """What a recording holds. bodies: poses of hand, ball and basket; joints: None if they were not recorded; openings in order of time;
+    has_button: whether somebody recorded at all when the hand was told to open; faults: found in the poses.
+    """
+
+    source: str
+    bodies: dict[str, PoseStream]
+    joints: JointStream | None
+    openings: tuple[Opening, ...]
+    has_button: bool
+    faults: tuple[Fault, ...]
+    frame_id: str = "world"
+
+
+def read_recording(source: str | os.PathLike, mapping: RecordingMapping | None = None) -> ThrowRecording:
+    """Everything that a mapping names, of a bag or of a folder with CSV files; our own bags need no mapping.
+
+    ValueError says what is missing, in which file and line, and BagError what is wrong with a bag.
+    """
+    source, mapping = Path(source), mapping or OWN
+    if not source.exists():
+        raise BagError(f"{source}: no such bag or folder")
+    folder = source if source.is_dir() else source.parent
+    taken = _read_topics(source, mapping)
+    bodies = {role: _body(role, where, taken, folder, mapping.frame) for role, where in mapping.bodies.items() if not where.fixed}
+    bodies, faults = repair(bodies)
+    for role, where in mapping.bodies.items():
+        if where.fixed:
+            bodies[role] = _resting(role, where.fixed, bodies["hand"].stamp_ns, mapping.frame)
+    joints = _joints(mapping.joints, taken.get("joints"), folder)
+    openings = _openings(mapping, taken, folder)
+    has_button = any(name in taken or (where is not None and where.table) for name, where in _buttons(mapping))
+    return ThrowRecording(source.name, bodies, joints, openings, has_button, tuple(faults), mapping.frame)
+
+
+def convert(source: str | os.PathLike, output: str | os.PathLike, mapping: RecordingMapping | None = None) -> ThrowRecording:
+    """Write what a mapping names of a recording as a bag in our layout: our topics, `world` axes, Z up, quaternions of continuous sign.
+
+    output: a folder that does not exist yet. Where it came from and what was wrong with it stands in the bag's custom data. Returns what
+    was read.
+    """
+    recording = read_recording(source, mapping)
+    types = typestore()
+    faults = [asdict(fault) for fault in recording.faults if not fault.is_information]
+    gaps = Counter(fault.body for fault in recording.faults if fault.is_information)
+    about = {"source": recording.source, "faults": json.dumps(faults), "gaps": json.dumps(gaps)}
+    messages = sorted(_messages(recording), key=lambda item: item[1])
+    with BagWriter(output, custom_data=about) as bag:
+        for topic, type_name in sorted({(topic, type_name) for topic, _, type_name, _ in messages}):
+            bag.add_topic(topic, type_name, definition(types, type_name), qos_yaml(), type_hash(types, type_name))
+        for topic, stamp, type_name, content in messages:
+            bag.write(topic, stamp, stamp, serialize(types, type_name, content))
+    return recording
+
+
+# reading
+
+
+@dataclass
+class _Poses:
+    stamps: list[int]
+    rows: list[tuple]
+
+
+def _buttons(mapping: RecordingMapping) -> list[tuple[str, SignalSource | None]]:
+    return [("teacher", mapping.teacher), ("command", mapping.command)]
+
+
+def _read_topics(source: Path, mapping: RecordingMapping) -> dict[str, Any]:
+    """What was collected for each role that is a topic."""
+    roles: dict[str, Any] = {**mapping.bodies, "joints": mapping.joints, **dict(_buttons(mapping))}
+    wanted = {role: where for role, where in roles.items() if where is not None and where.topic}
+    if not wanted:
+        return {}
+    with BagReader(source, typestore()) as bag:
+        collectors: dict[str, list[Callable]] = {}
+        taken: dict[str, Any] = {}
+        for role, where in wanted.items():
+            if where.topic not in bag.topics:
+                if role in mapping.optional:
+                    continue
+                raise BagError(f"{source}: no topic {where.topic} for '{role}', only {sorted(bag.topics)}: name it in a mapping")
+            type_name = bag.topics[where.topic].type_name
+            taken[role], collect = _collector(role, where, type_name, bag)
+            collectors.setdefault(where.topic, []).append(collect)
+        for message in bag.messages(collectors, decode=False):
+            for collect in collectors[message.topic]:
+                collect(message)
+    return taken
+
+
+def _collector(role: str, where: PoseSource | SignalSource, type_name: str, bag: BagReader) -> tuple[Any, Callable[[BagMessage], None]]:
+    """Where messages of a topic are collected, and the function that does it."""
+    name = type_name.rsplit("/", 1)[1]
+    kinds = {"joints": ("JointState",), "teacher": SIGNAL_TYPES, "command": SIGNAL_TYPES}.get(role, POSE_TYPES)
+    if name not in kinds:
+        raise BagError(f"{bag.path}: {where.topic} has type {type_name}; for '{role}' it must be one of {', '.join(kinds)}")
+
+    def decoded(message: BagMessage) -> Any:
+        return _decoded(bag, message)
+
+    if role == "joints":
+        states: list = []
+        return states, lambda message: states.append(decoded(message))
+    if role in ("teacher", "command"):
+        signal = GripSignal()
+        return signal, lambda message: _take_signal(signal, name, message, decoded)
+    poses = _Poses([], [])
+    return poses, lambda message: _take_poses(poses, role, where, name, message, decoded)
+
+
+def _decoded(bag: BagReader, message: BagMessage) -> Any:
+    try:
+        return deserialize(bag.types, message.type_name, message.data)
+    except ValueError as error:
+        raise BagError(f"{bag.path}: topic {message.topic}: {error}") from error
+
+
+def _take_poses(poses: _Poses, role: str, where: PoseSource, name: str, message: BagMessage, decoded: Callable) -> None:
+    content = decoded(message)
+    items = content.transforms if name == "TFMessage" else [content]
+    for item in items:
+        if where.child and getattr(item, "child_frame_id", where.child) != where.child:
+            continue
+        frame = item.header.frame_id
+        if where.frame and frame != where.frame:
+            raise ValueError(
+                f"{message.topic}: a pose of the {role} is in '{frame}', not '{where.frame}': give frame and axes in a mapping"
+            )
+        poses.stamps.append(item.header.stamp.sec * GIGA + item.header.stamp.nanosec)
+        poses.rows.append(_pose_row(name, item))
+
+
+def _pose_row(name: str, item: Any) -> tuple:
+    """x, y, z, qx, qy, qz, qw of a message."""
+    if name == "PointStamped":
+        return (item.point.x, item.point.y, item.point.z, *IDENTITY)
+    if name in ("TransformStamped", "TFMessage"):
+        p, q = item.transform.translation, item.transform.rotation
+    else:
+        pose = item.pose if name == "PoseStamped" else item.pose.pose
+        p, q = pose.position, pose.orientation
+    return (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
+
+
+def _take_signal(signal: GripSignal, name: str, message: BagMessage, decoded: Callable) -> None:
+    if name == "WamCommand":
+        signal.take_command(message.data)
+    elif name == "Bool":
+        signal.take_button(message.stamp_ns, bool(decoded(message).data))  # these types have no stamp of their own
+    else:
+        signal.openings.append(message.stamp_ns)
+
+
+def _body(role: str, where: PoseSource, taken: dict, folder: Path, frame: str) -> PoseStream:
+    if where.topic:
+        poses = taken[role]
+        rows = np.array(poses.rows, dtype=float).reshape(-1, 7)
+        stamps, position, quaternion = np.array(poses.stamps, dtype=np.int64), LENGTH_UNITS[where.length] * rows[:, :3], rows[:, 3:]
+    elif where.table is not None:
+        stamps, position, quaternion = read_pose_table(folder, where.table, where.order, LENGTH_UNITS[where.length])
+    else:
+        stamps, position, quaternion = read_motive(folder, where.motive, where.body)
+    if not len(stamps):
+        raise ValueError(f"{where.topic or where.motive or where.table.file}: no pose of the {role}: was it tracked?")
+    stream = PoseStream(role, stamps + where.shift_ns, position, quaternion, frame)
+    if where.is_plain:
+        return stream
+    up = RigidTransform(quaternion=np.array(UP_AXES[where.up]))
+    return transformed(transformed(stream, up), where.world, where.offset)
+
+
+def _resting(role: str, position: tuple, stamps: np.ndarray, frame: str) -> PoseStream:
+    """A body that was not tracked: at one place at each stamp."""
+    return PoseStream(role, stamps, np.tile(position, (len(stamps), 1)), np.tile(IDENTITY, (len(stamps), 1)), frame)
+
+
+def _joints(where: SignalSource | None, states: list | None, folder: Path) -> JointStream | None:
+    if where is None or (where.table is None and states is None):
+        return None
+    if where.table is not None:
+        columns = read_table(folder, where.table)
+        seen = np.isfinite(columns["position"]).all(axis=1)
+        stamps, position, velocity = columns["time"][seen], columns["position"][seen], columns["velocity"][seen]
+        names = where.names
+    else:
+        stamps = np.array([s.header.stamp.sec * GIGA + s.header.stamp.nanosec for s in states], dtype=np.int64)
+        names = where.names or (tuple(states[0].name) if states else ())
+        position, velocity = (_joint_columns(states, field, where) for field in ("position", "velocity"))
+    if not velocity.size and len(stamps) > 1:
+        velocity = np.gradient(position, 1e-9 * (stamps - stamps[0]), axis=0)
+    return JointStream(stamps + where.shift_ns, position, velocity.reshape(-1, N_JOINTS), names)
+
+
+def _joint_columns(states: list, field: str, where: SignalSource) -> np.ndarray:
+    """(n, 7) of a field of joint states, by the names of the mapping if it has any; (0, 7) if the field was not recorded."""
+    rows = [getattr(state, field) for state in states]
+    if field == "velocity" and not any(len(row) for row in rows):
+        return np.empty((0, N_JOINTS))
+    if where.names and states:
+        known = list(states[0].name)
+        if missing := [name for name in where.names if name not in known]:
+            raise ValueError(f"{where.topic}: no joint '{missing[0]}', only {known}")
+        order = [known.index(name) for name in where.names]
+        rows = [[row[k] for k in order] for row in rows]
+    if wrong := [len(row) for row in rows if len(row) != N_JOINTS]:
+        raise ValueError(f"{where.topic}: {wrong[0]} values of {field} instead of {N_JOINTS}: name the arm's joints in a mapping")
+    return np.array(rows, dtype=float).reshape(-1, N_JOINTS)
+
+
+def _openings(mapping: RecordingMapping, taken: dict, folder: Path) -> tuple[Opening, ...]:
+    found, pushes, pushed_late = [], GripSignal(), 0
+    for name, where in _buttons(mapping):
+        if where is None or (where.topic and name not in taken):
+            continue
+        signal = taken[name] if where.topic else None
+        stamps = signal.openings if signal else read_table(folder, where.table)["time"].tolist()
+        if name == "teacher" and signal:
+            pushes, pushed_late = signal, where.shift_ns
+        for stamp in stamps:
+            stamp = int(stamp) + where.shift_ns
+            found.append(Opening(stamp, name == "teacher" or pushes.pushed_before(stamp - pushed_late)))
+    return tuple(sorted(found, key=lambda opening: opening.stamp_ns))
+
+
+# writing
+
+
+def _messages(recording: ThrowRecording) -> Iterable[tuple[str, int, str, dict]]:
+    """Topic, stamp [ns], type and content of each message of a recording."""
+    for role in ROLES:
+        stream = with_continuous_signs(recording.bodies[role])
+        for stamp, p, q in zip(stream.stamp_ns.tolist(), stream.position.tolist(), stream.quaternion.tolist(), strict=True):
+            pose = {"position": dict(zip("xyz", p, strict=True)), "orientation": dict(zip("xyzw", q, strict=True))}
+            yield f"/vrpn_mocap/{role}/pose", stamp, "geometry_msgs/msg/PoseStamped", {"header": _header(stamp, recording), "pose": pose}
+    joints = recording.joints
+    if joints is not None:
+        for stamp, q, v in zip(joints.stamp_ns.tolist(), joints.position, joints.velocity, strict=True):
+            content = {"header": _header(stamp, recording), "name": list(joints.names), "position": q, "velocity": v}
+            yield "/joint_states", stamp, "sensor_msgs/msg/JointState", content
+    for opening in recording.openings:
+        topic = "/wam/teacher_wrench" if opening.taught else "/wam/command"
+        content = {"header": _header(opening.stamp_ns, recording), "grip": OPEN}
+        yield topic, opening.stamp_ns, "dart_skill_msgs/msg/WamCommand", content
+
+
+def _header(stamp: int, recording: ThrowRecording) -> dict:
+    sec, nanosec = divmod(stamp, GIGA)
+    return {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": recording.frame_id}

@@ -1,0 +1,290 @@
+"""A skill from a recording alone: the demonstrations are those that were recorded, to the last bit, wherever the poses come from."""
+
+import argparse
+import json
+import shlex
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+from scipy.spatial.transform import Rotation
+
+from dart_skill.recording import BagReader
+from dart_skill.recording.foreign import convert, read_recording
+from dart_skill.recording.grip_signal import Opening
+from dart_skill.recording.mapping import OWN, PoseSource, parse_mapping
+from dart_skill.robot.throw_plan import same_plan
+from dart_skill.skill.cutting import ThrowLog
+from dart_skill.skill.from_bag import find_throws, learn_from_bag
+from dart_skill.skill.learn_command import add_learn
+from dart_skill.skill.model_file import load_model
+from dart_skill.skill.practising import PractisingSkill
+from dart_skill.skill.throw_finder import MEMORY_NS, ThrowFinder
+from tests.unit.recorded_session import THROWN_AT, recorded_bag, same
+
+BASKET = np.array([1.9, -0.1, 0.4])
+ROLES = ("hand", "ball", "basket")
+
+
+@pytest.fixture(scope="session")
+def recorded(tmp_path_factory):
+    """A bag, its guided trials, and the arm's own trial."""
+    return recorded_bag(tmp_path_factory.getbasetemp())
+
+
+@pytest.fixture(scope="module")
+def recording(recorded):
+    return read_recording(recorded[0])
+
+
+@pytest.fixture(scope="module")
+def shown(recorded):
+    """The demonstrations as they were recorded."""
+    return [replace(trial.demonstration, id=f"demonstration_{k}") for k, trial in enumerate(recorded[1], start=1)]
+
+
+@pytest.fixture(scope="module")
+def expected(shown):
+    """The plan of the skill that the learner node would have learned."""
+    return PractisingSkill(shown).plan(BASKET)
+
+
+def apart(plan, other):
+    """How far two plans' hands are apart at their releases, and their predicted landings [m]."""
+    ways = []
+    for one in (plan, other):
+        since = one.path.time - one.release
+        ways.append(np.array([np.interp([-0.2, -0.1, 0.0], since, column) for column in one.path.position.T]))
+    return float(np.abs(ways[0] - ways[1]).max()), float(np.linalg.norm(plan.predicted_landing - other.predicted_landing))
+
+
+# finding throws
+
+
+def test_every_throw_is_found_to_the_last_bit(recorded, recording, shown):
+    _, taught, own = recorded
+    throws = find_throws(recording)
+    assert [throw.taught for throw in throws] == [True] * len(taught) + [False]
+    for throw, trial in zip(throws, [*taught, own], strict=True):
+        assert same(throw.demonstration, trial.demonstration) == ["id"]
+        assert throw.outcome.in_basket == trial.outcome.in_basket
+        assert throw.outcome.landing_error == pytest.approx(trial.outcome.landing_error, abs=1e-3), "the basket as seen, not as ordered"
+    for throw, one in zip(throws, shown, strict=False):
+        assert same(throw.demonstration, one) == []
+    assert throws[-1].demonstration.id == f"throw_{throws[-1].stamp_ns}"
+
+
+def test_a_command_that_is_repeated_is_one_throw(recording):
+    twice = tuple(one for opening in recording.openings for one in (opening, replace(opening, stamp_ns=opening.stamp_ns + 2_000_000)))
+    throws = find_throws(replace(recording, openings=twice))
+    for throw, one in zip(throws, find_throws(recording), strict=True):
+        assert same(throw.demonstration, one.demonstration) == []
+
+
+def test_an_opening_without_a_throw_says_why(recording):
+    first = int(recording.bodies["hand"].stamp_ns[0])
+    early = Opening(first + 100_000_000, True)
+    (throw, *rest) = find_throws(replace(recording, openings=(early, *recording.openings)))
+    assert throw.demonstration is None and ("no motion" in throw.reason or "nothing moved" in throw.reason or "never falls" in throw.reason)
+    for one, other in zip(rest, find_throws(recording), strict=True):
+        assert same(one.demonstration, other.demonstration) == []
+
+
+def test_without_a_button_the_ball_tells_when_it_left_the_hand(recorded, recording):
+    throws = find_throws(replace(recording, openings=(), has_button=False))
+    trials = [*recorded[1], recorded[2]]
+    assert len(throws) == len(trials)
+    for throw, trial in zip(throws, trials, strict=True):
+        one, known = throw.demonstration, trial.demonstration
+        after = (throw.stamp_ns - known.stamp_ns) * 1e-9 - known.hand_opened
+        assert 0.015 < after < 0.05, f"{1e3 * after:.1f} ms after the command"
+        assert np.isnan(one.hand_opened)
+        assert same(one, known, ["stamp_ns", "hand_position", "hand_quaternion", "joint_position", "target"]) == []
+        np.testing.assert_array_equal(one.ball_position[: len(known.ball_time)], known.ball_position)
+
+
+# learning
+
+
+def test_the_skill_is_that_of_the_recorded_demonstrations(recorded, expected):
+    raw, report = learn_from_bag(recorded[0])
+    told, other = learn_from_bag(recorded[0], raw=False)
+    assert same_plan(raw.plan(BASKET), expected) and same_plan(told.plan(BASKET), expected)
+    assert raw.skill.model_id == told.skill.model_id
+    assert [one.id for one in report.learned_from] == [one.id for one in other.learned_from] == [f"demonstration_{k}" for k in (1, 2, 3)]
+    assert [throw.reason for throw in report.throws] == ["", "", "", "thrown by the arm itself"]
+
+
+def test_the_arms_own_throws_are_learned_from_if_asked(recorded):
+    skill, report = learn_from_bag(recorded[0], with_throws=True)
+    assert len(report.learned_from) == 4 and len(skill.practice.demonstrations) == 4
+    np.testing.assert_allclose(report.learned_from[-1].target, THROWN_AT, atol=1e-3)
+
+
+def test_misses_are_left_out_unless_asked_for(recorded, expected):
+    """With the basket said to stand elsewhere each throw is a miss; where the balls came down is the same, and so is what is learned."""
+    elsewhere = replace(OWN, bodies={**OWN.bodies, "basket": PoseSource(fixed=(2.0, 1.0, 0.4))})
+    with pytest.raises(ValueError, match="0 demonstrations among 4 throws are too few: at least 2 are needed; missed the basket"):
+        learn_from_bag(recorded[0], elsewhere)
+    skill, report = learn_from_bag(recorded[0], elsewhere, with_throws=True)
+    assert [one.id.split("_")[0] for one in report.learned_from] == ["miss", "miss", "miss", "throw"]
+
+
+def test_a_recording_without_joints_says_what_is_missing(recorded):
+    with pytest.raises(ValueError, match="the arm's joint angles were not recorded: a mapping may name them under 'joints'"):
+        learn_from_bag(recorded[0], replace(OWN, joints=None))
+
+
+def test_bodies_with_exchanged_names_teach_the_same(recorded, expected):
+    hand, ball = OWN.bodies["hand"], OWN.bodies["ball"]
+    exchanged = replace(OWN, bodies={**OWN.bodies, "hand": ball, "ball": hand})
+    skill, report = learn_from_bag(recorded[0], exchanged)
+    swaps = [fault for fault in report.faults if fault.kind == "swap"]
+    assert swaps and all(fault.repaired for fault in swaps) and not [f for f in report.faults if f.kind not in ("swap", "gap")]
+    assert apart(skill.plan(BASKET), expected) < (1e-3, 1e-3)
+
+
+def test_axes_that_are_wrong_say_where_to_look(recorded):
+    flat = replace(OWN, bodies={role: replace(where, up="y") for role, where in OWN.bodies.items()}, teacher=None, command=None)
+    with pytest.raises(ValueError, match="0 demonstrations among 0 throws.*roles, up axis, units"):
+        learn_from_bag(recorded[0], flat)
+
+
+# from another laboratory
+
+
+def write_laboratory(folder, recording, rng, jitter_ns=0):
+    """The recording as CSV files of a laboratory with y up and millimetres; 120 digits of nothing else than what it saw."""
+    up = Rotation.from_matrix([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    for role in ROLES:
+        body = recording.bodies[role]
+        position, turned = 1e3 * up.inv().apply(body.position), (up.inv() * Rotation.from_quat(body.quaternion)).as_quat()
+        late = rng.exponential(jitter_ns, len(body)) if jitter_ns else np.zeros(len(body))
+        rows = zip((body.stamp_ns + late.astype(int)).tolist(), position.tolist(), turned[:, [3, 0, 1, 2]].tolist(), strict=True)
+        lines = ["t;x;y;z;qw;qx;qy;qz"] + [";".join([str(t), *map(repr, p), *map(repr, q)]) for t, p, q in rows]
+        (folder / f"{role}.csv").write_text("\n".join(lines) + "\n")
+    joints = recording.joints
+    rows = zip(joints.stamp_ns.tolist(), np.hstack([joints.position, joints.velocity]).tolist(), strict=True)
+    (folder / "joints.csv").write_text("\n".join(",".join([str(t), *map(repr, row)]) for t, row in rows))
+    columns = {"time": "t", "position": ["x", "y", "z"], "quaternion": ["qw", "qx", "qy", "qz"]}
+    poses = {role: {"csv": f"{role}.csv", "delimiter": ";", "time": "ns", "order": "wxyz", "columns": columns} for role in ROLES}
+    numbers = {"time": 1, "position": list(range(2, 9)), "velocity": list(range(9, 16))}
+    arm = {"csv": "joints.csv", "header_lines": 0, "time": "ns", "columns": numbers}
+    mapping = {"axes": {"up": "y", "length": "mm"}, **poses, "joints": arm}
+    (folder / "mapping.yaml").write_text(yaml.safe_dump(mapping))
+    return mapping
+
+
+def test_a_laboratory_with_other_axes_units_and_no_button_teaches_the_same(tmp_path, recording, recorded, expected):
+    guided = replace(recording, bodies={role: body for role, body in recording.bodies.items()})
+    mapping = write_laboratory(tmp_path, guided, np.random.default_rng(0))
+    skill, report = learn_from_bag(tmp_path, parse_mapping(mapping))
+    assert len(report.learned_from) == 4, "nobody knows who threw, so that all are shown"
+    same_throws, _ = learn_from_bag(recorded[0], with_throws=True)
+    assert apart(skill.plan(BASKET), same_throws.plan(BASKET)) < (1e-5, 1e-5)
+
+
+def test_stamps_of_receipt_teach_the_same_to_millimetres(tmp_path, recording, recorded):
+    mapping = write_laboratory(tmp_path, recording, np.random.default_rng(0), jitter_ns=500_000)
+    skill, report = learn_from_bag(tmp_path, parse_mapping(mapping))
+    jitter = [fault for fault in report.faults if fault.kind == "jitter"]
+    assert {fault.body for fault in jitter} == set(ROLES) and all(fault.repaired for fault in jitter)
+    same_throws, _ = learn_from_bag(recorded[0], with_throws=True)
+    assert max(apart(skill.plan(BASKET), same_throws.plan(BASKET))) < 5e-3
+
+
+def test_a_converted_recording_teaches_what_the_recording_does(tmp_path, recorded, expected):
+    convert(recorded[0], tmp_path / "ours")
+    skill, report = learn_from_bag(tmp_path / "ours")
+    assert len(report.learned_from) == 3
+    np.testing.assert_allclose(skill.plan(BASKET).attractor_position, expected.attractor_position, atol=1e-9)
+
+
+# the command
+
+
+def run(arguments):
+    parser = argparse.ArgumentParser()
+    add_learn(parser.add_subparsers())
+    options = parser.parse_args(["learn", *map(str, arguments)])
+    return options.run(options)
+
+
+def test_the_command_says_what_was_found_and_where_the_model_is(tmp_path, recorded, expected, capsys):
+    model = tmp_path / "model.npz"
+    assert run([recorded[0], "--output", model]) == 0
+    said = capsys.readouterr().out
+    assert said.count(": guided, basket at (") == 3 and "demonstration_3" in said and "own, basket at" in said
+    assert "left out: thrown by the arm itself" in said and "learned from 3 of 4 throws with 'default'; the hand opens" in said
+    assert said.splitlines()[-1].startswith("next: ros2 service call /skill_learner/load ")
+    assert str(model) in shlex.split(said.splitlines()[-1].removeprefix("next: "))[-1]
+    demonstrations, configuration, _ = load_model(model)
+    assert same_plan(PractisingSkill(demonstrations, configuration).plan(BASKET), expected)
+
+
+def test_the_command_says_it_as_json(tmp_path, recorded, capsys):
+    assert run([recorded[0], "--json", "--with-throws", "--output", tmp_path / "model.npz"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert len(said["learned_from"]) == 4 and said["raw"] and said["configuration"] == "default"
+    assert [throw["taught"] for throw in said["throws"]] == [True, True, True, False]
+    assert all(throw["in_basket"] and throw["landing_error"] < 0.15 for throw in said["throws"][:3])
+    assert {fault["kind"] for fault in said["faults"]} <= {"gap"}
+
+
+def test_the_command_takes_the_topic_of_demonstrations(tmp_path, recorded, capsys):
+    assert run([recorded[0], "--demonstrations-topic", "--output", tmp_path / "one.npz"]) == 0
+    assert "learned from 3 of 3 throws" in capsys.readouterr().out
+    with pytest.raises(ValueError, match="leave out --mapping and --with-throws"):
+        run([recorded[0], "--demonstrations-topic", "--with-throws", "--output", tmp_path / "two.npz"])
+
+
+def test_the_command_reads_a_laboratory_and_its_faults(tmp_path, recording, capsys):
+    hand = recording.bodies["hand"]
+    stale = replace(hand, position=hand.position.copy(), quaternion=hand.quaternion.copy())
+    stale.position[40:44], stale.quaternion[40:44] = stale.position[39], stale.quaternion[39]
+    write_laboratory(tmp_path, replace(recording, bodies={**recording.bodies, "hand": stale}), np.random.default_rng(0))
+    assert run([tmp_path, "--mapping", tmp_path / "mapping.yaml", "--output", tmp_path / "model.npz"]) == 0
+    said = capsys.readouterr().out
+    assert "hand: the same pose again, 4 times with new stamps (a lost body): left out" in said and "NOT REPAIRED" not in said
+    assert "hand was not seen" in said and "learned from 4 of 4 throws with 'default'\n" in said
+
+
+def test_the_command_overwrites_nothing(tmp_path, recorded):
+    model = tmp_path / "model.npz"
+    model.write_text("precious")
+    with pytest.raises(ValueError, match="exists already: name another file with --output"):
+        run([recorded[0], "--output", model])
+    assert model.read_text() == "precious"
+
+
+# finding throws while they are made
+
+
+@pytest.mark.parametrize("forgets_ns", [MEMORY_NS, 12_000_000_000])
+def test_throws_are_found_while_they_are_made(recorded, recording, forgets_ns, monkeypatch):
+    monkeypatch.setattr("dart_skill.skill.throw_finder.MEMORY_NS", forgets_ns)
+    log = ThrowLog()
+    finder, found = ThrowFinder(log), []
+    add = {"/vrpn_mocap/ball/pose": log.add_ball, "/vrpn_mocap/basket/pose": log.add_basket}
+    with BagReader(recorded[0]) as raw, BagReader(recorded[0]) as bag:
+        for message, serialised in zip(bag.messages(), raw.messages(decode=False), strict=True):
+            topic, content = message.topic, message.data
+            if topic in ("/wam/command", "/wam/teacher_wrench"):
+                finder.add_command(serialised.data, guiding=topic == "/wam/teacher_wrench")
+            elif topic == "/joint_states":
+                log.add_joints(stamp_of(content), content.position, content.velocity)
+            elif topic.startswith("/vrpn_mocap"):
+                p, q = content.pose.position, content.pose.orientation
+                turned = ([q.x, q.y, q.z, q.w],) if topic == "/vrpn_mocap/hand/pose" else ()
+                add.get(topic, log.add_hand)(stamp_of(content), [p.x, p.y, p.z], *turned)
+                found += finder.until(stamp_of(content) - 10_000_000)
+    offline = find_throws(recording)
+    assert [throw.shows for throw in found] == [throw.shows for throw in offline]
+    for throw, one in zip(found, offline, strict=True):
+        assert same(throw.demonstration, one.demonstration) == []
+    assert max(map(len, log.stamps())) * 10_000_000 < forgets_ns + 2_000_000_000
+
+
+def stamp_of(message):
+    return message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
