@@ -13,6 +13,8 @@ NODES = (
     "commander",
     "teacher",
     "coach",
+    "recorder",
+    "bag_player",
     "composed",
 )
 

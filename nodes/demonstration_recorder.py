@@ -3,48 +3,29 @@
 Messages are received and written as raw CDR. Only what cutting needs is decoded: poses, one joint state per pose, the hand's button.
 """
 
-import importlib
-import struct
+import json
+import time
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 
 from dart_skill_msgs.msg import Demonstration as DemonstrationMsg
-from dart_skill_msgs.msg import WamCommand
 from dart_skill_msgs.srv import StopDemonstration
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from dart_skill.configuration import config_path
 from dart_skill.movement import VelocityThreshold
-from dart_skill.recording import (
-    DEMONSTRATION_TYPE,
-    BagWriter,
-    definition,
-    demonstration_message,
-    qos_yaml,
-    serialize,
-    type_hash,
-    typestore,
-)
-from dart_skill.robot.command import Grip
-from dart_skill.robot.description import wam_description
-from dart_skill.robot.urdf import write_urdf
+from dart_skill.recording import DEMONSTRATION_TOPIC, DEMONSTRATION_TYPE, Demonstration, demonstration_message, serialize, types_for
+from dart_skill.recording.grip_signal import OPEN, read_command
+from dart_skill.skill.cutting import watched_until
+from dart_skill.skill.throw_finder import ThrowFinder
 from dart_skill_nodes import conversions
-from dart_skill_nodes.support import (
-    COMPLETE,
-    LATCHED,
-    OK,
-    SENSOR_COMPLETE,
-    WARN,
-    Diagnostics,
-    Parameter,
-    autostart,
-    declare,
-    run,
-)
-from dart_skill_nodes.watching import FRAME_NS, ROLES, Watcher
+from dart_skill_nodes.ears import TAKE, Ears, Heard
+from dart_skill_nodes.support import ERROR, LATCHED, OK, WALL, WARN, Diagnostics, Parameter, autostart, declare, run
+from dart_skill_nodes.topic_bag import TopicBag
+from dart_skill_nodes.watching import FRAME_NS, ROLES, Arrivals, Watcher
 
 TABLE = [
     Parameter("frame_id", "frame of the poses"),
@@ -61,13 +42,8 @@ TABLE = [
     Parameter("run_up", "kept before the motion [s]", 0.0, 5.0),
     Parameter("settle", "kept after the motion [s]", 0.0, 5.0),
     Parameter("speed_window", "over which the speed is estimated [s]", 0.02, 1.0),
+    Parameter("automatic", "cut every guided throw into the basket by itself, without ~/start and ~/stop"),
 ]
-KNOWN_TYPES = {
-    "/joint_states": "sensor_msgs/msg/JointState",
-    "/wam/command": "dart_skill_msgs/msg/WamCommand",
-    "/wam/teacher_wrench": "dart_skill_msgs/msg/WamCommand",
-    "/demonstrations": "dart_skill_msgs/msg/Demonstration",
-}
 
 
 class DemonstrationRecorder(LifecycleNode):
@@ -91,21 +67,25 @@ class DemonstrationRecorder(LifecycleNode):
                 **{name: self.p[name] for name in ("min_duration", "max_pause", "run_up", "settle")},
             )  # fmt: skip
             path = Path(self.p["bag"] or f"demonstrations_{datetime.now():%Y_%m_%d-%H_%M_%S}")
-            self._bag = BagWriter(path, custom_data={"seed": str(self.p["seed"])})
+            self._bag = TopicBag(self, path, {"seed": str(self.p["seed"])})
         except (ValueError, OSError) as error:
             self.get_logger().error(f"not configured: {error}")
             return TransitionCallbackReturn.FAILURE
-        self._attach()
         self._watcher = Watcher(self, self.p["frame_id"], subscribe=False)
         self._role_of = {f"/vrpn_mocap/{self.p[f'{role}_body']}/pose": role for role in ROLES}
         self._needed = {"/joint_states", "/wam/command", "/wam/teacher_wrench", *self._role_of}
         self._silent = {"/joint_states", "/wam/command", *(t for t, role in self._role_of.items() if role == "hand")}
-        self._demonstrations = self.create_publisher(DemonstrationMsg, "/demonstrations", LATCHED)
-        self._types = typestore()
+        self._finder, self._arrivals = None, Arrivals()
+        if self.p["automatic"]:
+            self._finder = ThrowFinder(self._watcher.log, self._thresholds)
+            self._watcher.clear()
+        self._demonstrations = self.create_publisher(DemonstrationMsg, DEMONSTRATION_TOPIC, LATCHED)
+        self._ears = Ears(self)
         for topic in [*self.p["topics"], *sorted(self._needed - set(self.p["topics"]))]:
             self._subscribe(topic)
         self.create_service(Trigger, "~/start", self._on_start)
         self.create_service(StopDemonstration, "~/stop", self._on_stop)
+        self._timer = self.create_timer(TAKE, self._take, clock=WALL)
         self._diagnostics = Diagnostics(self, self._describe)
         return TransitionCallbackReturn.SUCCESS
 
@@ -123,51 +103,43 @@ class DemonstrationRecorder(LifecycleNode):
 
     def _close(self) -> None:
         if self._bag is not None:
-            self._bag.close()
+            self._take()
+            self.destroy_timer(self._timer)
+            self._ears.close()
+            self._bag.close({"lost": json.dumps(self._ears.lost)})
             self._bag = None
-
-    def _attach(self) -> None:
-        """What somebody needs to understand the bag: the arm, and the parameters in force."""
-        self._bag.add_attachment("wam.urdf", write_urdf(wam_description()), "application/xml")
-        for name in ("wam.yaml", "wam_simulator.yaml", "optitrack.yaml", "commander.yaml", "teacher.yaml"):
-            self._bag.add_attachment(name, config_path(name).read_text(encoding="utf-8"), "application/yaml")
 
     # recording
 
     def _subscribe(self, topic: str) -> None:
-        type_name = KNOWN_TYPES.get(topic, "geometry_msgs/msg/PoseStamped" if topic.startswith("/vrpn_mocap/") else None)
-        if type_name is None:
-            type_name = self._type_on_the_graph(topic)
-        sensor, latched = topic.startswith("/vrpn_mocap/"), topic == "/demonstrations"
-        profile = qos_yaml("best_effort" if sensor else "reliable", "transient_local" if latched else "volatile")
-        if topic in self.p["topics"]:
-            text, digest = definition(self._types, type_name), type_hash(self._types, type_name)
-            self._bag.add_topic(topic, type_name, text, profile, digest)
-        qos = SENSOR_COMPLETE if sensor else (LATCHED if latched else COMPLETE)
-        look = {"/joint_states": self._look_at_joints, "/wam/command": self._look_at_grip}
-        look["/wam/teacher_wrench"] = self._look_at_grip
-        if role := self._role_of.get(topic):
-            look[topic] = lambda ns, data: self._watcher.take(role, data)
-        extra = look.get(topic)
-        if latched:
+        if topic == DEMONSTRATION_TOPIC:
+            self._bag.add_own(topic, DEMONSTRATION_TYPE, LATCHED)
             return  # its own publication is written where it is made: a node does not hear itself reliably in order
-        self.create_subscription(_message_class(type_name), topic, lambda data, t=topic, e=extra: self._record(t, data, e), qos, raw=True)
+        if topic in self.p["topics"]:
+            self._ears.listen(topic, partial(self._bag.add_offered, topic))
+        else:
+            self._ears.listen(topic)
 
-    def _type_on_the_graph(self, topic: str) -> str:
-        types = dict(self.get_topic_names_and_types()).get(topic)
-        if not types:
-            raise ValueError(f"nobody publishes {topic}, so its type is not known: start its publisher first, or leave it out")
-        return types[0]
+    def _take(self) -> None:
+        for heard in self._ears.take():
+            ns = self._bag.stamp_ns(heard.topic, heard.data)
+            ns = self._now_ns if ns is None else ns
+            self._now_ns, self._newest[heard.topic] = max(self._now_ns, ns), ns
+            if heard.topic in self.p["topics"]:
+                self._bag.write(heard.topic, self._now_ns, ns, heard.data)
+            if self._recording or self._finder:
+                self._look(heard, ns)
+            self._silent.discard(heard.topic)
+        if self._finder:
+            self._find()
 
-    def _record(self, topic: str, data: bytes, look) -> None:
-        self._silent.discard(topic)
-        sec, nanosec = struct.unpack_from("<iI", data, 4)
-        ns = sec * conversions.GIGA + nanosec
-        self._now_ns, self._newest[topic] = max(self._now_ns, ns), ns
-        if self._bag is not None and topic in self.p["topics"]:
-            self._bag.write(topic, self._now_ns, ns, bytes(data))
-        if look is not None and self._recording:
-            look(ns, data)
+    def _look(self, heard: Heard, ns: int) -> None:
+        if role := self._role_of.get(heard.topic):
+            self._watcher.take(role, heard.data)
+        elif heard.topic == "/joint_states":
+            self._look_at_joints(ns, heard.data)
+        elif heard.topic in ("/wam/command", "/wam/teacher_wrench"):
+            self._look_at_grip(heard.topic, ns, heard.data)
 
     def _look_at_joints(self, ns: int, data: bytes) -> None:
         joints = self._watcher.log
@@ -175,27 +147,42 @@ class DemonstrationRecorder(LifecycleNode):
             state = conversions.arm_state(deserialize_message(data, JointState))
             joints.add_joints(ns, state.position, state.velocity)
 
-    def _look_at_grip(self, ns: int, data: bytes) -> None:
-        # The grip is the last field, padded to four bytes: decode the one message in thousands that has one.
-        if any(data[-4:]) and deserialize_message(data, WamCommand).grip == Grip.OPEN:
+    def _look_at_grip(self, topic: str, ns: int, data: bytes) -> None:
+        if self._finder:
+            self._finder.add_command(data, guiding=topic == "/wam/teacher_wrench")
+        elif read_command(data)[2] == OPEN:
             self._watcher.log.add_opening(ns)
+
+    def _find(self) -> None:
+        sensors = [self._newest.get(topic, 0) for topic in ("/joint_states", *self._role_of)]
+        for throw in self._finder.until(self._arrivals.until(sensors, time.monotonic())):
+            if throw.shows:
+                self._keep(throw.demonstration, watched_until(throw.stamp_ns))
+            else:
+                why = throw.reason or ("it missed the basket" if throw.taught else "the arm threw by itself")
+                self.get_logger().info(f"the throw at {throw.stamp_ns} ns is no demonstration: {why}")
 
     # services
 
     def _on_start(self, request, response):
-        if silent := ", ".join(sorted(self._silent)):
+        if self._finder:
+            response.success, response.message = False, "throws are cut automatically here: ~/start needs 'automatic' to be false"
+            return response
+        if silent := ", ".join(sorted(self._silent | (set(self._role_of) & set(self._ears.missing)))):
             response.success, response.message = False, f"nothing has come on {silent} yet: is the node running that publishes it?"
             return response
+        self._take()
         self._watcher.clear()
         self._newest.clear()
         self._recording = True
-        response.success, response.message = True, str(self._bag.path)
+        response.success, response.message = True, str(self._bag.writer.path)
         return response
 
     def _on_stop(self, request, response):
         if not self._recording:
             response.success, response.message = False, "no demonstration is being recorded: call ~/start first"
             return response
+        self._take()
         until = conversions.stamp_ns(request.until)
         response.pending = self._arrived_ns < until  # never, if the caller asks for what there is
         if response.pending:
@@ -219,25 +206,29 @@ class DemonstrationRecorder(LifecycleNode):
             self.get_logger().error(f"no demonstration: {error}")
             return response
         if request.keep:
-            self._count += 1
-            self._demonstrations.publish(response.demonstration)
-            if "/demonstrations" in self.p["topics"]:
-                # Not by serialize_message: Fast DDS's size estimate leaves stray bytes behind empty sequences.
-                data = serialize(self._types, DEMONSTRATION_TYPE, demonstration_message(self._types, one))
-                self._bag.write("/demonstrations", self._now_ns, until, data)
-            self._bag.flush(to_disk=True)
+            self._keep(one, until)
         return response
+
+    def _keep(self, one: Demonstration, until: int) -> None:
+        """Publish a demonstration that was watched up to a stamp, and put it into the bag."""
+        self._count += 1
+        self._demonstrations.publish(conversions.demonstration_msg(one))
+        if DEMONSTRATION_TOPIC in self.p["topics"]:
+            # Not by serialize_message: Fast DDS's size estimate leaves stray bytes behind empty sequences.
+            types = types_for(DEMONSTRATION_TYPE)
+            content = serialize(types, DEMONSTRATION_TYPE, demonstration_message(types, one))
+            self._bag.write(DEMONSTRATION_TOPIC, self._now_ns, until, content)
+        self._bag.flush()
 
     def _describe(self):
         if self._bag is None:
             return WARN, "no bag is open", {}
-        values = {"bag": self._bag.path, "demonstrations": self._count, "rejected": self._watcher.log.rejected}
-        return OK, "recording" if self._recording else "waiting", {**values, **self._bag.counts}
-
-
-def _message_class(type_name: str) -> type:
-    package, _, name = type_name.split("/")
-    return getattr(importlib.import_module(f"{package}.msg"), name)
+        values = {"bag": self._bag.writer.path, "demonstrations": self._count, "rejected": self._watcher.log.rejected}
+        values["lost"] = sum(self._ears.lost.values())
+        values |= self._bag.writer.counts
+        if self._bag.failure:
+            return ERROR, self._bag.failure, values
+        return OK, "recording" if self._recording or self._finder else "waiting", values
 
 
 def main(args: list[str] | None = None) -> None:

@@ -17,6 +17,7 @@ NODES = {
     "commander": {"commander"},
     "teacher": {"teacher"},
     "coach": {"coach"},
+    "recorder": {"recorder"},
     "composed": {"wam_simulator", "mock_optitrack", "commander", "demonstration_recorder", "teacher", "coach"},
 }
 

@@ -1,0 +1,294 @@
+"""Bags of the running graph: recorded whole, played again as they were recorded, and not lost with the process that wrote them."""
+
+import resource
+import signal
+
+import numpy as np
+import pytest
+from dart_skill_msgs.srv import PlanThrow, Step
+from geometry_msgs.msg import Point
+from mcap_ros2.reader import read_ros2_messages
+from rosbags.rosbag2 import StoragePlugin, Writer
+from std_msgs.msg import Header
+from std_srvs.srv import SetBool
+
+from dart_skill.recording import BagReader, BagWriter, definition, read_demonstrations, serialize, type_hash, types_for
+from dart_skill.recording.recovery import recover
+from dart_skill.robot.throw_plan import same_plan
+from dart_skill.skill.from_bag import learn_from_bag
+from dart_skill_nodes import conversions
+from dart_skill_nodes.coaching import Coach, GraphFailure
+from dart_skill_nodes.ears import Ears
+from dart_skill_nodes.graph import Graph
+from tests.unit.recorded_session import recorded_bag, same
+
+from .conftest import Diagnoses, wait_for
+
+TARGET = Point(x=1.9, y=-0.1, z=0.4)
+TEXT, POSE = "std_msgs/msg/String", "geometry_msgs/msg/PoseStamped"
+POSES = [f"/vrpn_mocap/{body}/pose" for body in ("hand", "ball", "basket")]
+STEPPED = {"/joint_states": 2_000_000, "/wam/command": 2_000_000, "/wam/tool_pose": 2_000_000} | dict.fromkeys(POSES, 10_000_000)
+
+
+class Listener:
+    """Everything that comes on some topics, as bytes."""
+
+    def __init__(self, coach, topics):
+        self._coach, self._spin, self.heard = coach, coach.spin, {topic: [] for topic in topics}
+        self._ears = Ears(coach.node)
+        for topic in topics:
+            self._ears.listen(topic)
+        coach.spin = self._take
+
+    def _take(self):
+        self._spin()
+        for one in self._ears.take():
+            self.heard[one.topic].append(one.data)
+
+    @property
+    def count(self):
+        return sum(map(len, self.heard.values()))
+
+    def close(self):
+        self._coach.spin = self._spin
+        self._ears.close()
+
+
+@pytest.fixture(scope="module")
+def recorded(ros, tmp_path_factory):
+    """A bag of everything that a graph said for some thousand steps."""
+    folder = tmp_path_factory.mktemp("recorded")
+    with Graph(folder / "logs") as graph:
+        coach = Coach(graph.dead, name="witness")
+        graph.start_all("composed", 0, folder / "demonstrations", {"composed": {"dropout_rate": 0.0}})
+        graph.start("recorder", {"bag": str(folder / "bag"), "use_sim_time": True, "notes": "[seed=0]"})
+        diagnoses = Diagnoses(coach)
+        wait_for(coach, lambda: int(diagnoses.values.get("recorder", {}).get("/joint_states", 0)) > 4000, what="4000 recorded states")
+        lost = {k: v for k, v in diagnoses.values["recorder"].items() if "lost" in k}
+        assert set(lost) <= {"lost", "/clock lost"}, lost
+        coach.close()
+    return folder / "bag"
+
+
+def test_the_recorder_misses_nothing_and_says_so(recorded):
+    with BagReader(recorded) as bag:
+        assert bag.custom_data["lost"] == "{}" and bag.custom_data["seed"] == "0"
+        for topic, period in STEPPED.items():
+            stamps = np.array([conversions.leading_stamp_ns(m.data) for m in bag.messages([topic], decode=False)])
+            stamps = np.unique(stamps)  # a state that nobody answered yet is published again
+            assert len(stamps) > 3900 * 2_000_000 // period and set(np.diff(stamps)) == {period}, topic
+        logged = [m.stamp_ns for m in bag.messages(decode=False)]
+        assert logged == sorted(logged)
+
+
+def test_log_times_are_those_of_the_simulation(recorded):
+    with BagReader(recorded) as bag:
+        behind = [m.stamp_ns - conversions.leading_stamp_ns(m.data) for m in bag.messages(["/joint_states"], decode=False)]
+    assert np.median(behind) == 0 and np.quantile(np.abs(behind), 0.9) <= 20_000_000
+
+
+def test_quality_of_service_and_types_are_those_of_the_publishers(recorded):
+    with BagReader(recorded) as bag:
+        for name, type_name in {"/joint_states": "sensor_msgs/msg/JointState", "/wam/command": "dart_skill_msgs/msg/WamCommand"}.items():
+            topic = bag.topics[name]
+            assert (topic.type_name, topic.type_hash) == (type_name, type_hash(types_for(type_name), type_name))
+            assert topic.qos[0].reliability.name == "RELIABLE"
+        assert bag.topics["/clock"].qos[0].reliability.name == "BEST_EFFORT"
+        assert bag.topics["/robot_description"].qos[0].durability.name == "TRANSIENT_LOCAL"
+
+
+def test_viewers_find_the_arm_its_description_and_its_transforms(recorded):
+    """Read by somebody else's decoder, which knows none of our types but by the bag."""
+    (file,) = recorded.glob("*.mcap")
+    topics = ["/robot_description", "/tf", "/tf_static"]
+    messages = {topic: [] for topic in topics}
+    for message in read_ros2_messages(str(file), topics=topics):
+        messages[message.channel.topic].append(message.ros_msg)
+    assert "<robot" in messages["/robot_description"][0].data
+    edges = {(t.header.frame_id, t.child_frame_id) for topic in ("/tf", "/tf_static") for m in messages[topic] for t in m.transforms}
+    links = ["world", "wam_base", *(f"wam_link{k}" for k in range(1, 8)), "bhand_base"]
+    assert set(zip(links, links[1:], strict=False)) <= edges
+    assert {("world", body) for body in ("hand", "ball", "basket")} <= edges
+    for name in links[1:]:
+        assert f'<link name="{name}">' in messages["/robot_description"][0].data
+
+
+def test_a_bag_plays_as_it_was_recorded(recorded, make_graph):
+    graph, coach = make_graph(None)
+    listener = Listener(coach, STEPPED)
+    graph.start("bag_player", {"bag": str(recorded), "rate": 4.0, "awaited": f"[{','.join(STEPPED)}]"})
+    player = graph.processes.pop("bag_player")
+    wait_for(coach, lambda: player.poll() is not None, what="the end of the bag")
+    coach.spin()
+    listener.close()
+    assert player.returncode == 0
+    with BagReader(recorded) as bag:
+        for topic, heard in listener.heard.items():
+            expected = [bytes(m.data) for m in bag.messages([topic], decode=False)]
+            assert heard == expected, f"{topic}: {len(heard)} of {len(expected)}"
+
+
+def test_the_clock_of_a_bag_is_played_and_made_where_it_has_none(recorded, make_graph):
+    for clock, ticks in (("/clock", 500), ("nothing", 25)):
+        graph, coach = make_graph(None)
+        listener = Listener(coach, ["/clock"])
+        wanted = {"topics": f"[/vrpn_mocap/.*,{clock}]", "duration": 1.0, "clock_rate": 25.0, "awaited": "[/clock]"}
+        graph.start("bag_player", {"bag": str(recorded), **wanted})
+        player = graph.processes.pop("bag_player")
+        wait_for(coach, lambda player=player: player.poll() is not None, what="the end of the bag")
+        listener.close()
+        stamps = [conversions.leading_stamp_ns(data) for data in listener.heard["/clock"]]
+        assert stamps == sorted(stamps)
+        assert abs(len(stamps) - ticks) < 0.1 * ticks + 2, f"{len(stamps)} ticks; best effort may lose some"
+
+
+@pytest.mark.parametrize("rate", [5.0, 0.0])
+def test_a_bag_teaches_through_the_nodes_what_it_teaches_without(make_graph, tmp_path, rate):
+    """From raw poses to a model, at any rate: to the last bit."""
+    bag, taught, _ = recorded_bag(tmp_path)
+    graph, coach = make_graph(None)
+    graph.start("skill_learner")
+    graph.start("demonstration_recorder", {"bag": str(tmp_path / "again"), "automatic": True})
+    inputs = ["/joint_states", "/wam/command", "/wam/teacher_wrench", *POSES]
+    played = {"topics": f"[{','.join(inputs)}]", "awaited": f"[{','.join(inputs)}]", "clock_rate": 0.0}
+    graph.start("bag_player", {"bag": str(bag), "rate": rate, **played})
+    player = graph.processes.pop("bag_player")
+    wait_for(coach, lambda: player.poll() is not None, what="the end of the bag")
+    learned = coach.learn(at_least=len(taught))
+    expected, report = learn_from_bag(bag)
+    assert (learned.demonstrations, learned.model_id) == (len(taught), expected.skill.model_id)
+    ask = coach.node.create_client(PlanThrow, "/skill_learner/plan_throw")
+    plan = coach.call(ask, PlanThrow.Request(header=Header(frame_id="world"), target=TARGET)).plan
+    assert same_plan(conversions.plan(plan), expected.plan(conversions.vector(TARGET)))
+    graph.stop()
+    for one, other in zip(read_demonstrations(tmp_path / "again"), report.learned_from, strict=True):
+        assert same(one, other) == []
+
+
+@pytest.fixture
+def texts(tmp_path):
+    """A bag of a hundred numbered texts, one each hundredth of a second."""
+    types = types_for(TEXT)
+    with BagWriter(tmp_path / "texts") as bag:
+        bag.add_topic("/said", TEXT, definition(types, TEXT), type_hash=type_hash(types, TEXT))
+        for k in range(100):
+            bag.write("/said", 10_000_000 * k, 10_000_000 * k, serialize(types, TEXT, {"data": str(k)}))
+    return tmp_path / "texts"
+
+
+def numbers(listener, topic="/said"):
+    return [int(types_for(TEXT).deserialize_cdr(data, TEXT).data) for data in listener.heard[topic]]
+
+
+def test_a_paused_bag_is_stepped_and_goes_on_at_another_rate(texts, make_graph):
+    graph, coach = make_graph(None)
+    listener = Listener(coach, ["/said"])
+    graph.start("bag_player", {"bag": str(texts), "start_paused": True, "awaited": "[/said]", "clock_rate": 0.0})
+    step = coach.node.create_client(Step, "/bag_player/step")
+    pause = coach.node.create_client(SetBool, "/bag_player/pause")
+    for steps in (1, 3):
+        coach.call(step, Step.Request(steps=steps))
+    wait_for(coach, lambda: listener.count >= 4, what="four steps")
+    coach.set_parameters("/bag_player", {"rate": 3.0})
+    assert numbers(listener) == [0, 1, 2, 3]
+    player = graph.processes.pop("bag_player")
+    coach.call(pause, SetBool.Request(data=False))
+    wait_for(coach, lambda: player.poll() is not None, what="the end of the bag")
+    assert numbers(listener) == list(range(100))
+    listener.close()
+
+
+def test_a_loop_goes_on_until_it_is_ended(texts, make_graph):
+    graph, coach = make_graph(None)
+    listener = Listener(coach, ["/heard"])
+    wanted = {"remap": "[/said=/heard]", "start": 0.5, "duration": 0.1, "loop": True, "awaited": "[/heard]"}
+    graph.start("bag_player", {"bag": str(texts), **wanted})
+    wait_for(coach, lambda: listener.count >= 33, what="three rounds")
+    assert numbers(listener, "/heard")[:33] == [*range(50, 61)] * 3
+    graph.stop()
+    listener.close()
+
+
+def test_bags_of_others_and_bags_without_metadata_play(texts, tmp_path, make_graph):
+    (texts / "metadata.yaml").unlink()
+    foreign = tmp_path / "foreign"
+    types = types_for(TEXT)
+    with Writer(foreign, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection("/said", TEXT, typestore=types)
+        for k in range(100):
+            writer.write(connection, 10_000_000 * k, types.serialize_cdr(types.types[TEXT](str(k)), TEXT))
+    for bag in (texts, foreign):
+        graph, coach = make_graph(None)
+        listener = Listener(coach, ["/said"])
+        graph.start("bag_player", {"bag": str(bag), "rate": 10.0, "awaited": "[/said]"})
+        player = graph.processes.pop("bag_player")
+        wait_for(coach, lambda player=player: player.poll() is not None, what="the end of the bag")
+        assert numbers(listener) == list(range(100)), bag
+        listener.close()
+
+
+@pytest.mark.parametrize(
+    ("wanted", "complaint"),
+    [
+        ({"bag": "nowhere"}, "nowhere: no such bag"),
+        ({"topics": "[/other]"}, "nothing to play"),
+        ({"start": 9.0}, "is 0.990 s long"),
+        ({"awaited": "[/other]"}, "awaited: ['/other'] are not played"),
+    ],
+)
+def test_a_bag_that_cannot_be_played_ends_the_player_with_a_reason(texts, make_graph, tmp_path, wanted, complaint):
+    graph, coach = make_graph(None)
+    graph.start("bag_player", {"bag": str(texts), **wanted})
+    player = graph.processes.pop("bag_player")
+    wait_for(coach, lambda: player.poll() is not None, what="the end of the player")
+    assert player.returncode == 1
+    log = (graph.logs / "bag_player.log").read_text()
+    assert complaint in log and "Traceback" not in log
+
+
+def test_a_recorder_that_is_killed_loses_at_most_the_last_second(make_graph, tmp_path):
+    graph, coach = make_graph("composed")
+    graph.start("recorder", {"bag": str(tmp_path / "bag"), "use_sim_time": False})
+    diagnoses = Diagnoses(coach)
+    wait_for(coach, lambda: int(diagnoses.values.get("recorder", {}).get("/joint_states", 0)) > 2000, what="2000 recorded states")
+    recorder = graph.processes.pop("recorder")
+    recorder.kill()
+    recorder.wait()
+    # What diagnostics had counted by then was said up to a second before the end, and is flushed every second.
+    before = int(diagnoses.values["recorder"]["/joint_states"])
+    rescued = recover(tmp_path / "bag", tmp_path / "rescued")
+    with BagReader(tmp_path / "rescued") as bag:
+        assert bag.topics["/joint_states"].count == rescued.messages["/joint_states"]
+        times = [m.stamp_ns for m in bag.messages(["/joint_states"], decode=False)]
+    assert len(times) > 0 and before - len(times) < np.sum(np.array(times) > times[-1] - 2_000_000_000)
+
+
+def test_a_full_disk_stops_the_recording_not_the_graph(make_graph, tmp_path):
+    graph, coach = make_graph("composed")
+    graph.start("recorder", {"bag": str(tmp_path / "bag"), "use_sim_time": True})
+    diagnoses = Diagnoses(coach)
+    wait_for(coach, lambda: int(diagnoses.values.get("recorder", {}).get("/joint_states", 0)) > 500, what="500 recorded states")
+    recorder = graph.processes["recorder"]
+    written = (tmp_path / "bag" / "bag_0.mcap").stat().st_size
+    resource.prlimit(recorder.pid, resource.RLIMIT_FSIZE, (written + 300_000,) * 2)
+    wait_for(coach, lambda: "bag_0.mcap" in diagnoses.of.get("recorder", ""), what="the recorder says that it cannot write")
+    recorder.send_signal(signal.SIGINT)
+    assert recorder.wait(20) == 0
+    graph.processes.pop("recorder")
+    rescued = recover(tmp_path / "bag", tmp_path / "rescued")
+    assert rescued.messages["/joint_states"] > 500
+
+
+def test_a_recorder_that_cannot_start_says_why(make_graph, tmp_path):
+    graph, coach = make_graph(None)
+    graph.start("recorder", {"bag": str(tmp_path), "topics": "['(']"})
+    recorder = graph.processes.pop("recorder")
+    wait_for(coach, lambda: recorder.poll() is not None, what="the end of the recorder")
+    assert "not configured: missing ), unterminated subpattern" in (graph.logs / "recorder.log").read_text()
+
+
+def test_a_rate_below_zero_is_refused_while_a_bag_plays(texts, make_graph):
+    graph, coach = make_graph(None)
+    graph.start("bag_player", {"bag": str(texts), "start_paused": True})
+    with pytest.raises(GraphFailure, match="does not take rate = -1.0"):
+        coach.set_parameters("/bag_player", {"rate": -1.0})
