@@ -8,6 +8,7 @@ import re
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Iterable
 
 from dart_skill_msgs.srv import Step
@@ -56,6 +57,7 @@ class BagPlayer(Node):
             self._publishers_of[CLOCK_TOPIC] = self.create_publisher(message_class(CLOCK_TYPE), CLOCK_TOPIC, CLOCK)
         if unknown := set(filter(None, self.p["awaited"])) - set(self._publishers_of):
             raise ValueError(f"awaited: {sorted(unknown)} are not played, only {sorted(self._publishers_of)}")
+        self._sent: Counter[str] = Counter()  # since everything was last acknowledged
         self._changed = threading.Condition()
         self._pace = Pace(self.p["rate"], time.monotonic(), self.p["start_paused"])
         self.create_service(SetBool, "~/pause", self._on_pause)
@@ -126,8 +128,16 @@ class BagPlayer(Node):
             if not self._wait_for(due):
                 return
             self._publishers_of[due.topic].publish(due.data)
+            self._hold_back(due)
             self._published, self._position_ns = self._published + 1, due.stamp_ns
         self._wait_for_acknowledgements()
+
+    def _hold_back(self, due: Due) -> None:
+        """In a hurry, wait for the subscribers before a history is full: what is overwritten cannot be repeated."""
+        self._sent[due.topic] += 1
+        if self._sent[due.topic] >= DEPTH // 2 and self._pace.hurries(due.position_ns, time.monotonic()):
+            self._wait_for_acknowledgements()
+            self._sent.clear()
 
     def _wait_for(self, due: Due) -> bool:
         """Wait until a message is due; False if playing was stopped."""

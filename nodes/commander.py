@@ -24,7 +24,7 @@ from dart_skill.skill.outcome import judge_flight
 from dart_skill_nodes import conversions
 from dart_skill_nodes.links import Link
 from dart_skill_nodes.routines import Promise, RoutineServer, answer, finish, pause
-from dart_skill_nodes.support import COMPLETE, ERROR, LOOP, OK, WALL, WARN, Diagnostics, Parameter, declare, run
+from dart_skill_nodes.support import COMPLETE, ERROR, FRAMES, LOOP, OK, WALL, WARN, Diagnostics, Parameter, declare, run
 from dart_skill_nodes.watching import BEFORE_NS, Watcher
 
 TABLE = [
@@ -65,7 +65,7 @@ class CommanderNode(Node):
         self._message.header.frame_id = self.p["frame_id"]
         self._fault, self._heartbeat, self._goal, self._over = "", None, None, None
         self._command = self.create_publisher(WamCommand, "/wam/command", COMPLETE)
-        self._attractor = self.create_publisher(PoseStamped, "~/attractor", 10)
+        self._attractor = self.create_publisher(PoseStamped, "~/attractor", FRAMES)
         self._watcher = Watcher(self, self.p["frame_id"], on_pose=self._check_over)
         self.create_subscription(JointState, "/joint_states", self._on_state, LOOP)
         self.create_subscription(Time, "/skill_learner/heartbeat", self._on_heartbeat, 10)

@@ -100,6 +100,9 @@ class Playback:
                 tick += period
             yield Due(message.stamp_ns + offset, self._names[message.topic], message.stamp_ns, message.data)
 
+BEHIND = 0.5
+"""Playing that is later than this does not catch up by itself [s of the clock]."""
+
 
 class Pace:
     """Where playing has come to on somebody's clock; every method is told what time it is there [s].
@@ -129,6 +132,10 @@ class Pace:
         """A message was published: what follows is paced from it, if playing could not keep up."""
         if self.paused or self.rate == 0.0:
             self._reached_ns, self._mark = max(self._reached_ns, position_ns), now
+
+    def hurries(self, position_ns: int, now: float) -> bool:
+        """Whether messages follow each other as fast as can be, wanted so, or because playing is behind."""
+        return self.rate == 0.0 or self.position_ns(now) - position_ns > BEHIND * GIGA * self.rate
 
     def begin(self, now: float) -> None:
         """Playing begins only now."""

@@ -121,6 +121,16 @@ def test_as_fast_as_can_be_waits_for_nothing_and_can_slow_down():
     assert pace.wait(10 * SECOND, 5.5) == pytest.approx(0.5)
 
 
+def test_playing_hurries_flat_out_or_when_it_is_behind():
+    assert Pace(0.0, now=0.0).hurries(10, now=0.0)
+    pace = Pace(4.0, now=0.0)
+    assert not pace.hurries(2 * SECOND, now=0.5)
+    assert not pace.hurries(2 * SECOND, now=0.99) and pace.hurries(2 * SECOND, now=1.01), "half a second late"
+    pace.pause(True, now=1.0)
+    pace.pause(False, now=9.0)
+    assert not pace.hurries(4 * SECOND, now=9.0)
+
+
 @pytest.mark.parametrize("rate", [-1.0, math.nan, math.inf])
 def test_rates_that_are_none_are_refused(rate):
     with pytest.raises(ValueError, match="rate = "):
