@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import os
 import runpy
 import sys
 
@@ -10,8 +11,10 @@ from dart_skill.experiments.basket_command import add_basket
 from dart_skill.experiments.darts_command import add_arm_darts
 from dart_skill.experiments.practice_command import add_practice
 from dart_skill.experiments.search_command import add_landscapes, add_search
+from dart_skill.recording.bag_command import add_bag
+from dart_skill.skill.learn_command import add_learn
 
-OVER_THE_GRAPH = {"demo": "dart_skill_nodes.demo", "practice": "dart_skill_nodes.practice"}
+OVER_THE_GRAPH = {"demo": "dart_skill_nodes.demo", "practice": "dart_skill_nodes.practice", "bag play": "dart_skill_nodes.play"}
 """Commands that need the ROS 2 workspace, and the modules that run them."""
 
 
@@ -21,8 +24,15 @@ def main(arguments: list[str] | None = None) -> int:
     if arguments and arguments[0] in OVER_THE_GRAPH:
         return _over_the_graph(arguments[0], arguments[1:])
     options = _parser().parse_args(arguments)
+    if arguments[:2] == ["bag", "play"]:  # help and usage errors need no ROS
+        return _over_the_graph("bag play", arguments[2:])
     try:
-        return options.run(options)
+        status = options.run(options)
+        sys.stdout.flush()
+        return status
+    except BrokenPipeError:  # `dart-skill ... | head`: nobody reads on, and the interpreter would complain about it at its end
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
     except (ValueError, OSError, ImportError) as error:
         print(f"dart-skill: {error}", file=sys.stderr)
         return 1
@@ -33,6 +43,8 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     commands.add_parser("demo", help="the main job over real nodes: teach, learn, throw (dart-skill demo --help)")
     commands.add_parser("practice", help="own throws over real nodes, each of which is learned from (dart-skill practice --help)")
+    add_learn(commands)
+    add_bag(commands)
     experiments = commands.add_parser("experiment", help="repeat what the documentation quotes").add_subparsers(
         required=True, metavar="EXPERIMENT"
     )

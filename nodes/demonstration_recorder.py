@@ -11,7 +11,7 @@ from pathlib import Path
 
 from dart_skill_msgs.msg import Demonstration as DemonstrationMsg
 from dart_skill_msgs.srv import StopDemonstration
-from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
+from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
@@ -24,7 +24,7 @@ from dart_skill.skill.throw_finder import ThrowFinder
 from dart_skill_nodes import conversions
 from dart_skill_nodes.ears import TAKE, Ears, Heard
 from dart_skill_nodes.support import ERROR, LATCHED, OK, WALL, WARN, Diagnostics, Parameter, autostart, declare, run
-from dart_skill_nodes.topic_bag import TopicBag
+from dart_skill_nodes.topic_bag import BagKeeper, TopicBag
 from dart_skill_nodes.watching import FRAME_NS, ROLES, Arrivals, Watcher
 
 TABLE = [
@@ -46,7 +46,7 @@ TABLE = [
 ]
 
 
-class DemonstrationRecorder(LifecycleNode):
+class DemonstrationRecorder(BagKeeper):
     """A managed node: configuring opens the bag, cleaning up or shutting down closes it. It starts itself unless `autostart` is false."""
 
     def __init__(self):
@@ -88,18 +88,6 @@ class DemonstrationRecorder(LifecycleNode):
         self._timer = self.create_timer(TAKE, self._take, clock=WALL)
         self._diagnostics = Diagnostics(self, self._describe)
         return TransitionCallbackReturn.SUCCESS
-
-    def on_cleanup(self, state) -> TransitionCallbackReturn:
-        self._close()
-        return TransitionCallbackReturn.SUCCESS
-
-    def on_shutdown(self, state) -> TransitionCallbackReturn:
-        self._close()
-        return TransitionCallbackReturn.SUCCESS
-
-    def destroy_node(self) -> None:
-        self._close()
-        super().destroy_node()
 
     def _close(self) -> None:
         if self._bag is not None:

@@ -9,7 +9,7 @@ from datetime import datetime
 from functools import partial
 from pathlib import Path
 
-from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
+from rclpy.lifecycle import TransitionCallbackReturn
 
 from dart_skill.recording import types_for
 from dart_skill_nodes import conversions
@@ -17,7 +17,7 @@ from dart_skill_nodes.ears import TAKE, Ears, Heard
 from dart_skill_nodes.offered import message_class
 from dart_skill_nodes.scene import Scene
 from dart_skill_nodes.support import ERROR, OK, WALL, WARN, Diagnostics, Parameter, autostart, declare, run
-from dart_skill_nodes.topic_bag import TopicBag
+from dart_skill_nodes.topic_bag import BagKeeper, TopicBag
 
 TABLE = [
     Parameter("bag", "folder of the bag; empty: recording_<date> in the working directory"),
@@ -35,7 +35,7 @@ LOOK = 0.5
 CLOCK_TOPIC = "/clock"
 
 
-class Recorder(LifecycleNode):
+class Recorder(BagKeeper):
     """A managed node: configuring opens the bag, activating records, cleaning up or shutting down closes it.
 
     It starts itself unless `autostart` is false. With use_sim_time the log time is that of /clock, else when a message was received.
@@ -80,18 +80,6 @@ class Recorder(LifecycleNode):
         self._take()
         self._active = False
         return TransitionCallbackReturn.SUCCESS
-
-    def on_cleanup(self, state) -> TransitionCallbackReturn:
-        self._close()
-        return TransitionCallbackReturn.SUCCESS
-
-    def on_shutdown(self, state) -> TransitionCallbackReturn:
-        self._close()
-        return TransitionCallbackReturn.SUCCESS
-
-    def destroy_node(self) -> None:
-        self._close()
-        super().destroy_node()
 
     def _close(self) -> None:
         if self._bag is None:

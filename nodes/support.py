@@ -34,6 +34,7 @@ POSES = {
 """What a motion-capture driver may publish with; the second one is sensor data as ROS has it."""
 CLOCK = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
+_SYSTEM = Clock(clock_type=ClockType.SYSTEM_TIME)
 WALL = Clock(clock_type=ClockType.STEADY_TIME)
 """For watchdogs: a machine's time, never the simulation's."""
 
@@ -88,7 +89,7 @@ class Diagnostics:
         status = DiagnosticStatus(level=level, name=self._node.get_name(), message=message, hardware_id="wam")
         status.values = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
         array = DiagnosticArray(status=[status])
-        array.header.stamp = self._node.get_clock().now().to_msg()
+        array.header.stamp = _SYSTEM.now().to_msg()  # all nodes alike, those that follow /clock too
         self._publisher.publish(array)
 
 

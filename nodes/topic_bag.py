@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
@@ -75,3 +76,22 @@ class TopicBag:
             if not self.failure:
                 self._node.get_logger().error(f"recording has stopped: {error}")
             self.failure = str(error)
+
+
+class BagKeeper(LifecycleNode):
+    """A managed node with a bag, which is closed whichever way the node ends; `_close` is called once or more."""
+
+    def _close(self) -> None:
+        raise NotImplementedError
+
+    def on_cleanup(self, state) -> TransitionCallbackReturn:
+        self._close()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_shutdown(self, state) -> TransitionCallbackReturn:
+        self._close()
+        return TransitionCallbackReturn.SUCCESS
+
+    def destroy_node(self) -> None:
+        self._close()
+        super().destroy_node()
