@@ -14,7 +14,12 @@ from dart_skill.experiments.search_command import add_landscapes, add_search
 from dart_skill.recording.bag_command import add_bag
 from dart_skill.skill.learn_command import add_learn
 
-OVER_THE_GRAPH = {"demo": "dart_skill_nodes.demo", "practice": "dart_skill_nodes.practice", "bag play": "dart_skill_nodes.play"}
+OVER_THE_GRAPH = {
+    "up": "dart_skill_nodes.up",
+    "demo": "dart_skill_nodes.demo",
+    "practice": "dart_skill_nodes.practice",
+    "bag play": "dart_skill_nodes.play",
+}
 """Commands that need the ROS 2 workspace, and the modules that run them."""
 
 
@@ -41,6 +46,7 @@ def main(arguments: list[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="dart-skill", description="A robot arm that learns to throw from demonstrations.")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    commands.add_parser("up", help="start the node graph, watch it, and end it with Ctrl-C (dart-skill up --help)")
     commands.add_parser("demo", help="the main job over real nodes: teach, learn, throw (dart-skill demo --help)")
     commands.add_parser("practice", help="own throws over real nodes, each of which is learned from (dart-skill practice --help)")
     add_learn(commands)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dart_skill_nodes.graph import LAYOUTS, NODES, Graph, choose_domain
+from dart_skill_nodes.graph import LAYOUTS, NODES, SIMULATED, Graph, choose_domain
 
 choose_domain()
 
@@ -31,7 +31,7 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--throws", type=int, default=10, help="new baskets to throw at (default 10)")
     parser.add_argument("--output", type=Path, help="folder for bag, summary and pictures (default output/demo_<date>)")
     parser.add_argument("--json", action="store_true", help="summary.json on stdout instead of the table")
-    parser.add_argument("--layout", choices=sorted(LAYOUTS), default="composed", help="processes of the graph (default composed)")
+    parser.add_argument("--layout", choices=SIMULATED, default="composed", help="processes of the graph (default composed)")
     parser.add_argument("--configuration", default="", help="of the skill (default: that of config/skill_learner.yaml)")
     options = parser.parse_args(arguments)
     for name, least in (("seed", 0), ("demonstrations", 2), ("throws", 1)):

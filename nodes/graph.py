@@ -10,16 +10,27 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Iterable
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from dart_skill_nodes.interrupts import ENDS_WITH
+
 LAYOUTS = {
     "composed": ("composed", "skill_learner"),
     "processes": ("wam_simulator", "mock_optitrack", "commander", "demonstration_recorder", "teacher", "coach", "skill_learner"),
+    "hardware": ("commander", "demonstration_recorder", "skill_learner"),
+    "replay": ("skill_learner", "demonstration_recorder", "bag_player"),
 }
+"""Executables: the simulated graph in two processes or in seven; what a real arm and real cameras need besides; what a recording needs."""
+SIMULATED = ("composed", "processes")
 NODES = LAYOUTS["processes"]
 """Names of all nodes; each is the name of its executable too."""
+NODES_OF = {"composed": NODES[:-1]}
+"""Nodes of an executable that has several."""
+INPUTS = ["/joint_states", "/wam/command", "/wam/teacher_wrench", *(f"/vrpn_mocap/{body}/pose" for body in ("hand", "ball", "basket"))]
+"""What the recorder cuts demonstrations out of."""
 TAKING_TURNS = ("wam_simulator", "commander", "composed")
 """They wait for each other at every step: on one core they hand over faster than from core to core (1.6 times, on two cores)."""
 SEEDED = ("composed", "wam_simulator", "mock_optitrack", "demonstration_recorder", "teacher", "coach")
@@ -49,6 +60,26 @@ def _free(port: int) -> bool:
     return True
 
 
+def parameters_of(executable: str, layout: str, seed=0, bag="", played="", rate=1.0) -> dict:
+    """What an executable is started with in a layout, by names of parameters; the values may be a launch file's substitutions.
+
+    seed: of a simulated graph. bag: what the demonstration recorder writes. played, rate: the bag of a replay, and how fast.
+    """
+    parameters = {"seed": seed} if executable in SEEDED and layout in SIMULATED else {}
+    if executable in ("composed", "demonstration_recorder"):
+        parameters["bag"] = bag
+    if layout == "replay" and executable == "demonstration_recorder":
+        parameters["automatic"] = True
+    if executable == "bag_player":
+        parameters |= {"bag": played, "rate": rate, "exclude": ["/demonstrations"], "awaited": ["/joint_states"]}
+    return parameters
+
+
+def nodes_of(executables: Iterable[str]) -> list[str]:
+    """Names of the nodes that executables run."""
+    return [node for executable in executables for node in NODES_OF.get(executable, (executable,))]
+
+
 @dataclass
 class Graph:
     """Running nodes, each a process with its log in `logs`; a context manager that leaves no process behind.
@@ -69,17 +100,15 @@ class Graph:
             command += ["--ros-args", *(part for argument in arguments for part in argument)]
         self.logs.mkdir(parents=True, exist_ok=True)
         with open(self.logs / f"{executable}.log", "ab") as log:
-            process = subprocess.Popen(command, stdout=log, stderr=log, stdin=subprocess.DEVNULL)
+            environment = {**os.environ, ENDS_WITH: str(os.getpid())}
+            process = subprocess.Popen(command, stdout=log, stderr=log, stdin=subprocess.DEVNULL, env=environment)
         self.processes[executable] = process
         _place(process, executable)
 
     def start_all(self, layout: str, seed: int, bag: Path, extra: dict[str, dict] | None = None) -> None:
         """Start a whole layout with one seed and the bag to record to."""
         for executable in LAYOUTS[layout]:
-            parameters = {"seed": seed} if executable in SEEDED else {}
-            if executable in ("composed", "demonstration_recorder"):
-                parameters["bag"] = str(bag)
-            self.start(executable, {**parameters, **(extra or {}).get(executable, {})})
+            self.start(executable, parameters_of(executable, layout, seed, str(bag)) | (extra or {}).get(executable, {}))
 
     def dead(self) -> str:
         """What to say about a process that has ended by itself, with the end of its log; empty if all run."""
@@ -122,4 +151,7 @@ def _place(process: subprocess.Popen, executable: str) -> None:
 
 
 def _text(value) -> str:
+    """As the command line of a node takes it: YAML."""
+    if isinstance(value, (list, tuple)):
+        return f"[{','.join(map(_text, value))}]"
     return str(value).lower() if isinstance(value, bool) else str(value)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dart_skill_nodes.graph import LAYOUTS, NODES, Graph, choose_domain
+from dart_skill_nodes.graph import LAYOUTS, NODES, SIMULATED, Graph, choose_domain
 
 choose_domain()
 
@@ -34,7 +34,7 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--change-after", type=int, default=5, metavar="N", help="own throws before the change (default 5)")
     parser.add_argument("--output", type=Path, help="folder for the bag and the logs (default output/practice_<date>)")
     parser.add_argument("--json", action="store_true", help="every throw as JSON on stdout instead of the table")
-    parser.add_argument("--layout", choices=sorted(LAYOUTS), default="composed", help="processes of the graph (default composed)")
+    parser.add_argument("--layout", choices=SIMULATED, default="composed", help="processes of the graph (default composed)")
     options = parser.parse_args(arguments)
     for name, least in (("seed", 0), ("demonstrations", 2), ("throws", 1), ("change_after", 0)):
         if getattr(options, name) < least:

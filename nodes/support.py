@@ -1,7 +1,6 @@
 """What all nodes share: the spin loop, parameters from config/ with their descriptions, diagnostics, quality of service."""
 
-import signal
-import time
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -16,6 +15,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.signals import SignalHandlerOptions
 
 from dart_skill.configuration import node_parameters
+from dart_skill_nodes.interrupts import Interrupts
 
 LOOP = QoSProfile(depth=10)
 """For subscribers that answer the newest state: reliable, ten messages."""
@@ -87,7 +87,7 @@ class Diagnostics:
     def publish(self) -> None:
         level, message, values = self._describe()
         status = DiagnosticStatus(level=level, name=self._node.get_name(), message=message, hardware_id="wam")
-        status.values = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
+        status.values = [KeyValue(key=key, value=str(value)) for key, value in {**values, "process": os.getpid()}.items()]
         array = DiagnosticArray(status=[status])
         array.header.stamp = _SYSTEM.now().to_msg()  # all nodes alike, those that follow /clock too
         self._publisher.publish(array)
@@ -105,34 +105,11 @@ def make_executor():
     return EventsExecutor()
 
 
-class _Interrupts:
-    """SIGINT and SIGTERM end the spin loop between two callbacks: rclpy's own handlers invalidate the context at once, in the middle of
-    a callback that still publishes. A second one, when the first did not help, interrupts whatever is running.
-    """
-
-    PATIENCE = 1.0  # seconds in which one Ctrl-C may arrive twice: from the terminal, and forwarded by whoever started the node
-
-    def __init__(self):
-        self._first: float | None = None
-        for signal_number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(signal_number, self._on_signal)
-
-    def __bool__(self) -> bool:
-        return self._first is not None
-
-    def _on_signal(self, *_) -> None:
-        now = time.monotonic()
-        if self._first is None:
-            self._first = now
-        elif now - self._first > self.PATIENCE:
-            raise KeyboardInterrupt
-
-
 def run(
     make_nodes: Callable[[], list[Node]], args: list[str] | None = None, over: Callable[[list[Node]], bool] = lambda nodes: False
 ) -> None:
     """Main function of every executable: start nodes, spin until told to stop, or until it is over, shut down in order."""
-    interrupts = _Interrupts()
+    interrupts = Interrupts()
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     nodes: list[Node] = []
     try:

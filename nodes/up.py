@@ -1,0 +1,161 @@
+"""`dart-skill up`: the node graph, started, watched and ended in order; it stays until Ctrl-C."""
+
+import argparse
+import json
+import os
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime
+from pathlib import Path
+
+from dart_skill_nodes.graph import LAYOUTS, SIMULATED, Graph, nodes_of, parameters_of
+
+os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")  # before rclpy starts
+
+import rclpy  # noqa: E402
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
+from rclpy.signals import SignalHandlerOptions  # noqa: E402
+
+from dart_skill_nodes.coaching import Coach, GraphFailure  # noqa: E402
+from dart_skill_nodes.interrupts import Interrupts  # noqa: E402
+
+LEVELS = {DiagnosticStatus.OK: "ready", DiagnosticStatus.WARN: "warning", DiagnosticStatus.ERROR: "error", DiagnosticStatus.STALE: "stale"}
+PATIENCE = 60.0
+"""For a node to tell of itself [s, wall clock]."""
+TEACH = """ros2 action send_goal /teach dart_skill_msgs/action/Teach '{target: {x: 2.0, y: 0.3, z: 0.4}}'"""
+LEARN = "ros2 service call /skill_learner/learn dart_skill_msgs/srv/Learn '{at_least: 2}'"
+HARDWARE = "ros2 service call /demonstration_recorder/start std_srvs/srv/Trigger"
+NEXT = {"composed": TEACH, "processes": TEACH, "hardware": HARDWARE, "replay": LEARN}
+"""What to do when everything is ready."""
+
+
+def parse(arguments: list[str] | None) -> argparse.Namespace:
+    """Command line of `dart-skill up`."""
+    parser = argparse.ArgumentParser(prog="dart-skill up", description=__doc__)
+    parser.add_argument("--layout", choices=list(LAYOUTS), help="what is started (default composed; replay with --play)")
+    parser.add_argument("--seed", type=int, default=0, help="everything random in the simulation comes from it (default 0)")
+    parser.add_argument("--play", type=Path, metavar="BAG", help="bag of a replay")
+    parser.add_argument("--rate", type=float, default=1.0, help="of a replay; 0: as fast as can be (default 1)")
+    parser.add_argument("--viewer", action="store_true", help="the live view, too")
+    parser.add_argument("--record", type=Path, metavar="FOLDER", help="every topic into a bag, too")
+    parser.add_argument("--output", type=Path, help="folder for logs and the bag of demonstrations (default output/up_<date>)")
+    parser.add_argument("--json", action="store_true", help="each event as a line of JSON")
+    options = parser.parse_args(arguments)
+    options.layout = options.layout or ("replay" if options.play else "composed")
+    if (options.layout == "replay") != bool(options.play):
+        parser.error("the layout replay, and no other, needs --play BAG")
+    if options.seed < 0 or not 0.0 <= options.rate < float("inf"):
+        parser.error(f"--seed is {options.seed}, --rate {options.rate}: neither may be negative or infinite")
+    options.output = (options.output or Path("output") / f"up_{datetime.now():%Y_%m_%d-%H_%M_%S}").resolve()
+    return options
+
+
+class Status:
+    """What every node last said of itself on /diagnostics; `tell` is called with each change. strangers: nodes of the same names that
+    somebody else started; own: the processes that were not.
+    """
+
+    def __init__(self, coach: Coach, nodes: list[str], tell):
+        self.strangers, self.own, self._nodes = set(), set(), nodes
+        self.silent, self._said, self._tell, self._begun = set(nodes), {}, tell, time.monotonic()
+        coach.node.create_subscription(DiagnosticArray, "/diagnostics", self._take, 50)
+
+    def _take(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if {pair.key: pair.value for pair in status.values}.get("process") not in self.own:
+                self.strangers |= {status.name} & set(self._nodes)
+            elif status.name in self.silent or (status.name in self._said and self._said[status.name] != status.level):
+                self.silent.discard(status.name)
+                self._said[status.name] = status.level
+                self._tell(LEVELS[status.level], node=status.name, message=status.message, seconds=round(time.monotonic() - self._begun, 1))
+
+
+def executables(options: argparse.Namespace) -> dict[str, dict]:
+    """What is started, and with which parameters."""
+    played = str(options.play.resolve()) if options.play else ""
+    wanted = {
+        name: parameters_of(name, options.layout, options.seed, str(options.output / "bag"), played, options.rate)
+        for name in LAYOUTS[options.layout]
+    }
+    if options.record:
+        wanted["recorder"] = {"bag": str(options.record.resolve()), "use_sim_time": options.layout in SIMULATED}
+    if options.viewer:
+        wanted["viewer"] = {}
+    return wanted
+
+
+def stay(options: argparse.Namespace, interrupts: Interrupts, tell) -> None:
+    """Start the graph, say which nodes are ready, and wait for the end; GraphFailure if a node ends by itself, or says nothing."""
+    wanted = executables(options)
+    with Graph(options.output / "logs") as graph, closed(Coach(lambda: dead(graph, tell), name="up")) as coach:
+        status = Status(coach, nodes_of(wanted), tell)
+        for name, parameters in wanted.items():
+            graph.start(name, parameters)
+            status.own.add(str(graph.processes[name].pid))
+        until = time.monotonic() + PATIENCE
+        is_up = False
+        while not interrupts:
+            coach.spin()
+            if status.strangers and not is_up:
+                names = ", ".join(sorted(status.strangers))
+                raise GraphFailure(f"{names} run already: end them, or set ROS_DOMAIN_ID to another number")
+            if status.silent and time.monotonic() > until:
+                raise GraphFailure(f"nothing was heard of {', '.join(sorted(status.silent))} within {PATIENCE:.0f} s")
+            if not (status.silent or is_up):
+                is_up = True
+                tell("up", message=f"all nodes are ready; logs in {graph.logs}; Ctrl-C ends them", next=NEXT[options.layout])
+        tell("down", message="ending all nodes")
+
+
+def dead(graph: Graph, tell) -> str:
+    """As `Graph.dead`, but for a replay that has come to its end."""
+    player = graph.processes.get("bag_player")
+    if player is not None and player.poll() == 0:
+        del graph.processes["bag_player"]
+        tell("over", node="bag_player", message="the bag was played to its end")
+    return graph.dead()
+
+
+@contextmanager
+def closed(coach: Coach) -> Iterator[Coach]:
+    """A coach that is closed in the end."""
+    try:
+        yield coach
+    finally:
+        coach.close()
+
+
+def teller(as_json: bool):
+    """Prints events: a line of JSON each, or text."""
+
+    def tell(event: str, node: str = "", message: str = "", **more) -> None:
+        if as_json:
+            line = json.dumps({"event": event, "node": node, "message": message, **more})
+        else:
+            seconds = f"{more['seconds']:6.1f} s  " if "seconds" in more else ""
+            line = f"{seconds}{event:8s} {node:24s} {message}" if node else message
+            line += f"\nnext: {more['next']}" if "next" in more else ""
+        print(line, flush=True)
+
+    return tell
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point; returns the exit status."""
+    options = parse(arguments)
+    interrupts = Interrupts()
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        stay(options, interrupts, teller(options.json))
+    except GraphFailure as failure:
+        print(f"dart-skill up: {failure}", file=sys.stderr)
+        return 1
+    finally:
+        rclpy.try_shutdown()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,106 @@
+"""`dart-skill up`: says which nodes are ready, tells of one that ends, and leaves none behind, however it ends itself."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from dart_skill_nodes.graph import LAYOUTS, NODES
+from dart_skill_nodes.interrupts import ENDS_WITH
+
+PATIENCE = 60.0
+
+
+def children(pid):
+    """Processes that were started by a process, whether it still runs or not."""
+    mark, found = f"{ENDS_WITH}={pid}".encode(), []
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            if mark in (folder / "environ").read_bytes().split(b"\0"):
+                found.append(int(folder.name))
+        except OSError:
+            continue
+    return found
+
+
+def until(condition, what):
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end, f"{what} did not happen within {PATIENCE:.0f} s"
+        time.sleep(0.05)
+
+
+@pytest.fixture
+def start(tmp_path):
+    """Starts `dart-skill up`; its events come line by line. Whatever is left after the test is killed."""
+    started = []
+
+    def begin(*arguments):
+        command = [sys.executable, "-m", "dart_skill.cli", "up", "--json", "--output", str(tmp_path / f"up_{len(started)}"), *arguments]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        started.append(process)
+        return process
+
+    yield begin
+    for process in started:
+        for pid in [process.pid] if process.poll() is None else []:
+            os.kill(pid, signal.SIGKILL)
+        process.communicate()
+        until(lambda process=process: not children(process.pid), "the end of its nodes")
+
+
+def events_until(process, wanted):
+    """The events up to one of a kind."""
+    seen = []
+    for line in process.stdout:
+        if line.startswith("{"):
+            seen.append(json.loads(line))
+            if seen[-1]["event"] == wanted:
+                return seen
+    pytest.fail(f"no event '{wanted}': {seen}\n{process.stderr.read()}")
+
+
+def test_every_node_is_told_of_and_none_is_left_after_ctrl_c(start):
+    process = start("--seed", "3")
+    events = events_until(process, "up")
+    assert {event["node"] for event in events[:-1]} == set(NODES)
+    assert "next" in events[-1]
+    assert len(children(process.pid)) == len(LAYOUTS["composed"])
+    process.send_signal(signal.SIGINT)
+    rest = [json.loads(line) for line in process.stdout if line.startswith("{")]
+    assert process.wait(PATIENCE) == 0 and rest[-1]["event"] == "down"
+    assert children(process.pid) == []
+
+
+def test_a_node_that_ends_is_named_and_ends_the_rest(start):
+    process = start("--layout", "hardware")
+    events_until(process, "up")
+    victim = next(pid for pid in children(process.pid) if b"commander" in (Path("/proc") / str(pid) / "cmdline").read_bytes())
+    os.kill(victim, signal.SIGKILL)
+    _, complaint = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 1 and "commander ended with status -9" in complaint and "Traceback" not in complaint
+    assert children(process.pid) == []
+
+
+def test_nodes_end_with_whoever_started_them_and_a_second_graph_is_refused(start):
+    first = start("--layout", "hardware")
+    events_until(first, "up")
+    second = start("--layout", "hardware")
+    _, complaint = second.communicate(timeout=PATIENCE)
+    assert second.returncode == 1 and "run already" in complaint
+    assert first.poll() is None, "who was there first stays"
+    first.kill()
+    first.wait()
+    until(lambda: not children(first.pid), "the end of the nodes")
+
+
+@pytest.mark.parametrize("arguments", [["--layout", "replay"], ["--play", "bag", "--layout", "composed"], ["--seed", "-1"]])
+def test_usage_errors_are_told(start, arguments):
+    process = start(*arguments)
+    _, complaint = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 2 and "error:" in complaint

@@ -1,0 +1,87 @@
+"""The launch files start executables that there are, with parameters that these have; a stand-in for `launch`, which is not on PyPI."""
+
+import importlib.util
+import re
+import runpy
+import sys
+import types
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+FILES = sorted((ROOT / "launch").glob("*.launch.py"))
+
+
+class Recorded:
+    """Anything of `launch`: remembers what it was made of."""
+
+    def __init__(self, *values, **options):
+        self.values, self.options = values, options
+
+
+def stand_ins(monkeypatch):
+    """Modules of launch and launch_ros; every class is a `Recorded` of its own."""
+    wanted = {
+        "launch": ["LaunchDescription"],
+        "launch.actions": ["DeclareLaunchArgument", "SetEnvironmentVariable"],
+        "launch.conditions": ["IfCondition"],
+        "launch.substitutions": ["EqualsSubstitution", "LaunchConfiguration"],
+        "launch_ros": [],
+        "launch_ros.actions": ["Node"],
+        "launch_ros.parameter_descriptions": ["ParameterValue"],
+    }
+    for name, classes in wanted.items():
+        module = types.ModuleType(name)
+        for one in classes:
+            setattr(module, one, type(one, (Recorded,), {}))
+        monkeypatch.setitem(sys.modules, name, module)
+    monkeypatch.delitem(sys.modules, "dart_skill_nodes.launching", raising=False)
+
+
+@pytest.fixture(params=FILES, ids=lambda file: file.name)
+def entities(request, monkeypatch):
+    if importlib.util.find_spec("dart_skill_nodes") is None:
+        pytest.skip("the workspace is not built")
+    stand_ins(monkeypatch)
+    description = runpy.run_path(str(request.param))["generate_launch_description"]()
+    yield description.values[0]
+    sys.modules.pop("dart_skill_nodes.launching", None)
+
+
+def of(entities, kind):
+    return [one for one in entities if type(one).__name__ == kind]
+
+
+def parameters_there_are(executable):
+    """Names of the parameters that an executable's nodes declare."""
+    from dart_skill_nodes.graph import nodes_of
+
+    sources = [(ROOT / "nodes" / f"{node}.py").read_text() for node in nodes_of([executable])]
+    return {name for source in sources for name in re.findall(r'\("(\w+)", ', source)}
+
+
+def test_nodes_and_their_parameters_exist(entities):
+    setup = (ROOT / "setup.py").read_text()
+    nodes = of(entities, "Node")
+    assert nodes
+    for node in nodes:
+        executable = node.options["executable"]
+        assert f'"{executable}",' in setup
+        for parameters in node.options.get("parameters", []):
+            assert set(parameters) <= parameters_there_are(executable), executable
+
+
+def test_arguments_are_described_and_all_that_is_used_is_declared(entities):
+    declared = {argument.values[0]: argument.options for argument in of(entities, "DeclareLaunchArgument")}
+    assert all(options["description"] and isinstance(options["default_value"], str) for options in declared.values())
+    used = set()
+    for node in of(entities, "Node"):
+        values = [value for parameters in node.options.get("parameters", []) for value in parameters.values()]
+        used |= {value.values[0].values[0] for value in values if type(value).__name__ == "ParameterValue"}
+    assert used | {"viewer"} <= set(declared) <= used | {"viewer", "layout"}
+
+
+def test_discovery_stays_on_this_machine(entities):
+    (variable,) = of(entities, "SetEnvironmentVariable")
+    assert variable.values[0] == "ROS_AUTOMATIC_DISCOVERY_RANGE"
