@@ -19,6 +19,7 @@ OVER_THE_GRAPH = {
     "demo": "dart_skill_nodes.demo",
     "practice": "dart_skill_nodes.practice",
     "bag play": "dart_skill_nodes.play",
+    **dict.fromkeys(("teach", "throw", "learn"), "dart_skill_nodes.verbs"),
 }
 """Commands that need the ROS 2 workspace, and the modules that run them."""
 
@@ -26,11 +27,13 @@ OVER_THE_GRAPH = {
 def main(arguments: list[str] | None = None) -> int:
     """Entry point; returns the exit status."""
     arguments = sys.argv[1:] if arguments is None else arguments
-    if arguments and arguments[0] in OVER_THE_GRAPH:
+    if arguments and arguments[0] in OVER_THE_GRAPH and arguments[0] != "learn":
         return _over_the_graph(arguments[0], arguments[1:])
     options = _parser().parse_args(arguments)
     if arguments[:2] == ["bag", "play"]:  # help and usage errors need no ROS
         return _over_the_graph("bag play", arguments[2:])
+    if arguments[0] == "learn" and options.bag is None:
+        return _over_the_graph("learn", arguments[1:])
     try:
         status = options.run(options)
         sys.stdout.flush()
@@ -49,7 +52,9 @@ def _parser() -> argparse.ArgumentParser:
     commands.add_parser("up", help="start the node graph, watch it, and end it with Ctrl-C (dart-skill up --help)")
     commands.add_parser("demo", help="the main job over real nodes: teach, learn, throw (dart-skill demo --help)")
     commands.add_parser("practice", help="own throws over real nodes, each of which is learned from (dart-skill practice --help)")
+    commands.add_parser("teach", help="throws that a person guides, on a graph that runs (dart-skill teach --help)")
     add_learn(commands)
+    commands.add_parser("throw", help="throws of the arm, on a graph that runs (dart-skill throw --help)")
     add_bag(commands)
     experiments = commands.add_parser("experiment", help="repeat what the documentation quotes").add_subparsers(
         required=True, metavar="EXPERIMENT"
@@ -83,7 +88,8 @@ def _parser() -> argparse.ArgumentParser:
 
 def _over_the_graph(command: str, arguments: list[str]) -> int:
     """Run a command of the nodes in this interpreter: the library itself knows no ROS."""
-    sys.argv = [f"dart-skill {command}", *arguments]
+    verb = [command] if OVER_THE_GRAPH[command].endswith(".verbs") else []
+    sys.argv = [f"dart-skill {command}", *verb, *arguments]
     try:
         runpy.run_module(OVER_THE_GRAPH[command], run_name="__main__")
     except ImportError as error:

@@ -10,8 +10,9 @@ from pathlib import Path
 
 def add_learn(commands) -> None:
     """Add `learn` to the commands of `dart-skill`."""
-    parser = commands.add_parser("learn", help="a model from a recording alone: a bag, or a folder with CSV files")
-    parser.add_argument("bag", metavar="BAG", type=Path, help="rosbag2 folder, .mcap or .db3 file, or a folder with CSV files")
+    parser = commands.add_parser("learn", help="a model from a recording alone, or on a graph that runs, from what it was shown")
+    text = "rosbag2 folder, .mcap or .db3 file, or a folder with CSV files; none: the learner of the graph that runs learns"
+    parser.add_argument("bag", metavar="BAG", type=Path, nargs="?", help=text)
     parser.add_argument(
         "--mapping", metavar="FILE", type=Path, help="names topics, columns, axes and units (config/recordings/example.yaml)"
     )
@@ -21,6 +22,7 @@ def add_learn(commands) -> None:
     way.add_argument("--demonstrations-topic", action="store_true", help="take what the recorder published on /demonstrations instead")
     parser.add_argument("--with-throws", action="store_true", help="learn from misses and from the arm's own throws, too")
     parser.add_argument("--configuration", default="default", help="of the skill (default: default)")
+    parser.add_argument("--at-least", type=int, metavar="N", help="without BAG: wait for so many demonstrations")
     parser.add_argument("--json", action="store_true", help="what was found and learned as JSON")
     parser.set_defaults(run=_learn)
 

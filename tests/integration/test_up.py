@@ -77,6 +77,24 @@ def test_every_node_is_told_of_and_none_is_left_after_ctrl_c(start):
     assert children(process.pid) == []
 
 
+def test_what_runs_is_taught_learns_and_throws(start):
+    process = start()
+    events_until(process, "up")
+    for arguments, told in ((["teach", "--count", "2"], "lessons"), (["learn", "--at-least", "2"], "model_id"), (["throw"], "throws")):
+        command = [sys.executable, "-m", "dart_skill.cli", *arguments, "--json"]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=2 * PATIENCE)
+        assert done.returncode == 0, done.stderr
+        assert json.loads(done.stdout)[told]
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0
+
+
+def test_without_a_graph_the_verbs_say_how_to_start_it(start):
+    done = subprocess.run([sys.executable, "-m", "dart_skill.cli", "throw"], capture_output=True, text=True, timeout=PATIENCE)
+    assert done.returncode == 1 and "'dart-skill up' starts it" in done.stderr
+
+
 def test_a_node_that_ends_is_named_and_ends_the_rest(start):
     process = start("--layout", "hardware")
     events_until(process, "up")
