@@ -1,0 +1,57 @@
+"""The bags in bags/: whole, readable by others, small, and teaching what they were recorded to teach."""
+
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import Reader
+
+from dart_skill.recording import BagReader, read_demonstrations
+from dart_skill.recording.foreign import read_recording
+from dart_skill.recording.integrity import check_bag
+from dart_skill.skill.from_bag import find_throws, learn_from_bag
+from tests.unit.recorded_session import same
+
+BAGS = Path(__file__).parents[2] / "bags"
+NAMES = ("demonstrations", "throws")
+
+
+@lru_cache
+def throws_of(name):
+    return find_throws(read_recording(BAGS / name))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_nothing_is_wrong_with_a_bag_and_others_read_it(name):
+    assert check_bag(BAGS / name) == []
+    with BagReader(BAGS / name) as bag, Reader(BAGS / name) as reader:
+        assert sum(topic.count for topic in bag.topics.values()) == sum(1 for _ in reader.messages())
+        assert "/tf" in bag.topics and "/robot_description" in bag.topics and "/simulation/state" not in bag.topics
+
+
+def test_together_they_are_small():
+    assert sum(file.stat().st_size for file in BAGS.rglob("*") if file.is_file()) < 20e6
+
+
+def test_thirteen_demonstrations_are_found_as_the_recorder_cut_them():
+    found = [throw.demonstration for throw in throws_of("demonstrations") if throw.shows]
+    told = list(read_demonstrations(BAGS / "demonstrations"))
+    assert len(found) == len(told) == 13
+    assert [same(one, other) for one, other in zip(found, told, strict=True)] == [[]] * 13
+
+
+def test_twenty_throws_are_found_and_land_where_the_skill_meant_them_to():
+    throws = throws_of("throws")
+    assert len(throws) == 20 and not any(throw.taught for throw in throws)
+    assert np.median([throw.outcome.landing_error for throw in throws]) < 0.025
+    assert sum(throw.outcome.in_basket for throw in throws) >= 19
+
+
+def test_they_teach_a_skill_and_throws_add_to_it():
+    skill, report = learn_from_bag(BAGS / "demonstrations", raw=False)
+    assert len(report.learned_from) == 13
+    target = np.array([2.0, 0.2, 0.4])
+    assert np.linalg.norm(skill.plan(target).predicted_landing - target) < 0.01
+    _, more = learn_from_bag(BAGS / "throws", with_throws=True)
+    assert len(more.learned_from) >= 19

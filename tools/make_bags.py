@@ -1,0 +1,98 @@
+#!/usr/bin/env python3
+"""Makes the bags that the tests and the quick start use: 13 demonstrations and 20 throws, recorded from this project's own graph.
+
+    source tools/env.sh && python3 tools/make_bags.py FOLDER
+
+The recorder runs beside the graph of the main job, with the simulation's clock: the same seed gives the same poses, states and commands.
+"""
+
+import argparse
+import signal
+import sys
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from dart_skill_nodes.graph import Graph, choose_domain
+
+choose_domain()
+
+import rclpy  # noqa: E402  the domain must be chosen before rclpy starts
+from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
+
+from dart_skill.experiments.targets import targets_for  # noqa: E402
+from dart_skill_nodes.coaching import Coach, GraphFailure  # noqa: E402
+from dart_skill_nodes.demo import teach, throw_all  # noqa: E402
+
+SEED, DEMONSTRATIONS, THROWS = 0, 13, 20
+HEARD = ("/joint_states", "/wam/command", *(f"/vrpn_mocap/{body}/pose" for body in ("hand", "ball", "basket")))
+TOPICS = [*HEARD, "/wam/teacher_wrench", "/demonstrations", "/robot_description", "/commander/attractor", "/skill_learner/model"]
+
+PATIENCE = 30.0
+"""For the recorder to hear every sensor [s, wall clock]."""
+
+
+class Recording:
+    """The recorder node, from when it hears every sensor until the block is left."""
+
+    def __init__(self, graph: Graph, coach: Coach, bag: Path, note: str):
+        self._graph, self._coach, self._counts = graph, coach, {}
+        coach.node.create_subscription(DiagnosticArray, "/diagnostics", self._look, 10)
+        notes = f"['seed={SEED}','what={note}']"
+        wanted = {"bag": str(bag), "topics": f"[{','.join(TOPICS)}]", "notes": notes, "use_sim_time": True, "transform_rate": 25.0}
+        graph.start("recorder", wanted)
+
+    def __enter__(self) -> None:
+        until = time.monotonic() + PATIENCE
+        while not all(topic in self._counts for topic in HEARD):
+            self._coach.spin()
+            if time.monotonic() > until:
+                raise GraphFailure(f"the recorder does not hear {sorted(set(HEARD) - set(self._counts))}")
+
+    def __exit__(self, *failure) -> None:
+        recorder = self._graph.processes.pop("recorder")
+        recorder.send_signal(signal.SIGINT)
+        recorder.wait()
+        if lost := [name for name, count in self._counts.items() if name.endswith(" lost") and not name.startswith("/clock")]:
+            raise GraphFailure(f"messages were lost ({', '.join(lost)}): make the bags again when the machine has nothing else to do")
+
+    def _look(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name == "recorder":
+                self._counts = {pair.key: pair.value for pair in status.values}
+
+
+def make(folder: Path, logs: Path) -> None:
+    """Record both bags into a folder."""
+    shown, new = targets_for(SEED, DEMONSTRATIONS, THROWS)
+    with Graph(logs) as graph:
+        coach = Coach(graph.dead)
+        graph.start_all("composed", SEED, logs / "bag")
+        coach.wait_until_ready()
+        with Recording(graph, coach, folder / "demonstrations", f"{DEMONSTRATIONS} throws that a person guides"):
+            teach(coach, SEED, DEMONSTRATIONS)
+        coach.learn()
+        with Recording(graph, coach, folder / "throws", f"{THROWS} throws of the arm, learned from these demonstrations"):
+            throw_all(coach, new)
+        coach.close()
+
+
+def main() -> int:
+    """Entry point; returns the exit status."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path, help="where the bags go; each must not exist")
+    folder = parser.parse_args().folder
+    rclpy.init()
+    try:
+        with TemporaryDirectory() as logs:
+            make(folder.resolve(), Path(logs))
+    except GraphFailure as failure:
+        print(f"make_bags: {failure}", file=sys.stderr)
+        return 1
+    finally:
+        rclpy.try_shutdown()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
