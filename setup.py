@@ -15,6 +15,7 @@ NODES = (
     "coach",
     "recorder",
     "bag_player",
+    "viewer",
     "composed",
 )
 

@@ -18,8 +18,10 @@ NODES = {
     "teacher": {"teacher"},
     "coach": {"coach"},
     "recorder": {"recorder"},
+    "viewer": {"viewer"},
     "composed": {"wam_simulator", "mock_optitrack", "commander", "demonstration_recorder", "teacher", "coach"},
 }
+ARGUMENTS = {"viewer": ["--ros-args", "-p", "port:=0"]}
 
 
 @pytest.mark.parametrize("executable", NODES)
@@ -28,7 +30,7 @@ def test_starts_with_ros2_run_and_ends_on_sigint(ros, tmp_path, executable):
     executor = make_executor()
     executor.add_node(node)
     log = open(tmp_path / "log", "wb")
-    command = [shutil.which("ros2"), "run", "dart_skill", executable]
+    command = [shutil.which("ros2"), "run", "dart_skill", executable, *ARGUMENTS.get(executable, [])]
     process = subprocess.Popen(command, cwd=tmp_path, stdout=log, stderr=log)
     try:
         for _ in range(300):

@@ -1,0 +1,104 @@
+"""The web server of the view: viser, an optional package, bound to this machine and closed to pages of other origins."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import io
+import ipaddress
+import socket
+from collections.abc import Mapping
+from types import ModuleType
+from typing import Any
+from urllib.parse import urlsplit
+
+POLICY_VIOLATION = 1008
+"""Status with which a websocket is closed (RFC 6455, section 7.4.1)."""
+
+
+class ViewUnavailable(RuntimeError):
+    """The view cannot be served here; the message says what to do."""
+
+
+def load_viser() -> ModuleType:
+    """The module viser; ViewUnavailable names the package to install."""
+    try:
+        return importlib.import_module("viser")
+    except ImportError as error:
+        raise ViewUnavailable(
+            f"the live view needs the package viser, which is not there ({error}): pip install 'viser>=1.1,<1.2'"
+        ) from error
+
+
+def open_server(host: str = "127.0.0.1", port: int = 0, title: str = "dart_skill") -> Any:
+    """A running viser.ViserServer, empty, for `Scene` and `Panel`.
+
+    host: address to listen on; port: 0 for any free one, else that one and no other. ViewUnavailable if viser is missing or the port is
+    taken. Stop it with its method `stop`.
+    """
+    viser = load_viser()
+    _check_free(host, port)
+    with contextlib.redirect_stdout(io.StringIO()):  # viser prints a panel; whoever opens a server says so in its own way
+        server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
+    _refuse_other_origins(server)
+    server.request_share_url = _never_share  # any client may ask viser for a public address; an arm is not to be had from outside
+    server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
+    return server
+
+
+def url_of(server: Any) -> str:
+    """Where a browser on this machine finds the page."""
+    host = server.get_host()
+    host = "127.0.0.1" if host in ("0.0.0.0", "::", "") else host
+    return f"http://{f'[{host}]' if ':' in host else host}:{server.get_port()}"
+
+
+def is_own_page(headers: Mapping[str, str]) -> bool:
+    """Whether a websocket was opened by a page of this server, or by a program that is no browser.
+
+    Browsers let every page open a websocket to every address, so a page on the web could move the arm. Its `Origin` gives it away; and a
+    name that somebody else gave to this machine's address (DNS rebinding) is neither an address nor one of its own names.
+    """
+    origin = headers.get("Origin")
+    if origin is None:
+        return True
+    page, asked = urlsplit(origin), urlsplit(f"//{headers.get('Host', '')}")
+    return page.netloc == asked.netloc and _is_own_name(asked.hostname or "")
+
+
+def _is_own_name(name: str) -> bool:
+    if name in ("localhost", socket.gethostname().lower(), socket.getfqdn().lower()):
+        return True
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+def _refuse_other_origins(server: Any) -> None:
+    websockets = server._websock_server  # viser has no public way to see the request of a connection
+
+    async def check(connection: Any) -> None:
+        socket_of_client = websockets._live_connections[connection.client_id]
+        if not is_own_page(socket_of_client.request.headers):
+            await socket_of_client.close(POLICY_VIOLATION, "pages of other origins do not move this arm")
+
+    websockets.on_client_connect(check)
+
+
+def _never_share(*_: Any, **__: Any) -> None:
+    return None
+
+
+def _check_free(host: str, port: int) -> None:
+    """viser takes the next port when one is taken, and so a page that nobody looks for."""
+    if not 0 <= port <= 65535:
+        raise ViewUnavailable(f"port = {port}: give one from 1 to 65535, or 0 for any free one")
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with socket.socket(family, socket.SOCK_STREAM) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+        except OSError as error:
+            raise ViewUnavailable(f"{host}:{port} cannot be served ({error.strerror}): give another host or port, or port 0") from error

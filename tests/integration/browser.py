@@ -1,0 +1,166 @@
+"""A headless Chromium for tests, driven through the DevTools protocol over the websockets package that viser brings."""
+
+import base64
+import io
+import json
+import os
+import shutil
+import subprocess
+import tempfile
+import time
+import urllib.request
+from pathlib import Path
+
+import numpy as np
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+OPTIONS = (
+    "--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--disable-quic",
+    "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-dev-shm-usage",
+    "--hide-scrollbars", "--force-device-scale-factor=1", "--remote-debugging-port=0",
+)  # fmt: skip
+SIZE = (1280, 800)
+
+
+def find_chromium():
+    """Path of a Chromium on this machine, named by $CHROMIUM or found on PATH; None if there is none."""
+    return os.environ.get("CHROMIUM") or next((path for name in NAMES if (path := shutil.which(name))), None)
+
+
+class Page:
+    """One page of a browser of its own; a context manager that leaves no process behind."""
+
+    def __init__(self, folder, url):
+        from websockets.sync.client import connect
+
+        self._folder, self._number = Path(folder), 0
+        self._profile = tempfile.TemporaryDirectory(prefix="chromium-", ignore_cleanup_errors=True)
+        self.exceptions, self.addresses = [], []
+        self._folder.mkdir(parents=True, exist_ok=True)
+        self._log = open(self._folder / "chromium.txt", "wb")
+        command = [
+            find_chromium(),
+            *OPTIONS,
+            f"--user-data-dir={self._profile.name}",
+            "--window-size={},{}".format(*SIZE),
+            "about:blank",
+        ]
+        self._process = subprocess.Popen(command, stdout=self._log, stderr=self._log, start_new_session=True)
+        try:
+            self._socket = connect(self._address(), max_size=None, open_timeout=30)
+            for domain in ("Page", "Runtime", "Network"):
+                self.call(f"{domain}.enable")
+            width, height = SIZE
+            self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+            self.call("Page.navigate", url=url)
+        except BaseException:
+            self.close()
+            raise
+
+    def _address(self):
+        """Of the page's own DevTools socket."""
+        port_file = Path(self._profile.name) / "DevToolsActivePort"
+        self._wait(lambda: port_file.is_file() and len(port_file.read_text().splitlines()) == 2, 60.0, "Chromium's port")
+        port = port_file.read_text().splitlines()[0]
+
+        def pages():
+            with urllib.request.urlopen(f"http://127.0.0.1:{port}/json", timeout=30) as answer:
+                return [page for page in json.load(answer) if page["type"] == "page"]
+
+        self._wait(pages, 30.0, "a page")
+        return pages()[0]["webSocketDebuggerUrl"]
+
+    def _wait(self, condition, limit, what):
+        until = time.monotonic() + limit
+        while not condition():
+            assert self._process.poll() is None, f"Chromium ended:\n{(self._folder / 'chromium.txt').read_text(errors='replace')[-2000:]}"
+            assert time.monotonic() < until, f"{what} did not come in {limit:.0f} s"
+            time.sleep(0.05)
+
+    def call(self, method, **parameters):
+        """Result of a DevTools command; errors of the page's program, and what it fetches meanwhile, are kept."""
+        self._number += 1
+        self._socket.send(json.dumps({"id": self._number, "method": method, "params": parameters}))
+        while True:
+            answer = json.loads(self._socket.recv(timeout=120))
+            if answer.get("id") == self._number:
+                assert "error" not in answer, f"{method}: {answer['error']}"
+                return answer["result"]
+            self._note(answer)
+
+    def _note(self, event):
+        if event["method"] == "Runtime.exceptionThrown":
+            self.exceptions.append(json.dumps(event["params"]["exceptionDetails"])[:1000])
+        elif event["method"] == "Network.requestWillBeSent":
+            self.addresses.append(event["params"]["request"]["url"])
+
+    def run(self, script):
+        """Value of a JavaScript expression."""
+        result = self.call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
+        assert "exceptionDetails" not in result, result["exceptionDetails"]
+        return result["result"].get("value")
+
+    def text(self):
+        """All text of the page."""
+        return self.run("document.body ? document.body.innerText : ''")
+
+    def button(self, label):
+        """Middle of the button with this label, in pixels, scrolled into view; None while there is none, or while it cannot be clicked."""
+        return self.run(
+            "(() => {const b = [...document.querySelectorAll('button')].find(b => b.innerText.trim() === " + json.dumps(label) + ");"
+            "if (!b || b.disabled) return null; b.scrollIntoView({block: 'center'});"
+            "const r = b.getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2];})()"
+        )
+
+    def mouse(self, kind, place, buttons=0):
+        """A mouse event: "mouseMoved", "mousePressed" or "mouseReleased" at a place in pixels."""
+        pressed = {"button": "left", "clickCount": 1} if kind != "mouseMoved" else {}
+        self.call("Input.dispatchMouseEvent", type=kind, x=float(place[0]), y=float(place[1]), buttons=buttons, **pressed)
+
+    def click(self, label):
+        """A click with the mouse on the button with this label."""
+        place = self.button(label)
+        assert place, f"no button '{label}' that can be clicked, in:\n{self.text()}"
+        self.mouse("mouseMoved", place)
+        self.mouse("mousePressed", place, 1)
+        self.mouse("mouseReleased", place)
+
+    def drag(self, start, end, steps=8):
+        """Hold the mouse from one place to another, in pixels."""
+        self.mouse("mouseMoved", start)
+        self.mouse("mousePressed", start, 1)
+        for share in np.linspace(0.0, 1.0, steps + 1):
+            self.mouse("mouseMoved", np.add(start, share * np.subtract(end, start)), 1)
+            time.sleep(0.05)
+        self.mouse("mouseReleased", end)
+
+    def screenshot(self, path=None):
+        """The page as pixels (height, width, 3); also written to a file if a path is given."""
+        from PIL import Image
+
+        data = base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
+        if path is not None:
+            Path(path).write_bytes(data)
+        return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
+
+    def close(self):
+        """End the browser and everything that it started."""
+        if hasattr(self, "_socket"):
+            try:
+                self.call("Browser.close")
+            except Exception:  # it may be gone already
+                pass
+            self._socket.close()
+        try:
+            self._process.wait(10)
+        except subprocess.TimeoutExpired:
+            os.killpg(self._process.pid, 9)
+            self._process.wait()
+        self._log.close()
+        self._profile.cleanup()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()

@@ -1,0 +1,260 @@
+"""The live view over the real graph: what is clicked and dragged happens, and what happens is seen, in a browser too."""
+
+import re
+import socket
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+import rclpy
+from dart_skill_msgs.msg import SimulationState
+from geometry_msgs.msg import PoseStamped
+from rclpy.serialization import serialize_message
+from visualization_msgs.msg import Marker, MarkerArray
+
+from dart_skill.experiments.targets import targets_for
+from dart_skill.view import colours
+from dart_skill.view.scene import EYE, FIELD_OF_VIEW, LOOK_AT
+from dart_skill_nodes import conversions, glances
+from dart_skill_nodes.markers import ellipsoids
+from dart_skill_nodes.support import make_executor
+from tests.integration.browser import SIZE, Page, find_chromium
+from tests.integration.conftest import wait_for
+from tests.view_client import PageClient
+
+RADIUS, DEPTH = 0.16, 0.35
+"""Of the basket, outside [m]."""
+
+
+class Truth:
+    """Where things really are, heard in a thread of its own so that nothing of a flight is missed."""
+
+    def __init__(self):
+        self.basket, self.hand, self.flight, self.episode = np.full(3, np.nan), np.full(3, np.nan), [], -1
+        self._node, self._executor, self._over = rclpy.create_node("truth"), make_executor(), False
+        self._node.create_subscription(SimulationState, "/simulation/state", self._take, 500)
+        self._executor.add_node(self._node)
+        self._thread = threading.Thread(target=self._listen)
+        self._thread.start()
+
+    def _listen(self):
+        while not self._over:
+            self._executor.spin_once(timeout_sec=0.1)
+
+    def _take(self, message):
+        if message.episode != self.episode:
+            self.flight.clear()
+        self.episode = message.episode
+        self.basket, self.hand = conversions.vector(message.basket.position), conversions.vector(message.hand.position)
+        if message.ball_state == SimulationState.BALL_FREE:
+            self.flight.append(conversions.vector(message.ball.position))
+
+    def close(self):
+        self._over = True
+        self._thread.join()
+        self._executor.remove_node(self._node)
+        self._node.destroy_node()
+
+
+@pytest.fixture
+def start(make_graph):
+    """Starts the graph with a viewer; gives the coach, the truth, and the address of the page."""
+
+    truths = []
+
+    def begin():
+        graph, coach = make_graph()
+        truths.append(truth := Truth())
+        graph.start("viewer", {"port": 0})
+        log = graph.logs / "viewer.log"
+        wait_for(coach, lambda: "live view is at" in log.read_text(), what="the address of the page")
+        return coach, truth, re.search(r"http://\S+", log.read_text()).group()
+
+    yield begin
+    for truth in truths:
+        truth.close()
+
+
+def test_everything_is_taught_learned_thrown_and_practised_from_the_page(start):
+    coach, truth, url = start()
+    with PageClient(url, origin=url) as page:
+
+        def until(condition, what, limit=60.0):
+            page.wait_for(condition, limit, what, meanwhile=coach.spin)
+
+        until(lambda: page.says("skill_learner") and page.says("wam_simulator"), "the status of the nodes")
+        until(lambda: "/cameras/all" in page.nodes, "the cameras")
+        until(lambda: "/basket" in page.places, "the basket")
+        page.click("Throw")
+        until(lambda: page.says("nothing is learned yet"), "why there is no throw")
+        until(lambda: not page.is_disabled("Teach"), "the buttons")
+
+        page.set("Demonstrations", 2)
+        page.click("Teach")
+        until(lambda: page.says("2 of 2 demonstrations shown"), "two demonstrations", 180.0)
+        page.click("Learn")
+        until(lambda: page.says("learned from 2 demonstrations"), "a model")
+        until(lambda: "/gaussians/components" in page.nodes, "the Gaussians")
+
+        seen, episode = page.places["/basket"], truth.episode
+        wanted = seen * [0.97, 0.97, 1.0]
+        page.drag("/basket", seen, wanted)
+        until(lambda: np.allclose(truth.basket, wanted, atol=2e-3), f"the basket at {wanted}")
+        page.click("Throw")
+        until(lambda: page.says("from the middle"), "the result of a throw", 120.0)
+        assert truth.episode > episode and truth.flight
+        np.testing.assert_allclose(truth.basket, wanted, atol=2e-3)
+
+        page.set("Own throws", 1)
+        page.set("Only here", True)
+        page.click("Practise")
+        until(lambda: page.says("1 of 1 throws made"), "an own throw", 120.0)
+
+        page.set("friction scale", 2.0)
+        until(lambda: page.says("friction_scale = 2"), "another friction")
+        page.click("Teach")
+        until(lambda: page.is_disabled("Teach"), "a lesson that has begun")
+        page.click("Stop")
+        until(lambda: not page.is_disabled("Teach") and page.says("stopped"), "the end of the lesson", 120.0)
+
+
+def test_a_view_without_an_arm_says_who_is_missing(ros, make_graph):
+    graph, coach = make_graph(layout=None)
+    graph.start("viewer", {"port": 0})
+    log = graph.logs / "viewer.log"
+    wait_for(coach, lambda: "live view is at" in log.read_text(), what="the address of the page")
+    with PageClient(re.search(r"http://\S+", log.read_text()).group()) as page:
+        page.click("Throw")
+        page.wait_for(lambda: page.says("no basket is seen"), what="what is missing for a throw")
+        page.click("Stop")
+        page.wait_for(lambda: page.says("is the commander running?"), what="who cannot be stopped")
+    assert graph.dead() == ""
+
+
+def test_a_taken_port_is_told_in_one_line(tmp_path):
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        command = [sys.executable, "-m", "dart_skill_nodes.viewer", "--ros-args", "-p", f"port:={port}"]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 1
+    assert f"viewer: 127.0.0.1:{port} cannot be served" in done.stderr and "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("frame", ["world", "a", "optitrack_base_frame"])
+def test_poses_are_read_out_of_serialised_messages(frame):
+    messages, wanted = [], np.random.default_rng(0).normal(size=(3, 7))
+    for row in wanted:
+        message = PoseStamped()
+        message.header.frame_id = frame
+        conversions.set_pose(message.pose, row[:3], row[3:])
+        messages.append(serialize_message(message))
+    np.testing.assert_array_equal(glances.poses(messages, frame), wanted)
+    assert glances.poses([], frame).shape == (0, 7)
+    with pytest.raises(ValueError, match=f"in frame '{frame}', not 'map'"):
+        glances.poses(messages, "map")
+
+
+def test_spheres_of_markers_are_grouped_by_namespace_and_the_rest_is_left_out():
+    def marker(namespace, number, kind=Marker.SPHERE, frame="world"):
+        one = Marker(ns=namespace, id=number, type=kind, action=Marker.ADD)
+        one.header.frame_id = frame
+        conversions.set_pose(one.pose, np.array([number, 0.0, 1.0]), np.array([0.0, 0.0, 0.0, 1.0]))
+        conversions.set_vector(one.scale, np.array([1.0, 2.0, 3.0]))
+        return one
+
+    spheres = [marker("frame_1", 0), marker("frame_1", 1), marker("frame_2", 2)]
+    others = [marker("targets", 0, Marker.SPHERE_LIST), marker("frame_1", 3, frame="map")]
+    groups = ellipsoids(MarkerArray(markers=[*spheres, *others]), "world")
+    assert set(groups) == {"frame_1", "frame_2"}
+    centres, quaternions, diameters = groups["frame_1"]
+    np.testing.assert_array_equal(centres, [[0.0, 0.0, 1.0], [1.0, 0.0, 1.0]])
+    np.testing.assert_array_equal(quaternions, [[0.0, 0.0, 0.0, 1.0]] * 2)
+    np.testing.assert_array_equal(diameters, [[1.0, 2.0, 3.0]] * 2)
+
+
+# --- in a browser ---
+
+
+def project(points):
+    """Points of the world (n, 3) as pixels (n, 2) of the page as it opens."""
+    forward = (LOOK_AT - EYE) / np.linalg.norm(LOOK_AT - EYE)
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    away = np.atleast_2d(points) - EYE
+    scale = SIZE[1] / 2 / np.tan(FIELD_OF_VIEW / 2) / (away @ forward)
+    return np.column_stack([SIZE[0] / 2 + scale * (away @ right), SIZE[1] / 2 - scale * (away @ np.cross(right, forward))])
+
+
+def share_of(picture, points, like, reach=4):
+    """Share of points of the world (n, 3) within `reach` pixels of which the picture has a colour for which `like` holds."""
+    found = []
+    for column, row in np.round(project(points)).astype(int):
+        window = picture[max(row - reach, 0) : row + reach + 1, max(column - reach, 0) : column + reach + 1].reshape(-1, 3)
+        found.append(bool(np.any(like(window.astype(int)))))
+    return float(np.mean(found))
+
+
+def hue_of(colour):
+    """Whether pixels (n, 3) have the tint of a colour, in light and shade."""
+    wanted = np.array(colour) / np.linalg.norm(colour)
+
+    def like(pixels):
+        size = np.linalg.norm(pixels, axis=1) + 1e-9
+        return (pixels @ wanted / size > 0.97) & (size > 60.0)
+
+    return like
+
+
+def front_of(basket):
+    """Points of the basket's wall that face the eye (n, 3)."""
+    towards = (EYE - basket)[:2] / np.linalg.norm((EYE - basket)[:2])
+    heights = np.linspace(-0.2 * DEPTH, -0.8 * DEPTH, 7)
+    return basket + np.column_stack([np.tile(RADIUS * towards, (7, 1)), heights])
+
+
+@pytest.mark.skipif(find_chromium() is None, reason="no Chromium on this machine: install one, or name it in $CHROMIUM")
+def test_in_a_browser_the_basket_is_dragged_and_a_click_throws(start, tmp_path):
+    coach, truth, url = start()
+    for target in targets_for(0, 2, 0)[0]:
+        assert coach.teach(target).success
+    coach.learn()
+    with Page(tmp_path / "browser", url) as page:
+        wait_for(coach, lambda: page.button("Throw"), 90.0, "the page")
+        begin = truth.basket.copy()
+
+        def look(condition, what, limit=60.0):
+            """Take pictures until one fulfils the condition."""
+            pictures = []
+
+            def taken():
+                pictures[:] = [page.screenshot(tmp_path / "page.png")]
+                return condition(pictures[0])
+
+            wait_for(coach, taken, limit, what)
+            return pictures[0]
+
+        blue = hue_of(colours.BASKET)
+        look(lambda picture: share_of(picture, front_of(begin), blue) == 1.0, "the basket where it stands")
+        wanted = begin * [1.1, 1.1, 1.0]
+        grip = front_of(begin)[3]
+        page.drag(project(grip)[0], project(grip + wanted - begin)[0])
+        wait_for(coach, lambda: np.linalg.norm(truth.basket - wanted) < 0.02, what=f"a basket dragged from {begin} to {wanted}")
+        look(lambda picture: share_of(picture, front_of(truth.basket), blue) == 1.0, "the basket where it was dragged to")
+
+        episode = truth.episode
+        page.click("Throw")
+        wait_for(coach, lambda: "from the middle" in page.text(), 120.0, "the result of the throw")
+        assert truth.episode > episode
+        flight = np.array([point for point in truth.flight if point[2] > truth.basket[2] + 0.1])
+        assert len(flight) > 20
+        vermilion = hue_of(colours.BALL)
+        picture = look(lambda picture: share_of(picture, flight, vermilion) > 0.95, "the path of the ball")
+        assert share_of(picture, truth.hand[None], lambda pixels: pixels.max(axis=1) < 130) == 1.0, "the hand"
+        assert share_of(picture, flight + [0.0, 0.0, 0.5], vermilion) < 0.2, "only there"
+        assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 500
+        assert page.exceptions == []
+        assert [address for address in page.addresses if not address.startswith((url, "data:", "blob:"))] == [], "nothing from outside"
