@@ -182,34 +182,58 @@ def fit_flight(
 
 
 def fit_flights(
-    time: np.ndarray, position: np.ndarray, ball: Ball = TENNIS_BALL, first: np.ndarray | None = None
+    time: np.ndarray, position: np.ndarray, ball: Ball = TENNIS_BALL, first: np.ndarray | None = None, accuracy: float = 1e-8
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Fits w flights to n samples each: positions and velocities (w, 3) at time 0, misfits (w, n) [m].
 
-    time (w, n) [s], position (w, n, 3) [m], trusted to be valid; first (w, 2, 3): positions and velocities to begin with.
+    time (w, n) [s], position (w, n, 3) [m], trusted to be valid; first (w, 2, 3): positions and velocities to begin with;
+    accuracy [m, m/s]: a repetition that changes nothing by more is the last.
 
     In vacuum the fit is linear in the state. Drag moves the samples of a known flight by a known amount, so
     that the linear fit is repeated on samples from which the drag of the last flight is taken away; each
     repetition shrinks the error by about k |v| t (a tenth). A single flight, which may be long, is fitted with its
-    sensitivity to the state instead, drag included: two or three repetitions.
+    sensitivity to the state instead, drag included: one or two repetitions.
     """
-    solve = np.linalg.pinv(np.stack([np.ones_like(time), time], axis=-1))  # (w, 2, n)
+    solve = _lines(time)
     fall = np.zeros_like(position)
     fall[..., 2] = -0.5 * ball.gravity * time**2
     state = solve @ (position - fall) if first is None else first  # (w, 2, 3)
     if len(time) == 1:
-        predicted, sensitivity = _sensitivity(state[0], time[0], ball)
-        inverse = np.linalg.pinv(sensitivity)
-    else:
-        predicted, inverse = _predicted(state, time, ball), None
+        state, misfit = _fit_with_sensitivity(state, time, position, ball, accuracy)
+        return state[:, 0], state[:, 1], misfit
     for _ in range(30):
-        misfit = position - predicted
-        change = solve @ misfit if inverse is None else (inverse @ misfit.ravel()).reshape(1, 2, 3)
+        misfit = position - _predicted(state, time, ball)
+        change = solve @ misfit
         state = state + change
-        if np.all(np.abs(change) < 1e-8):
+        if np.all(np.abs(change) < accuracy):
+            break
+    return state[:, 0], state[:, 1], np.linalg.norm(misfit, axis=-1)
+
+
+def _fit_with_sensitivity(state, time, position, ball, accuracy):
+    """State (1, 2, 3) and misfits (1, n) of a single flight: the method of Gauss and Newton with one sensitivity for all repetitions.
+
+    A change of the state by c leaves an error of about k t c^2: where that is small enough, the flight moves as its sensitivity says.
+    """
+    predicted, sensitivity = _sensitivity(state[0], time[0], ball)
+    orthonormal, triangle = np.linalg.qr(sensitivity)
+    bent = ball.drag * np.max(np.abs(time))
+    for _ in range(30):
+        misfit = (position - predicted).ravel()
+        change = np.linalg.solve(triangle, orthonormal.T @ misfit)
+        state = state + change.reshape(1, 2, 3)
+        if bent * np.max(change**2) < accuracy:
             break
         predicted = _predicted(state, time, ball)
-    return state[:, 0], state[:, 1], np.linalg.norm(misfit, axis=-1)
+    left = misfit - sensitivity @ change
+    return state, np.linalg.norm(left.reshape(position.shape), axis=-1)
+
+
+def _lines(time: np.ndarray) -> np.ndarray:
+    """What makes of n samples at times (w, n) the value at 0 and the slope of the line that fits them best (w, 2, n)."""
+    mean = time.mean(axis=1, keepdims=True)
+    slope = (time - mean) / np.square(time - mean).sum(axis=1, keepdims=True)
+    return np.stack([1.0 / time.shape[1] - mean * slope, slope], axis=1)
 
 
 def _predicted(state: np.ndarray, time: np.ndarray, ball: Ball) -> np.ndarray:
@@ -260,19 +284,21 @@ def _steps(position, velocity, step, n_steps, ball):
 def _runge_kutta(position, velocity, step, half, sixth, drag, gravity):
     """One step (...), given with its half and sixth, of states (3, ...)."""
     a1 = _acceleration(velocity, drag, gravity)
-    v2 = velocity + half * a1
-    a2 = _acceleration(v2, drag, gravity)
-    v3 = velocity + half * a2
-    a3 = _acceleration(v3, drag, gravity)
-    v4 = velocity + step * a3
-    a4 = _acceleration(v4, drag, gravity)
-    position = position + sixth * (velocity + 2.0 * v2 + 2.0 * v3 + v4)
-    return position, velocity + sixth * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+    a2 = _acceleration(velocity + half * a1, drag, gravity)
+    a3 = _acceleration(velocity + half * a2, drag, gravity)
+    a4 = _acceleration(velocity + step * a3, drag, gravity)
+    middle = a2 + a3
+    position = position + step * (velocity + sixth * (a1 + middle))
+    return position, velocity + sixth * (a1 + 2.0 * middle + a4)
 
 
 def _acceleration(velocity, drag, gravity):
     """Of a velocity (3, ...)."""
     x, y, z = velocity * velocity
-    result = -drag * np.sqrt(x + z + y) * velocity
+    speed = x + z
+    speed += y
+    speed = np.sqrt(speed)
+    speed *= -drag
+    result = speed * velocity
     result[2] -= gravity
     return result

@@ -33,7 +33,7 @@ SHOWN = 0.12
 SWING = Swing(cocked=(-1.00, -0.42, -0.60))
 """The teacher's swing, the elbow less bent at first than for baskets: at this speed the wind-up takes J4 farther back, to its end at -0.9.
 """
-LEARNING = CorrectionSettings(offset=0.05, lengths=(0.2, 0.1), apart=(1e-6, 1e-6), farthest=0.15, memory=40)
+LEARNING = CorrectionSettings(offset=0.05, lengths=(0.2,), turns=(0.1,), apart=(1e-6, 1e-6), farthest=0.15, memory=40)
 """A board is smaller than a region of baskets: wherever two surprises are, they are a change. A release that is moved makes old misses
 worthless.
 """
@@ -75,7 +75,7 @@ def darts_session(seed: int, board: Board | None = None, **plant) -> Session:
 
 def darts_configuration(board: Board) -> SkillConfiguration:
     """The default skill, for darts at this board; a plan with finer steps, since its release is moved by milliseconds."""
-    return replace(DEFAULT, name="darts", board=board.position, step=0.002)
+    return replace(DEFAULT, name="darts", board=board.position, step=0.002, release="shown")
 
 
 def points_to_show(seed: int, n: int) -> np.ndarray:

@@ -11,6 +11,7 @@ FRAMES = ("thesis", "start", "azimuth", "azimuth_target")
 ALIGNMENTS = ("start", "release")
 PARTITIONS = ("time", "em")
 DRIVES = ("time", "state")
+RELEASES = ("shown", "farthest")
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,8 @@ class SkillConfiguration:
     weighted by a Gaussian of the distance between their target and the new one; 0 for equal weights; widths: the width is chosen
     among these by cross-validation; nearest: only so many demonstrations, 0 for all (8.4.2). solve_aim: the task parameter
     is solved for so that the plan's own predicted landing is on the target. stiffness [1/s^2]: of (7.19), critically damped.
-    step [s]: of the plan. drive: what carries the movement on, "time", or the "state" of the arm (chapter 9).
+    step [s]: of the plan. drive: what carries the movement on, "time", or the "state" of the arm (chapter 9). release: the hand lets go
+    when the teacher did, "shown", or where on its path the ball flies "farthest", and least depends on when it opens.
     board: where the bull (x, y, z) [m] of a board is that darts are thrown at; empty for balls and baskets.
     """
 
@@ -44,6 +46,7 @@ class SkillConfiguration:
     step: float = 0.004
     noise: float = 1e-4
     drive: str = "time"
+    release: str = "farthest"
     board: tuple[float, ...] = field(default=(), repr=False)  # left out of a model's name, which its tasks decide anyway
 
     def __post_init__(self):
@@ -55,6 +58,8 @@ class SkillConfiguration:
             raise ValueError(f"partition '{self.partition}' is unknown: choose one of {', '.join(PARTITIONS)}")
         if self.drive not in DRIVES:
             raise ValueError(f"drive '{self.drive}' is unknown: choose one of {', '.join(DRIVES)}")
+        if self.release not in RELEASES:
+            raise ValueError(f"release '{self.release}' is unknown: choose one of {', '.join(RELEASES)}")
         for name, least in (("components", 1), ("width", 0.0), ("nearest", 0), ("stiffness", 1e-6), ("step", 1e-4)):
             if not getattr(self, name) >= least:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be at least {least}")
@@ -81,7 +86,9 @@ class SkillConfiguration:
 
 
 DEFAULT = SkillConfiguration()
-THESIS = SkillConfiguration("thesis", "start", 3, partition="em", distance_input=False, alignment="start", relabel=False, solve_aim=False)
+THESIS = SkillConfiguration(
+    "thesis", "start", 3, partition="em", distance_input=False, alignment="start", relabel=False, solve_aim=False, release="shown"
+)
 CONFIGURATIONS = {
     one.name: one
     for one in (
@@ -89,9 +96,11 @@ CONFIGURATIONS = {
         THESIS,
         replace(THESIS, name="thesis_local", nearest=3),
         replace(DEFAULT, name="em", components=12, partition="em"),
-        replace(DEFAULT, name="weighted", distance_input=False, width=0.25),
-        replace(DEFAULT, name="cross_validated", distance_input=False, widths=(0.06, 0.1, 0.15, 0.25, 0.5)),
+        # An average of neighbours cannot aim nearer than what was shown, which the farthest release asks for.
+        replace(DEFAULT, name="weighted", distance_input=False, width=0.25, release="shown"),
+        replace(DEFAULT, name="cross_validated", distance_input=False, widths=(0.06, 0.1, 0.15, 0.25, 0.5), release="shown"),
         replace(DEFAULT, name="autonomous", drive="state"),
+        replace(DEFAULT, name="shown_release", release="shown"),
         replace(DEFAULT, name="two_frames", distance_input=False, frames="azimuth_target"),
     )
 }

@@ -10,49 +10,57 @@ before is of no use: two surprises in a row in the same direction, at different 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
-from dart_skill.movement.orientation import rotate
-from dart_skill.robot.description import wam_description
 from dart_skill.robot.throw_plan import ThrowPlan
-from dart_skill.skill.throwing import turning
+from dart_skill.skill.release import landing_if_late
 from dart_skill.surface import BASKETS, RIMS, Game, Surface
 
-NOISES = 0.008 * 2.0 ** np.arange(-2, 4)
-DIFFERENCES = 0.01 * 2.0 ** np.arange(-2, 4)
-"""Standard deviations [m] among which evidence decides: of what does not repeat, and of what differs from place to place."""
+USUAL_NOISE, USUAL_DIFFERENCE = 0.004, 0.01
+"""Standard deviations [m] that are expected: of what does not repeat, and of what differs from place to place."""
+NOISES, DIFFERENCES = USUAL_NOISE * 2.0 ** np.arange(-3, 5), USUAL_DIFFERENCE * 2.0 ** np.arange(-2, 4)
+"""Among which evidence decides."""
 UNUSUAL = 1.0
 """Log probability that a factor of two costs, squared for more: two throws that happen to agree are no evidence of a steady hand."""
+WARY, WARY_WEIGHT = 0.012, 4.0
+"""Noise [m] that a few throws count for where surprises are judged: the first ones may agree better than the next."""
 
 
 @dataclass(frozen=True)
 class CorrectionSettings:
-    """offset [m]: standard deviation of what all places have in common, before the first throw; lengths: over which misses resemble
-    each other, in distance [m] and azimuth [rad]; surprise: standard deviations that make a miss one; apart: two surprises nearer than
-    this, in distance [m] and azimuth [rad], may be the fault of the place; farthest [m]: a plan is moved no farther than this from its
-    target; memory: throws at most, the latest.
+    """offset [m]: standard deviation of what all places have in common, before the first throw; lengths [m] and turns [rad]: over which
+    misses resemble each other in distance and azimuth, evidence decides among them: an arm that turns about its base may make the same
+    throw all around; surprise: standard deviations that make a miss one; apart: two surprises nearer than this, in distance [m] and
+    azimuth [rad], may be the fault of the place; farthest [m]: a plan is moved no farther than this from its target; memory: throws at
+    most, the latest.
     """
 
     offset: float = 0.1
-    lengths: tuple[float, float] = (0.5, 0.7)
+    lengths: tuple[float, ...] = (0.05, 0.1, 0.2, 0.4, 0.8)
+    turns: tuple[float, ...] = (0.7, 3.0)
     surprise: float = 4.0
     apart: tuple[float, float] = (0.25, 0.35)
     farthest: float = 0.5
     memory: int = 200
 
     def __post_init__(self):
-        values = np.array([self.offset, *self.lengths, self.surprise, *self.apart, self.farthest, self.memory], dtype=float)
-        if not (np.isfinite(values).all() and (values > 0).all()):
-            raise ValueError(f"correction: {self} must hold finite positive numbers only")
+        values = np.array([self.offset, *self.lengths, *self.turns, self.surprise, *self.apart, self.farthest, self.memory], dtype=float)
+        if not (self.lengths and self.turns and np.isfinite(values).all() and (values > 0).all()):
+            raise ValueError(f"correction: {self} must hold finite positive numbers only, and at least one length and one turn")
 
 
 class _Fit(NamedTuple):
-    """Noise and difference [m], inverse covariance (n, n) of the misses, and its product with them (n,)."""
+    """Noise and difference [m], scale (length [m], turn [rad]), log evidence, inverse covariance (n, n) of the misses, and its product with
+    them (n,).
+    """
 
     noise: float
     difference: float
+    scale: tuple[float, float]
+    evidence: float
     inverse: np.ndarray
     weights: np.ndarray
 
@@ -134,37 +142,52 @@ class Correction:
     def _remember(self, places: list, misses: list) -> None:
         last = self.settings.memory
         self._places, self._misses = np.vstack([self._places, *places])[-last:], np.vstack([self._misses, *misses])[-last:]
-        self._fits = [self._fit(axis) for axis in range(2)]
+        self._fits = self._fit_all()
 
     def _surprise(self, place: np.ndarray, miss: np.ndarray) -> np.ndarray | None:
         """The innovation (2,) in standard deviations if it is too large to be chance."""
         if len(self._places) < 2:
             return None
         mean, deviation = (part[0] for part in self.predict(place))
-        innovation = (miss - mean) / np.hypot(deviation, [noise for noise, *_ in self._fits])
+        seen = np.square([fit.noise for fit in self._fits]) * len(self._places)
+        noise = np.sqrt((WARY_WEIGHT * WARY**2 + seen) / (WARY_WEIGHT + len(self._places)))
+        innovation = (miss - mean) / np.hypot(deviation, noise)
         return innovation if np.abs(innovation).max() > self.settings.surprise else None
 
-    def _kernel(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-        apart = (first[:, None] - second) / self.settings.lengths
+    def _kernel(self, first: np.ndarray, second: np.ndarray, scale: tuple[float, float]) -> np.ndarray:
+        apart = (first[:, None] - second) / scale
         return np.exp(-0.5 * np.einsum("ijk,ijk->ij", apart, apart))
 
-    def _fit(self, axis: int) -> _Fit:
-        """The process with the most probable noise and difference (evidence times prior)."""
-        values, n = self._misses[:, axis], len(self._misses)
-        smooth = self._kernel(self._places, self._places)
+    def _fit_all(self) -> list[_Fit]:
+        """For either axis the process with the most probable scale, noise and difference (evidence times prior)."""
+        scales = product(self.settings.lengths, self.settings.turns)
+        kernels = [(scale, *np.linalg.eigh(self._kernel(self._places, self._places, scale))) for scale in scales]
+        fits = [[self._fit(values, *kernel) for kernel in kernels] for values in self._misses.T]
+        return [max(candidates, key=lambda fit: fit.evidence) for candidates in fits]
+
+    def _fit(self, values: np.ndarray, scale: tuple[float, float], power: np.ndarray, modes: np.ndarray) -> _Fit:
+        """The same for one axis and scale, from the eigenvalues (n,) and eigenvectors (n, n) of its kernel.
+
+        In them the covariance is diagonal but for the common offset, which is of rank one (Sherman and Morrison).
+        """
         noise, difference = (part.ravel() for part in np.meshgrid(NOISES, DIFFERENCES, indexing="ij"))
-        covariance = self.settings.offset**2 + difference[:, None, None] ** 2 * smooth + noise[:, None, None] ** 2 * np.eye(n)
-        inverse = np.linalg.inv(covariance)
-        weights = inverse @ values
-        evidence = -0.5 * (weights @ values + np.linalg.slogdet(covariance)[1])
-        evidence -= UNUSUAL * (np.log2(noise / 0.008) ** 2 + np.log2(difference / 0.01) ** 2)
-        best = int(evidence.argmax())
-        return _Fit(float(noise[best]), float(difference[best]), inverse[best], weights[best])
+        variances = difference[:, None] ** 2 * np.maximum(power, 0.0) + noise[:, None] ** 2
+        common, seen = modes.sum(axis=0), values @ modes
+        share = 1.0 / (self.settings.offset**-2 + (common**2 / variances).sum(axis=1))
+        offset = share * (common * seen / variances).sum(axis=1)
+        log_determinant = np.log(variances).sum(axis=1) - np.log(share)
+        evidence = -0.5 * ((seen**2 / variances).sum(axis=1) - offset**2 / share + log_determinant)
+        evidence -= UNUSUAL * (np.log2(noise / USUAL_NOISE) ** 2 + np.log2(difference / USUAL_DIFFERENCE) ** 2)
+        k = int(evidence.argmax())
+        towards = modes @ (common / variances[k])
+        inverse = (modes / variances[k]) @ modes.T - share[k] * np.outer(towards, towards)
+        weights = modes @ ((seen - common * offset[k]) / variances[k])
+        return _Fit(float(noise[k]), float(difference[k]), scale, float(evidence[k]), inverse, weights)
 
     def _predict(self, places: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
-        _, difference, inverse, weights = self._fits[axis]
+        _, difference, scale, _, inverse, weights = self._fits[axis]
         common = self.settings.offset**2
-        kernel = common + difference**2 * self._kernel(places, self._places)
+        kernel = common + difference**2 * self._kernel(places, self._places, scale)
         left = common + difference**2 - np.einsum("ij,jk,ik->i", kernel, inverse, kernel)
         return kernel @ weights, np.sqrt(np.maximum(left, 0.0))
 
@@ -177,20 +200,6 @@ def polar(point: np.ndarray) -> np.ndarray:
 def corrected(plan: ThrowPlan, target: np.ndarray) -> ThrowPlan:
     """A plan that was made for a shifted point, as a plan for the target (3,)."""
     return replace(plan, target=np.asarray(target, dtype=float), predicted_landing=plan.predicted_landing + (target - plan.target))
-
-
-def landing_if_late(plan: ThrowPlan, late: float, game: Game = BASKETS) -> np.ndarray:
-    """Where the ball comes down (3,) on the plane of the rim, or meets the board, if the hand follows the plan and the ball leaves it so
-    `late` [s].
-    """
-    path, when = plan.path, plan.release + late
-    k = int(np.clip(np.searchsorted(path.time, when), 0, len(path.time) - 1))
-    rest = when - path.time[k]
-    arm = rotate(path.quaternion[k : k + 1], wam_description().hand.ball_centre[None])[0]
-    velocity = path.velocity[k, :3] + np.cross(path.velocity[k, 3:], arm)
-    acceleration = path.acceleration[k, :3] + turning(path.velocity[k, 3:], path.acceleration[k, 3:], arm)
-    start, speed = path.position[k] + arm + rest * velocity, velocity + rest * acceleration
-    return game.surface.crossing(start, speed, plan.target, game.projectile).position
 
 
 def repeatable_miss(plan: ThrowPlan, seen: np.ndarray, late: float, game: Game = BASKETS) -> tuple[np.ndarray, np.ndarray]:

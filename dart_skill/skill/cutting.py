@@ -61,7 +61,8 @@ class _Stream:
 class ThrowLog:
     """What the sensors saw since `clear`: pose of the hand, position of the ball, joint states, the hand's button.
 
-    joint_period_ns thins the joint states to about the rate of the poses. `rejected` counts samples that were stale or not finite.
+    joint_period_ns thins the joint states to about the rate of the poses, counted from when the world was set anew. `rejected` counts
+    samples that were stale or not finite.
     """
 
     def __init__(self, joint_period_ns: int = 10_000_000):
@@ -73,6 +74,7 @@ class ThrowLog:
         self.hand, self.ball, self.joints, self.basket = _Stream(), _Stream(), _Stream(), _Stream()
         self.opened_ns: int | None = None
         self.left_ns: int | None = None
+        self._joint_phase_ns = 0
         self.rejected = 0
 
     def add_hand(self, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
@@ -86,11 +88,15 @@ class ThrowLog:
 
     def wants_joints(self, stamp_ns: int) -> bool:
         """Whether a joint state of this stamp would be kept."""
-        # One to each period of the clock, not of the log: when that was begun changes no cut.
-        return not self.joints.stamps or stamp_ns // self._joint_period_ns > self.joints.stamps[-1] // self._joint_period_ns
+        if not self.joints.stamps or stamp_ns - self.joints.stamps[-1] > RESET_NS:
+            return True
+        phase, period = self._joint_phase_ns, self._joint_period_ns
+        return (stamp_ns - phase) // period > (self.joints.stamps[-1] - phase) // period
 
     def add_joints(self, stamp_ns: int, position: np.ndarray, velocity: np.ndarray) -> None:
         if self.wants_joints(stamp_ns):
+            if not self.joints.stamps or stamp_ns - self.joints.stamps[-1] > RESET_NS:
+                self._joint_phase_ns = stamp_ns
             self.rejected += not self.joints.add(stamp_ns, np.concatenate([position, velocity]))
 
     def add_opening(self, stamp_ns: int) -> None:

@@ -79,12 +79,14 @@ def find_throws(recording: ThrowRecording, thresholds: VelocityThreshold = THRES
     """Every throw of a recording, in order of time. Demonstrations of our own bags are those that the recorder published, to the last bit:
     what it calls demonstration_1, demonstration_2, ... are the guided throws into the basket.
     """
-    found, shown = [], 0
+    found, shown, everything = [], 0, _filled(recording)
     for since, until in _worlds(recording):
         for opening in _openings(recording, since, until, thresholds):
             if opening.stamp_ns < since:
                 continue  # told again before the throw was over
-            throw = numbered(cut_throw(_log(recording, since, opening), opening, thresholds), shown + 1)
+            log = everything.part(since, watched_until(opening.stamp_ns))
+            (log.add_opening if recording.has_button else log.add_release)(opening.stamp_ns)
+            throw = numbered(cut_throw(log, opening, thresholds), shown + 1)
             if throw.demonstration is not None:
                 since = watched_until(opening.stamp_ns) + 1
             shown += throw.shows
@@ -132,29 +134,21 @@ def _openings(recording: ThrowRecording, since: int, until: int, thresholds: Vel
     return _releases(recording, since, until, thresholds)
 
 
-def _log(recording: ThrowRecording, since: int, opening: Opening) -> ThrowLog:
-    """A log of a throw, filled as the recorder's is between ~/start and ~/stop."""
-    log = _filled(recording, since, watched_until(opening.stamp_ns))
-    (log.add_opening if recording.has_button else log.add_release)(opening.stamp_ns)
-    return log
-
-
 def _worlds(recording: ThrowRecording) -> list[tuple[int, int]]:
     streams = [body.stamp_ns for body in recording.bodies.values()]
     return worlds([*streams, recording.joints.stamp_ns] if recording.joints else streams)
 
 
-def _filled(recording: ThrowRecording, since: int, until: int) -> ThrowLog:
-    """A log of what came between two stamps."""
+def _filled(recording: ThrowRecording) -> ThrowLog:
+    """A log of everything that was recorded."""
     log = ThrowLog()
     for role, add in (("hand", log.add_hand), ("ball", log.add_ball), ("basket", log.add_basket)):
         body = recording.bodies[role]
-        for k in _between(body.stamp_ns, since, until):
-            pose = (body.position[k], body.quaternion[k]) if role == "hand" else (body.position[k],)
-            add(int(body.stamp_ns[k]), *pose)
+        for stamp, position, quaternion in zip(body.stamp_ns.tolist(), body.position, body.quaternion, strict=True):
+            add(stamp, *((position, quaternion) if role == "hand" else (position,)))
     joints = recording.joints
-    for k in [] if joints is None else _between(joints.stamp_ns, since, until):
-        log.add_joints(int(joints.stamp_ns[k]), joints.position[k], joints.velocity[k])
+    for k, stamp in enumerate([] if joints is None else joints.stamp_ns.tolist()):
+        log.add_joints(stamp, joints.position[k], joints.velocity[k])
     return log
 
 

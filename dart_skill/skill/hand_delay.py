@@ -13,6 +13,8 @@ PRIOR_WEIGHT = 4.0
 SURPRISE = 2.5
 """Standard deviations: two openings in a row, both early or both late by more, are those of a hand that has changed."""
 MEMORY = 100
+CLEARLY = 0.0015
+"""An opening that was not seen to so much [s] tells nothing: a hand that moves as the ball does hides when it has let go."""
 
 
 class HandDelay:
@@ -36,9 +38,11 @@ class HandDelay:
         squares = np.sum(np.square(np.array(self._delays) - self.mean)) + PRIOR_WEIGHT * USUAL**2
         return float(np.sqrt(squares / (PRIOR_WEIGHT + max(len(self._delays) - 1, 0))))
 
-    def add(self, delay: float) -> None:
-        """One more opening; nan, of one that nobody saw, tells nothing. A surprise counts from the second one on."""
-        if not np.isfinite(delay):
+    def add(self, delay: float, uncertainty: float = 0.0) -> None:
+        """One more opening, seen with an uncertainty [s]; nan, of one that nobody saw, tells nothing. A surprise counts from the second one
+        on.
+        """
+        if not (np.isfinite(delay) and uncertainty <= CLEARLY):
             return
         off = delay - self.mean
         if len(self._delays) < 2 or abs(off) < SURPRISE * self.spread:
@@ -47,3 +51,8 @@ class HandDelay:
             self._odd, self._delays = None, [self._odd, float(delay)]
         else:
             self._odd = float(delay)
+
+
+def likely_late(seen: float, uncertainty: float) -> float:
+    """How late [s] a usual hand most probably let go that was seen to be so late, with an uncertainty [s]; nan stays nan."""
+    return seen * USUAL**2 / (USUAL**2 + uncertainty**2)

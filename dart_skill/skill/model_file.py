@@ -40,7 +40,8 @@ def load_model(path: str | Path) -> tuple[list[Demonstration], SkillConfiguratio
             content = dict(archive)
         if str(content.pop("format")) != FORMAT:
             raise ValueError("unknown format")
-        configuration = SkillConfiguration(**json.loads(str(content.pop("configuration"))))
+        # Models from before there was a choice let go when the teacher did.
+        configuration = SkillConfiguration(**{"release": "shown", **json.loads(str(content.pop("configuration")))})
         practised = content.pop("practised", NO_THROWS)
         demonstrations = [_demonstration(content, k) for k in sorted({name.split(".")[0] for name in content})]
     except (KeyError, ValueError, EOFError, TypeError, AttributeError, zipfile.BadZipFile, zlib.error) as error:

@@ -20,13 +20,15 @@ NOISE = 1e-4  # standard deviation of a tracked position [m]
 WINDOW = 10  # samples; over 90 ms a motion at constant velocity misses a free fall by 7 mm
 MAX_WINDOW = 0.5  # a window that lasts longer, because the ball was hidden, is not used [s]
 CALIBRATION = 1e-3  # what grip and ball may be apart at the release, by the errors of both bodies' markers [m]
+ROUGHLY = 1e-4  # of flights that are only asked whether they are flights: accuracy [m, m/s]
 ANOTHER_BALL = 4.0  # rms misfit of a flight, in deviations of a sample, beyond which the ball is not the one that was expected
+GROWTH = 20  # samples; so far beyond its own a flight is looked for at a time
 TAIL = 6  # samples that tell how a ball moved when it was last seen
 MAX_UNSEEN = 0.15  # longest time that a flight is extrapolated beyond its last sample [s]
 SIDE = 4  # samples of the hand that are needed before the release, and after it
 WIDEST_HAND_WINDOW = 0.15  # like HAND_WINDOW, when the hand was hidden in it
 HAND_WINDOW = 0.08  # half the time over which the paths of hand and flight are compared at the release [s]
-DEGREE = 4  # of the polynomial for their difference
+DEGREE = 4  # of the polynomial for their difference; one of the next degree tells how far it is to be trusted
 
 
 @dataclass(frozen=True)
@@ -135,15 +137,15 @@ def fit_release(
         raise ValueError(f"no free flight in {len(ball_time)} ball samples: was the ball thrown, and was it tracked?")
     fit, kept = free.fit, free.samples
     near = _nearest_approach(fit, hand_time, grip)
-    for _ in range(2):
-        time, uncertainty, distance = _parting(fit, hand_time, grip, near)
+    for last in (False, True):
+        time, uncertainty, distance = _parting(fit, hand_time, grip, near, last)
         fitted, kept = kept, free.samples[ball_time[free.samples] >= time]
         if len(kept) < TAIL:
             raise ValueError(f"only {len(kept)} samples of the flight after the release at {time:.3f} s, need {TAIL}")
         if np.array_equal(kept, fitted):
             fit, near = _followed(fit, time), time
         else:
-            fit, near = fit_flight(ball_time[kept], ball_position[kept], ball, at=time, near=fit), time
+            fit, near = _followed(_fit_about_the_middle(ball_time[kept], ball_position[kept], ball, fit), time), time
     if distance > ball.radius:
         raise ValueError(
             f"the flight passes the grip point at {1e3 * distance:.0f} mm: it did not start in this hand;"
@@ -162,24 +164,30 @@ def find_flight(time: np.ndarray, position: np.ndarray, ball: Ball = TENNIS_BALL
     runs = _flying_runs(time, position, ball, 10.0 * noise)
     if not runs:
         return None
-    longest = max(last - first for first, last in runs)
-    first, last = next(run for run in runs if run[1] - run[0] >= 0.5 * longest)
+    longest = max(last - first for first, last, _ in runs)
+    first, last, near = next(run for run in runs if run[1] - run[0] >= 0.5 * longest)
     samples = np.arange(first, last)
-    fit = fit_flight(time[samples], position[samples], ball)
+    fit = _fit_about_the_middle(time[samples], position[samples], ball, near)
     if fit.residual > ANOTHER_BALL * noise:
         ball = _ball_that_flies_so(time[samples], position[samples], ball)
-        fit = fit_flight(time[samples], position[samples], ball)
+        fit = _fit_about_the_middle(time[samples], position[samples], ball, fit)
     for _ in range(20):
         spread = np.sqrt(np.mean(fit.residuals**2))
         tolerance = np.clip(4.0 * spread, 5.0 * noise, 15.0 * noise)
-        predicted, _ = fit.at(time)
-        near = np.linalg.norm(position - predicted, axis=1) < tolerance
+        within = slice(max(0, samples[0] - GROWTH), samples[-1] + 1 + GROWTH)
+        near = np.zeros(len(time), dtype=bool)
+        near[within] = np.linalg.norm(position[within] - fit.at(time[within])[0], axis=1) < tolerance
         grown = _grow(near, samples)
         if np.array_equal(grown, samples):
             break
         samples = grown
-        fit = fit_flight(time[samples], position[samples], ball, near=fit)
-    return FreeFlight(samples, fit)
+        fit = _fit_about_the_middle(time[samples], position[samples], ball, fit)
+    return FreeFlight(samples, _followed(fit, float(time[samples[0]])))
+
+
+def _fit_about_the_middle(time, position, ball, near):
+    """A fit whose state is that at the middle sample: half as far to go to either end."""
+    return fit_flight(time, position, ball, at=float(time[len(time) // 2]), near=near)
 
 
 def _ball_that_flies_so(time, position, ball):
@@ -193,16 +201,22 @@ def _ball_that_flies_so(time, position, ball):
 
 
 def _flying_runs(time, position, ball, tolerance):
-    """Index ranges [first, last) of consecutive windows whose samples are a free flight."""
+    """Index ranges [first, last) of consecutive windows whose samples are a free flight, with the fit of a window in the middle."""
     if len(time) < WINDOW:
         return []
     windows = np.lib.stride_tricks.sliding_window_view(time, WINDOW)
     points = np.moveaxis(np.lib.stride_tricks.sliding_window_view(position, WINDOW, axis=0), -1, 1)
     flying = windows[:, -1] - windows[:, 0] < MAX_WINDOW
-    _, _, misfit = fit_flights(windows[flying] - windows[flying, :1], points[flying], ball)
+    start, velocity, misfit = fit_flights(windows[flying] - windows[flying, :1], points[flying], ball, accuracy=ROUGHLY)
+    at = np.cumsum(flying) - 1  # of a window that was fitted, its place among these
     flying[flying] = np.max(misfit, axis=1) < tolerance
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flying.astype(int), [0]])))
-    return [(first, last + WINDOW - 1) for first, last in edges.reshape(-1, 2)]
+
+    def middle(first, last):
+        window = (first + last) // 2
+        return FlightFit(time[window], start[at[window]], velocity[at[window]], misfit[at[window]], ball)
+
+    return [(first, last + WINDOW - 1, middle(first, last)) for first, last in edges.reshape(-1, 2)]
 
 
 def _grow(near, samples):
@@ -251,8 +265,8 @@ def _followed(fit, time):
     return replace(fit, time=time, position=position[0], velocity=velocity[0])
 
 
-def _parting(fit, hand_time, grip, near):
-    """Instant at which flight and grip move alike, its deviation, and their distance then."""
+def _parting(fit, hand_time, grip, near, judged):
+    """Instant at which flight and grip move alike, its deviation, if it is judged, and their distance then."""
     window = _hand_window(hand_time - near)
     if not window <= WIDEST_HAND_WINDOW:
         few = f"fewer than {SIDE} samples on one side within {WIDEST_HAND_WINDOW} s"
@@ -260,9 +274,10 @@ def _parting(fit, hand_time, grip, near):
     around = np.abs(hand_time - near) <= window
     time = (hand_time[around] - near) / window  # in -1 to 1: keeps the powers of time comparable
     difference = fit.at(hand_time[around])[0] - grip[around]
-    coefficients = polynomial.polyfit(time, difference, DEGREE)
-    best = _slowest(coefficients, time[0], time[-1])
-    uncertainty = window * _root_deviation(coefficients, time, difference, best)
+    best, deviation, coefficients = _parting_of_polynomial(time, difference, DEGREE)
+    # A hand without its ball moves on with another acceleration; where both move alike, that shifts the instant by milliseconds.
+    other = _parting_of_polynomial(time, difference, DEGREE + 1)[0] if judged else best
+    uncertainty = window * np.hypot(deviation, other - best)
     distance = np.linalg.norm(polynomial.polyval(best, coefficients))
     return float(near + best * window), float(uncertainty), float(distance)
 
@@ -273,27 +288,36 @@ def _hand_window(time):
     return max([HAND_WINDOW, *(side[SIDE - 1] if len(side) >= SIDE else np.inf for side in sides)])
 
 
+def _parting_of_polynomial(time, difference, degree):
+    """Where a polynomial of a degree through the differences (n, 3) at times (n,) is slowest, its deviation, and the coefficients."""
+    powers = polynomial.polyvander(time, degree)
+    inverse = np.linalg.solve(powers.T @ powers, powers.T)
+    coefficients = inverse @ difference
+    best = _slowest(coefficients, time[0], time[-1])
+    return best, _root_deviation(coefficients, difference - powers @ coefficients, inverse, best), coefficients
+
+
 def _slowest(coefficients, first, last):
     """Where in [first, last] the curve (degree + 1, 3) has the least speed, of the places where it is nearest to the origin: after the
     release the hand may for a while move as the ball does, millimetres away from it.
     """
-    rates = polynomial.polyder(coefficients)
-    squared = sum(polynomial.polymul(rate, rate) for rate in rates.T)
-    roots = polynomial.polyroots(polynomial.polyder(squared))
+    rates = coefficients[1:] * np.arange(1, len(coefficients))[:, None]
+    squared = sum(np.convolve(rate, rate) for rate in rates.T)
+    roots = polynomial.polyroots(squared[1:] * np.arange(1, len(squared)))
     candidates = np.clip(np.append(roots[np.abs(roots.imag) < 1e-6].real, 0.0), first, last)
-    distances = np.linalg.norm(polynomial.polyval(candidates, coefficients), axis=0)
-    candidates = candidates[distances < distances.min() + CALIBRATION]
-    return candidates[np.argmin(polynomial.polyval(candidates, squared))]
+    powers = candidates[:, None] ** np.arange(len(squared))
+    distances = np.linalg.norm(powers[:, : len(coefficients)] @ coefficients, axis=1)
+    near = distances < distances.min() + CALIBRATION
+    return candidates[near][np.argmin(powers[near] @ squared)]
 
 
-def _root_deviation(coefficients, time, values, root):
+def _root_deviation(coefficients, misfit, inverse, root):
     """Deviation of a root of the derivative: that of the derivative, over the second derivative."""
-    powers = polynomial.polyvander(time, DEGREE)
-    freedom = (len(time) - DEGREE - 1) * values.shape[1]
-    sigma = np.sqrt(np.sum((values - powers @ coefficients) ** 2) / max(freedom, 1))
-    derivative = polynomial.polyval(root, polynomial.polyder(np.eye(DEGREE + 1)))
-    slope = np.linalg.norm(polynomial.polyval(root, polynomial.polyder(coefficients, 2)))
-    return sigma * np.linalg.norm(derivative @ np.linalg.pinv(powers)) / max(slope, 1e-12)
+    freedom = (len(misfit) - len(coefficients)) * misfit.shape[1]
+    sigma = np.sqrt(np.sum(misfit**2) / max(freedom, 1))
+    order = np.arange(1, len(coefficients))
+    slope = np.linalg.norm((order[1:] * order[:-1] * root ** (order[:-1] - 1.0)) @ coefficients[2:])
+    return sigma * np.linalg.norm((order * root ** (order - 1.0)) @ inverse[1:]) / max(slope, 1e-12)
 
 
 def _grip_path(time, position, quaternion, grip_offset):

@@ -20,7 +20,7 @@ from dart_skill.robot.throw_plan import ThrowPlan
 from dart_skill.samples import to_the_nanosecond
 from dart_skill.skill.configuration import DEFAULT, SkillConfiguration
 from dart_skill.skill.correction import Correction, CorrectionSettings, corrected, repeatable_miss
-from dart_skill.skill.hand_delay import HandDelay
+from dart_skill.skill.hand_delay import HandDelay, likely_late
 from dart_skill.skill.practice import Practice, PracticeSettings, Verdict
 from dart_skill.skill.preparation import prepare
 from dart_skill.skill.steadiness import LEAST, STEP, Steadiness
@@ -99,12 +99,16 @@ class PractisingSkill:
         except ValueError as error:
             self._trial = None
             return Told(False, str(error))
-        late = seen.hand_delay - (plan.release - plan.open_hand)
+        uncertainty = seen.release.time_uncertainty
+        late = likely_late(seen.hand_delay - (plan.release - plan.open_hand), uncertainty)
         place, miss = repeatable_miss(plan, seen.task, late, self._game)
+        if not np.isfinite(miss).all():
+            self._trial = None
+            return Told(False, f"by its plan a ball that leaves the hand {late:.3f} s late comes down nowhere")
         self.steadiness.add((*plan.target, plan.release), late, miss)
         self._told += 1
         if self.hand is not None:
-            self.hand.add(seen.hand_delay)
+            self.hand.add(seen.hand_delay, uncertainty)
         if self._trial is not None:
             self._search.tell(self._trial, -float(np.linalg.norm(seen.task - plan.target)))
             self._trial = None

@@ -13,7 +13,7 @@ from collections.abc import Callable, Hashable
 import numpy as np
 
 from dart_skill.robot.throw_plan import ThrowPlan
-from dart_skill.skill.correction import landing_if_late
+from dart_skill.skill.release import landing_if_late
 from dart_skill.surface import BASKETS, Game
 
 STEP = 0.005
@@ -65,7 +65,7 @@ class Steadiness:
         when = np.asarray(shifts, dtype=float)[:, None] + late
         grid = np.arange(when.min() - GRID, when.max() + 2 * GRID, GRID)
         meant = landing_if_late(plan, 0.0, self._game)
-        hits = np.array([self._game.surface.miss(landing_if_late(plan, t, self._game) - meant, meant) for t in grid])
+        hits = np.array([self._game.surface.miss(hit - meant, meant) for hit in landing_if_late(plan, grid, self._game)])
         hits += (grid - late.mean())[:, None] * self.slopes  # what is due to the mean belongs to the repeatable miss
         scattered = np.stack([np.interp(when, grid, axis) for axis in hits.T], axis=-1)  # (n, throws, 2)
         return np.sqrt(scattered.var(axis=1).sum(axis=-1)), np.median(scattered, axis=1)

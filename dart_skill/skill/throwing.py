@@ -2,12 +2,13 @@
 
 Learning encodes attractor trajectories in task frames (7.21). Planning retrieves an attractor by GMR (3.4, 3.5), follows it with the
 spring-damper (7.19), and knows where its own release would send the ball: the task parameter is moved until that point lies on the
-target. The release and the delay of the hand are learned with the motion.
+target. The delay of the hand is learned with the motion, and so is the release, unless the skill lets go where the ball flies farthest:
+there it matters least that a hand opens early or late.
 """
 
 import hashlib
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,15 +18,14 @@ from dart_skill.movement.attractor import critical_damping
 from dart_skill.movement.autonomous import AutonomousPolicy, PhaseRule
 from dart_skill.movement.frames import azimuth_of, turn_matrix
 from dart_skill.movement.locality import choose_width, gaussian_weights, nearest_weights
-from dart_skill.movement.orientation import angles_from_quaternions, quaternions_from_angles, rotate, turn_about_z
+from dart_skill.movement.orientation import angles_from_quaternions, quaternions_from_angles, turn_about_z
 from dart_skill.recording import Demonstration
-from dart_skill.robot.description import wam_description
 from dart_skill.robot.throw_plan import Gains, HandPath, ThrowPlan
 from dart_skill.samples import to_the_nanosecond
 from dart_skill.skill.configuration import DEFAULT, SkillConfiguration
 from dart_skill.skill.preparation import PreparedThrow, prepare
+from dart_skill.skill.release import farthest, hits_along, nearest_step, stretched_at, weights_at
 from dart_skill.skill.task_frames import frames_for
-from dart_skill.surface import RIMS
 
 LEAST_DEMONSTRATIONS = 2
 REACH_MARGIN = 0.25
@@ -36,6 +36,8 @@ LONGEST_DRIVE = 1.5
 """A movement that is driven by the state may take so many times as long as shown."""
 AIM_TOLERANCE, WORST_AIM, LONGEST_AIM_STEP = 5e-4, 5e-3, 0.15
 """Of the search for the aim: where it stops, what it accepts at worst, its longest step; metres, and radians of azimuth."""
+EARLIEST, LATEST = -0.04, 0.10
+"""The release at which the ball flies farthest is looked for from and to so long after the one that was shown [s]."""
 
 
 class Unreachable(ValueError):
@@ -53,7 +55,8 @@ class _Course:
     acceleration: np.ndarray
     azimuth: float
     roll: float
-    landing: np.ndarray
+    release: float = np.nan
+    landing: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))
 
     def part(self, start: int, stop: int) -> "_Course":
         """The course between two indices."""
@@ -217,8 +220,7 @@ class ThrowingSkill:
         n_inputs = inputs.shape[1]
         attractor, _ = regress(mixture, inputs, range(n_inputs), range(n_inputs, n_inputs + 5))
         motion = follow_attractor(attractor, self.configuration.step, start, np.zeros(5), self.configuration.stiffness)
-        course = _Course(time, attractor, *motion, azimuth, roll, np.full(3, np.nan))
-        return replace(course, landing=self._predicted_landing(course, task[2]))
+        return self._released(_Course(time, attractor, *motion, azimuth, roll), task)
 
     def _policy(self, mixture: GaussianMixture, inputs: np.ndarray) -> AutonomousPolicy:
         """The policy that is driven by the state (chapter 9), its phases those of the inputs (n, 1 or 2)."""
@@ -233,9 +235,8 @@ class ThrowingSkill:
         run = policy.run(start, np.zeros(5), step=step, duration=LONGEST_DRIVE * (self._stop - self._start))
         time = run.time + self.release - np.interp(self.release, run.phase, run.time)
         kept = time <= self._stop
-        course = _Course(time, run.attractor, run.position, run.velocity, run.acceleration, azimuth, roll, np.full(3, np.nan))
-        course = course.part(0, int(kept.sum()))
-        return replace(course, landing=self._predicted_landing(course, task[2]))
+        course = _Course(time, run.attractor, run.position, run.velocity, run.acceleration, azimuth, roll)
+        return self._released(course.part(0, int(kept.sum())), task)
 
     def _start_features(self, task: np.ndarray) -> tuple[np.ndarray, float]:
         """Where the hand is before it moves: the demonstrations' start turned to the task's azimuth.
@@ -250,28 +251,32 @@ class ThrowingSkill:
             angles = angles_from_quaternions(turn_about_z(quaternions_from_angles(angles[None]), turn))[0]
         return np.concatenate([position, angles[:2]]), float(angles[2])
 
-    def _predicted_landing(self, course: _Course, rim_height: float) -> np.ndarray:
-        """Where the ball comes down if the hand does what is planned and opens at the learned release (3,)."""
-        k = min(int(np.searchsorted(course.time, self.release)), len(course.time) - 1)
-        late = self.release - course.time[k]
-        first = max(k - 1, 0)
-        path, k = _hand_path(course.part(first, k + 2)), k - first  # a derivative needs the neighbours
-        arm = rotate(path.quaternion[k : k + 1], wam_description().hand.ball_centre[None])[0]
-        velocity = path.velocity[k, :3] + np.cross(path.velocity[k, 3:], arm)
-        acceleration = path.acceleration[k, :3]
-        if self._surface is not RIMS:  # a board asks for millimetres: not without the turn of the hand in the rest of a step
-            acceleration = acceleration + turning(path.velocity[k, 3:], path.acceleration[k, 3:], arm)
-        start, speed = path.position[k] + arm + late * velocity, velocity + late * acceleration
-        point = self._surface.crossing(start, speed, np.array([0.0, 0.0, rim_height]), self.configuration.game.projectile)
-        if not np.isfinite(point.position).all():
-            where = f"the plane of the {self._surface.what} at {rim_height:.2f} m"
+    def _released(self, course: _Course, task: np.ndarray) -> _Course:
+        """The course with its release, and where the ball comes down if the hand does what is planned and opens then."""
+        shown = self.configuration.release == "shown"
+        around = 2.0 * self.configuration.step * np.array([-1.0, 1.0]) if shown else (EARLIEST, LATEST)
+        first, stop = np.searchsorted(course.time, np.add(self.release, around))
+        near = course.part(min(first, len(course.time) - 3), stop)
+        angular = _angular_velocity(near.position[:, 3], near.velocity[:, 3:], near.azimuth)
+        velocity = np.hstack([near.velocity[:, :3], angular])
+        hits = hits_along(near.position[:, :3], _hand_quaternions(near.position[:, 3:], near), velocity, task, self.configuration.game)
+        release = self.release
+        if not shown:
+            k, after = farthest(self._surface.coordinates(hits)[:, 0])
+            top = float(near.time[k] + after * (near.time[k + 1] - near.time[k]))
+            # Few demonstrations may send the hand beyond the arm's reach: then it lets go before it is there.
+            release = min(top, max(float(near.time[0]), stretched_at(near.time, near.position[:, :3])))
+        k = nearest_step(near.time, release)
+        landing = weights_at(near.time, k, release) @ hits[k - 1 : k + 2]
+        if not np.isfinite(landing).all():
+            where = f"the plane of the {self._surface.what} at {task[2]:.2f} m"
             raise Unreachable(f"the plan for {course.azimuth:.2f} rad never comes down on {where}")
-        return point.position
+        return replace(course, release=release, landing=landing)
 
     def _as_plan(self, target: np.ndarray, aim: np.ndarray, course: _Course) -> ThrowPlan:
         stiffness = self.configuration.stiffness
         gains = Gains(stiffness, float(critical_damping(stiffness)))
-        release = to_the_nanosecond(self.release - course.time[0])
+        release = to_the_nanosecond(course.release - course.time[0])
         return ThrowPlan(
             target=target,
             aim=aim,
@@ -300,24 +305,22 @@ def learn_prepared(throws: list[PreparedThrow], configuration: SkillConfiguratio
     return ThrowingSkill(configuration, throws)
 
 
-def turning(rate: np.ndarray, change: np.ndarray, arm: np.ndarray) -> np.ndarray:
-    """Acceleration (3,) of a point at `arm` (3,) from the origin of a body that turns at a rate (3,) which changes (3,)."""
-    return np.cross(rate, np.cross(rate, arm)) + np.cross(change, arm)
-
-
 def _hand_quaternions(angles: np.ndarray, course: _Course) -> np.ndarray:
     """World orientations (n, 4) of alpha, beta (n, 2) in the course's axes, at its constant roll."""
     rolled = np.column_stack([angles, np.full(len(angles), course.roll)])
     return turn_about_z(quaternions_from_angles(rolled), course.azimuth)
 
 
-def _hand_path(course: _Course) -> HandPath:
-    """The course as a motion of the hand frame: d/dt of R_z(psi) R_y(-alpha) R_z(beta) gives the angular velocity."""
-    alpha = course.position[:, 3]
-    rates = course.velocity[:, 3:]
+def _angular_velocity(alpha: np.ndarray, rates: np.ndarray, azimuth: float) -> np.ndarray:
+    """In world axes (n, 3): of R_z(azimuth) R_y(-alpha) R_z(beta), from alpha (n,) and the rates of alpha and beta (n, 2)."""
     axis_beta = np.column_stack([-np.sin(alpha), np.zeros(len(alpha)), np.cos(alpha)])
     turned = rates[:, 1:] * axis_beta - np.outer(rates[:, 0], [0.0, 1.0, 0.0])
-    angular = turned @ turn_matrix(course.azimuth).T
+    return turned @ turn_matrix(azimuth).T
+
+
+def _hand_path(course: _Course) -> HandPath:
+    """The course as a motion of the hand frame."""
+    angular = _angular_velocity(course.position[:, 3], course.velocity[:, 3:], course.azimuth)
     return HandPath(
         time=to_the_nanosecond(course.time - course.time[0]),
         position=course.position[:, :3],

@@ -14,10 +14,10 @@ from dart_skill.flight import DART, TENNIS_BALL, Ball, crossing, flight, landing
 from dart_skill.robot.command import Command, Grip
 from dart_skill.simulation.board import Board
 from dart_skill.simulation.teacher import Teacher
-from dart_skill.skill.correction import landing_if_late
 from dart_skill.skill.model_file import load_model, save_model
 from dart_skill.skill.outcome import judge_flight
 from dart_skill.skill.practising import PractisingSkill
+from dart_skill.skill.release import landing_if_late
 from dart_skill.skill.steadiness import Steadiness
 from dart_skill.skill.throwing import Unreachable, learn
 from dart_skill.surface import BASKETS, BOARD_DIAMETER, RIMS, BoardFace, game_at

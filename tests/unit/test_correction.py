@@ -1,11 +1,25 @@
 """What repeats in the misses of a thrower is learned and taken out; accidents are not, and changes are noticed."""
 
+from itertools import product
+
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
 from dart_skill.mixture import Gaussian
 from dart_skill.movement.frames import turn_matrix
-from dart_skill.skill.correction import DIFFERENCES, NOISES, Correction, CorrectionSettings, landing_if_late, polar, repeatable_miss
+from dart_skill.skill.configuration import configuration
+from dart_skill.skill.correction import (
+    DIFFERENCES,
+    NOISES,
+    USUAL_DIFFERENCE,
+    USUAL_NOISE,
+    Correction,
+    CorrectionSettings,
+    polar,
+    repeatable_miss,
+)
+from dart_skill.skill.release import landing_if_late
 from dart_skill.skill.throwing import learn
 
 
@@ -41,22 +55,67 @@ def test_learns_a_function_of_the_place():
     assert np.sqrt(np.mean(error**2)) < 0.004, "25 throws that each vary by 4 mm tell the function to less than that"
 
 
-def test_is_the_conditional_of_a_joint_gaussian():
+def rough(place):
+    """Misses that change from one distance to the next, and are the same all around."""
+    return 0.01 * np.array([np.sin(40.0 * place[0]), np.cos(25.0 * place[0])])
+
+
+def covariance(correction, places, noise, difference, scale):
+    """Of repeatable misses at places (n, 2), written out from the definition of the process."""
+    apart = (places[:, None] - places) / np.array(scale)
+    smooth = difference**2 * np.exp(-0.5 * np.sum(apart**2, axis=2))
+    return correction.settings.offset**2 + smooth + noise**2 * np.eye(len(places))
+
+
+@pytest.mark.parametrize("function", [crooked, rough])
+def test_is_the_conditional_of_a_joint_gaussian(function):
     """The same prediction from conditioning the joint density of all misses and the new one (Table 3.1)."""
-    correction = told(crooked, 6, 0.004, seed=2)
+    correction = told(function, 6, 0.004, seed=2)
     new = np.array([1.7, 0.3])
     mean, deviation = correction.predict(new)
     known = correction._places
-    every = np.vstack([known, new])
-    apart = (every[:, None] - every) / correction.settings.lengths
     for axis in range(2):
-        noise, difference = correction._fits[axis][:2]
-        assert noise in NOISES and difference in DIFFERENCES
-        covariance = 0.1**2 + difference**2 * np.exp(-0.5 * np.sum(apart**2, axis=2)) + np.diag([noise**2] * 6 + [0.0])
-        joint = Gaussian(np.zeros(7), covariance)
-        expected = joint.condition(range(6), correction._misses[:, axis])
+        fit = correction._fits[axis]
+        assert fit.noise in NOISES and fit.difference in DIFFERENCES
+        assert fit.scale in product(correction.settings.lengths, correction.settings.turns)
+        joint_covariance = covariance(correction, np.vstack([known, new]), fit.noise, fit.difference, fit.scale)
+        joint_covariance[6, 6] -= fit.noise**2
+        expected = Gaussian(np.zeros(7), joint_covariance).condition(range(6), correction._misses[:, axis])
         assert mean[0, axis] == pytest.approx(expected.mean[0], abs=1e-9)
         assert deviation[0, axis] ** 2 == pytest.approx(expected.covariance[0, 0], abs=1e-9)
+
+
+@pytest.mark.parametrize("function", [crooked, rough])
+def test_noise_difference_and_scale_are_the_most_probable_ones(function):
+    """Of all that there are to choose from, by the density of the misses and by what is usual."""
+    correction = told(function, 12, 0.003, seed=8)
+    for axis in range(2):
+        scores = {
+            (noise, difference, scale): multivariate_normal.logpdf(
+                correction._misses[:, axis], cov=covariance(correction, correction._places, noise, difference, scale)
+            )
+            - np.log2(noise / USUAL_NOISE) ** 2
+            - np.log2(difference / USUAL_DIFFERENCE) ** 2
+            for noise in NOISES
+            for difference in DIFFERENCES
+            for scale in product(correction.settings.lengths, correction.settings.turns)
+        }
+        fit = correction._fits[axis]
+        assert (fit.noise, fit.difference, fit.scale) == max(scores, key=scores.get)
+
+
+def test_a_miss_that_changes_from_one_distance_to_the_next_is_learned_all_around():
+    """Forty throws at any azimuth tell the curve over the distance to a few millimetres."""
+    correction = told(rough, 40, 0.001, seed=9)
+    new = places(50, np.random.default_rng(10))
+    error = correction.predict(new)[0] - np.array([rough(place) for place in new])
+    assert np.sqrt(np.mean(error**2)) < 0.0025, np.sqrt(np.mean(error**2))
+    assert max(fit.scale[0] for fit in correction._fits) <= 0.1
+
+
+def test_a_length_for_misses_that_change_slowly_is_a_long_one():
+    correction = told(crooked, 25, 0.002, seed=0)
+    assert correction._fits[0].scale[0] >= 0.4
 
 
 def test_a_plan_for_the_shifted_point_comes_down_on_the_target():
@@ -74,6 +133,13 @@ def test_an_accident_is_not_learned():
     correction.add([1.8, 0.2], crooked([1.8, 0.2]))
     np.testing.assert_allclose(correction.predict([[2.0, 0.0]])[0], before, atol=0.003)
     assert correction.n_forgotten == 0 and len(correction) == 11
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_throws_that_are_all_alike_are_no_change(seed):
+    """Whatever the first ones happen to be: by chance three throws may agree to a tenth of what throws vary by."""
+    correction = told(crooked, 12, 0.004, seed)
+    assert correction.n_forgotten == 0
 
 
 def test_a_change_is_noticed_at_its_second_throw():
@@ -117,7 +183,10 @@ def test_a_miss_that_is_no_miss_is_refused(miss):
         Correction().add([2.0, 0.0], miss)
 
 
-@pytest.mark.parametrize("values", [{"offset": 0.0}, {"lengths": (0.5, -1.0)}, {"memory": 0}, {"surprise": np.nan}])
+@pytest.mark.parametrize(
+    "values",
+    [{"offset": 0.0}, {"lengths": (0.5, -1.0)}, {"lengths": ()}, {"turns": (0.0,)}, {"turns": ()}, {"memory": 0}, {"surprise": np.nan}],
+)
 def test_settings_that_make_no_sense_are_refused(values):
     with pytest.raises(ValueError, match="finite positive"):
         CorrectionSettings(**values)
@@ -130,7 +199,7 @@ def test_a_plan_sends_the_ball_where_it_says(demonstrations):
 
 def test_a_late_release_explains_its_part_of_the_miss(demonstrations):
     """The hand opens 5 ms late: the ball comes down elsewhere by centimetres, and nothing of it is the place's fault."""
-    plan = learn(demonstrations).plan(demonstrations[0].target)
+    plan = learn(demonstrations, configuration("shown_release")).plan(demonstrations[0].target)
     where = landing_if_late(plan, 0.005)
     assert np.linalg.norm(where - landing_if_late(plan, 0.0)) > 0.01
     place, miss = repeatable_miss(plan, where + turn_matrix(polar(plan.target)[1]) @ [0.03, -0.01, 0.0], 0.005)
@@ -138,3 +207,12 @@ def test_a_late_release_explains_its_part_of_the_miss(demonstrations):
     np.testing.assert_allclose(miss, [0.03, -0.01], atol=1e-4)
     unseen = repeatable_miss(plan, where, np.nan)[1]
     assert np.linalg.norm(unseen) > 0.01, "a release that nobody saw counts as one on time"
+
+
+def test_a_release_where_the_ball_flies_farthest_leaves_little_to_explain(demonstrations):
+    """Early or late, the ball comes down a little nearer: by a square of the time, so that half of it is a quarter."""
+    plan = learn(demonstrations).plan(demonstrations[0].target)
+    short = {late: polar(landing_if_late(plan, 0.0))[0] - polar(landing_if_late(plan, late))[0] for late in (-0.01, -0.005, 0.005, 0.01)}
+    assert all(0.0 < value < 0.012 for value in short.values()), short
+    for side in (-1, 1):
+        assert short[side * 0.01] / short[side * 0.005] == pytest.approx(4.0, rel=0.25), short

@@ -243,3 +243,15 @@ def test_a_ball_that_was_seen_to_leave_the_hand_stands_in_for_the_button():
 
 def test_a_throw_is_watched_as_long_as_its_samples_are_sure_to_have_come():
     assert watched_until(OPENED_NS) == OPENED_NS + 1_150 * MS
+
+
+def test_joint_states_are_thinned_from_the_first_of_a_world_on_whatever_is_lost():
+    """The arm's clock begins anywhere: what is kept depends on the time since a reset alone."""
+    for begun in (START_NS, START_NS + 4 * MS + 35):
+        log = ThrowLog()
+        for world in (begun, begun + 2000 * MS):
+            for k in (*range(7), *range(9, 60)):  # two of them never came
+                log.add_joints(world + 2 * k * MS, np.zeros(7), np.zeros(7))
+        kept = (np.array(log.joints.stamps) - begun) / MS
+        np.testing.assert_allclose(kept[:12], [0, 10, 20, *range(30, 120, 10)])
+        np.testing.assert_allclose(kept[12:] - 2000, kept[:12])

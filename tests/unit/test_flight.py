@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from dart_skill.flight import TENNIS_BALL, Ball, fit_flight, flight, landing
+from dart_skill.flight import TENNIS_BALL, Ball, fit_flight, fit_flights, flight, landing
 
 VACUUM = Ball(drag_coefficient=0.0)
 START = np.array([0.3, -0.1, 2.05])
@@ -113,6 +113,44 @@ def test_a_flight_to_begin_with_changes_only_the_work():
     alone, helped = fit_flight(times, samples), fit_flight(times, samples, near=shorter)
     np.testing.assert_allclose(helped.position, alone.position, atol=1e-6)
     np.testing.assert_allclose(helped.velocity, alone.velocity, atol=1e-5)
+
+
+def windows_of_flights(n=4, samples=10):
+    """Noisy samples of flights of different speeds: times (n, samples) from 0, positions (n, samples, 3)."""
+    rng = np.random.default_rng(2)
+    time = np.sort(rng.uniform(0.0, 0.1, (n, samples)), axis=1)
+    exact = [flight(START, VELOCITY * (0.5 + 0.3 * k), row)[0] for k, row in enumerate(time)]
+    return time, np.array(exact) + 1e-4 * rng.standard_normal((n, samples, 3))
+
+
+def test_flights_fitted_together_are_those_fitted_one_by_one():
+    """Together by lines and repetition, one alone by its sensitivity: two ways to one least-squares flight, but for what drag bends."""
+    time, position = windows_of_flights()
+    start, velocity, misfit = fit_flights(time, position)
+    for k in range(len(time)):
+        alone = fit_flights(time[k : k + 1], position[k : k + 1])
+        np.testing.assert_allclose(start[k], alone[0][0], atol=1e-5)
+        np.testing.assert_allclose(velocity[k], alone[1][0], atol=3e-4)
+        np.testing.assert_allclose(misfit[k], alone[2][0], atol=2e-5)
+
+
+def test_in_vacuum_flights_are_lines_fitted_to_what_gravity_leaves():
+    """Against numpy's polynomials, axis by axis."""
+    time, position = windows_of_flights()
+    start, velocity, _ = fit_flights(time, position, VACUUM)
+    lifted = position + 0.5 * 9.81 * time[..., None] ** 2 * [0.0, 0.0, 1.0]
+    for k in range(len(time)):
+        slope, value = np.polyfit(time[k], lifted[k], 1)
+        np.testing.assert_allclose(start[k], value, atol=1e-9)
+        np.testing.assert_allclose(velocity[k], slope, atol=1e-8)
+
+
+@pytest.mark.parametrize("accuracy", [1e-4, 1e-6])
+def test_a_rough_fit_is_off_by_less_than_it_says(accuracy):
+    time, position = windows_of_flights()
+    exact, rough = fit_flights(time, position, accuracy=1e-12), fit_flights(time, position, accuracy=accuracy)
+    for good, fast in zip(exact, rough, strict=True):
+        np.testing.assert_allclose(fast, good, atol=accuracy)
 
 
 def test_fit_errors_match_the_least_squares_theory():

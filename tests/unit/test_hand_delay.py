@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dart_skill.skill.hand_delay import USUAL, HandDelay
+from dart_skill.skill.hand_delay import USUAL, HandDelay, likely_late
 
 
 def test_expects_the_mean_of_what_it_saw():
@@ -56,3 +56,22 @@ def test_a_steady_hand_is_hardly_ever_taken_for_another_one():
 
 def test_without_any_opening_there_is_no_delay_to_expect():
     assert HandDelay().mean == 0.0
+
+
+def test_an_opening_that_was_not_seen_clearly_tells_nothing():
+    hand = HandDelay([0.030] * 5)
+    for _ in range(4):
+        hand.add(0.045, 0.004)
+    assert hand.mean == pytest.approx(0.030) and len(hand) == 5
+    for _ in range(2):
+        hand.add(0.045, 0.0005)
+    assert hand.mean == pytest.approx(0.045)
+
+
+def test_how_late_a_hand_was_is_believed_as_far_as_it_was_seen():
+    """The mean of a Gaussian about a usual hand, once it was seen with Gaussian noise."""
+    time = np.linspace(-0.1, 0.1, 20001)
+    for seen, uncertainty in ((0.010, 0.004), (-0.006, 0.001), (0.002, 0.012)):
+        density = np.exp(-0.5 * (time / USUAL) ** 2 - 0.5 * ((seen - time) / uncertainty) ** 2)
+        assert likely_late(seen, uncertainty) == pytest.approx(density @ time / density.sum(), abs=1e-9)
+    assert likely_late(0.01, 0.0) == 0.01 and np.isnan(likely_late(np.nan, 0.001))

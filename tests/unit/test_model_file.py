@@ -1,9 +1,10 @@
 """A model on disk: the same plan after loading, and nothing but a model is accepted."""
 
 import io
+import json
 import pickle
 import zipfile
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -28,6 +29,17 @@ def test_a_loaded_model_plans_the_same_throw_to_the_last_bit(saved, demonstratio
     loaded, configuration, _ = load_model(saved)
     assert configuration == DEFAULT
     assert same_plan(learn(loaded, configuration).plan(BASKET), learn(demonstrations).plan(BASKET))
+
+
+def test_a_model_from_before_there_was_a_choice_lets_go_as_it_did(saved):
+    with np.load(saved) as archive:
+        content = dict(archive)
+    settings = json.loads(str(content["configuration"]))
+    assert settings.pop("release") == "farthest"
+    content["configuration"] = np.array(json.dumps(settings))
+    older = saved.with_name("older.npz")
+    np.savez_compressed(older, **content)
+    assert load_model(older)[1] == replace(DEFAULT, release="shown")
 
 
 def test_demonstrations_come_back_as_they_were(saved, demonstrations):

@@ -91,6 +91,18 @@ def test_release_instant_within_a_millisecond_and_velocity_within_three_permille
     assert max(release.grip_distance for _, release in found) < 1e-3
 
 
+@pytest.mark.parametrize("hidden", [0.1, 0.25])
+def test_a_flight_that_was_hidden_for_a_while_is_one_flight(hidden):
+    """Samples before and after the gap belong to it: the longer part is found first, and grows over the gap."""
+    time = 3.0 + 0.01 * np.arange(100)
+    position = flight(np.array([-0.2, 0.1, 2.1]), np.array([2.6, 0.3, 0.9]), time - 3.0)[0]
+    position = position + SIGMA * np.random.default_rng(6).standard_normal(position.shape)
+    seen = (time < 3.2) | (time > 3.2 + hidden)
+    free = find_flight(time[seen], position[seen])
+    assert len(free.samples) == seen.sum()
+    assert free.fit.time == time[0] and free.fit.residual < 3 * SIGMA
+
+
 def test_the_uncertainty_of_the_release_covers_its_error():
     ratios = np.array([(r.time - ORIGIN - t.release) / r.time_uncertainty for t, r in random_throws(40)])
     assert 0.5 < np.sqrt(np.mean(ratios**2)) < 1.6, ratios

@@ -280,7 +280,9 @@ def test_the_width_is_the_one_that_predicts_left_out_demonstrations_best(demonst
 
 
 def test_an_unknown_configuration_is_refused_with_the_names_there_are():
-    with pytest.raises(ValueError, match="no configuration 'defualt': choose one of autonomous, cross_validated, default, em, thesis"):
+    with pytest.raises(
+        ValueError, match="no configuration 'defualt': choose one of autonomous, cross_validated, default, em, shown_release, "
+    ):
         configuration("defualt")
     assert configuration() is configuration("") is DEFAULT
     assert all(configuration(name).name == name for name in CONFIGURATIONS)
@@ -288,8 +290,8 @@ def test_an_unknown_configuration_is_refused_with_the_names_there_are():
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("frames", "base"), ("alignment", "end"), ("partition", "kmeans"), ("drive", "clock"), ("components", 0), ("stiffness", 0.0),
-     ("step", 0.0), ("width", -1.0), ("nearest", -1), ("stiffness", np.nan)],
+    [("frames", "base"), ("alignment", "end"), ("partition", "kmeans"), ("drive", "clock"), ("release", "late"), ("components", 0),
+     ("stiffness", 0.0), ("step", 0.0), ("width", -1.0), ("nearest", -1), ("stiffness", np.nan)],
 )  # fmt: skip
 def test_a_configuration_that_makes_no_sense_names_the_value(field, value):
     with pytest.raises(ValueError, match=f"{field}.*{value}"):
