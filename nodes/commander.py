@@ -11,6 +11,7 @@ from dart_skill_msgs.action import Throw
 from dart_skill_msgs.msg import WamCommand
 from dart_skill_msgs.srv import PlanThrow
 from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
 from rclpy.action import CancelResponse, GoalResponse
 from rclpy.node import Node
 from scipy.spatial.transform import Rotation
@@ -24,7 +25,7 @@ from dart_skill.skill.outcome import judge_flight
 from dart_skill_nodes import conversions
 from dart_skill_nodes.links import Link
 from dart_skill_nodes.routines import Promise, RoutineServer, answer, finish, pause
-from dart_skill_nodes.support import COMPLETE, ERROR, FRAMES, LOOP, OK, WALL, WARN, Diagnostics, Parameter, declare, run
+from dart_skill_nodes.support import COMPLETE, ERROR, FRAMES, LATCHED, LOOP, OK, WALL, WARN, Diagnostics, Parameter, declare, run
 from dart_skill_nodes.watching import BEFORE_NS, Watcher
 
 TABLE = [
@@ -66,6 +67,7 @@ class CommanderNode(Node):
         self._fault, self._heartbeat, self._goal, self._over = "", None, None, None
         self._command = self.create_publisher(WamCommand, "/wam/command", COMPLETE)
         self._attractor = self.create_publisher(PoseStamped, "~/attractor", FRAMES)
+        self._plan = self.create_publisher(Path, "~/plan", LATCHED)
         self._watcher = Watcher(self, self.p["frame_id"], on_pose=self._check_over)
         self.create_subscription(JointState, "/joint_states", self._on_state, LOOP)
         self.create_subscription(Time, "/skill_learner/heartbeat", self._on_heartbeat, 10)
@@ -162,6 +164,7 @@ class CommanderNode(Node):
             result.message = response.message
             return None
         result.plan = response.plan
+        self._plan.publish(conversions.path_msg(response.plan))
         return conversions.plan(response.plan)
 
     async def _planner_is_there(self) -> bool:

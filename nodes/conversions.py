@@ -8,7 +8,9 @@ from dart_skill_msgs.msg import Demonstration as DemonstrationMsg
 from dart_skill_msgs.msg import ThrowPlan as ThrowPlanMsg
 from dart_skill_msgs.msg import TrialOutcome, WamCommand
 from geometry_msgs.msg import Point, PointStamped, PoseStamped, Transform, Twist
+from nav_msgs.msg import Path
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
 from dart_skill.recording import Demonstration, demonstration_from_message, fill_demonstration_message
@@ -145,6 +147,19 @@ def plan_msg(plan: ThrowPlan, frame_id: str) -> ThrowPlanMsg:
     message.release, message.open_hand = duration_msg(plan.release), duration_msg(plan.open_hand)
     message.start_posture = plan.start_posture
     return message
+
+
+def path_msg(plan: ThrowPlanMsg) -> Path:
+    """The way of the hand in a plan, for viewers; its stamps count from the start of the throw."""
+    path = Path(header=plan.header)
+    for sample in plan.trajectory.points:
+        pose = PoseStamped(header=Header(frame_id=plan.header.frame_id))
+        pose.header.stamp.sec, pose.header.stamp.nanosec = sample.time_from_start.sec, sample.time_from_start.nanosec
+        hand = sample.transforms[1]
+        pose.pose.orientation = hand.rotation
+        pose.pose.position.x, pose.pose.position.y, pose.pose.position.z = hand.translation.x, hand.translation.y, hand.translation.z
+        path.poses.append(pose)
+    return path
 
 
 def plan(message: ThrowPlanMsg) -> ThrowPlan:

@@ -8,6 +8,9 @@ from launch.substitutions import EqualsSubstitution, LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
+from dart_skill.configuration import config_path
+from dart_skill.robot.description import wam_description
+from dart_skill.robot.urdf import write_urdf
 from dart_skill_nodes.graph import LAYOUTS, parameters_of
 from launch import LaunchDescription
 
@@ -28,7 +31,18 @@ def description(layouts: list[str], arguments: list[str]) -> LaunchDescription:
     values = {name: ParameterValue(LaunchConfiguration(name), value_type=ARGUMENTS[name][0]) for name in arguments}
     nodes = [_node(executable, layout, values, len(layouts) > 1) for layout in layouts for executable in LAYOUTS[layout]]
     nodes.append(Node(package="dart_skill", executable="viewer", output="screen", condition=IfCondition(LaunchConfiguration("viewer"))))
-    return LaunchDescription([*(chosen if len(layouts) > 1 else []), viewer, *declared, _this_machine_only(), *nodes])
+    rviz = DeclareLaunchArgument("rviz", default_value="false", description="RViz, too, and robot_state_publisher for it")
+    return LaunchDescription([*(chosen if len(layouts) > 1 else []), viewer, rviz, *declared, _this_machine_only(), *nodes, *_rviz()])
+
+
+def _rviz() -> list[Node]:
+    """RViz with its displays chosen, and the transforms of the arm, from packages that a desktop installation of ROS has."""
+    wanted = IfCondition(LaunchConfiguration("rviz"))
+    arm = {"robot_description": ParameterValue(write_urdf(wam_description()), value_type=str)}
+    return [
+        Node(package="robot_state_publisher", executable="robot_state_publisher", parameters=[arm], condition=wanted),
+        Node(package="rviz2", executable="rviz2", arguments=["-d", str(config_path("viewers/throwing.rviz"))], condition=wanted),
+    ]
 
 
 def _node(executable: str, layout: str, values: dict, is_choice: bool) -> Node:

@@ -1,5 +1,7 @@
 """The skill learner: hears demonstrations, or reads them from a bag, learns DS-GMR, and plans throws on request."""
 
+from itertools import cycle
+
 import numpy as np
 from builtin_interfaces.msg import Time
 from dart_skill_msgs.msg import Demonstration
@@ -27,6 +29,9 @@ TABLE = [
     Parameter("practice_forget", "which trial goes when the memory is full: oldest or crowded"),
     Parameter("heartbeat_period", "of ~/heartbeat [s, wall clock]", 0.01, 1.0),
 ]
+
+COLOURS = (ColorRGBA(g=0.62, b=0.45, a=0.5), ColorRGBA(r=0.34, g=0.71, b=0.91, a=0.4), ColorRGBA(r=0.8, g=0.47, b=0.65, a=0.4))
+"""Of the product of the frames, and of the frames (Okabe and Ito)."""
 
 
 class SkillLearner(Node):
@@ -146,14 +151,16 @@ class SkillLearner(Node):
     def _publish_markers(self) -> None:
         skill = self._skill.skill
         centre = np.median([throw.task for throw in skill.throws], axis=0)
-        array = MarkerArray()
-        for k, (position, orientation, size) in enumerate(component_ellipsoids(skill.mixture(centre))):
-            marker = Marker(ns="components", id=k, type=Marker.SPHERE, action=Marker.ADD)
-            marker.header.frame_id = self.p["frame_id"]
-            conversions.set_pose(marker.pose, position, orientation)
-            conversions.set_vector(marker.scale, size)
-            marker.color = ColorRGBA(r=0.2, g=0.6, b=0.3, a=0.5)
-            array.markers.append(marker)
+        array = MarkerArray(markers=[Marker(action=Marker.DELETEALL)])
+        frames = skill.frame_mixtures(centre)
+        groups = {"components": skill.mixture(centre), **{f"frame_{k}": one for k, one in enumerate(frames, start=1) if len(frames) > 1}}
+        for colour, (name, mixture) in zip(cycle(COLOURS), groups.items(), strict=False):
+            for k, (position, orientation, size) in enumerate(component_ellipsoids(mixture)):
+                marker = Marker(ns=name, id=k, type=Marker.SPHERE, action=Marker.ADD, color=colour)
+                marker.header.frame_id = self.p["frame_id"]
+                conversions.set_pose(marker.pose, position, orientation)
+                conversions.set_vector(marker.scale, size)
+                array.markers.append(marker)
         targets = Marker(ns="targets", id=0, type=Marker.SPHERE_LIST, action=Marker.ADD)
         targets.header.frame_id = self.p["frame_id"]
         targets.scale.x = targets.scale.y = targets.scale.z = 0.05

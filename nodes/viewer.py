@@ -14,7 +14,7 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
-from visualization_msgs.msg import MarkerArray
+from visualization_msgs.msg import Marker, MarkerArray
 
 from dart_skill.experiments.targets import Region
 from dart_skill.view import Panel, Request, Scene, ViewUnavailable, open_server, url_of
@@ -149,7 +149,10 @@ class Viewer(Node):
             self._demonstrations[one.id], self._new_demonstration = one, True
 
     def _on_markers(self, message: MarkerArray) -> None:
-        for group, shapes in ellipsoids(message, self.p["frame_id"]).items():
+        shown = ellipsoids(message, self.p["frame_id"])
+        if any(marker.action == Marker.DELETEALL for marker in message.markers):
+            self._scene.hide_gaussians(set(self._scene.gaussian_colours) - set(shown))
+        for group, shapes in shown.items():
             self._scene.show_gaussians(group, *shapes)
         self._panel.show_legend()
 

@@ -108,7 +108,16 @@ class ThrowingSkill:
     def mixture(self, target: np.ndarray) -> GaussianMixture:
         """The Gaussians for one task parameter, in the world (7.21)."""
         target = np.asarray(target, dtype=float)
-        return self.model_for(target).product(frames_for(target, self._start_features(target)[0], self.configuration))
+        return self.model_for(target).product(self._frames_for(target))
+
+    def frame_mixtures(self, target: np.ndarray) -> list[GaussianMixture]:
+        """The Gaussians of each task frame by itself, for one task parameter, in the world: the factors of `mixture` (7.21)."""
+        target = np.asarray(target, dtype=float)
+        model, frames = self.model_for(target), self._frames_for(target)
+        return [model.product([frame if k == one else None for k, frame in enumerate(frames)]) for one in range(len(frames))]
+
+    def _frames_for(self, target: np.ndarray) -> list:
+        return frames_for(target, self._start_features(target)[0], self.configuration)
 
     # fitting
 

@@ -6,7 +6,7 @@ from wherever they come: a running graph, a bag, a test.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -120,6 +120,11 @@ class Scene:
             batched_colors=colours.GAUSSIANS[number % len(colours.GAUSSIANS)], opacity=0.35, lod="off", cast_shadow=False,
             receive_shadow=False, visible=group not in self._hidden,
         )  # fmt: skip
+
+    def hide_gaussians(self, groups: Iterable[str]) -> None:
+        """Groups that are no more."""
+        for group in groups:
+            self._gaussians.pop(group).remove()
 
     @property
     def gaussian_colours(self) -> dict[str, tuple[int, int, int]]:

@@ -63,7 +63,7 @@ def parameters_there_are(executable):
 
 def test_nodes_and_their_parameters_exist(entities):
     setup = (ROOT / "setup.py").read_text()
-    nodes = of(entities, "Node")
+    nodes = [node for node in of(entities, "Node") if node.options["package"] == "dart_skill"]
     assert nodes
     for node in nodes:
         executable = node.options["executable"]
@@ -77,9 +77,18 @@ def test_arguments_are_described_and_all_that_is_used_is_declared(entities):
     assert all(options["description"] and isinstance(options["default_value"], str) for options in declared.values())
     used = set()
     for node in of(entities, "Node"):
+        if node.options["package"] != "dart_skill":
+            continue
         values = [value for parameters in node.options.get("parameters", []) for value in parameters.values()]
         used |= {value.values[0].values[0] for value in values if type(value).__name__ == "ParameterValue"}
-    assert used | {"viewer"} <= set(declared) <= used | {"viewer", "layout"}
+    assert used | {"viewer", "rviz"} <= set(declared) <= used | {"viewer", "rviz", "layout"}
+
+
+def test_rviz_is_optional_and_its_displays_are_shipped(entities):
+    others = [node.options for node in of(entities, "Node") if node.options["package"] != "dart_skill"]
+    assert [one["package"] for one in others] == ["robot_state_publisher", "rviz2"]
+    assert all(one["condition"].values[0].values[0] == "rviz" for one in others)
+    assert Path(others[1]["arguments"][1]).is_file()
 
 
 def test_discovery_stays_on_this_machine(entities):

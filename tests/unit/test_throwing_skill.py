@@ -378,3 +378,17 @@ def test_a_hand_that_was_hidden_for_longer_is_named(demonstrations):
     parts = {name: getattr(one, name)[seen] for name in ("hand_time", "hand_position", "hand_quaternion")}
     with pytest.raises(ValueError, match=f"{one.id}: the hand was hidden at the release"):
         prepare(replace(one, **parts), DEFAULT)
+
+
+@pytest.mark.parametrize("name", ["default", "two_frames"])
+def test_the_gaussians_in_the_world_are_the_product_of_those_of_the_frames(demonstrations, name):
+    """(7.21): precisions add, and so do the means that they weigh."""
+    skill, target = learn(demonstrations, configuration(name)), np.array(NEW_BASKETS[0])
+    product, factors = skill.mixture(target), skill.frame_mixtures(target)
+    assert len(factors) == {"default": 1, "two_frames": 2}[name]
+    for k in range(product.n_components):
+        precisions = [np.linalg.inv(factor.covariances_[k]) for factor in factors]
+        covariance = np.linalg.inv(sum(precisions))
+        mean = covariance @ sum(precision @ factor.means_[k] for precision, factor in zip(precisions, factors, strict=True))
+        np.testing.assert_allclose(covariance, product.covariances_[k], rtol=1e-5, atol=1e-12)
+        np.testing.assert_allclose(mean, product.means_[k], rtol=1e-6)
