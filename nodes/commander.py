@@ -53,6 +53,9 @@ TABLE = [
 ]
 FEEDBACK_NS = 50_000_000
 
+WATCH = 0.1
+"""What a throw needs besides the arm is looked at so often [s, wall clock]."""
+
 
 class CommanderNode(Node):
     """Action /throw, the command topic, and services that free, hold and stop the arm."""
@@ -64,7 +67,8 @@ class CommanderNode(Node):
         self._state: ArmState | None = None
         self._message = WamCommand()
         self._message.header.frame_id = self.p["frame_id"]
-        self._fault, self._heartbeat, self._goal, self._over = "", None, None, None
+        self._fault, self._goal, self._over = "", None, None
+        self._silence, self._watched = 0.0, time.monotonic()  # of the learner [s, wall clock]; when that was last looked at
         self._command = self.create_publisher(WamCommand, "/wam/command", COMPLETE)
         self._attractor = self.create_publisher(PoseStamped, "~/attractor", FRAMES)
         self._plan = self.create_publisher(Path, "~/plan", LATCHED)
@@ -78,7 +82,7 @@ class CommanderNode(Node):
         accept = {"goal_callback": self._on_goal, "cancel_callback": lambda _: CancelResponse.ACCEPT}
         self._action = RoutineServer(self, Throw, "/throw", self._throw, self._finish, **accept)
         self._diagnostics = Diagnostics(self, self._describe)
-        self.create_timer(0.1, self._watch, clock=WALL)
+        self.create_timer(WATCH, self._watch, clock=WALL)
 
     # the control step
 
@@ -182,7 +186,7 @@ class CommanderNode(Node):
             await pause(self, 0.01)
         self._commander.throw(plan)
         begun_ns = self._state.stamp_ns
-        self._alive = self._heartbeat = time.monotonic()
+        self._alive, self._silence = time.monotonic(), 0.0
         self._over = Promise()
         self._feed("armed")
         await self._over
@@ -220,15 +224,16 @@ class CommanderNode(Node):
     # the rest
 
     def _on_heartbeat(self, _) -> None:
-        self._heartbeat = time.monotonic()
+        self._silence = 0.0
 
     def _watch(self) -> None:
         """A throw needs its learner alive, and the states of the arm: a node that died stops the arm."""
+        gap, self._watched = time.monotonic() - self._watched, time.monotonic()
         if self._goal is None or not self._commander.throwing or self._over is None:
             return
-        silence = time.monotonic() - self._heartbeat
-        if silence > self.p["learner_timeout"]:
-            self._commander.stop(f"skill_learner has been silent for {silence:.1f} s: is it still running? The arm was stopped")
+        self._silence += min(gap, 2 * WATCH)  # who was held up itself has heard nobody
+        if self._silence > self.p["learner_timeout"]:
+            self._commander.stop(f"skill_learner has been silent for {self._silence:.1f} s: is it still running? The arm was stopped")
 
     def _on_release_arm(self, request, response):
         try:

@@ -1,5 +1,6 @@
 """The skill learner: hears demonstrations, or reads them from a bag, learns DS-GMR, and plans throws on request."""
 
+import threading
 from itertools import cycle
 
 import numpy as np
@@ -19,7 +20,7 @@ from dart_skill.skill.practising import PractisingSkill
 from dart_skill.skill.throwing import Unreachable
 from dart_skill.skill.views import component_ellipsoids
 from dart_skill_nodes import conversions
-from dart_skill_nodes.support import LATCHED, OK, WALL, WARN, Diagnostics, Parameter, declare, run
+from dart_skill_nodes.support import LATCHED, OK, WARN, Diagnostics, Parameter, declare, run
 
 TABLE = [
     Parameter("frame_id", "frame of demonstrations and plans"),
@@ -51,11 +52,20 @@ class SkillLearner(Node):
         self.create_service(ModelFile, "~/save", self._on_save)
         self.create_service(ModelFile, "~/load", self._on_load)
         self._heartbeat = self.create_publisher(Time, "~/heartbeat", 10)
-        self.create_timer(self.p["heartbeat_period"], self._beat, clock=WALL)
+        self._ended = threading.Event()
+        self._beating = threading.Thread(target=self._beat, name="heartbeat")
+        self._beating.start()
         self._diagnostics = Diagnostics(self, self._describe)
 
     def _beat(self) -> None:
-        self._heartbeat.publish(self.get_clock().now().to_msg())
+        """From a thread of its own: who learns for a while is alive."""
+        while not self._ended.wait(self.p["heartbeat_period"]):
+            self._heartbeat.publish(self.get_clock().now().to_msg())
+
+    def destroy_node(self) -> None:
+        self._ended.set()
+        self._beating.join()
+        super().destroy_node()
 
     def _on_demonstration(self, message: Demonstration) -> None:
         try:

@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 from dart_skill_msgs.msg import SimulationState, WamCommand
-from dart_skill_msgs.srv import PlaceBasket, PlanThrow, Reset, Step
+from dart_skill_msgs.srv import Learn, PlaceBasket, PlanThrow, Reset, Step
 from geometry_msgs.msg import Point
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
@@ -78,6 +78,22 @@ def test_a_learner_that_dies_during_a_throw_stops_the_arm_and_is_named(make_grap
     assert outcome.code == 3, outcome.message
     assert "skill_learner" in outcome.message
     wait_for(coach, lambda: joints.fastest < 0.05, what="the arm comes to rest")
+
+
+def test_a_learner_that_learns_and_a_commander_that_is_held_up_stop_no_throw(make_graph):
+    """Both are alive."""
+    graph, coach = _taught(make_graph, {"composed": {"speed_factor": 0.4, "learner_timeout": 0.3}})
+    joints = Joints(coach)
+    result, _ = _begin_throw(coach, joints)
+    learned = coach.node.create_client(Learn, "/skill_learner/learn").call_async(Learn.Request(configuration="em"))
+    graph.processes["composed"].send_signal(signal.SIGSTOP)
+    until = time.monotonic() + 0.8
+    while time.monotonic() < until:
+        coach.spin()
+    graph.processes["composed"].send_signal(signal.SIGCONT)
+    outcome = coach.wait(result, "the throw").result
+    assert outcome.code == 1, outcome.message
+    assert coach.wait(learned, "learning").success
 
 
 def test_a_learner_that_takes_the_place_of_a_killed_one_is_asked_not_the_ghost(make_graph):
