@@ -18,7 +18,7 @@ import scipy
 from dart_skill.darts import ModelBasedAgent, expected_score, optimum_path, score
 from dart_skill.experiments import runs
 from dart_skill.experiments.landscapes import LANDSCAPES, Landscape
-from dart_skill.policy_search import PoWER, Search, Trial
+from dart_skill.policy_search import PoWER, Search, Sharpening, Trial
 from dart_skill.policy_search.baselines import CMAES, CrossEntropy, MonteCarlo, RandomRestarts
 from dart_skill.policy_search.mixture_power import MixturePoWER
 from dart_skill.policy_search.niches import Niches
@@ -91,6 +91,7 @@ METHODS: dict[str, Callable[..., Search]] = {
     "restarts": RandomRestarts,
     "monte_carlo": MonteCarlo,
     "niches": Niches,
+    "sharpening": Sharpening,
     "model_based": lambda *_, **__: _Informed(),
 }
 """Made with the first parameters (d,), the spread of the first trials and rng; all settings are in units of that spread."""

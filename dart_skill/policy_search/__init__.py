@@ -10,6 +10,7 @@ from .baselines import CMAES, CrossEntropy, MonteCarlo, RandomRestarts
 from .mixture_power import MixturePoWER, Readings
 from .niches import Niches
 from .power import PoWER
+from .sharpening import Sharpening
 
 __all__ = [
     "CMAES",
@@ -23,6 +24,7 @@ __all__ = [
     "RandomRestarts",
     "Readings",
     "Search",
+    "Sharpening",
     "Trial",
     "return_weights",
     "with_constant_noise",
