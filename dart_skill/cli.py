@@ -12,7 +12,9 @@ from dart_skill.experiments.darts_command import add_arm_darts
 from dart_skill.experiments.practice_command import add_practice
 from dart_skill.experiments.search_command import add_landscapes, add_search
 from dart_skill.recording.bag_command import add_bag
+from dart_skill.report.report_command import add_report
 from dart_skill.skill.learn_command import add_learn
+from dart_skill.view.rerun_command import add_view
 
 OVER_THE_GRAPH = {
     "up": "dart_skill_nodes.up",
@@ -56,6 +58,8 @@ def _parser() -> argparse.ArgumentParser:
     add_learn(commands)
     commands.add_parser("throw", help="throws of the arm, on a graph that runs (dart-skill throw --help)")
     add_bag(commands)
+    add_view(commands)
+    add_report(commands)
     experiments = commands.add_parser("experiment", help="repeat what the documentation quotes").add_subparsers(
         required=True, metavar="EXPERIMENT"
     )

@@ -16,11 +16,19 @@ choose_domain()
 
 import rclpy  # noqa: E402  the domain must be chosen before rclpy starts
 
+from dart_skill.configuration import config_path  # noqa: E402
 from dart_skill.experiments.report import DemoSummary, ThrowResult, table, write_report  # noqa: E402
 from dart_skill.experiments.targets import REGION, targets_for  # noqa: E402
+from dart_skill.report import PAGE  # noqa: E402
+from dart_skill.report.run import About  # noqa: E402
 from dart_skill.simulation.plant import PlantSettings  # noqa: E402
 from dart_skill_nodes import conversions  # noqa: E402
 from dart_skill_nodes.coaching import Coach, GraphFailure  # noqa: E402
+
+PARAMETER_FILES = ("skill_learner.yaml", "demonstration_recorder.yaml", "coach.yaml")
+"""What a report shows besides the parameters that the bag holds."""
+UNTOLD = ("help", "output", "json")
+"""Options that change nothing about a run."""
 
 
 def parse(arguments: list[str] | None) -> argparse.Namespace:
@@ -34,6 +42,7 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--layout", choices=SIMULATED, default="composed", help="processes of the graph (default composed)")
     parser.add_argument("--configuration", default="", help="of the skill (default: that of config/skill_learner.yaml)")
     options = parser.parse_args(arguments)
+    options.asked = asked(parser, options)
     for name, least in (("seed", 0), ("demonstrations", 2), ("throws", 1)):
         if getattr(options, name) < least:
             parser.error(f"--{name} is {getattr(options, name)}; it must be at least {least}")
@@ -41,6 +50,17 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     if (options.output / "bag").exists():
         parser.error(f"--output {options.output} holds a bag already: choose another folder")
     return options
+
+
+def asked(parser: argparse.ArgumentParser, options: argparse.Namespace) -> list[tuple]:
+    """Name, value and default of every option that a run depends on."""
+    names = [action.dest for action in parser._actions if action.dest not in UNTOLD]
+    return [(name.replace("_", "-"), getattr(options, name), parser.get_default(name)) for name in names]
+
+
+def parameter_texts() -> dict[str, str]:
+    """The parameter files in force that no bag holds."""
+    return {name: config_path(name).read_text(encoding="utf-8") for name in PARAMETER_FILES}
 
 
 def say(text: str) -> None:
@@ -144,6 +164,17 @@ def carried_out(job: Callable, options: argparse.Namespace, what: str):
     return None
 
 
+def _about(options: argparse.Namespace, summary: DemoSummary) -> About:
+    facts = {
+        "Seed": str(options.seed),
+        "Guided throws": f"{summary.attempts} for {summary.demonstrations} demonstrations",
+        "Layout": options.layout,
+        "Time": f"{summary.wall_seconds:.0f} s; a throw at {summary.throw_real_time_factor:.1f} times real time",
+    }
+    title = f"Demo: {summary.demonstrations} demonstrations, {summary.thrown} throws"
+    return About(title, facts, options.asked, parameter_texts(), options.configuration)
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Entry point; returns the exit status."""
     options = parse(arguments)
@@ -151,11 +182,16 @@ def main(arguments: list[str] | None = None) -> int:
     if done is None:
         return 1
     summary, bag = done
-    written = write_report(summary, bag, options.output, options.configuration)
     print(json.dumps(summary.to_json(), indent=1) if options.json else table(summary))
+    try:
+        written = write_report(summary, bag, options.output, _about(options, summary))
+    except (ValueError, OSError) as error:
+        say(f"no report: {error}")
+        return 1
     if not options.json:
-        print(f"\nbag, summary.json and pictures: {options.output}")
-        print("look at: " + ", ".join(path.name for path in written if path.suffix == ".png"))
+        pictures = ", ".join(path.name for path in written if path.suffix == ".png")
+        print(f"\nbag, summary.json, {PAGE} and pictures ({pictures}): {options.output}")
+        print(f"next: open {options.output / PAGE} in a browser, or dart-skill view {bag}")
     return 0
 
 

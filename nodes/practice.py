@@ -5,6 +5,7 @@ import json
 import sys
 import time
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +15,13 @@ from dart_skill_nodes.graph import LAYOUTS, NODES, SIMULATED, Graph, choose_doma
 choose_domain()
 
 from dart_skill.experiments.practice import CHANGES  # noqa: E402
+from dart_skill.experiments.summary import ThrowResult  # noqa: E402
+from dart_skill.report import PAGE, write_page  # noqa: E402
+from dart_skill.report.run import About  # noqa: E402
 from dart_skill.skill.practising import METHODS  # noqa: E402
 from dart_skill_nodes import conversions  # noqa: E402
 from dart_skill_nodes.coaching import Coach  # noqa: E402
-from dart_skill_nodes.demo import carried_out, place, say, teach  # noqa: E402
+from dart_skill_nodes.demo import asked, carried_out, parameter_texts, place, say, teach  # noqa: E402
 
 BLOCK = 5
 """Throws per line of the table."""
@@ -32,10 +36,11 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--method", choices=[name for name in METHODS if name != "power"], help="default: of config/skill_learner.yaml")
     parser.add_argument("--change", choices=sorted(CHANGES), default="none", help="what happens to the arm, unannounced (default none)")
     parser.add_argument("--change-after", type=int, default=5, metavar="N", help="own throws before the change (default 5)")
-    parser.add_argument("--output", type=Path, help="folder for the bag and the logs (default output/practice_<date>)")
+    parser.add_argument("--output", type=Path, help="folder for bag, summary, report and logs (default output/practice_<date>)")
     parser.add_argument("--json", action="store_true", help="every throw as JSON on stdout instead of the table")
     parser.add_argument("--layout", choices=SIMULATED, default="composed", help="processes of the graph (default composed)")
     options = parser.parse_args(arguments)
+    options.asked = asked(parser, options)
     for name, least in (("seed", 0), ("demonstrations", 2), ("throws", 1), ("change_after", 0)):
         if getattr(options, name) < least:
             parser.error(f"--{name} is {getattr(options, name)}; it must be at least {least}")
@@ -47,10 +52,11 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     return options
 
 
-def _report(feedback, before: int) -> None:
-    """One line per throw; `before`: throws of earlier goals."""
+def _report(feedback, before: int, messages: dict[int, str]) -> None:
+    """One line per throw, and its message kept under its number; `before`: throws of earlier goals."""
     if feedback.phase != "done":
         return
+    messages[before + feedback.number] = feedback.message
     outcome = feedback.outcome
     error = f"{100 * outcome.landing_error:.1f} cm" if outcome.landing_seen else "landing not seen"
     where = place(conversions.vector(outcome.target))
@@ -70,18 +76,18 @@ def run(options: argparse.Namespace) -> dict:
         say(coach.learn().message)
         begun = time.monotonic()
         blocks = [options.throws] if options.change == "none" else [options.change_after, options.throws - options.change_after]
-        results = []
+        results, messages = [], {}
         for block, throws in enumerate(blocks):
             if block:
                 coach.set_parameters("/wam_simulator", CHANGES[options.change])
                 say(f"from now on: {options.change}")
             if throws:
-                results.append(
-                    coach.practise(throws, on_feedback=lambda feedback: _report(feedback, sum(len(r.outcomes) for r in results)))
-                )
+                before = sum(len(result.outcomes) for result in results)
+                results.append(coach.practise(throws, on_feedback=partial(_report, before=before, messages=messages)))
         took = time.monotonic() - begun
         coach.close()
-    throws = [_as_row(outcome) for result in results for outcome in result.outcomes]
+    outcomes = [outcome for result in results for outcome in result.outcomes]
+    throws = [_as_row(outcome, messages.get(number, "")) for number, outcome in enumerate(outcomes, start=1)]
     return {
         "seed": options.seed, "demonstrations": options.demonstrations, "thrown": sum(result.thrown for result in results),
         "learned": sum(result.learned for result in results), "change": options.change, "change_after": options.change_after,
@@ -89,13 +95,14 @@ def run(options: argparse.Namespace) -> dict:
     }  # fmt: skip
 
 
-def _as_row(outcome) -> dict:
+def _as_row(outcome, message: str) -> dict:
     seen = bool(outcome.landing_seen)
     return {
         "target_m": conversions.vector(outcome.target).tolist(),
         "landing_m": conversions.vector(outcome.landing).tolist() if seen else None,
         "error_m": float(outcome.landing_error) if seen else None,
         "in_basket": bool(outcome.in_basket),
+        "message": message,
     }
 
 
@@ -112,6 +119,23 @@ def table(summary: dict) -> str:
     return "\n".join([*lines, done])
 
 
+def write_report(summary: dict, options: argparse.Namespace) -> None:
+    """summary.json, and the page beside it."""
+    (options.output / "summary.json").write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    changed = options.change != "none"
+    facts = {
+        "Seed": str(options.seed),
+        "Change": f"{options.change}, after {options.change_after} own throws, unannounced" if changed else "none",
+        "Learned from": f"{summary['learned']} of {summary['thrown']} own throws, besides {options.demonstrations} demonstrations",
+        "Time": f"{summary['seconds']:.0f} s for the own throws",
+    }
+    marks = {options.change_after: options.change} if changed else {}
+    title = f"Practice: {options.demonstrations} demonstrations, {summary['thrown']} own throws"
+    names = ("target_m", "landing_m", "error_m", "in_basket", "message")
+    results = [ThrowResult(*(row[name] for name in names)) for row in summary["throws"]]
+    write_page(summary["bag"], options.output / PAGE, About(title, facts, options.asked, parameter_texts(), marks=marks), results)
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Entry point; returns the exit status."""
     options = parse(arguments)
@@ -119,8 +143,14 @@ def main(arguments: list[str] | None = None) -> int:
     if summary is None:
         return 1
     print(json.dumps(summary, indent=1) if options.json else table(summary))
+    try:
+        write_report(summary, options)
+    except (ValueError, OSError) as error:
+        say(f"no report: {error}")
+        return 1
     if not options.json:
-        print(f"\nbag: {summary['bag']}")
+        print(f"\nbag, summary.json and report.html: {options.output}")
+        print(f"next: open {options.output / PAGE} in a browser, or dart-skill view {summary['bag']}")
     return 0 if summary["thrown"] == options.throws else 1
 
 

@@ -18,7 +18,7 @@ FIELDS = {
     "throw_real_time_factor",
     "throws",
 }
-PICTURES = {"synchronisation", "gaussians", "execution", "landings"}
+PICTURES = {"curve", "landings", "synchronisation", "gaussians", "execution"}
 
 
 def _demo(*arguments, **options):
@@ -46,6 +46,16 @@ def test_bag_and_pictures_are_left_behind(small_demo):
     _, folder = small_demo
     assert (folder / "bag" / "metadata.yaml").is_file()
     assert {path.stem for path in folder.glob("*.png")} == PICTURES == {path.stem for path in folder.glob("*.svg")}
+
+
+def test_the_report_tells_of_this_run(small_demo):
+    _, folder = small_demo
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    summary = json.loads((folder / "summary.json").read_text())
+    assert "Demo: 4 demonstrations, 2 throws" in page and "--seed 1 (default 0)" in page and "skill_learner.yaml" in page
+    for throw in summary["throws"]:
+        assert f"{throw['landing'][0]:.3f}" in page and f"{100 * throw['error_m']:.1f}" in page
+    assert page.count("<svg") == len(PICTURES)
 
 
 def test_progress_is_said_on_stderr(small_demo):

@@ -178,3 +178,6 @@ def test_the_practice_command_changes_the_arm_on_the_way_and_reports_every_throw
     errors = [throw["error_m"] for throw in summary["throws"]]
     assert errors[1] > 0.08 > errors[0], f"five degrees at 1.5 m and more: {errors}"
     assert "from now on: base_turned" in done.stderr
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert summary == json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert "base turned" in page and "base_turned, after 1 own throws, unannounced" in page

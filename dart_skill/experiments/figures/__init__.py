@@ -3,11 +3,16 @@
 The same data give the same bytes.
 """
 
-from dart_skill.experiments.figures.execution import ExecutedThrow, draw_execution, executed_throw
-from dart_skill.experiments.figures.gaussians import FrameView, draw_gaussians, frame_views
-from dart_skill.experiments.figures.landings import draw_landings
+from dart_skill.experiments.figures.execution import ExecutedThrow, draw_execution, executed_throw, execution_figure
+from dart_skill.experiments.figures.gaussians import FrameView, draw_gaussians, frame_views, gaussians_figure
+from dart_skill.experiments.figures.landings import draw_landings, landings_figure
 from dart_skill.experiments.figures.recordings import Recording, read_recordings
-from dart_skill.experiments.figures.synchronisation import DemonstratedMotion, demonstrated_motions, draw_synchronisation
+from dart_skill.experiments.figures.synchronisation import (
+    DemonstratedMotion,
+    demonstrated_motions,
+    draw_synchronisation,
+    synchronisation_figure,
+)
 
 __all__ = [
     "DemonstratedMotion",
@@ -20,6 +25,10 @@ __all__ = [
     "draw_landings",
     "draw_synchronisation",
     "executed_throw",
+    "execution_figure",
     "frame_views",
+    "gaussians_figure",
+    "landings_figure",
     "read_recordings",
+    "synchronisation_figure",
 ]

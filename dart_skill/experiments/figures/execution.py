@@ -86,13 +86,19 @@ def executed_throw(recordings: Sequence[Recording], plan: ThrowPlan) -> Executed
 def draw_execution(throw: ExecutedThrow, folder: str | Path, basket: Basket | None = None) -> list[Path]:
     """Write the figure; returns the paths. basket: its size, the one of the simulator by default."""
     with house_style():
+        return save(execution_figure(throw, basket), folder, "execution")
+
+
+def execution_figure(throw: ExecutedThrow, basket: Basket | None = None) -> Figure:
+    """The figure itself, as `draw_execution` writes it."""
+    with house_style():
         figure = Figure(figsize=(10.5, 4.6), layout="constrained")
         side, error = figure.subplots(1, 2, width_ratios=[1.55, 1.0])
         _draw_side(side, throw, basket or Basket())
         _draw_error(error, throw)
         entries = [sum(parts, []) for parts in zip(*(axes.get_legend_handles_labels() for axes in (side, error)), strict=True)]
         figure.legend(*entries, loc="outside lower center", ncols=5)
-        return save(figure, folder, "execution")
+        return figure
 
 
 def _path_start(recording: Recording, plan: ThrowPlan) -> int:

@@ -82,6 +82,12 @@ def median_task(skill: ThrowingSkill) -> np.ndarray:
 
 def draw_gaussians(skill: ThrowingSkill, folder: str | Path) -> list[Path]:
     """Write the figure; returns the paths."""
+    with house_style():
+        return save(gaussians_figure(skill), folder, "gaussians")
+
+
+def gaussians_figure(skill: ThrowingSkill) -> Figure:
+    """The figure itself, as `draw_gaussians` writes it."""
     views = frame_views(skill)
     times = np.concatenate([view.times for view in views])
     shades = ScalarMappable(Normalize(times.min() - 1e-6, times.max() + 1e-6), quantity_colours())
@@ -98,7 +104,7 @@ def draw_gaussians(skill: ThrowingSkill, folder: str | Path) -> list[Path]:
         handles, labels = grid[0, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
         figure.suptitle(_headline(skill), x=0.01, ha="left")
-        return save(figure, folder, "gaussians")
+        return figure
 
 
 def _from_the_target(means, covariances, task: np.ndarray, distance_input: bool) -> tuple[np.ndarray, np.ndarray]:

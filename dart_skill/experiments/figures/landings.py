@@ -30,6 +30,12 @@ def draw_landings(
     throws: Sequence[ThrowResult], demonstrated: np.ndarray, folder: str | Path, rim_radius: float = RIM_RADIUS
 ) -> list[Path]:
     """Write the figure; returns the paths. demonstrated (n, >= 2): baskets of the demonstrations [m]."""
+    with house_style():
+        return save(landings_figure(throws, demonstrated, rim_radius), folder, "landings")
+
+
+def landings_figure(throws: Sequence[ThrowResult], demonstrated: np.ndarray, rim_radius: float = RIM_RADIUS) -> Figure:
+    """The figure itself, as `draw_landings` writes it."""
     demonstrated = np.asarray(demonstrated, dtype=float)
     demonstrated = demonstrated.reshape(-1, 3) if demonstrated.size == 0 else demonstrated
     if demonstrated.ndim != 2 or demonstrated.shape[1] < 2 or not np.isfinite(demonstrated).all():
@@ -43,7 +49,7 @@ def draw_landings(
         _draw_misses(misses, throws, 100.0 * rim_radius)
         handles, labels = plan.get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
-        return save(figure, folder, "landings")
+        return figure
 
 
 def along_across(throw: ThrowResult) -> np.ndarray:

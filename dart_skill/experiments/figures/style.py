@@ -3,6 +3,7 @@
 Colours: Okabe and Ito, Color Universal Design (2008), for kinds; viridis for quantities.
 """
 
+import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -57,6 +58,13 @@ def save(figure: Figure, folder: str | Path, name: str) -> list[Path]:
     figure.savefig(svg, metadata={"Date": None, "Creator": "dart_skill"})
     figure.savefig(png, dpi=PNG_DPI, metadata={"Software": None})
     return [svg, png]
+
+
+def svg_text(figure: Figure) -> str:
+    """A figure as the text of an SVG file, the same for the same figure."""
+    with house_style(), io.StringIO() as text:
+        figure.savefig(text, format="svg", metadata={"Date": None, "Creator": "dart_skill"})
+        return text.getvalue()
 
 
 def basket_from_above(axes: Axes, centre: np.ndarray, radius: float, **look) -> Circle:

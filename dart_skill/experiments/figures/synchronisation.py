@@ -59,6 +59,12 @@ def draw_synchronisation(
     motions: Sequence[DemonstratedMotion], folder: str | Path, thresholds: VelocityThreshold = THRESHOLDS, name: str = "synchronisation"
 ) -> list[Path]:
     """Write the figure under a name; returns the paths."""
+    with house_style():
+        return save(synchronisation_figure(motions, thresholds), folder, name)
+
+
+def synchronisation_figure(motions: Sequence[DemonstratedMotion], thresholds: VelocityThreshold = THRESHOLDS) -> Figure:
+    """The figure itself, as `draw_synchronisation` writes it."""
     if not motions:
         raise ValueError("no demonstrations: the figure of the synchronisation needs at least one")
     distances = [motion.distance for motion in motions]
@@ -77,7 +83,7 @@ def draw_synchronisation(
         figure.colorbar(shades, ax=after, label="distance of the basket [m]", pad=0.02)
         handles, labels = before.get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
-        return save(figure, folder, name)
+        return figure
 
 
 def _recording_of(recordings: Sequence[Recording], demonstration: Demonstration) -> Recording:

@@ -1,0 +1,192 @@
+"""Bags in Rerun: finding it, a layout that fits the bag, and the call.
+
+Rerun needs a newer numpy than ROS 2 Jazzy has, so it lives in an environment of its own.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import socket
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from urllib.parse import quote
+from xml.etree import ElementTree
+
+from dart_skill.recording.bag_reader import BagReader
+
+VERSION, SIZE = "0.41.0", "790 MB"
+"""Of the package rerun-sdk that this was tried with, and what its environment takes."""
+VARIABLE = "DART_SKILL_RERUN"
+ENVIRONMENT = ".venv-rerun"
+LAYOUT = Path(__file__).with_name("rerun_layout.py")
+HOST, PORTS = "127.0.0.1", (9090, 9876)
+"""Of the page, and of the server that it gets its data from."""
+POSE, STATE = "geometry_msgs/msg/PoseStamped", "sensor_msgs/msg/JointState"
+
+
+class RerunUnavailable(RuntimeError):
+    """Rerun cannot be used here; the message says what to do."""
+
+
+@dataclass(frozen=True)
+class BagLayout:
+    """What of a bag is shown where; see `rerun_layout`. files: all files of the bag, in order."""
+
+    files: tuple[Path, ...]
+    frame: str | None
+    ball: str | None
+    basket: str | None
+    joints: str | None
+    effort: bool
+
+    def of(self, file: Path) -> str:
+        """For the layout script, as JSON; a recording is called as its file is."""
+        about = {name: value for name, value in asdict(self).items() if name != "files"}
+        return json.dumps({"application": file.stem, **about}, sort_keys=True)
+
+
+def workspace() -> Path:
+    """The checkout that this package lies in, or the current folder if it was installed elsewhere."""
+    checkout = Path(__file__).resolve().parents[2]
+    return checkout if (checkout / "package.xml").is_file() else Path.cwd()
+
+
+def find_rerun(folder: Path | None = None) -> Path:
+    """The executable: named by $DART_SKILL_RERUN, on PATH, or in `.venv-rerun` of the workspace; RerunUnavailable names the remedy."""
+    folder = folder or workspace()
+    chosen = os.environ.get(VARIABLE)
+    if chosen:
+        if not os.access(chosen, os.X_OK) or Path(chosen).is_dir():
+            raise RerunUnavailable(
+                f"{VARIABLE} is '{chosen}', which is no executable file: name the executable 'rerun' itself, or unset it"
+            )
+        return Path(chosen)
+    own = folder / ENVIRONMENT / "bin" / "rerun"
+    found = shutil.which("rerun") or (own if os.access(own, os.X_OK) else None)
+    if found is None:
+        raise RerunUnavailable(
+            f"there is no Rerun: 'dart-skill view --install' puts it into {folder / ENVIRONMENT} ({SIZE}),"
+            f" or set {VARIABLE} to an executable 'rerun'"
+        )
+    return Path(found)
+
+
+def install(folder: Path | None = None) -> Path:
+    """Make an environment with Rerun in the workspace; returns the executable. RerunUnavailable if that fails."""
+    target = (folder or workspace()) / ENVIRONMENT
+    executable = target / "bin" / "rerun"
+    if os.access(executable, os.X_OK):
+        return executable
+    if target.exists():
+        raise RerunUnavailable(f"{target} is there, but has no bin/rerun: remove it and try again")
+    pip = [str(target / "bin" / "python3"), "-m", "pip", "install", "--disable-pip-version-check", f"rerun-sdk=={VERSION}"]
+    environment = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "PYTHONHOME")}
+    for command in ([sys.executable, "-m", "venv", str(target)], pip):
+        if subprocess.run(command, env=environment, stdout=sys.stderr).returncode:
+            shutil.rmtree(target, ignore_errors=True)
+            raise RerunUnavailable(f"'{' '.join(command)}' failed; {target} was removed again")
+    return executable
+
+
+def interpreter_of(rerun: Path) -> Path | None:
+    """The Python whose package a `rerun` is: named in its first line, or beside it; None if there is none."""
+    with open(rerun, "rb") as file:
+        first = file.readline(500)
+    named = Path(os.fsdecode(first[2:].strip().split(b" ")[0])) if first.startswith(b"#!") else None
+    beside = (rerun.parent / name for name in ("python3", "python"))
+    for candidate in (named, *beside):
+        if candidate is not None and candidate.name.startswith("python") and os.access(candidate, os.X_OK):
+            return candidate
+    return None
+
+
+def describe(bag: str | os.PathLike) -> BagLayout:
+    """What there is to show in a bag; BagError if it cannot be read, RerunUnavailable if Rerun cannot read it."""
+    with BagReader(bag) as reader:
+        if any(file.path.suffix != ".mcap" for file in reader.files):
+            raise RerunUnavailable(f"{bag}: Rerun opens MCAP files only: 'dart-skill bag convert' makes a bag of these")
+        ball, basket = _pose_topic(reader, "ball"), _pose_topic(reader, "basket")
+        joints = next((name for name, topic in sorted(reader.topics.items()) if topic.type_name == STATE and topic.count), None)
+        state = None if joints is None else next(reader.messages([joints])).data
+        frame = next((next(reader.messages([topic])).data.header.frame_id for topic in (ball, basket) if topic), None)
+        return BagLayout(
+            tuple(file.path for file in reader.files),
+            frame or _root(reader),
+            ball,
+            basket,
+            joints,
+            state is not None and len(state.effort) > 0,
+        )
+
+
+def write_layouts(rerun: Path, shown: BagLayout, folder: Path) -> list[Path]:
+    """A layout for each file of a bag, made by Rerun's own interpreter; RerunUnavailable if it has none, or that fails."""
+    python = interpreter_of(rerun)
+    if python is None:
+        raise RerunUnavailable(f"{rerun} belongs to no Python, which could make a layout")
+    written = []
+    for number, file in enumerate(shown.files):
+        output = folder / f"layout_{number}.rbl"
+        made = subprocess.run([str(python), "-I", str(LAYOUT), str(output), shown.of(file)], capture_output=True, text=True)
+        if made.returncode or not output.is_file():
+            last = (made.stderr.strip().splitlines() or ["no output"])[-1]
+            raise RerunUnavailable(f"{python} made no layout ({last}): is rerun-sdk {VERSION} installed there?")
+        written.append(output)
+    return written
+
+
+def command_line(rerun: Path, files: Sequence[Path], layouts: Sequence[Path], web: bool, ports: tuple[int, int] = PORTS) -> list[str]:
+    """The call of Rerun; its servers are bound to this machine alone."""
+    command = [str(rerun), *map(str, files), *map(str, layouts), "--bind", HOST]
+    return [*command, "--serve-web", "--web-viewer-port", str(ports[0]), "--port", str(ports[1])] if web else command
+
+
+def url_of_page(ports: tuple[int, int]) -> str:
+    """Where a browser on this machine finds the bag."""
+    return f"http://{HOST}:{ports[0]}/?url={quote(f'rerun+http://{HOST}:{ports[1]}/proxy', safe='')}"
+
+
+def free_ports(first: int = PORTS[0]) -> tuple[int, int]:
+    """The given port for the page, and a free one for its data; RerunUnavailable if the first one is taken."""
+    with socket.socket() as page, socket.socket() as data:
+        try:
+            page.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            page.bind((HOST, first))
+            data.bind((HOST, 0))
+        except (OSError, OverflowError) as error:
+            raise RerunUnavailable(f"port {first} on {HOST} cannot be served ({error}): choose another one with --port") from error
+        return page.getsockname()[1], data.getsockname()[1]
+
+
+def quiet_environment(folder: Path, rerun: Path) -> dict[str, str]:
+    """Variables for a Rerun that reports nothing to its makers: with settings of its own in a folder, the user's stay as they are."""
+    environment = {**os.environ, "XDG_CONFIG_HOME": str(folder), "TELEMETRY_ENABLED": "false"}
+    for name in ("PYTHONPATH", "PYTHONHOME"):  # of ROS, whose numpy is not Rerun's
+        environment.pop(name, None)
+    subprocess.run([str(rerun), "analytics", "disable"], env=environment, capture_output=True)
+    return environment
+
+
+def _pose_topic(reader: BagReader, body: str) -> str | None:
+    """The topic of a body's poses that has messages; the names of vrpn_mocap come first."""
+    named = [name for name, topic in sorted(reader.topics.items()) if topic.type_name == POSE and topic.count and body in name.lower()]
+    usual = f"/vrpn_mocap/{body}/pose"
+    return usual if usual in named else next(iter(named), None)
+
+
+def _root(reader: BagReader) -> str | None:
+    """The link of /robot_description that hangs on no other; None without one, or without transforms that move the arm."""
+    topics = reader.topics
+    if not all(name in topics and topics[name].count for name in ("/robot_description", "/tf")):
+        return None
+    try:
+        robot = ElementTree.fromstring(next(reader.messages(["/robot_description"])).data.data)
+    except ElementTree.ParseError:
+        return None
+    children = {joint.find("child").get("link") for joint in robot.findall("joint") if joint.find("child") is not None}
+    return next((name for link in robot.findall("link") if (name := link.get("name")) not in children), None)

@@ -1,0 +1,81 @@
+"""The layout of a bag in Rerun, as a blueprint file. This file runs in Rerun's own interpreter and imports nothing of ours:
+
+    python rerun_layout.py OUTPUT.rbl '{"application": "...", "frame": "world", "ball": "/vrpn_mocap/ball/pose", ...}'
+
+Keys: application: name of the recording, which Rerun takes from its file; frame: in which everything is drawn, null for nothing; ball,
+basket: topics of their poses; joints: topic of the joint states; effort: whether these have efforts. What is null is left out.
+"""
+
+import json
+import sys
+from importlib import import_module
+
+rr, rrb, encodings = map(import_module, ("rerun", "rerun.blueprint", "rerun.blueprint.encodings"))
+
+BALL, BASKET, GREY, SKY = (213, 94, 0), (0, 114, 178), (119, 119, 119), (86, 180, 233)
+BALL_RADIUS, BASKET_SIZE = 0.033, (0.15, 0.35)
+"""Of what stands for them [m]: radius, and radius and depth."""
+TIMELINE = "message_log_time"
+"""All topics are on it."""
+
+
+def scene(about):
+    """The arm with ball and basket in space."""
+    drawn = {}
+    if about.get("ball"):
+        drawn[about["ball"]] = rr.Ellipsoids3D.from_fields(half_sizes=[[BALL_RADIUS] * 3], colors=[BALL], fill_mode="Solid")
+    if about.get("basket"):
+        radius, depth = BASKET_SIZE
+        drawn[about["basket"]] = rr.Cylinders3D.from_fields(
+            centers=[[0.0, 0.0, -depth / 2]], radii=[radius], lengths=[depth], colors=[BASKET], fill_mode="TransparentFillMajorWireframe"
+        )
+    return rrb.Spatial3DView(
+        name="Arm, ball, basket",
+        origin="/",
+        contents=["+ /**", "- /wam/collision_geometries/**"],
+        overrides=drawn,
+        defaults=[shape.from_fields(fill_mode="Solid") for shape in (rr.Boxes3D, rr.Cylinders3D, rr.Ellipsoids3D)],
+        spatial_information=rrb.SpatialInformation(target_frame=about["frame"]),
+        eye_controls=rrb.EyeControls3D(position=(1.9, -4.0, 1.9), look_target=(0.9, 0.0, 0.9), eye_up=(0.0, 0.0, 1.0)),
+    )
+
+
+def joint_plot(about, field, name):
+    """One quantity of every joint over time."""
+    return rrb.TimeSeriesView(name=name, origin=f"{about['joints']}/{field}", plot_legend=rrb.PlotLegend(visible=False))
+
+
+def height_plot(topic, name):
+    """Third coordinate of a pose over time; the legend switches the others on."""
+    position = encodings.VisualizerComponentMapping(
+        "Scalars:scalars", encodings.ComponentSourceKind.SourceComponent, source_component="InstancePoses3D:translations", selector=".[]"
+    )
+    lines = rr.SeriesLines(colors=[GREY, SKY, BALL], names=["x", "y", "height"], visible_series=[False, False, True])
+    drawn = {topic: lines.visualizer(mappings=[position])}
+    return rrb.TimeSeriesView(name=f"{name} [m]", origin=topic, contents=[f"+ {topic}"], overrides=drawn)
+
+
+def layout(about):
+    """What is seen of a bag, by what is in it."""
+    plots = []
+    if about.get("joints"):
+        plots.append(joint_plot(about, "position", "Joint positions [rad]"))
+        plots.append(joint_plot(about, "velocity", "Joint speeds [rad/s]"))
+        if about.get("effort"):
+            plots.append(joint_plot(about, "effort", "Joint efforts [N m]"))
+    if about.get("ball"):
+        plots.append(height_plot(about["ball"], "Height of the ball"))
+    left = [scene(about)] if about.get("frame") else []
+    right = [rrb.Vertical(*plots)] if plots else []
+    return rrb.Blueprint(
+        rrb.Horizontal(*left, *right, column_shares=[3, 2][: len(left) + len(right)]),
+        rrb.TimePanel(timeline=TIMELINE, state="collapsed"),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        auto_views=not (left or right),
+    )
+
+
+if __name__ == "__main__":
+    output, about = sys.argv[1], json.loads(sys.argv[2])
+    layout(about).save(about["application"], output)

@@ -1,0 +1,45 @@
+"""The page of a bag in a real browser, from a file: the replay plays, and no request leaves the page. Skipped without a Chromium."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dart_skill.report import write_page
+from tests.integration.browser import Page, find_chromium
+
+BAG = Path(__file__).parents[2] / "bags" / "throws"
+ARM, BALL, BASKET = np.array([200, 200, 205]), np.array([213, 94, 0]), np.array([0, 114, 178])
+
+pytestmark = pytest.mark.skipif(find_chromium() is None, reason="needs a Chromium on PATH, or named by $CHROMIUM")
+
+
+def near(pixels, colour, within=45):
+    """How many pixels have about a colour."""
+    return int((np.abs(pixels.astype(int) - colour).max(axis=2) < within).sum())
+
+
+def test_the_page_stands_alone_and_its_replay_moves(tmp_path):
+    pytest.importorskip("viser")
+    pytest.importorskip("websockets")
+    path = tmp_path / "page with space.html"
+    write_page(BAG, path)
+    with Page(tmp_path, path.as_uri()) as page:
+        page._wait(lambda: "What was run" in page.text(), 60.0, "the end of the page")
+        width = page.run("document.documentElement.scrollWidth")
+        page.run("document.querySelector('iframe').scrollIntoView({block: 'center'})")
+        box = page.run(
+            "(() => {const r = document.querySelector('iframe').getBoundingClientRect(); return [r.x, r.y, r.width, r.height]})()"
+        )
+        x, y, w, h = (int(value) for value in box)
+        seen = []
+
+        def scene():
+            seen.append(page.screenshot(tmp_path / "page.png")[max(y, 0) : y + h - 50, x : x + w])
+            return near(seen[-1], BASKET) > 300 and near(seen[-1], BALL) > 100
+
+        page._wait(scene, 90.0, "arm and basket in the replay")
+        page._wait(lambda: scene() and np.abs(seen[-1].astype(int) - seen[-2]).max() > 60, 60.0, "a replay that moves")
+        assert width <= 1280, f"the page is {width} pixels wide, more than its window"
+        assert page.exceptions == []
+        assert [where for where in page.addresses if not where.startswith(("file:", "data:", "blob:", "about:"))] == []

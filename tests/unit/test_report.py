@@ -1,0 +1,220 @@
+"""The page of a run: one file that asks nobody for anything, the same bytes for the same bag, and everything that was thrown on it."""
+
+import json
+import platform
+import re
+from dataclasses import replace
+from functools import lru_cache
+from html.parser import HTMLParser
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from dart_skill.cli import main
+from dart_skill.experiments.summary import ThrowResult
+from dart_skill.recording import BagWriter
+from dart_skill.report import write_page
+from dart_skill.report.curve import WINDOW, curve_figure, running_quartiles
+from dart_skill.report.page import page_of
+from dart_skill.report.pictures import embeddable, pictures
+from dart_skill.report.report_command import page_beside
+from dart_skill.report.run import About, machine, read_run, result_of, versions
+from dart_skill.view import ViewUnavailable
+
+BAGS = Path(__file__).parents[2] / "bags"
+ADDRESSES = ("src", "href", "xlink:href", "action", "data", "poster", "srcset")
+
+
+@lru_cache
+def run_of(name):
+    return read_run(BAGS / name, About("<b>Title</b>", {"Seed": "7"}, [("seed", 7, 0), ("throws", 20, 20)], {"a.yaml": "x: 1 < 2\n"}))
+
+
+@lru_cache
+def drawn_of(name):
+    return pictures(run_of(name))
+
+
+@lru_cache
+def page_text(name):
+    pytest.importorskip("viser")
+    return page_of(run_of(name), drawn_of(name))
+
+
+class Document(HTMLParser):
+    """What a page fetches, and the texts of its cells."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.fetched, self.frames, self.ids, self.cells, self.policy, self._in = [], [], [], [], "", ""
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        attributes = dict(attributes)
+        self._in = tag
+        self.ids += [attributes["id"]] if "id" in attributes else []
+        self.fetched += [attributes[name] for name in ADDRESSES if attributes.get(name)]
+        self.fetched += re.findall(r"url\(([^)]*)\)", attributes.get("style", "") + attributes.get("clip-path", ""))
+        self.frames += [attributes["srcdoc"]] if "srcdoc" in attributes else []
+        if attributes.get("http-equiv") == "Content-Security-Policy":
+            self.policy = attributes["content"]
+
+    def handle_data(self, data):
+        if self._in == "td":
+            self.cells.append(data.strip())
+        if self._in == "style":
+            self.fetched += re.findall(r"url\(([^)]*)\)|@import", data)
+
+
+def test_nothing_is_fetched_from_outside():
+    page = Document(page_text("throws"))
+    assert len(page.frames) == 1, "the replay stands in the page itself"
+    fetched = page.fetched + Document(page.frames[0]).fetched
+    assert fetched and [where for where in fetched if not re.match(r"['\"]?(#|data:)", where)] == []
+    assert "default-src 'none'" in page.policy and "http" not in page.policy
+
+
+def test_the_same_run_gives_the_same_bytes():
+    run = run_of("throws")
+    assert page_of(run, pictures(run)) == page_text("throws")
+
+
+def test_every_throw_is_on_the_page_with_target_landing_error_and_result():
+    run, cells = run_of("throws"), Document(page_text("throws")).cells
+    assert len(run.results) == 20 and len(run.shown) == 13
+    for throw in run.results:
+        row = [f"{throw.target[0]:.3f}", f"{throw.landing[0]:.3f}", f"{100 * throw.error_m:.1f}"]
+        assert all(number.replace("-", "\N{MINUS SIGN}") in cells for number in row), row
+
+
+def test_what_was_run_is_told_and_escaped():
+    text = page_text("throws")
+    assert "<h1>&lt;b&gt;Title&lt;/b&gt;</h1>" in text and "<b>Title" not in text
+    assert "--seed 7 (default 0)" in text and "--throws" not in text
+    assert "x: 1 &lt; 2" in text and "wam_simulator.yaml" in text
+    for package, version in versions().items():
+        assert f"{package} {version}" in text
+    assert run_of("throws").skill.model_id in text
+
+
+def test_the_machine_is_told_without_its_name():
+    assert platform.machine() in machine() and "cores" in machine()
+    if len(platform.node()) > 4:
+        assert platform.node() not in machine() and platform.node() not in page_text("throws")
+
+
+def test_each_picture_is_an_element_whose_ids_are_its_own():
+    elements = [picture.element for picture in drawn_of("throws") if picture.svg]
+    assert [picture.name for picture in drawn_of("throws") if picture.svg] == ["curve", "landings", "gaussians", "execution"]
+    ids = [set(re.findall(r'\bid="([^"]+)"', element)) for element in elements]
+    assert sum(map(len, ids)) == len(set.union(*ids))
+    for element, own in zip(elements, ids, strict=True):
+        ElementTree.fromstring(element)
+        used = set(re.findall(r'(?:href="#|url\(#)([^")]+)', element))
+        assert used and used <= own
+        assert "<text" in element and "<metadata>" not in element and "sans-serif" in element
+
+
+def test_an_element_keeps_what_it_draws():
+    svg = '<?xml version="1.0"?><!DOCTYPE svg><svg><metadata>x</metadata><g id="a"/><use xlink:href="#a"/><g clip-path="url(#a)"/></svg>'
+    assert embeddable(svg, "p") == '<svg><g id="p-a"/><use xlink:href="#p-a"/><g clip-path="url(#p-a)"/></svg>'
+
+
+def test_a_bag_of_guided_throws_shows_these_and_says_what_it_has_not():
+    run, text = run_of("demonstrations"), page_text("demonstrations")
+    assert not run.own and len(run.shown) == 13 == sum(throw.shows for throw in run.guided)
+    missing = {picture.name: picture.caption for picture in drawn_of("demonstrations") if not picture.svg}
+    assert set(missing) == {"curve", "landings", "execution"} and all(text.startswith("Not drawn: ") for text in missing.values())
+    assert "All 13 guided throws" in text and "The arm made no throws of its own." in text
+    assert [throw.demonstration.id in text for throw in run.guided].count(True) == 13
+
+
+def test_without_viser_the_page_says_what_to_install(monkeypatch):
+    def missing():
+        raise ViewUnavailable("no viser")
+
+    monkeypatch.setattr("dart_skill.view.server.load_viser", missing)
+    text = page_of(run_of("throws"), drawn_of("throws"))
+    assert "<iframe" not in text and "pip install &#x27;viser" in text and len(text) > 100_000
+
+
+def test_throws_that_never_came_about_have_a_row_and_no_place_in_the_replay():
+    run = run_of("throws")
+    refused = ThrowResult((2.0, 0.0, 0.4), None, None, False, "refused: out of reach")
+    other = replace(run, results=(refused, *run.results[:2], refused, *run.results[2:]))
+    assert list(other.numbers.values()) == [2, 3, *range(5, 23)] and list(other.numbers) == list(range(20))
+
+
+def test_results_of_the_bag_are_those_of_the_cameras():
+    run = run_of("throws")
+    assert [result_of(throw) for throw in run.own] == list(run.results)
+    errors = [np.linalg.norm(np.subtract(throw.landing[:2], throw.target[:2])) for throw in run.results]
+    np.testing.assert_allclose(errors, [throw.error_m for throw in run.results], atol=1e-3)
+
+
+def test_running_quartiles_are_those_of_the_last_throws_that_were_seen():
+    errors = np.array([1.0, 2.0, np.nan, 4.0, 8.0, 16.0, np.nan, np.nan, np.nan, np.nan, np.nan])
+    result = running_quartiles(errors)
+    assert np.isnan(result[:, : WINDOW - 1]).all() and np.isnan(result[:, -1]).all()
+    for end in range(WINDOW, len(errors)):
+        seen = [error for error in errors[end - WINDOW : end] if error == error]
+        np.testing.assert_allclose(result[:, end - 1], np.percentile(seen, [25, 50, 75]))
+    assert running_quartiles(errors[:3]).shape == (3, 3)
+
+
+def test_a_curve_needs_a_landing_and_marks_what_happened():
+    unseen = ThrowResult((2.0, 0.0, 0.4), None, None, False)
+    with pytest.raises(ValueError, match="no landing was seen"):
+        curve_figure([unseen])
+    axes = curve_figure([unseen, *run_of("throws").results], {5: "base_turned"}).axes[0]
+    assert "base turned" in [text.get_text() for text in axes.texts] and "n = 21 throws, 20 landings seen" in axes.get_title(loc="left")
+
+
+# files and command line
+
+
+def test_figures_are_written_beside_the_page(tmp_path, monkeypatch):
+    monkeypatch.setattr("dart_skill.report.run.read_run", lambda bag, about, results: replace(run_of("throws"), results=results))
+    monkeypatch.setattr("dart_skill.report.page._replay", lambda run: (None, "not now"))
+    written = write_page(BAGS / "throws", tmp_path / "new" / "page.html", results=[], figures=tmp_path / "new")
+    assert {path.name for path in written} == {"page.html", "gaussians.svg", "gaussians.png"} and all(path.is_file() for path in written)
+
+
+def test_a_bag_that_cannot_be_read_leaves_nothing_behind(tmp_path, capsys):
+    with BagWriter(tmp_path / "bag"):
+        pass
+    assert main(["report", str(tmp_path / "bag")]) == 1
+    assert "no topic" in capsys.readouterr().err
+    assert main(["report", str(tmp_path / "missing")]) == 1
+    assert "no such bag" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["bag"]
+
+
+def test_an_existing_page_is_not_overwritten(tmp_path, capsys):
+    page = tmp_path / "page.html"
+    page.write_text("mine")
+    assert main(["report", str(BAGS / "throws"), "--output", str(page)]) == 1
+    assert "exists already" in capsys.readouterr().err and page.read_text() == "mine"
+
+
+def test_an_unknown_configuration_is_told_before_anything_is_read(tmp_path, capsys):
+    assert main(["report", str(tmp_path), "--configuration", "nonsense"]) == 1
+    assert "nonsense" in capsys.readouterr().err
+
+
+def test_the_page_lies_beside_the_bag():
+    assert page_beside(Path("/runs/one/bag")) == Path("/runs/one/report.html")
+    assert page_beside(Path("/bags/throws")) == Path("/bags/throws_report.html")
+    assert page_beside(Path("/bags/throws/throws_0.mcap")) == Path("/bags/throws/throws_0_report.html")
+
+
+def test_the_command_writes_the_page_and_says_where(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("dart_skill.report.run.read_run", lambda bag, about: run_of("demonstrations"))
+    monkeypatch.setattr("dart_skill.report.page._replay", lambda run: (None, "not now"))
+    page = tmp_path / "page.html"
+    assert main(["report", str(BAGS / "demonstrations"), "--output", str(page), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["report"] == str(page) and len(said["demonstrations"]) == 13 and said["throws"] == []
+    assert page.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
