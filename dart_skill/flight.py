@@ -187,7 +187,7 @@ def fit_flights(
     """Fits w flights to n samples each: positions and velocities (w, 3) at time 0, misfits (w, n) [m].
 
     time (w, n) [s], position (w, n, 3) [m], trusted to be valid; first (w, 2, 3): positions and velocities to begin with;
-    accuracy [m, m/s]: a repetition that changes nothing by more is the last.
+    accuracy [m]: a repetition that moves no sample by more is the last.
 
     In vacuum the fit is linear in the state. Drag moves the samples of a known flight by a known amount, so
     that the linear fit is repeated on samples from which the drag of the last flight is taken away; each
@@ -205,7 +205,7 @@ def fit_flights(
         misfit = position - _predicted(state, time, ball)
         change = solve @ misfit
         state = state + change
-        if np.all(np.abs(change) < accuracy):
+        if np.max(np.abs(change[:, 0]) + np.max(np.abs(time)) * np.abs(change[:, 1])) < accuracy:
             break
     return state[:, 0], state[:, 1], np.linalg.norm(misfit, axis=-1)
 
@@ -243,10 +243,12 @@ def _predicted(state: np.ndarray, time: np.ndarray, ball: Ball) -> np.ndarray:
 
 def _sensitivity(state: np.ndarray, time: np.ndarray, ball: Ball) -> tuple[np.ndarray, np.ndarray]:
     """Positions (n, 3) at times (n,) of the flight with the state (2, 3), and their derivative (3 n, 6) by the state."""
-    probes = np.concatenate([state[None], state + PROBE * np.eye(6).reshape(6, 2, 3)])
+    probes = np.repeat(state[None], 4, axis=0)
+    probes[1:, 1] += PROBE * np.eye(3)
     positions = _predicted(probes, time[None], ball)
-    flat = positions.reshape(7, -1)
-    return positions[0], (flat[1:] - flat[0]).T / PROBE
+    flat = positions.reshape(4, -1)
+    by_position = np.tile(np.eye(3), (len(time), 1))  # a flight that begins elsewhere is the same flight there
+    return positions[0], np.hstack([by_position, (flat[1:] - flat[0]).T / PROBE])
 
 
 def _states(position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
