@@ -93,7 +93,8 @@ def has_screen() -> bool:
 
 def run_to_the_end(command: Sequence[str], environment: dict[str, str]) -> int:
     """Run a program and whatever it starts until it ends, or until Ctrl-C or SIGTERM, which is no error; its status, 0 or 1."""
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # whoever is asked to end ends what it started
+    # Whoever is asked to end ends what it started; a shell may have switched SIGINT off for what runs in the background.
+    before = {number: signal.signal(number, signal.default_int_handler) for number in (signal.SIGINT, signal.SIGTERM)}
     process = subprocess.Popen(command, env=environment, start_new_session=True)
     try:
         return int(process.wait() != 0)
@@ -101,7 +102,8 @@ def run_to_the_end(command: Sequence[str], environment: dict[str, str]) -> int:
         return 0
     finally:
         _end(process)
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _end(process: subprocess.Popen) -> None:
