@@ -119,7 +119,8 @@ def _build(description: WamDescription, ball_in_hand: bool) -> tuple[pin.Model, 
         ball = description.ball
         body = pin.Inertia(ball.mass, description.hand.ball_centre, ball.inertia * np.eye(3))
         model.appendBodyToJoint(parent, body, placement)
-    return model, model.addFrame(pin.Frame("hand", parent, placement, pin.FrameType.OP_FRAME))
+    # With a parent frame, the universe: pin 2.7, the newest wheel for numpy 1.26, knows no other way.
+    return model, model.addFrame(pin.Frame("hand", parent, 0, placement, pin.FrameType.OP_FRAME))
 
 
 def _distal(alpha: float, a: float, d: float) -> pin.SE3:
