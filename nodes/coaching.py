@@ -18,6 +18,8 @@ from dart_skill_nodes import conversions
 from dart_skill_nodes.links import Link
 from dart_skill_nodes.support import make_executor
 
+START = 180.0
+"""For a graph to start: seven processes with all that they import, on a machine that has other things to do [s, wall clock]."""
 ASK_AGAIN = 0.1
 """Whoever was told to wait asks again after so long [s, wall clock]."""
 
@@ -64,7 +66,7 @@ class Coach:
                 raise GraphFailure(f"{', '.join(there)} on ROS domain {domain} already: end it, or choose another ROS_DOMAIN_ID")
             self.spin()
 
-    def wait_until_ready(self, limit: float = 60.0, teacher: bool = True) -> None:
+    def wait_until_ready(self, limit: float = START, teacher: bool = True) -> None:
         """Wait for every action and service; GraphFailure names what is silent."""
         services = [self._learn.srv_name, self._reset.srv_name, self._pause.srv_name, _of_action("/throw")]
         services += [_of_action("/teach")] if teacher else []

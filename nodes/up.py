@@ -18,12 +18,10 @@ import rclpy  # noqa: E402
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
 from rclpy.signals import SignalHandlerOptions  # noqa: E402
 
-from dart_skill_nodes.coaching import Coach, GraphFailure  # noqa: E402
+from dart_skill_nodes.coaching import START, Coach, GraphFailure  # noqa: E402
 from dart_skill_nodes.interrupts import Interrupts  # noqa: E402
 
 LEVELS = {DiagnosticStatus.OK: "ready", DiagnosticStatus.WARN: "warning", DiagnosticStatus.ERROR: "error", DiagnosticStatus.STALE: "stale"}
-PATIENCE = 60.0
-"""For a node to tell of itself [s, wall clock]."""
 TEACH = """ros2 action send_goal /teach dart_skill_msgs/action/Teach '{target: {x: 2.0, y: 0.3, z: 0.4}}'"""
 LEARN = "ros2 service call /skill_learner/learn dart_skill_msgs/srv/Learn '{at_least: 2}'"
 HARDWARE = "ros2 service call /demonstration_recorder/start std_srvs/srv/Trigger"
@@ -94,7 +92,7 @@ def stay(options: argparse.Namespace, interrupts: Interrupts, tell) -> None:
         for name, parameters in wanted.items():
             graph.start(name, parameters)
             status.own.add(str(graph.processes[name].pid))
-        until = time.monotonic() + PATIENCE
+        until = time.monotonic() + START
         is_up = False
         while not interrupts:
             coach.spin()
@@ -102,7 +100,7 @@ def stay(options: argparse.Namespace, interrupts: Interrupts, tell) -> None:
                 names = ", ".join(sorted(status.strangers))
                 raise GraphFailure(f"{names} run already: end them, or set ROS_DOMAIN_ID to another number")
             if status.silent and time.monotonic() > until:
-                raise GraphFailure(f"nothing was heard of {', '.join(sorted(status.silent))} within {PATIENCE:.0f} s")
+                raise GraphFailure(f"nothing was heard of {', '.join(sorted(status.silent))} within {START:.0f} s")
             if not (status.silent or is_up):
                 is_up = True
                 tell("up", message=f"all nodes are ready; logs in {graph.logs}; Ctrl-C ends them", next=NEXT[options.layout])

@@ -13,7 +13,7 @@ import pytest
 from dart_skill_nodes.graph import LAYOUTS, NODES
 from dart_skill_nodes.interrupts import ENDS_WITH
 
-PATIENCE = 60.0
+PATIENCE = 200.0
 
 
 def children(pid):
