@@ -73,6 +73,10 @@ class Coach:
         for service in services:
             self._link(service, limit)
 
+    def wait_for_learner(self, limit: float = START) -> None:
+        """Wait for whoever learns, as in a replay without an arm; GraphFailure if nobody does."""
+        self._link(self._learn.srv_name, limit)
+
     def _link(self, service: str, limit: float) -> None:
         """Wait until a service can be asked; GraphFailure if nobody serves it."""
         link = self._links.setdefault(service, Link(self.node, service))

@@ -22,8 +22,8 @@ from dart_skill_nodes.coaching import START, Coach, GraphFailure  # noqa: E402
 from dart_skill_nodes.interrupts import Interrupts  # noqa: E402
 
 LEVELS = {DiagnosticStatus.OK: "ready", DiagnosticStatus.WARN: "warning", DiagnosticStatus.ERROR: "error", DiagnosticStatus.STALE: "stale"}
-TEACH = """ros2 action send_goal /teach dart_skill_msgs/action/Teach '{target: {x: 2.0, y: 0.3, z: 0.4}}'"""
-LEARN = "ros2 service call /skill_learner/learn dart_skill_msgs/srv/Learn '{at_least: 2}'"
+TEACH = "dart-skill teach --count 5"
+LEARN = "dart-skill learn --at-least 2"
 HARDWARE = "ros2 service call /demonstration_recorder/start std_srvs/srv/Trigger"
 NEXT = {"composed": TEACH, "processes": TEACH, "hardware": HARDWARE, "replay": LEARN}
 """What to do when everything is ready."""

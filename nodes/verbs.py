@@ -87,7 +87,10 @@ def carried_out(task: Callable[[Coach, argparse.Namespace], dict], options: argp
     coach = Coach(name="verb")
     try:
         try:
-            coach.wait_until_ready(PATIENCE, teacher=task is _teach)
+            if task is _learn:
+                coach.wait_for_learner(PATIENCE)
+            else:
+                coach.wait_until_ready(PATIENCE, teacher=task is _teach)
         except GraphFailure as failure:
             raise GraphFailure(f"{failure}: does the graph run? 'dart-skill up' starts it, in another terminal") from failure
         return task(coach, options)

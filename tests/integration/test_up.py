@@ -10,9 +10,11 @@ from pathlib import Path
 
 import pytest
 
+from dart_skill.skill.from_bag import learn_from_bag
 from dart_skill_nodes.graph import LAYOUTS, NODES
 from dart_skill_nodes.interrupts import ENDS_WITH
 
+BAG = Path(__file__).parents[2] / "bags" / "demonstrations"
 PATIENCE = 200.0
 
 
@@ -85,6 +87,20 @@ def test_what_runs_is_taught_learns_and_throws(start):
         done = subprocess.run(command, capture_output=True, text=True, timeout=2 * PATIENCE)
         assert done.returncode == 0, done.stderr
         assert json.loads(done.stdout)[told]
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0
+
+
+def test_a_recording_is_replayed_into_a_model(start):
+    """Without an arm, real or simulated: the demonstrations are cut out of what is played."""
+    process = start("--play", str(BAG), "--rate", "0")
+    events_until(process, "up")
+    command = [sys.executable, "-m", "dart_skill.cli", "learn", "--at-least", "13", "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=2 * PATIENCE)
+    assert done.returncode == 0, done.stderr
+    skill, _ = learn_from_bag(BAG, raw=False)
+    assert json.loads(done.stdout) == {"demonstrations": 13, "model_id": skill.skill.model_id, "ok": True}
     process.send_signal(signal.SIGINT)
     process.communicate(timeout=PATIENCE)
     assert process.returncode == 0
