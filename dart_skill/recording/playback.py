@@ -100,6 +100,7 @@ class Playback:
                 tick += period
             yield Due(message.stamp_ns + offset, self._names[message.topic], message.stamp_ns, message.data)
 
+
 BEHIND = 0.5
 """Playing that is later than this does not catch up by itself [s of the clock]."""
 
