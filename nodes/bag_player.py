@@ -35,7 +35,7 @@ TABLE = [
     Parameter("loop", "begin again at the end"),
     Parameter("start_paused", "wait for ~/pause or ~/step"),
     Parameter("clock_rate", "of /clock, unless the bag has one [1/s of the bag's time]; 0: none", 0.0, 10_000.0),
-    Parameter("awaited", "topics, as published, that must have a subscriber before playing begins; '': none"),
+    Parameter("awaited", "regular expressions: topics, as published, that must have a subscriber before playing begins; '': none"),
 ]
 DEPTH = 10_000
 """Of publishers at least, whatever was recorded, so that what is lost on the way can be repeated; no subscriber sees it."""
@@ -55,8 +55,7 @@ class BagPlayer(Node):
         self._publishers_of = {topic: self._publisher(topic, info) for topic, info in self._playback.topics.items()}
         if self._playback.makes_clock:
             self._publishers_of[CLOCK_TOPIC] = self.create_publisher(message_class(CLOCK_TYPE), CLOCK_TOPIC, CLOCK)
-        if unknown := set(filter(None, self.p["awaited"])) - set(self._publishers_of):
-            raise ValueError(f"awaited: {sorted(unknown)} are not played, only {sorted(self._publishers_of)}")
+        self._awaited = self._awaited_topics()
         self._sent: Counter[str] = Counter()  # since everything was last acknowledged
         self._changed = threading.Condition()
         self._pace = Pace(self.p["rate"], time.monotonic(), self.p["start_paused"])
@@ -106,6 +105,13 @@ class BagPlayer(Node):
     def _publisher(self, topic: str, info: TopicInfo):
         return self.create_publisher(message_class(info.type_name), topic, _quality(info))
 
+    def _awaited_topics(self) -> list[str]:
+        """Those of `awaited`; ValueError if one of its expressions matches nothing that is played."""
+        patterns = list(filter(None, self.p["awaited"]))
+        if unknown := [pattern for pattern in patterns if not any(re.fullmatch(pattern, topic) for topic in self._publishers_of)]:
+            raise ValueError(f"awaited: {unknown} are not played, only {sorted(self._publishers_of)}")
+        return [topic for topic in self._publishers_of if any(re.fullmatch(pattern, topic) for pattern in patterns)]
+
     # playing, in the thread
 
     def _play(self) -> None:
@@ -117,9 +123,9 @@ class BagPlayer(Node):
 
     def _are_awaited(self) -> bool:
         """Wait until somebody listens to the topics of `awaited`; False if playing was stopped."""
-        publishers = [self._publishers_of[topic] for topic in self.p["awaited"] if topic]
         with self._changed:
-            while not self._stopping and any(publisher.get_subscription_count() == 0 for publisher in publishers):
+            while not self._stopping and self._awaited:
+                self._awaited = [topic for topic in self._awaited if not self._publishers_of[topic].get_subscription_count()]
                 self._changed.wait(0.05)
             return not self._stopping
 
@@ -183,6 +189,8 @@ class BagPlayer(Node):
 
     def _describe(self):
         state = "finished" if self.finished else ("paused" if self._pace.paused else "playing")
+        if awaited := self._awaited:
+            state = f"waiting for a subscriber of {', '.join(awaited)}"
         return OK, state, {"published": self._published, "stamp_ns": self._position_ns, "rate": self._pace.rate}
 
 

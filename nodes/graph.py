@@ -29,8 +29,8 @@ NODES = LAYOUTS["processes"]
 """Names of all nodes; each is the name of its executable too."""
 NODES_OF = {"composed": NODES[:-1]}
 """Nodes of an executable that has several."""
-INPUTS = ["/joint_states", "/wam/command", "/wam/teacher_wrench", *(f"/vrpn_mocap/{body}/pose" for body in ("hand", "ball", "basket"))]
-"""What the recorder cuts demonstrations out of."""
+CUT_OUT_OF = "/joint_states|/wam/(command|teacher_wrench)|/vrpn_mocap/(hand|ball|basket)/pose"
+"""What demonstrations are cut out of; a replay begins when all of it is heard that the bag has."""
 TAKING_TURNS = ("wam_simulator", "commander", "composed")
 """They wait for each other at every step: on one core they hand over faster than from core to core (1.6 times, on two cores)."""
 SEEDED = ("composed", "wam_simulator", "mock_optitrack", "demonstration_recorder", "teacher", "coach")
@@ -71,7 +71,7 @@ def parameters_of(executable: str, layout: str, seed=0, bag="", played="", rate=
     if layout == "replay" and executable == "demonstration_recorder":
         parameters["automatic"] = True
     if executable == "bag_player":
-        parameters |= {"bag": played, "rate": rate, "exclude": ["/demonstrations"], "awaited": ["/joint_states"]}
+        parameters |= {"bag": played, "rate": rate, "exclude": ["/demonstrations"], "awaited": [CUT_OUT_OF]}
     return parameters
 
 

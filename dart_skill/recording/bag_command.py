@@ -328,7 +328,7 @@ def add_play_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--clock", type=_number("--clock", 0.0, 1e4), metavar="HZ", help="rate of /clock, unless the bag has one; 0: none (default 100)"
     )
-    parser.add_argument("--wait-for", nargs="+", metavar="TOPIC", help="begin when these have subscribers")
+    parser.add_argument("--wait-for", nargs="+", metavar="REGEX", help="begin when topics that one of these matches have subscribers")
     parser.add_argument("--json", action="store_true", help="what was played as JSON, at the end")
 
 
