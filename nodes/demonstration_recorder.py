@@ -55,6 +55,10 @@ class DemonstrationRecorder(BagKeeper):
         self.declare_parameter("autostart", True)
         self._bag, self._count, self._recording, self._now_ns = None, 0, False, 0
         self._newest: dict[str, int] = {}
+        self._demonstrations = self.create_publisher(DemonstrationMsg, DEMONSTRATION_TOPIC, LATCHED)
+        self.create_service(Trigger, "~/start", self._on_start)
+        self.create_service(StopDemonstration, "~/stop", self._on_stop)
+        self._diagnostics = Diagnostics(self, self._describe)
         if self.get_parameter("autostart").value:
             autostart(self)
 
@@ -79,14 +83,10 @@ class DemonstrationRecorder(BagKeeper):
         if self.p["automatic"]:
             self._finder = ThrowFinder(self._watcher.log, self._thresholds)
             self._watcher.clear()
-        self._demonstrations = self.create_publisher(DemonstrationMsg, DEMONSTRATION_TOPIC, LATCHED)
         self._ears = Ears(self)
         for topic in [*self.p["topics"], *sorted(self._needed - set(self.p["topics"]))]:
             self._subscribe(topic)
-        self.create_service(Trigger, "~/start", self._on_start)
-        self.create_service(StopDemonstration, "~/stop", self._on_stop)
         self._timer = self.create_timer(TAKE, self._take, clock=WALL)
-        self._diagnostics = Diagnostics(self, self._describe)
         return TransitionCallbackReturn.SUCCESS
 
     def _close(self) -> None:
@@ -95,7 +95,7 @@ class DemonstrationRecorder(BagKeeper):
             self.destroy_timer(self._timer)
             self._ears.close()
             self._bag.close({"lost": json.dumps(self._ears.lost)})
-            self._bag = None
+            self._bag, self._recording = None, False
 
     # recording
 
@@ -109,6 +109,8 @@ class DemonstrationRecorder(BagKeeper):
             self._ears.listen(topic)
 
     def _take(self) -> None:
+        if self._bag is None:
+            return  # a last tick of the timer, when all is closed
         for heard in self._ears.take():
             ns = self._bag.stamp_ns(heard.topic, heard.data)
             ns = self._now_ns if ns is None else ns
@@ -153,6 +155,9 @@ class DemonstrationRecorder(BagKeeper):
     # services
 
     def _on_start(self, request, response):
+        if self._bag is None:
+            response.success, response.message = False, "no bag is open: configure this node first"
+            return response
         if self._finder:
             response.success, response.message = False, "throws are cut automatically here: ~/start needs 'automatic' to be false"
             return response

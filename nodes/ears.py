@@ -4,11 +4,13 @@ Messages are taken out of the middleware in batches: a callback for each costs t
 hand on the number that the publisher gave a message, by which a loss is known.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import rclpy
 from rclpy.node import Node
+from rclpy.subscription import Subscription
 
 from dart_skill_nodes.offered import AsOffered
 
@@ -38,16 +40,14 @@ class Ears:
     """What a node hears without callbacks; call `take` often enough that no history overflows."""
 
     def __init__(self, node: Node):
-        self._node = node
-        # A leading underscore hides a node from `ros2 node list`.
-        self._deaf = rclpy.create_node(f"_{node.get_name()}_ears", start_parameter_services=False, enable_rosout=False)
+        self._deaf = deaf_node(f"_{node.get_name()}_ears")
         self._offered = AsOffered(node, self._deaf)
         self._numbering: dict[str, _Numbering] = {}
 
     def listen(self, topic: str, on_offer=lambda offers: None) -> None:
         """Hear a topic from its first publisher on; on_offer is called with what its publishers say, before anything is heard."""
         self._numbering[topic] = _Numbering()
-        self._offered.subscribe(topic, _never_called, depth=DEPTH, raw=True, on_offer=on_offer)
+        self._offered.subscribe(topic, never_called, depth=DEPTH, raw=True, on_offer=on_offer)
 
     @property
     def topics(self) -> list[str]:
@@ -69,11 +69,9 @@ class Ears:
         heard = []
         for topic, subscription in self._offered.subscriptions.items():
             numbers = []
-            with subscription.handle:
-                while len(numbers) < MOST and (message := subscription.handle.take_message(subscription.msg_type, True)) is not None:
-                    data, info = message
-                    numbers.append(info["publication_sequence_number"])
-                    heard.append(Heard(info["received_timestamp"], topic, data))
+            for data, info in taken(subscription):
+                numbers.append(info["publication_sequence_number"])
+                heard.append(Heard(info["received_timestamp"], topic, data))
             if numbers and subscription.get_publisher_count() == 1:
                 _count(self._numbering[topic], numbers)
         heard.sort(key=lambda one: one.received_ns)
@@ -81,7 +79,28 @@ class Ears:
 
     def close(self) -> None:
         """Hear nothing any more."""
+        self._offered.close()
         self._deaf.destroy_node()
+
+
+def deaf_node(name: str) -> Node:
+    """A node that nobody spins, for subscriptions whose messages are taken; a leading underscore hides it from `ros2 node list`."""
+    return rclpy.create_node(name, start_parameter_services=False, enable_rosout=False)
+
+
+def taken(subscription: Subscription) -> Iterator[tuple[bytes, dict]]:
+    """Serialised messages of a subscription that have come since the last time, and what the middleware knows of each; MOST at a time."""
+    with subscription.handle:
+        for _ in range(MOST):
+            message = subscription.handle.take_message(subscription.msg_type, True)
+            if message is None:
+                return
+            yield message
+
+
+def never_called(data: bytes) -> None:
+    """For the callbacks of such subscriptions."""
+    raise NotImplementedError("messages are taken, nobody is called")
 
 
 def _count(numbering: _Numbering, numbers: list[int | None]) -> None:
@@ -92,7 +111,3 @@ def _count(numbering: _Numbering, numbers: list[int | None]) -> None:
         if numbering.expected and number > numbering.expected:
             numbering.lost += number - numbering.expected
         numbering.expected = number + 1
-
-
-def _never_called(data: bytes) -> None:
-    raise NotImplementedError("messages are taken in batches")

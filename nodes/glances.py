@@ -6,9 +6,10 @@ The middleware keeps the newest messages; no callback is called for each of a th
 import struct
 
 import numpy as np
-import rclpy
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+from dart_skill_nodes.ears import deaf_node, never_called, taken
 
 POSE_BYTES = 7 * 8
 FRAME_AT = 12
@@ -19,21 +20,17 @@ class Glances:
     """Best-effort subscriptions, which match every publisher and never hold one up, on a hidden node that nobody spins."""
 
     def __init__(self, node: Node):
-        self._deaf = rclpy.create_node(f"_{node.get_name()}_glances", start_parameter_services=False, enable_rosout=False)
+        self._deaf = deaf_node(f"_{node.get_name()}_glances")
         self._subscriptions = {}
 
     def watch(self, topic: str, message_type: type, depth: int = 1) -> None:
         """Keep the `depth` newest messages of a topic for `take`."""
         qos = QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
-        self._subscriptions[topic] = self._deaf.create_subscription(message_type, topic, _never_called, qos, raw=True)
+        self._subscriptions[topic] = self._deaf.create_subscription(message_type, topic, never_called, qos, raw=True)
 
     def take(self, topic: str) -> list[bytes]:
         """Serialised messages that have come since the last time, the newest last."""
-        subscription, taken = self._subscriptions[topic], []
-        with subscription.handle:
-            while (message := subscription.handle.take_message(subscription.msg_type, True)) is not None:
-                taken.append(message[0])
-        return taken
+        return [data for data, _ in taken(self._subscriptions[topic])]
 
     def close(self) -> None:
         """Keep nothing any more."""
@@ -51,7 +48,3 @@ def poses(messages: list[bytes], frame_id: str) -> np.ndarray:
         if name != frame_id:
             raise ValueError(f"poses are in frame '{name}', not '{frame_id}'")
     return np.frombuffer(b"".join(data[-POSE_BYTES:] for data in messages), dtype="<f8").reshape(-1, 7)
-
-
-def _never_called(data: bytes) -> None:
-    raise NotImplementedError("messages are taken, nobody is called")

@@ -39,7 +39,7 @@ class AsOffered:
 
     def __init__(self, node: Node, owner: Node | None = None):
         self._node, self._owner, self._topics = node, owner or node, {}
-        node.create_timer(LOOK_AGAIN, self._look, clock=WALL)
+        self._timer = node.create_timer(LOOK_AGAIN, self._look, clock=WALL)
 
     def subscribe(
         self,
@@ -74,6 +74,11 @@ class AsOffered:
                 break
             await pause(self._node, LOOK_AGAIN)
         return not self.missing
+
+    def close(self) -> None:
+        """Follow no publishers any more."""
+        self._node.destroy_timer(self._timer)
+        self._topics = {}  # one more tick of the timer may be under way
 
     def _look(self) -> None:
         for name, topic in self._topics.items():

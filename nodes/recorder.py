@@ -46,6 +46,7 @@ class Recorder(BagKeeper):
         self.p = declare(self, "recorder.yaml", TABLE)
         self.declare_parameter("autostart", True)
         self._bag, self._ears, self._scene, self._active = None, None, None, False
+        self._diagnostics = Diagnostics(self, self._describe)
         if self.get_parameter("autostart").value:
             autostart(self)
 
@@ -68,8 +69,7 @@ class Recorder(BagKeeper):
         if self._simulated:
             self._listen(CLOCK_TOPIC, keep=self._is_wanted(CLOCK_TOPIC))
         self._look_for_topics()
-        self._timers = [self.create_timer(TAKE, self._take, clock=WALL), self.create_timer(LOOK, self._look_for_topics, clock=WALL)]
-        self._diagnostics = Diagnostics(self, self._describe)
+        self._ticking = [self.create_timer(TAKE, self._take, clock=WALL), self.create_timer(LOOK, self._look_for_topics, clock=WALL)]
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state) -> TransitionCallbackReturn:
@@ -85,7 +85,7 @@ class Recorder(BagKeeper):
         if self._bag is None:
             return
         self._take()
-        for timer in self._timers:
+        for timer in self._ticking:
             self.destroy_timer(timer)
         self._ears.close()
         self._bag.close({"lost": json.dumps(self._ears.lost), "not recorded": json.dumps(self._refused)})
@@ -97,6 +97,8 @@ class Recorder(BagKeeper):
         return any(p.fullmatch(topic) for p in self._wanted) and not any(p.fullmatch(topic) for p in self._unwanted)
 
     def _look_for_topics(self) -> None:
+        if self._bag is None:
+            return  # a last tick of the timer, when all is closed
         for topic, types in self.get_topic_names_and_types():
             if topic in {*self._ears.topics, *self._refused, *self._made} or not self._is_wanted(topic):
                 continue
@@ -119,6 +121,8 @@ class Recorder(BagKeeper):
     # messages
 
     def _take(self) -> None:
+        if self._bag is None:
+            return
         for heard in self._ears.take():
             if heard.topic == CLOCK_TOPIC and self._simulated:
                 self._clock_ns = max(self._clock_ns, conversions.leading_stamp_ns(heard.data))

@@ -26,7 +26,7 @@ class TopicBag:
     """
 
     def __init__(self, node: Node, path: Path, custom_data: dict[str, str], **limits):
-        self._node, self._stamped, self.failure = node, {}, ""
+        self._node, self._stamped, self._open, self.failure = node, {}, True, ""
         self.writer = BagWriter(path, custom_data=custom_data, **limits)
         # What somebody needs to understand the bag: the arm, and the parameters in force.
         self.writer.add_attachment("wam.urdf", write_urdf(wam_description()), "application/xml")
@@ -53,12 +53,13 @@ class TopicBag:
 
     def flush(self) -> None:
         """Hand over to the disk what has come."""
-        if not self.failure:
+        if self._open and not self.failure:
             self._try(self.writer.flush, True)
 
     def close(self, notes: dict[str, str] | None = None) -> None:
         """Close the bag with notes for its metadata."""
         self._node.destroy_timer(self._timer)
+        self._open = False  # one more tick of the timer may be under way
         for name, text in (notes or {}).items():
             self.writer.note(name, text)
         self._try(self.writer.close)
@@ -67,7 +68,8 @@ class TopicBag:
         types = types_for(type_name)
         self._stamped[topic] = is_stamped(types, type_name)
         texts = [qos_yaml(p.reliability.name.lower(), p.durability.name.lower(), p.history.name.lower(), p.depth) for p in profiles]
-        self.writer.add_topic(topic, type_name, definition(types, type_name), "".join(sorted(set(texts))), type_hash(types, type_name))
+        profile, digest = "".join(sorted(set(texts))), type_hash(types, type_name)
+        self._try(self.writer.add_topic, topic, type_name, definition(types, type_name), profile, digest)
 
     def _try(self, write, *arguments) -> None:
         try:

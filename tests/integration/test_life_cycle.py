@@ -1,0 +1,88 @@
+"""The managed nodes that record: cleaned up and configured again in one process, each time with a bag of their own."""
+
+import time
+
+import pytest
+from rclpy.lifecycle import TransitionCallbackReturn
+from sensor_msgs.msg import JointState
+
+from dart_skill.recording import BagReader
+from dart_skill_nodes.demonstration_recorder import DemonstrationRecorder
+from dart_skill_nodes.recorder import Recorder
+from dart_skill_nodes.support import make_executor
+
+PATIENCE = 30.0
+TOPIC = "/joint_states"
+DONE = TransitionCallbackReturn.SUCCESS
+
+
+class Speaker:
+    """An arm that says where it is all the time, with a node of its own that is spun together with another."""
+
+    def __init__(self, rclpy, other):
+        self.node = rclpy.create_node(f"speaker_beside_{other.get_name()}")
+        self._publisher, self._executor, self._said = self.node.create_publisher(JointState, TOPIC, 10), make_executor(), 0
+        self._executor.add_node(other)
+        self._executor.add_node(self.node)
+
+    def until(self, condition, what):
+        end = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < end, f"{what} did not come true in {PATIENCE:.0f} s"
+            self._said += 1
+            state = JointState(position=[0.0] * 7, velocity=[0.0] * 7)
+            state.header.stamp.sec, state.header.stamp.nanosec = divmod(10_000_000 * self._said, 10**9)
+            self._publisher.publish(state)
+            self._executor.spin_once(timeout_sec=0.01)
+
+    def close(self):
+        self._executor.shutdown()
+        self.node.destroy_node()
+
+
+@pytest.fixture
+def speaker_for(ros, tmp_path, monkeypatch):
+    """Makes the node in an empty working directory, where its bags go, and a speaker beside it."""
+    import rclpy
+
+    monkeypatch.chdir(tmp_path)
+    made = []
+
+    def make(node_class):
+        node = node_class()
+        made.append((node, Speaker(rclpy, node)))
+        return made[-1]
+
+    yield make
+    for node, speaker in made:
+        speaker.close()
+        node.destroy_node()
+
+
+@pytest.mark.parametrize("node_class", [Recorder, DemonstrationRecorder])
+def test_a_recorder_that_was_cleaned_up_begins_another_bag(speaker_for, tmp_path, node_class):
+    node, speaker = speaker_for(node_class)
+
+    def writes():
+        return node._bag is not None and node._bag.writer.counts.get(TOPIC, 0) > 0
+
+    def offered():
+        return sorted(speaker.node.get_service_names_and_types_by_node(node.get_name(), "/"))
+
+    def told():
+        return len(speaker.node.get_publishers_info_by_topic("/diagnostics"))
+
+    speaker.until(lambda: writes() and told() == 1, "a bag that is written to")
+    before, begun = offered(), time.strftime("%S")
+    assert node.trigger_deactivate() == node.trigger_cleanup() == DONE
+    # The name of a bag is the second in which it was begun; what ticks in between must find nothing to do.
+    speaker.until(lambda: time.strftime("%S") != begun, "another second")
+    assert node.trigger_configure() == node.trigger_activate() == DONE
+    speaker.until(writes, "messages in the second bag")
+    assert told() == 1 and offered() == before
+    assert node.trigger_deactivate() == node.trigger_cleanup() == DONE
+    bags = sorted(tmp_path.iterdir())
+    assert len(bags) == 2
+    for bag in bags:
+        with BagReader(bag) as read:
+            assert read.topics[TOPIC].count > 0
