@@ -37,10 +37,10 @@ from mcap.records import (
     SummaryOffset,
 )
 
-MAGIC = b"\x89MCAP0\r\n"
+from dart_skill.recording._mcap_stream import MAGIC
+
 FOOTER_LENGTH = 9 + 20 + len(MAGIC)
 _HEAD, _CHUNK_HEAD, _CHUNK_INDEX = struct.Struct("<BQ"), struct.Struct("<QQQII"), struct.Struct("<QQQQI")
-MESSAGE = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
 _CLASSES = {
     Opcode.HEADER: Header,
     Opcode.FOOTER: Footer,

@@ -35,7 +35,8 @@ MAGIC = b"\x89MCAP0\r\n"
 CHUNK_SIZE = 256 * 1024
 COMPRESSION_LEVEL = 1
 
-_MESSAGE = struct.Struct("<BQHIQQ").pack  # opcode, length, channel, sequence, log time, publish time
+MESSAGE = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
+_MESSAGE = MESSAGE.pack
 _CHUNK = struct.Struct("<BQQQQI8sQ").pack  # opcode, length, first and last time, size, CRC, "zstd", compressed size
 _CHUNK_HEAD_LENGTH = 8 + 8 + 8 + 4 + 8 + 8  # of a chunk's content, before the compressed records
 _INDEX = struct.Struct("<BQHI").pack  # opcode, length, channel, bytes of entries

@@ -18,7 +18,6 @@ from mcap.records import Channel, Schema, Statistics
 from rosbags.typesys.store import Typestore
 
 from dart_skill.recording._mcap_scan import (
-    MESSAGE,
     ChunkIndex,
     Damage,
     DamagedError,
@@ -33,6 +32,7 @@ from dart_skill.recording._mcap_scan import (
     records_of,
     walk,
 )
+from dart_skill.recording._mcap_stream import MESSAGE
 from dart_skill.recording._rosbag2_metadata import METADATA_FILE, read_metadata_file
 from dart_skill.recording.bag_reader import BagError, BagReader, embedded_types, part_number
 from dart_skill.recording.messages import deserialize

@@ -18,7 +18,6 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 
 from dart_skill.recording._disk_sync import sync_folder
 from dart_skill.recording._mcap_scan import (
-    MESSAGE,
     Damage,
     DamagedError,
     Record,
@@ -33,7 +32,7 @@ from dart_skill.recording._mcap_scan import (
     records_of,
     walk,
 )
-from dart_skill.recording._mcap_stream import McapChannel, McapFile
+from dart_skill.recording._mcap_stream import MESSAGE, McapChannel, McapFile
 from dart_skill.recording._rosbag2_metadata import (
     RECORD_NAME,
     FileMetadata,
