@@ -88,16 +88,19 @@ class ThrowLog:
 
     def wants_joints(self, stamp_ns: int) -> bool:
         """Whether a joint state of this stamp would be kept."""
-        if not self.joints.stamps or stamp_ns - self.joints.stamps[-1] > RESET_NS:
+        if self._begins_a_world(stamp_ns):
             return True
         phase, period = self._joint_phase_ns, self._joint_period_ns
         return (stamp_ns - phase) // period > (self.joints.stamps[-1] - phase) // period
 
     def add_joints(self, stamp_ns: int, position: np.ndarray, velocity: np.ndarray) -> None:
         if self.wants_joints(stamp_ns):
-            if not self.joints.stamps or stamp_ns - self.joints.stamps[-1] > RESET_NS:
+            if self._begins_a_world(stamp_ns):
                 self._joint_phase_ns = stamp_ns
             self.rejected += not self.joints.add(stamp_ns, np.concatenate([position, velocity]))
+
+    def _begins_a_world(self, stamp_ns: int) -> bool:
+        return not self.joints.stamps or stamp_ns - self.joints.stamps[-1] > RESET_NS
 
     def add_opening(self, stamp_ns: int) -> None:
         """The hand was told to open; only the first time counts."""

@@ -21,11 +21,11 @@ from dart_skill.recording.pose_faults import Fault
 from dart_skill.robot.description import wam_description
 from dart_skill.skill.configuration import SkillConfiguration
 from dart_skill.skill.configuration import configuration as configuration_of
-from dart_skill.skill.cutting import THRESHOLDS, ThrowLog, watched_until
+from dart_skill.skill.cutting import THRESHOLDS, ThrowLog
 from dart_skill.skill.outcome import fit_release
 from dart_skill.skill.practising import PractisingSkill
 from dart_skill.skill.preparation import prepare
-from dart_skill.skill.throw_finder import FoundThrow, cut_throw, numbered, worlds
+from dart_skill.skill.throw_finder import FoundThrow, ThrowFinder, worlds
 from dart_skill.skill.throwing import LEAST_DEMONSTRATIONS
 
 FLIGHT_NS = 1_000_000_000
@@ -79,18 +79,10 @@ def find_throws(recording: ThrowRecording, thresholds: VelocityThreshold = THRES
     """Every throw of a recording, in order of time. Demonstrations of our own bags are those that the recorder published, to the last bit:
     what it calls demonstration_1, demonstration_2, ... are the guided throws into the basket.
     """
-    found, shown, everything = [], 0, _filled(recording)
+    finder, found = ThrowFinder(_filled(recording), thresholds), []
     for since, until in _worlds(recording):
         for opening in _openings(recording, since, until, thresholds):
-            if opening.stamp_ns < since:
-                continue  # told again before the throw was over
-            log = everything.part(since, watched_until(opening.stamp_ns))
-            (log.add_opening if recording.has_button else log.add_release)(opening.stamp_ns)
-            throw = numbered(cut_throw(log, opening, thresholds), shown + 1)
-            if throw.demonstration is not None:
-                since = watched_until(opening.stamp_ns) + 1
-            shown += throw.shows
-            found.append(throw)
+            found += finder.find(opening, recording.has_button)
     return found
 
 

@@ -60,22 +60,27 @@ class ThrowFinder:
         found = []
         while self._openings and watched_until(self._openings[0][0]) <= arrived_ns:
             stamp, guiding = self._openings.pop(0)
-            if stamp >= self._since:
-                found.append(self._find(Opening(stamp, guiding or self._teacher.pushed_before(stamp))))
+            found += self.find(Opening(stamp, guiding or self._teacher.pushed_before(stamp)))
         self._forget_before(min([arrived_ns, *(stamp for stamp, _ in self._openings)]) - MEMORY_NS)
         return found
 
-    def _find(self, opening: Opening) -> FoundThrow:
+    def find(self, opening: Opening, has_button: bool = True) -> list[FoundThrow]:
+        """The throw in which the hand was told to open, or without a button let go of the ball; none if that was told again before the
+        throw was over. Openings come in order of time.
+        """
+        if opening.stamp_ns < self._since:
+            return []
         until = watched_until(opening.stamp_ns)
         since = max(self._since, world_of(opening.stamp_ns, self._log.stamps()))
         log = self._log.part(since, until)
-        log.add_opening(opening.stamp_ns)
+        (log.add_opening if has_button else log.add_release)(opening.stamp_ns)
         throw = cut_throw(log, opening, self._thresholds)
         if throw.demonstration is not None:
             self._since = until + 1
-        throw = numbered(throw, self.demonstrations + 1)
-        self.demonstrations += throw.shows
-        return throw
+        if throw.shows:
+            self.demonstrations += 1
+            throw = replace(throw, demonstration=replace(throw.demonstration, id=f"demonstration_{self.demonstrations}"))
+        return [throw]
 
     def _forget_before(self, stamp_ns: int) -> None:
         self._log.forget_before(stamp_ns)
@@ -92,11 +97,6 @@ def cut_throw(log: ThrowLog, opening: Opening, thresholds: VelocityThreshold = T
     except ValueError as error:
         return FoundThrow(opening.stamp_ns, opening.taught, reason=str(error))
     return FoundThrow(opening.stamp_ns, opening.taught, one, outcome)
-
-
-def numbered(throw: FoundThrow, number: int) -> FoundThrow:
-    """The throw with the name that the recorder gives a demonstration, if it is one."""
-    return replace(throw, demonstration=replace(throw.demonstration, id=f"demonstration_{number}")) if throw.shows else throw
 
 
 def worlds(streams: Iterable[np.ndarray]) -> list[tuple[int, int]]:
