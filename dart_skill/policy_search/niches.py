@@ -19,12 +19,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mixture._checks import as_count, as_number, as_vector
+from ..mixture._checks import as_count, as_number
 from ._niche import Niche, n_coefficients
+from ._niche_search import NicheSearch
 from ._search import Settings, Told
 from ._surrogate import FIRST, LENGTHS, Surrogate
 from ._trend import REMEMBERED, forecast
-from .baselines import VectorSearch
 
 SCOUT = -1  # in the place of a niche's identity
 LANDMARKS = 150  # trials of scouts and lesser niches that are remembered
@@ -40,7 +40,7 @@ FRESH = 0.3  # change that takes the weight of a trial in the model of its niche
 PAUSE = 10  # fewest trials between scouts
 
 
-class Niches(VectorSearch):
+class Niches(NicheSearch):
     """Search for the best of several optima (d,) that rise and fall, from a first guess and the `spread` of sensible first trials.
 
     drift: change of a gap between two hills that is expected of a change of the best value, over the latter.
@@ -56,6 +56,9 @@ class Niches(VectorSearch):
     takes the hill that overtakes late in 10 of 20. Scores as they are thrown are too noisy for it: with 12000 of them from 75 to 16 mm and
     repeats of 100 or 400, its best aim lost 0.7 to 1.0 points in four runs.
     """
+
+    OPTIONS = ("drift", "scouting", "waiting", "most", "clearing", "reach", "optimism", "fading", "repeats")
+    MEMORY = ("main", "founded", "level", "clock", "change", "mark", "relief", "purse", "next_scout", "turns", "length")
 
     def __init__(
         self,
@@ -74,8 +77,7 @@ class Niches(VectorSearch):
         repeats: int = 1,
         limits: tuple[float, float] = (0.01, 2.0),
     ):
-        settings = Settings("constant", "rank", 1, 1, 2, 0.0, tuple(as_vector(limits, "limits", 2).tolist()))
-        super().__init__(parameters, spread, settings, rng)
+        super().__init__(parameters, spread, limits, rng)
         self._drift = as_number(drift, "drift")
         self._scouting = as_number(scouting, "scouting", strict=False)
         self._waiting = as_number(waiting, "waiting", strict=False)
@@ -244,11 +246,6 @@ class Niches(VectorSearch):
 
     # Learning
 
-    def _learn(self) -> bool:
-        self._fresh, changed = 0, self._update([self._told[-1]])
-        self.n_updates += changed
-        return changed
-
     def _update(self, told: list[Told]) -> bool:
         place, identity, earned = told[0].noise[:-1], int(told[0].noise[-1]), float(told[0].outcome)
         if self.n_told == 1:
@@ -355,8 +352,6 @@ class Niches(VectorSearch):
     def _policy_state(self) -> dict:
         return {
             **super()._policy_state(),
-            "options": {name: getattr(self, f"_{name}") for name in OPTIONS},
-            "memory": {name: getattr(self, f"_{name}") for name in MEMORY},
             "indices": list(self._indices),
             "niches": [one.state() for one in self._niches],
             "landmarks": [[number, place.tolist(), *rest] for number, place, *rest in self._landmarks],
@@ -364,14 +359,8 @@ class Niches(VectorSearch):
 
     @classmethod
     def _from_policy_state(cls, state: dict, settings: Settings, rng: np.random.Generator) -> Niches:
-        search = cls(state["start"], state["scale"], rng=rng, limits=settings.limits, **state["options"])
-        for name in MEMORY:
-            setattr(search, f"_{name}", state["memory"][name])
+        search = super()._from_policy_state(state, settings, rng)
         search._indices = tuple(state["indices"])
         search._niches = [Niche.from_state(one) for one in state["niches"]]
         search._landmarks = [(number, np.array(place), *rest) for number, place, *rest in state["landmarks"]]
         return search
-
-
-OPTIONS = ("drift", "scouting", "waiting", "most", "clearing", "reach", "optimism", "fading", "repeats")
-MEMORY = ("main", "founded", "level", "clock", "change", "mark", "relief", "purse", "next_scout", "turns", "length")

@@ -19,11 +19,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mixture._checks import as_count, as_number, as_vector
+from ..mixture._checks import as_count, as_number
 from ._blurred_noise import BlurredNoise
 from ._niche import Niche
+from ._niche_search import NicheSearch
 from ._search import Settings, Told
-from .baselines import VectorSearch
 
 TOP, SCOUT, PROBE = 0, 1, 2  # what a trial is for
 RECORDS = 300  # trials that the process remembers, the latest
@@ -37,7 +37,7 @@ ERRORS = 10.0 ** np.arange(-7.0, -2.9, 0.5)  # variance of a value for the proce
 FIRST_ERROR = 4  # index into these
 
 
-class Sharpening(VectorSearch):
+class Sharpening(NicheSearch):
     """Search for the best parameters (d,) while the scatter of trials shrinks; `spread`: that scatter at the beginning. Returns are
     expected ones, without noise.
 
@@ -49,6 +49,9 @@ class Sharpening(VectorSearch):
     The defaults were chosen on darts (experiments/dart_search.py, seeds from 100 on). With less optimism or a coarser grain the process is
     too sure, and hills that overtake late are missed; with more optimism or a finer grain scouts cost more than they find.
     """
+
+    OPTIONS = ("optimism", "grain", "every", "clearing", "reach")
+    MEMORY = ("founded", "blur", "rate", "marked", "top", "seen", "error", "new")
 
     def __init__(
         self,
@@ -63,8 +66,7 @@ class Sharpening(VectorSearch):
         reach: float = 1.25,
         limits: tuple[float, float] = (0.01, 2.0),
     ):
-        settings = Settings("constant", "rank", 1, 1, 2, 0.0, tuple(as_vector(limits, "limits", 2).tolist()))
-        super().__init__(parameters, spread, settings, rng)
+        super().__init__(parameters, spread, limits, rng)
         self._optimism, self._every = as_number(optimism, "optimism", strict=False), as_count(every, "every")
         self._grain, self._clearing, self._reach = as_number(grain, "grain"), as_number(clearing, "clearing"), as_number(reach, "reach")
         d = self._start.size
@@ -151,11 +153,6 @@ class Sharpening(VectorSearch):
 
     # Learning
 
-    def _learn(self) -> bool:
-        self._fresh, changed = 0, self._update([self._told[-1]])
-        self.n_updates += changed
-        return changed
-
     def _update(self, told: list[Told]) -> bool:
         place, (kind, identity) = told[0].noise[:-2], told[0].noise[-2:].astype(int)
         number, earned = told[0].number, float(told[0].outcome)
@@ -219,8 +216,6 @@ class Sharpening(VectorSearch):
     def _policy_state(self) -> dict:
         return {
             **super()._policy_state(),
-            "options": {name: getattr(self, f"_{name}") for name in OPTIONS},
-            "memory": {name: getattr(self, f"_{name}") for name in MEMORY},
             "niche": self._niche.state(),
             "star": [place.tolist() for place in self._star],
             "probed": [[number, place.tolist(), earned] for number, place, earned in self._probed],
@@ -229,15 +224,10 @@ class Sharpening(VectorSearch):
 
     @classmethod
     def _from_policy_state(cls, state: dict, settings: Settings, rng: np.random.Generator) -> Sharpening:
-        search = cls(state["start"], state["scale"], rng=rng, limits=settings.limits, **state["options"])
-        for name in MEMORY:
-            setattr(search, f"_{name}", state["memory"][name])
+        search = super()._from_policy_state(state, settings, rng)
         search._niche = Niche.from_state(state["niche"])
         search._star = [np.array(place) for place in state["star"]]
-        search._probed, search._records = ([(number, np.array(place), *rest) for number, place, *rest in state[name]] for name in LISTS)
+        search._probed, search._records = (
+            [(number, np.array(place), *rest) for number, place, *rest in state[name]] for name in ("probed", "records")
+        )
         return search
-
-
-OPTIONS = ("optimism", "grain", "every", "clearing", "reach")
-MEMORY = ("founded", "blur", "rate", "marked", "top", "seen", "error", "new")
-LISTS = ("probed", "records")

@@ -1,0 +1,43 @@
+"""What searches that follow hills by niches (`_niche`) share."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..mixture._checks import as_vector
+from ._search import Settings
+from .baselines import VectorSearch
+
+
+class NicheSearch(VectorSearch):
+    """Learns from every return as it comes. limits: smallest and largest radius of trials, as multiples of `spread`.
+
+    OPTIONS and MEMORY name what is saved as it is: attributes, less their underscore, which the constructor takes, and which it does not.
+    """
+
+    OPTIONS: tuple[str, ...] = ()
+    MEMORY: tuple[str, ...] = ()
+
+    def __init__(self, parameters: ArrayLike, spread: ArrayLike, limits: ArrayLike, rng: np.random.Generator):
+        settings = Settings("constant", "rank", 1, 1, 2, 0.0, tuple(as_vector(limits, "limits", 2).tolist()))
+        super().__init__(parameters, spread, settings, rng)
+
+    def _learn(self) -> bool:
+        self._fresh, changed = 0, self._update([self._told[-1]])
+        self.n_updates += changed
+        return changed
+
+    def _policy_state(self) -> dict:
+        return {
+            **super()._policy_state(),
+            "options": {name: getattr(self, f"_{name}") for name in self.OPTIONS},
+            "memory": {name: getattr(self, f"_{name}") for name in self.MEMORY},
+        }
+
+    @classmethod
+    def _from_policy_state(cls, state: dict, settings: Settings, rng: np.random.Generator) -> NicheSearch:
+        search = cls(state["start"], state["scale"], rng=rng, limits=settings.limits, **state["options"])
+        for name in cls.MEMORY:
+            setattr(search, f"_{name}", state["memory"][name])
+        return search
