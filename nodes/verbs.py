@@ -5,6 +5,7 @@ import json
 import os
 import sys
 from collections.abc import Callable
+from dataclasses import asdict
 
 import numpy as np
 
@@ -75,14 +76,12 @@ def _learn(coach: Coach, options: argparse.Namespace) -> dict:
 def _throw(coach: Coach, options: argparse.Namespace) -> dict:
     results = throw_all(coach, _baskets(options, 2))
     hits = sum(result.in_basket for result in results)
-    throws = [
-        {"target": r.target, "landing": r.landing, "error_m": r.error_m, "in_basket": r.in_basket, "message": r.message} for r in results
-    ]
+    throws = [asdict(result) for result in results]
     thrown = all(not result.message for result in results)
     return {"text": f"{hits} of {len(results)} in the basket", "throws": throws, "ok": thrown, "next": "dart-skill throw --count 10"}
 
 
-def carried_out(task: Callable[[Coach, argparse.Namespace], dict], options: argparse.Namespace) -> dict:
+def on_the_graph(task: Callable[[Coach, argparse.Namespace], dict], options: argparse.Namespace) -> dict:
     """Result of a task on the graph that runs; GraphFailure if none does."""
     coach = Coach(name="verb")
     try:
@@ -103,7 +102,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parse(arguments)
     rclpy.init()
     try:
-        result = carried_out(options.run, options)
+        result = on_the_graph(options.run, options)
     except (GraphFailure, ValueError) as failure:
         print(f"dart-skill: {failure}", file=sys.stderr)
         return 1
