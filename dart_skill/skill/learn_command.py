@@ -32,6 +32,8 @@ def _learn(options: argparse.Namespace) -> int:
     from dart_skill.skill.from_bag import learn_from_bag
     from dart_skill.skill.model_file import save_model
 
+    if options.at_least is not None:
+        raise ValueError("--at-least waits for demonstrations on a graph that runs: leave out BAG, or this")
     if options.demonstrations_topic and (options.mapping or options.with_throws):
         raise ValueError("--demonstrations-topic takes the demonstrations as they are: leave out --mapping and --with-throws")
     output = options.output or Path(f"{options.bag.resolve().stem}_model.npz")

@@ -1,16 +1,20 @@
 """Bags of the running graph: recorded whole, played again as they were recorded, and not lost with the process that wrote them."""
 
 import json
+import random
 import resource
 import signal
+import time
 
 import numpy as np
 import pytest
 from dart_skill_msgs.srv import PlanThrow, Step
 from geometry_msgs.msg import Point
 from mcap_ros2.reader import read_ros2_messages
+from rclpy.duration import Duration
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rosbags.rosbag2 import StoragePlugin, Writer
-from std_msgs.msg import Header
+from std_msgs.msg import Header, String
 from std_srvs.srv import SetBool
 
 from dart_skill.recording import BagReader, BagWriter, definition, read_demonstrations, serialize, type_hash, types_for
@@ -131,6 +135,20 @@ def test_a_bag_plays_as_it_was_recorded(recorded, make_graph):
         for topic, heard in listener.heard.items():
             expected = [bytes(m.data) for m in bag.messages([topic], decode=False)]
             assert heard == expected, f"{topic}: {len(heard)} of {len(expected)}"
+
+
+def test_topics_are_offered_as_they_were_recorded(recorded, make_graph):
+    graph, coach = make_graph(None)
+    graph.start("bag_player", {"bag": str(recorded), "start_paused": True})
+    wanted = {
+        "/joint_states": (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE),
+        "/clock": (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE),
+        "/robot_description": (ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL),
+    }
+    for topic, policies in wanted.items():
+        wait_for(coach, lambda topic=topic: coach.node.get_publishers_info_by_topic(topic), what=f"a publisher of {topic}")
+        (offer,) = (info.qos_profile for info in coach.node.get_publishers_info_by_topic(topic))
+        assert (offer.reliability, offer.durability) == policies, topic
 
 
 def test_the_clock_of_a_bag_is_played_and_made_where_it_has_none(recorded, make_graph):
@@ -266,6 +284,60 @@ def test_a_recorder_that_is_killed_loses_at_most_the_last_second(make_graph, tmp
         assert bag.topics["/joint_states"].count == rescued.messages["/joint_states"]
         times = [m.stamp_ns for m in bag.messages(["/joint_states"], decode=False)]
     assert len(times) > 0 and before - len(times) < np.sum(np.array(times) > times[-1] - 2_000_000_000)
+
+
+def test_what_a_recorder_that_is_held_up_never_got_is_counted(make_graph, tmp_path):
+    """Its publisher repeats the last five messages only, and the shared memory has no room for so many."""
+    (graph, coach), ballast = make_graph(None), 20_000 * " "
+    said, total = coach.node.create_publisher(String, "/said", 5), 0
+    graph.start("recorder", {"bag": str(tmp_path / "bag"), "topics": "[/said]"})
+    diagnoses = Diagnoses(coach)
+
+    def say(condition, what):
+        nonlocal total
+        until = time.monotonic() + 60.0
+        while not condition():
+            assert time.monotonic() < until, what
+            said.publish(String(data=f"{total}{ballast}"))
+            total += 1
+            coach.spin()
+
+    def recorded():
+        return int(diagnoses.values.get("recorder", {}).get("/said", 0))
+
+    say(lambda: recorded() > 0, "no message was recorded")
+    recorder = graph.processes["recorder"]
+    recorder.send_signal(signal.SIGSTOP)
+    for _ in range(500):
+        said.publish(String(data=f"{total}{ballast}"))
+        total += 1
+    recorder.send_signal(signal.SIGCONT)
+    before = recorded()
+    say(lambda: recorded() > before + 20, "no message was recorded afterwards")
+    assert said.wait_for_all_acked(Duration(seconds=20))
+    graph.stop()
+    with BagReader(tmp_path / "bag") as bag:
+        heard = [int(types_for(TEXT).deserialize_cdr(m.data, TEXT).data) for m in bag.messages(["/said"], decode=False)]
+        lost = json.loads(bag.custom_data["lost"])["/said"]
+    assert heard == sorted(heard) and heard[-1] == total - 1
+    assert lost == heard[-1] - heard[0] + 1 - len(heard) and 0 < lost <= 500
+
+
+@pytest.mark.parametrize("limit", [{"max_megabytes": 1.0}, {"max_minutes": 0.01}])
+def test_a_recording_goes_on_in_another_file(make_graph, tmp_path, limit):
+    graph, coach = make_graph(None)
+    said, texts, draw = coach.node.create_publisher(String, "/said", 50), [], random.Random(0)
+    graph.start("recorder", {"bag": str(tmp_path / "bag"), "topics": "[/said]", **limit})
+    while len(files := list((tmp_path / "bag").glob("*.mcap"))) < 3:
+        assert len(texts) < 3000, f"{len(files)} files after {len(texts)} messages"
+        texts.append(draw.randbytes(50_000).hex())
+        said.publish(String(data=texts[-1]))
+        coach.spin()
+    assert said.wait_for_all_acked(Duration(seconds=20))
+    graph.stop()
+    with BagReader(tmp_path / "bag") as bag:
+        heard = [types_for(TEXT).deserialize_cdr(m.data, TEXT).data for m in bag.messages(["/said"], decode=False)]
+    assert heard and heard == texts[-len(heard) :]
 
 
 def test_a_full_disk_stops_the_recording_not_the_graph(make_graph, tmp_path):

@@ -237,6 +237,8 @@ def test_the_command_takes_the_topic_of_demonstrations(tmp_path, recorded, capsy
     assert "learned from 3 of 3 throws" in capsys.readouterr().out
     with pytest.raises(ValueError, match="leave out --mapping and --with-throws"):
         run([recorded[0], "--demonstrations-topic", "--with-throws", "--output", tmp_path / "two.npz"])
+    with pytest.raises(ValueError, match="--at-least waits for demonstrations on a graph that runs"):
+        run([recorded[0], "--at-least", "13", "--output", tmp_path / "two.npz"])
 
 
 def test_the_command_reads_a_laboratory_and_its_faults(tmp_path, recording, capsys):
