@@ -14,6 +14,8 @@ from dart_skill.robot.model import ArmModel, HandState
 
 LENGTHS = np.array([1.0, 1.0, 1.0, 0.18, 0.18, 0.18])
 """Metres that a metre, or a radian, of the hand's motion counts for when directions are compared: 0.18 m from the wrist to the ball."""
+SLOW, WEAK = 0.02, 0.1
+"""Speed of a joint [rad/s], and torque that drives it in parts of its Coulomb friction, that tell in which direction friction acts."""
 
 
 @dataclass(frozen=True)
@@ -82,13 +84,18 @@ class Impedance:
         self.model = model
         self._coulomb = friction_compensation * model.description.of_joints("coulomb_friction")
         self._viscous = friction_compensation * model.description.of_joints("viscous_friction")
+        self._weak_drive = WEAK * model.description.of_joints("coulomb_friction")
         self._null_stiffness = null_stiffness
         self._null_damping = null_damping
         self._least_mobility = least_mobility
 
-    def friction_torque(self, qd: np.ndarray) -> np.ndarray:
-        """The share of joint friction that is compensated (7,) [N m]; smooth through zero speed."""
-        return self._coulomb * np.tanh(qd / 0.02) + self._viscous * qd
+    def friction_torque(self, qd: np.ndarray, drive: np.ndarray | float = 0.0) -> np.ndarray:
+        """The share of joint friction that is compensated (7,) [N m]; smooth through zero speed.
+
+        Where a joint stands still, the torque (7,) [N m] that drives it stands in for its speed: friction holds up just that. Without, the
+        rolls of upper arm and forearm stick or slip with the distance of the basket, and the ball goes up to 2 cm to one side or the other.
+        """
+        return self._coulomb * np.tanh(qd / SLOW + drive / self._weak_drive) + self._viscous * qd
 
     def act(self, q: np.ndarray, qd: np.ndarray, acceleration: np.ndarray, posture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Wrench (6,) and additional joint torque (7,) that accelerate the hand by `acceleration` (6,), posture (7,) in the null space."""
@@ -101,7 +108,8 @@ class Impedance:
         share = np.minimum(mobility / self._least_mobility, 1.0) ** 2
         wrench, disturbing = LENGTHS * (((wanted @ directions) * (share / mobility)) @ directions.T)
         null_torque = inertia @ free - jacobian.T @ disturbing
-        return wrench, self.model.coriolis_torque(q, qd) + self.friction_torque(qd) + null_torque
+        friction = self.friction_torque(qd, jacobian.T @ wrench + null_torque)
+        return wrench, self.model.coriolis_torque(q, qd) + friction + null_torque
 
 
 def attractor_acceleration(reference: Reference, hand: HandState, gains: PoseGains) -> np.ndarray:
