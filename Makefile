@@ -1,13 +1,15 @@
 # make demo    teach, learn, and throw at ten baskets       make demo ARGS="--seed 3 --output /somewhere"
 # make test    every test
 # make setup   only the environment and the build           make setup PYTHON=python3.12
+# make docs    the documentation as a website in build/docs; a broken link is an error
+# make linkcheck  do the links to other sites still lead somewhere? needs the internet
 # make benchmark  speed beside other libraries, in an environment of its own; takes minutes, wants a quiet machine
 # make clean   takes away what set-up made
 # The first call sets everything up and takes minutes; later ones start in seconds.
 
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
-.PHONY: demo test setup benchmark clean
+.PHONY: demo test setup docs linkcheck benchmark clean
 .DEFAULT_GOAL := demo
 
 # A robot does not announce itself to the building until its user says so.
@@ -33,6 +35,13 @@ setup:
 	  fi; \
 	done; \
 	echo "set-up stopped: no Python was found; 3.10, 3.11, 3.12 or 3.13 is needed" >&2; exit 1
+
+docs: setup
+	@$(ENV) && python3 -m sphinx -W --keep-going -q -b html docs build/docs
+	@echo "build/docs/index.html"
+
+linkcheck: setup
+	@$(ENV) && python3 -m sphinx -q -t prose -b linkcheck docs build/linkcheck
 
 BENCHMARK_PYTHON := .venv-benchmark/bin/python3
 

@@ -9,6 +9,7 @@ import contextlib
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from dart_skill.recording import Demonstration
 from dart_skill.recording.foreign import ThrowRecording
 from dart_skill.recording.pose_stream import PoseStream
 from dart_skill.skill.throw_finder import FoundThrow
+
+if TYPE_CHECKING:
+    from dart_skill.view import Scene
 
 FRAME = 0.04
 """Of the replay [s]."""
@@ -67,7 +71,7 @@ def make_replay(
                 continue
             starts[number] = seconds
             label.text = in_a_line((names or {}).get(number, f"throw {number + 1}"), throw)
-            seconds += _play(scene, serializer, recording, throw)
+            seconds += play(scene, serializer, recording, throw)
         return Replay(serializer.as_html(), starts, seconds)
     finally:
         with contextlib.redirect_stdout(io.StringIO()):  # viser says that it stopped
@@ -81,11 +85,14 @@ def in_a_line(name: str, throw: FoundThrow) -> str:
     return f"{name}: {'in' if outcome.in_basket else 'out'}{error}"
 
 
-def _play(scene, serializer, recording: ThrowRecording, throw: FoundThrow) -> float:
-    """Put a throw on the timeline; how long it takes there [s]."""
+def play(scene: Scene, timeline: Any, recording: ThrowRecording, throw: FoundThrow, frame: float = FRAME) -> float:
+    """Show a throw that was cut out, picture after picture, `frame` apart [s]; how long it takes [s].
+
+    timeline: its `insert_sleep` is called with the time [s] that each picture stands: of viser's serialiser, or of a camera.
+    """
     one = throw.demonstration
     first = one.stamp_ns + round(1e9 * (one.motion_start - LEAD))
-    frames = np.arange(first, throw.stamp_ns + round(1e9 * FOLLOWED), round(1e9 * FRAME))
+    frames = np.arange(first, throw.stamp_ns + round(1e9 * FOLLOWED), round(1e9 * frame))
     scene.move_basket(one.target)
     for path in ("ball", "hand"):
         scene.clear_path(path)
@@ -96,9 +103,9 @@ def _play(scene, serializer, recording: ThrowRecording, throw: FoundThrow) -> fl
         if joints is not None and joints[k] >= 0:
             scene.move_arm(recording.joints.position[joints[k]])
         _move_bodies(scene, hand, ball, where["hand"][k], where["ball"][k], with_path=frames[k] >= throw.stamp_ns - 400_000_000)
-        serializer.insert_sleep(FRAME)
-    serializer.insert_sleep(PAUSE)
-    return len(frames) * FRAME + PAUSE
+        timeline.insert_sleep(frame)
+    timeline.insert_sleep(PAUSE)
+    return len(frames) * frame + PAUSE
 
 
 def _move_bodies(scene, hand: PoseStream, ball: PoseStream, at_hand: int, at_ball: int, with_path: bool) -> None:

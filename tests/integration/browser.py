@@ -47,7 +47,8 @@ class Page:
         ]
         self._process = subprocess.Popen(command, stdout=self._log, stderr=self._log, start_new_session=True)
         try:
-            self._socket = connect(self._address(), max_size=None, open_timeout=30)
+            # A film is made without a word to this socket for minutes.
+            self._socket = connect(self._address(), max_size=None, open_timeout=30, ping_interval=None)
             for domain in ("Page", "Runtime", "Network"):
                 self.call(f"{domain}.enable")
             width, height = SIZE

@@ -1,0 +1,151 @@
+#!/usr/bin/env python3
+"""Makes the pictures of the documentation that a browser draws, in docs/: throws.webp, view.png and report.png.
+
+    source tools/env.sh && python3 tools/make_pictures.py              # or some of them: throws view report
+
+Needs a Chromium on PATH, or named by $CHROMIUM, and takes some minutes: the arm learns and practises for them.
+"""
+
+import argparse
+import json
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from dart_skill_nodes.graph import Graph, choose_domain  # noqa: E402
+
+choose_domain()
+
+import numpy as np  # noqa: E402
+import rclpy  # noqa: E402  the domain must be chosen before rclpy starts
+from PIL import Image  # noqa: E402
+
+from dart_skill.experiments.targets import REGION  # noqa: E402
+from dart_skill.report.replay import play  # noqa: E402
+from dart_skill.report.run import read_run  # noqa: E402
+from dart_skill.skill.views import component_ellipsoids  # noqa: E402
+from dart_skill.view import Scene, open_server  # noqa: E402
+from dart_skill_nodes.coaching import Coach  # noqa: E402
+from tests.integration.browser import Page  # noqa: E402
+
+DOCS = ROOT / "docs"
+FILM = (560, 400)  # pixels
+FRAME = 0.04  # between two pictures of the film [s]
+FILMED = 3  # throws, the first three of bags/throws
+EYE, LOOK_AT = (1.0, -3.7, 1.7), (0.85, 0.0, 1.0)
+
+
+class Film:
+    """Takes the place of a timeline: a picture of the page for each moment that stands."""
+
+    def __init__(self, client):
+        self._client, self.pictures, self.milliseconds = client, [], []
+
+    def insert_sleep(self, seconds: float) -> None:
+        """Take a picture that stands so long."""
+        width, height = FILM
+        pixels = Image.fromarray(self._client.get_render(2 * height, 2 * width, transport_format="png"))
+        page = Image.alpha_composite(Image.new("RGBA", pixels.size, "white"), pixels)
+        self.pictures.append(page.convert("RGB").resize(FILM, Image.Resampling.LANCZOS))
+        self.milliseconds.append(round(1e3 * seconds))
+
+    def save(self, path: Path) -> None:
+        """As an animated WebP that goes on for ever."""
+        self.pictures[0].save(
+            path, save_all=True, append_images=self.pictures[1:], duration=self.milliseconds, loop=0, quality=60, method=6
+        )
+
+
+def film_throws(folder: Path) -> Path:
+    """Throws that the arm made by itself, recorded in bags/throws."""
+    run = read_run(ROOT / "bags" / "throws")
+    server = open_server()
+    scene = Scene(server)
+    server.initial_camera.position, server.initial_camera.look_at = EYE, LOOK_AT
+    scene.show_demonstrations(run.shown)
+    with Page(folder, f"http://127.0.0.1:{server.get_port()}"):
+        film = Film(_wait(lambda: next(iter(server.get_clients().values()), None), "the page"))
+        for throw in run.own[:FILMED]:
+            scene.show_gaussians("gaussians", *map(np.array, zip(*component_ellipsoids(_mixture(run, throw)), strict=True)))
+            play(scene, film, run.recording, throw, FRAME)
+    server.stop()
+    film.save(DOCS / "throws.webp")
+    return DOCS / "throws.webp"
+
+
+def _mixture(run, throw):
+    return run.skill.mixture(throw.demonstration.target)
+
+
+def show_view(folder: Path) -> Path:
+    """The live view after thirteen demonstrations and ten own throws."""
+    rclpy.init()
+    with Graph(folder / "logs") as graph:
+        coach = Coach(graph.dead)
+        graph.start_all("composed", 0, folder / "bag")
+        coach.wait_until_ready()
+        graph.start("viewer", {"port": 0})
+        log = folder / "logs" / "viewer.log"
+        url = _wait(lambda: re.search(r"live view is at (\S+)", log.read_text()), "the viewer", coach.spin).group(1)
+        for target in REGION.spread(13, np.random.default_rng([0, 1])):
+            coach.teach(target)
+        coach.learn()
+        with Page(folder, url) as page:
+            _wait(lambda: page.button("Throw"), "the button", coach.spin)
+            page.click("Practise")
+            _wait(lambda: "throws made" in page.text(), "ten throws", coach.spin)
+            page.click("Throw")
+            _wait(lambda: "from the middle" in page.text() and page.button("Throw"), "a throw", coach.spin)
+            time.sleep(3.0)
+            page.screenshot(DOCS / "view.png")
+        coach.close()
+    rclpy.try_shutdown()
+    return DOCS / "view.png"
+
+
+def show_report(folder: Path) -> Path:
+    """The page of twenty own throws; the base is turned after five."""
+    practice = ["practice", "--change", "base_turned", "--output", str(folder / "practice"), "--json"]
+    said = subprocess.run([sys.executable, "-m", "dart_skill.cli", *practice], check=True, capture_output=True, text=True).stdout
+    assert json.loads(said)
+    with Page(folder, (folder / "practice" / "report.html").as_uri()) as page:
+        page.call("Emulation.setDeviceMetricsOverride", width=840, height=1050, deviceScaleFactor=1, mobile=False)
+        _wait(lambda: "What was run" in page.text(), "the page")
+        time.sleep(15.0)  # the replay has no word for having begun
+        page.screenshot(DOCS / "report.png")
+    return DOCS / "report.png"
+
+
+def _wait(found, what: str, meanwhile=lambda: time.sleep(0.1), limit: float = 300.0):
+    until = time.monotonic() + limit
+    while not (result := found()):
+        if time.monotonic() > until:
+            sys.exit(f"{what} did not come in {limit:.0f} s")
+        meanwhile()
+    return result
+
+
+MAKERS = {"throws": film_throws, "view": show_view, "report": show_report}
+
+
+def main() -> None:
+    """Entry point."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("pictures", nargs="*", metavar="PICTURE", help=f"any of {', '.join(MAKERS)} (default: all)")
+    options = parser.parse_args()
+    if unknown := set(options.pictures) - set(MAKERS):
+        parser.error(f"no picture {sorted(unknown)}, only {sorted(MAKERS)}")
+    for name in options.pictures or MAKERS:
+        with tempfile.TemporaryDirectory() as folder:
+            path = MAKERS[name](Path(folder))
+        print(f"{path} {path.stat().st_size / 1e3:.0f} kB")
+
+
+if __name__ == "__main__":
+    main()
