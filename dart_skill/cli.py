@@ -1,20 +1,14 @@
 """The command line `dart-skill`: nouns and verbs; results on stdout, progress on stderr; exit status 0, 1 (failed) or 2 (usage)."""
 
 import argparse
+import importlib
 import json
 import os
 import runpy
 import sys
+from collections.abc import Callable
 
-from dart_skill.darts.command_line import add_commands as add_darts
-from dart_skill.experiments.basket_command import add_basket
-from dart_skill.experiments.darts_command import add_arm_darts
-from dart_skill.experiments.practice_command import add_practice
-from dart_skill.experiments.search_command import add_landscapes, add_search
-from dart_skill.recording.bag_command import add_bag
-from dart_skill.report.report_command import add_report
-from dart_skill.skill.learn_command import add_learn
-from dart_skill.view.rerun_command import add_view
+from dart_skill import completion
 
 OVER_THE_GRAPH = {
     "up": "dart_skill_nodes.up",
@@ -24,15 +18,20 @@ OVER_THE_GRAPH = {
     **dict.fromkeys(("teach", "throw", "learn"), "dart_skill_nodes.verbs"),
 }
 """Commands that need the ROS 2 workspace, and the modules that run them."""
+TAB = "With TAB, bash and zsh complete commands, options and values: source tools/env.sh, or tools/completion.bash (.zsh) alone."
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Entry point; returns the exit status."""
+    if completion.is_asked():
+        return completion.answer(_parser(completion.words()))
     arguments = sys.argv[1:] if arguments is None else arguments
     if arguments and arguments[0] in OVER_THE_GRAPH and arguments[0] != "learn":
+        if _options_of(arguments[0]):  # help and usage errors need no ROS
+            _parser(arguments).parse_args(arguments)
         return _over_the_graph(arguments[0], arguments[1:])
-    options = _parser().parse_args(arguments)
-    if arguments[:2] == ["bag", "play"]:  # help and usage errors need no ROS
+    options = _parser(arguments).parse_args(arguments)
+    if arguments[:2] == ["bag", "play"]:
         return _over_the_graph("bag play", arguments[2:])
     if arguments[0] == "learn" and options.bag is None:
         return _over_the_graph("learn", arguments[1:])
@@ -48,21 +47,63 @@ def main(arguments: list[str] | None = None) -> int:
         return 1
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="dart-skill", description="A robot arm that learns to throw from demonstrations.")
+def _parser(arguments: list[str]) -> argparse.ArgumentParser:
+    """The parser of a command line. Parsers are cheap, and so are the modules they stand in; but those of `darts` bring SciPy along."""
+    from dart_skill.recording.bag_command import add_bag
+    from dart_skill.report.report_command import add_report
+    from dart_skill.skill.learn_command import add_learn
+    from dart_skill.view.rerun_command import add_view
+
+    parser = argparse.ArgumentParser(prog="dart-skill", description="A robot arm that learns to throw from demonstrations.", epilog=TAB)
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    commands.add_parser("up", help="start the node graph, watch it, and end it with Ctrl-C (dart-skill up --help)")
-    commands.add_parser("demo", help="the main job over real nodes: teach, learn, throw (dart-skill demo --help)")
-    commands.add_parser("practice", help="own throws over real nodes, each of which is learned from (dart-skill practice --help)")
-    commands.add_parser("teach", help="throws that a person guides, on a graph that runs (dart-skill teach --help)")
+    _add_graph_command(commands, "up", "start the node graph, watch it, and end it with Ctrl-C")
+    _add_graph_command(commands, "demo", "the main job over real nodes: teach, learn, throw")
+    _add_graph_command(commands, "practice", "own throws over real nodes, each of which is learned from")
+    _add_graph_command(commands, "teach", "throws that a person guides, on a graph that runs")
     add_learn(commands)
-    commands.add_parser("throw", help="throws of the arm, on a graph that runs (dart-skill throw --help)")
+    _add_graph_command(commands, "throw", "throws of the arm, on a graph that runs")
     add_bag(commands)
     add_view(commands)
     add_report(commands)
-    experiments = commands.add_parser("experiment", help="repeat what the documentation quotes").add_subparsers(
-        required=True, metavar="EXPERIMENT"
-    )
+    _add_experiments(commands)
+    _add_darts(commands, wanted=arguments[:1] == ["darts"])
+    return parser
+
+
+def _add_graph_command(commands, name: str, text: str) -> None:
+    """A command that the nodes run; its options are known where they are installed."""
+    parser = commands.add_parser(name, help=text)
+    add_options = _options_of(name)
+    if add_options:
+        add_options(parser)
+
+
+def _options_of(command: str) -> Callable[[argparse.ArgumentParser], None] | None:
+    """What gives a command that the nodes run its options, without ROS; None where they are not installed."""
+    try:
+        return importlib.import_module("dart_skill_nodes.command_lines").OPTIONS[command]
+    except ImportError:
+        return None
+
+
+def _add_experiments(commands) -> None:
+    from dart_skill.experiments.basket_command import add_basket
+    from dart_skill.experiments.darts_command import add_arm_darts
+    from dart_skill.experiments.practice_command import add_practice
+    from dart_skill.experiments.search_command import add_landscapes
+
+    text = "repeat what the documentation quotes"
+    experiments = commands.add_parser("experiment", help=text).add_subparsers(required=True, metavar="EXPERIMENT")
+    _add_throws(experiments)
+    add_basket(experiments)
+    add_practice(experiments)
+    add_arm_darts(experiments)
+    _add_repeatability(experiments)
+    add_landscapes(experiments)
+    _add_figure(experiments)
+
+
+def _add_throws(experiments) -> None:
     throws = experiments.add_parser("throws", help="the main job for several seeds, in process, as a table")
     throws.add_argument("--seeds", type=int, default=10, help="seeds 0 to N - 1 (default 10)")
     throws.add_argument("--configurations", default="default", help="names separated by commas (default: default)")
@@ -71,23 +112,33 @@ def _parser() -> argparse.ArgumentParser:
     throws.add_argument("--jobs", type=int, default=1, help="processes at a time (default 1)")
     throws.add_argument("--json", action="store_true", help="every throw as JSON instead of the table")
     throws.set_defaults(run=_experiment_throws)
-    add_basket(experiments)
-    add_practice(experiments)
-    add_arm_darts(experiments)
+
+
+def _add_repeatability(experiments) -> None:
     again = experiments.add_parser("repeatability", help="one plan thrown again and again: the floor of the error")
     again.add_argument("--seed", type=int, default=0)
     again.add_argument("--throws", type=int, default=25, help="of each plan (default 25)")
     again.add_argument("--json", action="store_true", help="JSON instead of the table")
     again.set_defaults(run=_experiment_repeatability)
-    add_landscapes(experiments)
+
+
+def _add_figure(experiments) -> None:
     figure = experiments.add_parser("figure", help="a figure of the thesis, computed anew")
     figure.add_argument("number", help="3.1, 7.1, ..., regrets; 'list' says which there are, 'all' draws every one")
     figure.add_argument("--output", default="figures", metavar="FOLDER", help="where SVG and PNG go (default: figures)")
     figure.add_argument("--seed", type=int, default=0)
     figure.add_argument("--json", action="store_true", help="seed, paths and what was measured as JSON")
     figure.set_defaults(run=_experiment_figure)
-    add_search(add_darts(commands))
-    return parser
+
+
+def _add_darts(commands, wanted: bool) -> None:
+    if not wanted:
+        commands.add_parser("darts", help="where to aim on a dart board, for a thrower's spread or from scores")
+        return
+    from dart_skill.darts.command_line import add_commands
+    from dart_skill.experiments.search_command import add_search
+
+    add_search(add_commands(commands))
 
 
 def _over_the_graph(command: str, arguments: list[str]) -> int:

@@ -9,21 +9,18 @@ from datetime import datetime
 from pathlib import Path
 
 import numpy as np
+import rclpy
 
-from dart_skill_nodes.graph import LAYOUTS, NODES, SIMULATED, Graph, choose_domain
-
-choose_domain()
-
-import rclpy  # noqa: E402  the domain must be chosen before rclpy starts
-
-from dart_skill.configuration import config_path  # noqa: E402
-from dart_skill.experiments.report import DemoSummary, ThrowResult, table, write_report  # noqa: E402
-from dart_skill.experiments.targets import REGION, targets_for  # noqa: E402
-from dart_skill.report import PAGE  # noqa: E402
-from dart_skill.report.run import About  # noqa: E402
-from dart_skill.simulation.plant import PlantSettings  # noqa: E402
-from dart_skill_nodes import conversions  # noqa: E402
-from dart_skill_nodes.coaching import Coach, GraphFailure  # noqa: E402
+from dart_skill.configuration import config_path
+from dart_skill.experiments.report import DemoSummary, ThrowResult, table, write_report
+from dart_skill.experiments.targets import REGION, targets_for
+from dart_skill.report import PAGE
+from dart_skill.report.run import About
+from dart_skill.simulation.plant import PlantSettings
+from dart_skill_nodes import conversions
+from dart_skill_nodes.coaching import Coach, GraphFailure
+from dart_skill_nodes.command_lines import parser_of
+from dart_skill_nodes.graph import LAYOUTS, NODES, Graph, choose_domain
 
 PARAMETER_FILES = ("skill_learner.yaml", "demonstration_recorder.yaml", "coach.yaml")
 """What a report shows besides the parameters that the bag holds."""
@@ -33,14 +30,7 @@ UNTOLD = ("help", "output", "json")
 
 def parse(arguments: list[str] | None) -> argparse.Namespace:
     """Command line of the demo."""
-    parser = argparse.ArgumentParser(prog="dart-skill demo", description=__doc__)
-    parser.add_argument("--seed", type=int, default=0, help="everything random comes from it (default 0)")
-    parser.add_argument("--demonstrations", type=int, default=13, help="throws to be shown (default 13)")
-    parser.add_argument("--throws", type=int, default=10, help="new baskets to throw at (default 10)")
-    parser.add_argument("--output", type=Path, help="folder for bag, summary and pictures (default output/demo_<date>)")
-    parser.add_argument("--json", action="store_true", help="summary.json on stdout instead of the table")
-    parser.add_argument("--layout", choices=SIMULATED, default="composed", help="processes of the graph (default composed)")
-    parser.add_argument("--configuration", default="", help="of the skill (default: that of config/skill_learner.yaml)")
+    parser = parser_of("demo")
     options = parser.parse_args(arguments)
     options.asked = asked(parser, options)
     for name, least in (("seed", 0), ("demonstrations", 2), ("throws", 1)):
@@ -149,7 +139,8 @@ def run(options: argparse.Namespace) -> tuple[DemoSummary, list]:
 
 
 def carried_out(job: Callable, options: argparse.Namespace, what: str):
-    """job(options) with ROS running; None, and a line why, if it failed or was stopped."""
+    """job(options) with ROS running, on a domain of its own; None, and a line why, if it failed or was stopped."""
+    choose_domain()  # not when this is imported: `teach` and its like must find the graph that runs
     options.output.mkdir(parents=True, exist_ok=True)
     rclpy.init(args=[])
     try:

@@ -10,18 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
-from dart_skill_nodes.graph import LAYOUTS, NODES, SIMULATED, Graph, choose_domain
-
-choose_domain()
-
-from dart_skill.experiments.practice import CHANGES  # noqa: E402
-from dart_skill.experiments.summary import ThrowResult  # noqa: E402
-from dart_skill.report import PAGE, write_page  # noqa: E402
-from dart_skill.report.run import About  # noqa: E402
-from dart_skill.skill.practising import METHODS  # noqa: E402
-from dart_skill_nodes import conversions  # noqa: E402
-from dart_skill_nodes.coaching import Coach  # noqa: E402
-from dart_skill_nodes.demo import asked, carried_out, parameter_texts, place, say, teach  # noqa: E402
+from dart_skill.experiments.practice import CHANGES
+from dart_skill.experiments.summary import ThrowResult
+from dart_skill.report import PAGE, write_page
+from dart_skill.report.run import About
+from dart_skill_nodes import conversions
+from dart_skill_nodes.coaching import Coach
+from dart_skill_nodes.command_lines import parser_of
+from dart_skill_nodes.demo import asked, carried_out, parameter_texts, place, say, teach
+from dart_skill_nodes.graph import LAYOUTS, NODES, Graph
 
 BLOCK = 5
 """Throws per line of the table."""
@@ -29,16 +26,7 @@ BLOCK = 5
 
 def parse(arguments: list[str] | None) -> argparse.Namespace:
     """Command line of practice."""
-    parser = argparse.ArgumentParser(prog="dart-skill practice", description=__doc__)
-    parser.add_argument("--seed", type=int, default=0, help="everything random comes from it (default 0)")
-    parser.add_argument("--demonstrations", type=int, default=3, help="throws to be shown (default 3)")
-    parser.add_argument("--throws", type=int, default=20, help="own throws (default 20)")
-    parser.add_argument("--method", choices=[name for name in METHODS if name != "power"], help="default: of config/skill_learner.yaml")
-    parser.add_argument("--change", choices=sorted(CHANGES), default="none", help="what happens to the arm, unannounced (default none)")
-    parser.add_argument("--change-after", type=int, default=5, metavar="N", help="own throws before the change (default 5)")
-    parser.add_argument("--output", type=Path, help="folder for bag, summary, report and logs (default output/practice_<date>)")
-    parser.add_argument("--json", action="store_true", help="every throw as JSON on stdout instead of the table")
-    parser.add_argument("--layout", choices=SIMULATED, default="composed", help="processes of the graph (default composed)")
+    parser = parser_of("practice")
     options = parser.parse_args(arguments)
     options.asked = asked(parser, options)
     for name, least in (("seed", 0), ("demonstrations", 2), ("throws", 1), ("change_after", 0)):

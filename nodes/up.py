@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 
+from dart_skill_nodes.command_lines import parser_of
 from dart_skill_nodes.graph import LAYOUTS, SIMULATED, Graph, nodes_of, parameters_of
 
 os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")  # before rclpy starts
@@ -31,15 +32,7 @@ NEXT = {"composed": TEACH, "processes": TEACH, "hardware": HARDWARE, "replay": L
 
 def parse(arguments: list[str] | None) -> argparse.Namespace:
     """Command line of `dart-skill up`."""
-    parser = argparse.ArgumentParser(prog="dart-skill up", description=__doc__)
-    parser.add_argument("--layout", choices=list(LAYOUTS), help="what is started (default composed; replay with --play)")
-    parser.add_argument("--seed", type=int, default=0, help="everything random in the simulation comes from it (default 0)")
-    parser.add_argument("--play", type=Path, metavar="BAG", help="bag of a replay")
-    parser.add_argument("--rate", type=float, default=1.0, help="of a replay; 0: as fast as can be (default 1)")
-    parser.add_argument("--viewer", action="store_true", help="the live view, too")
-    parser.add_argument("--record", type=Path, metavar="FOLDER", help="every topic into a bag, too")
-    parser.add_argument("--output", type=Path, help="folder for logs and the bag of demonstrations (default output/up_<date>)")
-    parser.add_argument("--json", action="store_true", help="each event as a line of JSON")
+    parser = parser_of("up")
     options = parser.parse_args(arguments)
     options.layout = options.layout or ("replay" if options.play else "composed")
     if (options.layout == "replay") != bool(options.play):

@@ -14,6 +14,7 @@ os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")  # before rc
 import rclpy  # noqa: E402
 
 from dart_skill.experiments.targets import REGION  # noqa: E402
+from dart_skill_nodes import command_lines  # noqa: E402
 from dart_skill_nodes.coaching import Coach, GraphFailure  # noqa: E402
 from dart_skill_nodes.demo import place, say, throw_all  # noqa: E402
 
@@ -25,26 +26,11 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     """Command line of the three."""
     parser = argparse.ArgumentParser(prog="dart-skill", description=__doc__)
     verbs = parser.add_subparsers(required=True, metavar="VERB")
-    teach = verbs.add_parser("teach", help="throws that a person guides, at new baskets for those that miss")
-    _add_baskets(teach, 13)
-    teach.set_defaults(run=_teach)
-    learn = verbs.add_parser("learn", help="a skill from the demonstrations that were published since the learner was started")
-    learn.add_argument("--configuration", default="", help="of the skill (default: that of config/skill_learner.yaml)")
-    learn.add_argument("--at-least", type=int, default=0, metavar="N", help="wait for so many demonstrations")
-    learn.set_defaults(run=_learn)
-    throw = verbs.add_parser("throw", help="throws of the arm at baskets that are put there")
-    _add_baskets(throw, 1)
-    throw.set_defaults(run=_throw)
-    for verb in (teach, learn, throw):
-        verb.add_argument("--json", action="store_true", help="the result as JSON")
+    for add_options, run in ((command_lines.teach, _teach), (command_lines.learn, _learn), (command_lines.throw, _throw)):
+        verb = verbs.add_parser(add_options.__name__)
+        add_options(verb)
+        verb.set_defaults(run=run)
     return parser.parse_args(arguments)
-
-
-def _add_baskets(parser: argparse.ArgumentParser, count: int) -> None:
-    where = parser.add_mutually_exclusive_group()
-    where.add_argument("--at", type=float, nargs=3, metavar=("X", "Y", "Z"), help="centre of the rim, from the base of the arm [m]")
-    where.add_argument("--count", type=int, default=count, metavar="N", help=f"so many baskets over the region (default {count})")
-    parser.add_argument("--seed", type=int, default=0, help="of where they are (default 0)")
 
 
 def _baskets(options: argparse.Namespace, stream: int) -> np.ndarray:

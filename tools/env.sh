@@ -1,5 +1,5 @@
 # The environment of this workspace, for bash and zsh: `source tools/env.sh`, then `ros2 run dart_skill wam_simulator`.
-# It is `source install/setup.bash` and three defaults, each of which a value of your own overrides:
+# It is `source install/setup.bash`, completion of `dart-skill` with TAB, and three defaults, each of which a value of your own overrides:
 #   ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST   nodes are seen on this machine only
 #   OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1  the matrices are small; more threads only get in each other's way
 
@@ -28,4 +28,5 @@ command -v ros2 >/dev/null || PATH="$PATH:$VIRTUAL_ENV/ros2_stand_in"
 export PATH
 export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"
 export OMP_NUM_THREADS="${OMP_NUM_THREADS:-1}" OPENBLAS_NUM_THREADS="${OPENBLAS_NUM_THREADS:-1}"
+. "$_dart_skill_root/tools/completion.$_dart_skill_shell"
 unset _dart_skill_root _dart_skill_shell _dart_skill_nounset

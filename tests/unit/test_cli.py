@@ -1,10 +1,27 @@
 """The command line: usage errors, results on stdout."""
 
 import json
+import os
+import subprocess
+import sys
 
 import pytest
 
 from dart_skill.cli import main
+
+WITHOUT = """
+import sys
+sys.modules.update(dict.fromkeys({modules!r}))
+from dart_skill.cli import main
+sys.exit(main({arguments!r}))
+"""
+
+
+def run_without(modules, *arguments):
+    """`dart-skill` where some modules cannot be imported, if the nodes are there."""
+    pytest.importorskip("dart_skill_nodes")
+    script = WITHOUT.format(modules=modules, arguments=list(arguments))
+    return subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
 
 
 def test_no_command_is_a_usage_error(capsys):
@@ -28,3 +45,28 @@ def test_the_throws_experiment_gives_one_row_per_throw_as_json(capfd):
     for throw in result["throws"]:
         assert (throw["along"] is None) == (throw["across"] is None)
         assert throw["along"] is not None or throw["note"], f"neither a landing nor a reason: {throw}"
+
+
+@pytest.mark.parametrize("command", ["up", "demo", "practice", "teach", "throw", "learn", "bag play"])
+def test_help_and_usage_errors_need_no_ros(command):
+    told = run_without(["rclpy"], *command.split(), "--help")
+    assert (told.returncode, told.stderr) == (0, "")
+    assert told.stdout.startswith(f"usage: dart-skill {command} ") and "--json" in told.stdout
+    wrong = run_without(["rclpy"], *command.split(), "--no-such-option")
+    assert wrong.returncode == 2 and "usage: dart-skill" in wrong.stderr
+
+
+@pytest.mark.parametrize(("arguments", "status"), [(["--help"], 0), (["up"], 1), (["teach", "--count", "2"], 1), (["bag", "play", "x"], 1)])
+def test_without_the_nodes_it_is_said_what_is_missing(arguments, status):
+    told = run_without(["dart_skill_nodes"], *arguments)
+    assert told.returncode == status and "Traceback" not in told.stderr
+    assert status == 0 or "needs the ROS 2 workspace: 'make setup', then 'source tools/env.sh'" in told.stderr
+
+
+def test_the_verbs_look_for_the_graph_where_up_starts_it():
+    """On the user's ROS domain; `demo` and `practice` choose one that is free, for a graph of their own, when they begin."""
+    pytest.importorskip("rclpy")
+    script = "import os, dart_skill_nodes.up, dart_skill_nodes.verbs, dart_skill_nodes.practice; print(os.environ.get('ROS_DOMAIN_ID'))"
+    environment = {name: value for name, value in os.environ.items() if name != "ROS_DOMAIN_ID"}
+    told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=environment, check=True)
+    assert told.stdout.splitlines()[-1] == "None"

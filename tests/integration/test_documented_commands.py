@@ -1,0 +1,497 @@
+"""Every command that README and docs/ show, as a new user would type it: it runs, and what it promises comes.
+
+The tables below say how each one is run: as it stands, smaller, on a graph that runs, by another test, or not at all, and why. A command
+in the docs that no table has fails the first test, and so does a line of a table that is in the docs no more.
+"""
+
+import importlib
+import os
+import re
+import shlex
+import shutil
+import signal
+import subprocess
+import time
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+import yaml
+
+from dart_skill import cli, completion
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = {str(path.relative_to(ROOT)): path for path in (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))}
+PROGRAMS = (
+    "dart-skill", "ros2", "make", "python3", "python", "source", "export", "colcon", "rosdep", "rviz2", "foxglove", "rerun", "pip", "dask",
+    "chronyc", "ssh", "git", "cd", "sudo", "apt", "docker", "curl", "sphinx-build",
+)  # fmt: skip
+PATIENCE = 180.0
+"""For any command, or for what a command that stays says when it is ready [s, wall clock]."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """Run it. with_: options that replace those of the same name, or are added. says: regular expression that its output matches, on
+    stdout or stderr. leaves: pattern of a file that is there afterwards. then: what is typed next. until: it stays until Ctrl-C, and says
+    this when it is ready.
+    """
+
+    with_: str = ""
+    says: str = ""
+    leaves: str = ""
+    then: str = ""
+    until: str = ""
+
+
+@dataclass(frozen=True)
+class OnTheGraph:
+    """Run on the graph that `dart-skill up` started for all of them."""
+
+    with_: str = ""
+    says: str = ""
+
+
+@dataclass(frozen=True)
+class Elsewhere:
+    """Another test runs it."""
+
+    test: str
+
+
+@dataclass(frozen=True)
+class Not:
+    """Not run, and why."""
+
+    reason: str
+
+
+CI = Not("sets a workspace up, or runs for minutes: continuous integration runs it")
+FULL_ROS = Not("needs a full ROS installation; names and types are compared with docs/reference.md")
+NETWORK = Not("fetches packages from the network")
+CLUSTER = Not("needs a Dask cluster")
+MACHINES = Not("is about other machines")
+RERUN = Elsewhere("unit/test_recording_others.py::test_rerun_counts_every_message_and_finds_no_fault")
+NODES = Elsewhere("integration/test_executables.py::test_starts_with_ros2_run_and_ends_on_sigint")
+PRACTICE = Elsewhere("integration/test_practice.py::test_the_practice_command_changes_the_arm_on_the_way_and_reports_every_throw")
+REPLAY = Elsewhere("integration/test_up.py::test_a_recording_is_replayed_into_a_model")
+BY_HAND = Elsewhere("integration/test_bags.py::test_a_bag_teaches_through_the_nodes_what_it_teaches_without")
+FOREIGN = Elsewhere("unit/test_from_bag.py::test_the_command_reads_a_laboratory_and_its_faults")
+VIEW = Elsewhere("unit/test_rerun_view.py::test_every_file_of_a_split_bag_is_opened_with_a_layout_of_its_own")
+
+TYPED = {
+    # set up
+    "make setup": CI,
+    "make demo": CI,
+    'make demo ARGS="--seed 3 --throws 20 --output my_run"': CI,
+    "make test": CI,
+    "make benchmark": CI,
+    "make docs": CI,
+    "source tools/env.sh": Run(then="command -v dart-skill ros2 && printenv ROS_AUTOMATIC_DISCOVERY_RANGE", says="LOCALHOST"),
+    "python -m pydoc dart_skill.movement": Run(says="dart_skill.movement"),
+    "pip install 'viser>=1.1,<1.2'": NETWORK,
+    "pip install -r requirements/optional.txt": NETWORK,
+    "export ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET": MACHINES,
+    "export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST": MACHINES,
+    "export ROS_DOMAIN_ID=42": MACHINES,
+    "export ROS_STATIC_PEERS='192.168.10.2;192.168.10.3'": MACHINES,
+    "ssh -L 8080:127.0.0.1:8080 HOST": MACHINES,
+    "ssh -L 8080:127.0.0.1:8080 robot": MACHINES,
+    "chronyc tracking": MACHINES,
+    "dask scheduler --host 192.168.10.1": CLUSTER,
+    "dask worker tcp://192.168.10.1:8786 --nworkers 8 --nthreads 1": CLUSTER,
+    # the graph
+    "dart-skill up --viewer": OnTheGraph("--output up", says="all nodes are ready"),
+    "ros2 run dart_skill recorder --ros-args -p bag:=monday -p use_sim_time:=true": OnTheGraph(),
+    "dart-skill teach --count 5": OnTheGraph("--count 2", says="2 of 2 throws shown"),
+    "dart-skill learn": OnTheGraph(says="model [0-9a-f]+"),
+    "dart-skill learn --at-least 3": OnTheGraph("--at-least 2", says="model [0-9a-f]+"),
+    "dart-skill throw --count 10": OnTheGraph("--count 1", says=r"\d of 1 in the basket"),
+    "dart-skill practice": PRACTICE,
+    "dart-skill practice --change base_turned": PRACTICE,
+    "dart-skill practice --change base_turned --change-after 5": PRACTICE,
+    "dart-skill up --play bags/demonstrations --rate 0": REPLAY,
+    "dart-skill learn --at-least 13": REPLAY,
+    "ros2 run dart_skill composed": NODES,
+    "ros2 run dart_skill commander": NODES,
+    "ros2 run dart_skill demonstration_recorder": NODES,
+    "ros2 run dart_skill skill_learner": NODES,
+    "ros2 run dart_skill viewer": NODES,
+    "ros2 run dart_skill demonstration_recorder --ros-args -p automatic:=true": BY_HAND,
+    "dart-skill bag play bags/demonstrations --rate 0 --exclude /demonstrations "
+    "--wait-for '/joint_states|/wam/(command|teacher_wrench)|/vrpn_mocap/.*/pose'": BY_HAND,
+    "ros2 launch dart_skill throwing.launch.py": FULL_ROS,
+    "ros2 launch dart_skill hardware.launch.py": FULL_ROS,
+    'ros2 action send_goal /teach dart_skill_msgs/action/Teach "{target: {x: 2.0, y: 0.3, z: 0.4}}"': FULL_ROS,
+    'ros2 action send_goal /practice dart_skill_msgs/action/Practice "{throws: 20}"': FULL_ROS,
+    "ros2 service call /skill_learner/learn dart_skill_msgs/srv/Learn": FULL_ROS,
+    "ros2 service call /commander/release_arm std_srvs/srv/SetBool '{data: true}'": FULL_ROS,
+    "ros2 service call /demonstration_recorder/start std_srvs/srv/Trigger": FULL_ROS,
+    "ros2 service call /demonstration_recorder/stop dart_skill_msgs/srv/StopDemonstration '{keep: true}'": FULL_ROS,
+    "ros2 service call /bag_player/pause std_srvs/srv/SetBool '{data: true}'": FULL_ROS,
+    "ros2 service call /bag_player/step dart_skill_msgs/srv/Step '{steps: 10}'": FULL_ROS,
+    "ros2 param set /bag_player rate 0.2": FULL_ROS,
+    # bags
+    "dart-skill bag info bags/demonstrations": Run(says=r"/demonstrations +dart_skill_msgs/msg/Demonstration +13 "),
+    "dart-skill learn bags/demonstrations": Run(says="learned from 13 of 13 throws", leaves="demonstrations_model.npz"),
+    "dart-skill report bags/throws": Run(says="20 throws of the arm", leaves="bags/throws_report.html"),
+    "dart-skill report bags/throws --output throws.html": Elsewhere("unit/test_report.py::test_the_command_writes_the_page_and_says_where"),
+    "dart-skill bag play bags/throws": Run("--rate 0 --duration 5", says="playing bags/throws"),
+    "dart-skill bag info monday": Run(says=r"/clock +rosgraph_msgs/msg/Clock"),
+    "dart-skill bag check monday": Run(says="nothing is wrong with it"),
+    "dart-skill bag play monday --rate 0.5 --loop": Run(until="playing monday"),
+    "dart-skill bag recover monday --output monday_whole": Run(says="complete: nothing is lost", leaves="monday_whole/metadata.yaml"),
+    "dart-skill bag play monday --start 3 --duration 5 --topics '/vrpn_mocap/.*' --remap /vrpn_mocap/hand/pose:=/hand/pose": Run(
+        "--rate 0", says="playing monday"
+    ),
+    "dart-skill bag play monday --paused --clock 500 --wait-for /joint_states": Run(until="playing monday"),
+    "dart-skill learn monday": Run(
+        says="learned from 2 of [3-9] throws with .*; the hand opens [0-9]+ ms after it is told to", leaves="monday_model.npz"
+    ),
+    "dart-skill learn monday --with-throws --output all.npz": Run(says="learned from [3-9] of [3-9] throws", leaves="all.npz"),
+    "dart-skill learn monday --demonstrations-topic --output same.npz": Run(says="learned from 2 of 2 throws", leaves="same.npz"),
+    "dart-skill learn thursday --mapping thursday.yaml": FOREIGN,
+    "dart-skill bag convert thursday --mapping thursday.yaml --output thursday_ours": FOREIGN,
+    "python3 benchmarks/recording.py": Run("--messages 1000 --repeats 1", says="dart_skill"),
+    "python3 benchmarks/graph/recorder.py --seconds 60": Run("--seconds 1", says="messages in 1 s"),
+    # Rerun
+    "dart-skill view --install bags/throws": NETWORK,
+    "dart-skill view bags/throws": VIEW,
+    "dart-skill view bags/throws --web": Elsewhere("unit/test_rerun_view.py::test_web_prints_the_address_of_the_page"),
+    "python3 -m venv ~/rerun && ~/rerun/bin/pip install rerun-sdk==0.41.0": NETWORK,
+    "~/rerun/bin/rerun monday/monday_0.mcap": RERUN,
+    "DART_SKILL_RERUN=~/rerun/bin/rerun python3 -m pytest tests/unit/test_recording_others.py": RERUN,
+    "rerun mcap info": RERUN,
+    "rerun mcap check": RERUN,
+    "rerun mcap convert": RERUN,
+    # darts
+    "dart-skill darts estimate 12 16 19 ...": Run(says="sigma = "),
+    "dart-skill darts estimate 12 16 19 3 17 1 25 19 17 50 18 1 3 17 2 2 13 18 16 2 ...": Run(says="best aim: "),
+    "dart-skill darts aim --sigma 28.3": Run(says="best aim: "),
+    "dart-skill darts aim --from 5 --to 60": Run(says="sigma = .* mm: from T20 "),
+    "dart-skill darts heatmap --sigma 28.3": Run(says="best aim: ", leaves="figures/*.svg"),
+    "dart-skill darts 501 --sigma 20": Run(says="turns on average from 501"),
+    "dart-skill darts search --methods mixture,power,cem,cma,niches,sharpening --schedules thesis,extended --results runs.jsonl": Run(
+        "--methods power --seeds 1", says="power", leaves="runs.jsonl"
+    ),
+    # experiments
+    "dart-skill experiment throws --seeds 10": Run("--seeds 1 --throws 1 --demonstrations 3", says="default +[01]/1 "),
+    "dart-skill experiment throws --seeds 10 "
+    "--configurations default,shown_release,em,two_frames,autonomous,weighted,cross_validated,thesis,thesis_local": Elsewhere(
+        "unit/test_cli.py::test_the_throws_experiment_gives_one_row_per_throw_as_json"
+    ),
+    "dart-skill experiment repeatability --throws 50": Run("--throws 1", says="1.60 +1 "),
+    "dart-skill experiment basket --models default,autonomous,weighted,thesis,thesis_local --figure figures": Run(
+        "--models thesis --seeds 1 --throws 1 --demonstrations 3", says="thesis", leaves="figures/*.svg"
+    ),
+    "dart-skill experiment basket --seeds 20 --jobs 8 --results basket.jsonl": Run(
+        "--seeds 1 --throws 1 --demonstrations 3", says="default", leaves="basket.jsonl"
+    ),
+    "dart-skill experiment basket --scheduler tcp://HOST:8786": CLUSTER,
+    "dart-skill experiment practice --seeds 20 --scheduler tcp://192.168.10.1:8786 --results practice.jsonl": CLUSTER,
+    "dart-skill experiment practice --methods residual --demonstrations 3 --throws 20 --tested-after 0,10,20 --seeds 20": Run(
+        "--throws 1 --tested-after 0,1 --tests 1 --seeds 1", says="residual"
+    ),
+    "dart-skill experiment practice --methods residual --throws 50 --tested-after 0,10,20,50 --seeds 20": Elsewhere(
+        "unit/test_practice_experiment.py::test_a_tiny_run_practises_and_is_tested"
+    ),
+    "dart-skill experiment practice --changes slower_hand,friction,base_turned,heavier_ball,weaker_motors --throws 10 "
+    "--tested-after 0,1,2,5,10 --tests 4 --seeds 3": Elsewhere(
+        "unit/test_practice_experiment.py::test_the_command_prints_the_table_and_draws_a_figure_per_change"
+    ),
+    "dart-skill experiment darts --seed 0 --throws 300 --output figures": Run(
+        "--throws 2 --demonstrations 3", says="throws +across", leaves="figures/*.svg"
+    ),
+    "dart-skill experiment landscapes --results landscapes.jsonl": Run(
+        "--landscapes vanishing_peak --methods power --seeds 1", says="power", leaves="landscapes.jsonl"
+    ),
+    "dart-skill experiment landscapes --methods niches --results landscapes.jsonl": Elsewhere(
+        "unit/test_landscapes.py::test_landscapes_on_the_command_line"
+    ),
+    "dart-skill experiment figure NUMBER": Run(says="figure 7.1", leaves="figures/*.svg"),
+    "dart-skill experiment figure regrets": Elsewhere(
+        "unit/test_thesis_figures.py::test_the_picture_of_regrets_comes_with_its_table_and_runs_are_not_run_again"
+    ),
+    **dict.fromkeys(
+        (f"dart-skill experiment figure {number}" for number in ("3.1", "6.6", "7.4", "8.6", "8.11")),
+        Elsewhere("unit/test_thesis_figures.py::test_the_same_seed_gives_the_same_bytes_and_the_units_are_on_the_axes"),
+    ),
+}
+"""How each command of the docs is run; comments are left out, lines that go on joined."""
+PLACEHOLDERS = {"NUMBER": "7.1", "...": ""}
+"""What stands in the docs for something of the user's own, and what is typed here."""
+
+
+# What the docs say
+
+VERBS = {parser.prog for parser in completion.commands_of(cli._parser(["darts"]))}
+"""Commands of `dart-skill` and their verbs."""
+
+
+def commands_of(text: str) -> dict[str, None]:
+    """Commands of a page in their order: lines of blocks, and whole commands in the text; Python, tables and numbers are none."""
+    text = re.sub(r"^```(?!bash|sh|console|\n).*?^```", "", text, flags=re.MULTILINE | re.DOTALL)
+    blocks = re.compile(r"^```\w*\n.*?^```|(?:^ {4}[^\n]*\n)+", re.MULTILINE | re.DOTALL)
+    found = []
+    for block in blocks.finditer(text):
+        lines = re.sub(r"\\\n\s*", " ", block[0]).splitlines()
+        found += [(block.start(), line.strip().removeprefix("$ ")) for line in lines]
+    prose = blocks.sub(lambda block: " " * len(block[0]), text)
+    found += [(quoted.start(), quoted[1]) for quoted in re.finditer(r"`([^`]+)`", prose) if is_whole(quoted[1])]
+    typed = (plain(line) for _, line in sorted(found, key=lambda one: one[0]))
+    return dict.fromkeys(line for line in typed if is_command(line))
+
+
+def plain(line: str) -> str:
+    """A line without its comment and without more than one space between words."""
+    return " ".join(re.sub(r"\s#\s.*", "", line).split())
+
+
+def is_command(line: str) -> bool:
+    """Whether a line begins with a program, maybe after variables that are set for it."""
+    return re.sub(r"^([A-Z_]+=\S* )*", "", line).split(" ")[0].removeprefix("~/rerun/bin/") in PROGRAMS
+
+
+def is_whole(quoted: str) -> bool:
+    """Whether something in the text is a command that can be typed, not the name of a program, a command or a verb."""
+    words = quoted.split()
+    return len(words) > (1 if words[0] in ("make", "dart-skill", "chronyc") else 2) and " ".join(words) not in VERBS
+
+
+DOCUMENTED = {page: commands_of(path.read_text(encoding="utf-8")) for page, path in PAGES.items()}
+
+
+def with_options(command: str, options: str) -> str:
+    """A command whose options are replaced by others of the same name, or that gets them in addition."""
+    words = shlex.split(command)
+    pairs = shlex.split(options)
+    for name, value in zip(pairs[::2], pairs[1::2], strict=True):
+        if name in words:
+            words[words.index(name) + 1] = value
+        else:
+            words += [name, value]
+    return shlex.join(words)
+
+
+def as_typed(command: str, options: str) -> str:
+    """What is really typed: placeholders and options filled in. Nothing else is changed."""
+    for name, value in PLACEHOLDERS.items():
+        command = re.sub(rf"(?<=\s){re.escape(name)}(?=\s|$)", value, command)
+    return with_options(command, options) if options else command.strip()
+
+
+def of_kind(kind) -> list:
+    """Parameters of a test for what is run in a certain way, in the order of the pages; each command once."""
+    first = {command: page for page in reversed(DOCUMENTED) for command in DOCUMENTED[page]}
+    return [
+        pytest.param(page, command, id=f"{page}: {command}"[:90])
+        for page in DOCUMENTED
+        for command in DOCUMENTED[page]
+        if first[command] == page and isinstance(TYPED.get(command), kind)
+    ]
+
+
+# Whether the tables are those of the docs
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_command_of_a_page_is_in_the_table(page):
+    missing = [command for command in DOCUMENTED[page] if command not in TYPED]
+    assert not missing, f"{page} shows commands that no test knows: give each a line in TYPED of {Path(__file__).name}: {missing}"
+
+
+def test_every_line_of_the_table_is_in_the_docs():
+    shown = {command for commands in DOCUMENTED.values() for command in commands}
+    assert not set(TYPED) - shown, f"no page shows these: take them out of TYPED of {Path(__file__).name}: {sorted(set(TYPED) - shown)}"
+
+
+@pytest.mark.parametrize(("page", "command"), of_kind(Elsewhere))
+def test_what_another_test_runs_has_that_test(page, command):
+    file, name = TYPED[command].test.split("::")
+    path = ROOT / "tests" / file
+    assert path.is_file() and f"\ndef {name}(" in path.read_text(encoding="utf-8"), f"there is no test {TYPED[command].test}"
+
+
+def parse(command: str):
+    """The options of a `dart-skill` command as its parser understands them; a usage error fails the test."""
+    words = shlex.split(as_typed(command, ""))[1:]
+    try:
+        return cli._parser(words).parse_args(words)
+    except SystemExit as end:
+        assert not end.code, f"'{command}' is no command"
+
+
+def test_every_dart_skill_command_is_one():
+    for commands in DOCUMENTED.values():
+        for command in commands:
+            if command.startswith("dart-skill"):
+                parse(command)
+
+
+@pytest.mark.parametrize(("page", "command"), [one for one in of_kind(Not) if one.values[1].startswith("make")])
+def test_make_has_the_target_and_starts_what_exists(page, command):
+    if shutil.which("make") is None:
+        pytest.skip("no make on this machine")
+    told = subprocess.run(f"make -n {command.removeprefix('make ')}", shell=True, cwd=ROOT, capture_output=True, text=True)
+    assert told.returncode == 0, told.stderr
+    for started in re.findall(r"exec (dart-skill .*)", told.stdout):
+        parse(started)
+
+
+# What ros2 is asked for, without ros2
+
+
+def rows_of(node: str) -> str:
+    """The section of a node in docs/reference.md, which a test compares with the node itself."""
+    return (ROOT / "docs" / "reference.md").read_text(encoding="utf-8").split(f"\n## {node}\n")[1].split("\n## ")[0]
+
+
+def fill(message, values: dict) -> None:
+    """Set fields of a message; one that it does not have, or of another type, fails."""
+    for name, value in values.items():
+        if isinstance(value, dict):
+            fill(getattr(message, name), value)
+        else:
+            setattr(message, name, value)
+
+
+def check_ros2(command: str) -> None:
+    """Whether the nodes have what a `ros2` command asks for, and its YAML fits the type."""
+    words = shlex.split(command)
+    if words[1] == "launch":
+        assert (ROOT / "launch" / words[3]).is_file()
+    elif words[1] == "param":
+        assert f"\n| `{words[4]}` \\* |" in rows_of(words[3].strip("/")), f"{words[3]} has no parameter {words[4]} that may be changed"
+    else:
+        kind, name, type_name, *values = (words[1], *words[3:])
+        reference = (ROOT / "docs" / "reference.md").read_text(encoding="utf-8")
+        assert f"| {kind} | `{name}` | `{type_name}` |" in reference, f"no node has {name} of type {type_name}"
+        package, folder, type_ = type_name.split("/")
+        interface = getattr(importlib.import_module(f"{package}.{folder}"), type_)
+        fill(interface.Goal() if kind == "action" else interface.Request(), yaml.safe_load(values[0]) if values else {})
+
+
+@pytest.mark.parametrize(("page", "command"), [one for one in of_kind(Not) if one.values[1].startswith("ros2")])
+def test_the_nodes_have_what_ros2_is_asked_for(page, command):
+    check_ros2(command)
+
+
+def check_next(said: str) -> None:
+    """Whether the command that is recommended at the end is one."""
+    for line in re.findall(r"^next: (.*)", said, re.MULTILINE):
+        command = re.sub(r"^open .* or ", "", line)
+        if command.startswith("ros2"):
+            check_ros2(command)
+        else:
+            parse(command)
+
+
+# What is really run
+
+
+@dataclass(frozen=True)
+class Desks:
+    """A working directory for each page, with the bags of the checkout, and what the programs are started with."""
+
+    folder: Path
+    environment: dict[str, str]
+
+    def of(self, page: str) -> Path:
+        """That of a page."""
+        desk = self.folder / page.replace("/", "_")
+        if not desk.exists():
+            desk.mkdir()
+            shutil.copytree(ROOT / "bags", desk / "bags")
+            (desk / "benchmarks").symlink_to(ROOT / "benchmarks")
+        return desk
+
+    def run(self, command: str, page: str) -> str:
+        """What a command says, on stdout and stderr; it must end well."""
+        cwd = ROOT if command.startswith("source ") else self.of(page)
+        done = subprocess.run(["bash", "-c", command], cwd=cwd, env=self.environment, capture_output=True, text=True, timeout=PATIENCE)
+        assert done.returncode == 0, f"{command}: status {done.returncode}\n{done.stdout}\n{done.stderr}"
+        check_next(done.stdout)
+        return done.stdout + done.stderr
+
+    @contextmanager
+    def stays(self, command: str, page: str, until: str = "", leaves: str = ""):
+        """While a command runs that stays until Ctrl-C, from when it has said something, or a file is there; afterwards it must have
+        ended well.
+        """
+        log = self.of(page) / "said.log"
+        with open(log, "wb") as file:
+            process = subprocess.Popen(["bash", "-c", f"exec {command}"], cwd=self.of(page), env=self.environment, stdout=file, stderr=file)
+        try:
+            wait_until(lambda: is_said(until, log) and (not leaves or list(self.of(page).glob(leaves))), log, process)
+            yield log
+            process.send_signal(signal.SIGINT)
+            status = process.wait(PATIENCE)
+        finally:
+            if process.poll() is None:
+                process.kill()
+                process.wait()
+        said = log.read_text(encoding="utf-8", errors="replace")
+        assert status == 0 and "Traceback" not in said, f"{command}: status {status} on Ctrl-C\n{said}"
+        check_next(said)
+
+
+def is_said(pattern: str, log: Path) -> bool:
+    """Whether a program has said something so far."""
+    return re.search(pattern, log.read_text(encoding="utf-8", errors="replace")) is not None
+
+
+def wait_until(ready, log: Path, process: subprocess.Popen) -> None:
+    """Until a program that stays is ready."""
+    end = time.monotonic() + PATIENCE
+    while not ready():
+        assert process.poll() is None, f"ended with status {process.returncode}:\n{log.read_text()}"
+        assert time.monotonic() < end, f"was never ready:\n{log.read_text()}"
+        time.sleep(0.05)
+
+
+@pytest.fixture(scope="module")
+def desks(tmp_path_factory):
+    """Of all pages; the live view takes any free port."""
+    folder = tmp_path_factory.mktemp("docs")
+    (folder / "config").mkdir()
+    text = (ROOT / "config" / "viewer.yaml").read_text(encoding="utf-8")
+    (folder / "config" / "viewer.yaml").write_text(re.sub("port: 8080", "port: 0", text), encoding="utf-8")
+    return Desks(folder, {**os.environ, "DART_SKILL_CONFIG": str(folder / "config")})
+
+
+UP = "dart-skill up --viewer"
+RECORD = "ros2 run dart_skill recorder --ros-args -p bag:=monday -p use_sim_time:=true"
+
+
+@pytest.fixture(scope="module")
+def said_on_the_graph(desks):
+    """What each command said that was typed while the graph ran, in the order of the pages; a recorder ran beside and left `monday`."""
+    said = {}
+    with desks.stays(as_typed(UP, TYPED[UP].with_), "README.md", r"next: .*\n") as log:
+        with desks.stays(RECORD, "docs/bags.md", leaves="monday/*.mcap"):
+            for page, command in (one.values for one in of_kind(OnTheGraph)):
+                if command not in (UP, RECORD):
+                    said[command] = desks.run(as_typed(command, TYPED[command].with_), page)
+        said[UP], said[RECORD] = log.read_text(encoding="utf-8"), ""
+    return said
+
+
+@pytest.mark.parametrize(("page", "command"), of_kind(OnTheGraph))
+def test_a_command_on_the_graph(page, command, said_on_the_graph):
+    assert re.search(TYPED[command].says, said_on_the_graph[command]), said_on_the_graph[command]
+
+
+@pytest.mark.parametrize(("page", "command"), of_kind(Run))
+def test_a_command_of_the_docs(page, command, desks, request):
+    how = TYPED[command]
+    if "monday" in command:
+        request.getfixturevalue("said_on_the_graph")
+    typed = as_typed(command, how.with_)
+    if how.until:
+        with desks.stays(typed, page, how.until):
+            return
+    said = desks.run(f"{typed} && {how.then}" if how.then else typed, page)
+    assert re.search(how.says, said), f"{typed} said nothing like '{how.says}':\n{said}"
+    if how.leaves:
+        assert list(desks.of(page).glob(how.leaves)), f"{typed} left no {how.leaves}"
