@@ -74,6 +74,7 @@ class Recorder(BagKeeper):
 
     def on_activate(self, state) -> TransitionCallbackReturn:
         self._active = True
+        self.get_logger().info(f"recording into {self._bag.writer.path}")
         return TransitionCallbackReturn.SUCCESS
 
     def on_deactivate(self, state) -> TransitionCallbackReturn:

@@ -39,6 +39,7 @@ FILM = (560, 400)  # pixels
 FRAME = 0.04  # between two pictures of the film [s]
 FILMED = 3  # throws, the first three of bags/throws
 EYE, LOOK_AT = (1.0, -3.7, 1.7), (0.85, 0.0, 1.0)
+CLOSE_NOTES = "document.querySelectorAll('button[class*=Notification]').forEach(button => button.click())"
 
 
 class Film:
@@ -98,6 +99,7 @@ def show_view(folder: Path) -> Path:
         coach.learn()
         with Page(folder, url) as page:
             _wait(lambda: page.button("Throw"), "the button", coach.spin)
+            page.run(CLOSE_NOTES)
             page.click("Practise")
             _wait(lambda: "throws made" in page.text(), "ten throws", coach.spin)
             page.click("Throw")
