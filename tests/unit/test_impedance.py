@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from dart_skill.robot.actuation import Actuation
 from dart_skill.robot.command import ArmState
 from dart_skill.robot.description import wam_description
 from dart_skill.robot.impedance import (
@@ -208,6 +209,38 @@ def test_a_share_of_the_identified_friction_is_compensated(model):
     np.testing.assert_array_equal(impedance.friction_torque(np.zeros(7)), 0.0)
     slow = impedance.friction_torque(np.full(7, 1e-4))
     assert (slow < 0.01 * WAM.of_joints("coulomb_friction")).all(), "smooth through zero: no chatter"
+
+
+@pytest.mark.parametrize("share", [0.0, 0.8])
+def test_a_joint_that_stands_still_is_helped_where_it_is_driven_and_never_beyond_its_friction(model, share):
+    impedance, still = Impedance(model, friction_compensation=share), np.zeros(7)
+    coulomb = WAM.of_joints("coulomb_friction")
+    drives = np.linspace(-3.0, 3.0, 13)[:, None] * coulomb
+    helped = np.array([impedance.friction_torque(still, drive) for drive in drives])
+    np.testing.assert_allclose(helped[6], 0.0)
+    np.testing.assert_allclose(helped, -helped[::-1])
+    np.testing.assert_allclose(helped[[0, -1]], share * np.array([-coulomb, coulomb]), rtol=1e-6)
+    fast = np.full(7, 0.5)
+    np.testing.assert_allclose(impedance.friction_torque(fast, -drives[-1] / 10), impedance.friction_torque(fast), rtol=1e-6)
+
+
+@pytest.mark.parametrize(("roll", "offset"), [(2, 0.01), (4, 0.03)])
+def test_a_roll_that_friction_holds_in_spite_of_compensation_by_its_speed_follows_with_the_help_of_its_drive(model, roll, offset):
+    left = []
+    for weak_drive in (np.inf, None):
+        impedance, actuation = Impedance(model), Actuation(WAM)
+        impedance._weak_drive = impedance._weak_drive if weak_drive is None else weak_drive
+        q, qd = POSTURE.copy(), np.zeros(7)
+        wanted = POSTURE + offset * np.eye(7)[roll]
+        for _ in range(300):
+            jacobian = model.jacobian(q)
+            wrench, torque = impedance.act(q, qd, jacobian @ (400.0 * (wanted - q) - 40.0 * qd), wanted)
+            net = jacobian.T @ wrench + torque - model.coriolis_torque(q, qd)
+            qd = qd + 0.002 * actuation.acceleration(model.mass_matrix(q), net, qd, 0.002)
+            q = q + 0.002 * qd
+        left.append(wanted[roll] - q[roll])
+    held, helped = left
+    assert held > 0.9 * offset and abs(helped) < 0.7 * offset
 
 
 def test_the_joint_servo_pulls_towards_the_wanted_motion_within_its_limits(model):
