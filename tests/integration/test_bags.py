@@ -221,6 +221,27 @@ def test_a_paused_bag_is_stepped_and_goes_on_at_another_rate(texts, make_graph):
     listener.close()
 
 
+def test_playing_begins_when_every_awaited_topic_is_heard(tmp_path, make_graph):
+    bag, types = tmp_path / "two", types_for(TEXT)
+    with BagWriter(bag) as writer:
+        for topic in ("/said", "/sung"):
+            writer.add_topic(topic, TEXT, definition(types, TEXT))
+            for k in range(100):
+                writer.write(topic, 10_000_000 * k, 10_000_000 * k, serialize(types, TEXT, {"data": str(k)}))
+    graph, coach = make_graph(None)
+    diagnoses, first = Diagnoses(coach), Listener(coach, ["/said"])
+    graph.start("bag_player", {"bag": str(bag), "rate": 0.0, "awaited": "['/s.*g', '/said']", "clock_rate": 0.0})
+    waits = "waiting for a subscriber of /sung"
+    wait_for(coach, lambda: diagnoses.of.get("bag_player") == waits, what="the player waits for the other topic")
+    assert first.count == 0
+    second = Listener(coach, ["/sung"])
+    player = graph.processes.pop("bag_player")
+    wait_for(coach, lambda: player.poll() is not None, what="the end of the bag")
+    second.close()
+    first.close()
+    assert numbers(first) == numbers(second, "/sung") == list(range(100))
+
+
 def test_a_loop_goes_on_until_it_is_ended(texts, make_graph):
     graph, coach = make_graph(None)
     listener = Listener(coach, ["/heard"])
