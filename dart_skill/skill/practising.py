@@ -113,7 +113,7 @@ class PractisingSkill:
             self._search.tell(self._trial, -float(np.linalg.norm(seen.task - plan.target)))
             self._trial = None
         if self.correction is not None:
-            self.correction.add(place, miss)
+            self.correction.add(place, miss + self._middle(plan))
         verdict = self._bootstrap(trial) if self.method in ("bootstrap", "both") else Verdict(True)
         # The plan was meant for another place if it was corrected.
         left = self._game.surface.seen_from(plan.target, place, miss)
@@ -136,6 +136,13 @@ class PractisingSkill:
             self._let_go = ((rounds, *target), *found)
         _, self.release_shift, centre = self._let_go
         return self._game.surface.offset(centre, target)
+
+    def _middle(self, plan: ThrowPlan) -> np.ndarray:
+        """Median (2,) [m] of how far from the hit of a release on time the own hand sends the ball: early and late hits fall short, and half of
+        all shall. Where the release itself is moved, plans are made for that already.
+        """
+        few = self._steady_every or len(self.steadiness) < LEAST
+        return np.zeros(2) if few else self.steadiness.scatter(plan, [0.0])[1][0]
 
     def _searched(self, target: np.ndarray, explore: bool) -> np.ndarray:
         """The point to plan for under PoWER's best correction, or under the one that it tries now."""

@@ -67,6 +67,24 @@ def test_openings_that_cannot_be_seen_do_not_change_the_hand(demonstrations):
     assert abs(skill.hand.mean - before) < 1.5e-3, (before, skill.hand.mean)
 
 
+def test_the_aim_is_where_half_of_the_hits_of_the_own_hand_fall_short(demonstrations):
+    """Early and late hits fall short: a hand that is known to scatter by 10 ms is told of a larger miss for the same throw."""
+    remembered, late = {}, 0.010
+    for scatter in (0.0, late):
+        session, skill = Session(seed=15), PractisingSkill(demonstrations)
+        plan = skill.plan(BASKETS[0])
+        for k in range(20):
+            skill.steadiness.add(k, (-1) ** k * scatter, np.zeros(2))
+        skill.tell(plan, session.throw(plan).demonstration)
+        session.close()
+        remembered[scatter] = skill.correction.throws[-1, 2]
+    meant, *hits = (polar(landing_if_late(plan, moment))[0] for moment in (0.0, -late, late))
+    shorter, other = sorted(hits)
+    assert meant > other
+    assert shorter - meant - 1e-3 <= remembered[late] - remembered[0.0] <= other - meant + 1e-3
+    assert remembered[late] < remembered[0.0] - 1e-3
+
+
 def test_bootstrapping_alone_does_not_find_out(crooked, demonstrations):
     """What each throw shows is right, and yet the motion that is imitated next has the same flaw: thesis 8.2 corrects no execution."""
     left = thrown(crooked, PractisingSkill(demonstrations, method="bootstrap"), BASKETS)
