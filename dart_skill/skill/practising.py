@@ -138,8 +138,8 @@ class PractisingSkill:
         return self._game.surface.offset(centre, target)
 
     def _middle(self, plan: ThrowPlan) -> np.ndarray:
-        """Median (2,) [m] of how far from the hit of a release on time the own hand sends the ball: early and late hits fall short, and half of
-        all shall. Where the release itself is moved, plans are made for that already.
+        """How far from the hit of a release on time the own hand sends the ball, the median (2,) [m]: early and late hits fall short, and
+        half of all shall. Where the release itself is moved, plans are made for that already.
         """
         few = self._steady_every or len(self.steadiness) < LEAST
         return np.zeros(2) if few else self.steadiness.scatter(plan, [0.0])[1][0]
