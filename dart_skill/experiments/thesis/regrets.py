@@ -19,6 +19,7 @@ TITLE = "Regrets of all methods, thesis's schedule and the extended one"
 N_SEEDS = 20
 METHODS = {
     "model_based": "knows the board, own darts' scores",
+    "sharpening": "sharpening",
     "niches": "niches",
     "cma": "CMA-ES, floor",
     "power": "PoWER, floor",
