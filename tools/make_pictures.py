@@ -39,7 +39,10 @@ FILM = (560, 400)  # pixels
 FRAME = 0.04  # between two pictures of the film [s]
 FILMED = 3  # throws, the first three of bags/throws
 EYE, LOOK_AT = (1.0, -3.7, 1.7), (0.85, 0.0, 1.0)
-CLOSE_NOTES = "document.querySelectorAll('button[class*=Notification]').forEach(button => button.click())"
+CLOSE_NOTES = """(() => {
+  const within = document.querySelector('iframe')?.contentDocument ?? document;
+  within.querySelectorAll('button[class*=Notification]').forEach(button => button.click());
+})()"""
 
 
 class Film:
@@ -117,9 +120,11 @@ def show_report(folder: Path) -> Path:
     said = subprocess.run([sys.executable, "-m", "dart_skill.cli", *practice], check=True, capture_output=True, text=True).stdout
     assert json.loads(said)
     with Page(folder, (folder / "practice" / "report.html").as_uri()) as page:
-        page.call("Emulation.setDeviceMetricsOverride", width=840, height=1050, deviceScaleFactor=1, mobile=False)
+        page.call("Emulation.setDeviceMetricsOverride", width=1050, height=1430, deviceScaleFactor=0.8, mobile=False)
         _wait(lambda: "What was run" in page.text(), "the page")
-        time.sleep(15.0)  # the replay has no word for having begun
+        time.sleep(10.0)  # the replay has no word for having begun
+        page.run(CLOSE_NOTES)
+        time.sleep(5.0)
         page.screenshot(DOCS / "report.png")
     return DOCS / "report.png"
 

@@ -67,7 +67,7 @@ class Not:
     reason: str
 
 
-CI = Not("sets a workspace up, or runs for minutes: continuous integration runs it")
+MAKE = Not("sets a workspace up first, or runs for minutes; what it starts has tests of its own, and the target is looked up")
 FULL_ROS = Not("needs a full ROS installation; names and types are compared with docs/reference.md")
 NETWORK = Not("fetches packages from the network")
 CLUSTER = Not("needs a Dask cluster")
@@ -82,12 +82,12 @@ VIEW = Elsewhere("unit/test_rerun_view.py::test_every_file_of_a_split_bag_is_ope
 
 TYPED = {
     # set up
-    "make setup": CI,
-    "make demo": CI,
-    'make demo ARGS="--seed 3 --throws 20 --output my_run"': CI,
-    "make test": CI,
-    "make benchmark": CI,
-    "make docs": CI,
+    "make setup": MAKE,
+    "make demo": MAKE,
+    'make demo ARGS="--seed 3 --throws 20 --output my_run"': MAKE,
+    "make test": MAKE,
+    "make benchmark": MAKE,
+    "make docs": MAKE,
     "source tools/env.sh": Run(then="command -v dart-skill ros2 && printenv ROS_AUTOMATIC_DISCOVERY_RANGE", says="LOCALHOST"),
     "python -m pydoc dart_skill.movement": Run(says="dart_skill.movement"),
     "pip install 'viser>=1.1,<1.2'": NETWORK,
