@@ -197,7 +197,7 @@ TYPED = {
         "unit/test_practice_experiment.py::test_a_tiny_run_practises_and_is_tested"
     ),
     "dart-skill experiment practice --changes slower_hand,friction,base_turned,heavier_ball,weaker_motors --throws 10 "
-    "--tested-after 0,1,2,5,10 --tests 4 --seeds 3": Elsewhere(
+    "--tested-after 0,1,2,5,10 --tests 4 --seeds 20": Elsewhere(
         "unit/test_practice_experiment.py::test_the_command_prints_the_table_and_draws_a_figure_per_change"
     ),
     "dart-skill experiment darts --seed 0 --throws 300 --output figures": Run(
