@@ -13,6 +13,8 @@ from rclpy.node import Node
 
 AGAIN = 0.5
 """A question is asked again after so long [s, wall clock]."""
+ANEW = 10.0
+"""And by another client, which both sides have to discover anew, after so long [s, wall clock]."""
 
 
 class Link:
@@ -21,17 +23,21 @@ class Link:
     def __init__(self, node: Node, service: str):
         self._node, self._service = node, service
         self._probe, self._questions, self._asked, self._is_up = None, [], 0.0, False
+        self._made = 0.0
 
     def renew(self) -> None:
         """Ask anew: what was true before may have changed."""
-        self._is_up = False
+        self._is_up, self._made = False, time.monotonic()
 
     def up(self) -> bool:
         """Whether the server has answered since `renew`; asks it if that is not so, and time to."""
         if self._is_up or self._answered():
             return True
+        if self._probe is not None and time.monotonic() - self._made > ANEW:
+            self._node.destroy_client(self._probe)
+            self._probe, self._questions = None, []
         if self._probe is None:
-            self._probe = self._make_probe()
+            self._probe, self._made = self._make_probe(), time.monotonic()
         elif time.monotonic() - self._asked > AGAIN and self._probe.service_is_ready():
             self._asked = time.monotonic()
             self._questions.append(self._probe.call_async(ListParameters.Request(prefixes=["use_sim_time"])))
@@ -42,7 +48,7 @@ class Link:
             return False
         for question in self._questions:
             self._probe.remove_pending_request(question)
-        self._questions, self._asked, self._is_up = [], 0.0, True
+        self._questions, self._asked, self._is_up, self._made = [], 0.0, True, time.monotonic()
         return True
 
     def _make_probe(self):
