@@ -13,8 +13,8 @@ from rclpy.node import Node
 
 AGAIN = 0.5
 """A question is asked again after so long [s, wall clock]."""
-ANEW = 10.0
-"""And by another client, which both sides have to discover anew, after so long [s, wall clock]."""
+UNKNOWN = "_NODE_NAME_UNKNOWN_"
+"""What the middleware calls the node of an endpoint that was discovered before it."""
 
 
 class Link:
@@ -23,21 +23,17 @@ class Link:
     def __init__(self, node: Node, service: str):
         self._node, self._service = node, service
         self._probe, self._questions, self._asked, self._is_up = None, [], 0.0, False
-        self._made = 0.0
 
     def renew(self) -> None:
         """Ask anew: what was true before may have changed."""
-        self._is_up, self._made = False, time.monotonic()
+        self._is_up = False
 
     def up(self) -> bool:
         """Whether the server has answered since `renew`; asks it if that is not so, and time to."""
         if self._is_up or self._answered():
             return True
-        if self._probe is not None and time.monotonic() - self._made > ANEW:
-            self._node.destroy_client(self._probe)
-            self._probe, self._questions = None, []
         if self._probe is None:
-            self._probe, self._made = self._make_probe(), time.monotonic()
+            self._probe = self._make_probe()
         elif time.monotonic() - self._asked > AGAIN and self._probe.service_is_ready():
             self._asked = time.monotonic()
             self._questions.append(self._probe.call_async(ListParameters.Request(prefixes=["use_sim_time"])))
@@ -48,7 +44,7 @@ class Link:
             return False
         for question in self._questions:
             self._probe.remove_pending_request(question)
-        self._questions, self._asked, self._is_up, self._made = [], 0.0, True, time.monotonic()
+        self._questions, self._asked, self._is_up = [], 0.0, True
         return True
 
     def _make_probe(self):
@@ -56,7 +52,17 @@ class Link:
         return self._node.create_client(ListParameters, f"{server}/list_parameters") if server else None
 
     def _server(self) -> str:
-        """Full name of the node that serves, or an empty one."""
+        """Full name of the node that serves, or an empty one.
+
+        The endpoint that answers knows its node. Asking the nodes by name does not: of two with one name only the older is looked at, and a
+        node that was killed or leaked hides the one that serves. So that is left to middlewares that name the topics of answers otherwise.
+        """
+        for info in self._node.get_publishers_info_by_topic(f"rr{self._service}Reply", no_mangle=True):
+            if info.node_name != UNKNOWN:
+                return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+        return self._server_by_name()
+
+    def _server_by_name(self) -> str:
         for name, space in self._node.get_node_names_and_namespaces():
             try:
                 services = self._node.get_service_names_and_types_by_node(name, space)

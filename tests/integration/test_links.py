@@ -1,0 +1,65 @@
+"""Links between nodes: whoever serves is asked, whatever else is on the graph."""
+
+import time
+
+import pytest
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from std_srvs.srv import Trigger
+
+from dart_skill_nodes.links import Link
+
+PATIENCE = 30.0
+
+
+class Process:
+    """A node in a context of its own, which other nodes see as another process."""
+
+    def __init__(self, name, **options):
+        self._context = Context()
+        rclpy.init(context=self._context)
+        self.node = rclpy.create_node(name, context=self._context, **options)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self.node)
+
+    def spin(self):
+        self._executor.spin_once(timeout_sec=0.01)
+
+    def close(self):
+        self._executor.shutdown()
+        self.node.destroy_node()
+        self._context.try_shutdown()
+
+
+@pytest.fixture
+def process():
+    made = []
+
+    def make(name, **options):
+        made.append(Process(name, **options))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.close()
+
+
+def test_a_node_that_serves_nothing_does_not_hide_the_one_of_its_name_that_does(process):
+    """As a killed or a leaked node does for a while. The older of two is all that ROS looks at when it is asked for a node by its name."""
+    ghost = process("served", start_parameter_services=False, enable_rosout=False)
+    asking = process("asking")
+    _spin_until([ghost, asking], lambda: "served" in asking.node.get_node_names())
+    served = process("served")
+    served.node.create_service(Trigger, "/asked", lambda request, response: response)
+    link = Link(asking.node, "/asked")
+    _spin_until([ghost, asking, served], link.up)
+    assert asking.node.get_node_names().count("served") == 2
+
+
+def _spin_until(processes, condition):
+    until = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < until, f"still not so after {PATIENCE:.0f} s"
+        for one in processes:
+            one.spin()
