@@ -1,5 +1,6 @@
 """The managed nodes that record: cleaned up and configured again in one process, each time with a bag of their own."""
 
+import gc
 import time
 
 import pytest
@@ -54,9 +55,13 @@ def speaker_for(ros, tmp_path, monkeypatch):
         return made[-1]
 
     yield make
-    for node, speaker in made:
+    while made:
+        node, speaker = made.pop()
         speaker.close()
         node.destroy_node()
+    # A managed node is in a cycle with its own services and stays on the graph until that is collected.
+    del node, speaker
+    gc.collect()
 
 
 @pytest.mark.parametrize("node_class", [Recorder, DemonstrationRecorder])

@@ -54,6 +54,7 @@ def over_dds(ros, tmp_path_factory):
 
 def _job(coach, throws=2):
     lessons = [coach.teach(target) for target in TO_DEMONSTRATE]
+    assert all(lesson.success for lesson in lessons), [lesson.message for lesson in lessons]
     learned = coach.learn()
     results = [coach.throw(target) for target in TO_THROW[:throws]]
     return {"lessons": lessons, "learned": learned, "throws": results}
