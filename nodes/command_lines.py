@@ -28,28 +28,20 @@ def up(parser: argparse.ArgumentParser) -> None:
 def demo(parser: argparse.ArgumentParser) -> None:
     """Options of `dart-skill demo`."""
     parser.description = "The main job over the real graph: a teacher shows throws, the skill is learned, the arm throws at new baskets."
-    parser.add_argument("--seed", type=int, default=0, help="everything random comes from it (default 0)")
-    parser.add_argument("--demonstrations", type=int, default=13, help="throws to be shown (default 13)")
-    parser.add_argument("--throws", type=int, default=10, help="new baskets to throw at (default 10)")
-    parser.add_argument("--output", type=Path, help="folder for bag, summary and pictures (default output/demo_<date>)")
+    _add_run(parser, demonstrations=13, throws=10, thrown="new baskets to throw at", output="demo")
     parser.add_argument("--json", action="store_true", help="summary.json on stdout instead of the table")
-    parser.add_argument("--layout", choices=SIMULATED, default="composed", help="processes of the graph (default composed)")
     parser.add_argument("--configuration", default="", help="of the skill (default: that of config/skill_learner.yaml)")
 
 
 def practice(parser: argparse.ArgumentParser) -> None:
     """Options of `dart-skill practice`."""
     parser.description = "Practice over the real graph: a few demonstrations, then throw after throw, each of which the arm learns from."
-    parser.add_argument("--seed", type=int, default=0, help="everything random comes from it (default 0)")
-    parser.add_argument("--demonstrations", type=int, default=3, help="throws to be shown (default 3)")
-    parser.add_argument("--throws", type=int, default=20, help="own throws (default 20)")
+    _add_run(parser, demonstrations=3, throws=20, thrown="own throws", output="practice")
     methods = [name for name in PRACTICE_METHODS if name != "power"]
     parser.add_argument("--method", choices=methods, help="default: of config/skill_learner.yaml")
     parser.add_argument("--change", choices=sorted(CHANGES), default="none", help="what happens to the arm, unannounced (default none)")
     parser.add_argument("--change-after", type=int, default=5, metavar="N", help="own throws before the change (default 5)")
-    parser.add_argument("--output", type=Path, help="folder for bag, summary, report and logs (default output/practice_<date>)")
     parser.add_argument("--json", action="store_true", help="every throw as JSON on stdout instead of the table")
-    parser.add_argument("--layout", choices=SIMULATED, default="composed", help="processes of the graph (default composed)")
 
 
 def teach(parser: argparse.ArgumentParser) -> None:
@@ -81,6 +73,16 @@ def parser_of(command: str) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog=f"dart-skill {command}")
     OPTIONS[command](parser)
     return parser
+
+
+def _add_run(parser: argparse.ArgumentParser, demonstrations: int, throws: int, thrown: str, output: str) -> None:
+    """The options of a run that starts a graph, teaches it and throws."""
+    parser.add_argument("--seed", type=int, default=0, help="everything random comes from it (default 0)")
+    parser.add_argument("--demonstrations", type=int, default=demonstrations, help=f"throws to be shown (default {demonstrations})")
+    parser.add_argument("--throws", type=int, default=throws, help=f"{thrown} (default {throws})")
+    what = "bag, summary, report, pictures and logs"
+    parser.add_argument("--output", type=Path, help=f"folder for {what} (default output/{output}_<date>)")
+    parser.add_argument("--layout", choices=SIMULATED, default="composed", help="processes of the graph (default composed)")
 
 
 def _add_baskets(parser: argparse.ArgumentParser, count: int) -> None:
