@@ -44,7 +44,7 @@ class Coach:
         self._learn = self.node.create_client(Learn, "/skill_learner/learn")
         self._reset = self.node.create_client(Reset, "/simulation/reset")
         self._pause = self.node.create_client(SetBool, "/simulation/pause")
-        self._links: dict[str, Link] = {}
+        self._links: dict[object, Link] = {}
         self._taught, self.simulated_steps, self.throw_seconds = 0, 0, np.zeros(2)
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
 
@@ -68,18 +68,28 @@ class Coach:
 
     def wait_until_ready(self, limit: float = START, teacher: bool = True) -> None:
         """Wait for every action and service; GraphFailure names what is silent."""
-        services = [self._learn.srv_name, self._reset.srv_name, self._pause.srv_name, _of_action("/throw")]
-        services += [_of_action("/teach")] if teacher else []
-        for service in services:
-            self._link(service, limit)
+        for client in (self._learn, self._reset, self._pause):
+            self.reach(client, limit)
+        for action in ("/throw", "/teach") if teacher else ("/throw",):
+            self._reach_action(action, limit)
 
     def wait_for_learner(self, limit: float = START) -> None:
         """Wait for whoever learns, as in a replay without an arm; GraphFailure if nobody does."""
-        self._link(self._learn.srv_name, limit)
+        self.reach(self._learn, limit)
 
-    def _link(self, service: str, limit: float) -> None:
-        """Wait until a service can be asked; GraphFailure if nobody serves it."""
-        link = self._links.setdefault(service, Link(self.node, service))
+    def reach(self, client, limit: float | None = None) -> None:
+        """Wait until a client of the node can ask its service and is answered; GraphFailure if nobody serves it.
+
+        Each client has a link of its own, made after it: an older link says nothing of whether the server has found a younger client.
+        """
+        self._up(client, client.srv_name, limit)
+
+    def _reach_action(self, name: str, limit: float | None = None) -> None:
+        self._up(name, f"{name}/_action/send_goal", limit)
+
+    def _up(self, asking: object, service: str, limit: float | None) -> None:
+        link = self._links.get(asking) or self._links.setdefault(asking, Link(self.node, service))
+        limit = self._patience if limit is None else limit
         until = time.monotonic() + limit
         while not link.up():
             if time.monotonic() > until:
@@ -141,14 +151,14 @@ class Coach:
         called with each feedback.
         """
         goal = Practice.Goal(throws=throws, targets=[conversions.point(target) for target in targets], follow_basket=follow_basket)
-        self._link(_of_action("/practice"), self._patience)
+        self._reach_action("/practice")
         sent = self._practice.send_goal_async(goal, feedback_callback=lambda message: on_feedback(message.feedback))
         return self.wait(self._accepted(sent, "/practice").get_result_async(), "practice", patience=np.inf).result
 
     def set_parameters(self, node: str, values: dict[str, float]) -> None:
         """Set numbers of a node; GraphFailure if it refuses one."""
         client = self.node.create_client(SetParameters, f"{node}/set_parameters")
-        self._link(client.srv_name, self._patience)
+        self.reach(client)
         request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg() for name, value in values.items()])
         for name, result in zip(values, self.wait(client.call_async(request), client.srv_name).results, strict=True):
             if not result.successful:
@@ -156,7 +166,7 @@ class Coach:
 
     def call(self, client, request, may_refuse: bool = False):
         """Response of a service; GraphFailure if it says no, unless it may."""
-        self._link(client.srv_name, self._patience)
+        self.reach(client)
         response = self.wait(client.call_async(request), client.srv_name)
         if not response.success and not may_refuse:
             raise GraphFailure(f"{client.srv_name}: {response.message}")
@@ -195,8 +205,3 @@ class Coach:
             if status.name == "wam_simulator":
                 values = {pair.key: pair.value for pair in status.values}
                 self.simulated_steps = int(values.get("steps", self.simulated_steps))
-
-
-def _of_action(name: str) -> str:
-    """The service that takes an action's goals."""
-    return f"{name}/_action/send_goal"

@@ -83,9 +83,10 @@ def test_a_learner_that_dies_during_a_throw_stops_the_arm_and_is_named(make_grap
 def test_a_learner_that_learns_and_a_commander_that_is_held_up_stop_no_throw(make_graph):
     """Both are alive."""
     graph, coach = _taught(make_graph, {"composed": {"speed_factor": 0.4, "learner_timeout": 0.3}})
-    joints = Joints(coach)
+    joints, learner = Joints(coach), coach.node.create_client(Learn, "/skill_learner/learn")
+    coach.reach(learner)
     result, _ = _begin_throw(coach, joints)
-    learned = coach.node.create_client(Learn, "/skill_learner/learn").call_async(Learn.Request(configuration="em"))
+    learned = learner.call_async(Learn.Request(configuration="em"))
     graph.processes["composed"].send_signal(signal.SIGSTOP)
     until = time.monotonic() + 0.8
     while time.monotonic() < until:
