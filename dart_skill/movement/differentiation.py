@@ -8,6 +8,7 @@ estimated noise sigma; without noise the fit is plain least squares and exact on
 
 from __future__ import annotations
 
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,8 @@ DEGREE = 5
 MIN_SAMPLES = 8
 # Samples per window in which the risk is evaluated; the cost is cubic in this and linear in their number.
 RISK_WINDOW = 300
+# Of stamps in mean intervals; what is less is rounding of the clock.
+DECIMALS = 10
 # lambda in units of the mean sample interval, per unit of noise variance.
 LOG_PENALTIES = np.linspace(-6.0, 12.0, 181)
 GAUSS_POINTS = np.polynomial.legendre.leggauss(3)
@@ -55,12 +58,13 @@ def smooth_derivatives(
     levels, groups = _noise_levels(time, samples, noise)
     interval = (time[-1] - time[0]) / (len(time) - 1)
     stamps = (time - time[0]) / interval
-    basis = _QuinticBasis(stamps)
+    smoother = _smoother_at(stamps)
+    basis = smoother.basis
     # The quadratic trend is fitted apart, so that a large penalty, whose system is ill-conditioned, cannot disturb it.
     trend = quadratic_trend(stamps, samples)
     coefficients = basis.fit(trend, 0.0)
     rest = samples - trend
-    risk = _Smoother(basis).risk(rest / np.where(levels > 0, levels, 1.0)) if levels.any() else None
+    risk = smoother.risk(rest / np.where(levels > 0, levels, 1.0)) if levels.any() else None
     for group in groups:
         penalty = _best_penalty(risk[:, group]) if levels[group[0]] > 0 else 0.0
         coefficients[:, group] += basis.fit(rest[:, group], penalty)
@@ -102,17 +106,32 @@ def estimate_noise(time: ArrayLike, samples: ArrayLike) -> np.ndarray:
 
 
 class _Smoother:
-    """The penalised least squares fit at the stamps of a basis: what of the choice of the penalty does not depend on the samples."""
+    """The penalised least squares fit at some stamps: what of it does not depend on the samples."""
 
-    def __init__(self, basis: _QuinticBasis):
-        n_windows = max(1, round(len(basis.stamps) / RISK_WINDOW))
-        parts = np.array_split(basis.stamps, n_windows)
-        self._windows = [_RiskWindow(basis if n_windows == 1 else _QuinticBasis(part)) for part in parts]
+    def __init__(self, stamps: np.ndarray):
+        self.basis = _QuinticBasis(stamps)
+
+    @cached_property
+    def _windows(self) -> list[_RiskWindow]:
+        stamps = self.basis.stamps
+        n_windows = max(1, round(len(stamps) / RISK_WINDOW))
+        return [_RiskWindow(self.basis if n_windows == 1 else _QuinticBasis(part)) for part in np.array_split(stamps, n_windows)]
 
     def risk(self, samples: np.ndarray) -> np.ndarray:
         """Estimated risk (n_penalties, d) of samples (n, d) of unit noise, stamps in mean intervals, up to constants."""
         parts = np.array_split(samples, len(self._windows))
         return sum(window.risk(part) for window, part in zip(self._windows, parts, strict=True))
+
+
+def _smoother_at(stamps: np.ndarray) -> _Smoother:
+    """Of stamps in mean intervals. Short series are often sampled alike, as demonstrations of one camera system are: they share one."""
+    stamps = np.round(stamps, DECIMALS)
+    return _shared_smoother(stamps.tobytes()) if len(stamps) <= RISK_WINDOW else _Smoother(stamps)
+
+
+@lru_cache(maxsize=32)
+def _shared_smoother(stamps: bytes) -> _Smoother:
+    return _Smoother(np.frombuffer(stamps))
 
 
 def _best_penalty(risk: np.ndarray) -> float:
@@ -124,7 +143,7 @@ class _RiskWindow:
     """The smoother on some stamps, in the basis that diagonalises it."""
 
     def __init__(self, basis: _QuinticBasis):
-        values, vectors = scipy.linalg.eigh(_lower(basis.roughness), _lower(basis.gram))
+        values, vectors = scipy.linalg.eigh(_lower(basis.roughness), _lower(basis.gram), check_finite=False)
         self._stamps = basis.stamps
         self._project = (basis.design @ vectors).T
         self._kept = 1.0 / (1.0 + 10.0 ** LOG_PENALTIES[:, None] * np.maximum(values, 0.0))
@@ -146,11 +165,9 @@ def _sum_of_squares(first: np.ndarray, rows: np.ndarray, n: int) -> np.ndarray:
     """Bands (DEGREE + 1, n), from the main diagonal down, of the sum of r r' over rows (p, DEGREE + 1) whose entries stand at
     the places from `first` (p,) on.
     """
-    bands = np.zeros((DEGREE + 1, n))
-    for offset in range(DEGREE + 1):
-        for k in range(DEGREE + 1 - offset):
-            bands[offset] += np.bincount(first + k, rows[:, k] * rows[:, k + offset], n)
-    return bands
+    column, row = np.triu_indices(DEGREE + 1)
+    places = (row - column) * n + first[:, None] + column
+    return np.bincount(places.ravel(), (rows[:, column] * rows[:, row]).ravel(), (DEGREE + 1) * n).reshape(DEGREE + 1, n)
 
 
 def _lower(bands: np.ndarray) -> np.ndarray:
@@ -198,7 +215,7 @@ class _QuinticBasis:
 
     def fit(self, samples: np.ndarray, penalty: float) -> np.ndarray:
         """Coefficients (m, d) of the penalised least squares fit."""
-        return scipy.linalg.solveh_banded(self.gram + penalty * self.roughness, self._transposed @ samples, lower=True)
+        return scipy.linalg.solveh_banded(self.gram + penalty * self.roughness, self._transposed @ samples, lower=True, check_finite=False)
 
     def evaluate(self, coefficients: np.ndarray, stamps: np.ndarray, order: int) -> np.ndarray:
         """Derivative of the given order (n, d) at stamps (n,)."""

@@ -261,8 +261,8 @@ def _nearest_approach(fit, hand_time, grip):
 
 def _followed(fit, time):
     """The same flight with its state at another instant."""
-    position, velocity = fit.at([time])
-    return replace(fit, time=time, position=position[0], velocity=velocity[0])
+    position, velocity = fit.state_at(time)
+    return replace(fit, time=time, position=position, velocity=velocity)
 
 
 def _parting(fit, hand_time, grip, near, judged):

@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dart_skill.movement import estimate_noise, smooth_derivatives
+from dart_skill.movement.differentiation import _shared_smoother
 
 NOISE = 1e-4
 
@@ -180,3 +181,19 @@ def test_a_recording_of_a_minute_is_smoothed_whole():
 def test_unusable_recordings_are_refused(time, samples, options, message):
     with pytest.raises(ValueError, match=message):
         smooth_derivatives(time, samples, **options)
+
+
+def test_what_was_smoothed_before_changes_nothing():
+    """Series that are sampled alike share their spline, though the rounding of their clocks differs."""
+    rng = np.random.default_rng(7)
+    samples = np.cumsum(rng.standard_normal((120, 3)), axis=0)
+    clocks = [0.01 * np.arange(120) + start for start in (0.0, 777.7)]
+    gap = clocks[0] + 0.05 * (np.arange(120) > 60)
+    _shared_smoother.cache_clear()
+    alone = smooth_derivatives(clocks[1], samples, noise=0.1)
+    _shared_smoother.cache_clear()
+    smooth_derivatives(clocks[0], samples, noise=0.1)
+    np.testing.assert_array_equal(smooth_derivatives(clocks[1], samples, noise=0.1), alone)
+    assert _shared_smoother.cache_info().hits == 1
+    smooth_derivatives(gap, samples, noise=0.1)
+    assert _shared_smoother.cache_info().hits == 1
