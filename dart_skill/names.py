@@ -16,7 +16,7 @@ SEARCHES = (
     "sharpening", "model_based",
 )  # fmt: skip
 """`dart_skill.experiments.dart_search`."""
-SCHEDULES = ("thesis", "extended")
+SCHEDULES = ("thesis", "extended", "thesis_12000", "extended_12000")
 """`dart_skill.experiments.dart_search`."""
 LANDSCAPES = ("moving_peaks_2", "moving_peaks_5", "vanishing_peak", "half_range", "stuck_joint")
 """`dart_skill.experiments.landscapes`."""

@@ -154,11 +154,11 @@ def summarise(results: list[Run]) -> list[dict]:
 
 def table(results: list[Run]) -> str:
     """The rows of `summarise` as text."""
-    lines = [f"{'model':<18}{'shown':>6}" + "".join(f"{place:>36}" for place in PLACES)]
+    lines = [f"{'model':<18}{'shown':>6}" + "".join(f"{place:>44}" for place in PLACES)]
     rows = summarise(results)
     for first in range(0, len(rows), len(PLACES)):
         group = rows[first : first + len(PLACES)]
-        lines.append(f"{group[0]['model']:<18}{group[0]['demonstrations']:>6}" + "".join(_cell(row).rjust(36) for row in group))
+        lines.append(f"{group[0]['model']:<18}{group[0]['demonstrations']:>6}" + "".join(_cell(row).rjust(44) for row in group))
     return "\n".join(
         [*lines, "in the basket of all; median, 90 % of the landing error [cm] of those whose landing was seen; refused: no plan"]
     )

@@ -78,7 +78,12 @@ class _Informed:
         self._agent.tell(int(reward))
 
 
-SCHEDULES = {"thesis": Schedule(75.0, 16.0, 3000), "extended": Schedule(75.0, 6.0, 3000)}
+SCHEDULES = {
+    "thesis": Schedule(75.0, 16.0, 3000),
+    "extended": Schedule(75.0, 6.0, 3000),
+    "thesis_12000": Schedule(75.0, 16.0, 12_000),
+    "extended_12000": Schedule(75.0, 6.0, 12_000),
+}
 REWARDS = ("expected", "thrown")
 METHODS: dict[str, Callable[..., Search]] = {
     "mixture": MixturePoWER,

@@ -14,7 +14,11 @@ LANDSCAPE_METHODS = "power,power_constant,power_proportional,cem,cma,cma_default
 def add_search(verbs) -> None:
     """Add `search` to the verbs of `dart-skill darts`."""
     parser = verbs.add_parser("search", help="learn where to aim by throwing while the thrower gets better, as a table of regrets")
-    parser.add_argument("--schedules", default="thesis", help="thesis (sigma 75 to 16 mm), extended (to 6), or both with a comma")
+    parser.add_argument(
+        "--schedules",
+        default="thesis",
+        help="separated by commas: thesis (sigma 75 to 16 mm in 3000 throws), extended (to 6), thesis_12000, extended_12000",
+    )
     parser.add_argument("--reward", choices=("expected", "thrown"), default="expected", help="expected score, or that of the dart thrown")
     _add_runs(parser, "mixture,power,cem")
 

@@ -8,6 +8,10 @@ seen broadly are worth now. Only where that and its doubt are more than the best
 next scout goes where it is expected to lose least. One that earned more than the best top is climbed from. Optimism in the face of doubt is
 from N. Srinivas et al., Gaussian process optimization in the bandit setting, ICML 2010.
 
+A real landscape has higher peaks than blurred white noise, so the process is too sure where it has seen little. Against that there is an
+insurance: while the best top rises, another may rise faster, so part of each rise is put by, and when it pays for a scout, one goes where
+improvement is likeliest, hopeful or not (H. Kushner, J. Basic Eng. 86, 1964). A scout of hope is as good, and is paid for from it, too.
+
     search = Sharpening(aim, scatter, rng=rng)
     for trial in search.trials(3000):
         search.tell(trial, expected_score(trial.parameters))
@@ -41,7 +45,8 @@ class Sharpening(NicheSearch):
     """Search for the best parameters (d,) while the scatter of trials shrinks; `spread`: that scatter at the beginning. Returns are
     expected ones, without noise.
 
-    optimism: standard deviations of the process that count as hope. grain: size of what is too fine to matter, in spreads: the process
+    optimism: standard deviations of the process that count as hope. insurance: what scouts may lose without it, over the rise of the best
+    top meanwhile, 0 for none. grain: size of what is too fine to matter, in spreads: the process
     sees every landscape through a blur of this length besides. every: trials between two looks for a place worth a scout.
     clearing: scouts stay so far from the best top at least, in lengths of the blur, and reach: so near to the beginning, in spreads per
     root of the dimension. limits: smallest and largest radius of trials about the top, as multiples of `spread`.
@@ -50,8 +55,8 @@ class Sharpening(NicheSearch):
     too sure, and hills that overtake late are missed; with more optimism or a finer grain scouts cost more than they find.
     """
 
-    OPTIONS = ("optimism", "grain", "every", "clearing", "reach")
-    MEMORY = ("founded", "blur", "rate", "marked", "top", "seen", "error", "new")
+    OPTIONS = ("optimism", "insurance", "grain", "every", "clearing", "reach")
+    MEMORY = ("founded", "blur", "rate", "marked", "top", "seen", "error", "new", "highest", "purse")
 
     def __init__(
         self,
@@ -59,7 +64,8 @@ class Sharpening(NicheSearch):
         spread: ArrayLike,
         *,
         rng: np.random.Generator,
-        optimism: float = 2.1,
+        optimism: float = 1.85,
+        insurance: float = 6.0,
         grain: float = 0.14,
         every: int = 5,
         clearing: float = 1.0,
@@ -68,6 +74,7 @@ class Sharpening(NicheSearch):
     ):
         super().__init__(parameters, spread, limits, rng)
         self._optimism, self._every = as_number(optimism, "optimism", strict=False), as_count(every, "every")
+        self._insurance, self._highest, self._purse = as_number(insurance, "insurance", strict=False), None, 0.0
         self._grain, self._clearing, self._reach = as_number(grain, "grain"), as_number(clearing, "clearing"), as_number(reach, "reach")
         d = self._start.size
         self._root, self._niche, self._founded = float(np.sqrt(d)), Niche(0, np.zeros(d), FIRST_RADIUS, np.zeros((d, d))), 1
@@ -115,16 +122,19 @@ class Sharpening(NicheSearch):
         return np.append(place, [kind, self._niche.identity]), self._start + self._scale * place
 
     def _scout(self, number: int) -> np.ndarray | None:
-        """Of all places (d,) clear of the top that could be better, the one that is expected to cost least."""
+        """Of all places (d,) clear of the top that could be better, the one that is expected to cost least; if there is none, the one that
+        is most likely to be better, if the insurance pays.
+        """
         blur, places = float(self._seen_through(self._variance(number))), self._cloud()
         places = places[np.linalg.norm(places - self._niche.centre, axis=1) > self._clearing * np.sqrt(blur)]
         if not len(places) or len(self._records) < self._start.size + 2:
             return None
         mean, deviation = self._posterior().predict(places, blur)
-        hopeful = mean + self._optimism * deviation > self._niche.value
-        if not hopeful.any():
+        missing = self._niche.value - mean
+        hopeful = missing < self._optimism * deviation
+        best = int(np.where(hopeful, mean, -np.inf).argmax() if hopeful.any() else (missing / deviation).argmin())
+        if not hopeful.any() and missing[best] > self._purse:
             return None
-        best = int(np.where(hopeful, mean, -np.inf).argmax())
         self._remember(number, places[best], float(mean[best]))  # as believed until it is told, or for good if it fails
         return places[best]
 
@@ -158,15 +168,25 @@ class Sharpening(NicheSearch):
         number, earned = told[0].number, float(told[0].outcome)
         if kind != TOP:
             self._remember(number, place, earned)
+        if kind == SCOUT:
+            self._purse = max(self._purse - max(self._niche.value - earned, 0.0), 0.0)
         if kind == SCOUT and earned > self._niche.value:
             self._go_over(number, place, earned)
         elif kind == PROBE and identity == self._niche.identity:
             self._probed.append((number, place, earned))
         elif kind == TOP and identity == self._niche.identity:
             self._follow(number, place, earned)
+        if self._niche.settled:
+            self._put_by()
         if self._probed and not self._star and not any(noise[-2] == PROBE for noise, _ in self._open.values()):
             self._read_star(number)
         return True
+
+    def _put_by(self) -> None:
+        """Part of the rise of the best top, for scouts without hope."""
+        highest = self._niche.value if self._highest is None else self._highest
+        self._purse += self._insurance * max(self._niche.value - highest, 0.0)
+        self._highest = max(self._niche.value, highest)
 
     def _go_over(self, number: int, place: np.ndarray, value: float) -> None:
         """To the hill of a scout."""

@@ -259,4 +259,4 @@ def test_landscapes_on_the_command_line(short, tmp_path, capsys):
         ("niches", "vanishing_peak", 2),
     ]
     assert main(["experiment", "landscapes", "--landscapes", "moon", "--jobs", "1"]) == 1
-    assert "there is no schedule 'moon': choose one of thesis, extended, moving_peaks_2" in capsys.readouterr().err
+    assert "there is no schedule 'moon': choose one of thesis, extended, thesis_12000" in capsys.readouterr().err

@@ -59,18 +59,33 @@ def test_how_far_trials_scatter_is_told_from_the_rise_of_the_top():
         assert one.blur == pytest.approx(np.sqrt(variance_at(part / 15 + 1 / 15)), abs=0.05)
 
 
-def test_scouts_cost_little_and_are_few_where_nothing_can_overtake():
-    def single(point, time):
-        return blurred_hill(point, BROAD, 10.0, 0.3, variance_at(time))
+def alone(point, time):
+    """A hill that sharpens where nothing can overtake it."""
+    return blurred_hill(point, BROAD, 10.0, 0.3, variance_at(time))
 
-    one, lost, scouts = search(2), [], 0
+
+def followed_alone(**settings):
+    """The search after 1000 trials on that hill, and what each of them lost, scouts (n,) apart."""
+    one, lost, scouted = search(2, **settings), [], []
     for n in range(1000):
         trial = one.ask()
-        scouts += np.linalg.norm(trial.parameters - one.parameters) > 0.5
-        earned = single(trial.parameters, n / 1000)
-        lost += [single(BROAD, n / 1000) - earned]
+        scouted += [np.linalg.norm(trial.parameters - one.parameters) > 0.5]
+        earned = alone(trial.parameters, n / 1000)
+        lost += [alone(BROAD, n / 1000) - earned]
         one.tell(trial, earned)
-    assert np.linalg.norm(one.parameters - BROAD) < 0.01 and scouts < 100 and np.mean(lost) < 0.25, (scouts, np.mean(lost))
+    return one, np.array(lost), np.array(scouted)
+
+
+def test_scouts_cost_little_and_are_few_where_nothing_can_overtake():
+    one, lost, scouted = followed_alone(insurance=0.0)
+    assert np.linalg.norm(one.parameters - BROAD) < 0.01 and scouted.sum() < 100 and lost.mean() < 0.25, (scouted.sum(), lost.mean())
+
+
+def test_scouts_without_hope_cost_what_the_insurance_pays_and_no_more():
+    rise = alone(BROAD, 1.0) - alone(BROAD, 0.0)
+    hopeful, insured = (followed_alone(insurance=insurance) for insurance in (0.0, 4.0))
+    assert np.linalg.norm(insured[0].parameters - BROAD) < 0.01
+    assert 0.5 * 4.0 * rise < insured[1][insured[2]].sum() < 4.0 * rise + hopeful[1][hopeful[2]].sum()
 
 
 def points_and_blurs(seed, n=25, d=2):

@@ -36,6 +36,8 @@ REGRETS = {
     "best_regret": ("best known aim", BLUE, "s"),
     "end_regret": (f"best known aim, last {END} throws", GREEN, "D"),
 }
+DRAWN = ("thesis", "extended")
+"""Schedules, a panel each."""
 LOWEST = 1e-3
 """What is less is drawn here [points per throw]."""
 
@@ -43,7 +45,7 @@ LOWEST = 1e-3
 def compute(results: Path | None = None, seed: int = 0, jobs: int = 0) -> list[Run]:
     """Runs of every method on both schedules; those in the file of results are taken from there."""
     rewards = {method: "thrown" if method == "model_based" else "expected" for method in METHODS}
-    kinds = [(method, schedule) for schedule in SCHEDULES for method in METHODS]
+    kinds = [(method, schedule) for schedule in DRAWN for method in METHODS]
     return run_tasks([Task(*kind, seed + n, rewards[kind[0]]) for kind in kinds for n in range(N_SEEDS)], results, jobs)
 
 
@@ -52,7 +54,8 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
     rows = summarise(compute(Path(folder) / "regrets.jsonl", seed))
     with house_style():
         figure = Figure(figsize=(10.5, 5.2), layout="constrained")
-        for axes, (name, schedule) in zip(figure.subplots(1, len(SCHEDULES), sharey=True), SCHEDULES.items(), strict=True):
+        for axes, name in zip(figure.subplots(1, len(DRAWN), sharey=True), DRAWN, strict=True):
+            schedule = SCHEDULES[name]
             _draw_schedule(axes, [row for row in rows if row["schedule"] == name])
             axes.set_title(f"{name}: sigma {schedule.first:g} to {schedule.last:g} mm in {schedule.n_throws} throws")
         handles, labels = figure.axes[0].get_legend_handles_labels()
