@@ -40,7 +40,8 @@ CHANGES: dict[str, dict[str, float]] = {
 class Task:
     """One run: `throws` practised throws after `demonstrations`; change: one of CHANGES, after `change_after` throws.
 
-    tests: throws of each test, after each number of practised throws in `tested_after`.
+    tests: throws of each test, after each number of practised throws in `tested_after`; again: throws of one plan for each basket of the
+    last test, which show what no better plan can do away with.
     """
 
     seed: int
@@ -51,6 +52,7 @@ class Task:
     change_after: int = 0
     tested_after: tuple[int, ...] = (0, 1, 2, 5, 10, 20, 50)
     tests: int = 10
+    again: int = 0
 
     def __post_init__(self):
         for name, choices in (("method", METHODS), ("change", CHANGES)):
@@ -62,7 +64,8 @@ class Task:
 @dataclass(frozen=True)
 class Run:
     """errors [m] (throws,) and in_basket (throws,) of the practised throws; test_errors, test_in_basket: per test, its throws; nan where no
-    throw came about or no landing was seen.
+    throw came about or no landing was seen; spreads [m]: per basket of the last test, how far throws of one plan come down from their
+    centre.
     """
 
     task: Task
@@ -71,6 +74,7 @@ class Run:
     test_errors: tuple[tuple[float, ...], ...]
     test_in_basket: tuple[tuple[bool, ...], ...]
     notes: tuple[str, ...] = ()
+    spreads: tuple[tuple[float, ...], ...] = ()
 
 
 def teach(session: Session, seed: int, wanted: int) -> list[Demonstration]:
@@ -97,12 +101,13 @@ def run(task: Task) -> Run:
 def _run(task: Task, session: Session) -> Run:
     skill = PractisingSkill(teach(session, task.seed, task.demonstrations), method=task.method, rng=np.random.default_rng([task.seed, 4]))
     curriculum, choosing, testing = Curriculum(), np.random.default_rng([task.seed, 5]), np.random.default_rng([task.seed, 6])
-    errors, inside, tests, notes = [], [], [], []
+    errors, inside, tests, notes, baskets = [], [], [], [], []
     for n in range(task.throws + 1):
         if n == task.change_after and task.change != "none":
             session.plant.change(changed(session.plant.settings, task.change))
         if n in task.tested_after:
-            tests.append([_throw(session, skill, target) for target in REGION.spread(task.tests, testing)])
+            baskets = REGION.spread(task.tests, testing)
+            tests.append([_throw(session, skill, target) for target in baskets])
         if n == task.throws:
             break
         target = _choose(skill, curriculum, REGION.spread(CANDIDATES, choosing))
@@ -115,7 +120,19 @@ def _run(task: Task, session: Session) -> Run:
         inside.append(went_in)
         notes += [f"throw {n + 1}: {note}"] if note else []
     test_errors, test_inside = (tuple(tuple(throw[k] for throw in test) for test in tests) for k in range(2))
-    return Run(task, tuple(errors), tuple(inside), test_errors, test_inside, tuple(notes))
+    spreads = tuple(_spread(session, skill, target, task.again) for target in baskets) if task.again else ()
+    return Run(task, tuple(errors), tuple(inside), test_errors, test_inside, tuple(notes), spreads)
+
+
+def _spread(session: Session, skill: PractisingSkill, target: np.ndarray, throws: int) -> tuple[float, ...]:
+    """Distances (throws,) [m] of the hits of one plan from their centre, as they would be from the centre of very many."""
+    try:
+        plan = skill.plan(target)
+        hits = np.array([session.throw(plan).outcome.landing for _ in range(throws)])
+    except ValueError:
+        return (np.nan,) * throws
+    distances = np.linalg.norm(hits - hits.mean(axis=0), axis=1) * np.sqrt(throws / (throws - 1))
+    return tuple(distances.tolist())
 
 
 def _choose(skill: PractisingSkill, curriculum: Curriculum, baskets: np.ndarray) -> np.ndarray:
@@ -158,7 +175,7 @@ def run_all(tasks: list[Task], results: Path | None = None, jobs: int = 0, sched
 
 def summarise(results: list[Run]) -> list[dict]:
     """One row per method, demonstrations, change and number of practised throws: throws of the tests, share in the basket, median and
-    90 % of their error [cm], and how many had none.
+    90 % of their error [cm], and how many had none; after the last ones floor_cm, the median of what one plan scatters, if that was seen.
     """
     groups: dict[tuple, list[Run]] = {}
     for one in results:
@@ -181,23 +198,34 @@ def summarise(results: list[Run]) -> list[dict]:
                     "median_cm": round(float(quantiles[0]), 3),
                     "p90_cm": round(float(quantiles[1]), 3),
                     "without_error": int(np.isnan(errors).sum()),
+                    "floor_cm": _floor(group) if k == len(group[0].task.tested_after) - 1 else None,
                 }  # fmt: skip
             )
     return rows
+
+
+def _floor(group: list[Run]) -> float | None:
+    distances = [distance for one in group for spread in one.spreads for distance in spread if np.isfinite(distance)]
+    return round(100.0 * float(np.median(distances)), 3) if distances else None
 
 
 def table(results: list[Run]) -> str:
     """The rows of `summarise` as text: one line per method, one column per number of practised throws."""
     rows = summarise(results)
     counts = sorted({row["after"] for row in rows})
-    lines = [f"{'method':<11}{'shown':>6}  {'change':<15}{'runs':>5}" + "".join(f"{f'after {n}':>20}" for n in counts)]
+    floors = {(row["method"], row["demonstrations"], row["change"]): row["floor_cm"] for row in rows if row["floor_cm"] is not None}
+    heads = [f"{f'after {n}':>20}" for n in counts] + [f"{'floor':>8}"] * bool(floors)
+    lines = [f"{'method':<11}{'shown':>6}  {'change':<15}{'runs':>5}" + "".join(heads)]
     for method, demonstrations, change in dict.fromkeys((row["method"], row["demonstrations"], row["change"]) for row in rows):
         own = {
             row["after"]: row for row in rows if (row["method"], row["demonstrations"], row["change"]) == (method, demonstrations, change)
         }
         cells = "".join(_cell(own.get(n)).rjust(20) for n in counts)
+        floor = floors.get((method, demonstrations, change))
+        cells += "" if floor is None else f"{floor:>8.3f}"
         lines.append(f"{method:<11}{demonstrations:>6}  {change:<15}{next(iter(own.values()))['runs']:>5}{cells}")
-    return "\n".join([*lines, "median and 90 % of the landing error [cm], share in the basket, of throws from which nothing was learned"])
+    what = "median and 90 % of the landing error [cm], share in the basket, of throws from which nothing was learned"
+    return "\n".join([*lines, what + ("; floor: median distance from the centre of one plan's hits" if floors else "")])
 
 
 def _cell(row: dict | None) -> str:

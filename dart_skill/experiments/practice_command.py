@@ -20,6 +20,9 @@ def add_practice(experiments) -> None:
         "--tested-after", default="0,1,2,5,10,20,50", metavar="NUMBERS", help="practised throws after which there is a test"
     )
     parser.add_argument("--tests", type=int, default=10, help="throws of each test (default 10)")
+    parser.add_argument(
+        "--again", type=int, default=0, metavar="N", help="throws of one plan for each basket of the last test: the floor (default none)"
+    )
     parser.add_argument("--seeds", type=int, default=20, help="seeds 0 to N - 1 (default 20)")
     parser.add_argument("--jobs", type=int, default=0, help="processes at a time (default one per core)")
     parser.add_argument("--scheduler", default="", metavar="ADDRESS", help="run on the Dask cluster of this scheduler instead")
@@ -34,7 +37,10 @@ def _practice(options: argparse.Namespace) -> int:
     from dart_skill.experiments.practice import Task, run_all, summarise, table
 
     tested = tuple(int(number) for number in options.tested_after.split(","))
+    if options.again < 0 or options.again == 1:
+        raise ValueError(f"--again is {options.again}: a scatter takes 2 throws at least, or 0 for none")
     shared = {"throws": options.throws, "change_after": options.change_after, "tested_after": tested, "tests": options.tests}
+    shared["again"] = options.again
     tasks = [
         Task(seed, method, int(shown), change=change, **shared)
         for shown in options.demonstrations.split(",")

@@ -175,6 +175,8 @@ TYPED = {
     "dart-skill darts search --methods mixture,power,cem,cma,niches,sharpening --schedules thesis,extended --results runs.jsonl": Run(
         "--methods power --seeds 1", says="power", leaves="runs.jsonl"
     ),
+    "dart-skill darts search --reward thrown --methods power,cma,cem,mixture,model_based "
+    "--schedules thesis_12000,extended_12000": Run("--methods power --schedules thesis --seeds 1", says="power +thesis +thrown"),
     # experiments
     "dart-skill experiment throws --seeds 10": Run("--seeds 1 --throws 1 --demonstrations 3", says="default +[01]/1 "),
     "dart-skill experiment throws --seeds 10 "
@@ -182,7 +184,7 @@ TYPED = {
         "unit/test_cli.py::test_the_throws_experiment_gives_one_row_per_throw_as_json"
     ),
     "dart-skill experiment repeatability --throws 50": Run("--throws 1", says="1.60 +1 "),
-    "dart-skill experiment basket --models default,autonomous,weighted,thesis,thesis_local --figure figures": Run(
+    "dart-skill experiment basket --models default,autonomous,weighted,thesis,thesis_local,shown_release --figure figures": Run(
         "--models thesis --seeds 1 --throws 1 --demonstrations 3", says="thesis", leaves="figures/*.svg"
     ),
     "dart-skill experiment basket --seeds 20 --jobs 8 --results basket.jsonl": Run(
@@ -193,8 +195,14 @@ TYPED = {
     "dart-skill experiment practice --methods residual --demonstrations 3 --throws 20 --tested-after 0,10,20 --seeds 20": Run(
         "--throws 1 --tested-after 0,1 --tests 1 --seeds 1", says="residual"
     ),
-    "dart-skill experiment practice --methods residual --throws 50 --tested-after 0,10,20,50 --seeds 20": Elsewhere(
-        "unit/test_practice_experiment.py::test_a_tiny_run_practises_and_is_tested"
+    "dart-skill experiment practice --methods residual --throws 50 --tested-after 0,10,20,50 --again 16 --seeds 20": Elsewhere(
+        "unit/test_practice_experiment.py::test_the_floor_is_what_one_plan_scatters_and_is_measured_when_all_else_is_done"
+    ),
+    "dart-skill experiment practice --methods none,residual,both,bootstrap,power --changes friction --throws 12 --tested-after 0,12": Run(
+        "--methods none --throws 0 --tested-after 0 --tests 1 --seeds 1 --demonstrations 3", says="none +3 "
+    ),
+    "dart-skill experiment practice --methods residual,both,bootstrap,power --demonstrations 3 --throws 20 --tested-after 0,20": Elsewhere(
+        "unit/test_practice_experiment.py::test_rows_of_methods_demonstrations_and_changes_are_kept_apart"
     ),
     "dart-skill experiment practice --changes slower_hand,friction,base_turned,heavier_ball,weaker_motors --throws 10 "
     "--tested-after 0,1,2,5,10 --tests 4 --seeds 20": Elsewhere(

@@ -1,7 +1,7 @@
 """The practice experiment: changes are made, tests teach nothing, rows count what they say, and one tiny run."""
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -153,3 +153,18 @@ def test_a_tiny_run_practises_and_is_tested():
     assert np.nanmedian(np.concatenate(one.test_errors)) < 0.1, f"after 3 demonstrations: {one.test_errors}, {one.notes}"
     again = practice.run(one.task)
     assert repr(again) == repr(one), "the same seed, the same run"
+
+
+def test_the_floor_is_what_one_plan_scatters_and_is_measured_when_all_else_is_done():
+    task = Task(0, "residual", 3, throws=1, tested_after=(0, 1), tests=2)
+    plain, floored = practice.run(task), practice.run(replace(task, again=4))
+    assert floored.test_errors == plain.test_errors and plain.spreads == ()
+    assert np.shape(floored.spreads) == (2, 4) and 0.0 < np.median(floored.spreads) < 0.01
+    before, after = summarise([floored])
+    assert before["floor_cm"] is None and after["floor_cm"] == pytest.approx(100 * np.median(floored.spreads), abs=1e-3)
+    assert "floor: median distance" in table([floored]) and "floor" not in table([plain])
+
+
+def test_a_floor_of_a_single_throw_is_refused(capsys):
+    assert main(["experiment", "practice", "--again", "1"]) == 1
+    assert "--again is 1: a scatter takes 2 throws" in capsys.readouterr().err
