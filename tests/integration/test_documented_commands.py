@@ -175,8 +175,9 @@ TYPED = {
     "dart-skill darts search --methods mixture,power,cem,cma,niches,sharpening --schedules thesis,extended --results runs.jsonl": Run(
         "--methods power --seeds 1", says="power", leaves="runs.jsonl"
     ),
-    "dart-skill darts search --reward thrown --methods power,cma,cem,mixture,model_based "
-    "--schedules thesis_12000,extended_12000": Run("--methods power --schedules thesis --seeds 1", says="power +thesis +thrown"),
+    "dart-skill darts search --reward thrown --methods power,cma,cem,mixture --schedules thesis_12000": Run(
+        "--methods power --schedules thesis --seeds 1", says="power +thesis +thrown"
+    ),
     # experiments
     "dart-skill experiment throws --seeds 10": Run("--seeds 1 --throws 1 --demonstrations 3", says="default +[01]/1 "),
     "dart-skill experiment throws --seeds 10 "
