@@ -213,19 +213,19 @@ def table(results: list[Run]) -> str:
     """The rows of `summarise` as text: one line per method, one column per number of practised throws."""
     rows = summarise(results)
     counts = sorted({row["after"] for row in rows})
-    floors = {(row["method"], row["demonstrations"], row["change"]): row["floor_cm"] for row in rows if row["floor_cm"] is not None}
-    heads = [f"{f'after {n}':>20}" for n in counts] + [f"{'floor':>8}"] * bool(floors)
+    with_floor = any(row["floor_cm"] is not None for row in rows)
+    heads = [f"{f'after {n}':>20}" for n in counts] + [f"{'floor':>8}"] * with_floor
     lines = [f"{'method':<11}{'shown':>6}  {'change':<15}{'runs':>5}" + "".join(heads)]
     for method, demonstrations, change in dict.fromkeys((row["method"], row["demonstrations"], row["change"]) for row in rows):
         own = {
             row["after"]: row for row in rows if (row["method"], row["demonstrations"], row["change"]) == (method, demonstrations, change)
         }
         cells = "".join(_cell(own.get(n)).rjust(20) for n in counts)
-        floor = floors.get((method, demonstrations, change))
+        floor = own[max(own)]["floor_cm"]
         cells += "" if floor is None else f"{floor:>8.3f}"
         lines.append(f"{method:<11}{demonstrations:>6}  {change:<15}{next(iter(own.values()))['runs']:>5}{cells}")
     what = "median and 90 % of the landing error [cm], share in the basket, of throws from which nothing was learned"
-    return "\n".join([*lines, what + ("; floor: median distance from the centre of one plan's hits" if floors else "")])
+    return "\n".join([*lines, what + ("; floor: median distance from the centre of one plan's hits" if with_floor else "")])
 
 
 def _cell(row: dict | None) -> str:

@@ -39,8 +39,8 @@ def _practice(options: argparse.Namespace) -> int:
     tested = tuple(int(number) for number in options.tested_after.split(","))
     if options.again < 0 or options.again == 1:
         raise ValueError(f"--again is {options.again}: a scatter takes 2 throws at least, or 0 for none")
-    shared = {"throws": options.throws, "change_after": options.change_after, "tested_after": tested, "tests": options.tests}
-    shared["again"] = options.again
+    shared = {"throws": options.throws, "change_after": options.change_after, "tested_after": tested}
+    shared |= {"tests": options.tests, "again": options.again}
     tasks = [
         Task(seed, method, int(shown), change=change, **shared)
         for shown in options.demonstrations.split(",")
