@@ -4,6 +4,7 @@ The control step runs in the callback of /joint_states and answers every state o
 """
 
 import time
+from dataclasses import dataclass, field
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -55,6 +56,31 @@ FEEDBACK_NS = 50_000_000
 
 WATCH = 0.1
 """What a throw needs besides the arm is looked at so often [s, wall clock]."""
+STATE_PATIENCE = 5.0
+"""For the state of the arm that a goal's stamp names [s, wall clock]."""
+
+
+class Withdrawn(Exception):
+    """The goal was cancelled, or the arm stopped, before it moved; the message says by whom."""
+
+
+@dataclass
+class GoalUnderWay:
+    """A goal of /throw, from its acceptance to its result.
+
+    withdrawn: why it must not move the arm any more, empty if it may. armed: the commander has its plan, and the arm may move for it.
+    ended_ns: the stamp at which the throw and the watching of the ball end, None before that is known. silence: of the learner, and
+    alive: when the throw began [s, wall clock].
+    """
+
+    handle: object
+    withdrawn: str = ""
+    armed: bool = False
+    over: Promise = field(default_factory=Promise)
+    ended_ns: int | None = None
+    fed_ns: int = 0
+    silence: float = 0.0
+    alive: float = 0.0
 
 
 class CommanderNode(Node):
@@ -67,8 +93,9 @@ class CommanderNode(Node):
         self._state: ArmState | None = None
         self._message = WamCommand()
         self._message.header.frame_id = self.p["frame_id"]
-        self._fault, self._goal, self._over = "", None, None
-        self._silence, self._watched = 0.0, time.monotonic()  # of the learner [s, wall clock]; when that was last looked at
+        self._fault = ""
+        self._goal: GoalUnderWay | None = None
+        self._watched = time.monotonic()  # when the learner's silence was last looked at [s, wall clock]
         self._command = self.create_publisher(WamCommand, "/wam/command", COMPLETE)
         self._attractor = self.create_publisher(PoseStamped, "~/attractor", FRAMES)
         self._plan = self.create_publisher(Path, "~/plan", LATCHED)
@@ -79,7 +106,7 @@ class CommanderNode(Node):
         self._planner_link = Link(self, self._planner.srv_name)
         self.create_service(SetBool, "~/release_arm", self._on_release_arm)
         self.create_service(Trigger, "~/stop", self._on_stop)
-        accept = {"goal_callback": self._on_goal, "cancel_callback": lambda _: CancelResponse.ACCEPT}
+        accept = {"goal_callback": self._on_goal, "cancel_callback": self._on_cancel}
         self._action = RoutineServer(self, Throw, "/throw", self._throw, self._finish, **accept)
         self._diagnostics = Diagnostics(self, self._describe)
         self.create_timer(WATCH, self._watch, clock=WALL)
@@ -97,31 +124,30 @@ class CommanderNode(Node):
             self._complain(str(error))
             return
         self._command.publish(self._message)
-        if self._goal is not None:
-            self._follow_goal(state)
+        if self._goal is not None and self._goal.armed:
+            self._follow_goal(self._goal, state)
 
-    def _follow_goal(self, state: ArmState) -> None:
-        """What a throw under way needs besides the control step: feedback, cancellation, its end."""
-        if self._goal.is_cancel_requested and self._commander.throwing:
-            self._commander.stop("cancelled")
-        if state.stamp_ns - self._fed_ns >= FEEDBACK_NS:
-            self._fed_ns = state.stamp_ns
+    def _follow_goal(self, goal: GoalUnderWay, state: ArmState) -> None:
+        """What a throw under way needs besides the control step: feedback, and its end."""
+        if state.stamp_ns - goal.fed_ns >= FEEDBACK_NS:
+            goal.fed_ns = state.stamp_ns
             self._feed(self._commander.mode.value if self._commander.throwing else "watching")
             self._publish_attractor(state)
-        if self._ended_ns is None and not self._commander.throwing:
+        if goal.ended_ns is None and not self._commander.throwing:
             opened = self._commander.opened_ns
             watch = 0 if opened is None else round(self.p["watch_time"] * 1e9)
-            self._ended_ns = max(state.stamp_ns, (opened or 0) + watch)
+            goal.ended_ns = max(state.stamp_ns, (opened or 0) + watch)
         self._check_over()
 
     def _check_over(self) -> None:
         """The throw is over when its end has come and what the cameras saw until shortly before it has arrived."""
-        if self._over is None or self._over.kept or self._ended_ns is None or self._state is None:
+        goal = self._goal
+        if goal is None or goal.ended_ns is None or goal.over.kept:
             return
-        arrived = self._watcher.has_all_until(self._ended_ns - ARRIVAL_NS) or self._commander.opened_ns is None
-        late = time.monotonic() - self._alive > 5.0
-        if self._state.stamp_ns >= self._ended_ns and (arrived or late):
-            self._over.keep()
+        arrived = self._watcher.has_all_until(goal.ended_ns - ARRIVAL_NS) or self._commander.opened_ns is None
+        late = time.monotonic() - goal.alive > 5.0
+        if self._state.stamp_ns >= goal.ended_ns and (arrived or late):
+            goal.over.keep()
 
     # the action
 
@@ -131,8 +157,19 @@ class CommanderNode(Node):
             return GoalResponse.REJECT
         return GoalResponse.ACCEPT
 
+    def _on_cancel(self, _) -> CancelResponse:
+        self._withdraw("cancelled")
+        return CancelResponse.ACCEPT
+
+    def _withdraw(self, reason: str) -> None:
+        """The goal under way moves the arm no more: a throw is stopped, and one that is being planned does not begin."""
+        if self._goal is not None and not self._goal.withdrawn:
+            self._goal.withdrawn = reason
+        if self._commander.throwing:
+            self._commander.stop(reason)
+
     async def _throw(self, goal_handle) -> Throw.Result:
-        self._goal, self._ended_ns, self._over, self._fed_ns = goal_handle, None, None, 0
+        self._goal = GoalUnderWay(goal_handle)
         self._watcher.clear()
         result = Throw.Result(code=Throw.Goal.OUTCOME_REFUSED)
         try:
@@ -143,6 +180,8 @@ class CommanderNode(Node):
                 await self._execute(plan, result)
         except (PlanRefused, ValueError) as error:
             result.message = str(error)
+        except Withdrawn as reason:
+            result.code, result.message = Throw.Goal.OUTCOME_STOPPED, str(reason)
         finally:
             self._goal = None
             self._watcher.rest()
@@ -181,25 +220,35 @@ class CommanderNode(Node):
         return False
 
     async def _execute(self, plan, result) -> None:
-        first_ns = conversions.stamp_ns(self._goal.request.header.stamp)
-        while self._state.stamp_ns < first_ns:  # the states that the goal knows of are answered before it is obeyed
-            await pause(self, 0.01)
+        goal = self._goal
+        await self._state_of_goal(conversions.stamp_ns(goal.handle.request.header.stamp))
+        if goal.withdrawn:
+            raise Withdrawn(goal.withdrawn)
         self._commander.throw(plan)
         begun_ns = self._state.stamp_ns
-        self._alive, self._silence = time.monotonic(), 0.0
-        self._over = Promise()
+        goal.armed, goal.alive = True, time.monotonic()
         self._feed("armed")
-        await self._over
+        await goal.over
         result.duration = conversions.duration_msg((self._state.stamp_ns - begun_ns) * 1e-9)
-        thrown = self._commander.opened_ns is not None
-        stopped = bool(self._commander.message)
-        result.code = Throw.Goal.OUTCOME_STOPPED if stopped or not thrown else Throw.Goal.OUTCOME_THROWN
-        result.message = self._commander.message or "thrown"
-        if thrown:
-            log, opened, until = self._watcher.log, self._commander.opened_ns, self._ended_ns - ARRIVAL_NS
-            outcome = judge_flight(*log.ball_between(opened, until), plan.target, self.p["rim_radius"])
-            release = log.release_between(opened - BEFORE_NS, until)
-            result.outcome = conversions.outcome_msg(outcome, plan.target, self.p["frame_id"], opened, release)
+        opened_ns = self._commander.opened_ns
+        if self._commander.message or opened_ns is None:
+            result.code = Throw.Goal.OUTCOME_STOPPED
+            result.message = self._commander.message or "the throw ended before the hand was told to open"
+        else:
+            result.code, result.message = Throw.Goal.OUTCOME_THROWN, "thrown"
+        if opened_ns is not None:
+            log, until = self._watcher.log, goal.ended_ns - ARRIVAL_NS
+            outcome = judge_flight(*log.ball_between(opened_ns, until), plan.target, self.p["rim_radius"])
+            release = log.release_between(opened_ns - BEFORE_NS, until)
+            result.outcome = conversions.outcome_msg(outcome, plan.target, self.p["frame_id"], opened_ns, release)
+
+    async def _state_of_goal(self, stamp_ns: int) -> None:
+        """The states that the goal knows of are answered before it is obeyed; ValueError if the one that it names does not come."""
+        until = time.monotonic() + STATE_PATIENCE
+        while self._state.stamp_ns < stamp_ns and not self._goal.withdrawn:
+            if time.monotonic() > until:
+                raise ValueError(f"the goal is stamped {stamp_ns} ns, but the arm's states have come up to {self._state.stamp_ns} ns only")
+            await pause(self, 0.01)
 
     def _finish(self, goal_handle, result) -> None:
         if result.code != Throw.Goal.OUTCOME_THROWN:
@@ -209,7 +258,7 @@ class CommanderNode(Node):
     def _feed(self, phase: str) -> None:
         error = self._commander.tracking_error if np.isfinite(self._commander.tracking_error) else 0.0
         seconds = float(self._commander.time) if np.isfinite(self._commander.time) else 0.0
-        self._goal.publish_feedback(Throw.Feedback(phase=phase, time=seconds, tracking_error=float(error)))
+        self._goal.handle.publish_feedback(Throw.Feedback(phase=phase, time=seconds, tracking_error=float(error)))
 
     def _publish_attractor(self, state: ArmState) -> None:
         if self._commander.mode != Mode.THROWING or self._commander.reference is None:
@@ -224,16 +273,18 @@ class CommanderNode(Node):
     # the rest
 
     def _on_heartbeat(self, _) -> None:
-        self._silence = 0.0
+        if self._goal is not None:
+            self._goal.silence = 0.0
 
     def _watch(self) -> None:
         """A throw needs its learner alive, and the states of the arm: a node that died stops the arm."""
         gap, self._watched = time.monotonic() - self._watched, time.monotonic()
-        if self._goal is None or not self._commander.throwing or self._over is None:
+        goal = self._goal
+        if goal is None or not goal.armed or not self._commander.throwing:
             return
-        self._silence += min(gap, 2 * WATCH)  # who was held up itself has heard nobody
-        if self._silence > self.p["learner_timeout"]:
-            self._commander.stop(f"skill_learner has been silent for {self._silence:.1f} s: is it still running? The arm was stopped")
+        goal.silence += min(gap, 2 * WATCH)  # who was held up itself has heard nobody
+        if goal.silence > self.p["learner_timeout"]:
+            self._commander.stop(f"skill_learner has been silent for {goal.silence:.1f} s: is it still running? The arm was stopped")
 
     def _on_release_arm(self, request, response):
         try:
@@ -244,6 +295,7 @@ class CommanderNode(Node):
         return response
 
     def _on_stop(self, request, response):
+        self._withdraw("stopped by ~/stop")
         self._commander.stop("stopped by ~/stop")
         response.success = True
         return response
