@@ -16,9 +16,26 @@ from dart_skill.robot.model import ArmModel
 from dart_skill.simulation.motion_capture import BasketWalls, LatencyQueue, MotionCapture
 from dart_skill.simulation.plant import PlantSettings
 from dart_skill_nodes import conversions
-from dart_skill_nodes.support import CLOCK, FRAMES, OK, POSES, WARN, Diagnostics, autostart, run
+from dart_skill_nodes.support import (
+    CLOCK,
+    FRAMES,
+    OK,
+    POSES,
+    WARN,
+    Diagnostics,
+    Parameter,
+    autostart,
+    declare_row,
+    refuse_what_is_not_finite,
+    run,
+)
 
 STEP_NS = PlantSettings().step_ns
+BASKET = (
+    (Parameter("basket_radius", "free opening of the basket that hides the ball [m]", 0.05, 1.0, read_only=False), 0.15),
+    (Parameter("basket_depth", "rim to floor of the basket that hides the ball [m]", 0.05, 1.0, read_only=False), 0.35),
+)
+"""What can change while the cameras run, with the defaults."""
 TEXTS = {
     "reliability": "of the published poses: reliable, or best_effort as vrpn_mocap publishes",
     "rate": "frames per second",
@@ -49,10 +66,11 @@ class MockOptitrack(LifecycleNode):
 
     def _declare(self) -> dict:
         """Every value of config/optitrack.yaml as a parameter, nested ones with dots in their names."""
+        refuse_what_is_not_finite(self)
         for name, default in (("autostart", True), ("seed", 0)):
             self.declare_parameter(name, default)
-        for name, default in (("basket_radius", 0.15), ("basket_depth", 0.35)):
-            self.declare_parameter(name, default, ParameterDescriptor(description="of the basket that hides the ball [m]"))
+        for row, default in BASKET:
+            declare_row(self, row, default)
         values = node_parameters("optitrack.yaml", "mock_optitrack")
         cameras = values.pop("cameras")
         for name, default in values.items():

@@ -1,12 +1,13 @@
 """What all nodes share: the spin loop, parameters from config/ with their descriptions, diagnostics, quality of service."""
 
+import math
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
@@ -52,11 +53,30 @@ class Parameter:
 
 def declare(node: Node, file: str, table: list[Parameter]) -> dict:
     """Declare a node's parameters with the values of config/`file` as defaults; returns what is in force."""
+    refuse_what_is_not_finite(node)
     defaults = node_parameters(file, node.get_name()) if _has_section(file, node.get_name()) else None
     defaults = defaults if defaults is not None else node_parameters(file, file.removesuffix(".yaml"))
     for row in table:
-        node.declare_parameter(row.name, defaults[row.name], _descriptor(row, defaults[row.name]))
+        declare_row(node, row, defaults[row.name])
     return {row.name: node.get_parameter(row.name).value for row in table}
+
+
+def declare_row(node: Node, row: Parameter, default) -> None:
+    """Declare one parameter with its description and range."""
+    node.declare_parameter(row.name, default, _descriptor(row, default))
+
+
+def refuse_what_is_not_finite(node: Node) -> None:
+    """From now on a parameter that is NaN or infinite is refused: NaN lies inside every range."""
+
+    def check(parameters) -> SetParametersResult:
+        for parameter in parameters:
+            values = parameter.value if isinstance(parameter.value, list | tuple) else [parameter.value]
+            if any(isinstance(value, float) and not math.isfinite(value) for value in values):
+                return SetParametersResult(successful=False, reason=f"{parameter.name} = {parameter.value}: give finite numbers")
+        return SetParametersResult(successful=True)
+
+    node.add_on_set_parameters_callback(check)
 
 
 def _has_section(file: str, name: str) -> bool:

@@ -1,6 +1,7 @@
-"""The graph as a client meets it that is not ours: plain rclpy, in a world that nobody pauses."""
+"""The graph as a client meets it that is not ours: plain rclpy, in a world that nobody pauses, with wrong values."""
 
 import signal
+import time
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from dart_skill.experiments.targets import targets_for
 from dart_skill_nodes import conversions
-from dart_skill_nodes.coaching import Coach
+from dart_skill_nodes.coaching import Coach, GraphFailure
 from dart_skill_nodes.graph import Graph
 from dart_skill_nodes.support import LOOP
 
@@ -145,3 +146,19 @@ def test_a_goal_that_waits_for_a_state_that_never_comes_is_refused(graph, strang
     outcome = graph.coach.wait(result, "the throw").result
     assert outcome.code == Throw.Goal.OUTCOME_REFUSED and "1000000000000000000 ns" in outcome.message
     assert stranger.fastest < RESTING
+
+
+@pytest.mark.parametrize("radius", [-3.0, 0.0, float("nan"), float("inf")])
+def test_a_basket_that_cannot_be_is_refused_and_ends_no_process(graph, stranger, radius):
+    with pytest.raises(GraphFailure, match="basket_radius"):
+        graph.coach.set_parameters("/mock_optitrack", {"basket_radius": radius})
+    graph.coach.set_parameters("/mock_optitrack", {"basket_radius": 0.15})
+    before = time.monotonic()
+    stranger.watch(0.5)
+    assert not graph.dead(), f"{time.monotonic() - before:.1f} s later"
+
+
+def test_a_speed_that_is_not_finite_is_refused(graph, stranger):
+    with pytest.raises(GraphFailure, match="speed_factor"):
+        graph.coach.set_parameters("/wam_simulator", {"speed_factor": float("nan")})
+    stranger.watch(0.5)
