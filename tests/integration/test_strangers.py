@@ -12,10 +12,11 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
 from dart_skill.experiments.targets import targets_for
-from dart_skill_nodes import conversions
-from dart_skill_nodes.coaching import Coach, GraphFailure
-from dart_skill_nodes.graph import Graph
-from dart_skill_nodes.support import LOOP
+from dart_skill_nodes.client.failures import GraphFailure
+from dart_skill_nodes.client.graph_client import GraphClient
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.qos import LOOP
+from dart_skill_nodes.process.graph_processes import Graph
 
 from .conftest import wait_for
 
@@ -28,13 +29,13 @@ RESTING = 0.1
 class Stranger:
     """A plain client of /throw: sends a goal, and keeps phases, the result, and how fast the arm was meanwhile."""
 
-    def __init__(self, coach):
-        self.coach, self.action = coach, ActionClient(coach.node, Throw, "/throw")
-        self.stop = coach.node.create_client(Trigger, "/commander/stop")
-        self.reset = coach.node.create_client(Reset, "/simulation/reset")
-        self.pause = coach.node.create_client(SetBool, "/simulation/pause")
+    def __init__(self, client):
+        self.client, self.action = client, ActionClient(client.node, Throw, "/throw")
+        self.stop = client.node.create_client(Trigger, "/commander/stop")
+        self.reset = client.node.create_client(Reset, "/simulation/reset")
+        self.pause = client.node.create_client(SetBool, "/simulation/pause")
         self.phases, self.fastest, self.newest_ns = [], 0.0, 0
-        coach.node.create_subscription(JointState, "/joint_states", self._on_state, LOOP)
+        client.node.create_subscription(JointState, "/joint_states", self._on_state, LOOP)
 
     def _on_state(self, message):
         self.newest_ns = conversions.stamp_ns(message.header.stamp)
@@ -43,38 +44,38 @@ class Stranger:
     def begin(self, stamp_ns=0):
         """A world that runs, with the ball in the hand, and a goal; its handle and the future of its result."""
         reset = Reset.Request(move_basket=True, basket=conversions.point(TARGET))
-        began = self.coach.call(self.reset, reset)
-        wait_for(self.coach, lambda: self.newest_ns >= conversions.stamp_ns(began.stamp), what="the state after the reset")
+        began = self.client.call(self.reset, reset)
+        wait_for(self.client, lambda: self.newest_ns >= conversions.stamp_ns(began.stamp), what="the state after the reset")
         self.phases, self.fastest = [], 0.0
         goal = Throw.Goal(target=conversions.point(TARGET))
         goal.header.stamp = conversions.time_msg(stamp_ns)
         sent = self.action.send_goal_async(goal, feedback_callback=lambda message: self.phases.append(message.feedback.phase))
-        handle = self.coach.wait(sent, "/throw")
+        handle = self.client.wait(sent, "/throw")
         assert handle.accepted
         return handle, handle.get_result_async()
 
     def watch(self, seconds):
         """Let simulated time go on."""
         until = self.newest_ns + round(seconds * 1e9)
-        wait_for(self.coach, lambda: self.newest_ns >= until, what=f"{seconds} s of simulated time")
+        wait_for(self.client, lambda: self.newest_ns >= until, what=f"{seconds} s of simulated time")
 
 
 @pytest.fixture(scope="module")
 def graph(ros, tmp_path_factory):
     with Graph(tmp_path_factory.mktemp("strangers") / "logs") as graph:
-        graph.coach = Coach(graph.dead, name="coach_of_strangers")
+        graph.client = GraphClient(graph.dead, name="coach_of_strangers")
         graph.start_all("composed", 0, graph.logs.parent / "bag")
-        graph.coach.wait_until_ready()
+        graph.client.wait_until_ready()
         for target in SHOWN:
-            assert graph.coach.teach(target).success
-        graph.coach.learn()
+            assert graph.client.teach(target).success
+        graph.client.learn()
         yield graph
-        graph.coach.close()
+        graph.client.close()
 
 
 @pytest.fixture(scope="module")
 def stranger(graph):
-    return Stranger(graph.coach)
+    return Stranger(graph.client)
 
 
 @pytest.fixture
@@ -86,7 +87,7 @@ def slow_learner(graph, stranger):
         def begin(self):
             learner.send_signal(signal.SIGSTOP)
             handle, result = stranger.begin()
-            wait_for(graph.coach, lambda: "planning" in stranger.phases, what="planning")
+            wait_for(graph.client, lambda: "planning" in stranger.phases, what="planning")
             stranger.watch(0.2)
             return handle, result
 
@@ -103,7 +104,7 @@ def test_a_plain_goal_in_a_running_world_is_answered_when_the_ball_has_come_down
     _, result = slow_learner.begin()
     assert not result.done(), "answered before there was a plan"
     slow_learner.go_on()
-    outcome = graph.coach.wait(result, "the throw").result
+    outcome = graph.client.wait(result, "the throw").result
     assert (outcome.code, outcome.message) == (Throw.Goal.OUTCOME_THROWN, "thrown")
     assert outcome.outcome.landing_seen and outcome.outcome.landing_error < 0.25
     assert stranger.fastest > 1.0 and {"approaching", "throwing"} <= set(stranger.phases)
@@ -115,9 +116,9 @@ def test_a_plain_goal_in_a_running_world_is_answered_when_the_ball_has_come_down
 
 def test_stop_during_planning_means_that_nothing_is_thrown(graph, stranger, slow_learner):
     _, result = slow_learner.begin()
-    assert graph.coach.call(stranger.stop, Trigger.Request()).success
+    assert graph.client.call(stranger.stop, Trigger.Request()).success
     slow_learner.go_on()
-    outcome = graph.coach.wait(result, "the throw").result
+    outcome = graph.client.wait(result, "the throw").result
     assert (outcome.code, outcome.message) == (Throw.Goal.OUTCOME_STOPPED, "stopped by ~/stop")
     stranger.watch(2.0)
     assert stranger.fastest < RESTING, f"the arm moved at {stranger.fastest:.2f} rad/s after it was stopped"
@@ -125,9 +126,9 @@ def test_stop_during_planning_means_that_nothing_is_thrown(graph, stranger, slow
 
 def test_a_goal_that_is_cancelled_while_it_is_planned_moves_nothing(graph, stranger, slow_learner):
     handle, result = slow_learner.begin()
-    graph.coach.wait(handle.cancel_goal_async(), "the cancellation")
+    graph.client.wait(handle.cancel_goal_async(), "the cancellation")
     slow_learner.go_on()
-    response = graph.coach.wait(result, "the throw")
+    response = graph.client.wait(result, "the throw")
     assert response.status == 5, "GoalStatus.STATUS_CANCELED"
     assert response.result.message == "cancelled"
     stranger.watch(2.0)
@@ -136,14 +137,14 @@ def test_a_goal_that_is_cancelled_while_it_is_planned_moves_nothing(graph, stran
 
 def test_a_throw_can_be_cancelled_in_a_running_world(graph, stranger):
     handle, result = stranger.begin()
-    wait_for(graph.coach, lambda: "approaching" in stranger.phases, what="the approach")
-    graph.coach.wait(handle.cancel_goal_async(), "the cancellation")
-    assert graph.coach.wait(result, "the throw").result.message == "cancelled"
+    wait_for(graph.client, lambda: "approaching" in stranger.phases, what="the approach")
+    graph.client.wait(handle.cancel_goal_async(), "the cancellation")
+    assert graph.client.wait(result, "the throw").result.message == "cancelled"
 
 
 def test_a_goal_that_waits_for_a_state_that_never_comes_is_refused(graph, stranger):
     _, result = stranger.begin(stamp_ns=10**18)
-    outcome = graph.coach.wait(result, "the throw").result
+    outcome = graph.client.wait(result, "the throw").result
     assert outcome.code == Throw.Goal.OUTCOME_REFUSED and "1000000000000000000 ns" in outcome.message
     assert stranger.fastest < RESTING
 
@@ -151,8 +152,8 @@ def test_a_goal_that_waits_for_a_state_that_never_comes_is_refused(graph, strang
 @pytest.mark.parametrize("radius", [-3.0, 0.0, float("nan"), float("inf")])
 def test_a_basket_that_cannot_be_is_refused_and_ends_no_process(graph, stranger, radius):
     with pytest.raises(GraphFailure, match="basket_radius"):
-        graph.coach.set_parameters("/mock_optitrack", {"basket_radius": radius})
-    graph.coach.set_parameters("/mock_optitrack", {"basket_radius": 0.15})
+        graph.client.set_parameters("/mock_optitrack", {"basket_radius": radius})
+    graph.client.set_parameters("/mock_optitrack", {"basket_radius": 0.15})
     before = time.monotonic()
     stranger.watch(0.5)
     assert not graph.dead(), f"{time.monotonic() - before:.1f} s later"
@@ -160,5 +161,5 @@ def test_a_basket_that_cannot_be_is_refused_and_ends_no_process(graph, stranger,
 
 def test_a_speed_that_is_not_finite_is_refused(graph, stranger):
     with pytest.raises(GraphFailure, match="speed_factor"):
-        graph.coach.set_parameters("/wam_simulator", {"speed_factor": float("nan")})
+        graph.client.set_parameters("/wam_simulator", {"speed_factor": float("nan")})
     stranger.watch(0.5)

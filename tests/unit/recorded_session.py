@@ -31,7 +31,7 @@ TYPES = {
 
 
 @dataclass
-class Heard:
+class RawMessage:
     """Log time, topic, content of every message."""
 
     messages: list = field(default_factory=list)
@@ -46,7 +46,7 @@ class RecordedSession(Session):
 
     def __init__(self, *args, **options):
         super().__init__(*args, **options)
-        self.heard, self._names = Heard(), [joint.name for joint in wam_description().joints]
+        self.heard, self._names = RawMessage(), [joint.name for joint in wam_description().joints]
 
     def _sense(self):
         arm = super()._sense()

@@ -14,21 +14,17 @@ from rclpy.action import ActionClient
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
-from dart_skill_nodes import conversions
-from dart_skill_nodes.links import Link
-from dart_skill_nodes.support import make_executor
+from dart_skill_nodes.client.failures import GraphFailure
+from dart_skill_nodes.client.server_probe import ServerProbe
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.process.graph_processes import START
+from dart_skill_nodes.process.node_base import make_executor
 
-START = 180.0
-"""For a graph to start: seven processes with all that they import, on a machine that has other things to do [s, wall clock]."""
 ASK_AGAIN = 0.1
 """Whoever was told to wait asks again after so long [s, wall clock]."""
 
 
-class GraphFailure(RuntimeError):
-    """The graph did not do its job: a node died, is missing, or did not answer."""
-
-
-class Coach:
+class GraphClient:
     """Blocking calls for scripts and tests; `dead` tells of a process of the graph that has ended, empty if all run.
 
     throw_seconds (2,): all throws so far, simulated and on the wall clock [s].
@@ -44,7 +40,7 @@ class Coach:
         self._learn = self.node.create_client(Learn, "/skill_learner/learn")
         self._reset = self.node.create_client(Reset, "/simulation/reset")
         self._pause = self.node.create_client(SetBool, "/simulation/pause")
-        self._links: dict[object, Link] = {}
+        self._links: dict[object, ServerProbe] = {}
         self._taught, self.simulated_steps, self.throw_seconds = 0, 0, np.zeros(2)
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
 
@@ -88,7 +84,7 @@ class Coach:
         self._up(name, f"{name}/_action/send_goal", limit)
 
     def _up(self, asking: object, service: str, limit: float | None) -> None:
-        link = self._links.get(asking) or self._links.setdefault(asking, Link(self.node, service))
+        link = self._links.get(asking) or self._links.setdefault(asking, ServerProbe(self.node, service))
         limit = self._patience if limit is None else limit
         until = time.monotonic() + limit
         while not link.up():

@@ -10,21 +10,21 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 
 from dart_skill.simulation.motion_capture import Camera, MotionCaptureConfig
 from dart_skill.view import Knob, NodeStatus
-from dart_skill_nodes.calls import Gone
-from dart_skill_nodes.routines import answer
+from dart_skill_nodes.client.failures import CallFailed
+from dart_skill_nodes.comms.coroutines import answer
 
 PATIENCE, TRIES = 2.0, 5
 """For each answer [s, wall clock]; a question that got lost is asked again."""
 
 
-class Inspector:
+class NodeInspector:
     """Questions of one node to others; clients are kept."""
 
     def __init__(self, node: Node):
         self._node, self._clients = node, {}
 
     async def values(self, other: str, names: list[str]) -> dict:
-        """Parameters of another node by name; Gone if it does not answer."""
+        """Parameters of another node by name; CallFailed if it does not answer."""
         response = await self._ask(GetParameters, f"{other}/get_parameters", GetParameters.Request(names=names))
         return {name: parameter_value_to_python(value) for name, value in zip(names, response.values, strict=True)}
 
@@ -45,11 +45,11 @@ class Inspector:
         return [_knob(one, values[one.name]) for one in free]
 
     async def set(self, other: str, name: str, value: float) -> None:
-        """Change a number of another node; Gone with its reason if it refuses."""
+        """Change a number of another node; CallFailed with its reason if it refuses."""
         request = SetParameters.Request(parameters=[Parameter(name, value=float(value)).to_parameter_msg()])
         result = (await self._ask(SetParameters, f"{other}/set_parameters", request)).results[0]
         if not result.successful:
-            raise Gone(f"{other} does not take {name} = {value}: {result.reason}")
+            raise CallFailed(f"{other} does not take {name} = {value}: {result.reason}")
 
     async def _ask(self, kind, service: str, request):
         if service not in self._clients:
@@ -59,10 +59,10 @@ class Inspector:
             response = await answer(self._node, client, request, PATIENCE)
             if response is not None:
                 return response
-        raise Gone(f"no answer from {service} in {TRIES * PATIENCE:.0f} s")
+        raise CallFailed(f"no answer from {service} in {TRIES * PATIENCE:.0f} s")
 
 
-class Statuses:
+class NodeStatuses:
     """The last status of every node; one that has said nothing for SILENT seconds is silent."""
 
     SILENT = 5.0
@@ -79,7 +79,7 @@ class Statuses:
 
     def now(self) -> list[NodeStatus]:
         """Of all nodes."""
-        ages = {name: time.monotonic() - heard for name, (heard, _) in self._heard.items()}
+        ages = {name: time.monotonic() - message for name, (message, _) in self._heard.items()}
         return [
             NodeStatus(name, DiagnosticStatus.STALE[0], f"silent for {ages[name]:.0f} s") if ages[name] > self.SILENT else status
             for name, (_, status) in self._heard.items()

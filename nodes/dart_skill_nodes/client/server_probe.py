@@ -17,7 +17,7 @@ UNKNOWN = "_NODE_NAME_UNKNOWN_"
 """What the middleware calls the node of an endpoint that was discovered before it."""
 
 
-class Link:
+class ServerProbe:
     """From a client of `node` to the node that serves `service`. Poll `up` between turns of the executor until it is true."""
 
     def __init__(self, node: Node, service: str):

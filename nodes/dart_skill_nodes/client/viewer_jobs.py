@@ -12,11 +12,12 @@ from std_srvs.srv import SetBool, Trigger
 
 from dart_skill.experiments.targets import Region
 from dart_skill.view import Request
-from dart_skill_nodes import conversions
-from dart_skill_nodes.calls import Calls, Gone
-from dart_skill_nodes.inspection import Inspector
-from dart_skill_nodes.routines import Promise, pause, start
-from dart_skill_nodes.support import WALL
+from dart_skill_nodes.client.failures import CallFailed
+from dart_skill_nodes.client.node_inspector import NodeInspector
+from dart_skill_nodes.client.service_calls import ServiceCalls
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.coroutines import Promise, pause, start
+from dart_skill_nodes.comms.qos import WALL
 
 LOOK_STEPS = 20
 """Steps of a world that is held, in which the cameras see that the basket was moved: more than their latency."""
@@ -24,7 +25,7 @@ SEEN_WITHIN, SEEN_AFTER = 0.02, 3.0
 """A basket that was put somewhere is seen so near to the place [m], within so long [s, wall clock]."""
 
 
-class Controls:
+class ViewerJobs:
     """Obeys requests of the panel as routines of `node`.
 
     say: called with what goes on, and whether it is an error; busy: with whether a job is under way; threw: with the landing error [m] and
@@ -46,7 +47,7 @@ class Controls:
         self._node, self._region, self._frame_id = node, region, frame_id
         self._rng = np.random.default_rng([seed, 7])
         self._say, self._show_busy, self._threw, self._seen, self._heard = say, busy, threw, seen, heard
-        self._calls, self._inspector = Calls(node), Inspector(node)
+        self._calls, self._inspector = ServiceCalls(node), NodeInspector(node)
         self._job, self._handle, self._stopping, self._said = "", None, False, ""
         self._wanted, self._placing, self._placed_at = None, False, None
         self._actions = {
@@ -98,7 +99,7 @@ class Controls:
         self._tell(text, error)
 
     def _tell(self, text, error: Exception | None) -> None:
-        if error is not None and not isinstance(error, Gone | ValueError):
+        if error is not None and not isinstance(error, CallFailed | ValueError):
             self._node.get_logger().error(f"{type(error).__name__}: {error}")
         if error is not None or text:
             self._say(str(error) if error is not None else text, error is not None)
@@ -121,7 +122,7 @@ class Controls:
                 break
             await pause(self._node, 0.1)
         if not response.success:
-            raise Gone(response.message)
+            raise CallFailed(response.message)
         return response.message
 
     async def _throw(self) -> str:
@@ -153,7 +154,7 @@ class Controls:
         if error is not None:
             raise error
         if result.code != Throw.Goal.OUTCOME_THROWN:
-            raise Gone(f"no throw: {result.message}")
+            raise CallFailed(f"no throw: {result.message}")
         return self._judge(result.outcome)
 
     def _judge(self, outcome) -> str:
@@ -164,7 +165,7 @@ class Controls:
     async def _practise(self, throws: int, follow_basket: bool) -> str:
         result = await self._carry_out("practice", Practice.Goal(throws=throws, follow_basket=follow_basket))
         if not result.success and not self._stopping:
-            raise Gone(result.message)
+            raise CallFailed(result.message)
         return result.message
 
     # the basket
@@ -173,7 +174,7 @@ class Controls:
         while self._wanted is not None:
             place, self._wanted = self._wanted, None
             if not self._place.service_is_ready():
-                raise Gone("the basket is not moved from here: nobody serves /simulation/place_basket")
+                raise CallFailed("the basket is not moved from here: nobody serves /simulation/place_basket")
             await self._calls.call(self._place, PlaceBasket.Request(position=conversions.point(place)))
             await self._calls.call(self._step, Step.Request(steps=LOOK_STEPS), may_refuse=True)  # refused while the world runs anyway
             self._placed_at = place
@@ -194,7 +195,7 @@ class Controls:
             await pause(self._node, 0.02)
         self._placed_at = None
         if seen is None:
-            raise Gone("no basket is seen: is the motion capture running, and is a basket tracked?")
+            raise CallFailed("no basket is seen: is the motion capture running, and is a basket tracked?")
         return seen
 
     # the rest
@@ -204,7 +205,7 @@ class Controls:
         if self._handle is not None:
             self._handle.cancel_goal_async()
         if not self._stop.service_is_ready():
-            raise Gone("nobody serves /commander/stop: is the commander running?")
+            raise CallFailed("nobody serves /commander/stop: is the commander running?")
         await self._calls.call(self._stop, Trigger.Request())
         return "stopped"
 
@@ -213,7 +214,7 @@ class Controls:
         return f"{name} = {value:g}"
 
     async def _carry_out(self, name: str, goal, on_feedback=lambda feedback: None):
-        """Result of an action's goal; Gone if its server goes away."""
+        """Result of an action's goal; CallFailed if its server goes away."""
         client, over = self._actions[name], Promise()
         try:
             self._handle = await self._calls.send(client, f"/{name}", goal, on_feedback)
@@ -224,7 +225,7 @@ class Controls:
         finally:
             self._handle = None
         if result is None:
-            raise Gone(f"nobody serves /{name} any more: its node has ended")
+            raise CallFailed(f"nobody serves /{name} any more: its node has ended")
         return result
 
 

@@ -11,15 +11,15 @@ from dart_skill.configuration import config_path
 from dart_skill.recording import BagWriter, definition, is_stamped, qos_yaml, type_hash, types_for
 from dart_skill.robot.description import wam_description
 from dart_skill.robot.urdf import write_urdf
-from dart_skill_nodes import conversions
-from dart_skill_nodes.support import WALL
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.qos import WALL
 
 FLUSH = 1.0
 """What came more than so long ago is safe from a crash [s, wall clock]."""
 PARAMETER_FILES = ("wam.yaml", "wam_simulator.yaml", "optitrack.yaml", "commander.yaml", "teacher.yaml")
 
 
-class TopicBag:
+class BagSink:
     """A bag that is being filled. failure: why nothing is written any more, as when the disk is full; empty if all is well.
 
     limits: of a file, as `BagWriter` has them.

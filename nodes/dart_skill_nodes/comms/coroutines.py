@@ -10,7 +10,7 @@ from rclpy.action import ActionServer
 from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
 
-from dart_skill_nodes.support import WALL
+from dart_skill_nodes.comms.qos import WALL
 
 
 class Promise:
@@ -92,7 +92,7 @@ def finish_by_success(goal_handle: ServerGoalHandle, result) -> None:
     finish(goal_handle, result.success)
 
 
-class RoutineServer(ActionServer):
+class CoroutineActionServer(ActionServer):
     """An action server whose goals are executed as routines.
 
     routine: coroutine function of the goal handle, returns the action's result; finish: sets the goal's final state by it.
@@ -112,7 +112,7 @@ class RoutineServer(ActionServer):
                 self._finish(handle, result)
                 return result
 
-            super(RoutineServer, self).notify_execute(goal_handle, hand_over)
+            super(CoroutineActionServer, self).notify_execute(goal_handle, hand_over)
 
         start(self._own_node, self._routine(goal_handle), ended)
 

@@ -9,24 +9,24 @@ import numpy as np
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from dart_skill_nodes.ears import deaf_node, never_called, taken
+from dart_skill_nodes.comms.raw_batches import never_called, taken, unspun_node
 
 POSE_BYTES = 7 * 8
 FRAME_AT = 12
 """Where a header's frame_id begins in a serialised message: after the encapsulation and the stamp."""
 
 
-class Glances:
+class LatestMessages:
     """Best-effort subscriptions, which match every publisher and never hold one up, on a hidden node that nobody spins."""
 
     def __init__(self, node: Node):
-        self._deaf = deaf_node(f"_{node.get_name()}_glances")
+        self._unspun = unspun_node(f"_{node.get_name()}_latest_messages")
         self._subscriptions = {}
 
     def watch(self, topic: str, message_type: type, depth: int = 1) -> None:
         """Keep the `depth` newest messages of a topic for `take`."""
         qos = QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
-        self._subscriptions[topic] = self._deaf.create_subscription(message_type, topic, never_called, qos, raw=True)
+        self._subscriptions[topic] = self._unspun.create_subscription(message_type, topic, never_called, qos, raw=True)
 
     def take(self, topic: str) -> list[bytes]:
         """Serialised messages that have come since the last time, the newest last."""
@@ -34,10 +34,10 @@ class Glances:
 
     def close(self) -> None:
         """Keep nothing any more."""
-        self._deaf.destroy_node()
+        self._unspun.destroy_node()
 
 
-def poses(messages: list[bytes], frame_id: str) -> np.ndarray:
+def poses_of(messages: list[bytes], frame_id: str) -> np.ndarray:
     """Positions and quaternions x, y, z, w (n, 7) of serialised PoseStamped; ValueError if one is in another frame.
 
     The seven numbers end the message, whatever the length of the frame's name before them (CDR, little-endian, as on every machine that

@@ -3,7 +3,7 @@
 import numpy as np
 from visualization_msgs.msg import Marker, MarkerArray
 
-from dart_skill_nodes import conversions
+from dart_skill_nodes.comms import conversions
 
 
 def ellipsoids(message: MarkerArray, frame_id: str) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:

@@ -13,8 +13,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from dart_skill_nodes.routines import pause
-from dart_skill_nodes.support import WALL
+from dart_skill_nodes.comms.coroutines import pause
+from dart_skill_nodes.comms.qos import WALL
 
 LOOK_AGAIN = 0.2
 """The graph is looked at so often [s, wall clock]."""
@@ -31,7 +31,7 @@ class _Topic:
     subscription: Subscription | None = field(default=None, repr=False)
 
 
-class AsOffered:
+class MatchingSubscriptions:
     """Subscriptions of a node that wait for their publishers, and follow them when a less reliable one joins.
 
     owner: another node, which nobody spins, to make them on: whoever takes the messages out by itself wants that.

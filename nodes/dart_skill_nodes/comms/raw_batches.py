@@ -12,7 +12,7 @@ import rclpy
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 
-from dart_skill_nodes.offered import AsOffered
+from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions
 
 TAKE = 0.01
 """Often enough for whoever has no reason for another period [s, wall clock]."""
@@ -22,7 +22,7 @@ MOST = 5000
 """Messages of a topic that are taken in one batch: the others' turn comes too."""
 
 
-class Heard(NamedTuple):
+class RawMessage(NamedTuple):
     """A message as it came. received_ns: on the wall clock."""
 
     received_ns: int
@@ -36,12 +36,12 @@ class _Numbering:
     lost: int = 0
 
 
-class Ears:
+class RawBatches:
     """What a node hears without callbacks; call `take` often enough that no history overflows."""
 
     def __init__(self, node: Node):
-        self._deaf = deaf_node(f"_{node.get_name()}_ears")
-        self._offered = AsOffered(node, self._deaf)
+        self._unspun = unspun_node(f"_{node.get_name()}_raw_batches")
+        self._offered = MatchingSubscriptions(node, self._unspun)
         self._numbering: dict[str, _Numbering] = {}
 
     def listen(self, topic: str, on_offer=lambda offers: None) -> None:
@@ -64,26 +64,26 @@ class Ears:
         """Messages that were sent and never came, by topic, of topics with a single publisher."""
         return {topic: numbering.lost for topic, numbering in self._numbering.items() if numbering.lost}
 
-    def take(self) -> list[Heard]:
+    def take(self) -> list[RawMessage]:
         """Every message that has come since the last time."""
-        heard = []
+        message = []
         for topic, subscription in self._offered.subscriptions.items():
             numbers = []
             for data, info in taken(subscription):
                 numbers.append(info["publication_sequence_number"])
-                heard.append(Heard(info["received_timestamp"], topic, data))
+                message.append(RawMessage(info["received_timestamp"], topic, data))
             if numbers and subscription.get_publisher_count() == 1:
                 _count(self._numbering[topic], numbers)
-        heard.sort(key=lambda one: one.received_ns)
-        return heard
+        message.sort(key=lambda one: one.received_ns)
+        return message
 
     def close(self) -> None:
         """Hear nothing any more."""
         self._offered.close()
-        self._deaf.destroy_node()
+        self._unspun.destroy_node()
 
 
-def deaf_node(name: str) -> Node:
+def unspun_node(name: str) -> Node:
     """A node that nobody spins, for subscriptions whose messages are taken; a leading underscore hides it from `ros2 node list`."""
     return rclpy.create_node(name, start_parameter_services=False, enable_rosout=False)
 

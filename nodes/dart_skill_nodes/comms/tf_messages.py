@@ -14,14 +14,14 @@ from dart_skill.recording import serialize, types_for
 from dart_skill.robot.description import wam_description
 from dart_skill.robot.transforms import Transform, fixed_transforms, joint_transforms
 from dart_skill.robot.urdf import write_urdf
-from dart_skill_nodes import conversions
-from dart_skill_nodes.support import LATCHED
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.qos import LATCHED
 
 TF, TEXT = "tf2_msgs/msg/TFMessage", "std_msgs/msg/String"
 POSE = "/vrpn_mocap/"
 
 
-class Scene:
+class TfMessages:
     """The messages that go with others. Those on topics of `published` are left to whoever publishes them.
 
     topics: name -> type and quality of service of what is made here.

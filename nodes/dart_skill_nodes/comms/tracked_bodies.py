@@ -8,8 +8,8 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 
 from dart_skill.skill.cutting import ThrowLog
-from dart_skill_nodes import conversions
-from dart_skill_nodes.offered import AsOffered
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions
 
 FRAME_NS = 10_000_000
 """Between two frames of the cameras."""
@@ -35,7 +35,7 @@ class Arrivals:
         return max(self._sure_ns, min(newest_ns))
 
 
-class Watcher:
+class TrackedBodies:
     """Keeps a ThrowLog up to date from the pose topics, and knows up to which stamp every message has arrived.
 
     Between `clear` and `rest` messages are looked at; at other times they are not even decoded. on_pose is called after each pose,
@@ -46,7 +46,7 @@ class Watcher:
         self._awake = False
         self.log, self._node, self._frame_id, self._on_pose = ThrowLog(), node, frame_id, on_pose
         self.newest_ns, self.wrong_frame = 0, ""
-        self._cameras = AsOffered(node)
+        self._cameras = MatchingSubscriptions(node)
         for role in ROLES if subscribe else ():
             self._cameras.subscribe(f"/vrpn_mocap/{role}/pose", partial(self.take, role), PoseStamped, raw=True)
 

@@ -20,9 +20,10 @@ from std_srvs.srv import SetBool
 
 from dart_skill.recording import BagReader, TopicInfo, type_hash, types_for
 from dart_skill.recording.playback import CLOCK_TOPIC, CLOCK_TYPE, Due, Pace, Playback, Selection
-from dart_skill_nodes import conversions
-from dart_skill_nodes.offered import message_class
-from dart_skill_nodes.support import CLOCK, OK, Diagnostics, Parameter, declare, run
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.matching_qos import message_class
+from dart_skill_nodes.comms.qos import CLOCK
+from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, run
 
 TABLE = [
     Parameter("bag", "folder or .mcap file"),

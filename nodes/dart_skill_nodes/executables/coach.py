@@ -14,11 +14,12 @@ from std_srvs.srv import SetBool
 from dart_skill.experiments.targets import Region
 from dart_skill.skill.curriculum import Curriculum
 from dart_skill.skill.cutting import ARRIVAL_NS
-from dart_skill_nodes import conversions
-from dart_skill_nodes.calls import PATIENCE, Calls, Gone, Recording
-from dart_skill_nodes.offered import AsOffered
-from dart_skill_nodes.routines import Promise, RoutineServer, finish_by_success, within
-from dart_skill_nodes.support import OK, Diagnostics, Parameter, declare, run
+from dart_skill_nodes.client.failures import CallFailed
+from dart_skill_nodes.client.service_calls import PATIENCE, Recording, ServiceCalls
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, finish_by_success, within
+from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions
+from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, run
 
 TABLE = [
     Parameter("seed", "of the baskets among which it chooses", 0, 2**31 - 1),
@@ -44,17 +45,17 @@ class CoachNode(Node):
         self._region = Region(**{name: self.p[name] for name in ("near", "far", "side", "rim")})
         self._rng, self._curriculum = np.random.default_rng([self.p["seed"], 5]), Curriculum()
         self._goal, self._under_way, self._sighting = None, None, None
-        self._calls = Calls(self)
+        self._calls = ServiceCalls(self)
         self._recording = Recording(self, self._calls)
         self._reset = self.create_client(Reset, "/simulation/reset")
         self._pause = self.create_client(SetBool, "/simulation/pause")
         self._plan = self.create_client(PlanThrow, "/skill_learner/plan_throw")
         self._add_trial = self.create_client(AddTrial, "/skill_learner/add_trial")
         self._throw = ActionClient(self, Throw, "/throw")
-        self._cameras = AsOffered(self)
+        self._cameras = MatchingSubscriptions(self)
         self._cameras.subscribe(f"/vrpn_mocap/{self.p['basket_body']}/pose", self._on_basket, PoseStamped)
         accept = {"goal_callback": self._on_goal, "cancel_callback": self._on_cancel}
-        self._action = RoutineServer(self, Practice, "/practice", self._practise, finish_by_success, **accept)
+        self._action = CoroutineActionServer(self, Practice, "/practice", self._practise, finish_by_success, **accept)
         self._diagnostics = Diagnostics(self, lambda: (OK, "practising" if self._goal else "waiting", {}))
 
     def _on_goal(self, goal) -> GoalResponse:
@@ -79,10 +80,10 @@ class CoachNode(Node):
                 target = None if follow else targets[(number - 1) % len(targets)] if targets else await self._choose()
                 await self._one_throw(number, target, result)
                 if goal_handle.is_cancel_requested:
-                    raise Gone("cancelled")
+                    raise CallFailed("cancelled")
             result.success = result.thrown == wanted
             result.message = f"{result.thrown} of {wanted} throws made, {result.learned} learned from"
-        except (Gone, ValueError) as error:
+        except (CallFailed, ValueError) as error:
             result.success, result.message = False, str(error)
             self.get_logger().error(f"practice ends: {error}")
         finally:
@@ -98,7 +99,7 @@ class CoachNode(Node):
             response = await self._calls.call(self._plan, request, may_refuse=True)
             if response.success:
                 return baskets[k]
-        raise Gone(f"{self._plan.srv_name} has no plan for any of {len(baskets)} baskets: {response.message}")
+        raise CallFailed(f"{self._plan.srv_name} has no plan for any of {len(baskets)} baskets: {response.message}")
 
     async def _one_throw(self, number: int, target: np.ndarray | None, result: Practice.Result) -> None:
         """target (3,), where the basket is put; None: where it is seen."""
@@ -132,7 +133,7 @@ class CoachNode(Node):
         seen, self._sighting = await within(self, self._sighting, PATIENCE), None
         await self._calls.call(self._pause, SetBool.Request(data=True))
         if seen is None:
-            raise Gone(f"the basket was not seen for {PATIENCE:.0f} s: is it tracked?")
+            raise CallFailed(f"the basket was not seen for {PATIENCE:.0f} s: is it tracked?")
         return seen
 
     def _on_basket(self, message: PoseStamped) -> None:
@@ -160,7 +161,7 @@ class CoachNode(Node):
         await self._calls.call(self._pause, SetBool.Request(data=False))
         thrown, self._under_way = await within(self, over, LONGEST_THROW), None
         if thrown is None:
-            raise Gone(f"the throw took longer than {LONGEST_THROW:.0f} s")
+            raise CallFailed(f"the throw took longer than {LONGEST_THROW:.0f} s")
         return thrown
 
     async def _learn_from(self, thrown: Throw.Result, target: np.ndarray, result: Practice.Result) -> str:

@@ -23,11 +23,12 @@ from dart_skill.robot.command import ArmState
 from dart_skill.robot.commander import Commander, CommanderSettings, Mode, PlanRefused
 from dart_skill.skill.cutting import ARRIVAL_NS
 from dart_skill.skill.outcome import judge_flight
-from dart_skill_nodes import conversions
-from dart_skill_nodes.links import Link
-from dart_skill_nodes.routines import Promise, RoutineServer, answer, finish, pause
-from dart_skill_nodes.support import COMPLETE, ERROR, FRAMES, LATCHED, LOOP, OK, WALL, WARN, Diagnostics, Parameter, declare, run
-from dart_skill_nodes.watching import BEFORE_NS, Watcher
+from dart_skill_nodes.client.server_probe import ServerProbe
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, answer, finish, pause
+from dart_skill_nodes.comms.qos import COMPLETE, FRAMES, LATCHED, LOOP, WALL
+from dart_skill_nodes.comms.tracked_bodies import BEFORE_NS, TrackedBodies
+from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Parameter, declare, run
 
 TABLE = [
     Parameter("frame_id", "frame of targets, plans and wrenches"),
@@ -99,15 +100,15 @@ class CommanderNode(Node):
         self._command = self.create_publisher(WamCommand, "/wam/command", COMPLETE)
         self._attractor = self.create_publisher(PoseStamped, "~/attractor", FRAMES)
         self._plan = self.create_publisher(Path, "~/plan", LATCHED)
-        self._watcher = Watcher(self, self.p["frame_id"], on_pose=self._check_over)
+        self._watcher = TrackedBodies(self, self.p["frame_id"], on_pose=self._check_over)
         self.create_subscription(JointState, "/joint_states", self._on_state, LOOP)
         self.create_subscription(Time, "/skill_learner/heartbeat", self._on_heartbeat, 10)
         self._planner = self.create_client(PlanThrow, "/skill_learner/plan_throw")
-        self._planner_link = Link(self, self._planner.srv_name)
+        self._planner_link = ServerProbe(self, self._planner.srv_name)
         self.create_service(SetBool, "~/release_arm", self._on_release_arm)
         self.create_service(Trigger, "~/stop", self._on_stop)
         accept = {"goal_callback": self._on_goal, "cancel_callback": self._on_cancel}
-        self._action = RoutineServer(self, Throw, "/throw", self._throw, self._finish, **accept)
+        self._action = CoroutineActionServer(self, Throw, "/throw", self._throw, self._finish, **accept)
         self._diagnostics = Diagnostics(self, self._describe)
         self.create_timer(WATCH, self._watch, clock=WALL)
 

@@ -1,12 +1,12 @@
 """Simulator, motion capture, commander, recorder, teacher and coach in one process and one executor: the same nodes, faster."""
 
-from dart_skill_nodes.coach import CoachNode
-from dart_skill_nodes.commander import CommanderNode
-from dart_skill_nodes.demonstration_recorder import DemonstrationRecorder
-from dart_skill_nodes.mock_optitrack import MockOptitrack
-from dart_skill_nodes.support import run
-from dart_skill_nodes.teacher import TeacherNode
-from dart_skill_nodes.wam_simulator import WamSimulator
+from dart_skill_nodes.executables.coach import CoachNode
+from dart_skill_nodes.executables.commander import CommanderNode
+from dart_skill_nodes.executables.demonstration_recorder import DemonstrationRecorder
+from dart_skill_nodes.executables.mock_optitrack import MockOptitrack
+from dart_skill_nodes.executables.teacher import TeacherNode
+from dart_skill_nodes.executables.wam_simulator import WamSimulator
+from dart_skill_nodes.process.node_base import run
 
 
 def main(args: list[str] | None = None) -> None:

@@ -21,11 +21,12 @@ from dart_skill.recording import DEMONSTRATION_TOPIC, DEMONSTRATION_TYPE, Demons
 from dart_skill.recording.grip_signal import OPEN, read_command
 from dart_skill.skill.cutting import watched_until
 from dart_skill.skill.throw_finder import ThrowFinder
-from dart_skill_nodes import conversions
-from dart_skill_nodes.ears import TAKE, Ears, Heard
-from dart_skill_nodes.support import ERROR, LATCHED, OK, WALL, WARN, Diagnostics, Parameter, autostart, declare, run
-from dart_skill_nodes.topic_bag import BagKeeper, TopicBag
-from dart_skill_nodes.watching import FRAME_NS, ROLES, Arrivals, Watcher
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink
+from dart_skill_nodes.comms.qos import LATCHED, WALL
+from dart_skill_nodes.comms.raw_batches import TAKE, RawBatches, RawMessage
+from dart_skill_nodes.comms.tracked_bodies import FRAME_NS, ROLES, Arrivals, TrackedBodies
+from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Parameter, autostart, declare, run
 
 TABLE = [
     Parameter("frame_id", "frame of the poses"),
@@ -71,11 +72,11 @@ class DemonstrationRecorder(BagKeeper):
                 **{name: self.p[name] for name in ("min_duration", "max_pause", "run_up", "settle")},
             )  # fmt: skip
             path = Path(self.p["bag"] or f"demonstrations_{datetime.now():%Y_%m_%d-%H_%M_%S}")
-            self._bag = TopicBag(self, path, {"seed": str(self.p["seed"])})
+            self._bag = BagSink(self, path, {"seed": str(self.p["seed"])})
         except (ValueError, OSError) as error:
             self.get_logger().error(f"not configured: {error}")
             return TransitionCallbackReturn.FAILURE
-        self._watcher = Watcher(self, self.p["frame_id"], subscribe=False)
+        self._watcher = TrackedBodies(self, self.p["frame_id"], subscribe=False)
         self._role_of = {f"/vrpn_mocap/{self.p[f'{role}_body']}/pose": role for role in ROLES}
         self._needed = {"/joint_states", "/wam/command", "/wam/teacher_wrench", *self._role_of}
         self._silent = {"/joint_states", "/wam/command", *(t for t, role in self._role_of.items() if role == "hand")}
@@ -83,7 +84,7 @@ class DemonstrationRecorder(BagKeeper):
         if self.p["automatic"]:
             self._finder = ThrowFinder(self._watcher.log, self._thresholds)
             self._watcher.clear()
-        self._ears = Ears(self)
+        self._messages = RawBatches(self)
         for topic in [*self.p["topics"], *sorted(self._needed - set(self.p["topics"]))]:
             self._subscribe(topic)
         self._timer = self.create_timer(TAKE, self._take, clock=WALL)
@@ -93,8 +94,8 @@ class DemonstrationRecorder(BagKeeper):
         if self._bag is not None:
             self._take()
             self.destroy_timer(self._timer)
-            self._ears.close()
-            self._bag.close({"lost": json.dumps(self._ears.lost)})
+            self._messages.close()
+            self._bag.close({"lost": json.dumps(self._messages.lost)})
             self._bag, self._recording = None, False
 
     # recording
@@ -104,32 +105,32 @@ class DemonstrationRecorder(BagKeeper):
             self._bag.add_own(topic, DEMONSTRATION_TYPE, LATCHED)
             return  # its own publication is written where it is made: a node does not hear itself reliably in order
         if topic in self.p["topics"]:
-            self._ears.listen(topic, partial(self._bag.add_offered, topic))
+            self._messages.listen(topic, partial(self._bag.add_offered, topic))
         else:
-            self._ears.listen(topic)
+            self._messages.listen(topic)
 
     def _take(self) -> None:
         if self._bag is None:
             return  # a last tick of the timer, when all is closed
-        for heard in self._ears.take():
-            ns = self._bag.stamp_ns(heard.topic, heard.data)
+        for message in self._messages.take():
+            ns = self._bag.stamp_ns(message.topic, message.data)
             ns = self._now_ns if ns is None else ns
-            self._now_ns, self._newest[heard.topic] = max(self._now_ns, ns), ns
-            if heard.topic in self.p["topics"]:
-                self._bag.write(heard.topic, self._now_ns, ns, heard.data)
+            self._now_ns, self._newest[message.topic] = max(self._now_ns, ns), ns
+            if message.topic in self.p["topics"]:
+                self._bag.write(message.topic, self._now_ns, ns, message.data)
             if self._recording or self._finder:
-                self._look(heard, ns)
-            self._silent.discard(heard.topic)
+                self._look(message, ns)
+            self._silent.discard(message.topic)
         if self._finder:
             self._find()
 
-    def _look(self, heard: Heard, ns: int) -> None:
-        if role := self._role_of.get(heard.topic):
-            self._watcher.take(role, heard.data)
-        elif heard.topic == "/joint_states":
-            self._look_at_joints(ns, heard.data)
-        elif heard.topic in ("/wam/command", "/wam/teacher_wrench"):
-            self._look_at_grip(heard.topic, ns, heard.data)
+    def _look(self, message: RawMessage, ns: int) -> None:
+        if role := self._role_of.get(message.topic):
+            self._watcher.take(role, message.data)
+        elif message.topic == "/joint_states":
+            self._look_at_joints(ns, message.data)
+        elif message.topic in ("/wam/command", "/wam/teacher_wrench"):
+            self._look_at_grip(message.topic, ns, message.data)
 
     def _look_at_joints(self, ns: int, data: bytes) -> None:
         joints = self._watcher.log
@@ -161,7 +162,7 @@ class DemonstrationRecorder(BagKeeper):
         if self._finder:
             response.success, response.message = False, "throws are cut automatically here: ~/start needs 'automatic' to be false"
             return response
-        if silent := ", ".join(sorted(self._silent | (set(self._role_of) & set(self._ears.missing)))):
+        if silent := ", ".join(sorted(self._silent | (set(self._role_of) & set(self._messages.missing)))):
             response.success, response.message = False, f"nothing has come on {silent} yet: is the node running that publishes it?"
             return response
         self._take()
@@ -217,7 +218,7 @@ class DemonstrationRecorder(BagKeeper):
         if self._bag is None:
             return WARN, "no bag is open", {}
         values = {"bag": self._bag.writer.path, "demonstrations": self._count, "rejected": self._watcher.log.rejected}
-        values["lost"] = sum(self._ears.lost.values())
+        values["lost"] = sum(self._messages.lost.values())
         values |= self._bag.writer.counts
         if self._bag.failure:
             return ERROR, self._bag.failure, values

@@ -15,20 +15,9 @@ from dart_skill.configuration import node_parameters
 from dart_skill.robot.model import ArmModel
 from dart_skill.simulation.motion_capture import BasketWalls, LatencyQueue, MotionCapture
 from dart_skill.simulation.plant import PlantSettings
-from dart_skill_nodes import conversions
-from dart_skill_nodes.support import (
-    CLOCK,
-    FRAMES,
-    OK,
-    POSES,
-    WARN,
-    Diagnostics,
-    Parameter,
-    autostart,
-    declare_row,
-    refuse_what_is_not_finite,
-    run,
-)
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.qos import CLOCK, FRAMES, POSES
+from dart_skill_nodes.process.node_base import OK, WARN, Diagnostics, Parameter, autostart, declare_row, refuse_what_is_not_finite, run
 
 STEP_NS = PlantSettings().step_ns
 BASKET = (

@@ -12,12 +12,13 @@ from pathlib import Path
 from rclpy.lifecycle import TransitionCallbackReturn
 
 from dart_skill.recording import types_for
-from dart_skill_nodes import conversions
-from dart_skill_nodes.ears import TAKE, Ears, Heard
-from dart_skill_nodes.offered import message_class
-from dart_skill_nodes.scene import Scene
-from dart_skill_nodes.support import ERROR, OK, WALL, WARN, Diagnostics, Parameter, autostart, declare, run
-from dart_skill_nodes.topic_bag import BagKeeper, TopicBag
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink
+from dart_skill_nodes.comms.matching_qos import message_class
+from dart_skill_nodes.comms.qos import WALL
+from dart_skill_nodes.comms.raw_batches import TAKE, RawBatches, RawMessage
+from dart_skill_nodes.comms.tf_messages import TfMessages
+from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Parameter, autostart, declare, run
 
 TABLE = [
     Parameter("bag", "folder of the bag; empty: recording_<date> in the working directory"),
@@ -45,7 +46,7 @@ class Recorder(BagKeeper):
         super().__init__("recorder")
         self.p = declare(self, "recorder.yaml", TABLE)
         self.declare_parameter("autostart", True)
-        self._bag, self._ears, self._scene, self._active = None, None, None, False
+        self._bag, self._messages, self._tf, self._active = None, None, None, False
         self._diagnostics = Diagnostics(self, self._describe)
         if self.get_parameter("autostart").value:
             autostart(self)
@@ -59,13 +60,13 @@ class Recorder(BagKeeper):
             notes = dict(_pair(text) for text in self.p["notes"])
             path = Path(self.p["bag"] or f"recording_{datetime.now():%Y_%m_%d-%H_%M_%S}")
             limits = {"max_bytes": round(self.p["max_megabytes"] * 1e6), "max_duration_ns": round(self.p["max_minutes"] * 60e9)}
-            self._bag = TopicBag(self, path, notes, **limits)
+            self._bag = BagSink(self, path, notes, **limits)
         except (ValueError, OSError, re.error) as error:
             self.get_logger().error(f"not configured: {error}")
             return TransitionCallbackReturn.FAILURE
         self._kept, self._made, self._refused = set(), set(), {}
         self._simulated, self._clock_ns, self._early = self.get_parameter("use_sim_time").value, 0, []
-        self._ears = Ears(self)
+        self._messages = RawBatches(self)
         if self._simulated:
             self._listen(CLOCK_TOPIC, keep=self._is_wanted(CLOCK_TOPIC))
         self._look_for_topics()
@@ -88,9 +89,9 @@ class Recorder(BagKeeper):
         self._take()
         for timer in self._ticking:
             self.destroy_timer(timer)
-        self._ears.close()
-        self._bag.close({"lost": json.dumps(self._ears.lost), "not recorded": json.dumps(self._refused)})
-        self._bag = self._ears = self._scene = None
+        self._messages.close()
+        self._bag.close({"lost": json.dumps(self._messages.lost), "not recorded": json.dumps(self._refused)})
+        self._bag = self._messages = self._tf = None
 
     # topics
 
@@ -101,7 +102,7 @@ class Recorder(BagKeeper):
         if self._bag is None:
             return  # a last tick of the timer, when all is closed
         for topic, types in self.get_topic_names_and_types():
-            if topic in {*self._ears.topics, *self._refused, *self._made} or not self._is_wanted(topic):
+            if topic in {*self._messages.topics, *self._refused, *self._made} or not self._is_wanted(topic):
                 continue
             try:
                 message_class(types[0])
@@ -115,54 +116,54 @@ class Recorder(BagKeeper):
     def _listen(self, topic: str, keep: bool = True) -> None:
         if keep:
             self._kept.add(topic)
-            self._ears.listen(topic, partial(self._bag.add_offered, topic))
+            self._messages.listen(topic, partial(self._bag.add_offered, topic))
         else:
-            self._ears.listen(topic)
+            self._messages.listen(topic)
 
     # messages
 
     def _take(self) -> None:
         if self._bag is None:
             return
-        for heard in self._ears.take():
-            if heard.topic == CLOCK_TOPIC and self._simulated:
-                self._clock_ns = max(self._clock_ns, conversions.leading_stamp_ns(heard.data))
-            if not self._active or heard.topic not in self._kept:
+        for message in self._messages.take():
+            if message.topic == CLOCK_TOPIC and self._simulated:
+                self._clock_ns = max(self._clock_ns, conversions.leading_stamp_ns(message.data))
+            if not self._active or message.topic not in self._kept:
                 continue
             if self._simulated and not self._clock_ns:
-                self._early.append(heard)  # latched before time began
+                self._early.append(message)  # latched before time began
                 continue
             for early in self._early:
                 self._write(early)
             self._early.clear()
-            self._write(heard)
+            self._write(message)
 
-    def _write(self, heard: Heard) -> None:
-        log_ns = self._clock_ns if self._simulated else heard.received_ns
-        stamp_ns = self._bag.stamp_ns(heard.topic, heard.data)
-        self._bag.write(heard.topic, log_ns, log_ns if stamp_ns is None else stamp_ns, heard.data)
+    def _write(self, message: RawMessage) -> None:
+        log_ns = self._clock_ns if self._simulated else message.received_ns
+        stamp_ns = self._bag.stamp_ns(message.topic, message.data)
+        self._bag.write(message.topic, log_ns, log_ns if stamp_ns is None else stamp_ns, message.data)
         if self.p["transforms"]:
-            self._show(heard.topic, log_ns, heard.data)
+            self._show(message.topic, log_ns, message.data)
 
     def _show(self, topic: str, log_ns: int, data: bytes) -> None:
         """What viewers need besides, unless somebody publishes it."""
-        if self._scene is None:
-            there = {*self._ears.topics, *(name for name, _ in self.get_topic_names_and_types())}
-            self._scene = Scene(self.p["frame_id"], self.p["transform_rate"], there)
-            for name, (type_name, qos) in self._scene.topics.items():
+        if self._tf is None:
+            there = {*self._messages.topics, *(name for name, _ in self.get_topic_names_and_types())}
+            self._tf = TfMessages(self.p["frame_id"], self.p["transform_rate"], there)
+            for name, (type_name, qos) in self._tf.topics.items():
                 self._made.add(name)
                 self._bag.add_own(name, type_name, qos)
-        for name, message in self._scene.messages(topic, log_ns, data):
+        for name, message in self._tf.messages(topic, log_ns, data):
             self._bag.write(name, log_ns, log_ns, message)
 
     def _describe(self):
         if self._bag is None:
             return WARN, "no bag is open", {}
-        values = {"bag": self._bag.writer.path, "lost": sum(self._ears.lost.values()), **self._bag.writer.counts}
-        values |= {f"{topic} lost": count for topic, count in self._ears.lost.items()}
+        values = {"bag": self._bag.writer.path, "lost": sum(self._messages.lost.values()), **self._bag.writer.counts}
+        values |= {f"{topic} lost": count for topic, count in self._messages.lost.items()}
         if self._bag.failure:
             return ERROR, self._bag.failure, values
-        if self._ears.lost or self._refused:
+        if self._messages.lost or self._refused:
             return WARN, f"messages were lost, or topics are not recorded: {', '.join([*self._ears.lost, *self._refused])}", values
         return OK, "recording" if self._active else "paused", values
 

@@ -19,8 +19,9 @@ from dart_skill.skill.practice import PracticeSettings
 from dart_skill.skill.practising import PractisingSkill
 from dart_skill.skill.throwing import Unreachable
 from dart_skill.skill.views import component_ellipsoids
-from dart_skill_nodes import conversions
-from dart_skill_nodes.support import LATCHED, OK, WARN, Diagnostics, Parameter, declare, run
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.qos import LATCHED
+from dart_skill_nodes.process.node_base import OK, WARN, Diagnostics, Parameter, declare, run
 
 TABLE = [
     Parameter("frame_id", "frame of demonstrations and plans"),

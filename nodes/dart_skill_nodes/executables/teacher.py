@@ -19,11 +19,13 @@ from dart_skill.robot.command import Command, Grip
 from dart_skill.simulation.teacher import Person, Phase, Teacher
 from dart_skill.skill.cutting import ARRIVAL_NS
 from dart_skill.skill.outcome import judge_flight
-from dart_skill_nodes import conversions
-from dart_skill_nodes.calls import Calls, Gone, Recording
-from dart_skill_nodes.routines import Promise, RoutineServer, finish_by_success, pause
-from dart_skill_nodes.support import COMPLETE, LOOP, OK, Diagnostics, Parameter, declare, run
-from dart_skill_nodes.watching import BEFORE_NS, Watcher
+from dart_skill_nodes.client.failures import CallFailed
+from dart_skill_nodes.client.service_calls import Recording, ServiceCalls
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, finish_by_success, pause
+from dart_skill_nodes.comms.qos import COMPLETE, LOOP
+from dart_skill_nodes.comms.tracked_bodies import BEFORE_NS, TrackedBodies
+from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, run
 
 TABLE = [
     Parameter("seed", "everything random comes from it", 0, 2**31 - 1),
@@ -56,18 +58,18 @@ class TeacherNode(Node):
         self.p = declare(self, "teacher.yaml", TABLE)
         self._teacher = Teacher(self.p["seed"], person=Person.from_parameters(self.p))
         self._goal, self._over, self._begin, self._last_ns = None, None, None, None
-        calls = Calls(self)
+        calls = ServiceCalls(self)
         self._call, self._recording = calls.call, Recording(self, calls)
         self._message = WamCommand()
         self._message.header.frame_id = self.p["frame_id"]
         self._wrench = self.create_publisher(WamCommand, "/wam/teacher_wrench", COMPLETE)
-        self._watcher = Watcher(self, self.p["frame_id"], on_pose=self._check_over)
+        self._watcher = TrackedBodies(self, self.p["frame_id"], on_pose=self._check_over)
         self.create_subscription(JointState, "/joint_states", self._on_state, LOOP, raw=True)
         self._reset = self.create_client(Reset, "/simulation/reset")
         self._pause = self.create_client(SetBool, "/simulation/pause")
         self._free_arm = self.create_client(SetBool, "/commander/release_arm")
         accept = {"goal_callback": self._on_goal, "cancel_callback": lambda _: CancelResponse.ACCEPT}
-        self._action = RoutineServer(self, Teach, "/teach", self._teach, finish_by_success, **accept)
+        self._action = CoroutineActionServer(self, Teach, "/teach", self._teach, finish_by_success, **accept)
         self._diagnostics = Diagnostics(self, lambda: (OK, self._teacher.phase.value, {}))
 
     # the hands
@@ -116,7 +118,7 @@ class TeacherNode(Node):
         result = Teach.Result()
         try:
             await self._lesson(goal_handle, result)
-        except (Gone, ValueError) as error:
+        except (CallFailed, ValueError) as error:
             result.success, result.message = False, str(error)
             self.get_logger().error(f"the lesson ends: {error}")
         finally:
@@ -168,12 +170,12 @@ class TeacherNode(Node):
         return judge_flight(*seen, target, self.p["rim_radius"])
 
     async def _until(self, condition, what: str) -> None:
-        """Wait for a message that the graph has sent already; Gone if it does not come in 10 s."""
+        """Wait for a message that the graph has sent already; CallFailed if it does not come in 10 s."""
         for _ in range(1000):
             if condition():
                 return
             await pause(self, 0.01)
-        raise Gone(f"{what} did not arrive in 10 s")
+        raise CallFailed(f"{what} did not arrive in 10 s")
 
     def _feed(self, phase: str, attempt: int) -> None:
         self._goal.publish_feedback(Teach.Feedback(phase=phase, attempt=attempt))

@@ -18,14 +18,15 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from dart_skill.experiments.targets import Region
 from dart_skill.view import Panel, Request, Scene, ViewUnavailable, open_server, url_of
-from dart_skill_nodes import conversions, glances
-from dart_skill_nodes.calls import Gone
-from dart_skill_nodes.controls import Controls, in_words
-from dart_skill_nodes.glances import Glances
-from dart_skill_nodes.inspection import Inspector, Statuses
-from dart_skill_nodes.markers import ellipsoids
-from dart_skill_nodes.routines import start
-from dart_skill_nodes.support import LATCHED, OK, WALL, Diagnostics, Parameter, declare, run
+from dart_skill_nodes.client.failures import CallFailed
+from dart_skill_nodes.client.node_inspector import NodeInspector, NodeStatuses
+from dart_skill_nodes.client.viewer_jobs import ViewerJobs, in_words
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.coroutines import start
+from dart_skill_nodes.comms.latest_messages import LatestMessages, poses_of
+from dart_skill_nodes.comms.markers import ellipsoids
+from dart_skill_nodes.comms.qos import LATCHED, WALL
+from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, run
 
 TABLE = [
     Parameter("host", "address to listen on; whoever reaches the page moves the arm"),
@@ -57,11 +58,11 @@ class Viewer(Node):
         self._scene = Scene(self._server, region=region)
         self._panel = Panel(self._server, self._scene, self._requests.put)
         self._demonstrations, self._new_demonstration, self._basket, self._fault = {}, False, None, ""
-        self._status, self._phase, self._inspector = Statuses(), "", Inspector(self)
+        self._status, self._phase, self._inspector = NodeStatuses(), "", NodeInspector(self)
         self._path_ends, self._pictures = {name: [] for name in ("ball", "hand", "attractor")}, 0
-        self._controls = Controls(
+        self._controls = ViewerJobs(
             self, region, self.p["seed"], self.p["frame_id"], say=self._panel.say, busy=self._panel.set_busy, threw=self._panel.add_throw,
-            seen=lambda: self._basket, heard=lambda: len(self._demonstrations),
+            seen=lambda: self._basket, message=lambda: len(self._demonstrations),
         )  # fmt: skip
         self._subscribe()
         self._diagnostics = Diagnostics(self, self._describe)
@@ -70,10 +71,10 @@ class Viewer(Node):
         self.get_logger().info(f"the live view is at {url_of(self._server)}")
 
     def _subscribe(self) -> None:
-        self._glances = Glances(self)
-        self._glances.watch(JOINTS, JointState)
+        self._latest = LatestMessages(self)
+        self._latest.watch(JOINTS, JointState)
         for topic in POSES.values():
-            self._glances.watch(topic, PoseStamped, depth=200)
+            self._latest.watch(topic, PoseStamped, depth=200)
         self.create_subscription(Demonstration, "/demonstrations", self._on_demonstration, LATCHED)
         self.create_subscription(MarkerArray, "/skill_learner/model", self._on_markers, LATCHED)
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 50)
@@ -89,7 +90,7 @@ class Viewer(Node):
         while not self._requests.empty():
             self._controls.obey(self._requests.get())
         try:
-            self._show(self._glances.take(JOINTS), {name: self._poses(topic) for name, topic in POSES.items()})
+            self._show(self._latest.take(JOINTS), {name: self._poses(topic) for name, topic in POSES.items()})
             self._fault = ""
         except ValueError as error:
             if str(error) != self._fault:
@@ -133,7 +134,7 @@ class Viewer(Node):
 
     def _poses(self, topic: str) -> np.ndarray:
         try:
-            return glances.poses(self._glances.take(topic), self.p["frame_id"])
+            return poses_of(self._latest.take(topic), self.p["frame_id"])
         except ValueError as error:
             raise ValueError(f"{topic}: {error}") from error
 
@@ -185,7 +186,7 @@ class Viewer(Node):
             self._scene.show_cameras(await self._inspector.cameras(f"/{name}"))
 
     def _inspected(self, _, error: Exception | None) -> None:
-        if isinstance(error, Gone | ValueError | KeyError):
+        if isinstance(error, CallFailed | ValueError | KeyError):
             self.get_logger().warning(f"not shown: {error}")
         elif error is not None:
             raise error
@@ -194,7 +195,7 @@ class Viewer(Node):
         return OK, url_of(self._server), {"browsers": len(self._server.get_clients()), "demonstrations": len(self._demonstrations)}
 
     def destroy_node(self) -> None:
-        self._glances.close()
+        self._latest.close()
         self._server.stop()
         super().destroy_node()
 

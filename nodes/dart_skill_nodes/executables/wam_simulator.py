@@ -20,8 +20,9 @@ from std_srvs.srv import SetBool, Trigger
 from dart_skill.robot.description import wam_description
 from dart_skill.robot.urdf import write_urdf
 from dart_skill.simulation.plant import Plant, PlantSettings
-from dart_skill_nodes import conversions
-from dart_skill_nodes.support import CLOCK, COMPLETE, ERROR, FRAMES, LATCHED, LOOP, OK, WALL, WARN, Diagnostics, Parameter, declare, run
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.qos import CLOCK, COMPLETE, FRAMES, LATCHED, LOOP, WALL
+from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Parameter, declare, run
 
 TABLE = [
     Parameter("seed", "everything random comes from it", 0, 2**31 - 1),

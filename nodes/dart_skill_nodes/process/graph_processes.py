@@ -6,16 +6,14 @@ its own.
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
 from collections.abc import Iterable
-from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from dart_skill_nodes.interrupts import ENDS_WITH
+from dart_skill_nodes.process.signals import ENDS_WITH
 
 LAYOUTS = {
     "composed": ("composed", "skill_learner"),
@@ -33,31 +31,9 @@ CUT_OUT_OF = "/joint_states|/wam/(command|teacher_wrench)|/vrpn_mocap/(hand|ball
 """What demonstrations are cut out of; a replay begins when all of it is heard that the bag has."""
 TAKING_TURNS = ("wam_simulator", "commander", "composed")
 """They wait for each other at every step: on one core they hand over faster than from core to core (1.6 times, on two cores)."""
+START = 180.0
+"""For a graph to start: seven processes with all that they import, on a machine that has other things to do [s, wall clock]."""
 SEEDED = ("composed", "wam_simulator", "mock_optitrack", "demonstration_recorder", "teacher", "coach")
-
-
-def choose_domain() -> None:
-    """Set ROS to this machine alone, and to a domain that nobody uses, unless the user chose one. Call before rclpy starts."""
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    if "ROS_DOMAIN_ID" in os.environ:
-        return
-    first = os.getpid() % 100
-    for domain in (1 + (first + k) % 100 for k in range(100)):
-        if _free(7400 + 250 * domain):
-            os.environ["ROS_DOMAIN_ID"] = str(domain)
-            return
-    raise RuntimeError("no free ROS domain between 1 and 100: set ROS_DOMAIN_ID")
-
-
-def _free(port: int) -> bool:
-    """Whether nobody listens on a domain's discovery port, or on the first ports of its participants."""
-    for offset in (0, 10, 11):
-        with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as probe:
-            try:
-                probe.bind(("127.0.0.1", port + offset))
-            except OSError:
-                return False
-    return True
 
 
 def parameters_of(executable: str, layout: str, seed=0, bag="", played="", rate=1.0) -> dict:
@@ -95,7 +71,7 @@ class Graph:
         """Start an executable of this package; parameters go on its command line, and so do the graph's remappings."""
         arguments = [("-p", f"{name}:={_text(value)}") for name, value in (parameters or {}).items()]
         arguments += [("-r", f"{name}:={other}") for name, other in self.remappings.get(executable, {}).items()]
-        command = [sys.executable, "-m", f"dart_skill_nodes.{executable}"]
+        command = [sys.executable, "-m", f"dart_skill_nodes.executables.{executable}"]
         if arguments:
             command += ["--ros-args", *(part for argument in arguments for part in argument)]
         self.logs.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""What all nodes share: the spin loop, parameters from config/ with their descriptions, diagnostics, quality of service."""
+"""What all nodes share: the spin loop, parameters from config/ with their descriptions, diagnostics."""
 
 import math
 import os
@@ -12,32 +12,13 @@ from rclpy.clock import Clock, ClockType
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 
 from dart_skill.configuration import node_parameters
-from dart_skill_nodes.interrupts import Interrupts
-
-LOOP = QoSProfile(depth=10)
-"""For subscribers that answer the newest state: reliable, ten messages."""
-COMPLETE = QoSProfile(depth=10_000)
-"""For what is recorded, at both ends: reliable, 20 s of 500 Hz. A reliable publisher repeats only what it still keeps, and Fast DDS may
-take its heartbeat period of 3 s to find out what was lost."""
-LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""Late joiners get what was published before."""
-FRAMES = QoSProfile(depth=500)
-"""For what comes with every frame of the cameras: reliable, 5 s. Once its history is full, Fast DDS tells with every message what came
-before it, so that what was lost is repeated at once."""
-POSES = {
-    "reliable": FRAMES,
-    "best_effort": QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST),
-}
-"""What a motion-capture driver may publish with; the second one is sensor data as ROS has it."""
-CLOCK = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+from dart_skill_nodes.comms.qos import WALL
+from dart_skill_nodes.process.signals import Interrupts
 
 _SYSTEM = Clock(clock_type=ClockType.SYSTEM_TIME)
-WALL = Clock(clock_type=ClockType.STEADY_TIME)
-"""For watchdogs: a machine's time, never the simulation's."""
 
 
 @dataclass(frozen=True)

@@ -2,27 +2,24 @@
 
 import argparse
 import json
-import os
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from datetime import datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from dart_skill_nodes.command_lines import parser_of
-from dart_skill_nodes.graph import LAYOUTS, SIMULATED, Graph, nodes_of, parameters_of
+from dart_skill_nodes.client.failures import GraphFailure
+from dart_skill_nodes.process.discovery import stay_on_this_machine
+from dart_skill_nodes.process.graph_processes import LAYOUTS, SIMULATED, START, Graph, nodes_of, parameters_of
+from dart_skill_nodes.process.signals import Interrupts
+from dart_skill_nodes.verbs._options import output_folder
 
-os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")  # before rclpy starts
+if TYPE_CHECKING:
+    from dart_skill_nodes.client.graph_client import GraphClient
 
-import rclpy  # noqa: E402
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
-from rclpy.signals import SignalHandlerOptions  # noqa: E402
-
-from dart_skill_nodes.coaching import START, Coach, GraphFailure  # noqa: E402
-from dart_skill_nodes.interrupts import Interrupts  # noqa: E402
-
-LEVELS = {DiagnosticStatus.OK: "ready", DiagnosticStatus.WARN: "warning", DiagnosticStatus.ERROR: "error", DiagnosticStatus.STALE: "stale"}
+LEVELS = {b"\x00": "ready", b"\x01": "warning", b"\x02": "error", b"\x03": "stale"}
+"""Of diagnostic_msgs/DiagnosticStatus."""
 TEACH = "dart-skill teach --count 5"
 LEARN = "dart-skill learn --at-least 2"
 HARDWARE = "ros2 service call /demonstration_recorder/start std_srvs/srv/Trigger"
@@ -30,17 +27,41 @@ NEXT = {"composed": TEACH, "processes": TEACH, "hardware": HARDWARE, "replay": L
 """What to do when everything is ready."""
 
 
-def parse(arguments: list[str] | None) -> argparse.Namespace:
-    """Command line of `dart-skill up`."""
-    parser = parser_of("up")
-    options = parser.parse_args(arguments)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the verb."""
+    parser.description = "The node graph, started, watched and ended in order; it stays until Ctrl-C."
+    parser.add_argument("--layout", choices=list(LAYOUTS), help="what is started (default composed; replay with --play)")
+    parser.add_argument("--seed", type=int, default=0, help="everything random in the simulation comes from it (default 0)")
+    parser.add_argument("--play", type=Path, metavar="BAG", help="bag of a replay")
+    parser.add_argument("--rate", type=float, default=1.0, help="of a replay; 0: as fast as can be (default 1)")
+    parser.add_argument("--viewer", action="store_true", help="the live view, too")
+    parser.add_argument("--record", type=Path, metavar="FOLDER", help="every topic into a bag, too")
+    parser.add_argument("--output", type=Path, help="folder for logs and the bag of demonstrations (default output/up_<date>)")
+    parser.add_argument("--json", action="store_true", help="each event as a line of JSON")
+
+
+def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
+    """Start the graph and stay; returns the exit status."""
     options.layout = options.layout or ("replay" if options.play else "composed")
     if (options.layout == "replay") != bool(options.play):
         parser.error("the layout replay, and no other, needs --play BAG")
     if options.seed < 0 or not 0.0 <= options.rate < float("inf"):
         parser.error(f"--seed is {options.seed}, --rate {options.rate}: neither may be negative or infinite")
-    options.output = (options.output or Path("output") / f"up_{datetime.now():%Y_%m_%d-%H_%M_%S}").resolve()
-    return options
+    options.output = output_folder(parser, options.output)
+    stay_on_this_machine()
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
+    interrupts = Interrupts()
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        stay(options, interrupts, teller(options.json))
+    except GraphFailure as failure:
+        print(f"dart-skill up: {failure}", file=sys.stderr)
+        return 1
+    finally:
+        rclpy.try_shutdown()
+    return 0
 
 
 class Status:
@@ -48,12 +69,14 @@ class Status:
     somebody else started; own: the processes that were not.
     """
 
-    def __init__(self, coach: Coach, nodes: list[str], tell):
+    def __init__(self, client: "GraphClient", nodes: list[str], tell):
+        from diagnostic_msgs.msg import DiagnosticArray
+
         self.strangers, self.own, self._nodes = set(), set(), nodes
         self.silent, self._said, self._tell, self._begun = set(nodes), {}, tell, time.monotonic()
-        coach.node.create_subscription(DiagnosticArray, "/diagnostics", self._take, 50)
+        client.node.create_subscription(DiagnosticArray, "/diagnostics", self._take, 50)
 
-    def _take(self, message: DiagnosticArray) -> None:
+    def _take(self, message) -> None:
         for status in message.status:
             if {pair.key: pair.value for pair in status.values}.get("process") not in self.own:
                 self.strangers |= {status.name} & set(self._nodes)
@@ -79,16 +102,18 @@ def executables(options: argparse.Namespace) -> dict[str, dict]:
 
 def stay(options: argparse.Namespace, interrupts: Interrupts, tell) -> None:
     """Start the graph, say which nodes are ready, and wait for the end; GraphFailure if a node ends by itself, or says nothing."""
+    from dart_skill_nodes.client.graph_client import GraphClient
+
     wanted = executables(options)
-    with Graph(options.output / "logs") as graph, closed(Coach(lambda: dead(graph, tell), name="up")) as coach:
-        status = Status(coach, nodes_of(wanted), tell)
+    with Graph(options.output / "logs") as graph, closed(GraphClient(lambda: dead(graph, tell), name="up")) as client:
+        status = Status(client, nodes_of(wanted), tell)
         for name, parameters in wanted.items():
             graph.start(name, parameters)
             status.own.add(str(graph.processes[name].pid))
         until = time.monotonic() + START
         is_up = False
         while not interrupts:
-            coach.spin()
+            client.spin()
             if status.strangers and not is_up:
                 names = ", ".join(sorted(status.strangers))
                 raise GraphFailure(f"{names} run already: end them, or set ROS_DOMAIN_ID to another number")
@@ -110,12 +135,12 @@ def dead(graph: Graph, tell) -> str:
 
 
 @contextmanager
-def closed(coach: Coach) -> Iterator[Coach]:
-    """A coach that is closed in the end."""
+def closed(client: "GraphClient") -> Iterator["GraphClient"]:
+    """A client that is closed in the end."""
     try:
-        yield coach
+        yield client
     finally:
-        coach.close()
+        client.close()
 
 
 def teller(as_json: bool):
@@ -131,22 +156,3 @@ def teller(as_json: bool):
         print(line, flush=True)
 
     return tell
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Entry point; returns the exit status."""
-    options = parse(arguments)
-    interrupts = Interrupts()
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        stay(options, interrupts, teller(options.json))
-    except GraphFailure as failure:
-        print(f"dart-skill up: {failure}", file=sys.stderr)
-        return 1
-    finally:
-        rclpy.try_shutdown()
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

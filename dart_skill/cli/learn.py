@@ -7,8 +7,10 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 
+from dart_skill.cli import graph_verbs
 
-def add_learn(commands) -> None:
+
+def add_to(commands) -> None:
     """Add `learn` to the commands of `dart-skill`."""
     parser = commands.add_parser("learn", help="a model from a recording alone, or on a graph that runs, from what it was shown")
     text = "rosbag2 folder, .mcap or .db3 file, or a folder with CSV files; none: the learner of the graph that runs learns"
@@ -21,13 +23,16 @@ def add_learn(commands) -> None:
     way.add_argument("--raw", action="store_true", help="find the throws in the recorded poses (default)")
     way.add_argument("--demonstrations-topic", action="store_true", help="take what the recorder published on /demonstrations instead")
     parser.add_argument("--with-throws", action="store_true", help="learn from misses and from the arm's own throws, too")
-    parser.add_argument("--configuration", default="default", help="of the skill (default: default)")
+    parser.add_argument("--configuration", default="", help="of the skill (default: default; on a graph that of its learner)")
     parser.add_argument("--at-least", type=int, metavar="N", help="without BAG: wait for so many demonstrations")
     parser.add_argument("--json", action="store_true", help="what was found and learned as JSON")
-    parser.set_defaults(run=_learn)
+    parser.set_defaults(run=_learn, run_on_graph=graph_verbs.runner("learn", parser))
 
 
 def _learn(options: argparse.Namespace) -> int:
+    if options.bag is None:
+        _refuse_what_needs_a_bag(options)
+        return options.run_on_graph(options)
     from dart_skill.recording.mapping import load_mapping
     from dart_skill.skill.from_bag import learn_from_bag
     from dart_skill.skill.model_file import save_model
@@ -41,10 +46,23 @@ def _learn(options: argparse.Namespace) -> int:
         raise ValueError(f"{output} exists already: name another file with --output")
     mapping = load_mapping(options.mapping) if options.mapping else None
     raw = not options.demonstrations_topic
-    skill, report = learn_from_bag(options.bag, mapping, options.configuration, raw=raw, with_throws=options.with_throws)
+    skill, report = learn_from_bag(options.bag, mapping, options.configuration or "default", raw=raw, with_throws=options.with_throws)
     save_model(output, list(report.learned_from), skill.skill.configuration)
     print(json.dumps(_as_json(skill, report, output), indent=1) if options.json else _as_text(skill, report, output))
     return 0
+
+
+def _refuse_what_needs_a_bag(options: argparse.Namespace) -> None:
+    of_bags = {
+        "--mapping": options.mapping,
+        "--output": options.output,
+        "--raw": options.raw,
+        "--demonstrations-topic": options.demonstrations_topic,
+        "--with-throws": options.with_throws,
+    }
+    for name, given in of_bags.items():
+        if given:
+            raise ValueError(f"{name} is for learning from a BAG: name one, or leave it out")
 
 
 def _as_text(skill, report, output: Path) -> str:

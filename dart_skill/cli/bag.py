@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import shlex
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import asdict
 from datetime import datetime, timezone
 from pathlib import Path
+
+from dart_skill.cli import graph_verbs
 
 LONG_AGO_NS = 10**17
 """Log times before it (March 1973) are those of a simulation."""
 
 
-def add_bag(commands) -> None:
+def add_to(commands) -> None:
     """Add `bag` with its verbs to the commands of `dart-skill`."""
     bag = commands.add_parser("bag", help="what is in a recording, whether it is whole; recover, convert, play it")
     verbs = bag.add_subparsers(title="verbs", required=True, metavar="VERB")
@@ -24,8 +25,7 @@ def add_bag(commands) -> None:
     _add_check(verbs)
     _add_recover(verbs)
     _add_convert(verbs)
-    play = verbs.add_parser("play", help="publish a bag's messages over ROS, as they were recorded")
-    add_play_arguments(play)
+    graph_verbs.add_to(verbs, "play")
 
 
 def _add_info(verbs) -> None:
@@ -303,68 +303,3 @@ def _converted_json(recording, output: Path) -> dict:
         "openings": [asdict(opening) for opening in recording.openings],
         "faults": [asdict(fault) for fault in recording.faults],
     }
-
-
-# play
-
-
-def add_play_arguments(parser: argparse.ArgumentParser) -> None:
-    """The command line of `dart-skill bag play`; `player_parameters` makes the node's parameters of it."""
-    parser.add_argument("bag", metavar="BAG", type=Path, help="bag folder, with or without metadata.yaml, .mcap or .db3 file")
-    rate = _number("--rate", 0.0, 1e6)
-    parser.add_argument("--rate", type=rate, metavar="FACTOR", help="seconds of the bag per second; 0: as fast as can be (default 1)")
-    parser.add_argument("--start", type=_number("--start", 0.0, 1e9), metavar="S", help="begin so long after the bag's first message")
-    parser.add_argument("--duration", type=_number("--duration", 1e-9, 1e9), metavar="S", help="end so long after that")
-    parser.add_argument("--loop", action="store_true", help="begin again at the end")
-    parser.add_argument("--paused", action="store_true", help="wait for the services ~/pause or ~/step of bag_player")
-    parser.add_argument("--topics", nargs="+", metavar="REGEX", help="only topics that one of these matches as a whole")
-    parser.add_argument(
-        "--exclude",
-        nargs="+",
-        metavar="REGEX",
-        help="no topic that one of these matches (default: /parameter_events, /rosout and the like)",
-    )
-    parser.add_argument("--remap", nargs="+", type=_remapping, metavar="OLD:=NEW", help="publish a topic under another name")
-    parser.add_argument(
-        "--clock", type=_number("--clock", 0.0, 1e4), metavar="HZ", help="rate of /clock, unless the bag has one; 0: none (default 100)"
-    )
-    parser.add_argument("--wait-for", nargs="+", metavar="REGEX", help="begin when topics that one of these matches have subscribers")
-    parser.add_argument("--json", action="store_true", help="what was played as JSON, at the end")
-
-
-def player_parameters(options: argparse.Namespace) -> dict[str, object]:
-    """Parameters of the node bag_player; what was not given is left to its file."""
-    given = {
-        "bag": str(options.bag),
-        "rate": options.rate,
-        "start": options.start,
-        "duration": options.duration,
-        "loop": options.loop or None,
-        "start_paused": options.paused or None,
-        "topics": options.topics,
-        "exclude": options.exclude,
-        "remap": options.remap,
-        "clock_rate": options.clock,
-        "awaited": options.wait_for,
-    }
-    return {name: value for name, value in given.items() if value is not None}
-
-
-def _number(name: str, low: float, high: float) -> Callable[[str], float]:
-    """What argparse checks a number with."""
-
-    def number(text: str) -> float:
-        value = float(text)
-        if not (math.isfinite(value) and low <= value <= high):
-            raise argparse.ArgumentTypeError(f"{text}: give a number from {low:g} to {high:g}")
-        return value
-
-    number.__name__ = f"{name} value"
-    return number
-
-
-def _remapping(text: str) -> str:
-    old, _, new = text.partition(":=")
-    if not (old and new):
-        raise argparse.ArgumentTypeError(f"'{text}': write it as /old:=/new")
-    return f"{old}={new}"

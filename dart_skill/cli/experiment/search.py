@@ -1,6 +1,4 @@
-"""`dart-skill darts search` and `dart-skill experiment landscapes`: searches that learn where the reward is highest while it changes, as a
-table of regrets.
-"""
+"""`dart-skill experiment search`, also known as `dart-skill darts search`: where to aim while the thrower gets better."""
 
 from __future__ import annotations
 
@@ -8,11 +6,9 @@ import argparse
 import json
 from pathlib import Path
 
-LANDSCAPE_METHODS = "power,power_constant,power_proportional,cem,cma,cma_default,mixture,restarts,monte_carlo,niches"
 
-
-def add_search(verbs) -> None:
-    """Add `search` to the verbs of `dart-skill darts`."""
+def add_to(verbs) -> None:
+    """Add `search` to the verbs of `dart-skill darts` and `dart-skill experiment`."""
     parser = verbs.add_parser("search", help="learn where to aim by throwing while the thrower gets better, as a table of regrets")
     parser.add_argument(
         "--schedules",
@@ -20,24 +16,11 @@ def add_search(verbs) -> None:
         help="separated by commas: thesis (sigma 75 to 16 mm in 3000 throws), extended (to 6), thesis_12000, extended_12000",
     )
     parser.add_argument("--reward", choices=("expected", "thrown"), default="expected", help="expected score, or that of the dart thrown")
-    _add_runs(parser, "mixture,power,cem")
+    add_runs(parser, "mixture,power,cem")
 
 
-def add_landscapes(experiments) -> None:
-    """Add `landscapes` to the experiments of `dart-skill experiment`."""
-    parser = experiments.add_parser("landscapes", help="the same searches on other landscapes that change, as a table of regrets")
-    parser.add_argument(
-        "--landscapes",
-        dest="schedules",
-        metavar="NAMES",
-        default="all",
-        help="separated by commas (default all): moving_peaks_2, moving_peaks_5, vanishing_peak, half_range, stuck_joint",
-    )
-    parser.set_defaults(reward="expected")
-    _add_runs(parser, LANDSCAPE_METHODS)
-
-
-def _add_runs(parser: argparse.ArgumentParser, methods: str) -> None:
+def add_runs(parser: argparse.ArgumentParser, methods: str) -> None:
+    """Options of every experiment with searches."""
     parser.add_argument(
         "--methods", default=methods, help=f"separated by commas (default {methods}); a wrong one is answered with the list"
     )

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 
-def add_view(commands) -> None:
+def add_to(commands) -> None:
     """Add `view` to the commands of `dart-skill`."""
     parser = commands.add_parser("view", help="a bag in Rerun: the arm, the ball, and plots over time")
     parser.add_argument("bag", metavar="BAG", type=Path, nargs="?", help="rosbag2 folder or .mcap file")

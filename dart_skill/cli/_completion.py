@@ -12,7 +12,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from dart_skill import names
+from dart_skill.cli import names
 
 BAG_SUFFIXES = (".mcap", ".db3")
 LISTS = {
@@ -20,6 +20,7 @@ LISTS = {
     "experiment basket": {"models": names.CONFIGURATIONS},
     "experiment practice": {"methods": names.PRACTICE_METHODS, "changes": names.CHANGES},
     "experiment landscapes": {"methods": names.SEARCHES, "schedules": names.LANDSCAPES},
+    "experiment search": {"methods": names.SEARCHES, "schedules": names.SCHEDULES},
     "darts search": {"methods": names.SEARCHES, "schedules": names.SCHEDULES},
 }
 """Options that take names separated by commas, by command."""
@@ -32,7 +33,7 @@ def is_asked() -> bool:
     return "_ARGCOMPLETE" in os.environ
 
 
-def words() -> list[str]:
+def _words() -> list[str]:
     """What was typed after `dart-skill`, roughly: enough to know the command."""
     return os.environ.get("COMP_LINE", "").split()[1:]
 
@@ -46,7 +47,7 @@ def answer(parser: argparse.ArgumentParser) -> int:
     for command in commands_of(parser):
         for action in command._actions:
             complete_with(action, command.prog.removeprefix(parser.prog).strip())
-    bare = not _takes_words(_command_of(parser, words()))
+    bare = not _takes_words(_command_of(parser, _words()))
     argcomplete.autocomplete(parser, always_complete_options=bare, exclude=["-h"], default_completer=_nothing)
     return 1
 

@@ -8,7 +8,7 @@ import os
 from pathlib import Path
 
 
-def add_report(commands) -> None:
+def add_to(commands) -> None:
     """Add `report` to the commands of `dart-skill`."""
     parser = commands.add_parser("report", help="one HTML page of a bag: tables, figures, and a replay in three dimensions")
     parser.add_argument("bag", metavar="BAG", type=Path, help="rosbag2 folder or .mcap file, or the folder in which a run left its bag")

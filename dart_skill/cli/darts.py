@@ -1,4 +1,4 @@
-"""`dart-skill darts heatmap|aim|estimate|501`: where to aim, from a spread or from scores alone."""
+"""`dart-skill darts heatmap|aim|estimate|501|search`: where to aim, from a spread or from scores alone."""
 
 from __future__ import annotations
 
@@ -6,19 +6,21 @@ import argparse
 import json
 import sys
 
+from dart_skill.cli.experiment import search
+
 HIGHEST_CHECKOUT = 170
 """No three darts finish from more."""
 
 
-def add_commands(subparsers) -> argparse._SubParsersAction:
-    """Add `darts` with its verbs to the subparsers of a command line; returns the verbs' subparsers, so that others can join them."""
-    darts = subparsers.add_parser("darts", help="where to aim on a dart board, for a thrower's spread or from scores")
+def add_to(commands) -> None:
+    """Add `darts` with its verbs to the commands of `dart-skill`."""
+    darts = commands.add_parser("darts", help="where to aim on a dart board, for a thrower's spread or from scores")
     verbs = darts.add_subparsers(required=True, metavar="VERB")
     _add_heatmap(verbs)
     _add_aim(verbs)
     _add_estimate(verbs)
     _add_leg(verbs)
-    return verbs
+    search.add_to(verbs)
 
 
 def _add_heatmap(verbs) -> None:
