@@ -98,7 +98,7 @@ def _spread(options: argparse.Namespace):
 
 def _heatmap(options: argparse.Namespace) -> int:
     from dart_skill.darts import best_aim, heat_map
-    from dart_skill.darts.pictures import draw_heat_map
+    from dart_skill.figures.board import draw_heat_map
 
     spread = _spread(options)
     best = best_aim(spread)
@@ -248,7 +248,7 @@ def _draw(options: argparse.Namespace, function: str, *arguments) -> list[str]:
     """Paths of the picture that one of the functions of `pictures` draws; none without --output."""
     if options.output is None:
         return []
-    from dart_skill.darts import pictures
+    from dart_skill.figures import board as pictures
 
     return _texts(getattr(pictures, function)(*arguments))
 

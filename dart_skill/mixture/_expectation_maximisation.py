@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dart_skill.mixture._checks import LARGEST_LEARNABLE, require_near
+from dart_skill.checks import LARGEST_LEARNABLE, require_near
 from dart_skill.mixture._gaussian import LOG_2PI, cholesky, raise_to_floor, symmetric
 from dart_skill.mixture._sweep import DEAD_SHARE, Components, Sweep, seen_rows
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.mixture._checks import as_count, as_samples, as_weights
+from dart_skill.checks import as_count, as_samples, as_weights
 from dart_skill.mixture._mixture import GaussianMixture
 
 

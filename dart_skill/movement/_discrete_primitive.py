@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.mixture._checks import as_count, as_number
+from dart_skill.checks import as_count, as_number
 from dart_skill.movement._demonstrations import as_demonstrations, shares
 from dart_skill.movement._forcing import GaussianKernels
 from dart_skill.movement._goal_path import BlendAttractor, blend

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.mixture._checks import as_finite, as_number, as_vector
+from dart_skill.checks import as_finite, as_number, as_vector
 from dart_skill.movement._demonstrations import Demonstration
 from dart_skill.movement._forcing import REGRESSIONS, normalised, transformation
 from dart_skill.movement._runge_kutta import divide, integrate

@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from dart_skill.mixture._checks import as_finite, as_number, as_samples, as_vector
+from dart_skill.checks import as_finite, as_number, as_samples, as_vector
 from dart_skill.movement.differentiation import Motion
 
 

@@ -22,8 +22,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dart_skill.checks import as_count, as_number, as_samples, as_vector
 from dart_skill.mixture import regress
-from dart_skill.mixture._checks import as_count, as_number, as_samples, as_vector
 from dart_skill.movement._time import as_stamps
 from dart_skill.movement.attractor import as_gains, attractor_from_motion, critical_damping, discretise
 from dart_skill.movement.differentiation import Motion

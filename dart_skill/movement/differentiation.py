@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from dart_skill.mixture._checks import as_finite, as_samples
+from dart_skill.checks import as_finite, as_samples
 from dart_skill.movement._time import as_stamps
 
 DEGREE = 5

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.mixture._checks import as_samples
+from dart_skill.checks import as_samples
 from dart_skill.movement._placement import FrameCourse
 from dart_skill.movement._time import as_stamps, uniform_step
 from dart_skill.movement.attractor import as_gains, attractor_from_motion, critical_damping, follow_attractor

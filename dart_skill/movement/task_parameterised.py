@@ -17,8 +17,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dart_skill.checks import as_covariances, as_finite, as_number, as_samples, as_weights
 from dart_skill.mixture import GaussianMixture, regress
-from dart_skill.mixture._checks import as_covariances, as_finite, as_number, as_samples, as_weights
 from dart_skill.mixture._expectation_maximisation import Parameters, column_scales, expectation_at, in_units, maximisation, normalise_log
 from dart_skill.mixture._gaussian import cholesky, symmetric
 from dart_skill.mixture._mixture import EMEstimator, checked_priors, n_free_parameters

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.mixture._checks import as_vector
+from dart_skill.checks import as_vector
 from dart_skill.policy_search._search import Settings
 from dart_skill.policy_search.baselines import VectorSearch
 

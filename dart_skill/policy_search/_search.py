@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.mixture._checks import as_count, as_number
+from dart_skill.checks import as_count, as_number
 from dart_skill.policy_search._exploration import EXPLORATIONS
 from dart_skill.policy_search._weights import check_weighting
 

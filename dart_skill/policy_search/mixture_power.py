@@ -17,8 +17,8 @@ from dataclasses import asdict, dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dart_skill.checks import as_count, as_number, as_vector
 from dart_skill.mixture import GaussianMixture
-from dart_skill.mixture._checks import as_count, as_number, as_vector
 from dart_skill.mixture._spectroscopy import data_spectroscopy
 from dart_skill.mixture._split_merge import SplitMerge, adapt
 from dart_skill.policy_search._mixture_policy import MixturePolicy

@@ -16,7 +16,7 @@ import numpy as np
 from dart_skill.recording import Demonstration
 from dart_skill.recording.foreign import ThrowRecording
 from dart_skill.recording.pose_stream import PoseStream
-from dart_skill.skill.throw_finder import FoundThrow
+from dart_skill.skill.observe.throw_finder import FoundThrow
 
 if TYPE_CHECKING:
     from dart_skill.view import Scene

@@ -5,7 +5,6 @@ from functools import lru_cache
 
 import numpy as np
 
-from dart_skill.experiments.session import Session
 from dart_skill.recording import (
     DEMONSTRATION_TOPIC,
     DEMONSTRATION_TYPE,
@@ -18,7 +17,8 @@ from dart_skill.recording import (
     typestore,
 )
 from dart_skill.robot.description import wam_description
-from dart_skill.skill.throwing import learn
+from dart_skill.session.in_process import Session
+from dart_skill.skill.learn.throwing import learn
 
 GIGA, LATENCY_NS = 1_000_000_000, 5_000_000
 TYPES = {

@@ -32,7 +32,7 @@ def _basket(options: argparse.Namespace) -> int:
     results = run_all(tasks, options.results, options.jobs, options.scheduler)
     print(json.dumps(summarise(results), indent=1) if options.json else table(results))
     if options.figure:
-        from dart_skill.experiments.figures.maps import draw_basket
+        from dart_skill.experiments.pictures.maps import draw_basket
 
         print(*draw_basket(results, options.figure), sep="\n", file=sys.stderr)
     return 0

@@ -25,7 +25,7 @@ def _arm_darts(options: argparse.Namespace) -> int:
     from tqdm import tqdm
 
     from dart_skill.experiments import arm_darts
-    from dart_skill.experiments.figures.arm_darts import draw_arm_darts
+    from dart_skill.experiments.pictures.arm_darts import draw_arm_darts
     from dart_skill.simulation.board import Board
 
     distance, height = _board(options.board)

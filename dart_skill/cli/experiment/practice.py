@@ -51,7 +51,7 @@ def _practice(options: argparse.Namespace) -> int:
     results = run_all(tasks, options.results, options.jobs, options.scheduler)
     print(json.dumps(summarise(results), indent=1) if options.json else table(results))
     if options.figure:
-        from dart_skill.experiments.figures.practice import draw_practice
+        from dart_skill.experiments.pictures.practice import draw_practice
 
         floor = None if options.floor is None else 0.01 * options.floor
         print(*draw_practice(results, options.figure, floor), sep="\n", file=sys.stderr)

@@ -16,7 +16,7 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectory
 from dart_skill.recording import Demonstration, demonstration_from_message, fill_demonstration_message
 from dart_skill.robot.command import ArmState, Command, Grip
 from dart_skill.robot.throw_plan import Gains, HandPath, ThrowPlan
-from dart_skill.skill.outcome import Outcome, Release
+from dart_skill.skill.observe.outcome import Outcome, Release
 
 GIGA = 1_000_000_000
 NEW = {

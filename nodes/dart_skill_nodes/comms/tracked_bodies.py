@@ -7,7 +7,7 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 
-from dart_skill.skill.cutting import ThrowLog
+from dart_skill.skill.observe.cutting import ThrowLog
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions
 

@@ -11,9 +11,9 @@ from rclpy.action import ActionClient, CancelResponse, GoalResponse
 from rclpy.node import Node
 from std_srvs.srv import SetBool
 
-from dart_skill.experiments.targets import Region
-from dart_skill.skill.curriculum import Curriculum
-from dart_skill.skill.cutting import ARRIVAL_NS
+from dart_skill.session.regions import Region
+from dart_skill.skill.improve.curriculum import Curriculum
+from dart_skill.skill.observe.cutting import ARRIVAL_NS
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.service_calls import PATIENCE, Recording, ServiceCalls
 from dart_skill_nodes.comms import conversions

@@ -21,8 +21,8 @@ from std_srvs.srv import SetBool, Trigger
 
 from dart_skill.robot.command import ArmState
 from dart_skill.robot.commander import Commander, CommanderSettings, Mode, PlanRefused
-from dart_skill.skill.cutting import ARRIVAL_NS
-from dart_skill.skill.outcome import judge_flight
+from dart_skill.skill.observe.cutting import ARRIVAL_NS
+from dart_skill.skill.observe.outcome import judge_flight
 from dart_skill_nodes.client.server_probe import ServerProbe
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, answer, finish, pause

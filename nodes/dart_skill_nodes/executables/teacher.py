@@ -17,8 +17,8 @@ from std_srvs.srv import SetBool
 
 from dart_skill.robot.command import Command, Grip
 from dart_skill.simulation.teacher import Person, Phase, Teacher
-from dart_skill.skill.cutting import ARRIVAL_NS
-from dart_skill.skill.outcome import judge_flight
+from dart_skill.skill.observe.cutting import ARRIVAL_NS
+from dart_skill.skill.observe.outcome import judge_flight
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.service_calls import Recording, ServiceCalls
 from dart_skill_nodes.comms import conversions

@@ -16,7 +16,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from visualization_msgs.msg import Marker, MarkerArray
 
-from dart_skill.experiments.targets import Region
+from dart_skill.session.regions import Region
 from dart_skill.view import Panel, Request, Scene, ViewUnavailable, open_server, url_of
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.node_inspector import NodeInspector, NodeStatuses

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from dart_skill.checks import to_the_nanosecond
 from dart_skill.mixture import GaussianMixture, regress
 from dart_skill.movement import TaskParameterisedMixture, follow_attractor
 from dart_skill.movement.attractor import critical_damping
@@ -21,11 +22,10 @@ from dart_skill.movement.locality import choose_width, gaussian_weights, nearest
 from dart_skill.movement.orientation import angles_from_quaternions, quaternions_from_angles, turn_about_z
 from dart_skill.recording import Demonstration
 from dart_skill.robot.throw_plan import Gains, HandPath, ThrowPlan
-from dart_skill.samples import to_the_nanosecond
-from dart_skill.skill.configuration import DEFAULT, SkillConfiguration
-from dart_skill.skill.preparation import PreparedThrow, prepare
-from dart_skill.skill.release import farthest, hits_along, nearest_step, stretched_at, weights_at
-from dart_skill.skill.task_frames import frames_for
+from dart_skill.skill.learn.configuration import DEFAULT, SkillConfiguration
+from dart_skill.skill.learn.preparation import PreparedThrow, prepare
+from dart_skill.skill.learn.release import farthest, hits_along, nearest_step, stretched_at, weights_at
+from dart_skill.skill.learn.task_frames import frames_for
 
 LEAST_DEMONSTRATIONS = 2
 REACH_MARGIN = 0.25

@@ -16,7 +16,7 @@ from dart_skill.darts._leg import LegPolicy
 from dart_skill.darts._optimum import Aim, local_optima
 from dart_skill.darts._path import OptimumPath
 from dart_skill.darts._spread import Spread
-from dart_skill.experiments.figures.style import BLACK, BLUE, GREY, LIGHT, PALE, VERMILION, house_style, quantity_colours, save
+from dart_skill.figures.style import BLACK, BLUE, GREY, LIGHT, PALE, VERMILION, house_style, quantity_colours, save
 
 NUMBERS_AT, LIMIT = 185.0, 196.0
 HALO = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8}

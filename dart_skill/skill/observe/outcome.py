@@ -12,8 +12,8 @@ import numpy as np
 import scipy
 from numpy.polynomial import polynomial
 
+from dart_skill.checks import check_samples, check_unit_quaternions
 from dart_skill.flight import TENNIS_BALL, Ball, FlightFit, fit_flight, fit_flights, landing
-from dart_skill.samples import check_samples, check_unit_quaternions
 from dart_skill.surface import RIMS, Surface
 
 NOISE = 1e-4  # standard deviation of a tracked position [m]

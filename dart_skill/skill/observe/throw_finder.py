@@ -10,9 +10,9 @@ import numpy as np
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import Demonstration
 from dart_skill.recording.grip_signal import GripSignal, Opening
-from dart_skill.skill.cutting import RESET_NS, THRESHOLDS, ThrowLog, watched_until
-from dart_skill.skill.outcome import Outcome, judge_flight
-from dart_skill.skill.preparation import RIM_RADIUS
+from dart_skill.skill.learn.preparation import RIM_RADIUS
+from dart_skill.skill.observe.cutting import RESET_NS, THRESHOLDS, ThrowLog, watched_until
+from dart_skill.skill.observe.outcome import Outcome, judge_flight
 
 MEMORY_NS = 60_000_000_000
 """What was seen longer before the present belongs to no throw any more."""

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dart_skill.robot.throw_plan import ThrowPlan
-from dart_skill.skill.release import landing_if_late
+from dart_skill.skill.learn.release import landing_if_late
 from dart_skill.surface import BASKETS, RIMS, Game, Surface
 
 USUAL_NOISE, USUAL_DIFFERENCE = 0.004, 0.01

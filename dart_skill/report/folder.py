@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from dart_skill.experiments.summary import DemoSummary, ThrowResult, table, write_summary
 from dart_skill.report import PAGE, write_page
 from dart_skill.report.run import About
+from dart_skill.session.summary import DemoSummary, ThrowResult, table, write_summary
 
 __all__ = ["DemoSummary", "ThrowResult", "table", "write_report"]
 

@@ -11,8 +11,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dart_skill.experiments.figures.recordings import Recording
-from dart_skill.experiments.figures.style import (
+from dart_skill.figures.recordings import Recording
+from dart_skill.figures.style import (
     BLACK,
     BLUE,
     GREEN,

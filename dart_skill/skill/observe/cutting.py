@@ -11,12 +11,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from dart_skill.checks import to_the_nanosecond
 from dart_skill.movement import VelocityThreshold, segment_containing
 from dart_skill.recording import Demonstration
 from dart_skill.robot.command import all_finite
 from dart_skill.robot.description import wam_description
-from dart_skill.samples import to_the_nanosecond
-from dart_skill.skill.outcome import Release, fit_release
+from dart_skill.skill.observe.outcome import Release, fit_release
 
 THRESHOLDS = VelocityThreshold(run_up=0.15, settle=0.1)
 WATCH_NS, ARRIVAL_NS = 1_200_000_000, 50_000_000

@@ -13,8 +13,8 @@ from dart_skill.movement.frames import turn_matrix
 from dart_skill.movement.orientation import angles_from_quaternions, turn_about_z
 from dart_skill.recording import Demonstration
 from dart_skill.robot.description import wam_description
-from dart_skill.skill.configuration import SkillConfiguration
-from dart_skill.skill.outcome import FreeFlight, Release, find_flight, fit_release, judge_flight
+from dart_skill.skill.learn.configuration import SkillConfiguration
+from dart_skill.skill.observe.outcome import FreeFlight, Release, find_flight, fit_release, judge_flight
 
 RIM_RADIUS = 0.15
 RATE = 100.0

@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dart_skill.darts import name_at
-from dart_skill.darts.pictures import draw_board
-from dart_skill.experiments.figures.style import BLACK, BLUE, GREY, LIGHT, ORANGE, VERMILION, house_style, quantity_colours, save
+from dart_skill.figures.board import draw_board
+from dart_skill.figures.style import BLACK, BLUE, GREY, LIGHT, ORANGE, VERMILION, house_style, quantity_colours, save
 
 if TYPE_CHECKING:
     from dart_skill.experiments.arm_darts import Dart, Run

@@ -13,7 +13,7 @@ from dart_skill.movement.frames import (
     start_frame,
     target_frame,
 )
-from dart_skill.skill.configuration import SkillConfiguration
+from dart_skill.skill.learn.configuration import SkillConfiguration
 
 
 def frames_for(task: np.ndarray, start: np.ndarray, configuration: SkillConfiguration) -> list[TaskFrame]:

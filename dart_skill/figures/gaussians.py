@@ -16,11 +16,11 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from dart_skill.experiments.figures.style import BLACK, GREY, VERMILION, gaussian_ellipse, house_style, quantity_colours, save
+from dart_skill.figures.style import BLACK, GREY, VERMILION, gaussian_ellipse, house_style, quantity_colours, save
 from dart_skill.movement.frames import TaskFrame, azimuth_target_frame
-from dart_skill.skill.preparation import PreparedThrow
-from dart_skill.skill.task_frames import frames_for
-from dart_skill.skill.throwing import ThrowingSkill
+from dart_skill.skill.learn.preparation import PreparedThrow
+from dart_skill.skill.learn.task_frames import frames_for
+from dart_skill.skill.learn.throwing import ThrowingSkill
 
 DEVIATIONS = 2.0
 NAMES = {

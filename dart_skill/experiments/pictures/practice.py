@@ -15,10 +15,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from dart_skill.experiments.figures.maps import wilson
-from dart_skill.experiments.figures.style import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, PURPLE, VERMILION, house_style, save
+from dart_skill.experiments.pictures.maps import wilson
 from dart_skill.experiments.practice import Run
-from dart_skill.skill.practising import METHODS
+from dart_skill.figures.style import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, PURPLE, VERMILION, house_style, save
+from dart_skill.skill.improve.practising import METHODS
 
 LOOKS = dict(zip(METHODS, ((BLUE, "o"), (VERMILION, "s"), (GREEN, "D"), (ORANGE, "^"), (PURPLE, "v")), strict=True))
 CHANGES = {

@@ -16,8 +16,8 @@ from dart_skill.robot.throw_plan import ThrowPlan
 from dart_skill.simulation.motion_capture import BasketWalls, Frame, LatencyQueue, MotionCapture
 from dart_skill.simulation.plant import Plant, PlantSettings, PlantState
 from dart_skill.simulation.teacher import Person, Phase, Swing, Teacher
-from dart_skill.skill.cutting import ARRIVAL_NS, WATCH_NS, ThrowLog
-from dart_skill.skill.outcome import Outcome, judge_flight
+from dart_skill.skill.observe.cutting import ARRIVAL_NS, WATCH_NS, ThrowLog
+from dart_skill.skill.observe.outcome import Outcome, judge_flight
 from dart_skill.surface import game_at
 
 LONGEST_THROW = 15.0

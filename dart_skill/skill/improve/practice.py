@@ -12,9 +12,9 @@ import numpy as np
 from dart_skill.movement.alignment import Fit, check_alignment
 from dart_skill.movement.frames import turn_matrix
 from dart_skill.recording import Demonstration
-from dart_skill.skill.configuration import DEFAULT, SkillConfiguration
-from dart_skill.skill.preparation import PreparedThrow, prepare
-from dart_skill.skill.throwing import ThrowingSkill, learn_prepared
+from dart_skill.skill.learn.configuration import DEFAULT, SkillConfiguration
+from dart_skill.skill.learn.preparation import PreparedThrow, prepare
+from dart_skill.skill.learn.throwing import ThrowingSkill, learn_prepared
 
 FORGETTING = ("oldest", "crowded")
 LEAST_TO_COMPARE = 4

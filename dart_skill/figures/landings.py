@@ -7,20 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dart_skill.experiments.figures.style import (
-    BLACK,
-    BLUE,
-    GREY,
-    LIGHT,
-    PALE,
-    SKY,
-    VERMILION,
-    basket_from_above,
-    house_style,
-    save,
-    unit_along,
-)
-from dart_skill.experiments.summary import ThrowResult, footer
+from dart_skill.figures.style import BLACK, BLUE, GREY, LIGHT, PALE, SKY, VERMILION, basket_from_above, house_style, save, unit_along
+from dart_skill.session.summary import ThrowResult, footer
 
 RIM_RADIUS = 0.15
 HALO = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8}

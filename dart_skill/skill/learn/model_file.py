@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from dart_skill.recording import Demonstration
-from dart_skill.skill.configuration import SkillConfiguration
+from dart_skill.skill.learn.configuration import SkillConfiguration
 
 FORMAT = "dart_skill model 1"
 NO_THROWS = np.empty((0, 4))

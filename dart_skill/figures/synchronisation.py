@@ -14,13 +14,13 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from dart_skill.experiments.figures.recordings import Recording
-from dart_skill.experiments.figures.style import BLACK, GREY, VERMILION, house_style, quantity_colours, save
+from dart_skill.figures.recordings import Recording
+from dart_skill.figures.style import BLACK, GREY, VERMILION, house_style, quantity_colours, save
 from dart_skill.movement import VelocityThreshold, speed
 from dart_skill.recording import Demonstration
 from dart_skill.robot.description import wam_description
-from dart_skill.skill.cutting import THRESHOLDS
-from dart_skill.skill.outcome import fit_release
+from dart_skill.skill.observe.cutting import THRESHOLDS
+from dart_skill.skill.observe.outcome import fit_release
 
 EVENTS = {"motion_start": ("o", "motion starts"), "release": ("D", "release"), "motion_stop": ("s", "motion stops")}
 

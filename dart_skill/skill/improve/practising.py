@@ -12,18 +12,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dart_skill.checks import to_the_nanosecond
 from dart_skill.movement.frames import azimuth_of, turn_matrix
 from dart_skill.policy_search import PoWER
 from dart_skill.policy_search import Trial as SearchTrial
 from dart_skill.recording import Demonstration
 from dart_skill.robot.throw_plan import ThrowPlan
-from dart_skill.samples import to_the_nanosecond
-from dart_skill.skill.configuration import DEFAULT, SkillConfiguration
-from dart_skill.skill.correction import Correction, CorrectionSettings, corrected, repeatable_miss
-from dart_skill.skill.hand_delay import HandDelay, likely_late
-from dart_skill.skill.practice import Practice, PracticeSettings, Verdict
-from dart_skill.skill.preparation import prepare
-from dart_skill.skill.steadiness import LEAST, STEP, Steadiness
+from dart_skill.skill.improve.correction import Correction, CorrectionSettings, corrected, repeatable_miss
+from dart_skill.skill.improve.hand_delay import HandDelay, likely_late
+from dart_skill.skill.improve.practice import Practice, PracticeSettings, Verdict
+from dart_skill.skill.improve.steadiness import LEAST, STEP, Steadiness
+from dart_skill.skill.learn.configuration import DEFAULT, SkillConfiguration
+from dart_skill.skill.learn.preparation import prepare
 
 METHODS = ("residual", "bootstrap", "both", "power", "none")
 MIDDLE = 2.0

@@ -19,14 +19,14 @@ from dart_skill.recording.grip_signal import Opening
 from dart_skill.recording.mapping import RecordingMapping
 from dart_skill.recording.pose_faults import Fault
 from dart_skill.robot.description import wam_description
-from dart_skill.skill.configuration import SkillConfiguration
-from dart_skill.skill.configuration import configuration as configuration_of
-from dart_skill.skill.cutting import THRESHOLDS, ThrowLog
-from dart_skill.skill.outcome import fit_release
-from dart_skill.skill.practising import PractisingSkill
-from dart_skill.skill.preparation import prepare
-from dart_skill.skill.throw_finder import FoundThrow, ThrowFinder, worlds
-from dart_skill.skill.throwing import LEAST_DEMONSTRATIONS
+from dart_skill.skill.improve.practising import PractisingSkill
+from dart_skill.skill.learn.configuration import SkillConfiguration
+from dart_skill.skill.learn.configuration import configuration as configuration_of
+from dart_skill.skill.learn.preparation import prepare
+from dart_skill.skill.learn.throwing import LEAST_DEMONSTRATIONS
+from dart_skill.skill.observe.cutting import THRESHOLDS, ThrowLog
+from dart_skill.skill.observe.outcome import fit_release
+from dart_skill.skill.observe.throw_finder import FoundThrow, ThrowFinder, worlds
 
 FLIGHT_NS = 1_000_000_000
 """A ball that was thrown in a motion of the hand flies within this time after it."""

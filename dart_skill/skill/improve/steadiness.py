@@ -13,7 +13,7 @@ from collections.abc import Callable, Hashable
 import numpy as np
 
 from dart_skill.robot.throw_plan import ThrowPlan
-from dart_skill.skill.release import landing_if_late
+from dart_skill.skill.learn.release import landing_if_late
 from dart_skill.surface import BASKETS, Game
 
 STEP = 0.005
