@@ -22,13 +22,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mixture import regress
-from ..mixture._checks import as_count, as_number, as_samples, as_vector
-from ._time import as_stamps
-from .attractor import as_gains, attractor_from_motion, critical_damping, discretise
-from .differentiation import Motion
-from .frames import TaskFrame
-from .task_parameterised import TaskParameterisedMixture
+from dart_skill.mixture import GaussianMixture, regress
+from dart_skill.mixture._checks import as_count, as_number, as_samples, as_vector
+from dart_skill.movement._attractor_model import AttractorModel
+from dart_skill.movement._time import as_stamps, uniform_step
+from dart_skill.movement.attractor import attractor_from_motion, discretise
+from dart_skill.movement.frames import TaskFrame
 
 UNKNOWN_PACE = 1.0
 """Standard deviation of the pace at which a robot passes through the movement, as a share of the demonstrated one."""
@@ -63,11 +62,13 @@ class PhaseRule:
             raise ValueError(f"slowest {self.slowest} and fastest {self.fastest} must lie on either side of 1, the demonstrated pace")
 
 
-class AutonomousDSGMR:
-    """Movement primitive over d variables that is driven by the state (x, x').
+class AutonomousDSGMR(AttractorModel):
+    """Movement primitive over d variables that is driven by the state (x, x'); its mixture is one over [t, u, x, x', y].
 
-    n_components, stiffness and damping as in `DSGMR`; rule: how the state moves the phase on. Further options go to
-    `TaskParameterisedMixture`; `mixture_`, over [t, x, x', y], holds the fitted one.
+    * n_components, stiffness, damping, n_inputs, partition, overlap, mixture_options: as in `DSGMR`.
+    * rule: `PhaseRule`, default None for the usual one; how the state moves the phase on.
+
+    Fitted: mixture_, the `TaskParameterisedMixture` over [t, u, x, x', y].
     """
 
     def __init__(
@@ -76,62 +77,120 @@ class AutonomousDSGMR:
         stiffness: ArrayLike = 200.0,
         damping: ArrayLike | None = None,
         rule: PhaseRule | None = None,
+        *,
+        n_inputs: int = 0,
+        partition: str = "em",
+        overlap: float = 0.7,
         **mixture_options,
     ):
-        self.stiffness = as_gains(stiffness, None, "stiffness", strict=True)
-        self.damping = critical_damping(self.stiffness) if damping is None else as_gains(damping, None, "damping", strict=False)
+        super().__init__(n_components, stiffness, damping, n_inputs=n_inputs, partition=partition, overlap=overlap, **mixture_options)
         self.rule = rule or PhaseRule()
-        self._mixture = TaskParameterisedMixture(n_components, **mixture_options)
 
     def fit(
         self,
         times: Sequence[ArrayLike],
-        motions: Sequence[Motion],
+        motions: Sequence[Sequence[ArrayLike]],
         frames: Sequence[Sequence[TaskFrame]],
         weights: Sequence | None = None,
         *,
+        attractors: Sequence[ArrayLike] | None = None,
+        inputs: Sequence[ArrayLike] | None = None,
         rng: np.random.Generator | None = None,
     ) -> AutonomousDSGMR:
-        """Learn from motions (n_i, d) at stamps (n_i,), as `smooth_derivatives` gives them.
+        """Learn from demonstrations.
 
-        frames: P per demonstration, for features [t, y] as in `DSGMR.fit`; weights and rng as there.
+        * times: (n_i,) [s] per demonstration.
+        * motions: per demonstration position, velocity and acceleration (n_i, d), as `smooth_derivatives` gives them; beside attractors
+          position and velocity will do.
+        * frames: P task frames per demonstration, over [t, u, y] as in `DSGMR.fit`.
+        * weights: as in `DSGMR.fit`.
+        * attractors: (n_i, d) per demonstration, default None for those of the motions by (7.20).
+        * inputs: (q,) or (n_i, q) per demonstration, default None for q = 0; what the movement depends on beside time.
+        * rng: as in `DSGMR.fit`.
         """
         if not len(times) == len(motions) == len(frames):
             raise ValueError(f"times, motions and frames must be as many, got {len(times)}, {len(motions)} and {len(frames)}")
-        samples = [self._features(time, motion) for time, motion in zip(times, motions, strict=True)]
-        lifted = [[lift(frame) for frame in its_frames] for its_frames in frames]
-        self.mixture_ = self._mixture.fit(samples, lifted, weights, rng=rng)
+        attractors = _one_each(attractors, len(times), "attractors")
+        inputs = _one_each(inputs, len(times), "inputs")
+        samples = [self._features(times[i], motions[i], attractors[i], inputs[i]) for i in range(len(times))]
+        self._learn(samples, [self._lifted(its_frames) for its_frames in frames], weights, rng)
         self._ends = np.array([(np.min(time), np.max(time)) for time in times]).mean(0)
         return self
 
-    def _features(self, time: ArrayLike, motion: Motion) -> np.ndarray:
-        attractor = attractor_from_motion(*motion, self.stiffness, self.damping)
-        return np.column_stack([as_stamps(time, len(attractor)), motion.position, motion.velocity, attractor])
+    def _features(self, time: ArrayLike, motion: Sequence[ArrayLike], attractor: ArrayLike | None, inputs: ArrayLike | None) -> np.ndarray:
+        """[t, u, x, x', y] (n, 1 + q + 3d)."""
+        if attractor is None:
+            if len(motion) != 3:
+                raise ValueError(f"a motion must hold position, velocity and acceleration, got {len(motion)} parts; or give its attractor")
+            attractor = attractor_from_motion(*motion, self.stiffness, self.damping)
+        attractor = as_samples(attractor, "attractor")
+        position = as_samples(motion[0], "position", attractor.shape[1])
+        velocity = as_samples(motion[1], "velocity", attractor.shape[1])
+        if not len(position) == len(velocity) == len(attractor):
+            raise ValueError(f"position, velocity and attractor must be as long, got {len(position)}, {len(velocity)}, {len(attractor)}")
+        return np.column_stack([self._with_inputs(time, inputs, len(attractor)), position, velocity, attractor])
 
-    def policy(self, frames: Sequence[TaskFrame], resolution: int = 400) -> AutonomousPolicy:
-        """The policy for new frames; resolution: phases at which it is worked out beforehand."""
-        if not hasattr(self, "mixture_"):
-            raise ValueError("this AutonomousDSGMR holds no model yet; call fit first")
-        phase = np.linspace(*self._ends, as_count(resolution, "resolution", 10))
-        mean, covariance = regress(
-            self.mixture_.product([lift(frame) for frame in frames]), phase[:, None], [0], np.arange(1, self.mixture_.n_dims)
-        )
-        d = (self.mixture_.n_dims - 1) // 3
+    def _lifted(self, frames: Sequence[TaskFrame | None]) -> list[TaskFrame | None]:
+        return [None if frame is None else lift(frame, self.n_inputs) for frame in frames]
+
+    def product(self, frames: Sequence[TaskFrame | None]) -> GaussianMixture:
+        """(7.21): the mixture over [t, u, x, x', y] in the world for P new frames over [t, u, y]; None leaves one out of the product."""
+        return self._fitted.product(self._lifted(frames))
+
+    def policy(
+        self,
+        frames: Sequence[TaskFrame | None],
+        resolution: int = 400,
+        *,
+        phase: ArrayLike | None = None,
+        inputs: ArrayLike | None = None,
+    ) -> AutonomousPolicy:
+        """The policy for new frames.
+
+        * frames: P task frames over [t, u, y], a missing one None.
+        * resolution: int, default 400; phases from begin to end of the demonstrations at which it is worked out beforehand.
+        * phase: (n,) [s], default None for those; other equally spaced ones.
+        * inputs: (q,), or (n, q) with one row for each phase, default None for q = 0.
+        """
+        mixture = self.product(frames)
+        if phase is None:
+            phase = np.linspace(*self._ends, as_count(resolution, "resolution", 10))
+        phase = as_stamps(phase, minimum=2)
+        uniform_step(phase)  # or a ValueError
+        queries = self._with_inputs(phase, inputs)
+        n_inputs = queries.shape[1]
+        mean, covariance = regress(mixture, queries, np.arange(n_inputs), np.arange(n_inputs, mixture.n_dims))
+        d = (mixture.n_dims - n_inputs) // 3
         state, spread = mean[:, : 2 * d], covariance[:, : 2 * d, : 2 * d]
         return AutonomousPolicy(phase, state, spread, mean[:, 2 * d :], self.stiffness, self.damping, self.rule)
 
     def reproduce(
         self,
-        frames: Sequence[TaskFrame],
+        frames: Sequence[TaskFrame | None],
         position0: ArrayLike,
         velocity0: ArrayLike,
         *,
         step: float = 0.002,
         duration: float,
         push: Push | None = None,
+        phase: ArrayLike | None = None,
+        inputs: ArrayLike | None = None,
     ) -> StateDriven:
-        """Movement in new frames from position0 and velocity0 (d,), for `duration` seconds; push as in `AutonomousPolicy.run`."""
-        return self.policy(frames).run(position0, velocity0, step=step, duration=duration, push=push)
+        """Movement in new frames from position0 and velocity0 (d,), for `duration` seconds.
+
+        step [s], default 0.002, and push as in `AutonomousPolicy.run`; phase and inputs as in `policy`.
+        """
+        policy = self.policy(frames, phase=phase, inputs=inputs)
+        return policy.run(position0, velocity0, step=step, duration=duration, push=push)
+
+
+def _one_each(given: Sequence | None, n: int, name: str) -> Sequence:
+    """What is given for each of n demonstrations, None for all where nothing is."""
+    if given is None:
+        return [None] * n
+    if len(given) != n:
+        raise ValueError(f"{name} has {len(given)} entries for {n} demonstrations; give one for each")
+    return given
 
 
 class AutonomousPolicy:
@@ -140,7 +199,16 @@ class AutonomousPolicy:
     phase (n,) [s]; state (n, 2d) and spread (n, 2d, 2d): position over velocity that belongs to each phase; attractors (n, d).
     """
 
-    def __init__(self, phase, state, spread, attractors, stiffness, damping, rule: PhaseRule):
+    def __init__(
+        self,
+        phase: np.ndarray,
+        state: np.ndarray,
+        spread: np.ndarray,
+        attractors: np.ndarray,
+        stiffness: ArrayLike,
+        damping: ArrayLike,
+        rule: PhaseRule,
+    ):
         self.phase, self.state, self.attractors, self.rule = phase, state, attractors, rule
         d = attractors.shape[1]
         self._kp, self._kv = np.broadcast_to(stiffness, d), np.broadcast_to(damping, d)
@@ -233,15 +301,18 @@ def _flow(step: float, stiffness: np.ndarray, damping: np.ndarray) -> Callable[[
     return flow
 
 
-def lift(frame: TaskFrame) -> TaskFrame:
-    """The frame of [t, x, x', y] that belongs to a frame of [t, y]: positions and attractors move with it, velocities turn only."""
-    d, matrix, offset = frame.n_dims - 1, as_samples(frame.A, "A"), frame.b
-    if np.any(matrix[0, 1:]) or np.any(matrix[1:, 0]):
-        raise ValueError("a frame that mixes time with movement variables has no velocities: let time pass through")
-    lifted, moved = np.zeros((3 * d + 1, 3 * d + 1)), np.zeros(3 * d + 1)
-    lifted[0, 0], moved[0] = matrix[0, 0], offset[0]
+def lift(frame: TaskFrame, n_inputs: int = 0) -> TaskFrame:
+    """The frame of [t, u, x, x', y] that belongs to a frame of [t, u, y], u being n_inputs further inputs: positions and attractors move
+    with it, velocities turn only.
+    """
+    first = 1 + n_inputs
+    d, matrix, offset = frame.n_dims - first, as_samples(frame.A, "A"), frame.b
+    if np.any(matrix[:first, first:]) or np.any(matrix[first:, :first]) or np.any(matrix[0, 1:first]):
+        raise ValueError("a frame that mixes time or inputs with movement variables has no velocities: let them pass through")
+    lifted, moved = np.zeros((3 * d + first, 3 * d + first)), np.zeros(3 * d + first)
+    lifted[:first, :first], moved[:first] = matrix[:first, :first], offset[:first]
     for block in range(3):
-        rows = slice(1 + block * d, 1 + (block + 1) * d)
-        lifted[rows, rows] = matrix[1:, 1:] / (matrix[0, 0] if block == 1 else 1.0)
-        moved[rows] = 0.0 if block == 1 else offset[1:]
+        rows = slice(first + block * d, first + (block + 1) * d)
+        lifted[rows, rows] = matrix[first:, first:] / (matrix[0, 0] if block == 1 else 1.0)
+        moved[rows] = 0.0 if block == 1 else offset[first:]
     return TaskFrame(lifted, moved)

@@ -13,51 +13,56 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mixture._checks import as_samples
-from ._placement import FrameCourse
-from ._time import as_stamps, uniform_step
-from .attractor import as_gains, attractor_from_motion, critical_damping, follow_attractor
-from .differentiation import smooth_derivatives
-from .task_parameterised import TaskParameterisedMixture
+from dart_skill.mixture import GaussianMixture
+from dart_skill.mixture._checks import as_number, as_samples
+from dart_skill.movement._attractor_model import AttractorModel
+from dart_skill.movement._placement import Frame, FrameCourse
+from dart_skill.movement._time import as_stamps, uniform_step
+from dart_skill.movement.attractor import attractor_from_motion, follow_attractor
+from dart_skill.movement.differentiation import smooth_derivatives
+from dart_skill.movement.task_parameterised import TaskParameterisedMixture
+
+SAME_STEP = 1e-6
+"""Share by which a given step may differ from that of the stamps."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reproduction:
-    """A planned movement: time (n,), attractor (n, d) with covariance (n, d, d), and the motion (n, d) of
+    """A planned movement: time (n,), attractor (n, d) with covariance (n, d, d), None if nobody asked for it, and the motion (n, d) of
     (7.19) towards it.
     """
 
     time: np.ndarray
     attractor: np.ndarray
-    covariance: np.ndarray
+    covariance: np.ndarray | None
     position: np.ndarray
     velocity: np.ndarray
     acceleration: np.ndarray
 
 
-class DSGMR:
-    """Movement primitive over d movement variables, in features [t, y] with m = d + 1 columns.
+class DSGMR(AttractorModel):
+    """Movement primitive over d movement variables, in features [t, u, y] with m = 1 + q + d columns: time, q further inputs such as the
+    distance of a target, attractor.
 
-    stiffness kp in 1/s^2 and damping kv in 1/s are one number or one per movement variable; damping None is
-    critical, 2 sqrt(kp). Further options go to `TaskParameterisedMixture`; `mixture_` holds the fitted one.
+    * n_components: int; K of the mixture.
+    * stiffness: one number or (d,) [1/s^2], default 200; kp of (7.19).
+    * damping: one number or (d,) [1/s], default None; kv of (7.19), None for critical, 2 sqrt(kp).
+    * n_inputs: int, default 0; q, how many inputs of the regression stand beside time. Within a component the attractor is linear in them.
+    * partition: "em" or "time", default "em"; EM decides what belongs to a component, or each has its own interval of time.
+    * overlap: float, default 0.7; deviation of a component in units of its interval, for partition "time".
+    * mixture_options: further hyper-parameters of `TaskParameterisedMixture`, such as start or covariance_floor, of which partition "time"
+      takes only the latter.
+
+    Fitted: mixture_, the `TaskParameterisedMixture` over [t, u, y].
     """
 
-    def __init__(
-        self,
-        n_components: int,
-        stiffness: ArrayLike = 200.0,
-        damping: ArrayLike | None = None,
-        **mixture_options,
-    ):
-        self.stiffness = as_gains(stiffness, None, "stiffness", strict=True)
-        self.damping = critical_damping(self.stiffness) if damping is None else as_gains(damping, None, "damping", strict=False)
-        self._mixture = TaskParameterisedMixture(n_components, **mixture_options)
-
     @classmethod
-    def from_mixture(cls, mixture: TaskParameterisedMixture, stiffness: ArrayLike = 200.0, damping: ArrayLike | None = None) -> DSGMR:
+    def from_mixture(
+        cls, mixture: TaskParameterisedMixture, stiffness: ArrayLike = 200.0, damping: ArrayLike | None = None, n_inputs: int = 0
+    ) -> DSGMR:
         """Model around a mixture that is already fitted."""
-        model = cls(len(mixture.priors_), stiffness, damping)
-        model._mixture = model.mixture_ = mixture
+        model = cls(len(mixture.priors_), stiffness, damping, n_inputs=n_inputs)
+        model._mixture = model.mixture_ = model._with_outputs(mixture)
         return model
 
     def encode(
@@ -67,13 +72,22 @@ class DSGMR:
         *,
         noise: float | ArrayLike | None = None,
         at: ArrayLike | None = None,
+        inputs: ArrayLike | None = None,
     ) -> np.ndarray:
-        """Attractor features [t, y] (m, 1 + d) of noisy movement variables (n, d) at stamps (n,); noise and
-        at as in `smooth_derivatives`.
+        """Features [t, u, y] (n, m) of noisy movement variables: their attractor (7.20).
+
+        * time: (n_0,) [s]; stamps of the samples.
+        * positions: (n_0, d).
+        * noise, at: as in `smooth_derivatives`; at (n,) are the stamps of the features, default those of the samples.
+        * inputs: (q,) or (n, q), default None for q = 0; what the movement depends on beside time.
         """
         motion = smooth_derivatives(time, positions, noise=noise, at=at)
-        attractor = attractor_from_motion(*motion, self.stiffness, self.damping)
-        return np.column_stack([time if at is None else at, attractor])
+        return self.features(time if at is None else at, attractor_from_motion(*motion, self.stiffness, self.damping), inputs)
+
+    def features(self, time: ArrayLike, attractor: ArrayLike, inputs: ArrayLike | None = None) -> np.ndarray:
+        """Features [t, u, y] (n, m) of an attractor (n, d) that is known already, at stamps (n,) [s]; inputs as in `encode`."""
+        attractor = as_samples(attractor, "attractor")
+        return np.column_stack([self._with_inputs(time, inputs, len(attractor)), attractor])
 
     def fit(
         self,
@@ -83,20 +97,33 @@ class DSGMR:
         *,
         rng: np.random.Generator | None = None,
     ) -> DSGMR:
-        """Learn from attractor features [t, y] (n_i, m) per demonstration; frames, weights and rng as in
-        `TaskParameterisedMixture.fit`.
+        """Learn from demonstrations.
+
+        * attractors: one array (n_i, m) per demonstration, features [t, u, y] as `encode` or `features` give them.
+        * frames: P task frames per demonstration, over the m features, as in `TaskParameterisedMixture.fit`.
+        * weights: one number or (n_i,) per demonstration, default None for all alike; how much each counts (8.4.2), none if 0.
+        * rng: needed where the mixture_options draw random centres.
         """
-        self.mixture_ = self._mixture.fit(attractors, frames, weights, rng=rng)
+        self._learn(attractors, frames, weights, rng)
         return self
 
-    def retrieve(self, frames: Sequence[FrameCourse], time: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """Attractor mean (n, d) and covariance (n, d, d) in new frames at stamps (n,); a frame that moves is given by a list
-        with one for each stamp, a missing one by None.
+    def product(self, frames: Sequence[Frame | None]) -> GaussianMixture:
+        """(7.21): the mixture over [t, u, y] in the world for P new frames; None leaves a frame out of the product."""
+        return self._fitted.product(frames)
+
+    def retrieve(
+        self, frames: Sequence[FrameCourse], time: ArrayLike, inputs: ArrayLike | None = None, *, covariance: bool = True
+    ) -> tuple[np.ndarray, np.ndarray | None]:
+        """Attractor mean (n, d) and covariance (n, d, d) in new frames, (3.4) and (3.5).
+
+        * frames: P of them; a frame that moves is given by a list with one for each stamp, a missing one by None.
+        * time: (n,) [s].
+        * inputs: as in `encode`.
+        * covariance: bool, default True; whether it is computed, or None.
         """
-        if not hasattr(self, "mixture_"):
-            raise ValueError("this DSGMR holds no model yet; call fit first")
-        time = as_stamps(time)
-        return self.mixture_.regress(frames, time[:, None], [0], np.arange(1, self.mixture_.n_dims))
+        mixture, queries = self._fitted, self._with_inputs(time, inputs)
+        n_inputs = queries.shape[1]
+        return mixture.regress(frames, queries, np.arange(n_inputs), np.arange(n_inputs, mixture.n_dims), covariance)
 
     def reproduce(
         self,
@@ -105,16 +132,40 @@ class DSGMR:
         position0: ArrayLike,
         velocity0: ArrayLike,
         push: ArrayLike | None = None,
+        *,
+        inputs: ArrayLike | None = None,
+        step: float | None = None,
+        covariance: bool = True,
     ) -> Reproduction:
-        """Movement in new frames at equally spaced stamps (n,), n >= 2, from position0 and velocity0 (d,) at
-        the first of them. push: acceleration (n, d) that acts from outside, straight between the stamps.
+        """Movement in new frames, the unit mass of (7.19) standing in for the robot.
+
+        * frames, inputs, covariance: as in `retrieve`.
+        * time: (n,) [s], n >= 2, equally spaced.
+        * position0, velocity0: (d,); the state at the first stamp.
+        * push: (n, d) [1/s^2 of the movement variables], default None for none; acceleration from outside, straight between the stamps.
+        * step: float [s], default None for that of the stamps; the exact one, which summed-up stamps lose in the last digits.
         """
         time = as_stamps(time, minimum=2)
-        attractor, covariance = self.retrieve(frames, time)
-        push = np.zeros_like(attractor) if push is None else as_samples(push, "push", attractor.shape[1])
-        if len(push) != len(time):
-            raise ValueError(f"push must have {len(time)} rows, one per stamp, got {len(push)}")
-        # A push acts as if the attractor were moved by push / kp.
-        pulled = attractor + push / self.stiffness
-        motion = follow_attractor(pulled, uniform_step(time), position0, velocity0, self.stiffness, self.damping)
-        return Reproduction(time, attractor, covariance, *motion)
+        attractor, spread = self.retrieve(frames, time, inputs, covariance=covariance)
+        motion = follow_attractor(self._pulled(attractor, push), _step(time, step), position0, velocity0, self.stiffness, self.damping)
+        return Reproduction(time, attractor, spread, *motion)
+
+    def _pulled(self, attractor: np.ndarray, push: ArrayLike | None) -> np.ndarray:
+        """Where the attractor (n, d) seems to be under a push: it acts as if that were moved by push / kp."""
+        if push is None:
+            return attractor
+        push = as_samples(push, "push", attractor.shape[1])
+        if len(push) != len(attractor):
+            raise ValueError(f"push must have {len(attractor)} rows, one per stamp, got {len(push)}")
+        return attractor + push / self.stiffness
+
+
+def _step(time: np.ndarray, given: float | None) -> float:
+    """The step of equally spaced stamps (n,) [s]: the given one if they agree."""
+    measured = uniform_step(time)
+    if given is None:
+        return measured
+    step = as_number(given, "step")
+    if abs(step - measured) > SAME_STEP * step:
+        raise ValueError(f"step is {step:g} s, but the stamps are {measured:g} s apart; leave it out, or give such stamps")
+    return step
