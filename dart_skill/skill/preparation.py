@@ -4,7 +4,9 @@ Features are t, x, y, z, alpha, beta (8.4.1), with t = 0 at the instant that all
 says so, the distance of the target after t. Attractors come from (7.20).
 """
 
-from dataclasses import dataclass
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,14 +25,23 @@ RATE = 100.0
 
 @dataclass(frozen=True)
 class PreparedThrow:
-    """A demonstration ready to be learned.
+    """A demonstration ready to be learned; features are x, y, z in the world and alpha, beta in the axes of the configuration (8.4.1).
 
-    task (3,) is its task parameter: where the ball came down on the plane of the rim (a dart: where it met the board), or where the basket
-    stood; its azimuth [rad] and reach [m], the distance from the base axis or the height on the board; time (n,) [s], 0 at the shared
-    instant; motion (n, 5) x, y, z in the world and alpha, beta in the axes of the configuration; velocity and attractor (n, 5) likewise;
-    start_pose (6,): x, y, z, alpha, beta, roll of the hand at rest, all in axes turned by the azimuth; release [s] on the same clock;
-    start_posture (7,) with J1 relative to the azimuth; hand_delay [s] from the command to the ball being free, nan if the command was not
-    seen.
+    * id: str; that of the demonstration.
+    * task: (3,) [m]; the task parameter: where the ball came down on the plane of the rim (a dart: where it met the board), or where the
+      basket stood.
+    * azimuth: float [rad]; of the task.
+    * reach: float [m]; of the task: its distance from the base axis, or its height on the board.
+    * time: (n,) [s]; 0 at the instant that all demonstrations share.
+    * motion: (n, 5) [m, rad]; the features.
+    * velocity: (n, 5) [m/s, rad/s]; their rates.
+    * attractor: (n, 5) [m, rad]; by (7.20).
+    * start_pose: (6,) [m, rad]; x, y, z, alpha, beta, roll of the hand at rest, all in axes turned by the azimuth.
+    * start, stop: float [s]; of the motion, on the clock of time.
+    * release: where hand and ball part, on the clock of the demonstration.
+    * release_time: float [s]; the release on the clock of time.
+    * start_posture: (7,) [rad]; joints before the motion, J1 relative to the azimuth.
+    * hand_delay: float [s]; from the command to the ball being free, nan if the command was not seen.
     """
 
     id: str
@@ -53,6 +64,11 @@ class PreparedThrow:
     def distance(self) -> float:
         """Horizontal distance of the task from the base axis [m]."""
         return float(np.hypot(self.task[0], self.task[1]))
+
+    def between(self, first: float, last: float) -> PreparedThrow:
+        """The same throw with the samples from one instant to another [s] only."""
+        kept = (self.time >= first) & (self.time <= last)
+        return replace(self, time=self.time[kept], motion=self.motion[kept], velocity=self.velocity[kept], attractor=self.attractor[kept])
 
 
 def prepare(demonstration: Demonstration, configuration: SkillConfiguration) -> PreparedThrow:
