@@ -21,6 +21,8 @@ from dart_skill.skill.outcome import FreeFlight, Release, find_flight, fit_relea
 RIM_RADIUS = 0.15
 RATE = 100.0
 """Rate at which demonstrations are resampled [Hz]: that of the motion capture."""
+NOISE_OF_FEATURES = np.array([1, 1, 1, 10, 10])
+"""Of x, y, z, alpha, beta: radians per metre of noise in the position."""
 
 
 @dataclass(frozen=True)
@@ -87,16 +89,13 @@ def _prepare(demonstration: Demonstration, configuration: SkillConfiguration) ->
     release = fit_release(d.ball_time, d.ball_position, d.hand_time, d.hand_position, d.hand_quaternion, grip, ball, free=free)
     task = _task(d, configuration, free)
     azimuth = float(np.arctan2(task[1], task[0]))
-    shared = release.time if configuration.alignment == "release" else d.motion_start
     turned = angles_from_quaternions(turn_about_z(d.hand_quaternion, -azimuth))
     angles = turned if configuration.turns else angles_from_quaternions(d.hand_quaternion)
+    shared = release.time if configuration.alignment == "release" else d.motion_start
     clock = d.hand_time - shared
     grid = np.arange(np.ceil(clock[0] * RATE), np.floor(clock[-1] * RATE) + 1) / RATE
-    columns = np.column_stack([d.hand_position, angles[:, :2]])
-    motion = smooth_derivatives(clock, columns, noise=np.array([1, 1, 1, 10, 10]) * configuration.noise, at=grid)
-    before = d.joint_time <= d.motion_start
-    posture = np.median(d.joint_position[before if before.any() else slice(0, 1)], axis=0)
-    posture[0] -= azimuth
+    features = np.column_stack([d.hand_position, angles[:, :2]])
+    motion = smooth_derivatives(clock, features, noise=NOISE_OF_FEATURES * configuration.noise, at=grid)
     return PreparedThrow(
         id=d.id,
         task=task,
@@ -111,7 +110,7 @@ def _prepare(demonstration: Demonstration, configuration: SkillConfiguration) ->
         stop=float(d.motion_stop - shared),
         release=release,
         release_time=float(release.time - shared),
-        start_posture=posture,
+        start_posture=_start_posture(d, azimuth),
         hand_delay=float(release.time - d.hand_opened),
     )
 
@@ -119,13 +118,28 @@ def _prepare(demonstration: Demonstration, configuration: SkillConfiguration) ->
 def _start_pose(demonstration: Demonstration, azimuth: float, angles: np.ndarray) -> np.ndarray:
     """Hand pose at rest before the motion (6,), in axes turned by the azimuth, as the angles (n, 3) are: x, y, z, alpha, beta, roll."""
     d = demonstration
-    at_rest = d.hand_time <= d.motion_start - 0.05
-    kept = at_rest if at_rest.any() else slice(0, 1)
-    position = d.hand_position[kept] @ turn_matrix(azimuth)
-    return np.median(np.hstack([position, angles[kept]]), axis=0)
+    at_rest = _or_first(d.hand_time <= d.motion_start - 0.05)
+    position = d.hand_position[at_rest] @ turn_matrix(azimuth)
+    return np.median(np.hstack([position, angles[at_rest]]), axis=0)
+
+
+def _start_posture(demonstration: Demonstration, azimuth: float) -> np.ndarray:
+    """Joints before the motion (7,), J1 relative to the azimuth."""
+    d = demonstration
+    posture = np.median(d.joint_position[_or_first(d.joint_time <= d.motion_start)], axis=0)
+    posture[0] -= azimuth
+    return posture
+
+
+def _or_first(kept: np.ndarray) -> np.ndarray:
+    """Which samples are kept (n,): the first one if otherwise none."""
+    if kept.any():
+        return kept
+    return np.arange(len(kept)) == 0
 
 
 def _task(demonstration: Demonstration, configuration: SkillConfiguration, free: FreeFlight | None) -> np.ndarray:
+    """Where the ball came down (3,), or where the basket stood."""
     if not configuration.relabel:
         return demonstration.target
     d, game = demonstration, configuration.game
