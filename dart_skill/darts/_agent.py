@@ -1,4 +1,4 @@
-"""An agent that knows the board and learns its own precision from its own darts, throw by throw, while that precision changes."""
+"""An agent that knows the board. It estimates its own spread from its own darts while that spread changes."""
 
 from __future__ import annotations
 
@@ -13,17 +13,23 @@ EVIDENCE = ("scores", "hits")
 
 
 class ModelBasedAgent:
-    """Where to aim next, from what became of the darts so far. What an aim earns is known for every spread, so that nothing is tried out.
+    """Aims where the expected score is highest for the spread that is estimated from the darts so far.
+
+    The expected score of every aim is known for every spread, so that the agent needs no exploration.
 
         agent = ModelBasedAgent()
         agent.tell(score_thrown_at(agent.aim))
 
-    * learns_from: "scores" or "hits", default "scores"; what is told of a dart, and with it what is estimated. Scores: a belief over one
-      sigma and its change per throw, by a hidden Markov model; the aim is the best under all that is believed. Hits: the most likely
-      covariance of the last ones about their aims, in which a bias counts as spread; the aim is the best for that.
-    * window: int, default 50; so many last hits count.
-    * least: int, default 10; hits before the first estimate, until then the bull is aimed at.
-    * every: int, default 5; hits from one estimate to the next. These three are for an agent that learns from hits.
+    Parameters:
+
+    * learns_from: "scores" or "hits", default "scores". What the agent learns of a dart, and what it estimates:
+      "scores": one sigma that changes from throw to throw, as a probability distribution (a hidden Markov model). The aim has
+      the highest expected score under that distribution.
+      "hits": the most likely covariance of the last hits about their aims. A bias counts as spread. The aim has the highest
+      expected score for that covariance.
+    * window: int, default 50, for "hits". Number of the last hits that are used.
+    * least: int, default 10, for "hits". Number of hits before the first estimate; until then the aim is the bull.
+    * every: int, default 5, for "hits". Number of hits between two estimates.
     """
 
     def __init__(self, learns_from: str = "scores", *, window: int = 50, least: int = 10, every: int = 5):
@@ -36,7 +42,7 @@ class ModelBasedAgent:
 
     @property
     def aim(self) -> np.ndarray:
-        """Best aim (2,) [mm] for what is known."""
+        """Best aim (2,) [mm]."""
         return self._best.point.copy()
 
     @property
@@ -46,36 +52,42 @@ class ModelBasedAgent:
 
     @property
     def expected_score(self) -> float:
-        """Of a dart at the aim [points], nan before there is an estimate."""
+        """Expected score of a dart at the aim [points]; nan before the first estimate."""
         return self._best.expected_score
 
     @property
     def spread(self) -> Spread | None:
-        """As estimated, None before there is an estimate."""
+        """The estimated spread; None before the first estimate."""
         return self._estimate.spread
 
     @property
     def sigma(self) -> float:
-        """Of the spread [mm]: from scores the mean of log sigma, from hits (det covariance)^(1/4), nan before there is an estimate."""
+        """Estimated sigma [mm]; nan before the first estimate.
+
+        From scores it is exp of the mean of log sigma, from hits (det covariance)^(1/4).
+        """
         return self._estimate.sigma
 
     @property
     def sigmas(self) -> np.ndarray:
-        """Sigmas (s,) [mm] that are held for possible, of an agent that learns from scores."""
+        """Possible sigmas (s,) [mm] of an agent that learns from scores."""
         return self._of_scores.sigmas
 
     @property
     def belief(self) -> np.ndarray:
-        """Probability (s,) of each of `sigmas`, of an agent that learns from scores."""
+        """Probability (s,) of each of `sigmas`, for an agent that learns from scores."""
         return self._of_scores.belief
 
     def tell(self, seen: int | ArrayLike) -> None:
-        """What became of the dart that was thrown at `aim`: its score, or where it hit (2,) [mm]; ValueError for what no dart does."""
+        """Learn from the dart that was thrown at `aim`.
+
+        seen: its score, or its hit (2,) [mm], as `learns_from` says; ValueError for what is impossible.
+        """
         if self._estimate.tell(seen):
             self._best = self._estimate.choose(self._beyond)
 
     def cannot(self) -> None:
-        """No throw came about at `aim`: its bed is not aimed at any more, unless it is the last one. The bull always is."""
+        """Report that a throw at `aim` is impossible: its bed is not chosen any more, except the bull if no other bed remains."""
         self._beyond.add(self.bed)
         self._best = self._estimate.choose(self._beyond)
 

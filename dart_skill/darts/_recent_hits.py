@@ -1,4 +1,4 @@
-"""What the last hits tell of a thrower's spread: its most likely covariance about their aims."""
+"""A thrower's spread, estimated from the last hits: the most likely covariance about their aims."""
 
 from __future__ import annotations
 
@@ -16,13 +16,19 @@ from dart_skill.mixture._checks import as_count, as_vector
 
 BULL = np.zeros(2)
 FEWEST = 4
-"""Hits that a covariance needs at least."""
+"""Least number of hits from which a covariance can be estimated."""
 
 
 class RecentHits:
-    """The last hits and their aims, and the aim with the highest expected score for the spread that they show.
+    """The last hits with their aims, and the aim with the highest expected score for the spread estimated from them.
 
-    A bias counts as spread: practice removes it, and then another aim would be wrong.
+    A bias counts as spread and is not corrected in the aim: practice removes it.
+
+    Parameters:
+
+    * window: int, number of the last hits that are used.
+    * least: int, number of hits before the first estimate.
+    * every: int, number of hits between two estimates.
     """
 
     def __init__(self, window: int, least: int, every: int):
@@ -35,11 +41,11 @@ class RecentHits:
 
     @property
     def sigma(self) -> float:
-        """Of the spread [mm], nan before there is one."""
+        """Sigma of the spread [mm]; nan before the first estimate."""
         return float("nan") if self.spread is None else self.spread.sigma
 
     def tell(self, hit: ArrayLike) -> bool:
-        """Where the dart went (2,) [mm] that was thrown at the aim chosen last; whether that changed the estimate."""
+        """Learn from the hit (2,) [mm] of the dart that was thrown at the aim chosen last; returns whether there is a new estimate."""
         self._hits.append(as_vector(hit, "hit", 2))
         self._aims.append(self._aimed)
         self._n_told += 1
@@ -49,7 +55,7 @@ class RecentHits:
         return True
 
     def choose(self, beyond: Set[str]) -> Aim:
-        """The best aim in a bed that is not beyond reach; the bull before there is an estimate, or if no other is left."""
+        """The best aim that is not in one of the beds `beyond`; the bull before the first estimate, or if no other bed is left."""
         aim = Aim(BULL, float("nan")) if self.spread is None else self._best(self.spread, beyond)
         self._aimed = aim.point
         return aim

@@ -1,7 +1,7 @@
-"""What the scores of single darts tell of a thrower's precision while that changes.
+"""A thrower's sigma, estimated from the scores of single darts while it changes.
 
-The state is (log sigma, its change per throw) on a grid; a hidden Markov model predicts it and each score, which is a known probability for
-every aim and sigma, corrects it.
+The state is log sigma and its change per throw, on a grid. A hidden Markov model predicts the state. Each score corrects
+it: the probability of a score is known for every aim and sigma.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from dart_skill.darts._path import optimum_path
 from dart_skill.darts._spread import Spread
 
 LOWEST, HIGHEST, N_SIGMAS = 3.0, 150.0, 200
-"""Sigmas that are held for possible [mm]."""
+"""Lowest and highest possible sigma [mm], and number of sigmas between them."""
 RATES = np.array([-4.0, -3.0, -2.0, -1.4, -1.0, -0.7, -0.45, -0.25, -0.1, 0.0, 0.1, 0.25]) * 1e-3
-"""Changes of log sigma per throw that are held for possible: practice rather than decline."""
+"""Possible changes of log sigma per throw; most of them are improvements."""
 RATE_CHANGES = 0.005
 """Probability per throw that the rate becomes a neighbouring one."""
 
@@ -38,7 +38,7 @@ class Table:
 
 @lru_cache(maxsize=1)
 def table() -> Table:
-    """Computed once."""
+    """The table of all aims and sigmas; it is computed once."""
     sigmas = np.geomspace(LOWEST, HIGHEST, N_SIGMAS)
     path = optimum_path(LOWEST, HIGHEST)
     # Only the best aim of some sigma is ever aimed at.
@@ -49,7 +49,7 @@ def table() -> Table:
 
 
 class SigmaBelief:
-    """Probability of each sigma and rate of change, and the aim with the highest expected score under it."""
+    """Probability distribution of sigma and its rate of change, and the aim with the highest expected score under it."""
 
     def __init__(self):
         self._known = table()
@@ -70,11 +70,11 @@ class SigmaBelief:
 
     @property
     def spread(self) -> Spread:
-        """The isotropic one with that sigma."""
+        """The isotropic spread with this sigma."""
         return Spread.isotropic(self.sigma)
 
     def tell(self, score: int) -> bool:
-        """What the dart scored that was thrown at the aim chosen last; whether that may change the choice."""
+        """Learn from the score of the dart that was thrown at the aim chosen last; returns whether the aim must be chosen again."""
         place = np.flatnonzero(np.asarray(POSSIBLE_SCORES) == score)
         if place.size == 0:
             raise ValueError(f"one dart cannot score {score!r}; a miss is 0, the most is 60")
@@ -86,7 +86,7 @@ class SigmaBelief:
         return True
 
     def choose(self, beyond: Set[str]) -> Aim:
-        """The best aim in a bed that is not beyond reach; the one nearest to the bull if all are."""
+        """The best aim that is not in one of the beds `beyond`; the one nearest to the bull if none is left."""
         expected = self._known.expected @ self.belief
         self._aimed = int(np.argmax(expected))
         if beyond:

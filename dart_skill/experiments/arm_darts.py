@@ -46,13 +46,15 @@ PRACTICE = {"none": ("none", 0), "misses": ("residual", 0), "both": ("residual",
 class Dart:
     """One throw.
 
+    Parameters:
+
     * aim: (x, y) [mm] on the board.
-    * hit: (x, y) [mm] on the board, nan if nobody saw it or nothing was thrown.
-    * score: int; as seen, 0 if nothing was.
-    * covariance: (2, 2) [mm^2]; spread of the thrower as estimated before the throw, 0 if it was not.
-    * expected: float [points]; what that spread lets one expect from the aim, nan before there is one.
-    * release_shift: float [s]; of the release, before the throw.
-    * note: str, default ""; what went wrong.
+    * hit: (x, y) [mm] on the board; nan if the cameras did not see it or nothing was thrown.
+    * score: int, as seen; 0 if nothing was seen.
+    * covariance: (2, 2) [mm^2], spread of the thrower as estimated before the throw; 0 before the first estimate.
+    * expected: float [points], expected score of the aim for that spread; nan before the first estimate.
+    * release_shift: float [s], by which the release was shifted before the throw.
+    * note: str, default "". What went wrong.
     """
 
     aim: tuple[float, float]
@@ -68,11 +70,13 @@ class Dart:
 class Run:
     """All throws of one arm.
 
+    Parameters:
+
     * seed: int.
     * practice: one of PRACTICE.
-    * board: (x, y, z) [m]; of the bull.
-    * shown: (x, y) [mm] each; how far the teacher's darts were from where the teacher aimed.
-    * darts: one `Dart` each, in order.
+    * board: (x, y, z) [m], position of the bull.
+    * shown: (x, y) [mm] for each of the teacher's darts: hit minus aim.
+    * darts: one Dart for each throw.
     """
 
     seed: int
@@ -121,12 +125,14 @@ def run(
 ) -> Run:
     """One arm from its first lesson on.
 
-    * seed: int; of everything that is random.
+    Parameters:
+
+    * seed: int, of everything that is random.
     * throws: int, default 300.
-    * demonstrations: int, default 8; darts that the teacher shows, at least 2.
+    * demonstrations: int, default 8. Number of darts that the teacher aims, at least 2.
     * practice: one of PRACTICE, default "both".
-    * board: default one of regulation height and distance.
-    * each: called with the number of a throw, from 0, and its `Dart`, after every one; default None.
+    * board: Board, default None: one of regulation height and distance.
+    * each: function that is called after each throw with its number, from 0, and its Dart; default None.
     """
     if practice not in PRACTICE:
         raise ValueError(f"there is no practice '{practice}': choose one of {', '.join(PRACTICE)}")
@@ -149,7 +155,7 @@ def run(
 
 
 def _throw(session: Session, skill: PractisingSkill, agent: ModelBasedAgent, face: BoardFace) -> Dart:
-    """One dart where the agent aims, which agent and skill are told of."""
+    """Throw one dart where the agent aims; the agent and the skill learn from it."""
     dart = _before(skill, agent)
     try:
         plan = skill.plan(face.in_world(agent.aim))
@@ -166,7 +172,7 @@ def _throw(session: Session, skill: PractisingSkill, agent: ModelBasedAgent, fac
 
 
 def _before(skill: PractisingSkill, agent: ModelBasedAgent) -> Dart:
-    """The dart that is about to be thrown."""
+    """What is known of a dart before it is thrown."""
     covariance = UNKNOWN
     if agent.spread is not None:
         across, up = agent.spread.covariance
@@ -185,7 +191,7 @@ def summarise(run: Run, block: int = BLOCK) -> list[dict]:
 
 
 def _row(first: int, darts: tuple[Dart, ...]) -> dict:
-    """The row of a block of which the first dart has that number."""
+    """The row of a block of darts; first: number of its first dart, from 1."""
     miss = np.array([np.subtract(dart.hit, dart.aim) for dart in darts])
     seen = np.isfinite(miss).all(axis=1)
     beds = [name_at(dart.aim) for dart in darts]

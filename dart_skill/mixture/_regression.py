@@ -53,7 +53,7 @@ class Regression:
         return mean, covariance
 
     def mean(self, inputs: ArrayLike) -> np.ndarray:
-        """Mean (n, o) of the outputs alone, (3.4), as a call gives it, to the last bit."""
+        """Mean (n, o) of the outputs (3.4) without their covariance; equal to the mean of a call to the last bit."""
         inputs = self._checked(inputs)
         mean = np.empty((len(inputs), self.n_outputs))
         for start in range(0, len(inputs), SLICE):

@@ -1,5 +1,5 @@
-"""What a DS-GMR that is driven by time and one that is driven by the state have in common: the gains of (7.19), inputs of the regression
-beside time, and a mixture of attractors in task frames that is learned by EM or in equal intervals of time.
+"""What `DSGMR` and `AutonomousDSGMR` have in common: the gains of (7.19), further inputs of the regression beside time, and a
+task-parameterised mixture that is fitted by EM or with one component in each interval of time.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ PARTITIONS = ("em", "time")
 
 
 class AttractorModel:
-    """Base of `DSGMR` and `AutonomousDSGMR`, which say what the hyper-parameters are."""
+    """Base class; the parameters are described in `DSGMR`."""
 
     mixture_: TaskParameterisedMixture
 
@@ -49,7 +49,7 @@ class AttractorModel:
         weights: Sequence | None,
         rng: np.random.Generator | None,
     ) -> None:
-        """The mixture of features (n_i, m) per demonstration."""
+        """Fit the mixture to features (n_i, m) of each demonstration."""
         if self.partition == "time":
             fitted = self._mixture.fit_in_time(samples, frames, weights, self.overlap)
         else:
@@ -57,7 +57,7 @@ class AttractorModel:
         self.mixture_ = self._with_outputs(fitted)
 
     def _with_outputs(self, mixture: TaskParameterisedMixture) -> TaskParameterisedMixture:
-        """The mixture, if it has columns beside time and the inputs."""
+        """The mixture; ValueError if it has no columns besides time and the further inputs."""
         if mixture.n_dims < self.n_inputs + 2:
             raise ValueError(f"{mixture.n_dims} columns are too few for time, {self.n_inputs} further inputs (n_inputs) and an attractor")
         return mixture
@@ -69,7 +69,7 @@ class AttractorModel:
         return self.mixture_
 
     def _with_inputs(self, time: ArrayLike, inputs: ArrayLike | None, n: int | None = None) -> np.ndarray:
-        """Stamps (n,) and further inputs, (q,) for all of them or (n, q), as columns (n, 1 + q)."""
+        """Stamps (n,) and further inputs, (q,) or (n, q), as columns (n, 1 + q)."""
         time, q = as_stamps(time, n), self.n_inputs
         given = as_finite([] if inputs is None else inputs, "inputs")
         if given.shape == () and q == 1:

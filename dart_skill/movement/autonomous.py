@@ -1,17 +1,19 @@
 """Autonomous DS-GMR: the state of the robot drives the movement, not the clock (thesis chapter 9).
 
-A field y(x, x') that is regressed on the state alone stalls: where the demonstrations rest before they move it asks for no motion, and
-where a path comes near itself (wind-up and throw) it mixes both passes. So the state enters by way of the phase s, how far along
-the movement the robot is. The mixture over [t, x, x', y] gives, by regression on t, the state z(s) that belongs to a phase, with
-covariance R(s), and the attractor y(s). The phase moves on by what the state says,
+An attractor y(x, x') that is regressed on the state alone can get stuck. Where the demonstrations rest before they move,
+it asks for no motion. Where a path comes near itself (wind-up and throw), it mixes both passes. Therefore the state acts
+through the phase s [s], the place of the robot along the movement. Regression of the mixture over [t, x, x', y] on t gives
+the state z(s) that belongs to a phase, with covariance R(s), and the attractor y(s). The state changes the phase by
 
-    s' = clip(1 + d / T, slowest, fastest),    d = z_s' R^-1 (z - z(s)) / (z_s' R^-1 z_s + 1 / w^2),    z_s = dz(s)/ds,
+    s' = clip(1 + d / T, slowest, fastest),    d = z_s' R^-1 (z - z(s)) / (z_s' R^-1 z_s + 1 / w^2),    z_s = dz(s)/ds.
 
-where d is how much later or earlier the state looks than the phase: the correction of an extended Kalman filter for s with deviation w.
-R holds, beside the spread of the demonstrations, that the pace is not known: a robot that is held back on its way is not at the end of it.
-Then (7.19) with y(s). The system has no clock: held back, it waits; pushed ahead, it skips; and since s' >= slowest > 0 and y stays at
-its last value from the end on, it comes to the goal from every start (s is at the end after finite time, and (7.19) with a constant
-attractor is a stable linear system).
+d [s] is how far the state is ahead of the phase: it is the correction of an extended Kalman filter for s with standard
+deviation w. R contains the spread of the demonstrations and the uncertainty of the pace, so that a robot that is slow
+because it is held back is not taken to be at the end of the movement. Then (7.19) follows y(s).
+
+The system has no clock. If the robot is held back, the movement waits. If it is pushed ahead, the movement skips a part.
+It reaches the goal from every start: since s' >= slowest > 0, s reaches its end in finite time; from then on y is
+constant, and (7.19) with a constant attractor is a stable linear system.
 """
 
 from __future__ import annotations
@@ -30,13 +32,16 @@ from dart_skill.movement.attractor import attractor_from_motion, discretise
 from dart_skill.movement.frames import TaskFrame
 
 UNKNOWN_PACE = 1.0
-"""Standard deviation of the pace at which a robot passes through the movement, as a share of the demonstrated one."""
+"""Standard deviation of the robot's pace, relative to the demonstrated one."""
 Push = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
 class StateDriven:
-    """A movement of an autonomous policy: time (n,), phase (n,) [s], attractor, position, velocity and acceleration (n, d)."""
+    """A movement of an autonomous policy.
+
+    time (n,) [s]; phase (n,) [s]; attractor, position, velocity and acceleration (n, d), in the units of the movement.
+    """
 
     time: np.ndarray
     phase: np.ndarray
@@ -48,7 +53,15 @@ class StateDriven:
 
 @dataclass(frozen=True)
 class PhaseRule:
-    """How the state moves the phase on: rates `slowest` and `fastest` [s/s], time constant T and deviation w [s] of the correction."""
+    """How the state changes the phase.
+
+    Parameters:
+
+    * slowest: float in (0, 1), default 0.05. Least rate s' of the phase; 1 is the demonstrated pace.
+    * fastest: float above 1, default 4. Largest rate of the phase.
+    * time_constant: float, default 0.05 [s]. T of the correction.
+    * deviation: float, default 0.05 [s]. w, standard deviation of the phase in the correction.
+    """
 
     slowest: float = 0.05
     fastest: float = 4.0
@@ -63,12 +76,18 @@ class PhaseRule:
 
 
 class AutonomousDSGMR(AttractorModel):
-    """Movement primitive over d variables that is driven by the state (x, x'); its mixture is one over [t, u, x, x', y].
+    """DS-GMR over d movement variables that is driven by the state (x, x') instead of a clock.
 
-    * n_components, stiffness, damping, n_inputs, partition, overlap, mixture_options: as in `DSGMR`.
-    * rule: `PhaseRule`, default None for the usual one; how the state moves the phase on.
+    Parameters:
 
-    Fitted: mixture_, the `TaskParameterisedMixture` over [t, u, x, x', y].
+    * n_components: int, number of components of the mixture.
+    * stiffness: one number or (d,), default 200 [1/s^2]. kp of (7.19).
+    * damping: one number or (d,) [1/s], default None: critical, 2 sqrt(kp).
+    * rule: PhaseRule, how the state changes the phase; default None: its defaults.
+    * n_inputs, partition, overlap: as in `DSGMR`.
+    * mixture_options: hyper-parameters of `TaskParameterisedMixture`.
+
+    Attribute after `fit`: mixture_, the fitted TaskParameterisedMixture over [t, u, x, x', y], where u are the further inputs.
     """
 
     def __init__(
@@ -97,15 +116,17 @@ class AutonomousDSGMR(AttractorModel):
         inputs: Sequence[ArrayLike] | None = None,
         rng: np.random.Generator | None = None,
     ) -> AutonomousDSGMR:
-        """Learn from demonstrations.
+        """Learn from demonstrations; returns self.
 
-        * times: (n_i,) [s] per demonstration.
-        * motions: per demonstration position, velocity and acceleration (n_i, d), as `smooth_derivatives` gives them; beside attractors
-          position and velocity will do.
-        * frames: P task frames per demonstration, over [t, u, y] as in `DSGMR.fit`.
+        Parameters:
+
+        * times: for each demonstration its stamps (n_i,) [s].
+        * motions: for each demonstration position, velocity and acceleration (n_i, d), as `smooth_derivatives` returns them.
+          The acceleration may be missing if attractors are given.
+        * frames: for each demonstration P frames of the features [t, u, y], as in `DSGMR.fit`.
         * weights: as in `DSGMR.fit`.
-        * attractors: (n_i, d) per demonstration, default None for those of the motions by (7.20).
-        * inputs: (q,) or (n_i, q) per demonstration, default None for q = 0; what the movement depends on beside time.
+        * attractors: for each demonstration (n_i, d), default None: computed from the motions by (7.20).
+        * inputs: for each demonstration its further inputs u, (q,) or (n_i, q); default None: there are none.
         * rng: as in `DSGMR.fit`.
         """
         if not len(times) == len(motions) == len(frames):
@@ -134,7 +155,7 @@ class AutonomousDSGMR(AttractorModel):
         return [None if frame is None else lift(frame, self.n_inputs) for frame in frames]
 
     def product(self, frames: Sequence[TaskFrame | None]) -> GaussianMixture:
-        """(7.21): the mixture over [t, u, x, x', y] in the world for P new frames over [t, u, y]; None leaves one out of the product."""
+        """(7.21): the mixture over [t, u, x, x', y] in the world, for P new frames of the features [t, u, y]; None for a missing one."""
         return self._fitted.product(self._lifted(frames))
 
     def policy(
@@ -147,10 +168,12 @@ class AutonomousDSGMR(AttractorModel):
     ) -> AutonomousPolicy:
         """The policy for new frames.
 
-        * frames: P task frames over [t, u, y], a missing one None.
-        * resolution: int, default 400; phases from begin to end of the demonstrations at which it is worked out beforehand.
-        * phase: (n,) [s], default None for those; other equally spaced ones.
-        * inputs: (q,), or (n, q) with one row for each phase, default None for q = 0.
+        Parameters:
+
+        * frames: P frames of the features [t, u, y]; None for a frame that is missing.
+        * resolution: int, default 400. Number of phases at which the policy is computed beforehand.
+        * phase: (n,) [s], equally spaced, default None: `resolution` of them, from the start to the end of the demonstrations.
+        * inputs: the further inputs u, (q,) or one row for each phase (n, q); default None: there are none.
         """
         mixture = self.product(frames)
         if phase is None:
@@ -176,16 +199,16 @@ class AutonomousDSGMR(AttractorModel):
         phase: ArrayLike | None = None,
         inputs: ArrayLike | None = None,
     ) -> StateDriven:
-        """Movement in new frames from position0 and velocity0 (d,), for `duration` seconds.
+        """Movement in new frames from position0 and velocity0 (d,), for `duration` [s].
 
-        step [s], default 0.002, and push as in `AutonomousPolicy.run`; phase and inputs as in `policy`.
+        step and push as in `AutonomousPolicy.run`; phase and inputs as in `policy`.
         """
         policy = self.policy(frames, phase=phase, inputs=inputs)
         return policy.run(position0, velocity0, step=step, duration=duration, push=push)
 
 
 def _one_each(given: Sequence | None, n: int, name: str) -> Sequence:
-    """What is given for each of n demonstrations, None for all where nothing is."""
+    """One entry for each of n demonstrations: those given, or None for each."""
     if given is None:
         return [None] * n
     if len(given) != n:
@@ -194,9 +217,18 @@ def _one_each(given: Sequence | None, n: int, name: str) -> Sequence:
 
 
 class AutonomousPolicy:
-    """The policy for one situation. `locate` finds the phase of a state, `advance` moves it on, `attractor` is what pulls at a phase.
+    """The policy for one situation, made by `AutonomousDSGMR.policy`.
 
-    phase (n,) [s]; state (n, 2d) and spread (n, 2d, 2d): position over velocity that belongs to each phase; attractors (n, d).
+    `locate` finds the phase of a state, `advance` changes the phase over a step, and `attractor` gives y at a phase.
+
+    Parameters:
+
+    * phase (n,): equally spaced phases [s].
+    * state (n, 2d): position and velocity that belong to each phase.
+    * spread (n, 2d, 2d): covariance of the state.
+    * attractors (n, d): y at each phase.
+    * stiffness, damping: gains of (7.19), one number or (d,) [1/s^2, 1/s].
+    * rule: PhaseRule.
     """
 
     def __init__(
@@ -224,16 +256,16 @@ class AutonomousPolicy:
         return self.attractors[-1]
 
     def locate(self, position: ArrayLike, velocity: ArrayLike) -> float:
-        """Phase [s] that a state (d,), (d,) fits best: the least Mahalanobis distance, the earliest of equals."""
+        """Phase [s] whose state is nearest to position and velocity (d,), by Mahalanobis distance; the earliest of equals."""
         error = self._as_state(position, velocity) - self.state
         return float(self.phase[np.argmin(np.einsum("ni,nij,nj->n", error, self._precision, error))])
 
     def advance(self, phase: float, position: ArrayLike, velocity: ArrayLike, step: float) -> float:
-        """Phase [s] a `step` [s] later, as the state says."""
+        """Phase [s] a `step` [s] later, for a robot with this position and velocity (d,)."""
         return self._advanced(phase, self._as_state(position, velocity), as_number(step, "step"))
 
     def attractor(self, phase: float) -> np.ndarray:
-        """Attractor (d,) at a phase [s]; before the start and beyond the end that of the start and of the end."""
+        """Attractor (d,) at a phase [s]; constant before the start and after the end of the movement."""
         return self._at(self.attractors, phase)
 
     def acceleration(self, phase: float, position: ArrayLike, velocity: ArrayLike) -> np.ndarray:
@@ -245,10 +277,10 @@ class AutonomousPolicy:
     def run(
         self, position0: ArrayLike, velocity0: ArrayLike, *, step: float = 0.002, duration: float, push: Push | None = None
     ) -> StateDriven:
-        """Movement from a state, the unit mass of (7.19) standing in for the robot.
+        """Movement of a unit mass (7.19) in place of the robot, from position0 and velocity0 (d,), for `duration` [s].
 
-        push(time, position, velocity) -> acceleration (d,) [1/s^2 of the movement variables] acts on it from outside; it is held over a
-        step. Exact between the stamps for an attractor that runs straight.
+        push: function of time, position and velocity that returns an acceleration (d,) from outside, in units of the
+        movement per s^2; it is constant over a step. Each step is exact for an attractor that is linear in between.
         """
         step, n_steps = as_number(step, "step"), round(as_number(duration, "duration") / as_number(step, "step"))
         d = len(self._kp)
@@ -286,7 +318,7 @@ class AutonomousPolicy:
 
 
 def _flow(step: float, stiffness: np.ndarray, damping: np.ndarray) -> Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
-    """One exact step of (7.19): state (2d,), attractor (d,) now and a step later, straight in between -> state (2d,)."""
+    """A function for one exact step of (7.19): from state (2d,), attractor (d,) now and one step later, linear in between."""
     d = len(stiffness)
     parts = [discretise(step, float(p), float(v)) for p, v in zip(stiffness, damping, strict=True)]
     units = np.stack([np.ones(d), np.sqrt(stiffness)])
@@ -302,8 +334,9 @@ def _flow(step: float, stiffness: np.ndarray, damping: np.ndarray) -> Callable[[
 
 
 def lift(frame: TaskFrame, n_inputs: int = 0) -> TaskFrame:
-    """The frame of [t, u, x, x', y] that belongs to a frame of [t, u, y], u being n_inputs further inputs: positions and attractors move
-    with it, velocities turn only.
+    """The frame of [t, u, x, x', y] that belongs to a frame of [t, u, y]: positions and attractors are shifted, velocities only turned.
+
+    n_inputs: number of further inputs u after time.
     """
     first = 1 + n_inputs
     d, matrix, offset = frame.n_dims - first, as_samples(frame.A, "A"), frame.b

@@ -1,8 +1,8 @@
-"""DS-GMR: a task-parameterised mixture of attractor trajectories, retrieved by regression on time and
-executed as a spring-damper (thesis 7.5).
+"""DS-GMR: a task-parameterised mixture of attractor trajectories, retrieved by regression on time and executed as a
+spring-damper (thesis 7.5).
 
-Demonstrations become attractors by (7.20), are encoded by (7.21), retrieved by (3.4) and (3.5), and
-reproduced by (7.19).
+Demonstrations become attractors by (7.20). The attractors are encoded by (7.21), retrieved by (3.4) and (3.5), and
+followed by (7.19).
 """
 
 from __future__ import annotations
@@ -23,13 +23,15 @@ from dart_skill.movement.differentiation import smooth_derivatives
 from dart_skill.movement.task_parameterised import TaskParameterisedMixture
 
 SAME_STEP = 1e-6
-"""Share by which a given step may differ from that of the stamps."""
+"""Largest relative difference between a given step and that of the stamps."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reproduction:
-    """A planned movement: time (n,), attractor (n, d) with covariance (n, d, d), None if nobody asked for it, and the motion (n, d) of
-    (7.19) towards it.
+    """A planned movement.
+
+    time (n,) [s]; attractor (n, d) with its covariance (n, d, d), or None if it was not asked for; position, velocity and
+    acceleration (n, d) of the motion that follows the attractor (7.19), in the units of the movement.
     """
 
     time: np.ndarray
@@ -41,19 +43,23 @@ class Reproduction:
 
 
 class DSGMR(AttractorModel):
-    """Movement primitive over d movement variables, in features [t, u, y] with m = 1 + q + d columns: time, q further inputs such as the
-    distance of a target, attractor.
+    """Movement primitive over d movement variables that is driven by a clock.
 
-    * n_components: int; K of the mixture.
-    * stiffness: one number or (d,) [1/s^2], default 200; kp of (7.19).
-    * damping: one number or (d,) [1/s], default None; kv of (7.19), None for critical, 2 sqrt(kp).
-    * n_inputs: int, default 0; q, how many inputs of the regression stand beside time. Within a component the attractor is linear in them.
-    * partition: "em" or "time", default "em"; EM decides what belongs to a component, or each has its own interval of time.
-    * overlap: float, default 0.7; deviation of a component in units of its interval, for partition "time".
-    * mixture_options: further hyper-parameters of `TaskParameterisedMixture`, such as start or covariance_floor, of which partition "time"
-      takes only the latter.
+    The features are [t, u, y], with m = 1 + q + d columns: time, q further inputs such as the distance of a target, and the
+    attractor. Within a component the attractor is a linear function of time and the further inputs.
 
-    Fitted: mixture_, the `TaskParameterisedMixture` over [t, u, y].
+    Parameters:
+
+    * n_components: int, number of components of the mixture.
+    * stiffness: one number or (d,), default 200 [1/s^2]. kp of (7.19).
+    * damping: one number or (d,) [1/s], default None: critical, 2 sqrt(kp). kv of (7.19).
+    * n_inputs: int, default 0. q, the number of further inputs.
+    * partition: "em" or "time", default "em". EM finds which samples belong to a component, or each component has its own
+      interval of time.
+    * overlap: float, default 0.7. Standard deviation of a component, relative to its interval; for partition "time".
+    * mixture_options: hyper-parameters of `TaskParameterisedMixture`. With partition "time" only covariance_floor is used.
+
+    Attribute after `fit`: mixture_, the fitted TaskParameterisedMixture over [t, u, y].
     """
 
     @classmethod
@@ -74,18 +80,21 @@ class DSGMR(AttractorModel):
         at: ArrayLike | None = None,
         inputs: ArrayLike | None = None,
     ) -> np.ndarray:
-        """Features [t, u, y] (n, m) of noisy movement variables: their attractor (7.20).
+        """Features [t, u, y] (n, m) of one demonstration, from noisy movement variables: the attractor is computed by (7.20).
 
-        * time: (n_0,) [s]; stamps of the samples.
-        * positions: (n_0, d).
-        * noise, at: as in `smooth_derivatives`; at (n,) are the stamps of the features, default those of the samples.
-        * inputs: (q,) or (n, q), default None for q = 0; what the movement depends on beside time.
+        Parameters:
+
+        * time: stamps (k,) of the samples [s].
+        * positions: movement variables (k, d).
+        * noise: standard deviation of the samples, as in `smooth_derivatives`; default None: estimated.
+        * at: stamps (n,) of the features [s], default None: those of the samples.
+        * inputs: the further inputs u, (q,) or (n, q); default None: there are none.
         """
         motion = smooth_derivatives(time, positions, noise=noise, at=at)
         return self.features(time if at is None else at, attractor_from_motion(*motion, self.stiffness, self.damping), inputs)
 
     def features(self, time: ArrayLike, attractor: ArrayLike, inputs: ArrayLike | None = None) -> np.ndarray:
-        """Features [t, u, y] (n, m) of an attractor (n, d) that is known already, at stamps (n,) [s]; inputs as in `encode`."""
+        """Features [t, u, y] (n, m) of an attractor (n, d) that was computed before, at stamps (n,) [s]; inputs as in `encode`."""
         attractor = as_samples(attractor, "attractor")
         return np.column_stack([self._with_inputs(time, inputs, len(attractor)), attractor])
 
@@ -97,29 +106,34 @@ class DSGMR(AttractorModel):
         *,
         rng: np.random.Generator | None = None,
     ) -> DSGMR:
-        """Learn from demonstrations.
+        """Learn from demonstrations; returns self.
 
-        * attractors: one array (n_i, m) per demonstration, features [t, u, y] as `encode` or `features` give them.
-        * frames: P task frames per demonstration, over the m features, as in `TaskParameterisedMixture.fit`.
-        * weights: one number or (n_i,) per demonstration, default None for all alike; how much each counts (8.4.2), none if 0.
-        * rng: needed where the mixture_options draw random centres.
+        Parameters:
+
+        * attractors: for each demonstration its features [t, u, y] (n_i, m), from `encode` or `features`.
+        * frames: for each demonstration P task frames of these features, as in `TaskParameterisedMixture.fit`.
+        * weights: for each demonstration one number or one per sample (n_i,): how much it counts (8.4.2). Default None: all
+          count alike.
+        * rng: random generator, only needed for the hyper-parameter start="kmeans".
         """
         self._learn(attractors, frames, weights, rng)
         return self
 
     def product(self, frames: Sequence[Frame | None]) -> GaussianMixture:
-        """(7.21): the mixture over [t, u, y] in the world for P new frames; None leaves a frame out of the product."""
+        """(7.21): the mixture over [t, u, y] in the world, for P new frames; None for a missing one."""
         return self._fitted.product(frames)
 
     def retrieve(
         self, frames: Sequence[FrameCourse], time: ArrayLike, inputs: ArrayLike | None = None, *, covariance: bool = True
     ) -> tuple[np.ndarray, np.ndarray | None]:
-        """Attractor mean (n, d) and covariance (n, d, d) in new frames, (3.4) and (3.5).
+        """Mean (n, d) and covariance (n, d, d) of the attractor in new frames, by (3.4) and (3.5).
 
-        * frames: P of them; a frame that moves is given by a list with one for each stamp, a missing one by None.
-        * time: (n,) [s].
-        * inputs: as in `encode`.
-        * covariance: bool, default True; whether it is computed, or None.
+        Parameters:
+
+        * frames: P task frames. A moving frame is a list with one frame for each stamp, a missing frame is None.
+        * time: stamps (n,) [s].
+        * inputs: the further inputs u, (q,) or (n, q); default None: there are none.
+        * covariance: bool, default True. If False, None is returned in its place, which saves time.
         """
         mixture, queries = self._fitted, self._with_inputs(time, inputs)
         n_inputs = queries.shape[1]
@@ -137,13 +151,16 @@ class DSGMR(AttractorModel):
         step: float | None = None,
         covariance: bool = True,
     ) -> Reproduction:
-        """Movement in new frames, the unit mass of (7.19) standing in for the robot.
+        """Movement of a unit mass (7.19) in place of the robot, in new frames.
+
+        Parameters:
 
         * frames, inputs, covariance: as in `retrieve`.
-        * time: (n,) [s], n >= 2, equally spaced.
-        * position0, velocity0: (d,); the state at the first stamp.
-        * push: (n, d) [1/s^2 of the movement variables], default None for none; acceleration from outside, straight between the stamps.
-        * step: float [s], default None for that of the stamps; the exact one, which summed-up stamps lose in the last digits.
+        * time: equally spaced stamps (n,) [s], n >= 2.
+        * position0, velocity0: state (d,) at the first stamp.
+        * push: acceleration (n, d) from outside, in units of the movement per s^2, linear between the stamps; default None: none.
+        * step: float [s], default None: computed from the stamps. Give it if it is known exactly: stamps such as
+          `start + step * arange(n)` are rounded, so that their differences are not exactly `step`.
         """
         time = as_stamps(time, minimum=2)
         attractor, spread = self.retrieve(frames, time, inputs, covariance=covariance)
@@ -151,7 +168,7 @@ class DSGMR(AttractorModel):
         return Reproduction(time, attractor, spread, *motion)
 
     def _pulled(self, attractor: np.ndarray, push: ArrayLike | None) -> np.ndarray:
-        """Where the attractor (n, d) seems to be under a push: it acts as if that were moved by push / kp."""
+        """The attractor (n, d) that has the effect of this one and the push together: the push shifts it by push / kp."""
         if push is None:
             return attractor
         push = as_samples(push, "push", attractor.shape[1])
@@ -161,7 +178,7 @@ class DSGMR(AttractorModel):
 
 
 def _step(time: np.ndarray, given: float | None) -> float:
-    """The step of equally spaced stamps (n,) [s]: the given one if they agree."""
+    """Step of equally spaced stamps (n,) [s]: the given one, if the stamps agree with it."""
     measured = uniform_step(time)
     if given is None:
         return measured

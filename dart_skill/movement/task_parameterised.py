@@ -265,8 +265,8 @@ class TaskParameterisedMixture(EMEstimator):
         covariance: bool = True,
     ) -> tuple[np.ndarray, np.ndarray | None]:
         """Mean (n, o) and covariance (n, o, o) of the output features in new frames, given inputs (n, i) of the input
-        features, as `mixture.regress`; a frame that moves is given by a list with one for each of the inputs. Without
-        covariance that is None, and the mean comes sooner.
+        features, as `mixture.regress`; a frame that moves is given by a list with one for each of the inputs. If covariance
+        is False, None is returned in its place, which saves time.
         """
         if not any(isinstance(course, Sequence) for course in frames):
             regression = Regression(self.product(frames), input_dims, output_dims)

@@ -35,13 +35,15 @@ SPREAD = np.array([0.05, 0.05, 0.02, 0.02])
 
 @dataclass(frozen=True)
 class Told:
-    """What became of a throw that was told.
+    """What became of a throw that was reported.
 
-    * kept: bool; whether it was learned from.
-    * reason: str, default ""; why not.
-    * left: (along, across) [m], default nan; what of the error the delay of the hand does not explain, so that a perfect skill would have
-      avoided it, nan if nobody knows.
-    * forgotten: ids of the trials that were forgotten for it, default none.
+    Parameters:
+
+    * kept: bool, whether something was learned from it.
+    * reason: str, default "". Why nothing was learned.
+    * left: (along, across) [m], default nan. The part of the error that the delay of the hand does not explain: a perfect skill
+      would have avoided it. nan if it is unknown.
+    * forgotten: ids of the trials that were removed from the memory for this one, default none.
     """
 
     kept: bool
@@ -52,8 +54,14 @@ class Told:
 
 @dataclass(frozen=True, eq=False)
 class _Steadied:
-    """The release as it was last moved: in the round of throws of which number, for which target (3,), by what shift [s]; and what is
-    left of deviations, their median as centre (2,) [m].
+    """The last change of the release.
+
+    Parameters:
+
+    * number: int, of the round of throws in which it was made.
+    * target: (3,) [m], for which it was made.
+    * shift: float [s], of the release.
+    * centre: (2,) [m], median deviation of the hits with this release.
     """
 
     number: int
@@ -62,24 +70,32 @@ class _Steadied:
     centre: np.ndarray
 
     def serves(self, number: int, target: np.ndarray) -> bool:
-        """Whether it is what would be found again in the round of that number for a target (3,)."""
+        """Whether it was made in this round and for this target (3,)."""
         return self.number == number and np.array_equal(self.target, target)
 
 
 class PractisingSkill:
-    """Demonstrations, own throws, and what each method makes of them.
+    """A throwing skill that learns from its own throws.
+
+    Parameters:
 
     * shown: demonstrations of a teacher.
-    * configuration: of the skill, default `DEFAULT`.
+    * configuration: SkillConfiguration, default `DEFAULT`.
     * method: one of METHODS, default "residual".
-    * memory: how many demonstrations and trials are kept, default all.
-    * settings: of the correction, default the usual ones.
-    * rng: for the trials of PoWER, default one with seed 0.
-    * steady_every: int, default 0 for never; after so many throws the release may be moved farther to where the hand's delay matters least
-      (`steadiness`).
+    * memory: PracticeSettings, how many demonstrations and trials are kept; default None: all.
+    * settings: CorrectionSettings, default None: the default ones.
+    * rng: random generator for the trials of PoWER, default None: one with seed 0.
+    * steady_every: int, number of throws in a round; default 0. After each round the release may be moved farther to where the
+      delay of the hand matters least (`steadiness`). 0: the release is not moved.
 
-    Learned so far: skill, the `ThrowingSkill`; correction, None for methods without one; hand, its delay, None if it is not learned;
-    steadiness; release_shift [s], by which the release was moved.
+    Attributes:
+
+    * skill: the ThrowingSkill that was learned last.
+    * practice: Practice, the memory of demonstrations and trials.
+    * correction: Correction of the repeatable miss; None if the method has none.
+    * hand: HandDelay that was learned; None if the method "none" is used or darts are thrown.
+    * steadiness: Steadiness, what was seen of own releases.
+    * release_shift: float [s], by which the release was moved.
     """
 
     def __init__(
@@ -112,9 +128,9 @@ class PractisingSkill:
         self._n_told = 0
 
     def plan(self, target: np.ndarray, explore: bool = False) -> ThrowPlan:
-        """A throw at the basket whose rim is centred at target (3,) [m]; Unreachable says why not.
+        """A throw at the basket whose rim has its centre at target (3,) [m]; Unreachable tells why there is none.
 
-        explore: whether PoWER tries something new, default False.
+        explore: bool, default False. Whether PoWER tries new parameters.
         """
         target = np.asarray(target, dtype=float)
         self._move_release(target)
@@ -153,11 +169,11 @@ class PractisingSkill:
 
     @property
     def _skill(self) -> ThrowingSkill:
-        """The skill, its release moved."""
+        """The skill with its release shifted."""
         return self.skill.releasing(self.release_shift) if self.release_shift else self.skill
 
     def _aim_for(self, target: np.ndarray, explore: bool) -> np.ndarray:
-        """The point (3,) to plan for so that the ball comes down on the target (3,)."""
+        """The point (3,) to plan for, so that the ball comes down on the target (3,)."""
         if self._search is not None:
             return self._searched(target, explore)
         if self.correction is None:
@@ -174,7 +190,7 @@ class PractisingSkill:
         return replace(plan, open_hand=to_the_nanosecond(max(0.0, plan.release - self.hand.mean)))
 
     def _move_release(self, target: np.ndarray) -> None:
-        """Let go where hits on a target (3,) scatter least, once there are throws enough to tell; each round may go a step farther."""
+        """Shift the release to where hits on a target (3,) scatter least, once there are enough throws; each round allows one step more."""
         number = self._n_told // self._steady_every if self._steady_every else 0
         if number == 0 or len(self.steadiness) < LEAST:
             return
@@ -182,7 +198,7 @@ class PractisingSkill:
             return
         goal = target if self.correction is None else self.correction.shifted(target)
         shift, centre = self.steadiness.steadiest(lambda by: self.skill.releasing(by).plan(goal), self.release_shift, number * STEP)
-        self._steadied = _Steadied(number, target, shift, centre)
+        self._steadied = _Steadied(number, target.copy(), shift, centre)
         self.release_shift = shift
 
     def _middle(self, plan: ThrowPlan) -> np.ndarray:

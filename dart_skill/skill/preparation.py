@@ -22,28 +22,32 @@ RIM_RADIUS = 0.15
 RATE = 100.0
 """Rate at which demonstrations are resampled [Hz]: that of the motion capture."""
 NOISE_OF_FEATURES = np.array([1, 1, 1, 10, 10])
-"""Of x, y, z, alpha, beta: radians per metre of noise in the position."""
+"""Noise of x, y, z, alpha, beta, relative to the noise of the position: 10 rad for 1 m."""
 
 
 @dataclass(frozen=True)
 class PreparedThrow:
-    """A demonstration ready to be learned; features are x, y, z in the world and alpha, beta in the axes of the configuration (8.4.1).
+    """A demonstration ready to be learned.
 
-    * id: str; that of the demonstration.
-    * task: (3,) [m]; the task parameter: where the ball came down on the plane of the rim (a dart: where it met the board), or where the
-      basket stood.
-    * azimuth: float [rad]; of the task.
-    * reach: float [m]; of the task: its distance from the base axis, or its height on the board.
-    * time: (n,) [s]; 0 at the instant that all demonstrations share.
-    * motion: (n, 5) [m, rad]; the features.
-    * velocity: (n, 5) [m/s, rad/s]; their rates.
-    * attractor: (n, 5) [m, rad]; by (7.20).
-    * start_pose: (6,) [m, rad]; x, y, z, alpha, beta, roll of the hand at rest, all in axes turned by the azimuth.
-    * start, stop: float [s]; of the motion, on the clock of time.
-    * release: where hand and ball part, on the clock of the demonstration.
-    * release_time: float [s]; the release on the clock of time.
-    * start_posture: (7,) [rad]; joints before the motion, J1 relative to the azimuth.
-    * hand_delay: float [s]; from the command to the ball being free, nan if the command was not seen.
+    The features are x, y, z [m] in the world and alpha, beta [rad] in the axes of the configuration (8.4.1).
+
+    Parameters:
+
+    * id: str, of the demonstration.
+    * task: task parameter (3,) [m]: where the ball came down on the plane of the rim (a dart: where it met the board), or where
+      the basket stood.
+    * azimuth: float [rad], of the task.
+    * reach: float [m], distance of the task from the base axis, or its height on the board.
+    * time: (n,) [s], 0 at the instant that all demonstrations share.
+    * motion: (n, 5), the features.
+    * velocity: (n, 5), the features per s.
+    * attractor: (n, 5), computed from the motion by (7.20).
+    * start_pose: (6,) [m, rad], x, y, z, alpha, beta, roll of the hand at rest, all in axes turned by the azimuth.
+    * start, stop: float [s], start and stop of the motion, on the clock of `time`.
+    * release: Release, where hand and ball part, on the clock of the demonstration.
+    * release_time: float [s], the release on the clock of `time`.
+    * start_posture: (7,) [rad], joints before the motion, J1 relative to the azimuth.
+    * hand_delay: float [s], time from the command to the release; nan if the command was not seen.
     """
 
     id: str
@@ -68,7 +72,7 @@ class PreparedThrow:
         return float(np.hypot(self.task[0], self.task[1]))
 
     def between(self, first: float, last: float) -> PreparedThrow:
-        """The same throw with the samples from one instant to another [s] only."""
+        """The same throw with only the samples from `first` to `last` [s]."""
         kept = (self.time >= first) & (self.time <= last)
         return replace(self, time=self.time[kept], motion=self.motion[kept], velocity=self.velocity[kept], attractor=self.attractor[kept])
 
@@ -132,7 +136,7 @@ def _start_posture(demonstration: Demonstration, azimuth: float) -> np.ndarray:
 
 
 def _or_first(kept: np.ndarray) -> np.ndarray:
-    """Which samples are kept (n,): the first one if otherwise none."""
+    """Mask (n,) of the samples that are kept; only the first one if no other is."""
     if kept.any():
         return kept
     return np.arange(len(kept)) == 0

@@ -16,11 +16,13 @@ from dart_skill.skill.configuration import SkillConfiguration
 
 
 def frames_for(task: np.ndarray, start: np.ndarray, configuration: SkillConfiguration) -> list[TaskFrame]:
-    """The frames (A, b) over t, [distance,] x, y, z, alpha, beta for one task: thesis (8.2), (8.3) or turned ones.
+    """Task frames of the features t, [distance,] x, y, z, alpha, beta for one task: thesis (8.2), (8.3), or turned ones.
 
-    * task: (3,) [m]; the task parameter.
-    * start: (3,) or longer, x, y, z first [m]; where the hand is before it moves.
-    * configuration: says which frames, and whether the distance of the target is an input.
+    Parameters:
+
+    * task: task parameter (3,) [m].
+    * start: position of the hand before it moves, x, y, z [m]; further entries are ignored.
+    * configuration: which frames, and whether the distance of the target is an input.
     """
     start = start[:3]
     if configuration.frames in ("thesis", "start"):

@@ -1,9 +1,13 @@
 """The throwing skill: DS-GMR over demonstrations, and plans for baskets that nobody demonstrated.
 
-`DSGMR` learns the movement and makes it for a new task parameter, or `AutonomousDSGMR` where the state of the arm shall drive it: both as
-docs/learning.md has them. Here stands what is particular to throwing. A plan knows where its own release would send the ball: the task
-parameter is moved until that point lies on the target. The delay of the hand is learned with the motion, and so is the release, unless the
-skill lets go where the ball flies farthest: there it matters least that a hand opens early or late.
+`DSGMR` learns the movement and makes it for a new task parameter; in configurations in which the state of the arm drives the
+movement it is `AutonomousDSGMR`. docs/learning.md explains both. This module adds what is particular to throwing:
+
+* The aim: a plan predicts where its ball comes down. The task parameter is changed until that point lies on the target.
+* The release: as demonstrated, or where on the path the ball flies farthest. There it matters least that a hand opens early
+  or late.
+* The delay of the hand, learned with the motion.
+* The region of targets that the demonstrations allow.
 """
 
 from __future__ import annotations
@@ -25,15 +29,15 @@ from dart_skill.movement.orientation import angles_from_quaternions, quaternions
 from dart_skill.recording import Demonstration
 from dart_skill.robot.throw_plan import Gains, ThrowPlan
 from dart_skill.samples import to_the_nanosecond
+from dart_skill.skill._course import Course
 from dart_skill.skill.configuration import DEFAULT, SkillConfiguration
-from dart_skill.skill.course import Course
 from dart_skill.skill.preparation import PreparedThrow, prepare
 from dart_skill.skill.release import farthest, hits_along, nearest_step, stretched_at, weights_at
 from dart_skill.skill.task_frames import frames_for
 
 LEAST_DEMONSTRATIONS = 2
 MARGIN = 0.05
-"""A movement is learned from so long before it starts and until so long after it stops [s]."""
+"""Time before the start and after the stop of a motion that is learned, too [s]."""
 REACH_MARGIN = 0.25
 """How far beyond the demonstrated distances a plan may aim, as a share of them: docs/skill.md has what comes of it."""
 SIDE_MARGIN = np.deg2rad(45.0)
@@ -43,7 +47,7 @@ LONGEST_DRIVE = 1.5
 AIM_TOLERANCE, WORST_AIM, LONGEST_AIM_STEP = 5e-4, 5e-3, 0.15
 """Of the search for the aim: where it stops, what it accepts at worst, its longest step; metres, and radians of azimuth."""
 MOST_AIMS = 25
-"""So many aims are tried after the first."""
+"""Largest number of aims that are tried after the first."""
 EARLIEST, LATEST = -0.04, 0.10
 """The release at which the ball flies farthest is looked for from and to so long after the one that was shown [s]."""
 AT_REST = np.zeros(5)
@@ -57,7 +61,7 @@ class Unreachable(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class _Throw:
-    """A course, the release [s] on its clock, and where the ball comes down (3,) if the hand does what is planned and opens then."""
+    """A course, the release [s] on its clock, and where the ball comes down (3,) [m] if the hand follows the course and opens then."""
 
     course: Course
     release: float
@@ -66,7 +70,7 @@ class _Throw:
 
 @dataclass(frozen=True, eq=False)
 class _Attempt:
-    """The throw for an aim (2,), reach and azimuth, and by how much it misses the target (2,) in these."""
+    """The throw for an aim (2,), which is reach and azimuth, and its miss (2,): landing minus target, in reach and azimuth."""
 
     aim: np.ndarray
     throw: _Throw
@@ -74,21 +78,24 @@ class _Attempt:
 
     @property
     def off(self) -> float:
-        """The larger of the two misses, without its sign."""
+        """Larger absolute value of the two."""
         return float(np.abs(self.miss).max())
 
 
 class ThrowingSkill:
-    """A model learned from demonstrations. Build it with `learn`.
+    """A throwing skill learned from demonstrations. `learn` and `learn_prepared` make one.
+
+    Parameters:
 
     * configuration: how demonstrations become a model and a model becomes a plan.
-    * throws: what was shown, prepared for this configuration, at least `LEAST_DEMONSTRATIONS`.
+    * throws: demonstrations prepared for this configuration.
 
-    Learned:
+    Attributes:
 
-    * release: float [s]; the mean one, on the clock that the demonstrations share.
-    * hand_delay: float [s]; from the command to the ball being free, the median, 0 if none was seen.
-    * width: float [m]; of the weights of demonstrations, 0 where all are alike.
+    * throws: tuple of the demonstrations.
+    * release: float [s], mean release on the clock that the demonstrations share.
+    * hand_delay: float [s], median time from the command to the release; 0 if no command was seen.
+    * width: float [m], width of the Gaussian that weights the demonstrations; 0 if all count alike.
     """
 
     def __init__(self, configuration: SkillConfiguration, throws: Sequence[PreparedThrow]):
@@ -132,24 +139,24 @@ class ThrowingSkill:
         return other
 
     def mixture(self, target: np.ndarray) -> GaussianMixture:
-        """The Gaussians for one task parameter (3,), in the world (7.21)."""
+        """The mixture (7.21) in the world for one task parameter (3,)."""
         target = np.asarray(target, dtype=float)
         return self.model_for(target).product(self._frames_for(target))
 
     def frame_mixtures(self, target: np.ndarray) -> list[GaussianMixture]:
-        """The Gaussians of each task frame by itself, for one task parameter, in the world: the factors of `mixture` (7.21)."""
+        """The mixture of each task frame alone, in the world, for one task parameter (3,): the factors of `mixture` (7.21)."""
         target = np.asarray(target, dtype=float)
         model, frames = self.model_for(target), self._frames_for(target)
         return [model.product([frame if k == one else None for k, frame in enumerate(frames)]) for one in range(len(frames))]
 
-    # what was shown, as DS-GMR learns it
+    # learning
 
     def model_for(self, task: np.ndarray) -> Model:
-        """The model that serves a task (3,): one for all, or one fitted to its neighbours (8.4.2)."""
+        """The fitted DS-GMR for a task (3,): the same for all tasks, or one fitted to the demonstrations near it (8.4.2)."""
         return self._whole if self._whole is not None else self._fit(self._weights(task))
 
     def _fit(self, weights: np.ndarray) -> Model:
-        """DS-GMR of the demonstrations, which have weights (n,)."""
+        """DS-GMR fitted to the demonstrations with weights (n,); those with weight 0 are left out."""
         used = np.flatnonzero(weights)
         if not len(used):
             raise Unreachable(f"no demonstration is near enough for '{self.configuration.name}' to learn from: teach one there")
@@ -176,7 +183,7 @@ class ThrowingSkill:
         )
 
     def _inputs(self, reach: float) -> list[float] | None:
-        """What the movement depends on beside time."""
+        """Further inputs of the regression beside time."""
         return [reach] if self.configuration.distance_input else None
 
     def _frames_for(self, task: np.ndarray) -> list[TaskFrame]:
@@ -212,7 +219,7 @@ class ThrowingSkill:
             return float("nan")
         return -(self._surface.apart(predicted, task) ** 2)
 
-    # where to aim
+    # the aim
 
     def _checked(self, target: np.ndarray) -> np.ndarray:
         target = np.asarray(target, dtype=float)
@@ -233,9 +240,9 @@ class ThrowingSkill:
         return target
 
     def _solve_aim(self, target: np.ndarray) -> _Attempt:
-        """The aim whose throw lands on the target: Broyden's method in reach and azimuth, from the target itself.
+        """The aim whose throw lands on the target, found by Broyden's method in reach and azimuth, starting at the target.
 
-        In turned frames the azimuth comes out right by itself and the reach is a smooth function of one variable.
+        In turned frames the azimuth is right from the start, and the reach is a smooth function of one variable.
         """
         best = attempt = self._attempt(self._surface.coordinates(target), target)
         slope = np.eye(2)
@@ -257,7 +264,7 @@ class ThrowingSkill:
         throw = self._throw_for(self._surface.point(aim, target))
         return _Attempt(aim, throw, self._surface.coordinates(throw.landing) - self._surface.coordinates(target))
 
-    # the movement, and when to let go
+    # the movement and its release
 
     def _throw_for(self, task: np.ndarray, model: Model | None = None) -> _Throw:
         """The throw for a task parameter (3,)."""
@@ -273,7 +280,7 @@ class ThrowingSkill:
         return _Throw(course, release, landing)
 
     def _course(self, task: np.ndarray, model: Model) -> Course:
-        """The movement for a task parameter (3,), from rest where the demonstrations rest."""
+        """The movement for a task parameter (3,), which starts at rest where the demonstrations start."""
         c = self.configuration
         start, roll = self._start_features(task)
         frames, inputs = frames_for(task, start, c), self._inputs(self._surface.coordinates(task)[0])
@@ -286,7 +293,7 @@ class ThrowingSkill:
         return self._on_the_clock(Course.of(run, azimuth, roll), run.phase)
 
     def _on_the_clock(self, course: Course, phase: np.ndarray) -> Course:
-        """A course that the state drove, on the clock on which it comes to the phase (n,) of the release when the ball is released."""
+        """A course driven by the state, with a clock on which its phase (n,) is that of the release at the time of the release."""
         time = course.time + self.release - np.interp(self.release, phase, course.time)
         return replace(course, time=time).part(0, np.count_nonzero(time <= self._stop))
 
@@ -304,7 +311,7 @@ class ThrowingSkill:
         return np.concatenate([position, angles[:2]]), float(angles[2])
 
     def _around_release(self, course: Course) -> Course:
-        """The part of a course in which the hand lets go: about the release as shown, or where the ball might fly farthest."""
+        """The part of a course in which the release can be."""
         if self.configuration.release == "shown":
             earliest, latest = -2.0 * self.configuration.step, 2.0 * self.configuration.step
         else:
@@ -313,7 +320,7 @@ class ThrowingSkill:
         return course.part(min(first, len(course.time) - 3), stop)
 
     def _farthest_release(self, near: Course, hits: np.ndarray) -> float:
-        """The instant [s] of a part of a course at which balls, which come down at hits (n, 3), fly farthest."""
+        """The instant [s] at which the ball flies farthest, for a part of a course whose balls come down at hits (n, 3)."""
         k, after = farthest(self._surface.coordinates(hits)[:, 0])
         top = float(near.time[k] + after * (near.time[k + 1] - near.time[k]))
         # Few demonstrations may send the hand beyond the arm's reach: then it lets go before it is there.
@@ -352,6 +359,6 @@ def learn_prepared(throws: Sequence[PreparedThrow], configuration: SkillConfigur
 
 
 def _median_of_seen(values: list[float]) -> float:
-    """The median of those that are finite, 0 if none is."""
+    """Median of the finite values; 0 if there are none."""
     seen = np.array(values)[np.isfinite(values)]
     return float(np.median(seen)) if len(seen) else 0.0

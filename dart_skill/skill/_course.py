@@ -1,4 +1,4 @@
-"""A planned movement of the hand in the features that are learned, and what it is in the world."""
+"""A planned movement of the hand, in the features of the model and in the world."""
 
 from __future__ import annotations
 
@@ -15,12 +15,17 @@ from dart_skill.samples import to_the_nanosecond
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """A movement for one task parameter; features are x, y, z [m] in the world and alpha, beta [rad] in axes turned by an azimuth (8.4.1).
+    """A movement for one task parameter.
+
+    The features are x, y, z [m] in the world and alpha, beta [rad] in axes turned by an azimuth (8.4.1).
+
+    Parameters:
 
     * time: (n,) [s].
-    * attractor, position, velocity, acceleration: (n, 5) [1, 1, 1/s, 1/s^2 of the features].
-    * azimuth: float [rad]; of the axes of the angles.
-    * roll: float [rad]; the third angle, which the movement keeps.
+    * attractor, position: (n, 5), in the features.
+    * velocity, acceleration: (n, 5), in the features per s and per s^2.
+    * azimuth: float [rad], by which the axes of the angles are turned about z.
+    * roll: float [rad], the third angle, constant during the movement.
     """
 
     time: np.ndarray
@@ -33,7 +38,7 @@ class Course:
 
     @classmethod
     def of(cls, movement: Reproduction | StateDriven, azimuth: float, roll: float) -> Course:
-        """The course of a movement that a model made."""
+        """The course of a movement that DS-GMR made."""
         return cls(movement.time, movement.attractor, movement.position, movement.velocity, movement.acceleration, azimuth, roll)
 
     def part(self, start: int, stop: int) -> Course:
@@ -64,7 +69,7 @@ class Course:
 
     @property
     def hand_path(self) -> HandPath:
-        """The course as a motion of the hand frame, which begins at time 0."""
+        """The motion of the hand frame in the world; its clock starts at 0."""
         return HandPath(
             time=to_the_nanosecond(self.time - self.time[0]),
             position=self.position[:, :3],
