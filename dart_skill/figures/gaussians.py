@@ -64,7 +64,7 @@ class FrameView:
 def frame_views(skill: ThrowingSkill) -> tuple[FrameView, FrameView]:
     """The skill's demonstrations and components in two frames."""
     task = median_task(skill)
-    model = skill.model_for(task)
+    model = skill.model_for(task).mixture_
     names, axes = NAMES[skill.configuration.frames], AXES.get(skill.configuration.frames, (TURNED_AXES, TURNED_AXES))
     if model.n_frames == 2:
         gaussians = [(model.means_[frame], model.covariances_[frame]) for frame in range(2)]

@@ -52,6 +52,17 @@ class Regression:
             self._collapse(shares, self._output_means + self._slopes @ deviations, mean[span], covariance[span])
         return mean, covariance
 
+    def mean(self, inputs: ArrayLike) -> np.ndarray:
+        """Mean (n, o) of the outputs (3.4) without their covariance; equal to the mean of a call to the last bit."""
+        inputs = self._checked(inputs)
+        mean = np.empty((len(inputs), self.n_outputs))
+        for start in range(0, len(inputs), SLICE):
+            span = slice(start, start + SLICE)
+            deviations = self._deviations(inputs[span])
+            shares, _ = self._shares(deviations, inputs[span], start)
+            mean[span] = _centre(shares, self._output_means + self._slopes @ deviations).T
+        return mean
+
     def responsibilities(self, inputs: ArrayLike) -> np.ndarray:
         """h_k of (3.5): (n, K)."""
         inputs = self._checked(inputs)
@@ -81,7 +92,7 @@ class Regression:
 
     def _collapse(self, shares: np.ndarray, means: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> None:
         """Mean (n, o) and total covariance (n, o, o), in place, of mixtures with shares (K, n) and means (K, o, n)."""
-        centre = np.einsum("kn,kon->on", shares, means)
+        centre = _centre(shares, means)
         spread = (means - centre) * np.sqrt(shares)[:, None, :]
         upper, row = self._within @ shares, 0
         for i in range(self.n_outputs):
@@ -118,6 +129,11 @@ def regress_each(
     mean = np.einsum("nk,nko->no", shares, conditional)
     spread = (conditional - mean[:, None]) * np.sqrt(shares)[..., None]
     return mean, symmetric(np.einsum("nk,nkop->nop", shares, within) + np.swapaxes(spread, 1, 2) @ spread)
+
+
+def _centre(shares: np.ndarray, means: np.ndarray) -> np.ndarray:
+    """Mean (o, n) of mixtures with shares (K, n) and means (K, o, n)."""
+    return np.einsum("kn,kon->on", shares, means)
 
 
 def _split(n_dims: int, input_dims: ArrayLike, output_dims: ArrayLike) -> tuple[np.ndarray, np.ndarray]:

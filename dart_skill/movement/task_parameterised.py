@@ -18,8 +18,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_covariances, as_finite, as_number, as_samples, as_weights
-from dart_skill.mixture import GaussianMixture, regress
-from dart_skill.mixture._expectation_maximisation import Parameters, column_scales, expectation_at, in_units, maximisation, normalise_log
+from dart_skill.mixture import GaussianMixture, Regression
+from dart_skill.mixture._expectation_maximisation import (
+    Parameters,
+    column_scales,
+    expectation_at,
+    in_units,
+    maximisation,
+    normalise_log,
+)
 from dart_skill.mixture._gaussian import cholesky, symmetric
 from dart_skill.mixture._mixture import EMEstimator, checked_priors, n_free_parameters
 from dart_skill.mixture._regression import regress_each
@@ -250,16 +257,24 @@ class TaskParameterisedMixture(EMEstimator):
         return GaussianMixture._made(self.priors_, mean[0], covariance[0])
 
     def regress(
-        self, frames: Sequence[FrameCourse], inputs: ArrayLike, input_dims: ArrayLike, output_dims: ArrayLike
-    ) -> tuple[np.ndarray, np.ndarray]:
+        self,
+        frames: Sequence[FrameCourse],
+        inputs: ArrayLike,
+        input_dims: ArrayLike,
+        output_dims: ArrayLike,
+        covariance: bool = True,
+    ) -> tuple[np.ndarray, np.ndarray | None]:
         """Mean (n, o) and covariance (n, o, o) of the output features in new frames, given inputs (n, i) of the input
-        features, as `mixture.regress`; a frame that moves is given by a list with one for each of the inputs.
+        features, as `mixture.regress`; a frame that moves is given by a list with one for each of the inputs. If covariance
+        is False, None is returned in its place, which saves time.
         """
         if not any(isinstance(course, Sequence) for course in frames):
-            return regress(self.product(frames), inputs, input_dims, output_dims)
+            regression = Regression(self.product(frames), input_dims, output_dims)
+            return regression(inputs) if covariance else (regression.mean(inputs), None)
         inputs = as_samples(inputs, "inputs")
         products = self._products(self._situation(frames, len(inputs)))
-        return regress_each(self.priors_, *products, inputs, input_dims, output_dims)
+        mean, spread = regress_each(self.priors_, *products, inputs, input_dims, output_dims)
+        return mean, spread if covariance else None
 
     def _situation(self, frames: Sequence[FrameCourse], n: int) -> Situation:
         return Situation.of(frames, n, self.n_dims, self._dims_of_frames)

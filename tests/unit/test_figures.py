@@ -205,7 +205,7 @@ def test_a_demonstration_that_the_bag_does_not_hold_is_named(taught_bag, demonst
 def test_the_components_seen_from_a_frame_have_the_moments_of_the_attractors_seen_from_it(demonstrations, name):
     """Whatever the responsibilities, an M step keeps the mean and the covariance of all samples."""
     skill = learn(demonstrations, configuration(name))
-    shares = skill.model_for(demonstrations[0].target).priors_
+    shares = skill.model_for(demonstrations[0].target).mixture_.priors_
     for view in frame_views(skill):
         samples = np.concatenate(view.attractors)
         mean = shares @ view.means

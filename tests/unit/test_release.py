@@ -1,12 +1,14 @@
 """Where a ball comes down that leaves the hand at one instant or another: closed forms, polynomials, and flights simulated from there."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
-from dart_skill.flight import DART, TENNIS_BALL, Ball, crossing, landing
+from dart_skill.flight import DART, TENNIS_BALL, crossing, landing
 from dart_skill.robot.commander import STRETCHED, CommanderSettings, PlanRefused, check_plan
 from dart_skill.robot.description import wam_description
 from dart_skill.robot.throw_plan import Gains, HandPath, ThrowPlan
@@ -15,7 +17,7 @@ from dart_skill.skill.learn.release import farthest, hits_along, landing_if_late
 from dart_skill.skill.learn.throwing import EARLIEST, LATEST, learn
 from dart_skill.surface import BASKETS, RIMS, BoardFace, Game, game_at
 
-VACUUM = Game(Ball(drag_coefficient=0.0), RIMS)
+VACUUM = Game(replace(TENNIS_BALL, drag_coefficient=0.0), RIMS)
 GRIP = wam_description().hand.ball_centre
 RATE, LENGTH, SHOULDER, RIM = 3.0, 0.8, 1.4, 0.4
 """An arm that turns about the y axis through a shoulder above the base: rate [rad/s], length to the ball [m], heights [m]."""

@@ -272,7 +272,7 @@ def test_the_width_is_the_one_that_predicts_left_out_demonstrations_best(demonst
         for i, throw in enumerate(skill.throws):
             others = learn([d for k, d in enumerate(demonstrations) if k != i], replace(configuration("weighted"), width=width))
             try:
-                squared.append(np.sum((others._course(throw.task).landing - throw.task)[:2] ** 2))
+                squared.append(np.sum((others._throw_for(throw.task).landing - throw.task)[:2] ** 2))
             except Unreachable:
                 squared.append(np.nan)
         errors.append(np.mean(squared))

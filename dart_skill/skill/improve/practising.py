@@ -24,6 +24,7 @@ from dart_skill.skill.improve.practice import Practice, PracticeSettings, Verdic
 from dart_skill.skill.improve.steadiness import LEAST, STEP, Steadiness
 from dart_skill.skill.learn.configuration import DEFAULT, SkillConfiguration
 from dart_skill.skill.learn.preparation import prepare
+from dart_skill.skill.learn.throwing import ThrowingSkill
 
 METHODS = ("residual", "bootstrap", "both", "power", "none")
 MIDDLE = 2.0
@@ -34,9 +35,15 @@ SPREAD = np.array([0.05, 0.05, 0.02, 0.02])
 
 @dataclass(frozen=True)
 class Told:
-    """What became of a throw that was told: whether it was learned from, and why not; `left`: along and across, what of the error [m] the
-    delay of the hand does not explain, so that a perfect skill would have avoided it, nan if nobody knows; ids of what was forgotten
-    for it.
+    """What became of a throw that was reported.
+
+    Parameters:
+
+    * kept: bool, whether something was learned from it.
+    * reason: str, default "". Why nothing was learned.
+    * left: (along, across) [m], default nan. The part of the error that the delay of the hand does not explain: a perfect skill
+      would have avoided it. nan if it is unknown.
+    * forgotten: ids of the trials that were removed from the memory for this one, default none.
     """
 
     kept: bool
@@ -45,11 +52,50 @@ class Told:
     forgotten: tuple[str, ...] = ()
 
 
-class PractisingSkill:
-    """Demonstrations, own throws, and what each method makes of them.
+@dataclass(frozen=True, eq=False)
+class _Steadied:
+    """The last change of the release.
 
-    method: one of METHODS; steady_every: after so many throws the release may be moved farther to where the hand's delay matters least
-    (`steadiness`), 0 for never.
+    Parameters:
+
+    * number: int, of the round of throws in which it was made.
+    * target: (3,) [m], for which it was made.
+    * shift: float [s], of the release.
+    * centre: (2,) [m], median deviation of the hits with this release.
+    """
+
+    number: int
+    target: np.ndarray
+    shift: float
+    centre: np.ndarray
+
+    def serves(self, number: int, target: np.ndarray) -> bool:
+        """Whether it was made in this round and for this target (3,)."""
+        return self.number == number and np.array_equal(self.target, target)
+
+
+class PractisingSkill:
+    """A throwing skill that learns from its own throws.
+
+    Parameters:
+
+    * shown: demonstrations of a teacher.
+    * configuration: SkillConfiguration, default `DEFAULT`.
+    * method: one of METHODS, default "residual".
+    * memory: PracticeSettings, how many demonstrations and trials are kept; default None: all.
+    * settings: CorrectionSettings, default None: the default ones.
+    * rng: random generator for the trials of PoWER, default None: one with seed 0.
+    * steady_every: int, number of throws in a round; default 0. After each round the release may be moved farther to where the
+      delay of the hand matters least (`steadiness`). 0: the release is not moved.
+
+    Attributes:
+
+    * skill: the ThrowingSkill that was learned last.
+    * practice: Practice, the memory of demonstrations and trials.
+    * correction: Correction of the repeatable miss; None if the method has none.
+    * hand: HandDelay that was learned; None if the method "none" is used or darts are thrown.
+    * steadiness: Steadiness, what was seen of own releases.
+    * release_shift: float [s], by which the release was moved.
     """
 
     def __init__(
@@ -66,7 +112,7 @@ class PractisingSkill:
             raise ValueError(f"there is no way to practise '{method}': choose one of {', '.join(METHODS)}")
         if method == "power" and configuration.board:
             raise ValueError("PoWER's offsets and slopes are those of baskets: practise darts with residual, bootstrap or both")
-        self.method, self._steady_every = method, steady_every
+        self.method = method
         self.practice = Practice(shown, configuration, memory)
         self.skill = self.practice.learn()
         self._game = configuration.game
@@ -76,42 +122,44 @@ class PractisingSkill:
         # At a board the release itself is moved, and what the hand's mean delay does there is taken out with it: `steadiness`.
         self.hand = None if method == "none" or configuration.board else HandDelay(throw.hand_delay for throw in self.skill.throws)
         self.steadiness = Steadiness(self._game)
-        self.release_shift, self._told, self._let_go = 0.0, 0, None
+        self.release_shift = 0.0
+        self._steady_every = steady_every
+        self._steadied: _Steadied | None = None
+        self._n_told = 0
 
     def plan(self, target: np.ndarray, explore: bool = False) -> ThrowPlan:
-        """A throw at the basket whose rim is centred at target (3,); explore: PoWER tries something new. Unreachable says why not."""
+        """A throw at the basket whose rim has its centre at target (3,) [m]; Unreachable tells why there is none.
+
+        explore: bool, default False. Whether PoWER tries new parameters.
+        """
         target = np.asarray(target, dtype=float)
-        centre = self._let_go_well(target) if self._steady_every else 0.0
-        skill = self.skill.releasing(self.release_shift) if self.release_shift else self.skill
-        if self.correction is not None:
-            return self._in_time(corrected(skill.plan(self.correction.shifted(target) - centre), target))
-        if self._search is not None:
-            return self._in_time(corrected(skill.plan(self._searched(target, explore)), target))
-        return self._in_time(skill.plan(target))
+        self._move_release(target)
+        plan = self._skill.plan(self._aim_for(target, explore))
+        if self.correction is not None or self._search is not None:
+            plan = corrected(plan, target)
+        return self._in_time(plan)
 
     def tell(self, plan: ThrowPlan | None, trial: Demonstration) -> Told:
         """What came of a plan of this skill; without a plan the throw is a demonstration, whatever the method."""
         if plan is None:
             verdict = self._bootstrap(trial)
             return Told(verdict.kept, verdict.reason, forgotten=verdict.forgotten)
+        explored = self._trial
+        self._trial = None
         try:
             seen = prepare(replace(trial, target=plan.target), replace(self.skill.configuration, relabel=True))
         except ValueError as error:
-            self._trial = None
             return Told(False, str(error))
-        uncertainty = seen.release.time_uncertainty
-        late = likely_late(seen.hand_delay - (plan.release - plan.open_hand), uncertainty)
+        late = likely_late(seen.hand_delay - (plan.release - plan.open_hand), seen.release.time_uncertainty)
         place, miss = repeatable_miss(plan, seen.task, late, self._game)
         if not np.isfinite(miss).all():
-            self._trial = None
             return Told(False, f"by its plan a ball that leaves the hand {late:.3f} s late comes down nowhere")
         self.steadiness.add((*plan.target, plan.release), late, miss)
-        self._told += 1
+        self._n_told += 1
         if self.hand is not None:
-            self.hand.add(seen.hand_delay, uncertainty)
-        if self._trial is not None:
-            self._search.tell(self._trial, -float(np.linalg.norm(seen.task - plan.target)))
-            self._trial = None
+            self.hand.add(seen.hand_delay, seen.release.time_uncertainty)
+        if explored is not None:
+            self._search.tell(explored, -float(np.linalg.norm(seen.task - plan.target)))
         if self.correction is not None:
             self.correction.add(place, miss + self._middle(plan))
         verdict = self._bootstrap(trial) if self.method in ("bootstrap", "both") else Verdict(True)
@@ -119,36 +167,57 @@ class PractisingSkill:
         left = self._game.surface.seen_from(plan.target, place, miss)
         return Told(verdict.kept, verdict.reason, left, verdict.forgotten)
 
+    @property
+    def _skill(self) -> ThrowingSkill:
+        """The skill with its release shifted."""
+        return self.skill.releasing(self.release_shift) if self.release_shift else self.skill
+
+    def _aim_for(self, target: np.ndarray, explore: bool) -> np.ndarray:
+        """The point (3,) to plan for, so that the ball comes down on the target (3,)."""
+        if self._search is not None:
+            return self._searched(target, explore)
+        if self.correction is None:
+            return target
+        aim = self.correction.shifted(target)
+        if self._steadied is None:
+            return aim
+        return aim - self._game.surface.offset(self._steadied.centre, target)
+
     def _in_time(self, plan: ThrowPlan) -> ThrowPlan:
         """The plan with the command to open as early as the hand has needed lately; before the first own throw, as it is."""
-        if self.hand is None or not self._told:
+        if self.hand is None or not self._n_told:
             return plan
         return replace(plan, open_hand=to_the_nanosecond(max(0.0, plan.release - self.hand.mean)))
 
-    def _let_go_well(self, target: np.ndarray) -> np.ndarray:
-        """Move the release to where hits on a target (3,) scatter least; the median (3,) [m] of the deviations that are left."""
-        rounds = self._told // self._steady_every
-        if rounds == 0 or len(self.steadiness) < LEAST:
-            return np.zeros(3)
-        if self._let_go is None or self._let_go[0] != (rounds, *target):
-            goal = target if self.correction is None else self.correction.shifted(target)
-            found = self.steadiness.steadiest(lambda shift: self.skill.releasing(shift).plan(goal), self.release_shift, rounds * STEP)
-            self._let_go = ((rounds, *target), *found)
-        _, self.release_shift, centre = self._let_go
-        return self._game.surface.offset(centre, target)
+    def _move_release(self, target: np.ndarray) -> None:
+        """Shift the release to where hits on a target (3,) scatter least, once there are enough throws; each round allows one step more."""
+        number = self._n_told // self._steady_every if self._steady_every else 0
+        if number == 0 or len(self.steadiness) < LEAST:
+            return
+        if self._steadied is not None and self._steadied.serves(number, target):
+            return
+        goal = target if self.correction is None else self.correction.shifted(target)
+        shift, centre = self.steadiness.steadiest(lambda by: self.skill.releasing(by).plan(goal), self.release_shift, number * STEP)
+        self._steadied = _Steadied(number, target.copy(), shift, centre)
+        self.release_shift = shift
 
     def _middle(self, plan: ThrowPlan) -> np.ndarray:
         """How far from the hit of a release on time the own hand sends the ball, the median (2,) [m]: early and late hits fall short, and
         half of all shall. Where the release itself is moved, plans are made for that already.
         """
-        few = self._steady_every or len(self.steadiness) < LEAST
-        return np.zeros(2) if few else self.steadiness.scatter(plan, [0.0])[1][0]
+        if self._steady_every or len(self.steadiness) < LEAST:
+            return np.zeros(2)
+        _, middle = self.steadiness.scatter(plan, np.zeros(1))
+        return middle[0]
 
     def _searched(self, target: np.ndarray, explore: bool) -> np.ndarray:
         """The point to plan for under PoWER's best correction, or under the one that it tries now."""
         if explore:
             self._trial = self._search.ask()
-        along, along_slope, across, across_slope = self._trial.parameters if explore else self._search.parameters
+            parameters = self._trial.parameters
+        else:
+            parameters = self._search.parameters
+        along, along_slope, across, across_slope = parameters
         away = np.hypot(target[0], target[1]) - MIDDLE
         shift = np.array([along + along_slope * away, across + across_slope * away, 0.0])
         return target + turn_matrix(azimuth_of(target)) @ shift

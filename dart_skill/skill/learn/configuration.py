@@ -18,17 +18,31 @@ RELEASES = ("shown", "farthest")
 class SkillConfiguration:
     """How demonstrations become a model and a model becomes a plan.
 
-    frames: "thesis" (8.2), "start" (8.3), "azimuth": one frame at the base turned to the target's azimuth, "azimuth_target": that
-    and one at the target. components: K of the mixture; partition: "time" gives
-    each its own interval of time, "em" lets EM decide. distance_input: the distance of the target is a second input of the
-    regression, beside time. alignment: instant that all demonstrations share, "start" of the motion or "release" of the ball.
-    relabel: a demonstration's task parameter is where its ball landed, not where the basket stood. width [m]: demonstrations are
-    weighted by a Gaussian of the distance between their target and the new one; 0 for equal weights; widths: the width is chosen
-    among these by cross-validation; nearest: only so many demonstrations, 0 for all (8.4.2). solve_aim: the task parameter
-    is solved for so that the plan's own predicted landing is on the target. stiffness [1/s^2]: of (7.19), critically damped.
-    step [s]: of the plan. drive: what carries the movement on, "time", or the "state" of the arm (chapter 9). release: the hand lets go
-    when the teacher did, "shown", or where on its path the ball flies "farthest", and least depends on when it opens.
-    board: where the bull (x, y, z) [m] of a board is that darts are thrown at; empty for balls and baskets.
+    Parameters:
+
+    * name: str, default "default".
+    * frames: task frames, default "azimuth". "thesis": those of (8.2). "start": those of (8.3). "azimuth": one frame at the base,
+      turned to the target's azimuth. "azimuth_target": that frame and one at the target.
+    * components: int, default 16. `n_components` of the DS-GMR.
+    * partition: "time" or "em", default "time". `partition` of the DS-GMR.
+    * distance_input: bool, default True. Whether the distance of the target is an input of the regression besides time.
+    * alignment: "release" or "start", default "release". Instant that all demonstrations share: the release of the ball or the
+      start of the motion.
+    * relabel: bool, default True. Whether the task parameter of a demonstration is where its ball landed, and not where the
+      basket stood.
+    * width: float, default 0 [m]. Demonstrations are weighted by a Gaussian of this width of the distance between their target
+      and the new one (8.4.2); 0: all count alike.
+    * widths: floats [m], default none. The width is chosen among these by cross-validation.
+    * nearest: int, default 0. Number of the nearest demonstrations that are used (8.4.2); 0: all.
+    * solve_aim: bool, default True. Whether the task parameter is changed until the plan's predicted landing is on the target.
+    * stiffness: float, default 200 [1/s^2]. kp of (7.19), with critical damping.
+    * step: float, default 0.004 [s]. Of the plan.
+    * noise: float, default 1e-4 [m]. Standard deviation of the measured positions.
+    * drive: "time" or "state", default "time". What drives the movement: a clock (`DSGMR`), or the state of the arm
+      (`AutonomousDSGMR`, chapter 9).
+    * release: "farthest" or "shown", default "farthest". Release where the ball flies farthest, which depends least on the
+      instant at which the hand opens, or as demonstrated.
+    * board: (x, y, z) [m], default empty. Position of the bull of a board for darts; empty for balls and baskets.
     """
 
     name: str = "default"

@@ -4,7 +4,9 @@ Features are t, x, y, z, alpha, beta (8.4.1), with t = 0 at the instant that all
 says so, the distance of the target after t. Attractors come from (7.20).
 """
 
-from dataclasses import dataclass
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,18 +21,33 @@ from dart_skill.world import the_world
 
 RATE = 100.0
 """Rate at which demonstrations are resampled [Hz]: that of the motion capture."""
+NOISE_OF_FEATURES = np.array([1, 1, 1, 10, 10])
+"""Noise of x, y, z, alpha, beta, relative to the noise of the position: 10 rad for 1 m."""
 
 
 @dataclass(frozen=True)
 class PreparedThrow:
     """A demonstration ready to be learned.
 
-    task (3,) is its task parameter: where the ball came down on the plane of the rim (a dart: where it met the board), or where the basket
-    stood; its azimuth [rad] and reach [m], the distance from the base axis or the height on the board; time (n,) [s], 0 at the shared
-    instant; motion (n, 5) x, y, z in the world and alpha, beta in the axes of the configuration; velocity and attractor (n, 5) likewise;
-    start_pose (6,): x, y, z, alpha, beta, roll of the hand at rest, all in axes turned by the azimuth; release [s] on the same clock;
-    start_posture (7,) with J1 relative to the azimuth; hand_delay [s] from the command to the ball being free, nan if the command was not
-    seen.
+    The features are x, y, z [m] in the world and alpha, beta [rad] in the axes of the configuration (8.4.1).
+
+    Parameters:
+
+    * id: str, of the demonstration.
+    * task: task parameter (3,) [m]: where the ball came down on the plane of the rim (a dart: where it met the board), or where
+      the basket stood.
+    * azimuth: float [rad], of the task.
+    * reach: float [m], distance of the task from the base axis, or its height on the board.
+    * time: (n,) [s], 0 at the instant that all demonstrations share.
+    * motion: (n, 5), the features.
+    * velocity: (n, 5), the features per s.
+    * attractor: (n, 5), computed from the motion by (7.20).
+    * start_pose: (6,) [m, rad], x, y, z, alpha, beta, roll of the hand at rest, all in axes turned by the azimuth.
+    * start, stop: float [s], start and stop of the motion, on the clock of `time`.
+    * release: Release, where hand and ball part, on the clock of the demonstration.
+    * release_time: float [s], the release on the clock of `time`.
+    * start_posture: (7,) [rad], joints before the motion, J1 relative to the azimuth.
+    * hand_delay: float [s], time from the command to the release; nan if the command was not seen.
     """
 
     id: str
@@ -54,6 +71,11 @@ class PreparedThrow:
         """Horizontal distance of the task from the base axis [m]."""
         return float(np.hypot(self.task[0], self.task[1]))
 
+    def between(self, first: float, last: float) -> PreparedThrow:
+        """The same throw with only the samples from `first` to `last` [s]."""
+        kept = (self.time >= first) & (self.time <= last)
+        return replace(self, time=self.time[kept], motion=self.motion[kept], velocity=self.velocity[kept], attractor=self.attractor[kept])
+
 
 def prepare(demonstration: Demonstration, configuration: SkillConfiguration) -> PreparedThrow:
     """One demonstration as numbers to learn from; ValueError names the demonstration and what is wrong with it."""
@@ -71,16 +93,13 @@ def _prepare(demonstration: Demonstration, configuration: SkillConfiguration) ->
     release = fit_release(d.ball_time, d.ball_position, d.hand_time, d.hand_position, d.hand_quaternion, grip, ball, free=free)
     task = _task(d, configuration, free)
     azimuth = float(np.arctan2(task[1], task[0]))
-    shared = release.time if configuration.alignment == "release" else d.motion_start
     turned = angles_from_quaternions(turn_about_z(d.hand_quaternion, -azimuth))
     angles = turned if configuration.turns else angles_from_quaternions(d.hand_quaternion)
+    shared = release.time if configuration.alignment == "release" else d.motion_start
     clock = d.hand_time - shared
     grid = np.arange(np.ceil(clock[0] * RATE), np.floor(clock[-1] * RATE) + 1) / RATE
-    columns = np.column_stack([d.hand_position, angles[:, :2]])
-    motion = smooth_derivatives(clock, columns, noise=np.array([1, 1, 1, 10, 10]) * configuration.noise, at=grid)
-    before = d.joint_time <= d.motion_start
-    posture = np.median(d.joint_position[before if before.any() else slice(0, 1)], axis=0)
-    posture[0] -= azimuth
+    features = np.column_stack([d.hand_position, angles[:, :2]])
+    motion = smooth_derivatives(clock, features, noise=NOISE_OF_FEATURES * configuration.noise, at=grid)
     return PreparedThrow(
         id=d.id,
         task=task,
@@ -95,7 +114,7 @@ def _prepare(demonstration: Demonstration, configuration: SkillConfiguration) ->
         stop=float(d.motion_stop - shared),
         release=release,
         release_time=float(release.time - shared),
-        start_posture=posture,
+        start_posture=_start_posture(d, azimuth),
         hand_delay=float(release.time - d.hand_opened),
     )
 
@@ -103,13 +122,28 @@ def _prepare(demonstration: Demonstration, configuration: SkillConfiguration) ->
 def _start_pose(demonstration: Demonstration, azimuth: float, angles: np.ndarray) -> np.ndarray:
     """Hand pose at rest before the motion (6,), in axes turned by the azimuth, as the angles (n, 3) are: x, y, z, alpha, beta, roll."""
     d = demonstration
-    at_rest = d.hand_time <= d.motion_start - 0.05
-    kept = at_rest if at_rest.any() else slice(0, 1)
-    position = d.hand_position[kept] @ turn_matrix(azimuth)
-    return np.median(np.hstack([position, angles[kept]]), axis=0)
+    at_rest = _or_first(d.hand_time <= d.motion_start - 0.05)
+    position = d.hand_position[at_rest] @ turn_matrix(azimuth)
+    return np.median(np.hstack([position, angles[at_rest]]), axis=0)
+
+
+def _start_posture(demonstration: Demonstration, azimuth: float) -> np.ndarray:
+    """Joints before the motion (7,), J1 relative to the azimuth."""
+    d = demonstration
+    posture = np.median(d.joint_position[_or_first(d.joint_time <= d.motion_start)], axis=0)
+    posture[0] -= azimuth
+    return posture
+
+
+def _or_first(kept: np.ndarray) -> np.ndarray:
+    """Mask (n,) of the samples that are kept; only the first one if no other is."""
+    if kept.any():
+        return kept
+    return np.arange(len(kept)) == 0
 
 
 def _task(demonstration: Demonstration, configuration: SkillConfiguration, free: FreeFlight | None) -> np.ndarray:
+    """Where the ball came down (3,), or where the basket stood."""
     if not configuration.relabel:
         return demonstration.target
     d, game, radius = demonstration, configuration.game, the_world().basket_radius

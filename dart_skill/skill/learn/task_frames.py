@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from dart_skill.movement.autonomous import lift
 from dart_skill.movement.frames import (
     TaskFrame,
     azimuth_frame,
@@ -17,7 +16,14 @@ from dart_skill.skill.learn.configuration import SkillConfiguration
 
 
 def frames_for(task: np.ndarray, start: np.ndarray, configuration: SkillConfiguration) -> list[TaskFrame]:
-    """The frames (A, b) for task parameter (3,) and start position of the hand (>= 3,): thesis (8.2), (8.3) or turned ones."""
+    """Task frames of the features t, [distance,] x, y, z, alpha, beta for one task: thesis (8.2), (8.3), or turned ones.
+
+    Parameters:
+
+    * task: task parameter (3,) [m].
+    * start: position of the hand before it moves, x, y, z [m]; further entries are ignored.
+    * configuration: which frames, and whether the distance of the target is an input.
+    """
     start = start[:3]
     if configuration.frames in ("thesis", "start"):
         first = base_frame() if configuration.frames == "thesis" else start_frame(start)
@@ -26,8 +32,6 @@ def frames_for(task: np.ndarray, start: np.ndarray, configuration: SkillConfigur
         frames = [azimuth_frame(azimuth_of(task))]
         if configuration.frames == "azimuth_target":
             frames.append(azimuth_target_frame(task))
-    if configuration.drive == "state":
-        frames = [lift(frame) for frame in frames]
     return [_with_distance(frame) for frame in frames] if configuration.distance_input else frames
 
 
