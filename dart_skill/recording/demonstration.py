@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from rosbags.typesys.store import Typestore
 
-from dart_skill.recording.bag_reader import BagError, BagReader
-from dart_skill.recording.messages import message
+from dart_skill.recording.bags.messages import message
+from dart_skill.recording.bags.reader import BagError, BagReader
 from dart_skill.samples import check_samples, check_unit_quaternions
 
 DEMONSTRATION_TYPE = "dart_skill_msgs/msg/Demonstration"

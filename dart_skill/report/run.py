@@ -16,9 +16,9 @@ from dart_skill.experiments.figures.execution import SAME_BASKET
 from dart_skill.experiments.figures.recordings import COMMAND, Recording
 from dart_skill.experiments.summary import ThrowResult
 from dart_skill.recording import BagError, BagReader, Demonstration, read_demonstrations
-from dart_skill.recording.foreign import ThrowRecording, read_recording
 from dart_skill.recording.grip_signal import read_command
-from dart_skill.recording.pose_faults import fault_lines
+from dart_skill.recording.imports.pose_faults import fault_lines
+from dart_skill.recording.imports.throw_recording import ThrowRecording, read_recording
 from dart_skill.skill.configuration import configuration as configuration_of
 from dart_skill.skill.from_bag import find_throws
 from dart_skill.skill.throw_finder import FoundThrow, worlds

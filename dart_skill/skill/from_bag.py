@@ -14,10 +14,10 @@ import numpy as np
 
 from dart_skill.movement import Segment, VelocityThreshold
 from dart_skill.recording import Demonstration, read_demonstrations
-from dart_skill.recording.foreign import ThrowRecording, read_recording
 from dart_skill.recording.grip_signal import Opening
-from dart_skill.recording.mapping import RecordingMapping
-from dart_skill.recording.pose_faults import Fault
+from dart_skill.recording.imports.mapping import RecordingMapping
+from dart_skill.recording.imports.pose_faults import Fault
+from dart_skill.recording.imports.throw_recording import ThrowRecording, read_recording
 from dart_skill.robot.description import wam_description
 from dart_skill.skill.configuration import SkillConfiguration
 from dart_skill.skill.configuration import configuration as configuration_of

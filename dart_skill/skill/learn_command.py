@@ -28,7 +28,7 @@ def add_learn(commands) -> None:
 
 
 def _learn(options: argparse.Namespace) -> int:
-    from dart_skill.recording.mapping import load_mapping
+    from dart_skill.recording.imports.mapping import load_mapping
     from dart_skill.skill.from_bag import learn_from_bag
     from dart_skill.skill.model_file import save_model
 
@@ -48,7 +48,7 @@ def _learn(options: argparse.Namespace) -> int:
 
 
 def _as_text(skill, report, output: Path) -> str:
-    from dart_skill.recording.pose_faults import fault_lines
+    from dart_skill.recording.imports.pose_faults import fault_lines
 
     lines = [*fault_lines(report.faults), *(_throw_line(number, throw) for number, throw in enumerate(report.throws, start=1))]
     learned, model = report.learned_from, skill.skill

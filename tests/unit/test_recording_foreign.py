@@ -11,10 +11,10 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from scipy.spatial.transform import Rotation
 
 from dart_skill.recording import BagError, BagReader, BagWriter, definition, qos_yaml, serialize, type_hash, typestore
-from dart_skill.recording.foreign import convert, read_recording
 from dart_skill.recording.grip_signal import read_command
-from dart_skill.recording.mapping import OWN, MappingError, load_mapping, parse_mapping
-from dart_skill.recording.pose_stream import PoseStream, RigidTransform, multiplied, rotated, transformed, with_continuous_signs
+from dart_skill.recording.imports.mapping import OWN, MappingError, load_mapping, parse_mapping
+from dart_skill.recording.imports.pose_stream import PoseStream, RigidTransform, multiplied, rotated, transformed, with_continuous_signs
+from dart_skill.recording.imports.throw_recording import convert, read_recording
 from tests.unit.recorded_session import header, recorded_bag
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "config" / "recordings" / "example.yaml"

@@ -15,8 +15,8 @@ from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from dart_skill.recording import BagError, BagReader, definition, qos_yaml, serialize, type_hash, typestore
-from dart_skill.recording.bag_writer import BagWriter
-from dart_skill.recording.integrity import Finding, check_bag, check_file, describe
+from dart_skill.recording.bags.check import Finding, check_bag, check_file, describe
+from dart_skill.recording.bags.writer import BagWriter
 
 POSE, STEP_NS, START_NS = "geometry_msgs/msg/PoseStamped", 10_000_000, 10**18
 TYPES = typestore()

@@ -12,10 +12,10 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from dart_skill.recording import BagError, BagReader, definition, qos_yaml, serialize, type_hash, typestore
-from dart_skill.recording.bag_reader import part_number
-from dart_skill.recording.bag_writer import BagWriter
-from dart_skill.recording.integrity import check_bag
-from dart_skill.recording.recovery import recover
+from dart_skill.recording.bags.check import check_bag
+from dart_skill.recording.bags.reader import part_number
+from dart_skill.recording.bags.recovery import recover
+from dart_skill.recording.bags.writer import BagWriter
 
 POINT, TEXT = "geometry_msgs/msg/PointStamped", "std_msgs/msg/String"
 START_NS, STEP_NS = 10**18, 10_000_000

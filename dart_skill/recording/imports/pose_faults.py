@@ -15,7 +15,7 @@ from itertools import combinations
 import numpy as np
 from scipy.ndimage import median_filter
 
-from dart_skill.recording.pose_stream import PoseStream
+from dart_skill.recording.imports.pose_stream import PoseStream
 
 INFORMATION = ("gap",)
 """Kinds that are no fault: a body that the cameras do not see is not published."""

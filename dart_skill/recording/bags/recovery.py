@@ -16,8 +16,20 @@ from zlib import crc32
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema
 
-from dart_skill.recording._disk_sync import sync_folder
-from dart_skill.recording._mcap_scan import (
+from dart_skill.recording.bags._disk_sync import sync_folder
+from dart_skill.recording.bags._metadata import (
+    RECORD_NAME,
+    FileMetadata,
+    TopicMetadata,
+    bag_metadata,
+    parse_qos,
+    parse_record,
+    read_metadata_file,
+    record_values,
+    write_metadata_file,
+)
+from dart_skill.recording.bags.reader import BagError, part_number
+from dart_skill.recording.mcap.scan import (
     Damage,
     DamagedError,
     Record,
@@ -32,19 +44,7 @@ from dart_skill.recording._mcap_scan import (
     records_of,
     walk,
 )
-from dart_skill.recording._mcap_stream import MESSAGE, McapChannel, McapFile
-from dart_skill.recording._rosbag2_metadata import (
-    RECORD_NAME,
-    FileMetadata,
-    TopicMetadata,
-    bag_metadata,
-    parse_qos,
-    parse_record,
-    read_metadata_file,
-    record_values,
-    write_metadata_file,
-)
-from dart_skill.recording.bag_reader import BagError, part_number
+from dart_skill.recording.mcap.writer import MESSAGE, McapChannel, McapFile
 
 _OWN_LIBRARY = "dart_skill"
 

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dart_skill.recording.mapping import QUATERNION_ORDERS, TIME_UNITS, Table
-from dart_skill.recording.pose_stream import IDENTITY
+from dart_skill.recording.imports.mapping import QUATERNION_ORDERS, TIME_UNITS, Table
+from dart_skill.recording.imports.pose_stream import IDENTITY
 
 MOTIVE_LENGTHS = {"meters": 1.0, "centimeters": 1e-2, "millimeters": 1e-3}
 

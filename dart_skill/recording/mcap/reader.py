@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from mcap.opcode import Opcode
 from mcap.records import Channel, Metadata, Schema
 
-from dart_skill.recording._mcap_scan import (
+from dart_skill.recording.mcap.scan import (
     FOOTER_LENGTH,
     Chunk,
     ChunkIndex,

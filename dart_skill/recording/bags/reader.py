@@ -19,10 +19,10 @@ from rosbags.rosbag2.metadata import parse_qos
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from dart_skill.recording._mcap_read import END_OF_TIME, BagMessage, McapInput, in_time_order
-from dart_skill.recording._mcap_scan import DamagedError
-from dart_skill.recording._rosbag2_metadata import METADATA_FILE, METADATA_VERSION, RECORD_NAME, parse_record, read_metadata_file
-from dart_skill.recording.messages import deserialize
+from dart_skill.recording.bags._metadata import METADATA_FILE, METADATA_VERSION, RECORD_NAME, parse_record, read_metadata_file
+from dart_skill.recording.bags.messages import deserialize
+from dart_skill.recording.mcap.reader import END_OF_TIME, BagMessage, McapInput, in_time_order
+from dart_skill.recording.mcap.scan import DamagedError
 
 __all__ = ["BagAttachment", "BagError", "BagFile", "BagMessage", "BagReader", "TopicInfo"]
 

@@ -37,7 +37,7 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from dart_skill.recording._mcap_stream import MAGIC
+from dart_skill.recording.mcap.writer import MAGIC
 
 FOOTER_LENGTH = 9 + 20 + len(MAGIC)
 _HEAD, _CHUNK_HEAD, _CHUNK_INDEX = struct.Struct("<BQ"), struct.Struct("<QQQII"), struct.Struct("<QQQQI")

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import yaml
 
-from dart_skill.recording._disk_sync import sync_folder
+from dart_skill.recording.bags._disk_sync import sync_folder
 
 METADATA_VERSION = 9
 METADATA_FILE = "metadata.yaml"

@@ -17,7 +17,10 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Schema, Statistics
 from rosbags.typesys.store import Typestore
 
-from dart_skill.recording._mcap_scan import (
+from dart_skill.recording.bags._metadata import METADATA_FILE, read_metadata_file
+from dart_skill.recording.bags.messages import deserialize
+from dart_skill.recording.bags.reader import BagError, BagReader, embedded_types, part_number
+from dart_skill.recording.mcap.scan import (
     ChunkIndex,
     Damage,
     DamagedError,
@@ -32,10 +35,7 @@ from dart_skill.recording._mcap_scan import (
     records_of,
     walk,
 )
-from dart_skill.recording._mcap_stream import MESSAGE
-from dart_skill.recording._rosbag2_metadata import METADATA_FILE, read_metadata_file
-from dart_skill.recording.bag_reader import BagError, BagReader, embedded_types, part_number
-from dart_skill.recording.messages import deserialize
+from dart_skill.recording.mcap.writer import MESSAGE
 
 RECOVER = "make a new bag of what is in it: dart-skill bag recover"
 REWRITE = "write its index anew: dart-skill bag recover"

@@ -28,7 +28,7 @@ _STAMPED = ("std_msgs/msg/Header", "builtin_interfaces/msg/Time")
 def interface_folder() -> Path:
     """Folder of our interfaces: msg_schemas/ of a checkout, or the installed package's share."""
     prefixes = [Path(prefix) for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
-    folders = [Path(__file__).resolve().parents[2] / "msg_schemas"]
+    folders = [Path(__file__).resolve().parents[3] / "msg_schemas"]
     folders += [prefix / "share" / PACKAGE for prefix in prefixes]
     for folder in folders:
         if (folder / "msg").is_dir():

@@ -1,0 +1,52 @@
+"""Bags of rosbag2: read, written, checked, recovered and played, with their message types."""
+
+from dart_skill.recording.bags.check import Finding, check_bag, check_file, describe
+from dart_skill.recording.bags.messages import (
+    definition,
+    deserialize,
+    interface_folder,
+    is_stamped,
+    message,
+    serialize,
+    type_hash,
+    types_for,
+    typestore,
+)
+from dart_skill.recording.bags.playback import CLOCK_TOPIC, CLOCK_TYPE, Due, Pace, Playback, Selection, clock_message
+from dart_skill.recording.bags.reader import BagAttachment, BagError, BagMessage, BagReader, TopicInfo
+from dart_skill.recording.bags.recovery import LostPlace, Recovery, recover
+from dart_skill.recording.bags.writer import BagWriteError, BagWriter, qos_yaml
+
+__all__ = [
+    "CLOCK_TOPIC",
+    "CLOCK_TYPE",
+    "BagAttachment",
+    "BagError",
+    "BagMessage",
+    "BagReader",
+    "BagWriteError",
+    "BagWriter",
+    "Due",
+    "Finding",
+    "LostPlace",
+    "Pace",
+    "Playback",
+    "Recovery",
+    "Selection",
+    "TopicInfo",
+    "check_bag",
+    "check_file",
+    "clock_message",
+    "definition",
+    "describe",
+    "deserialize",
+    "interface_folder",
+    "is_stamped",
+    "message",
+    "qos_yaml",
+    "recover",
+    "serialize",
+    "type_hash",
+    "types_for",
+    "typestore",
+]
