@@ -17,7 +17,7 @@ from dart_skill.recording.imports.pose_stream import PoseStream, RigidTransform,
 from dart_skill.recording.imports.throw_recording import convert, read_recording
 from tests.unit.recorded_session import header, recorded_bag
 
-EXAMPLE = Path(__file__).resolve().parents[2] / "config" / "recordings" / "example.yaml"
+EXAMPLE = Path(__file__).resolve().parents[3] / "config" / "recordings" / "example.yaml"
 ROLES = ("hand", "ball", "basket")
 N = 200
 START_NS = 1_700_000_000_123_456_789

@@ -29,7 +29,7 @@ BODIES = {"hand": 0.0, "ball": 1.0, "basket": 2.0}
 
 @pytest.fixture(autouse=True)
 def unsynced(monkeypatch):
-    """No waiting for the disk: what survives a crash is tested elsewhere (test_recording_survives.py)."""
+    """No waiting for the disk: what survives a crash is tested elsewhere (test_survives.py)."""
     monkeypatch.setattr(os, "fsync", lambda fd: None)
     monkeypatch.setattr(os, "fdatasync", lambda fd: None)
 
@@ -395,7 +395,7 @@ def test_convert_writes_our_topics_and_reports_faults(tmp_path, call):
 
 
 def test_the_mapping_in_the_documentation_is_one():
-    page = (Path(__file__).resolve().parents[2] / "docs" / "bags.md").read_text(encoding="utf-8")
+    page = (Path(__file__).resolve().parents[3] / "docs" / "bags.md").read_text(encoding="utf-8")
     (block,) = re.findall(r"\n\n((?:    .*\n)*    hand: .*\n(?:    .*\n)*)", page)
     mapping = parse_mapping(yaml.safe_load(block))
     assert mapping.bodies["hand"].motive == "take_001.csv" and mapping.joints.table.delimiter == ";"

@@ -13,7 +13,7 @@ from dart_skill.recording.imports.throw_recording import read_recording
 from dart_skill.skill.from_bag import find_throws, learn_from_bag
 from tests.unit.recorded_session import same
 
-BAGS = Path(__file__).parents[2] / "bags"
+BAGS = Path(__file__).parents[3] / "bags"
 NAMES = ("demonstrations", "throws")
 
 
