@@ -1,6 +1,8 @@
 """Bags of rosbag2: read, written, checked, recovered and played, with their message types."""
 
-from dart_skill.recording.bags.check import Finding, check_bag, check_file, describe
+from dart_skill.recording.bags._file_check import Finding
+from dart_skill.recording.bags.check import check_bag, check_file
+from dart_skill.recording.bags.description import describe
 from dart_skill.recording.bags.messages import (
     definition,
     deserialize,

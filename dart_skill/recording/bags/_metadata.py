@@ -92,6 +92,12 @@ def read_metadata_file(folder: Path) -> dict:
     return found
 
 
+def is_plain_mcap(metadata: dict) -> bool:
+    """Whether the files are MCAP as it stands, and not SQLite, nor compressed as a whole or message by message."""
+    mode = str(metadata.get("compression_mode") or "none").lower()
+    return metadata.get("storage_identifier", "mcap") == "mcap" and mode not in ("file", "message")
+
+
 def parse_record(values: Mapping[str, str]) -> dict:
     """Metadata in the record of a file; empty if they cannot be read."""
     try:

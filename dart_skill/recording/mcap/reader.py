@@ -1,12 +1,11 @@
 """Reading whole MCAP files: topics from the summary, messages chunk by chunk in order of log time.
 
-Damage is an error here (`DamagedError`); `_mcap_scan` says how it is found, and `recovery` what can be done about it.
+Damage is an error here (`DamagedError`): `walk` says what is left of a damaged file.
 """
 
 from __future__ import annotations
 
 import heapq
-import mmap
 import struct
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
@@ -15,33 +14,22 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from mcap.opcode import Opcode
-from mcap.records import Channel, Metadata, Schema
+from mcap.records import Attachment, Channel, ChunkIndex, McapRecord, Metadata
 
-from dart_skill.recording.mcap.scan import (
-    FOOTER_LENGTH,
-    Chunk,
-    ChunkIndex,
-    Damage,
-    DamagedError,
-    Summary,
-    mapped,
-    parse,
-    parse_chunk,
-    parse_footer,
-    parse_header,
-    parse_summary,
-    records_of,
-    walk,
-)
+from dart_skill.recording.mcap.records import RECORD, DamagedError, Summary, parse, parse_chunk, parse_header, read_summary
+from dart_skill.recording.mcap.walk import Damage, Record, mapped, read_definitions, walk
 
-_FIELDS = struct.Struct("<BQH4xQ")  # of a message record: opcode, length, channel, log time
-_HEAD = struct.Struct("<BQ")
-_STAMP = itemgetter(2)
 END_OF_TIME = 2**64
+_FIELDS = struct.Struct("<BQH4xQ")  # of a message record: opcode, length, channel, log time
+_STAMP = itemgetter(2)
 
 
 class BagMessage(NamedTuple):
-    """A message. stamp_ns: log time; data: CDR bytes or, decoded, an object with the message's fields."""
+    """A message.
+
+    stamp_ns: log time.
+    data: CDR bytes or, decoded, an object with the message's fields.
+    """
 
     topic: str
     type_name: str
@@ -49,22 +37,37 @@ class BagMessage(NamedTuple):
     data: Any
 
 
-class McapInput:
-    """A whole MCAP file, open for reading.
+class Part(NamedTuple):
+    """A part of a file: log times of its first and last message, and what reads it, as a list of BagMessage in order of log time."""
 
-    counts: messages by channel number. Raises DamagedError for what is no whole file.
+    start_ns: int
+    end_ns: int
+    read: Callable[[], list[BagMessage]]
+
+
+class McapInput:
+    """A whole MCAP file, open for reading. Raises DamagedError for what is no whole file.
+
+    header: its first record.
+    schemas, channels: by number.
+    counts: messages by the number of their channel.
+    message_count: of all channels.
+    start_ns, end_ns: log times of the first and last message, 0 without messages.
+    compression: of the chunks; several are separated by commas.
     """
 
     def __init__(self, path: Path):
         self.path = path
+        self._chunks: list[ChunkIndex] | None = None  # what is known of all messages
         self._stream = open(path, "rb")
         try:
-            size = self._stream.seek(0, 2)
-            self.header, self._data_start = self._read_header()
-            footer = parse_footer(self._at(max(0, size - FOOTER_LENGTH), FOOTER_LENGTH), size)
-            summary = parse_summary(memoryview(self._at(footer.summary_start, size)), footer) if footer.summary_start else None
-            self._loose = False  # messages outside chunks
-            self._take(summary) if summary is not None and _is_complete(summary) else self._scan()
+            with mapped(path) as data:
+                self.header, _ = parse_header(data)
+                summary = read_summary(data)
+                if summary is not None and _is_complete(summary):
+                    self._take(summary)
+                else:
+                    self._scan(data)
         except BaseException:
             self._stream.close()
             raise
@@ -74,11 +77,6 @@ class McapInput:
         """Whether it can be read."""
         return not self._stream.closed
 
-    @property
-    def compression(self) -> str:
-        """Of the chunks; several are separated by commas."""
-        return ", ".join(sorted({chunk.compression for chunk in self._chunks} - {""}))
-
     def type_name(self, channel: Channel) -> str:
         """Message type of a channel; empty if the file does not tell it."""
         schema = self.schemas.get(channel.schema_id)
@@ -86,23 +84,28 @@ class McapInput:
 
     def metadata(self) -> list[Metadata]:
         """Metadata records, in the order in which they were written."""
-        return [parse(Opcode.METADATA, self._record(place)) for place in self._metadata_places]
+        return [self._record(Opcode.METADATA, place) for place in self._metadata_places]
 
-    def attachments(self) -> list:
-        """Attachments (`mcap.records.Attachment`)."""
-        return [parse(Opcode.ATTACHMENT, self._record(place)) for place in self._attachment_places]
+    def attachments(self) -> list[Attachment]:
+        """Files that were kept with the messages, in the order in which they were written."""
+        return [self._record(Opcode.ATTACHMENT, place) for place in self._attachment_places]
 
-    def parts(self, wanted: dict[int, tuple[str, str]], start_ns: int, stop_ns: int) -> list[tuple[int, int, Callable]]:
-        """First and last log time of each part of the file that may hold messages of these channels and times, and what reads it.
+    def parts(self, wanted: dict[int, tuple[str, str]], start_ns: int, stop_ns: int) -> list[Part]:
+        """The parts of the file that may hold messages of some channels and times.
 
-        wanted: topic and type by channel number. A part is a list of BagMessage in order of log time.
+        wanted: topic and type by number of the channel.
+        start_ns, stop_ns: log times from the first to before the second.
         """
-        if self._loose:
-            return [(self.start_ns, self.end_ns, lambda: self._loose_messages(wanted, start_ns, stop_ns))]
+        if self._chunks is None:
+            return [Part(self.start_ns, self.end_ns, lambda: self._found_messages(wanted, start_ns, stop_ns))]
         return [
-            (chunk.start_ns, chunk.end_ns, lambda chunk=chunk: self._chunk_messages(chunk, wanted, start_ns, stop_ns))
+            Part(
+                chunk.message_start_time, chunk.message_end_time, lambda chunk=chunk: self._chunk_messages(chunk, wanted, start_ns, stop_ns)
+            )
             for chunk in self._chunks
-            if start_ns <= chunk.end_ns and chunk.start_ns < stop_ns and not wanted.keys().isdisjoint(chunk.message_indexes)
+            if start_ns <= chunk.message_end_time
+            and chunk.message_start_time < stop_ns
+            and not wanted.keys().isdisjoint(chunk.message_index_offsets)
         ]
 
     def close(self) -> None:
@@ -113,99 +116,83 @@ class McapInput:
         self._stream.seek(place)
         return self._stream.read(length)
 
-    def _record(self, place: int) -> bytes:
-        """Content of the record at a place."""
-        _opcode, length = _HEAD.unpack(self._at(place, 9))
-        return self._at(place + 9, length)
-
-    def _read_header(self):
-        head = self._at(0, 17)
-        length = struct.unpack_from("<Q", head, 9)[0] if len(head) == 17 else 0
-        return parse_header(self._at(0, 17 + min(length, 2**20)))
+    def _record(self, opcode: int, place: int) -> McapRecord:
+        _opcode, length = RECORD.unpack(self._at(place, RECORD.size))
+        return parse(opcode, self._at(place + RECORD.size, length))
 
     def _take(self, summary: Summary) -> None:
         statistics = summary.statistics
-        self.schemas: dict[int, Schema] = summary.schemas
-        self.channels: dict[int, Channel] = summary.channels
+        self.schemas, self.channels, self._chunks = summary.schemas, summary.channels, summary.chunks
         self.counts = Counter(statistics.channel_message_counts)
         self.message_count = statistics.message_count
         self.start_ns, self.end_ns = statistics.message_start_time, statistics.message_end_time
-        self._chunks = summary.chunks
+        self.compression = _listed(chunk.compression for chunk in summary.chunks)
         self._metadata_places = [index.offset for index in summary.metadata]
         self._attachment_places = [index.offset for index in summary.attachments]
 
-    def _scan(self) -> None:
+    def _scan(self, data: memoryview) -> None:
         """What the summary would say, from the whole file."""
-        self.schemas, self.channels, self.counts = {}, {}, Counter()
-        self._chunks, self._metadata_places, self._attachment_places, stamps = [], [], [], []
-        with mapped(self.path) as data:
-            for found in walk(data):
-                if isinstance(found, Damage):
-                    raise DamagedError(f"{found.reason} (at byte {found.offset})")
-                if found.opcode == Opcode.CHUNK:
-                    chunk = parse_chunk(found.content)
-                    counts, its_stamps = self._survey(chunk.unpack())
-                    if counts:
-                        stamps += its_stamps
-                        self._chunks.append(_index(found, chunk, its_stamps, counts))
-                elif found.opcode == Opcode.MESSAGE:
-                    self._loose = True
-                    stamps.append(self._count(found.content))
-                elif found.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                    self._define(parse(found.opcode, found.content))
-                elif found.opcode == Opcode.METADATA:
-                    self._metadata_places.append(found.offset)
-                elif found.opcode == Opcode.ATTACHMENT:
-                    self._attachment_places.append(found.offset)
-                found = None  # holds the file's bytes
-        self.message_count = self.counts.total() if hasattr(self.counts, "total") else sum(self.counts.values())
-        self.start_ns, self.end_ns = min(stamps, default=0), max(stamps, default=0)
+        self.counts, compressions, first_ns, last_ns = Counter(), set(), END_OF_TIME, 0
+        places: dict[int, list[int]] = {Opcode.METADATA: [], Opcode.ATTACHMENT: []}
+        for found in _undamaged(data):
+            for message in found.messages():
+                self.counts[message.channel] += 1
+                first_ns, last_ns = min(first_ns, message.log_time_ns), max(last_ns, message.log_time_ns)
+            if found.opcode == Opcode.CHUNK:
+                compressions.add(found.chunk().compression)
+            elif found.opcode in places:
+                places[found.opcode].append(found.offset)
+        definitions = read_definitions(data)
+        self.schemas, self.channels, self.compression = definitions.schemas, definitions.channels, _listed(compressions)
+        self._metadata_places, self._attachment_places = places[Opcode.METADATA], places[Opcode.ATTACHMENT]
+        self.message_count = sum(self.counts.values())
+        self.start_ns, self.end_ns = (first_ns, last_ns) if self.message_count else (0, 0)
 
-    def _define(self, record: Schema | Channel) -> None:
-        kept = self.schemas if isinstance(record, Schema) else self.channels
-        kept[record.id] = record
-
-    def _count(self, content: memoryview) -> int:
-        """Count a message; returns its log time."""
-        channel, stamp = struct.unpack_from("<H4xQ", content)
-        self.counts[channel] += 1
-        return stamp
-
-    def _survey(self, raw: bytes) -> tuple[set[int], list[int]]:
-        """Channels and log times of a chunk's messages, which are counted."""
-        channels, stamps, view = set(), [], memoryview(raw)
-        for opcode, begin, end in records_of(raw):
-            if opcode == Opcode.MESSAGE:
-                stamps.append(self._count(view[begin:end]))
-                channels.add(struct.unpack_from("<H", raw, begin)[0])
-            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                self._define(parse(opcode, view[begin:end]))
-        return channels, stamps
-
-    def _chunk_messages(self, index: ChunkIndex, wanted: dict, start_ns: int, stop_ns: int) -> list[BagMessage]:
+    def _chunk_messages(self, chunk: ChunkIndex, wanted: dict, start_ns: int, stop_ns: int) -> list[BagMessage]:
+        place = chunk.chunk_start_offset
         try:
-            record = self._at(index.offset, index.length)
-            if len(record) < 9 or _HEAD.unpack_from(record) != (Opcode.CHUNK, len(record) - 9):
+            record = self._at(place, chunk.chunk_length)
+            if len(record) < RECORD.size or RECORD.unpack_from(record) != (Opcode.CHUNK, len(record) - RECORD.size):
                 raise DamagedError("no chunk begins there")
-            raw = parse_chunk(memoryview(record)[9:]).unpack()
-            return messages_in(raw, 0, len(raw), wanted, start_ns, stop_ns)
+            return _messages_in(parse_chunk(memoryview(record)[RECORD.size :]).unpack(), wanted, start_ns, stop_ns)
         except (DamagedError, struct.error) as error:
-            raise DamagedError(f"the chunk at byte {index.offset} of {self.path.name} is damaged: {error}") from error
+            raise DamagedError(f"the chunk at byte {place} of {self.path.name} is damaged: {error}") from error
 
-    def _loose_messages(self, wanted: dict, start_ns: int, stop_ns: int) -> list[BagMessage]:
-        """All of a file with messages outside chunks: nothing tells where their times are, so it is read into memory."""
-        found: list[BagMessage] = []
-        with mmap.mmap(self._stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
-            size = len(content) - FOOTER_LENGTH
-            found += messages_in(content, self._data_start, size, wanted, start_ns, stop_ns)
-        for chunk in self._chunks:
-            found += self._chunk_messages(chunk, wanted, start_ns, stop_ns)
+    def _found_messages(self, wanted: dict, start_ns: int, stop_ns: int) -> list[BagMessage]:
+        """All that are wanted of a file that does not tell where its messages are: they are read into memory."""
+        with mapped(self.path) as data:
+            found = [
+                BagMessage(*wanted[message.channel], message.log_time_ns, message.data)
+                for record in _undamaged(data)
+                for message in record.messages()
+                if message.channel in wanted and start_ns <= message.log_time_ns < stop_ns
+            ]
         return sorted(found, key=_STAMP)
 
 
-def messages_in(raw, place: int, end: int, wanted: dict[int, tuple[str, str]], start_ns: int, stop_ns: int) -> list[BagMessage]:
-    """Messages among the records from a place to an end, in order of log time; wanted: topic and type by channel number."""
-    found, in_order, last, fields = [], True, 0, _FIELDS.unpack_from
+def in_time_order(parts: Iterable[Part]) -> Iterator[BagMessage]:
+    """Messages of all parts in order of log time; parts that overlap in time are merged."""
+    group: list[Part] = []
+    until = 0
+    for part in sorted(parts, key=itemgetter(0)):
+        if group and part.start_ns >= until:
+            yield from _merged(group)
+            group = []
+        group.append(part)
+        until = max(until, part.end_ns)
+    yield from _merged(group)
+
+
+def _undamaged(data: memoryview) -> Iterator[Record]:
+    for found in walk(data):
+        if isinstance(found, Damage):
+            raise DamagedError(f"{found.reason} (at byte {found.offset})")
+        yield found
+
+
+def _messages_in(raw: bytes, wanted: dict[int, tuple[str, str]], start_ns: int, stop_ns: int) -> list[BagMessage]:
+    """The same as `messages_of` in less time, of what is wanted, in order of log time."""
+    found, in_order, last, fields, place, end = [], True, 0, _FIELDS.unpack_from, 0, len(raw)
     append, new, info = found.append, tuple.__new__, wanted.get
     while place < end - 30:
         opcode, length, channel, stamp = fields(raw, place)
@@ -224,32 +211,19 @@ def messages_in(raw, place: int, end: int, wanted: dict[int, tuple[str, str]], s
     return found
 
 
-def in_time_order(parts: Iterable[tuple[int, int, Callable]]) -> Iterator[BagMessage]:
-    """Messages of all parts (`McapInput.parts`) in order of log time; parts that overlap in time are merged."""
-    group: list[tuple[int, int, Callable]] = []
-    until = 0
-    for part in sorted(parts, key=itemgetter(0)):
-        if group and part[0] >= until:
-            yield from _merged(group)
-            group = []
-        group.append(part)
-        until = max(until, part[1])
-    yield from _merged(group)
-
-
-def _merged(group: list[tuple[int, int, Callable]]) -> Iterator[BagMessage]:
+def _merged(group: list[Part]) -> Iterator[BagMessage]:
     if len(group) == 1:
-        yield from group[0][2]()
+        yield from group[0].read()
         return
     for message in heapq.merge(*map(_when_due, group), key=_STAMP):
         if message[0] is not None:
             yield message
 
 
-def _when_due(part: tuple[int, int, Callable]) -> Iterator:
+def _when_due(part: Part) -> Iterator:
     """A part's messages, read when the merge has come to its first log time."""
-    yield (None, None, part[0])
-    yield from part[2]()
+    yield (None, None, part.start_ns)
+    yield from part.read()
 
 
 def _is_complete(summary: Summary) -> bool:
@@ -257,12 +231,10 @@ def _is_complete(summary: Summary) -> bool:
     statistics = summary.statistics
     if statistics is None or statistics.schema_count != len(summary.schemas) or statistics.channel_count != len(summary.channels):
         return False
-    indexed = sum(chunk.message_index_length - 15 * len(chunk.message_indexes) for chunk in summary.chunks) // 16
+    indexed = sum(chunk.message_index_length - 15 * len(chunk.message_index_offsets) for chunk in summary.chunks) // 16
     lists = statistics.metadata_count == len(summary.metadata) and statistics.attachment_count == len(summary.attachments)
     return lists and indexed == statistics.message_count
 
 
-def _index(found, chunk: Chunk, stamps: list[int], channels: set[int]) -> ChunkIndex:
-    offsets = dict.fromkeys(channels, 0)
-    place = (found.offset, found.end - found.offset)
-    return ChunkIndex(min(stamps), max(stamps), *place, offsets, 0, chunk.compression, len(chunk.records), chunk.size)
+def _listed(compressions: Iterable[str]) -> str:
+    return ", ".join(sorted({*compressions} - {""}))
