@@ -210,12 +210,7 @@ def messages_of(raw: bytes, cut_off: bool = False) -> Iterator[Message]:
     """The messages among the records of a chunk; DamagedError and cut_off as for `records_of`."""
     for opcode, begin, end in records_of(raw, cut_off):
         if opcode == Opcode.MESSAGE:
-            yield parse_message(raw[begin:end], begin - RECORD.size)
-
-
-def parse_message(content: bytes | memoryview, place: int = 0) -> Message:
-    """A message; its content has at least 22 bytes. place: where its record begins."""
-    return Message(place, *_MESSAGE_HEAD.unpack_from(content), bytes(content[_MESSAGE_HEAD.size :]))
+            yield Message(begin - RECORD.size, *_MESSAGE_HEAD.unpack_from(raw, begin), raw[begin + _MESSAGE_HEAD.size : end])
 
 
 def parse_header(data: bytes | memoryview) -> tuple[Header, int]:

@@ -28,7 +28,6 @@ from dart_skill.recording.mcap.records import (
     messages_of,
     parse,
     parse_chunk,
-    parse_message,
     parse_message_index,
     records_of,
 )
@@ -59,7 +58,7 @@ class Record:
         if self.opcode == Opcode.CHUNK:
             yield from messages_of(self.chunk().unpack())
         elif self.opcode == Opcode.MESSAGE:
-            yield parse_message(self.content)
+            yield from messages_of(RECORD.pack(self.opcode, len(self.content)) + self.content)
 
     def message_index(self) -> tuple[int, list[tuple[int, int]]]:
         """What it says if it is a message index: channel, and log time and place in the chunk of its messages."""
