@@ -6,13 +6,17 @@ from dart_skill.recording.bags.description import describe
 from dart_skill.recording.bags.messages import (
     definition,
     deserialize,
+    header_content,
     interface_folder,
     is_stamped,
     message,
+    pose_content,
     serialize,
+    stamp_content,
     type_hash,
     types_for,
     typestore,
+    vector_content,
 )
 from dart_skill.recording.bags.playback import CLOCK_TOPIC, CLOCK_TYPE, Due, Pace, Playback, Selection, clock_message
 from dart_skill.recording.bags.reader import BagAttachment, BagError, BagMessage, BagReader, TopicInfo
@@ -42,13 +46,17 @@ __all__ = [
     "definition",
     "describe",
     "deserialize",
+    "header_content",
     "interface_folder",
     "is_stamped",
     "message",
+    "pose_content",
     "qos_yaml",
     "recover",
     "serialize",
+    "stamp_content",
     "type_hash",
     "types_for",
     "typestore",
+    "vector_content",
 ]
