@@ -37,8 +37,8 @@ setup(
     maintainer="dart_skill maintainers",
     maintainer_email="dart_skill@users.noreply.github.com",
     python_requires=">=3.10,<3.14",
-    packages=[*find_packages(include=[PACKAGE, f"{PACKAGE}.*"]), f"{PACKAGE}_nodes"],
-    package_dir={f"{PACKAGE}_nodes": "nodes"},
+    packages=[*find_packages(include=[PACKAGE, f"{PACKAGE}.*"]), *find_packages("nodes")],
+    package_dir={f"{PACKAGE}_nodes": f"nodes/{PACKAGE}_nodes"},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
@@ -51,7 +51,7 @@ setup(
     entry_points={
         "console_scripts": [
             f"dart-skill = {PACKAGE}.cli:main",
-            *(f"{node} = {PACKAGE}_nodes.{node}:main" for node in NODES),
+            *(f"{node} = {PACKAGE}_nodes.executables.{node}:main" for node in NODES),
         ],
     },
 )

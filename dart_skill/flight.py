@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from dart_skill.samples import check_samples
+from dart_skill.checks import check_samples
 
 MAX_STEP, MAX_LOSS = 0.1, 0.01  # of an integration step: its length [s], and the share of the speed that drag takes in it
 PROBE = 1e-4  # difference of state with which the sensitivity of a flight is found [m, m/s]

@@ -3,7 +3,7 @@
 The arm's driver publishes /joint_states and takes /wam/command; vrpn_mocap publishes /vrpn_mocap/{hand,ball,basket}/pose.
 """
 
-from dart_skill_nodes.launching import description
+from dart_skill_nodes.process.launch_description import description
 from launch import LaunchDescription
 
 

@@ -3,7 +3,7 @@
 Afterwards `ros2 service call /skill_learner/learn dart_skill_msgs/srv/Learn '{at_least: 13}'`.
 """
 
-from dart_skill_nodes.launching import description
+from dart_skill_nodes.process.launch_description import description
 from launch import LaunchDescription
 
 

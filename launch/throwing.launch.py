@@ -3,7 +3,7 @@
 ros2 action send_goal /teach dart_skill_msgs/action/Teach "{target: {x: 2.0, y: 0.3, z: 0.4}}"
 """
 
-from dart_skill_nodes.launching import description
+from dart_skill_nodes.process.launch_description import description
 from launch import LaunchDescription
 
 

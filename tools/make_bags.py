@@ -13,16 +13,18 @@ import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from dart_skill_nodes.graph import Graph, choose_domain
+from dart_skill_nodes.process.discovery import choose_domain
+from dart_skill_nodes.process.graph_processes import Graph
 
 choose_domain()
 
 import rclpy  # noqa: E402  the domain must be chosen before rclpy starts
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
 
-from dart_skill.experiments.targets import targets_for  # noqa: E402
-from dart_skill_nodes.coaching import Coach, GraphFailure  # noqa: E402
-from dart_skill_nodes.demo import teach, throw_all  # noqa: E402
+from dart_skill.session.regions import targets_for  # noqa: E402
+from dart_skill_nodes.client.failures import GraphFailure  # noqa: E402
+from dart_skill_nodes.client.graph_client import GraphClient  # noqa: E402
+from dart_skill_nodes.verbs.teach_learn_throw.demo import teach, throw_all  # noqa: E402
 
 SEED, DEMONSTRATIONS, THROWS = 0, 13, 20
 HEARD = ("/joint_states", "/wam/command", *(f"/vrpn_mocap/{body}/pose" for body in ("hand", "ball", "basket")))
@@ -35,7 +37,7 @@ PATIENCE = 30.0
 class Recording:
     """The recorder node, from when it hears every sensor until the block is left."""
 
-    def __init__(self, graph: Graph, coach: Coach, bag: Path, note: str):
+    def __init__(self, graph: Graph, coach: GraphClient, bag: Path, note: str):
         self._graph, self._coach, self._counts = graph, coach, {}
         coach.node.create_subscription(DiagnosticArray, "/diagnostics", self._look, 10)
         notes = f"['seed={SEED}','what={note}']"
@@ -66,7 +68,7 @@ def make(folder: Path, logs: Path) -> None:
     """Record both bags into a folder."""
     shown, new = targets_for(SEED, DEMONSTRATIONS, THROWS)
     with Graph(logs) as graph:
-        coach = Coach(graph.dead)
+        coach = GraphClient(graph.dead)
         graph.start_all("composed", SEED, logs / "bag")
         coach.wait_until_ready()
         with Recording(graph, coach, folder / "demonstrations", f"{DEMONSTRATIONS} throws that a person guides"):

@@ -18,7 +18,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from dart_skill_nodes.graph import Graph, choose_domain  # noqa: E402
+from dart_skill_nodes.process.discovery import choose_domain  # noqa: E402
+from dart_skill_nodes.process.graph_processes import Graph  # noqa: E402
 
 choose_domain()
 
@@ -26,12 +27,12 @@ import numpy as np  # noqa: E402
 import rclpy  # noqa: E402  the domain must be chosen before rclpy starts
 from PIL import Image  # noqa: E402
 
-from dart_skill.experiments.targets import REGION  # noqa: E402
 from dart_skill.report.replay import play  # noqa: E402
 from dart_skill.report.run import read_run  # noqa: E402
-from dart_skill.skill.views import component_ellipsoids  # noqa: E402
+from dart_skill.session.regions import REGION  # noqa: E402
+from dart_skill.skill.learn.ellipsoids import component_ellipsoids  # noqa: E402
 from dart_skill.view import Scene, open_server  # noqa: E402
-from dart_skill_nodes.coaching import Coach  # noqa: E402
+from dart_skill_nodes.client.graph_client import GraphClient  # noqa: E402
 from tests.integration.browser import Page  # noqa: E402
 
 DOCS = ROOT / "docs"
@@ -91,7 +92,7 @@ def show_view(folder: Path) -> Path:
     """The live view after thirteen demonstrations and ten own throws."""
     rclpy.init()
     with Graph(folder / "logs") as graph:
-        coach = Coach(graph.dead)
+        coach = GraphClient(graph.dead)
         graph.start_all("composed", 0, folder / "bag")
         coach.wait_until_ready()
         graph.start("viewer", {"port": 0})

@@ -13,7 +13,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from dart_skill_nodes.graph import choose_domain
+from dart_skill_nodes.process.discovery import choose_domain
 
 choose_domain()
 
@@ -22,7 +22,7 @@ from rcl_interfaces.msg import ParameterDescriptor  # noqa: E402
 from rclpy.lifecycle import LifecycleNode  # noqa: E402
 from rclpy.node import Node  # noqa: E402
 
-from dart_skill_nodes import (  # noqa: E402
+from dart_skill_nodes.executables import (  # noqa: E402
     bag_player,
     coach,
     commander,

@@ -14,7 +14,7 @@ import sys
 import time
 from pathlib import Path
 
-from dart_skill_nodes.graph import choose_domain
+from dart_skill_nodes.process.discovery import choose_domain
 
 choose_domain()
 
@@ -24,9 +24,10 @@ from rclpy.serialization import deserialize_message  # noqa: E402
 from rosbags.highlevel import AnyReader  # noqa: E402
 
 from dart_skill.recording import BagReader  # noqa: E402
-from dart_skill_nodes.ears import Ears  # noqa: E402
-from dart_skill_nodes.offered import message_class  # noqa: E402
-from dart_skill_nodes.support import COMPLETE, make_executor  # noqa: E402
+from dart_skill_nodes.comms.matching_qos import message_class  # noqa: E402
+from dart_skill_nodes.comms.qos import COMPLETE  # noqa: E402
+from dart_skill_nodes.comms.raw_batches import RawBatches  # noqa: E402
+from dart_skill_nodes.process.node_base import make_executor  # noqa: E402
 
 BAG = Path(__file__).parents[2] / "bags" / "throws"
 TOPICS = ["/joint_states", "/wam/command", *(f"/vrpn_mocap/{body}/pose" for body in ("hand", "ball", "basket"))]
@@ -57,7 +58,7 @@ def errors(command: list[str], stamps: dict[str, np.ndarray]) -> np.ndarray:
     """How much later than due the messages of a player came (n,) [s], against their median delay."""
     node, executor = rclpy.create_node("listener"), make_executor()
     executor.add_node(node)
-    ears = Ears(node)
+    ears = RawBatches(node)
     for topic in TOPICS:
         ears.listen(topic)
     received = {topic: [] for topic in TOPICS}
@@ -91,7 +92,7 @@ def main() -> None:
     played["awaited"] = played["topics"]
     own = [part for name, value in played.items() for part in ("-p", f"{name}:={value}")]
     commands = {
-        "bag_player": [sys.executable, "-m", "dart_skill_nodes.bag_player", "--ros-args", *own],
+        "bag_player": [sys.executable, "-m", "dart_skill_nodes.executables.bag_player", "--ros-args", *own],
         "rclpy + rosbags": [sys.executable, __file__, "--peer", "--bag", str(options.bag), "--seconds", str(options.seconds)],
     }
     middle = {}

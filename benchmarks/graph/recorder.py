@@ -17,7 +17,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from dart_skill_nodes.graph import choose_domain
+from dart_skill_nodes.process.discovery import choose_domain
 
 choose_domain()
 
@@ -26,8 +26,8 @@ from rclpy.executors import ExternalShutdownException  # noqa: E402
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer  # noqa: E402
 
 from dart_skill.recording import BagReader, serialize, types_for  # noqa: E402
-from dart_skill_nodes.offered import message_class  # noqa: E402
-from dart_skill_nodes.support import COMPLETE  # noqa: E402
+from dart_skill_nodes.comms.matching_qos import message_class  # noqa: E402
+from dart_skill_nodes.comms.qos import COMPLETE  # noqa: E402
 
 POSE, PERIOD_NS = "geometry_msgs/msg/PoseStamped", 2_000_000
 TOPICS = {
@@ -132,7 +132,7 @@ def measure(folder: Path, seconds: float) -> None:
     topics = f"[{','.join(TOPICS)}]"
     parameters = {"bag": folder / "own", "topics": topics, "transforms": "false"}
     arguments = [part for name, value in parameters.items() for part in ("-p", f"{name}:={value}")]
-    own = subprocess.Popen([sys.executable, "-m", "dart_skill_nodes.recorder", "--ros-args", *arguments])
+    own = subprocess.Popen([sys.executable, "-m", "dart_skill_nodes.executables.recorder", "--ros-args", *arguments])
     peer = subprocess.Popen([sys.executable, __file__, "--peer", str(folder / "peer")])
     sender = subprocess.Popen([sys.executable, __file__, "--publish", "--seconds", str(seconds)])
     _cpu(sender)

@@ -4,8 +4,8 @@ Millimetres everywhere; the origin is the bull's centre, x points to the right a
 aim + bias + N(0, covariance).
 """
 
-from ._agent import ModelBasedAgent
-from ._board import (
+from dart_skill.darts._agent import ModelBasedAgent
+from dart_skill.darts._board import (
     BED_IS_DOUBLE,
     BED_NAMES,
     BED_SCORES,
@@ -19,14 +19,14 @@ from ._board import (
     place_of,
     score,
 )
-from ._estimation import LikelihoodRatio, SpreadEstimate, estimate_from_points, estimate_from_scores
-from ._exact import bed_probabilities, expected_score, score_derivatives
-from ._heat_map import HeatMap, heat_map
-from ._leg import CheckoutTable, LegPolicy, checkout_table, simulate_legs, solve_leg
-from ._optimum import Aim, best_aim, local_optima
-from ._path import Jump, OptimumPath, optimum_path
-from ._professionals import PROFESSIONALS, professional
-from ._spread import Spread, SpreadByTarget
+from dart_skill.darts._estimation import LikelihoodRatio, SpreadEstimate, estimate_from_points, estimate_from_scores
+from dart_skill.darts._exact import bed_probabilities, expected_score, score_derivatives
+from dart_skill.darts._heat_map import HeatMap, heat_map
+from dart_skill.darts._leg import CheckoutTable, LegPolicy, checkout_table, simulate_legs, solve_leg
+from dart_skill.darts._optimum import Aim, best_aim, local_optima
+from dart_skill.darts._path import Jump, OptimumPath, optimum_path
+from dart_skill.darts._professionals import PROFESSIONALS, professional
+from dart_skill.darts._spread import Spread, SpreadByTarget
 
 __all__ = [
     "BED_IS_DOUBLE",

@@ -11,9 +11,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from ._board import BED_SCORES, POSSIBLE_SCORES
-from ._exact import bed_probabilities
-from ._path import optimum_path
+from dart_skill.darts._board import BED_SCORES, POSSIBLE_SCORES
+from dart_skill.darts._exact import bed_probabilities
+from dart_skill.darts._path import optimum_path
 
 LOWEST, HIGHEST, N_SIGMAS = 3.0, 150.0, 200
 """Sigmas that are held for possible [mm]."""

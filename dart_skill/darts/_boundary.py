@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ._board import BED_SCORES, N_BEDS, RADII, SECTOR_ANGLE, bed_of, direction
+from dart_skill.darts._board import BED_SCORES, N_BEDS, RADII, SECTOR_ANGLE, bed_of, direction
 
 PANEL = 2.5
 """Longest panel in standard deviations of the narrower axis of the spread."""

@@ -16,9 +16,9 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from ..mixture._checks import as_number, as_vector
-from ._spread import LARGEST, LARGEST_BIAS, Spread
-from ._throws import Expectation, Throws, throws_from_points, throws_from_scores
+from dart_skill.checks import as_number, as_vector
+from dart_skill.darts._spread import LARGEST, LARGEST_BIAS, Spread
+from dart_skill.darts._throws import Expectation, Throws, throws_from_points, throws_from_scores
 
 MODELS = ("isotropic", "general")
 FLOOR, CEILING = 1.0, 1000.0

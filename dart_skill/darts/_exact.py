@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mixture._checks import as_samples
-from ._board import MISS, N_BEDS, as_points
-from ._boundary import Boundary, boundary_for
-from ._spread import Spread, as_spread
+from dart_skill.checks import as_samples
+from dart_skill.darts._board import MISS, N_BEDS, as_points
+from dart_skill.darts._boundary import Boundary, boundary_for
+from dart_skill.darts._spread import Spread, as_spread
 
 CHUNK = 1 << 18
 """Pairs of aim and node that are computed at a time."""

@@ -17,9 +17,9 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from ..mixture._checks import as_number
-from ._board import BED_SCORES, RADII, SECTOR_ANGLE, bed_of
-from ._spread import Spread, as_spread
+from dart_skill.checks import as_number
+from dart_skill.darts._board import BED_SCORES, RADII, SECTOR_ANGLE, bed_of
+from dart_skill.darts._spread import Spread, as_spread
 
 SMALLEST_FOR_GRID = 1.0
 """Standard deviation [mm] below which no grid is fine enough; expected_score is for all."""

@@ -15,11 +15,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mixture._checks import as_count
-from ._board import BED_IS_DOUBLE, BED_SCORES, RADII, bed_at, bed_centres, place_of
-from ._exact import bed_probabilities
-from ._optimum import best_aim
-from ._spread import Spread, SpreadByTarget, as_spread
+from dart_skill.checks import as_count
+from dart_skill.darts._board import BED_IS_DOUBLE, BED_SCORES, RADII, bed_at, bed_centres, place_of
+from dart_skill.darts._exact import bed_probabilities
+from dart_skill.darts._optimum import best_aim
+from dart_skill.darts._spread import Spread, SpreadByTarget, as_spread
 
 OBJECTIVES = ("turns", "darts")
 LARGEST_SCORE = 60

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._board import RADII, bed_centres, place_of
-from ._exact import Derivatives, expected_score, score_derivatives
-from ._heat_map import HeatMap, heat_map
-from ._spread import Spread, as_spread
+from dart_skill.darts._board import RADII, bed_centres, place_of
+from dart_skill.darts._exact import Derivatives, expected_score, score_derivatives
+from dart_skill.darts._heat_map import HeatMap, heat_map
+from dart_skill.darts._spread import Spread, as_spread
 
 PLATEAU = 4.5
 """Up to this standard deviation [mm] beds are plateaus and each optimum lies in a treble, a double or the bull."""

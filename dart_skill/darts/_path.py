@@ -13,8 +13,8 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from ._optimum import Aim, best_aim, climb
-from ._spread import Spread, as_spread
+from dart_skill.darts._optimum import Aim, best_aim, climb
+from dart_skill.darts._spread import Spread, as_spread
 
 RATIO = 1.03
 """Largest ratio of neighbouring sigmas at which the best aim is looked for afresh."""

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ._board import as_target
-from ._spread import Spread, SpreadByTarget
+from dart_skill.darts._board import as_target
+from dart_skill.darts._spread import Spread, SpreadByTarget
 
 TARGETS = ("T20", "T19", "T18", "T17", "DB", "doubles")
 _TABLE = """

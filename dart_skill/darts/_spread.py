@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mixture._checks import as_covariances, as_vector
-from ._board import as_points
+from dart_skill.checks import as_covariances, as_vector
+from dart_skill.darts._board import as_points
 
 SMALLEST, LARGEST = 0.1, 2000.0
 """Standard deviations that are taken for darts [mm]."""

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._board import MISS, N_BEDS, as_points, as_target, parse_score_list
-from ._exact import bed_moments
-from ._spread import Spread
+from dart_skill.darts._board import MISS, N_BEDS, as_points, as_target, parse_score_list
+from dart_skill.darts._exact import bed_moments
+from dart_skill.darts._spread import Spread
 
 MISSES = ("counted", "unrecorded")
 RESOLVED = 1e-12

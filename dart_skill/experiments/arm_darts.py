@@ -14,14 +14,14 @@ import numpy as np
 
 from dart_skill.configuration import node_parameters
 from dart_skill.darts import Aim, Spread, best_aim, estimate_from_points, expected_score, local_optima, name_at, score
-from dart_skill.experiments.session import Session
 from dart_skill.recording import Demonstration
+from dart_skill.session.in_process import Session
 from dart_skill.simulation.board import Board
 from dart_skill.simulation.plant import PlantSettings
 from dart_skill.simulation.teacher import Swing
-from dart_skill.skill.configuration import DEFAULT, SkillConfiguration
-from dart_skill.skill.correction import CorrectionSettings
-from dart_skill.skill.practising import PractisingSkill
+from dart_skill.skill.improve.correction import CorrectionSettings
+from dart_skill.skill.improve.practising import PractisingSkill
+from dart_skill.skill.learn.configuration import DEFAULT, SkillConfiguration
 from dart_skill.surface import BoardFace
 
 BLOCK = 25

@@ -9,32 +9,22 @@ set, from which nothing is learned.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from dart_skill.experiments import runs
-from dart_skill.experiments.session import Session
-from dart_skill.experiments.targets import REGION, targets_for
 from dart_skill.recording import Demonstration
-from dart_skill.simulation.plant import PlantSettings
-from dart_skill.skill.curriculum import Curriculum
-from dart_skill.skill.practising import METHODS, PractisingSkill
-from dart_skill.skill.throwing import Unreachable
+from dart_skill.session.in_process import Session
+from dart_skill.session.regions import REGION, targets_for
+from dart_skill.simulation.changes import CHANGES, changed
+from dart_skill.skill.improve.curriculum import Curriculum
+from dart_skill.skill.improve.practising import METHODS, PractisingSkill
+from dart_skill.skill.learn.throwing import Unreachable
 
 CANDIDATES = 48
 """Baskets among which the curriculum chooses."""
-CHANGES: dict[str, dict[str, float]] = {
-    "none": {},
-    "heavier_ball": {"ball_mass_scale": 2.0},
-    "friction": {"friction_scale": 2.0},
-    "weaker_motors": {"motor_scale": 0.8},
-    "slower_hand": {"hand_delay": 0.045},
-    "base_turned": {"base_turn": float(np.deg2rad(5.0))},
-}
-"""What happens to the plant: a ball of twice the mass, joints with twice the friction, motors with 80 % of their torque, ..."""
-
 
 @dataclass(frozen=True)
 class Task:
@@ -144,11 +134,6 @@ def _choose(skill: PractisingSkill, curriculum: Curriculum, baskets: np.ndarray)
             continue
         return baskets[k]
     raise ValueError(f"none of {len(baskets)} baskets can be reached")
-
-
-def changed(settings: PlantSettings, change: str) -> PlantSettings:
-    """The plant after a change."""
-    return replace(settings, **CHANGES[change])
 
 
 def _throw(session: Session, skill: PractisingSkill, target: np.ndarray, learn: bool = False) -> tuple[float, bool, float, str, bool]:

@@ -10,11 +10,11 @@ from functools import partial
 import numpy as np
 from tqdm import tqdm
 
-from dart_skill.experiments.session import Session
-from dart_skill.experiments.targets import REGION, targets_for
 from dart_skill.robot.commander import PlanRefused
-from dart_skill.skill.configuration import configuration
-from dart_skill.skill.throwing import learn
+from dart_skill.session.in_process import Session
+from dart_skill.session.regions import REGION, targets_for
+from dart_skill.skill.learn.configuration import configuration
+from dart_skill.skill.learn.throwing import learn
 
 
 @dataclass(frozen=True)

@@ -17,9 +17,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ._checks import LARGEST_LEARNABLE, require_near
-from ._gaussian import LOG_2PI, cholesky, raise_to_floor, symmetric
-from ._sweep import DEAD_SHARE, Components, Sweep, seen_rows
+from dart_skill.checks import LARGEST_LEARNABLE, require_near
+from dart_skill.mixture._gaussian import LOG_2PI, cholesky, raise_to_floor, symmetric
+from dart_skill.mixture._sweep import DEAD_SHARE, Components, Sweep, seen_rows
 
 
 @dataclass(frozen=True, eq=False)

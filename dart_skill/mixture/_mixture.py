@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._checks import as_count, as_covariances, as_dims, as_finite, as_learnable, as_number, as_samples, as_vector, as_weights
-from ._expectation_maximisation import Parameters, Settings, best_fit, expectation_at, normalise_log
-from ._gaussian import Gaussian, cholesky, log_determinants, moments, product_of_two, split_dims, square_root
-from ._start import kmeans_start
+from dart_skill.checks import as_count, as_covariances, as_dims, as_finite, as_learnable, as_number, as_samples, as_vector, as_weights
+from dart_skill.mixture._expectation_maximisation import Parameters, Settings, best_fit, expectation_at, normalise_log
+from dart_skill.mixture._gaussian import Gaussian, cholesky, log_determinants, moments, product_of_two, split_dims, square_root
+from dart_skill.mixture._start import kmeans_start
 
 FORMAT = "dart_skill mixture 1"
 

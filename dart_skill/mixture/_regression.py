@@ -11,11 +11,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._checks import as_dims, as_finite, as_samples, require_near
-from ._expectation_maximisation import normalise_log
-from ._gaussian import LOG_2PI, cholesky, symmetric, upper_triangle
-from ._mixture import GaussianMixture
-from ._sweep import to_counts
+from dart_skill.checks import as_dims, as_finite, as_samples, require_near
+from dart_skill.mixture._expectation_maximisation import normalise_log
+from dart_skill.mixture._gaussian import LOG_2PI, cholesky, symmetric, upper_triangle
+from dart_skill.mixture._mixture import GaussianMixture
+from dart_skill.mixture._sweep import to_counts
 
 SLICE = 1024
 

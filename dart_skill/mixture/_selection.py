@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._checks import as_count, as_samples, as_weights
-from ._mixture import GaussianMixture
+from dart_skill.checks import as_count, as_samples, as_weights
+from dart_skill.mixture._mixture import GaussianMixture
 
 
 @dataclass(frozen=True, eq=False)

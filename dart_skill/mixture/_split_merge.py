@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._checks import as_count, as_number, as_samples, as_weights
-from ._gaussian import log_normal, raise_to_floor, symmetric
-from ._mixture import GaussianMixture
+from dart_skill.checks import as_count, as_number, as_samples, as_weights
+from dart_skill.mixture._gaussian import log_normal, raise_to_floor, symmetric
+from dart_skill.mixture._mixture import GaussianMixture
 
 HALF_WAY = float(np.sqrt(0.75))
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ._gaussian import LOG_2PI, raise_to_floor, symmetric, upper_triangle
+from dart_skill.mixture._gaussian import LOG_2PI, raise_to_floor, symmetric, upper_triangle
 
 SLICE = 4096
 # Products of up to so many samples are kept between sweeps; beyond, to build them again costs no more than to read them.

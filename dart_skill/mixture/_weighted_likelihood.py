@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._checks import as_count, as_vector, as_weights
-from ._mixture import GaussianMixture
+from dart_skill.checks import as_count, as_vector, as_weights
+from dart_skill.mixture._mixture import GaussianMixture
 
 
 def mean_log_likelihood(mixture: GaussianMixture, samples: ArrayLike, weights: ArrayLike | None = None) -> float:

@@ -2,12 +2,12 @@
 (thesis 7 and 8).
 """
 
-from .alignment import Fit, check_alignment
-from .attractor import attractor_from_motion, critical_damping, follow_attractor
-from .autonomous import AutonomousDSGMR, AutonomousPolicy, PhaseRule, StateDriven
-from .differentiation import Motion, estimate_noise, smooth_derivatives
-from .ds_gmr import DSGMR, Reproduction
-from .frames import (
+from dart_skill.movement.alignment import Fit, check_alignment
+from dart_skill.movement.attractor import attractor_from_motion, critical_damping, follow_attractor
+from dart_skill.movement.autonomous import AutonomousDSGMR, AutonomousPolicy, PhaseRule, StateDriven
+from dart_skill.movement.differentiation import Motion, estimate_noise, smooth_derivatives
+from dart_skill.movement.ds_gmr import DSGMR, Reproduction
+from dart_skill.movement.frames import (
     TaskFrame,
     azimuth_frame,
     azimuth_of,
@@ -18,8 +18,8 @@ from .frames import (
     start_frame,
     target_frame,
 )
-from .locality import WidthChoice, choose_width, gaussian_weights, nearest_weights
-from .orientation import (
+from dart_skill.movement.locality import WidthChoice, choose_width, gaussian_weights, nearest_weights
+from dart_skill.movement.orientation import (
     angles_from_quaternions,
     angular_velocity,
     conjugate,
@@ -34,10 +34,10 @@ from .orientation import (
     to_matrices,
     turn_about_z,
 )
-from .primitives import DiscretePrimitive, Execution, PrimitiveState, RhythmicPrimitive, Trajectory
-from .segmentation import Segment, VelocityThreshold, segment_containing, speed
-from .stiffness import critical_damping_matrix, hold_to, stiffness_from_covariance
-from .task_parameterised import PartialFrame, TaskParameterisedMixture
+from dart_skill.movement.primitives import DiscretePrimitive, Execution, PrimitiveState, RhythmicPrimitive, Trajectory
+from dart_skill.movement.segmentation import Segment, VelocityThreshold, segment_containing, speed
+from dart_skill.movement.stiffness import critical_damping_matrix, hold_to, stiffness_from_covariance
+from dart_skill.movement.task_parameterised import PartialFrame, TaskParameterisedMixture
 
 __all__ = [
     "AutonomousDSGMR",

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mixture._checks import as_finite, as_samples
-from ._time import as_stamps
-from .differentiation import MIN_SAMPLES, Motion, smooth_derivatives
+from dart_skill.checks import as_finite, as_samples
+from dart_skill.movement._time import as_stamps
+from dart_skill.movement.differentiation import MIN_SAMPLES, Motion, smooth_derivatives
 
 # Points of the polynomial through which a clean sample is differentiated: of sixth order, fifth for accelerations at the ends.
 STENCIL = 7

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mixture._checks import as_count, as_number
-from ._demonstrations import as_demonstrations, shares
-from ._forcing import GaussianKernels
-from ._goal_path import BlendAttractor, blend
-from ._primitive import Execution, Primitive, PrimitiveState
+from dart_skill.checks import as_count, as_number
+from dart_skill.movement._demonstrations import as_demonstrations, shares
+from dart_skill.movement._forcing import GaussianKernels
+from dart_skill.movement._goal_path import BlendAttractor, blend
+from dart_skill.movement._primitive import Execution, Primitive, PrimitiveState
 
 # Share of the duration over which a forcing term that does not fade with z is released after the end.
 RELEASE = 0.25

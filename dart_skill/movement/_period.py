@@ -6,7 +6,7 @@ The coarse search is the squared difference function of de Cheveigne and Kawahar
 
 import numpy as np
 
-from ..mixture._checks import as_number
+from dart_skill.checks import as_number
 
 # Squared difference, in units of what unrelated samples have, below which a lag counts as a repetition.
 REPEATS_BELOW = 0.1

@@ -13,8 +13,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mixture._checks import as_learnable, as_samples, as_vector
-from .frames import TaskFrame
+from dart_skill.checks import as_learnable, as_samples, as_vector
+from dart_skill.movement.frames import TaskFrame
 
 
 @dataclass(frozen=True, eq=False)

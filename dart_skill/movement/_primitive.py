@@ -12,12 +12,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mixture._checks import as_finite, as_number, as_vector
-from ._demonstrations import Demonstration
-from ._forcing import REGRESSIONS, normalised, transformation
-from ._runge_kutta import divide, integrate
-from ._time import as_stamps
-from .differentiation import Motion
+from dart_skill.checks import as_finite, as_number, as_vector
+from dart_skill.movement._demonstrations import Demonstration
+from dart_skill.movement._forcing import REGRESSIONS, normalised, transformation
+from dart_skill.movement._runge_kutta import divide, integrate
+from dart_skill.movement._time import as_stamps
+from dart_skill.movement.differentiation import Motion
 
 # The least share of its pace to which a tracking error slows a movement down, so that it can be taken up again.
 MIN_SHARE = 1e-9

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mixture._checks import as_count, as_finite, as_number
-from ._demonstrations import as_demonstrations, shares
-from ._forcing import PeriodicKernels
-from ._period import as_period, estimate_period, mean_over_periods
-from ._primitive import Execution, Primitive, PrimitiveState
-from ._runge_kutta import divide, integrate
+from dart_skill.checks import as_count, as_finite, as_number
+from dart_skill.movement._demonstrations import as_demonstrations, shares
+from dart_skill.movement._forcing import PeriodicKernels
+from dart_skill.movement._period import as_period, estimate_period, mean_over_periods
+from dart_skill.movement._primitive import Execution, Primitive, PrimitiveState
+from dart_skill.movement._runge_kutta import divide, integrate
 
 # Steps per period, at least, with which the limit cycle is found.
 CYCLE_STEPS = 200

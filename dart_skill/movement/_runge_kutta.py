@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .attractor import recur
+from dart_skill.movement.attractor import recur
 
 
 class Steps(NamedTuple):

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mixture._checks import as_finite, as_number, as_samples
-from ._time import as_stamps
+from dart_skill.checks import as_finite, as_number, as_samples
+from dart_skill.movement._time import as_stamps
 
 N_INSTANTS = 100
 LEAST_FOR_REGRESSION = 3

@@ -11,8 +11,8 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from ..mixture._checks import as_finite, as_number, as_samples, as_vector
-from .differentiation import Motion
+from dart_skill.checks import as_finite, as_number, as_samples, as_vector
+from dart_skill.movement.differentiation import Motion
 
 
 def critical_damping(stiffness: ArrayLike) -> np.ndarray:

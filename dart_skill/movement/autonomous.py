@@ -22,13 +22,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mixture import regress
-from ..mixture._checks import as_count, as_number, as_samples, as_vector
-from ._time import as_stamps
-from .attractor import as_gains, attractor_from_motion, critical_damping, discretise
-from .differentiation import Motion
-from .frames import TaskFrame
-from .task_parameterised import TaskParameterisedMixture
+from dart_skill.checks import as_count, as_number, as_samples, as_vector
+from dart_skill.mixture import regress
+from dart_skill.movement._time import as_stamps
+from dart_skill.movement.attractor import as_gains, attractor_from_motion, critical_damping, discretise
+from dart_skill.movement.differentiation import Motion
+from dart_skill.movement.frames import TaskFrame
+from dart_skill.movement.task_parameterised import TaskParameterisedMixture
 
 UNKNOWN_PACE = 1.0
 """Standard deviation of the pace at which a robot passes through the movement, as a share of the demonstrated one."""

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mixture._checks import as_samples
-from ._placement import FrameCourse
-from ._time import as_stamps, uniform_step
-from .attractor import as_gains, attractor_from_motion, critical_damping, follow_attractor
-from .differentiation import smooth_derivatives
-from .task_parameterised import TaskParameterisedMixture
+from dart_skill.checks import as_samples
+from dart_skill.movement._placement import FrameCourse
+from dart_skill.movement._time import as_stamps, uniform_step
+from dart_skill.movement.attractor import as_gains, attractor_from_motion, critical_damping, follow_attractor
+from dart_skill.movement.differentiation import smooth_derivatives
+from dart_skill.movement.task_parameterised import TaskParameterisedMixture
 
 
 @dataclass(frozen=True, eq=False)

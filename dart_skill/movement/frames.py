@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mixture._checks import as_count, as_finite, as_samples, as_vector
-from ._time import as_stamps
-from .orientation import angles_from_quaternions, pointing_angles, turn_about_z
+from dart_skill.checks import as_count, as_finite, as_samples, as_vector
+from dart_skill.movement._time import as_stamps
+from dart_skill.movement.orientation import angles_from_quaternions, pointing_angles, turn_about_z
 
 
 @dataclass(frozen=True, eq=False)

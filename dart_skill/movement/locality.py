@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mixture._checks import as_count, as_number, as_samples, as_vector
+from dart_skill.checks import as_count, as_number, as_samples, as_vector
 
 NEGLIGIBLE = 1e-4
 """A demonstration of less weight than this is left out: it would only make the fit slower."""

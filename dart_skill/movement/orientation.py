@@ -19,8 +19,8 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from ..mixture._checks import as_finite, as_samples
-from ._time import as_stamps
+from dart_skill.checks import as_finite, as_samples
+from dart_skill.movement._time import as_stamps
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation

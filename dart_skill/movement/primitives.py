@@ -24,8 +24,8 @@ Where the default is not what is printed, and how to get that:
   Pastor and Schaal, "Dynamical movement primitives", Neural Computation 25, 2013): what waits keeps to its path.
 """
 
-from ._discrete_primitive import DiscretePrimitive
-from ._primitive import Execution, PrimitiveState, Trajectory
-from ._rhythmic_primitive import RhythmicPrimitive
+from dart_skill.movement._discrete_primitive import DiscretePrimitive
+from dart_skill.movement._primitive import Execution, PrimitiveState, Trajectory
+from dart_skill.movement._rhythmic_primitive import RhythmicPrimitive
 
 __all__ = ["DiscretePrimitive", "Execution", "PrimitiveState", "RhythmicPrimitive", "Trajectory"]

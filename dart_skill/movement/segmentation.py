@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mixture._checks import as_number, as_samples
-from ._time import as_stamps
+from dart_skill.checks import as_number, as_samples
+from dart_skill.movement._time import as_stamps
 
 
 def speed(time: ArrayLike, positions: ArrayLike, window: float = 0.07) -> np.ndarray:

@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mixture._checks import as_covariances, as_finite, as_number, as_samples
-from ._time import as_stamps, uniform_step
-from .differentiation import Motion
+from dart_skill.checks import as_covariances, as_finite, as_number, as_samples
+from dart_skill.movement._time import as_stamps, uniform_step
+from dart_skill.movement.differentiation import Motion
 
 
 def stiffness_from_covariance(covariance: ArrayLike, least: float, most: float) -> np.ndarray:

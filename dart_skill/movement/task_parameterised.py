@@ -17,23 +17,16 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mixture import GaussianMixture, regress
-from ..mixture._checks import as_covariances, as_finite, as_number, as_samples, as_weights
-from ..mixture._expectation_maximisation import (
-    Parameters,
-    column_scales,
-    expectation_at,
-    in_units,
-    maximisation,
-    normalise_log,
-)
-from ..mixture._gaussian import cholesky, symmetric
-from ..mixture._mixture import EMEstimator, checked_priors, n_free_parameters
-from ..mixture._regression import regress_each
-from ..mixture._start import kmeans_start, sliced_start
-from ..mixture._sweep import DEAD_SHARE
-from ._placement import FrameCourse, PartialFrame, Situation, TaskSamples
-from .frames import TaskFrame
+from dart_skill.checks import as_covariances, as_finite, as_number, as_samples, as_weights
+from dart_skill.mixture import GaussianMixture, regress
+from dart_skill.mixture._expectation_maximisation import Parameters, column_scales, expectation_at, in_units, maximisation, normalise_log
+from dart_skill.mixture._gaussian import cholesky, symmetric
+from dart_skill.mixture._mixture import EMEstimator, checked_priors, n_free_parameters
+from dart_skill.mixture._regression import regress_each
+from dart_skill.mixture._start import kmeans_start, sliced_start
+from dart_skill.mixture._sweep import DEAD_SHARE
+from dart_skill.movement._placement import FrameCourse, PartialFrame, Situation, TaskSamples
+from dart_skill.movement.frames import TaskFrame
 
 __all__ = ["PartialFrame", "TaskParameterisedMixture"]
 

@@ -2,15 +2,15 @@
 mixture (5.3), and what they are measured against.
 """
 
-from ._exploration import with_constant_noise, with_proportional_noise
-from ._primitive import PrimitivePoWER, PrimitiveTrial
-from ._search import Search, Trial
-from ._weights import return_weights
-from .baselines import CMAES, CrossEntropy, MonteCarlo, RandomRestarts
-from .mixture_power import MixturePoWER, Readings
-from .niches import Niches
-from .power import PoWER
-from .sharpening import Sharpening
+from dart_skill.policy_search._exploration import with_constant_noise, with_proportional_noise
+from dart_skill.policy_search._primitive import PrimitivePoWER, PrimitiveTrial
+from dart_skill.policy_search._search import Search, Trial
+from dart_skill.policy_search._weights import return_weights
+from dart_skill.policy_search.baselines import CMAES, CrossEntropy, MonteCarlo, RandomRestarts
+from dart_skill.policy_search.mixture_power import MixturePoWER, Readings
+from dart_skill.policy_search.niches import Niches
+from dart_skill.policy_search.power import PoWER
+from dart_skill.policy_search.sharpening import Sharpening
 
 __all__ = [
     "CMAES",

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..mixture import GaussianMixture
-from ..mixture._gaussian import symmetric
-from ._exploration import NOISE
-from ._search import Settings
+from dart_skill.mixture import GaussianMixture
+from dart_skill.mixture._gaussian import symmetric
+from dart_skill.policy_search._exploration import NOISE
+from dart_skill.policy_search._search import Settings
 
 DEAD_SHARE = 1e-6  # a component with less of all weight than this is dropped
 FLATTEST = 1e-10  # least variance of a component over its largest, so that its covariance can be inverted

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mixture._checks import as_vector
-from ._search import Settings
-from .baselines import VectorSearch
+from dart_skill.checks import as_vector
+from dart_skill.policy_search._search import Settings
+from dart_skill.policy_search.baselines import VectorSearch
 
 
 class NicheSearch(VectorSearch):

@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mixture._checks import as_finite
-from ._exploration import NOISE, PathLength
-from ._search import Settings
+from dart_skill.checks import as_finite
+from dart_skill.policy_search._exploration import NOISE, PathLength
+from dart_skill.policy_search._search import Settings
 
 
 def as_spread(spread: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:

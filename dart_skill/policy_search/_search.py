@@ -17,9 +17,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mixture._checks import as_count, as_number
-from ._exploration import EXPLORATIONS
-from ._weights import check_weighting
+from dart_skill.checks import as_count, as_number
+from dart_skill.policy_search._exploration import EXPLORATIONS
+from dart_skill.policy_search._weights import check_weighting
 
 GENERATORS = ("PCG64", "PCG64DXSM", "MT19937", "Philox", "SFC64")
 

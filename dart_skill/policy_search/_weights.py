@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mixture._checks import as_count, as_finite
+from dart_skill.checks import as_count, as_finite
 
 CONTRAST = 10.0  # "exponential": the worst of the best M weighs exp(-10) of the best
 

@@ -14,11 +14,11 @@ import warnings
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mixture._checks import as_count, as_number, as_vector
-from ._policy import GaussianPolicy, as_spread
-from ._search import Search, Settings, Told, Trial, _plain, _restored_generator, read_returns
-from ._weights import among_best
-from .power import LARGEST, SMALLEST, PoWER, population
+from dart_skill.checks import as_count, as_number, as_vector
+from dart_skill.policy_search._policy import GaussianPolicy, as_spread
+from dart_skill.policy_search._search import Search, Settings, Told, Trial, _plain, _restored_generator, read_returns
+from dart_skill.policy_search._weights import among_best
+from dart_skill.policy_search.power import LARGEST, SMALLEST, PoWER, population
 
 
 class VectorSearch(Search):

@@ -17,15 +17,15 @@ from dataclasses import asdict, dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mixture import GaussianMixture
-from ..mixture._checks import as_count, as_number, as_vector
-from ..mixture._spectroscopy import data_spectroscopy
-from ..mixture._split_merge import SplitMerge, adapt
-from ._mixture_policy import MixturePolicy
-from ._policy import as_spread
-from ._search import Search, Settings, Told, Trial, read_returns
-from ._weights import return_weights
-from .power import with_defaults
+from dart_skill.checks import as_count, as_number, as_vector
+from dart_skill.mixture import GaussianMixture
+from dart_skill.mixture._spectroscopy import data_spectroscopy
+from dart_skill.mixture._split_merge import SplitMerge, adapt
+from dart_skill.policy_search._mixture_policy import MixturePolicy
+from dart_skill.policy_search._policy import as_spread
+from dart_skill.policy_search._search import Search, Settings, Told, Trial, read_returns
+from dart_skill.policy_search._weights import return_weights
+from dart_skill.policy_search.power import with_defaults
 
 CHOICES = {
     "best_of": ("component", "own", "all"),

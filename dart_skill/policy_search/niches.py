@@ -19,12 +19,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mixture._checks import as_count, as_number
-from ._niche import Niche, n_coefficients
-from ._niche_search import NicheSearch
-from ._search import Settings, Told
-from ._surrogate import FIRST, LENGTHS, Surrogate
-from ._trend import REMEMBERED, forecast
+from dart_skill.checks import as_count, as_number
+from dart_skill.policy_search._niche import Niche, n_coefficients
+from dart_skill.policy_search._niche_search import NicheSearch
+from dart_skill.policy_search._search import Settings, Told
+from dart_skill.policy_search._surrogate import FIRST, LENGTHS, Surrogate
+from dart_skill.policy_search._trend import REMEMBERED, forecast
 
 SCOUT = -1  # in the place of a niche's identity
 LANDMARKS = 150  # trials of scouts and lesser niches that are remembered

@@ -15,10 +15,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mixture._checks import as_count, as_number, as_vector
-from ._policy import GaussianPolicy, as_spread
-from ._search import Search, Settings, Told, Trial, read_returns
-from ._weights import return_weights
+from dart_skill.checks import as_count, as_number, as_vector
+from dart_skill.policy_search._policy import GaussianPolicy, as_spread
+from dart_skill.policy_search._search import Search, Settings, Told, Trial, read_returns
+from dart_skill.policy_search._weights import return_weights
 
 SMALLEST, LARGEST = 1e-8, 1e4  # exploration over the spread at the start: beyond, a search converged or ran away
 

@@ -23,11 +23,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mixture._checks import as_count, as_number
-from ._blurred_noise import BlurredNoise
-from ._niche import Niche
-from ._niche_search import NicheSearch
-from ._search import Settings, Told
+from dart_skill.checks import as_count, as_number
+from dart_skill.policy_search._blurred_noise import BlurredNoise
+from dart_skill.policy_search._niche import Niche
+from dart_skill.policy_search._niche_search import NicheSearch
+from dart_skill.policy_search._search import Settings, Told
 
 TOP, SCOUT, PROBE = 0, 1, 2  # what a trial is for
 RECORDS = 300  # trials that the process remembers, the latest

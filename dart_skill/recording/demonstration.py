@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from rosbags.typesys.store import Typestore
 
+from dart_skill.checks import check_samples, check_unit_quaternions
 from dart_skill.constants import N_JOINTS
 from dart_skill.recording.bags import BagError, BagReader, header_content, message, pose_content, stamp_content, vector_content
-from dart_skill.samples import check_samples, check_unit_quaternions
 
 DEMONSTRATION_TYPE = "dart_skill_msgs/msg/Demonstration"
 DEMONSTRATION_TOPIC = "/demonstrations"

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dart_skill.experiments.summary import ThrowResult
     from dart_skill.report.run import About
+    from dart_skill.session.summary import ThrowResult
 
 __all__ = ["write_page"]
 

@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from dart_skill.experiments.figures.landings import RIM_RADIUS
-from dart_skill.experiments.figures.style import BLUE, GREY, LIGHT, SKY, VERMILION, house_style
-from dart_skill.experiments.summary import ThrowResult
+from dart_skill.figures.landings import RIM_RADIUS
+from dart_skill.figures.style import BLUE, GREY, LIGHT, SKY, VERMILION, house_style
+from dart_skill.session.summary import ThrowResult
 
 WINDOW = 5
 """Throws of a running median and its quartiles."""

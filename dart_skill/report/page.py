@@ -7,11 +7,11 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from dart_skill.experiments.summary import ThrowResult
 from dart_skill.report.pictures import Picture
 from dart_skill.report.replay import Replay, make_replay
 from dart_skill.report.run import Run, machine, result_of, versions
-from dart_skill.skill.views import component_ellipsoids
+from dart_skill.session.summary import ThrowResult
+from dart_skill.skill.learn.ellipsoids import component_ellipsoids
 from dart_skill.view.server import ViewUnavailable
 
 POLICY = (

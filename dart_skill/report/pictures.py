@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from dart_skill.experiments.figures import (
+from dart_skill.figures import (
     demonstrated_motions,
     executed_throw,
     execution_figure,
@@ -19,7 +19,7 @@ from dart_skill.experiments.figures import (
     landings_figure,
     synchronisation_figure,
 )
-from dart_skill.experiments.figures.style import house_style, save, svg_text
+from dart_skill.figures.style import house_style, save, svg_text
 from dart_skill.report.curve import curve_figure
 from dart_skill.report.run import Run
 

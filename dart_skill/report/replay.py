@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dart_skill.recording import Demonstration
-from dart_skill.recording.imports.pose_stream import PoseStream
-from dart_skill.recording.imports.throw_recording import ThrowRecording
-from dart_skill.skill.throw_finder import FoundThrow
+from dart_skill.recording.imports import PoseStream, ThrowRecording
+from dart_skill.skill.observe.throw_finder import FoundThrow
 
 if TYPE_CHECKING:
     from dart_skill.view import Scene

@@ -12,17 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.experiments.figures.execution import SAME_BASKET
-from dart_skill.experiments.figures.recordings import COMMAND, Recording
-from dart_skill.experiments.summary import ThrowResult
-from dart_skill.recording import BagError, BagReader, Demonstration, read_demonstrations
-from dart_skill.recording.grip_signal import read_command
-from dart_skill.recording.imports.pose_faults import fault_lines
-from dart_skill.recording.imports.throw_recording import ThrowRecording, read_recording
-from dart_skill.skill.configuration import configuration as configuration_of
-from dart_skill.skill.from_bag import find_throws
-from dart_skill.skill.throw_finder import FoundThrow, worlds
-from dart_skill.skill.throwing import LEAST_DEMONSTRATIONS, ThrowingSkill, learn
+from dart_skill.figures.execution import SAME_BASKET
+from dart_skill.figures.recordings import COMMAND, Recording
+from dart_skill.recording import BagError, BagReader, Demonstration, read_command, read_demonstrations
+from dart_skill.recording.imports import ThrowRecording, fault_lines, read_recording
+from dart_skill.session.from_bag import find_throws
+from dart_skill.session.summary import ThrowResult
+from dart_skill.skill.learn.configuration import configuration as configuration_of
+from dart_skill.skill.learn.throwing import LEAST_DEMONSTRATIONS, ThrowingSkill, learn
+from dart_skill.skill.observe.throw_finder import FoundThrow, worlds
 
 PACKAGES = ("dart_skill", "numpy", "scipy", "matplotlib", "viser")
 """Whose versions a report states."""

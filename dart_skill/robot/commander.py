@@ -124,11 +124,11 @@ class Commander:
         if self.throwing or self._mode == Mode.STOPPING:
             raise PlanRefused("a throw is under way, or the arm has not come to rest: wait for it or stop it first")
         check_plan(plan, self.settings, self._description)
-        self._requested, self.message = plan, ""
+        self._requested, self.message, self.opened_ns = plan, "", None
 
     def _begin_throw(self, state: ArmState) -> None:
         plan, self._requested = self._requested, None
-        self._plan, self._references, self._opened, self.opened_ns = plan, _References(plan), False, None
+        self._plan, self._references, self._opened = plan, _References(plan), False
         self._start = state.position.copy()
         way = np.abs(plan.start_posture - self._start).max()
         self._approach = max(0.3, 1.875 * way / self.settings.approach_speed)

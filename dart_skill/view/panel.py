@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.skill.configuration import CONFIGURATIONS, DEFAULT
+from dart_skill.skill.learn.configuration import CONFIGURATIONS, DEFAULT
 from dart_skill.view import colours
 from dart_skill.view.scene import GROUPS, Scene
 

@@ -17,7 +17,7 @@ from pathlib import Path
 from urllib.parse import quote
 from xml.etree import ElementTree
 
-from dart_skill.recording.bags.reader import BagReader
+from dart_skill.recording import BagReader
 
 VERSION, SIZE = "0.41.0", "790 MB"
 """Of the package rerun-sdk that this was tried with, and what its environment takes."""

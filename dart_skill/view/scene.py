@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dart_skill.experiments.targets import REGION, Region
+from dart_skill.checks import check_unit_quaternions
 from dart_skill.recording import Demonstration
 from dart_skill.robot.description import WamDescription, wam_description
 from dart_skill.robot.transforms import joint_transforms
 from dart_skill.robot.urdf import write_urdf
-from dart_skill.samples import check_unit_quaternions
+from dart_skill.session.regions import REGION, Region
 from dart_skill.simulation.basket import Basket
 from dart_skill.simulation.motion_capture import Camera
 from dart_skill.view import colours

@@ -4,8 +4,8 @@ import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 
-from dart_skill_nodes.coaching import Coach
-from dart_skill_nodes.graph import Graph
+from dart_skill_nodes.client.graph_client import GraphClient
+from dart_skill_nodes.process.graph_processes import Graph
 
 
 @pytest.hookimpl(hookwrapper=True)
@@ -31,36 +31,36 @@ def make_graph(ros, tmp_path):
 
     def make(layout="composed", seed=0, extra=None):
         graph = Graph(tmp_path / f"logs_{len(started)}")
-        coach = Coach(graph.dead, name=f"coach_{len(started)}")
-        started.append((graph, coach))
+        client = GraphClient(graph.dead, name=f"coach_{len(started)}")
+        started.append((graph, client))
         if layout is not None:
             graph.start_all(layout, seed, tmp_path / f"bag_{len(started)}", extra)
-            coach.wait_until_ready()
-        return graph, coach
+            client.wait_until_ready()
+        return graph, client
 
     yield make
-    for graph, coach in started:
-        coach.close()
+    for graph, client in started:
+        client.close()
         graph.stop()
 
 
 class Diagnoses:
     """The last message, and the last values, of every node on /diagnostics."""
 
-    def __init__(self, coach):
+    def __init__(self, client):
         self.of, self.values = {}, {}
-        coach.node.create_subscription(DiagnosticArray, "/diagnostics", self._take, 50)
+        client.node.create_subscription(DiagnosticArray, "/diagnostics", self._take, 50)
 
     def _take(self, message):
         self.of.update({status.name: status.message for status in message.status})
         self.values.update({status.name: {pair.key: pair.value for pair in status.values} for status in message.status})
 
 
-def wait_for(coach, condition, limit=60.0, what="the condition"):
+def wait_for(client, condition, limit=60.0, what="the condition"):
     """Spin until the condition holds; the test fails with its name when it never does."""
     import time
 
     until = time.monotonic() + limit
     while not condition():
         assert time.monotonic() < until, f"{what} did not come true in {limit:.0f} s"
-        coach.spin()
+        client.spin()

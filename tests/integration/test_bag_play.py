@@ -43,12 +43,12 @@ def play():
 
 
 def test_options_reach_the_player(bag, play, make_graph):
-    _, coach = make_graph(None)
-    listener = Listener(coach, ["/new", "/heard"])
+    _, client = make_graph(None)
+    listener = Listener(client, ["/new", "/heard"])
     options = ["--topics", r"/s\w+", "--remap", "/said:=/new", "--start", "0.1", "--duration", "0.2", "--rate", "2", "--wait-for", "/new"]
     player = play(bag, *options, "--clock", "0", "--json")
-    wait_for(coach, lambda: player.poll() is not None, what="the end of the bag")
-    coach.spin()
+    wait_for(client, lambda: player.poll() is not None, what="the end of the bag")
+    client.spin()
     said, progress = player.communicate()
     assert player.returncode == 0 and f"playing {bag}" in progress
     told = json.loads(said)
@@ -58,12 +58,12 @@ def test_options_reach_the_player(bag, play, make_graph):
 
 
 def test_a_loop_ends_with_ctrl_c(bag, play, make_graph):
-    _, coach = make_graph(None)
-    listener = Listener(coach, ["/said"])
+    _, client = make_graph(None)
+    listener = Listener(client, ["/said"])
     player = play(bag, "--loop", "--rate", "10", "--json")
-    wait_for(coach, lambda: listener.count > 120, what="two rounds")
+    wait_for(client, lambda: listener.count > 120, what="two rounds")
     player.send_signal(signal.SIGINT)
-    wait_for(coach, lambda: player.poll() is not None, what="the end of the player")
+    wait_for(client, lambda: player.poll() is not None, what="the end of the player")
     said, complaint = player.communicate()
     assert player.returncode == 0 and not json.loads(said)["finished"] and "Traceback" not in complaint
     listener.close()

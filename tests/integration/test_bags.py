@@ -20,11 +20,12 @@ from std_srvs.srv import SetBool
 from dart_skill.recording import BagReader, BagWriter, definition, read_demonstrations, serialize, type_hash, types_for
 from dart_skill.recording.bags import recover
 from dart_skill.robot.throw_plan import same_plan
-from dart_skill.skill.from_bag import learn_from_bag
-from dart_skill_nodes import conversions
-from dart_skill_nodes.coaching import Coach, GraphFailure
-from dart_skill_nodes.ears import Ears
-from dart_skill_nodes.graph import Graph
+from dart_skill.session.from_bag import learn_from_bag
+from dart_skill_nodes.client.failures import GraphFailure
+from dart_skill_nodes.client.graph_client import GraphClient
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.raw_batches import RawBatches
+from dart_skill_nodes.process.graph_processes import Graph
 from tests.unit.recorded_session import recorded_bag, same
 
 from .conftest import Diagnoses, wait_for
@@ -38,12 +39,12 @@ STEPPED = {"/joint_states": 2_000_000, "/wam/command": 2_000_000, "/wam/tool_pos
 class Listener:
     """Everything that comes on some topics, as bytes."""
 
-    def __init__(self, coach, topics):
-        self._coach, self._spin, self.heard = coach, coach.spin, {topic: [] for topic in topics}
-        self._ears = Ears(coach.node)
+    def __init__(self, client, topics):
+        self._coach, self._spin, self.heard = client, client.spin, {topic: [] for topic in topics}
+        self._ears = RawBatches(client.node)
         for topic in topics:
             self._ears.listen(topic)
-        coach.spin = self._take
+        client.spin = self._take
 
     def _take(self):
         self._spin()
@@ -64,17 +65,17 @@ def recorded(ros, tmp_path_factory):
     """A bag of everything that a graph said for some thousand steps."""
     folder = tmp_path_factory.mktemp("recorded")
     with Graph(folder / "logs") as graph:
-        coach = Coach(graph.dead, name="witness")
+        client = GraphClient(graph.dead, name="witness")
         graph.start_all("composed", 0, folder / "demonstrations", {"composed": {"dropout_rate": 0.0}})
         graph.start("recorder", {"bag": str(folder / "bag"), "use_sim_time": True, "notes": "[seed=0]"})
-        diagnoses = Diagnoses(coach)
+        diagnoses = Diagnoses(client)
         # Each topic is recorded from when it was discovered, the last one long after the first on a busy machine.
         wanted = {topic: 4000 * STEPPED["/joint_states"] // period for topic, period in STEPPED.items()}
         counts = lambda: diagnoses.values.get("recorder", {})  # noqa: E731
-        wait_for(coach, lambda: all(int(counts().get(topic, 0)) > count for topic, count in wanted.items()), what="4000 recorded states")
+        wait_for(client, lambda: all(int(counts().get(topic, 0)) > count for topic, count in wanted.items()), what="4000 recorded states")
         lost = {k: v for k, v in diagnoses.values["recorder"].items() if "lost" in k}
         assert set(lost) <= {"lost", "/clock lost"}, lost
-        coach.close()
+        client.close()
     return folder / "bag"
 
 
@@ -123,12 +124,12 @@ def test_viewers_find_the_arm_its_description_and_its_transforms(recorded):
 
 
 def test_a_bag_plays_as_it_was_recorded(recorded, make_graph):
-    graph, coach = make_graph(None)
-    listener = Listener(coach, STEPPED)
+    graph, client = make_graph(None)
+    listener = Listener(client, STEPPED)
     graph.start("bag_player", {"bag": str(recorded), "rate": 4.0, "awaited": f"[{','.join(STEPPED)}]"})
     player = graph.processes.pop("bag_player")
-    wait_for(coach, lambda: player.poll() is not None, what="the end of the bag")
-    coach.spin()
+    wait_for(client, lambda: player.poll() is not None, what="the end of the bag")
+    client.spin()
     listener.close()
     assert player.returncode == 0
     with BagReader(recorded) as bag:
@@ -138,7 +139,7 @@ def test_a_bag_plays_as_it_was_recorded(recorded, make_graph):
 
 
 def test_topics_are_offered_as_they_were_recorded(recorded, make_graph):
-    graph, coach = make_graph(None)
+    graph, client = make_graph(None)
     graph.start("bag_player", {"bag": str(recorded), "start_paused": True})
     wanted = {
         "/joint_states": (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE),
@@ -146,19 +147,19 @@ def test_topics_are_offered_as_they_were_recorded(recorded, make_graph):
         "/robot_description": (ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL),
     }
     for topic, policies in wanted.items():
-        wait_for(coach, lambda topic=topic: coach.node.get_publishers_info_by_topic(topic), what=f"a publisher of {topic}")
-        (offer,) = (info.qos_profile for info in coach.node.get_publishers_info_by_topic(topic))
+        wait_for(client, lambda topic=topic: client.node.get_publishers_info_by_topic(topic), what=f"a publisher of {topic}")
+        (offer,) = (info.qos_profile for info in client.node.get_publishers_info_by_topic(topic))
         assert (offer.reliability, offer.durability) == policies, topic
 
 
 def test_the_clock_of_a_bag_is_played_and_made_where_it_has_none(recorded, make_graph):
     for clock, period_ns in (("/clock", 2_000_000), ("nothing", 40_000_000)):
-        graph, coach = make_graph(None)
-        listener = Listener(coach, ["/clock"])
+        graph, client = make_graph(None)
+        listener = Listener(client, ["/clock"])
         wanted = {"topics": f"[/vrpn_mocap/.*,{clock}]", "duration": 4.0, "loop": True, "clock_rate": 25.0, "awaited": "[/clock]"}
         graph.start("bag_player", {"bag": str(recorded), **wanted})
         # The clock is best effort: nobody repeats what was said before the listener's side of the discovery was over.
-        wait_for(coach, lambda listener=listener: listener.count >= 30, what="30 ticks")
+        wait_for(client, lambda listener=listener: listener.count >= 30, what="30 ticks")
         listener.close()
         graph.stop()
         steps = np.diff([conversions.leading_stamp_ns(data) for data in listener.heard["/clock"]])
@@ -169,19 +170,19 @@ def test_the_clock_of_a_bag_is_played_and_made_where_it_has_none(recorded, make_
 def test_a_bag_teaches_through_the_nodes_what_it_teaches_without(make_graph, tmp_path, rate):
     """From raw poses to a model, at any rate: to the last bit."""
     bag, taught, _ = recorded_bag(tmp_path)
-    graph, coach = make_graph(None)
+    graph, client = make_graph(None)
     graph.start("skill_learner")
     graph.start("demonstration_recorder", {"bag": str(tmp_path / "again"), "automatic": True})
     inputs = ["/joint_states", "/wam/command", "/wam/teacher_wrench", *POSES]
     played = {"topics": f"[{','.join(inputs)}]", "awaited": f"[{','.join(inputs)}]", "clock_rate": 0.0}
     graph.start("bag_player", {"bag": str(bag), "rate": rate, **played})
     player = graph.processes.pop("bag_player")
-    wait_for(coach, lambda: player.poll() is not None, what="the end of the bag")
-    learned = coach.learn(at_least=len(taught))
+    wait_for(client, lambda: player.poll() is not None, what="the end of the bag")
+    learned = client.learn(at_least=len(taught))
     expected, report = learn_from_bag(bag)
     assert (learned.demonstrations, learned.model_id) == (len(taught), expected.skill.model_id)
-    ask = coach.node.create_client(PlanThrow, "/skill_learner/plan_throw")
-    plan = coach.call(ask, PlanThrow.Request(header=Header(frame_id="world"), target=TARGET)).plan
+    ask = client.node.create_client(PlanThrow, "/skill_learner/plan_throw")
+    plan = client.call(ask, PlanThrow.Request(header=Header(frame_id="world"), target=TARGET)).plan
     assert same_plan(conversions.plan(plan), expected.plan(conversions.vector(TARGET)))
     graph.stop()
     for one, other in zip(read_demonstrations(tmp_path / "again"), report.learned_from, strict=True):
@@ -204,19 +205,19 @@ def numbers(listener, topic="/said"):
 
 
 def test_a_paused_bag_is_stepped_and_goes_on_at_another_rate(texts, make_graph):
-    graph, coach = make_graph(None)
-    listener = Listener(coach, ["/said"])
+    graph, client = make_graph(None)
+    listener = Listener(client, ["/said"])
     graph.start("bag_player", {"bag": str(texts), "start_paused": True, "awaited": "[/said]", "clock_rate": 0.0})
-    step = coach.node.create_client(Step, "/bag_player/step")
-    pause = coach.node.create_client(SetBool, "/bag_player/pause")
+    step = client.node.create_client(Step, "/bag_player/step")
+    pause = client.node.create_client(SetBool, "/bag_player/pause")
     for steps in (1, 3):
-        coach.call(step, Step.Request(steps=steps))
-    wait_for(coach, lambda: listener.count >= 4, what="four steps")
-    coach.set_parameters("/bag_player", {"rate": 3.0})
+        client.call(step, Step.Request(steps=steps))
+    wait_for(client, lambda: listener.count >= 4, what="four steps")
+    client.set_parameters("/bag_player", {"rate": 3.0})
     assert numbers(listener) == [0, 1, 2, 3]
     player = graph.processes.pop("bag_player")
-    coach.call(pause, SetBool.Request(data=False))
-    wait_for(coach, lambda: player.poll() is not None, what="the end of the bag")
+    client.call(pause, SetBool.Request(data=False))
+    wait_for(client, lambda: player.poll() is not None, what="the end of the bag")
     assert numbers(listener) == list(range(100))
     listener.close()
 
@@ -228,26 +229,26 @@ def test_playing_begins_when_every_awaited_topic_is_heard(tmp_path, make_graph):
             writer.add_topic(topic, TEXT, definition(types, TEXT))
             for k in range(100):
                 writer.write(topic, 10_000_000 * k, 10_000_000 * k, serialize(types, TEXT, {"data": str(k)}))
-    graph, coach = make_graph(None)
-    diagnoses, first = Diagnoses(coach), Listener(coach, ["/said"])
+    graph, client = make_graph(None)
+    diagnoses, first = Diagnoses(client), Listener(client, ["/said"])
     graph.start("bag_player", {"bag": str(bag), "rate": 0.0, "awaited": "['/s.*g', '/said']", "clock_rate": 0.0})
     waits = "waiting for a subscriber of /sung"
-    wait_for(coach, lambda: diagnoses.of.get("bag_player") == waits, what="the player waits for the other topic")
+    wait_for(client, lambda: diagnoses.of.get("bag_player") == waits, what="the player waits for the other topic")
     assert first.count == 0
-    second = Listener(coach, ["/sung"])
+    second = Listener(client, ["/sung"])
     player = graph.processes.pop("bag_player")
-    wait_for(coach, lambda: player.poll() is not None, what="the end of the bag")
+    wait_for(client, lambda: player.poll() is not None, what="the end of the bag")
     second.close()
     first.close()
     assert numbers(first) == numbers(second, "/sung") == list(range(100))
 
 
 def test_a_loop_goes_on_until_it_is_ended(texts, make_graph):
-    graph, coach = make_graph(None)
-    listener = Listener(coach, ["/heard"])
+    graph, client = make_graph(None)
+    listener = Listener(client, ["/heard"])
     wanted = {"remap": "[/said=/heard]", "start": 0.5, "duration": 0.1, "loop": True, "awaited": "[/heard]"}
     graph.start("bag_player", {"bag": str(texts), **wanted})
-    wait_for(coach, lambda: listener.count >= 33, what="three rounds")
+    wait_for(client, lambda: listener.count >= 33, what="three rounds")
     assert numbers(listener, "/heard")[:33] == [*range(50, 61)] * 3
     graph.stop()
     listener.close()
@@ -262,11 +263,11 @@ def test_bags_of_others_and_bags_without_metadata_play(texts, tmp_path, make_gra
         for k in range(100):
             writer.write(connection, 10_000_000 * k, types.serialize_cdr(types.types[TEXT](str(k)), TEXT))
     for bag in (texts, foreign):
-        graph, coach = make_graph(None)
-        listener = Listener(coach, ["/said"])
+        graph, client = make_graph(None)
+        listener = Listener(client, ["/said"])
         graph.start("bag_player", {"bag": str(bag), "rate": 10.0, "awaited": "[/said]"})
         player = graph.processes.pop("bag_player")
-        wait_for(coach, lambda player=player: player.poll() is not None, what="the end of the bag")
+        wait_for(client, lambda player=player: player.poll() is not None, what="the end of the bag")
         assert numbers(listener) == list(range(100)), bag
         listener.close()
 
@@ -281,20 +282,20 @@ def test_bags_of_others_and_bags_without_metadata_play(texts, tmp_path, make_gra
     ],
 )
 def test_a_bag_that_cannot_be_played_ends_the_player_with_a_reason(texts, make_graph, tmp_path, wanted, complaint):
-    graph, coach = make_graph(None)
+    graph, client = make_graph(None)
     graph.start("bag_player", {"bag": str(texts), **wanted})
     player = graph.processes.pop("bag_player")
-    wait_for(coach, lambda: player.poll() is not None, what="the end of the player")
+    wait_for(client, lambda: player.poll() is not None, what="the end of the player")
     assert player.returncode == 1
     log = (graph.logs / "bag_player.log").read_text()
     assert complaint in log and "Traceback" not in log
 
 
 def test_a_recorder_that_is_killed_loses_at_most_the_last_second(make_graph, tmp_path):
-    graph, coach = make_graph("composed")
+    graph, client = make_graph("composed")
     graph.start("recorder", {"bag": str(tmp_path / "bag"), "use_sim_time": False})
-    diagnoses = Diagnoses(coach)
-    wait_for(coach, lambda: int(diagnoses.values.get("recorder", {}).get("/joint_states", 0)) > 2000, what="2000 recorded states")
+    diagnoses = Diagnoses(client)
+    wait_for(client, lambda: int(diagnoses.values.get("recorder", {}).get("/joint_states", 0)) > 2000, what="2000 recorded states")
     recorder = graph.processes.pop("recorder")
     recorder.kill()
     recorder.wait()
@@ -309,10 +310,10 @@ def test_a_recorder_that_is_killed_loses_at_most_the_last_second(make_graph, tmp
 
 def test_what_a_recorder_that_is_held_up_never_got_is_counted(make_graph, tmp_path):
     """Its publisher repeats the last five messages only, and the shared memory has no room for so many."""
-    (graph, coach), ballast = make_graph(None), 20_000 * " "
-    said, total = coach.node.create_publisher(String, "/said", 5), 0
+    (graph, client), ballast = make_graph(None), 20_000 * " "
+    said, total = client.node.create_publisher(String, "/said", 5), 0
     graph.start("recorder", {"bag": str(tmp_path / "bag"), "topics": "[/said]"})
-    diagnoses = Diagnoses(coach)
+    diagnoses = Diagnoses(client)
 
     def say(condition, what):
         nonlocal total
@@ -321,7 +322,7 @@ def test_what_a_recorder_that_is_held_up_never_got_is_counted(make_graph, tmp_pa
             assert time.monotonic() < until, what
             said.publish(String(data=f"{total}{ballast}"))
             total += 1
-            coach.spin()
+            client.spin()
 
     def recorded():
         return int(diagnoses.values.get("recorder", {}).get("/said", 0))
@@ -346,14 +347,14 @@ def test_what_a_recorder_that_is_held_up_never_got_is_counted(make_graph, tmp_pa
 
 @pytest.mark.parametrize("limit", [{"max_megabytes": 1.0}, {"max_minutes": 0.01}])
 def test_a_recording_goes_on_in_another_file(make_graph, tmp_path, limit):
-    graph, coach = make_graph(None)
-    said, texts, draw = coach.node.create_publisher(String, "/said", 50), [], random.Random(0)
+    graph, client = make_graph(None)
+    said, texts, draw = client.node.create_publisher(String, "/said", 50), [], random.Random(0)
     graph.start("recorder", {"bag": str(tmp_path / "bag"), "topics": "[/said]", **limit})
     while len(files := list((tmp_path / "bag").glob("*.mcap"))) < 3:
         assert len(texts) < 3000, f"{len(files)} files after {len(texts)} messages"
         texts.append(draw.randbytes(50_000).hex())
         said.publish(String(data=texts[-1]))
-        coach.spin()
+        client.spin()
     assert said.wait_for_all_acked(Duration(seconds=20))
     graph.stop()
     with BagReader(tmp_path / "bag") as bag:
@@ -362,14 +363,14 @@ def test_a_recording_goes_on_in_another_file(make_graph, tmp_path, limit):
 
 
 def test_a_full_disk_stops_the_recording_not_the_graph(make_graph, tmp_path):
-    graph, coach = make_graph("composed")
+    graph, client = make_graph("composed")
     graph.start("recorder", {"bag": str(tmp_path / "bag"), "use_sim_time": True})
-    diagnoses = Diagnoses(coach)
-    wait_for(coach, lambda: int(diagnoses.values.get("recorder", {}).get("/joint_states", 0)) > 500, what="500 recorded states")
+    diagnoses = Diagnoses(client)
+    wait_for(client, lambda: int(diagnoses.values.get("recorder", {}).get("/joint_states", 0)) > 500, what="500 recorded states")
     recorder = graph.processes["recorder"]
     written = (tmp_path / "bag" / "bag_0.mcap").stat().st_size
     resource.prlimit(recorder.pid, resource.RLIMIT_FSIZE, (written + 300_000,) * 2)
-    wait_for(coach, lambda: "bag_0.mcap" in diagnoses.of.get("recorder", ""), what="the recorder says that it cannot write")
+    wait_for(client, lambda: "bag_0.mcap" in diagnoses.of.get("recorder", ""), what="the recorder says that it cannot write")
     recorder.send_signal(signal.SIGINT)
     assert recorder.wait(20) == 0
     graph.processes.pop("recorder")
@@ -378,15 +379,15 @@ def test_a_full_disk_stops_the_recording_not_the_graph(make_graph, tmp_path):
 
 
 def test_a_recorder_that_cannot_start_says_why(make_graph, tmp_path):
-    graph, coach = make_graph(None)
+    graph, client = make_graph(None)
     graph.start("recorder", {"bag": str(tmp_path), "topics": "['(']"})
     recorder = graph.processes.pop("recorder")
-    wait_for(coach, lambda: recorder.poll() is not None, what="the end of the recorder")
+    wait_for(client, lambda: recorder.poll() is not None, what="the end of the recorder")
     assert "not configured: missing ), unterminated subpattern" in (graph.logs / "recorder.log").read_text()
 
 
 def test_a_rate_below_zero_is_refused_while_a_bag_plays(texts, make_graph):
-    graph, coach = make_graph(None)
+    graph, client = make_graph(None)
     graph.start("bag_player", {"bag": str(texts), "start_paused": True})
     with pytest.raises(GraphFailure, match="does not take rate = -1.0"):
-        coach.set_parameters("/bag_player", {"rate": -1.0})
+        client.set_parameters("/bag_player", {"rate": -1.0})

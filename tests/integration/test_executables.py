@@ -7,7 +7,7 @@ import subprocess
 import pytest
 import rclpy
 
-from dart_skill_nodes.support import make_executor
+from dart_skill_nodes.process.node_base import make_executor
 
 NODES = {
     "wam_simulator": {"wam_simulator"},

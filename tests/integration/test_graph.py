@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from dart_skill_nodes.routines import Promise, start
+from dart_skill_nodes.comms.coroutines import Promise, start
 
 
 class Executor:

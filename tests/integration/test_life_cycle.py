@@ -8,9 +8,9 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from sensor_msgs.msg import JointState
 
 from dart_skill.recording import BagReader
-from dart_skill_nodes.demonstration_recorder import DemonstrationRecorder
-from dart_skill_nodes.recorder import Recorder
-from dart_skill_nodes.support import make_executor
+from dart_skill_nodes.executables.demonstration_recorder import DemonstrationRecorder
+from dart_skill_nodes.executables.recorder import Recorder
+from dart_skill_nodes.process.node_base import make_executor
 
 PATIENCE = 30.0
 TOPIC = "/joint_states"

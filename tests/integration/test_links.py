@@ -8,8 +8,8 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from std_srvs.srv import Trigger
 
-from dart_skill_nodes.coaching import Coach
-from dart_skill_nodes.links import Link
+from dart_skill_nodes.client.graph_client import GraphClient
+from dart_skill_nodes.client.server_probe import ServerProbe
 
 PATIENCE = 30.0
 
@@ -53,7 +53,7 @@ def test_a_node_that_serves_nothing_does_not_hide_the_one_of_its_name_that_does(
     _spin_until([ghost, asking], lambda: "served" in asking.node.get_node_names())
     served = process("served")
     served.node.create_service(Trigger, "/asked", lambda request, response: response)
-    link = Link(asking.node, "/asked")
+    link = ServerProbe(asking.node, "/asked")
     _spin_until([ghost, asking, served], link.up)
     assert asking.node.get_node_names().count("served") == 2
 
@@ -62,21 +62,21 @@ def test_a_younger_client_gets_a_link_of_its_own(ros, process, monkeypatch):
     """What an older one learned says nothing of whether the server has found the younger: its first answer would be lost."""
     made = []
 
-    class Watched(Link):
+    class Watched(ServerProbe):
         def __init__(self, node, service):
             super().__init__(node, service)
             made.append(sorted(client.srv_name for client in node.clients))
 
-    monkeypatch.setattr("dart_skill_nodes.coaching.Link", Watched)
+    monkeypatch.setattr("dart_skill_nodes.client.graph_client.ServerProbe", Watched)
     served = process("served")
     served.node.create_service(Trigger, "/asked", lambda request, response: Trigger.Response(success=True))
-    coach = Coach(dead=lambda: served.spin() or "")
+    client = GraphClient(dead=lambda: served.spin() or "")
     for clients in (1, 2):
-        client = coach.node.create_client(Trigger, "/asked")
-        assert coach.call(client, Trigger.Request()).success
-        assert coach.call(client, Trigger.Request()).success
+        client = client.node.create_client(Trigger, "/asked")
+        assert client.call(client, Trigger.Request()).success
+        assert client.call(client, Trigger.Request()).success
         assert [names.count("/asked") for names in made] == list(range(1, clients + 1))
-    coach.close()
+    client.close()
 
 
 def _spin_until(processes, condition):

@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 from dart_skill_msgs.srv import AddTrial, Learn, ModelFile, PlanThrow
 
-from dart_skill.experiments.session import Session
-from dart_skill.experiments.targets import targets_for
 from dart_skill.recording import BagReader, read_demonstrations
 from dart_skill.robot.throw_plan import same_plan
-from dart_skill.skill.throwing import learn
-from dart_skill_nodes import conversions
-from dart_skill_nodes.coaching import Coach, GraphFailure
-from dart_skill_nodes.graph import Graph
+from dart_skill.session.in_process import Session
+from dart_skill.session.regions import targets_for
+from dart_skill.skill.learn.throwing import learn
+from dart_skill_nodes.client.failures import GraphFailure
+from dart_skill_nodes.client.graph_client import GraphClient
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.process.graph_processes import Graph
 
 SEED, SHOWN = 0, 3
 TO_DEMONSTRATE, TO_THROW = targets_for(SEED, SHOWN, 2)
@@ -44,19 +45,19 @@ def over_dds(ros, tmp_path_factory):
     """The same job with every node a process of its own."""
     folder = tmp_path_factory.mktemp("over_dds")
     with Graph(folder / "logs") as graph:
-        coach = Coach(graph.dead, name="coach_over_dds")
+        client = GraphClient(graph.dead, name="coach_over_dds")
         graph.start_all("processes", SEED, folder / "bag")
-        coach.wait_until_ready()
-        done = _job(coach)
-        coach.close()
+        client.wait_until_ready()
+        done = _job(client)
+        client.close()
     return {**done, "bag": folder / "bag"}
 
 
-def _job(coach, throws=2):
-    lessons = [coach.teach(target) for target in TO_DEMONSTRATE]
+def _job(client, throws=2):
+    lessons = [client.teach(target) for target in TO_DEMONSTRATE]
     assert all(lesson.success for lesson in lessons), [lesson.message for lesson in lessons]
-    learned = coach.learn()
-    results = [coach.throw(target) for target in TO_THROW[:throws]]
+    learned = client.learn()
+    results = [client.throw(target) for target in TO_THROW[:throws]]
     return {"lessons": lessons, "learned": learned, "throws": results}
 
 
@@ -83,8 +84,8 @@ def test_the_graph_over_dds_is_the_session_in_process_bit_for_bit(over_dds, in_p
 def test_a_busy_machine_changes_no_bit(make_graph, in_process):
     busy = subprocess.Popen([sys.executable, "-c", "while True: sum(range(10**6))"])
     try:
-        _, coach = make_graph("composed", SEED)
-        done = _job(coach)
+        _, client = make_graph("composed", SEED)
+        done = _job(client)
     finally:
         busy.kill()
         busy.wait()
@@ -94,15 +95,15 @@ def test_a_busy_machine_changes_no_bit(make_graph, in_process):
 
 def test_the_bag_alone_gives_the_same_plan_in_a_fresh_process(over_dds, ros, tmp_path):
     with Graph(tmp_path / "logs") as graph:
-        coach = Coach(graph.dead, name="coach_of_the_bag")
+        client = GraphClient(graph.dead, name="coach_of_the_bag")
         graph.start("skill_learner")
-        learner = coach.node.create_client(Learn, "/skill_learner/learn")
-        planner = coach.node.create_client(PlanThrow, "/skill_learner/plan_throw")
-        learned = coach.call(learner, Learn.Request(bag=str(over_dds["bag"])))
+        learner = client.node.create_client(Learn, "/skill_learner/learn")
+        planner = client.node.create_client(PlanThrow, "/skill_learner/plan_throw")
+        learned = client.call(learner, Learn.Request(bag=str(over_dds["bag"])))
         request = PlanThrow.Request(target=conversions.point(TO_THROW[0]))
         request.header.frame_id = "world"
-        planned = coach.call(planner, request)
-        coach.close()
+        planned = client.call(planner, request)
+        client.close()
     assert learned.model_id == over_dds["learned"].model_id
     assert planned.plan == over_dds["throws"][0].plan
 
@@ -114,17 +115,17 @@ def test_a_saved_model_loads_in_a_fresh_learner_and_plans_the_same(over_dds, ros
     plans = []
     for first in (True, False):
         with Graph(tmp_path / "logs") as graph:
-            coach = Coach(graph.dead, name=f"coach_of_the_file_{first}")
+            client = GraphClient(graph.dead, name=f"coach_of_the_file_{first}")
             graph.start("skill_learner")
             names = {"learn": Learn, "plan_throw": PlanThrow, "save": ModelFile, "load": ModelFile}
-            clients = {n: coach.node.create_client(kind, f"/skill_learner/{n}") for n, kind in names.items()}
+            clients = {n: client.node.create_client(kind, f"/skill_learner/{n}") for n, kind in names.items()}
             if first:
-                coach.call(clients["learn"], Learn.Request(bag=str(over_dds["bag"])))
-                coach.call(clients["save"], ModelFile.Request(path=path))
+                client.call(clients["learn"], Learn.Request(bag=str(over_dds["bag"])))
+                client.call(clients["save"], ModelFile.Request(path=path))
             else:
-                coach.call(clients["load"], ModelFile.Request(path=path))
-            plans.append(coach.call(clients["plan_throw"], request).plan)
-            coach.close()
+                client.call(clients["load"], ModelFile.Request(path=path))
+            plans.append(client.call(clients["plan_throw"], request).plan)
+            client.close()
     assert plans[0] == plans[1]
 
 
@@ -133,27 +134,27 @@ def test_a_trial_is_added_to_what_is_learned_and_a_strange_one_is_kept_out(over_
     request = PlanThrow.Request(target=conversions.point(TO_THROW[0]))
     request.header.frame_id = "world"
     with Graph(tmp_path / "logs") as graph:
-        coach = Coach(graph.dead, name="coach_of_trials")
+        client = GraphClient(graph.dead, name="coach_of_trials")
         graph.start("skill_learner")
         kinds = {"learn": Learn, "plan_throw": PlanThrow, "add_trial": AddTrial}
-        clients = {name: coach.node.create_client(kind, f"/skill_learner/{name}") for name, kind in kinds.items()}
+        clients = {name: client.node.create_client(kind, f"/skill_learner/{name}") for name, kind in kinds.items()}
 
         def add(one):
             trial = AddTrial.Request(trial=conversions.demonstration_msg(one))
-            return coach.call(clients["add_trial"], trial)
+            return client.call(clients["add_trial"], trial)
 
         with pytest.raises(GraphFailure, match="nothing is learned yet"):
             add(shown[0])
-        coach.call(clients["learn"], Learn.Request(bag=str(over_dds["bag"])))
-        before = coach.call(clients["plan_throw"], request).plan
+        client.call(clients["learn"], Learn.Request(bag=str(over_dds["bag"])))
+        before = client.call(clients["plan_throw"], request).plan
         with pytest.raises(GraphFailure, match="already"):
             add(shown[0])
         with pytest.raises(GraphFailure, match="did not start in this hand"):
             add(replace(shown[0], id="elsewhere", hand_position=shown[0].hand_position + [0.0, 0.0, 0.5]))
-        assert coach.call(clients["plan_throw"], request).plan == before, "what is kept out changes nothing"
+        assert client.call(clients["plan_throw"], request).plan == before, "what is kept out changes nothing"
         assert add(replace(shown[0], id="trial_1")).demonstrations == SHOWN + 1
-        assert coach.call(clients["plan_throw"], request).plan.model_id != before.model_id
-        coach.close()
+        assert client.call(clients["plan_throw"], request).plan.model_id != before.model_id
+        client.close()
 
 
 def test_the_bag_holds_what_the_sensors_saw_and_opens_without_ros(over_dds):

@@ -8,12 +8,13 @@ import pytest
 from dart_skill_msgs.msg import SimulationState
 from dart_skill_msgs.srv import PlaceBasket, PlanThrow, Reset
 
-from dart_skill.experiments.session import Session
-from dart_skill.experiments.targets import targets_for
-from dart_skill.skill.practising import PractisingSkill
-from dart_skill_nodes import conversions
-from dart_skill_nodes.coaching import Coach, GraphFailure
-from dart_skill_nodes.graph import Graph
+from dart_skill.session.in_process import Session
+from dart_skill.session.regions import targets_for
+from dart_skill.skill.improve.practising import PractisingSkill
+from dart_skill_nodes.client.failures import GraphFailure
+from dart_skill_nodes.client.graph_client import GraphClient
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.process.graph_processes import Graph
 
 from .conftest import wait_for
 
@@ -26,11 +27,11 @@ HIDDEN = {"/simulation/state": "/behind_the_scenes/state"}
 class Liar:
     """Publishes nonsense where ground truth would be, as often as messages come in."""
 
-    def __init__(self, coach):
-        self._coach, self._spin, self.told = coach, coach.spin, 0
+    def __init__(self, client):
+        self._coach, self._spin, self.told = client, client.spin, 0
         self._rng = np.random.default_rng(0)
-        self._publisher = coach.node.create_publisher(SimulationState, "/simulation/state", 10)
-        coach.spin = self._spin_and_lie
+        self._publisher = client.node.create_publisher(SimulationState, "/simulation/state", 10)
+        client.spin = self._spin_and_lie
 
     def _spin_and_lie(self):
         message = SimulationState(episode=int(self._rng.integers(1000)), ball_in_basket=bool(self._rng.integers(2)))
@@ -48,19 +49,19 @@ def practised(ros, tmp_path_factory):
     """Three lessons, three practised throws and a plan, by the nodes; nobody but the cameras and the simulator has the truth."""
     folder = tmp_path_factory.mktemp("practice")
     with Graph(folder / "logs", {name: HIDDEN for name in ("wam_simulator", "mock_optitrack")}) as graph:
-        coach = Coach(graph.dead, name="client_of_practice")
-        liar = Liar(coach)
+        client = GraphClient(graph.dead, name="client_of_practice")
+        liar = Liar(client)
         graph.start_all("processes", SEED, folder / "bag", {"skill_learner": {"practice_method": "both"}})
-        coach.wait_until_ready()
+        client.wait_until_ready()
         for target in TO_DEMONSTRATE:
-            assert coach.teach(target).success
-        coach.learn()
+            assert client.teach(target).success
+        client.learn()
         phases = []
-        result = coach.practise(targets=TO_PRACTISE, on_feedback=lambda feedback: phases.append((feedback.number, feedback.phase)))
+        result = client.practise(targets=TO_PRACTISE, on_feedback=lambda feedback: phases.append((feedback.number, feedback.phase)))
         request = PlanThrow.Request(target=conversions.point(NEW))
         request.header.frame_id = "world"
-        plan = coach.call(coach.node.create_client(PlanThrow, "/skill_learner/plan_throw"), request).plan
-        coach.close()
+        plan = client.call(client.node.create_client(PlanThrow, "/skill_learner/plan_throw"), request).plan
+        client.close()
     assert liar.told > 10
     return {"result": result, "phases": phases, "plan": plan}
 
@@ -97,12 +98,12 @@ def test_landings_and_what_was_learned_are_those_of_the_session_to_the_last_bit(
 
 
 def test_the_coach_chooses_baskets_by_itself_and_cannot_be_asked_twice(make_graph):
-    graph, coach = make_graph("composed", 1)
+    graph, client = make_graph("composed", 1)
     for target in targets_for(1, 2, 0)[0]:
-        assert coach.teach(target).success
-    coach.learn()
+        assert client.teach(target).success
+    client.learn()
     said = []
-    result = coach.practise(2, on_feedback=lambda feedback: said.append(feedback.phase))
+    result = client.practise(2, on_feedback=lambda feedback: said.append(feedback.phase))
     assert result.success and result.thrown == 2, result.message
     distances = [np.hypot(outcome.target.x, outcome.target.y) for outcome in result.outcomes]
     assert all(1.5 <= distance <= 2.5 for distance in distances)
@@ -110,19 +111,19 @@ def test_the_coach_chooses_baskets_by_itself_and_cannot_be_asked_twice(make_grap
 
 
 def test_throws_follow_a_basket_that_somebody_moves_while_the_arm_returns(make_graph):
-    graph, coach = make_graph("composed", 1)
+    graph, client = make_graph("composed", 1)
     for target in targets_for(1, 2, 0)[0]:
-        assert coach.teach(target).success
-    coach.learn()
+        assert client.teach(target).success
+    client.learn()
     places = [np.array([1.8, 0.1, 0.4]), np.array([2.0, -0.3, 0.4])]
-    move = coach.node.create_client(PlaceBasket, "/simulation/place_basket")
-    coach.call(move, PlaceBasket.Request(position=conversions.point(places[0])))
+    move = client.node.create_client(PlaceBasket, "/simulation/place_basket")
+    client.call(move, PlaceBasket.Request(position=conversions.point(places[0])))
 
     def on_feedback(feedback):
         if (feedback.number, feedback.phase) == (1, "learning"):
             move.call_async(PlaceBasket.Request(position=conversions.point(places[1])))
 
-    result = coach.practise(2, follow_basket=True, on_feedback=on_feedback)
+    result = client.practise(2, follow_basket=True, on_feedback=on_feedback)
     assert result.thrown == 2, result.message
     aimed = np.array([conversions.vector(outcome.target) for outcome in result.outcomes])
     np.testing.assert_allclose(aimed, places, atol=0.003)
@@ -130,30 +131,30 @@ def test_throws_follow_a_basket_that_somebody_moves_while_the_arm_returns(make_g
 
 
 def test_the_simulated_arm_changes_with_the_next_reset(make_graph):
-    _, coach = make_graph("composed")
+    _, client = make_graph("composed")
     seen = []
-    coach.node.create_subscription(SimulationState, "/simulation/state", seen.append, 10)
-    reset = coach.node.create_client(Reset, "/simulation/reset")
+    client.node.create_subscription(SimulationState, "/simulation/state", seen.append, 10)
+    reset = client.node.create_client(Reset, "/simulation/reset")
 
     def hand():
-        episode = coach.call(reset, Reset.Request(paused=True)).episode
-        wait_for(coach, lambda: seen and seen[-1].episode == episode, what="the state after the reset")
+        episode = client.call(reset, Reset.Request(paused=True)).episode
+        wait_for(client, lambda: seen and seen[-1].episode == episode, what="the state after the reset")
         return conversions.vector(seen[-1].hand.position), seen[-1].base_turn
 
     straight, turn = hand()
     assert turn == 0.0
-    coach.set_parameters("/wam_simulator", {"base_turn": 0.1})
+    client.set_parameters("/wam_simulator", {"base_turn": 0.1})
     turned, turn = hand()
     assert turn == 0.1
     azimuths = [np.arctan2(position[1], position[0]) for position in (straight, turned)]
     assert np.angle(np.exp(1j * (azimuths[1] - azimuths[0]))) == pytest.approx(0.1, abs=1e-6)
     with pytest.raises(GraphFailure, match="does not take base_turn = 5.0"):
-        coach.set_parameters("/wam_simulator", {"base_turn": 5.0})
+        client.set_parameters("/wam_simulator", {"base_turn": 5.0})
 
 
 def test_practice_before_anything_is_learned_says_so(make_graph):
-    _, coach = make_graph("composed")
-    result = coach.practise(3)
+    _, client = make_graph("composed")
+    result = client.practise(3)
     assert not result.success and "nothing is learned yet" in result.message
 
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from dart_skill.skill.from_bag import learn_from_bag
-from dart_skill_nodes.graph import LAYOUTS, NODES
-from dart_skill_nodes.interrupts import ENDS_WITH
+from dart_skill.session.from_bag import learn_from_bag
+from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES
+from dart_skill_nodes.process.signals import ENDS_WITH
 
 BAG = Path(__file__).parents[2] / "bags" / "demonstrations"
 PATIENCE = 200.0

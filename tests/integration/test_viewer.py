@@ -14,12 +14,13 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.serialization import serialize_message
 from visualization_msgs.msg import Marker, MarkerArray
 
-from dart_skill.experiments.targets import targets_for
+from dart_skill.session.regions import targets_for
 from dart_skill.view import colours
 from dart_skill.view.scene import EYE, FIELD_OF_VIEW, LOOK_AT
-from dart_skill_nodes import conversions, glances
-from dart_skill_nodes.markers import ellipsoids
-from dart_skill_nodes.support import make_executor
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.latest_messages import poses_of
+from dart_skill_nodes.comms.markers import ellipsoids
+from dart_skill_nodes.process.node_base import make_executor
 from tests.integration.browser import SIZE, Page, find_chromium
 from tests.integration.conftest import wait_for
 from tests.view_client import PageClient
@@ -65,12 +66,12 @@ def start(make_graph):
     truths = []
 
     def begin():
-        graph, coach = make_graph()
+        graph, client = make_graph()
         truths.append(truth := Truth())
         graph.start("viewer", {"port": 0})
         log = graph.logs / "viewer.log"
-        wait_for(coach, lambda: "live view is at" in log.read_text(), what="the address of the page")
-        return coach, truth, re.search(r"http://\S+", log.read_text()).group()
+        wait_for(client, lambda: "live view is at" in log.read_text(), what="the address of the page")
+        return client, truth, re.search(r"http://\S+", log.read_text()).group()
 
     yield begin
     for truth in truths:
@@ -78,11 +79,11 @@ def start(make_graph):
 
 
 def test_everything_is_taught_learned_thrown_and_practised_from_the_page(start):
-    coach, truth, url = start()
+    client, truth, url = start()
     with PageClient(url, origin=url) as page:
 
         def until(condition, what, limit=60.0):
-            page.wait_for(condition, limit, what, meanwhile=coach.spin)
+            page.wait_for(condition, limit, what, meanwhile=client.spin)
 
         until(lambda: page.says("skill_learner") and page.says("wam_simulator"), "the status of the nodes")
         until(lambda: "/cameras/all" in page.nodes, "the cameras")
@@ -121,10 +122,10 @@ def test_everything_is_taught_learned_thrown_and_practised_from_the_page(start):
 
 
 def test_a_view_without_an_arm_says_who_is_missing(ros, make_graph):
-    graph, coach = make_graph(layout=None)
+    graph, client = make_graph(layout=None)
     graph.start("viewer", {"port": 0})
     log = graph.logs / "viewer.log"
-    wait_for(coach, lambda: "live view is at" in log.read_text(), what="the address of the page")
+    wait_for(client, lambda: "live view is at" in log.read_text(), what="the address of the page")
     with PageClient(re.search(r"http://\S+", log.read_text()).group()) as page:
         page.click("Throw")
         page.wait_for(lambda: page.says("no basket is seen"), what="what is missing for a throw")
@@ -138,7 +139,7 @@ def test_a_taken_port_is_told_in_one_line(tmp_path):
         other.bind(("127.0.0.1", 0))
         other.listen()
         port = other.getsockname()[1]
-        command = [sys.executable, "-m", "dart_skill_nodes.viewer", "--ros-args", "-p", f"port:={port}"]
+        command = [sys.executable, "-m", "dart_skill_nodes.executables.viewer", "--ros-args", "-p", f"port:={port}"]
         done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 1
     assert f"viewer: 127.0.0.1:{port} cannot be served" in done.stderr and "Traceback" not in done.stderr
@@ -152,10 +153,10 @@ def test_poses_are_read_out_of_serialised_messages(frame):
         message.header.frame_id = frame
         conversions.set_pose(message.pose, row[:3], row[3:])
         messages.append(serialize_message(message))
-    np.testing.assert_array_equal(glances.poses(messages, frame), wanted)
-    assert glances.poses([], frame).shape == (0, 7)
+    np.testing.assert_array_equal(poses_of(messages, frame), wanted)
+    assert poses_of([], frame).shape == (0, 7)
     with pytest.raises(ValueError, match=f"in frame '{frame}', not 'map'"):
-        glances.poses(messages, "map")
+        poses_of(messages, "map")
 
 
 def test_spheres_of_markers_are_grouped_by_namespace_and_the_rest_is_left_out():
@@ -218,12 +219,12 @@ def front_of(basket):
 
 @pytest.mark.skipif(find_chromium() is None, reason="no Chromium on this machine: install one, or name it in $CHROMIUM")
 def test_in_a_browser_the_basket_is_dragged_and_a_click_throws(start, tmp_path):
-    coach, truth, url = start()
+    client, truth, url = start()
     for target in targets_for(0, 2, 0)[0]:
-        assert coach.teach(target).success
-    coach.learn()
+        assert client.teach(target).success
+    client.learn()
     with Page(tmp_path / "browser", url) as page:
-        wait_for(coach, lambda: page.button("Throw"), 90.0, "the page")
+        wait_for(client, lambda: page.button("Throw"), 90.0, "the page")
         begin = truth.basket.copy()
 
         def look(condition, what, limit=60.0):
@@ -234,7 +235,7 @@ def test_in_a_browser_the_basket_is_dragged_and_a_click_throws(start, tmp_path):
                 pictures[:] = [page.screenshot(tmp_path / "page.png")]
                 return condition(pictures[0])
 
-            wait_for(coach, taken, limit, what)
+            wait_for(client, taken, limit, what)
             return pictures[0]
 
         blue = hue_of(colours.BASKET)
@@ -242,12 +243,12 @@ def test_in_a_browser_the_basket_is_dragged_and_a_click_throws(start, tmp_path):
         wanted = begin * [1.1, 1.1, 1.0]
         grip = front_of(begin)[3]
         page.drag(project(grip)[0], project(grip + wanted - begin)[0])
-        wait_for(coach, lambda: np.linalg.norm(truth.basket - wanted) < 0.02, what=f"a basket dragged from {begin} to {wanted}")
+        wait_for(client, lambda: np.linalg.norm(truth.basket - wanted) < 0.02, what=f"a basket dragged from {begin} to {wanted}")
         look(lambda picture: share_of(picture, front_of(truth.basket), blue) == 1.0, "the basket where it was dragged to")
 
         episode = truth.episode
         page.click("Throw")
-        wait_for(coach, lambda: "from the middle" in page.text(), 120.0, "the result of the throw")
+        wait_for(client, lambda: "from the middle" in page.text(), 120.0, "the result of the throw")
         assert truth.episode > episode
         flight = np.array([point for point in truth.flight if point[2] > truth.basket[2] + 0.1])
         assert len(flight) > 20

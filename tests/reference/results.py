@@ -18,12 +18,12 @@ import scipy.linalg
 from scipy.spatial.transform import Rotation
 
 from dart_skill.experiments import arm_darts, practice
-from dart_skill.experiments.session import Session
-from dart_skill.experiments.targets import targets_for
 from dart_skill.recording import read_demonstrations
 from dart_skill.robot.throw_plan import ThrowPlan
-from dart_skill.skill.configuration import configuration
-from dart_skill.skill.throwing import ThrowingSkill, Unreachable, learn
+from dart_skill.session.in_process import Session
+from dart_skill.session.regions import targets_for
+from dart_skill.skill.learn.configuration import configuration
+from dart_skill.skill.learn.throwing import ThrowingSkill, Unreachable, learn
 
 BAGS = Path(__file__).resolve().parents[2] / "bags"
 MODELS = ("default", "em", "two_frames", "thesis", "weighted", "autonomous", "shown_release")

@@ -5,7 +5,6 @@ from functools import lru_cache
 
 import numpy as np
 
-from dart_skill.experiments.session import Session
 from dart_skill.recording import (
     DEMONSTRATION_TOPIC,
     DEMONSTRATION_TYPE,
@@ -18,7 +17,8 @@ from dart_skill.recording import (
     typestore,
 )
 from dart_skill.robot.description import wam_description
-from dart_skill.skill.throwing import learn
+from dart_skill.session.in_process import Session
+from dart_skill.skill.learn.throwing import learn
 
 GIGA, LATENCY_NS = 1_000_000_000, 5_000_000
 TYPES = {
@@ -31,7 +31,7 @@ TYPES = {
 
 
 @dataclass
-class Heard:
+class RawMessage:
     """Log time, topic, content of every message."""
 
     messages: list = field(default_factory=list)
@@ -46,7 +46,7 @@ class RecordedSession(Session):
 
     def __init__(self, *args, **options):
         super().__init__(*args, **options)
-        self.heard, self._names = Heard(), [joint.name for joint in wam_description().joints]
+        self.heard, self._names = RawMessage(), [joint.name for joint in wam_description().joints]
 
     def _sense(self):
         arm = super()._sense()

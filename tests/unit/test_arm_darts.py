@@ -9,17 +9,17 @@ from scipy.integrate import solve_ivp
 from dart_skill.cli import main
 from dart_skill.darts import as_target, score
 from dart_skill.experiments.arm_darts import Aimer, Dart, Run, darts_configuration, darts_session, run, spread_of, summarise, table, teach
-from dart_skill.experiments.figures.arm_darts import draw_arm_darts, running
+from dart_skill.experiments.pictures.arm_darts import draw_arm_darts, running
 from dart_skill.flight import DART, TENNIS_BALL, Ball, crossing, flight, landing
 from dart_skill.robot.command import Command, Grip
 from dart_skill.simulation.board import Board
 from dart_skill.simulation.teacher import Teacher
-from dart_skill.skill.model_file import load_model, save_model
-from dart_skill.skill.outcome import judge_flight
-from dart_skill.skill.practising import PractisingSkill
-from dart_skill.skill.release import landing_if_late
-from dart_skill.skill.steadiness import Steadiness
-from dart_skill.skill.throwing import Unreachable, learn
+from dart_skill.skill.improve.practising import PractisingSkill
+from dart_skill.skill.improve.steadiness import Steadiness
+from dart_skill.skill.learn.model_file import load_model, save_model
+from dart_skill.skill.learn.release import landing_if_late
+from dart_skill.skill.learn.throwing import Unreachable, learn
+from dart_skill.skill.observe.outcome import judge_flight
 from dart_skill.surface import BASKETS, BOARD_DIAMETER, RIMS, BoardFace, game_at
 
 BOARD = Board()

@@ -10,7 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from dart_skill import cli, completion, names
+from dart_skill import cli
+from dart_skill.cli import _completion as completion
+from dart_skill.cli import _main, names
 
 pytest.importorskip("dart_skill_nodes", reason="its options are completed, too")
 
@@ -118,11 +120,10 @@ def test_status_1_without_argcomplete(monkeypatch):
     assert cli.main([]) == 1
 
 
-@pytest.mark.parametrize("line", ["", "up --la", "bag info ", "practice --change ", "experiment basket --models "])
-def test_neither_ros_nor_numpy_is_imported_for_it(line):
+def test_neither_ros_nor_numpy_is_imported_for_it():
     script = (
-        "import json, sys; from dart_skill import cli, completion\n"
-        f"parser = cli._parser({line.split()!r}); list(completion.commands_of(parser))\n"
+        "import json, sys; from dart_skill.cli import _completion, _main\n"
+        "list(_completion.commands_of(_main._parser()))\n"
         "print(json.dumps(sorted({name.split('.')[0] for name in sys.modules})))"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT, check=True)
@@ -131,7 +132,7 @@ def test_neither_ros_nor_numpy_is_imported_for_it(line):
 
 def every_value():
     """Every option or argument that takes one, with its command."""
-    parser = cli._parser(["darts"])
+    parser = _main._parser()
     for command in completion.commands_of(parser):
         for action in command._actions:
             if action.nargs != 0 and not isinstance(action, argparse._SubParsersAction):
@@ -154,7 +155,8 @@ def test_every_table_of_values_belongs_to_an_option():
 
 def test_names_are_those_of_the_library():
     from dart_skill.experiments import dart_search, landscapes, practice, thesis
-    from dart_skill.skill import configuration, practising
+    from dart_skill.skill.improve import practising
+    from dart_skill.skill.learn import configuration
 
     assert names.CONFIGURATIONS == tuple(configuration.CONFIGURATIONS)
     assert names.PRACTICE_METHODS == tuple(practising.METHODS)

@@ -8,8 +8,7 @@ from scipy.stats import multivariate_normal
 
 from dart_skill.mixture import Gaussian
 from dart_skill.movement.frames import turn_matrix
-from dart_skill.skill.configuration import configuration
-from dart_skill.skill.correction import (
+from dart_skill.skill.improve.correction import (
     DIFFERENCES,
     NOISES,
     USUAL_DIFFERENCE,
@@ -19,8 +18,9 @@ from dart_skill.skill.correction import (
     polar,
     repeatable_miss,
 )
-from dart_skill.skill.release import landing_if_late
-from dart_skill.skill.throwing import learn
+from dart_skill.skill.learn.configuration import configuration
+from dart_skill.skill.learn.release import landing_if_late
+from dart_skill.skill.learn.throwing import learn
 
 
 def places(n, rng):

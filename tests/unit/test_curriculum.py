@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dart_skill.skill.curriculum import UNKNOWN, UNSEEN, Curriculum
+from dart_skill.skill.improve.curriculum import UNKNOWN, UNSEEN, Curriculum
 
 NEAR, FAR, LEFT = [1.5, 0.0, 0.4], [2.5, 0.0, 0.4], [1.4, 1.4, 0.4]
 

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from dart_skill.experiments.figures import (
+from dart_skill.figures import (
     Recording,
     demonstrated_motions,
     draw_execution,
@@ -18,11 +18,11 @@ from dart_skill.experiments.figures import (
     frame_views,
     read_recordings,
 )
-from dart_skill.experiments.figures.landings import along_across
-from dart_skill.experiments.summary import ThrowResult
+from dart_skill.figures.landings import along_across
 from dart_skill.recording import BagError, BagWriter, definition, serialize, typestore
-from dart_skill.skill.configuration import configuration
-from dart_skill.skill.throwing import learn
+from dart_skill.session.summary import ThrowResult
+from dart_skill.skill.learn.configuration import configuration
+from dart_skill.skill.learn.throwing import learn
 
 SVG = "{http://www.w3.org/2000/svg}"
 POSE, COMMAND = "geometry_msgs/msg/PoseStamped", "dart_skill_msgs/msg/WamCommand"

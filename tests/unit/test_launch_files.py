@@ -36,7 +36,7 @@ def stand_ins(monkeypatch):
         for one in classes:
             setattr(module, one, type(one, (Recorded,), {}))
         monkeypatch.setitem(sys.modules, name, module)
-    monkeypatch.delitem(sys.modules, "dart_skill_nodes.launching", raising=False)
+    monkeypatch.delitem(sys.modules, "dart_skill_nodes.process.launch_description", raising=False)
 
 
 @pytest.fixture(params=FILES, ids=lambda file: file.name)
@@ -46,7 +46,7 @@ def entities(request, monkeypatch):
     stand_ins(monkeypatch)
     description = runpy.run_path(str(request.param))["generate_launch_description"]()
     yield description.values[0]
-    sys.modules.pop("dart_skill_nodes.launching", None)
+    sys.modules.pop("dart_skill_nodes.process.launch_description", None)
 
 
 def of(entities, kind):
@@ -55,9 +55,9 @@ def of(entities, kind):
 
 def parameters_there_are(executable):
     """Names of the parameters that an executable's nodes declare."""
-    from dart_skill_nodes.graph import nodes_of
+    from dart_skill_nodes.process.graph_processes import nodes_of
 
-    sources = [(ROOT / "nodes" / f"{node}.py").read_text() for node in nodes_of([executable])]
+    sources = [(ROOT / "nodes" / "dart_skill_nodes" / "executables" / f"{node}.py").read_text() for node in nodes_of([executable])]
     return {name for source in sources for name in re.findall(r'\("(\w+)", ', source)}
 
 

@@ -11,9 +11,9 @@ import pytest
 
 from dart_skill.recording import Demonstration
 from dart_skill.robot.throw_plan import same_plan
-from dart_skill.skill.configuration import CONFIGURATIONS, DEFAULT
-from dart_skill.skill.model_file import load_model, save_model
-from dart_skill.skill.throwing import learn
+from dart_skill.skill.learn.configuration import CONFIGURATIONS, DEFAULT
+from dart_skill.skill.learn.model_file import load_model, save_model
+from dart_skill.skill.learn.throwing import learn
 
 BASKET = np.array([1.8, 0.1, 0.4])
 

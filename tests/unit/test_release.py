@@ -10,9 +10,9 @@ from dart_skill.flight import DART, TENNIS_BALL, Ball, crossing, landing
 from dart_skill.robot.commander import STRETCHED, CommanderSettings, PlanRefused, check_plan
 from dart_skill.robot.description import wam_description
 from dart_skill.robot.throw_plan import Gains, HandPath, ThrowPlan
-from dart_skill.skill.configuration import SkillConfiguration, configuration
-from dart_skill.skill.release import farthest, hits_along, landing_if_late, nearest_step, stretched_at, weights_at
-from dart_skill.skill.throwing import EARLIEST, LATEST, learn
+from dart_skill.skill.learn.configuration import SkillConfiguration, configuration
+from dart_skill.skill.learn.release import farthest, hits_along, landing_if_late, nearest_step, stretched_at, weights_at
+from dart_skill.skill.learn.throwing import EARLIEST, LATEST, learn
 from dart_skill.surface import BASKETS, RIMS, BoardFace, Game, game_at
 
 VACUUM = Game(Ball(drag_coefficient=0.0), RIMS)

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from dart_skill.cli import main
-from dart_skill.experiments.summary import ThrowResult
 from dart_skill.recording import BagWriter
 from dart_skill.report import write_page
 from dart_skill.report.curve import WINDOW, curve_figure, running_quartiles
@@ -21,6 +20,7 @@ from dart_skill.report.page import page_of
 from dart_skill.report.pictures import embeddable, pictures
 from dart_skill.report.report_command import page_beside
 from dart_skill.report.run import About, machine, read_run, result_of, versions
+from dart_skill.session.summary import ThrowResult
 from dart_skill.view import ViewUnavailable
 
 BAGS = Path(__file__).parents[2] / "bags"

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from dart_skill.experiments.summary import DemoSummary, ThrowResult, error_quantile, footer, table, write_summary
+from dart_skill.session.summary import DemoSummary, ThrowResult, error_quantile, footer, table, write_summary
 
 TARGET = (2.0, 0.0, 0.4)
 NAN = float("nan")

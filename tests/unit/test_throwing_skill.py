@@ -12,12 +12,12 @@ from dart_skill.robot.commander import CommanderSettings, check_plan
 from dart_skill.robot.description import wam_description
 from dart_skill.robot.model import ArmModel
 from dart_skill.robot.throw_plan import same_plan
-from dart_skill.skill.configuration import CONFIGURATIONS, DEFAULT, THESIS, SkillConfiguration, configuration
-from dart_skill.skill.outcome import fit_release
-from dart_skill.skill.preparation import prepare
-from dart_skill.skill.task_frames import frames_for
-from dart_skill.skill.throwing import LEAST_DEMONSTRATIONS, REACH_MARGIN, SIDE_MARGIN, Unreachable, learn
-from dart_skill.skill.views import component_ellipsoids
+from dart_skill.skill.learn.configuration import CONFIGURATIONS, DEFAULT, THESIS, SkillConfiguration, configuration
+from dart_skill.skill.learn.ellipsoids import component_ellipsoids
+from dart_skill.skill.learn.preparation import prepare
+from dart_skill.skill.learn.task_frames import frames_for
+from dart_skill.skill.learn.throwing import LEAST_DEMONSTRATIONS, REACH_MARGIN, SIDE_MARGIN, Unreachable, learn
+from dart_skill.skill.observe.outcome import fit_release
 
 NEW_BASKETS = [(1.75, 0.0, 0.4), (2.05, 0.45, 0.4), (1.6, -0.4, 0.4), (1.9, 0.2, 0.55)]
 

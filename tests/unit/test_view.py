@@ -11,14 +11,14 @@ from scipy.spatial.transform import Rotation
 from websockets.exceptions import ConnectionClosed
 
 from dart_skill import view
-from dart_skill.experiments.targets import Region
 from dart_skill.mixture import GaussianMixture
 from dart_skill.recording import Demonstration
 from dart_skill.robot.description import wam_description
 from dart_skill.robot.model import ArmModel
 from dart_skill.robot.urdf import write_urdf
+from dart_skill.session.regions import Region
 from dart_skill.simulation.motion_capture import Camera
-from dart_skill.skill.views import component_ellipsoids
+from dart_skill.skill.learn.ellipsoids import component_ellipsoids
 from dart_skill.view import shapes
 from dart_skill.view.panel import MOST_LESSONS, curve_data
 from dart_skill.view.placing import nearest_in, on_plane, outline

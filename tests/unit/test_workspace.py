@@ -111,19 +111,20 @@ def test_package_xml_and_setup_py_agree(setup_arguments):
 def test_every_executable_has_a_module_with_a_main(setup_arguments):
     for line in setup_arguments["entry_points"]["console_scripts"]:
         name, module, function = re.fullmatch(r"(\S+) = ([\w.]+):(\w+)", line).groups()
-        path = ROOT / (module.replace("dart_skill_nodes", "nodes").replace(".", "/") + ".py")
+        folder = ROOT / "nodes" if module.startswith("dart_skill_nodes") else ROOT
+        path = folder / (module.replace(".", "/") + ".py")
+        path = path if path.is_file() else path.with_suffix("") / "__init__.py"
         assert path.is_file(), f"{name}: {path.relative_to(ROOT)} does not exist"
         tree = ast.parse(path.read_text())
         defined = {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
+        defined |= {alias.name for node in tree.body if isinstance(node, ast.ImportFrom) for alias in node.names}
         assert function in defined, f"{path.relative_to(ROOT)} has no {function}()"
 
 
 def test_every_node_is_an_executable(setup_arguments):
     installed = {line.split(" = ")[0] for line in setup_arguments["entry_points"]["console_scripts"]}
-    # no nodes: commands of dart-skill run these
-    commands = {"demo", "practice", "up", "verbs", "play"}
-    with_main = {path.stem for path in (ROOT / "nodes").glob("*.py") if "\ndef main(" in path.read_text()} - commands
-    assert with_main <= installed, f"not in setup.py: {with_main - installed}"
+    executables = {path.stem for path in (ROOT / "nodes" / "dart_skill_nodes" / "executables").glob("*.py")} - {"__init__"}
+    assert executables == installed - {"dart-skill"}
 
 
 def test_every_import_is_a_declared_dependency():
@@ -148,8 +149,9 @@ def test_everything_that_is_installed_exists(setup_arguments):
     files = {file for _, files in setup_arguments["data_files"] for file in files}
     assert {"package.xml", "resource/dart_skill"} <= files
     assert [file for file in files if not (ROOT / file).is_file()] == []
-    assert setup_arguments["package_dir"] == {"dart_skill_nodes": "nodes"}
+    assert setup_arguments["package_dir"] == {"dart_skill_nodes": "nodes/dart_skill_nodes"}
     folders = {path.parent.relative_to(ROOT) for path in (ROOT / "dart_skill").rglob("*.py")}
+    folders |= {path.parent.relative_to(ROOT / "nodes") for path in (ROOT / "nodes").rglob("*.py")}
     missing = {str(folder).replace("/", ".") for folder in folders} - set(setup_arguments["packages"])
     assert not missing, f"folders without __init__.py: {missing}"
 

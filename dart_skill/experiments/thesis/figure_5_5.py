@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from dart_skill.experiments.figures.style import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, gaussian_ellipse, house_style, save
+from dart_skill.figures.style import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, gaussian_ellipse, house_style, save
 from dart_skill.mixture import GaussianMixture
 from dart_skill.mixture._spectroscopy import Spectroscopy, data_spectroscopy
 

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from dart_skill.experiments.figures.style import BLUE, VERMILION, house_style, save
 from dart_skill.experiments.thesis.figure_5_5 import MIXTURE, SAMPLED
+from dart_skill.figures.style import BLUE, VERMILION, house_style, save
 from dart_skill.mixture._weighted_likelihood import mean_log_likelihood, resampled_mean_log_likelihood
 
 TITLE = "Average log-likelihood of resampled data tends to that of weighted data"

@@ -17,7 +17,6 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 
 from dart_skill.cli import main
 from dart_skill.recording import BagReader, BagWriter, definition, qos_yaml, serialize, type_hash, typestore
-from dart_skill.recording.bag_command import add_play_arguments, player_parameters
 from dart_skill.recording.bags import check_bag
 from dart_skill.recording.imports.mapping import parse_mapping
 
@@ -424,9 +423,10 @@ def test_convert_tells_what_is_wrong_with_the_poses(tmp_path, call):
 
 
 def parameters(*arguments):
+    play = pytest.importorskip("dart_skill_nodes.verbs.play")
     parser = argparse.ArgumentParser()
-    add_play_arguments(parser)
-    return player_parameters(parser.parse_args(list(arguments)))
+    play.add_arguments(parser)
+    return play.player_parameters(parser.parse_args(list(arguments)))
 
 
 def test_play_leaves_to_the_node_what_was_not_given():
@@ -466,10 +466,11 @@ def test_help_needs_no_ros_and_loads_nothing_that_bags_need():
 
 
 def test_play_without_the_workspace_says_what_to_do(monkeypatch, capsys):
+    for name in [name for name in sys.modules if name.startswith("dart_skill_nodes.")]:
+        monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "dart_skill_nodes", None)
-    monkeypatch.setattr(sys, "argv", sys.argv)
     assert main(["bag", "play", "anything"]) == 1
-    assert "dart-skill bag play needs the ROS 2 workspace: 'make setup'" in capsys.readouterr().err
+    assert "dart-skill: bag play needs the ROS 2 workspace: 'make setup'" in capsys.readouterr().err
 
 
 # learn, which the last lines of the others lead to

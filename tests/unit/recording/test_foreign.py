@@ -10,8 +10,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 from scipy.spatial.transform import Rotation
 
-from dart_skill.recording import BagError, BagReader, BagWriter, definition, qos_yaml, serialize, type_hash, typestore
-from dart_skill.recording.grip_signal import read_command
+from dart_skill.recording import BagError, BagReader, BagWriter, definition, qos_yaml, read_command, serialize, type_hash, typestore
 from dart_skill.recording.imports.mapping import OWN, MappingError, load_mapping, parse_mapping
 from dart_skill.recording.imports.pose_stream import PoseStream, RigidTransform, multiplied, rotated, transformed, with_continuous_signs
 from dart_skill.recording.imports.throw_recording import convert, read_recording

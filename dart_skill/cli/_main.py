@@ -1,0 +1,42 @@
+"""`dart-skill`: nouns and verbs; results on stdout, progress on stderr; exit status 0, 1 (failed) or 2 (usage)."""
+
+import argparse
+import os
+import sys
+
+from dart_skill.cli import _completion, bag, darts, experiment, graph_verbs, learn, report, view
+
+TAB = "With TAB, bash and zsh complete commands, options and values: source tools/env.sh, or tools/completion.bash (.zsh) alone."
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point; returns the exit status."""
+    parser = _parser()
+    if _completion.is_asked():
+        return _completion.answer(parser)
+    options, unknown = parser.parse_known_args(sys.argv[1:] if arguments is None else arguments)
+    if unknown and not options.takes_anything:
+        parser.error(f"unrecognized arguments: {' '.join(unknown)}")
+    try:
+        status = options.run(options)
+        sys.stdout.flush()
+        return status
+    except BrokenPipeError:  # `dart-skill ... | head`: nobody reads on, and the interpreter would complain about it at its end
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except (ValueError, OSError, ImportError) as error:
+        print(f"dart-skill: {error}", file=sys.stderr)
+        return 1
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="dart-skill", description="A robot arm that learns to throw from demonstrations.", epilog=TAB)
+    parser.set_defaults(takes_anything=False)
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    for name in ("up", "demo", "practice", "teach"):
+        graph_verbs.add_to(commands, name)
+    learn.add_to(commands)
+    graph_verbs.add_to(commands, "throw")
+    for verb in (bag, view, report, experiment, darts):
+        verb.add_to(commands)
+    return parser

@@ -1,0 +1,16 @@
+"""`dart-skill experiment`: what the documentation quotes, repeated; one file an experiment.
+
+Nothing else imports `dart_skill.experiments`.
+"""
+
+from dart_skill.cli.experiment import basket, darts, figure, landscapes, practice, repeatability, search, throws
+
+EXPERIMENTS = (throws, basket, practice, darts, repeatability, search, landscapes, figure)
+
+
+def add_to(commands) -> None:
+    """Add `experiment` with all its verbs to the commands of `dart-skill`."""
+    parser = commands.add_parser("experiment", help="repeat what the documentation quotes")
+    experiments = parser.add_subparsers(required=True, metavar="EXPERIMENT")
+    for experiment in EXPERIMENTS:
+        experiment.add_to(experiments)

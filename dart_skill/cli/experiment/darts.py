@@ -1,0 +1,48 @@
+"""`dart-skill experiment darts`: the arm throws darts, sees where they go, and gets better at it."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+
+def add_to(experiments) -> None:
+    """Add `darts` to the experiments of `dart-skill experiment`."""
+    parser = experiments.add_parser("darts", help="darts by the arm: spread, aim and score over many throws, as a table and a figure")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--throws", type=int, default=300, help="own throws (default 300)")
+    parser.add_argument("--demonstrations", type=int, default=8, help="darts that the teacher shows (default 8)")
+    learned = "what is learned from own throws: which misses repeat, or that and when to let go (default both)"
+    parser.add_argument("--practice", choices=("both", "misses", "none"), default="both", help=learned)
+    parser.add_argument("--board", default="2.37,1.73", metavar="DISTANCE,HEIGHT", help="of the bull [m] (default 2.37,1.73: regulation)")
+    parser.add_argument("--output", type=Path, metavar="FOLDER", help="write the figure there, as SVG and PNG")
+    parser.add_argument("--json", action="store_true", help="every throw as JSON instead of the table")
+    parser.set_defaults(run=_arm_darts)
+
+
+def _arm_darts(options: argparse.Namespace) -> int:
+    from tqdm import tqdm
+
+    from dart_skill.experiments import arm_darts
+    from dart_skill.experiments.pictures.arm_darts import draw_arm_darts
+    from dart_skill.simulation.board import Board
+
+    distance, height = _board(options.board)
+    with tqdm(total=options.throws, unit="throw", disable=None) as progress:
+        board, of_the_run = Board((distance, 0.0, height)), (options.seed, options.throws, options.demonstrations, options.practice)
+        run = arm_darts.run(*of_the_run, board, each=lambda n, dart: progress.update())
+    paths = [] if options.output is None else draw_arm_darts(run, options.output)
+    if options.json:
+        print(json.dumps({**arm_darts.as_json(run), "figure": [str(path) for path in paths]}, indent=1))
+    else:
+        print("\n".join([arm_darts.table(run), *(f"figure: {path}" for path in paths)]))
+    return 0
+
+
+def _board(text: str) -> tuple[float, float]:
+    try:
+        distance, height = (float(part) for part in text.split(","))
+    except ValueError:
+        raise ValueError(f"--board is '{text}': give the distance and the height of the bull in metres, such as 2.37,1.73") from None
+    return distance, height

@@ -1,0 +1,35 @@
+"""`dart-skill experiment figure`: a figure of the thesis, computed anew."""
+
+from __future__ import annotations
+
+import argparse
+import json
+
+
+def add_to(experiments) -> None:
+    """Add `figure` to the experiments of `dart-skill experiment`."""
+    figure = experiments.add_parser("figure", help="a figure of the thesis, computed anew")
+    figure.add_argument("number", help="3.1, 7.1, ..., regrets; 'list' says which there are, 'all' draws every one")
+    figure.add_argument("--output", default="figures", metavar="FOLDER", help="where SVG and PNG go (default: figures)")
+    figure.add_argument("--seed", type=int, default=0)
+    figure.add_argument("--json", action="store_true", help="seed, paths and what was measured as JSON")
+    figure.set_defaults(run=_figure)
+
+
+def _figure(options: argparse.Namespace) -> int:
+    from dart_skill.experiments import thesis
+
+    if options.number == "list":
+        titles = thesis.titles()
+        print(json.dumps(titles, indent=1) if options.json else "\n".join(f"{number}  {title}" for number, title in titles.items()))
+        return 0
+    drawn = {}
+    for number in thesis.FIGURES if options.number == "all" else [options.number]:
+        paths, measured = thesis.draw(number, options.output, options.seed)
+        drawn[number] = {"seed": options.seed, "paths": [str(path) for path in paths], "measured": measured}
+        if not options.json:
+            text = thesis.describe(number, measured).replace("\n", "\n  ")
+            print(f"figure {number}, seed {options.seed}: {paths[0]}, {paths[1].name}\n  {text}")
+    if options.json:
+        print(json.dumps(drawn, indent=1))
+    return 0

@@ -1,0 +1,51 @@
+"""Verbs that the ROS 2 nodes run: `dart-skill up`, `demo`, `practice`, `teach`, `throw`, `learn` without a bag, and `bag play`.
+
+The library knows no ROS. Each of these verbs is a module of `dart_skill_nodes.verbs` with `add_arguments(parser)` and
+`main(options, parser)`, found by its name where the nodes are installed.
+"""
+
+import argparse
+import importlib
+from collections.abc import Callable
+from functools import partial
+from types import ModuleType
+
+HELP = {
+    "up": "start the node graph, watch it, and end it with Ctrl-C",
+    "demo": "the main job over real nodes: teach, learn, throw",
+    "practice": "own throws over real nodes, each of which is learned from",
+    "teach": "throws that a person guides, on a graph that runs",
+    "throw": "throws of the arm, on a graph that runs",
+    "play": "publish a bag's messages over ROS, as they were recorded",
+}
+
+
+def add_to(commands, name: str) -> None:
+    """Add a verb with its options; where the nodes are not installed, one that takes anything, and says so when it runs."""
+    parser = commands.add_parser(name, help=HELP[name])
+    try:
+        _module(name).add_arguments(parser)
+    except ImportError:
+        parser.description = "Its options are known where the ROS 2 nodes are installed."
+        parser.set_defaults(takes_anything=True)
+    parser.set_defaults(run=runner(name, parser))
+
+
+def runner(name: str, parser: argparse.ArgumentParser) -> Callable[[argparse.Namespace], int]:
+    """What runs a verb of the nodes with parsed options; returns the exit status."""
+    return partial(_run, name, parser)
+
+
+def _run(name: str, parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
+    try:
+        module = _module(name)
+        importlib.import_module("rclpy")
+    except ImportError as error:
+        command = parser.prog.removeprefix("dart-skill ")
+        hint = "'make setup', then 'source tools/env.sh'"
+        raise ImportError(f"{command} needs the ROS 2 workspace: {hint} ({error})") from error
+    return module.main(options, parser)
+
+
+def _module(name: str) -> ModuleType:
+    return importlib.import_module(f"dart_skill_nodes.verbs.{name}")

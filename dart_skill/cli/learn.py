@@ -1,0 +1,125 @@
+"""`dart-skill learn`: a model from a recording alone, ours or another laboratory's."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+from dart_skill.cli import graph_verbs
+
+
+def add_to(commands) -> None:
+    """Add `learn` to the commands of `dart-skill`."""
+    parser = commands.add_parser("learn", help="a model from a recording alone, or on a graph that runs, from what it was shown")
+    text = "rosbag2 folder, .mcap or .db3 file, or a folder with CSV files; none: the learner of the graph that runs learns"
+    parser.add_argument("bag", metavar="BAG", type=Path, nargs="?", help=text)
+    parser.add_argument(
+        "--mapping", metavar="FILE", type=Path, help="names topics, columns, axes and units (config/recordings/example.yaml)"
+    )
+    parser.add_argument("--output", metavar="MODEL", type=Path, help="model file to write (default <name of the bag>_model.npz)")
+    way = parser.add_mutually_exclusive_group()
+    way.add_argument("--raw", action="store_true", help="find the throws in the recorded poses (default)")
+    way.add_argument("--demonstrations-topic", action="store_true", help="take what the recorder published on /demonstrations instead")
+    parser.add_argument("--with-throws", action="store_true", help="learn from misses and from the arm's own throws, too")
+    parser.add_argument("--configuration", default="", help="of the skill (default: default; on a graph that of its learner)")
+    parser.add_argument("--at-least", type=int, metavar="N", help="without BAG: wait for so many demonstrations")
+    parser.add_argument("--json", action="store_true", help="what was found and learned as JSON")
+    parser.set_defaults(run=_learn, run_on_graph=graph_verbs.runner("learn", parser))
+
+
+def _learn(options: argparse.Namespace) -> int:
+    if options.bag is None:
+        _refuse_what_needs_a_bag(options)
+        return options.run_on_graph(options)
+    from dart_skill.recording.imports import load_mapping
+    from dart_skill.session.from_bag import learn_from_bag
+    from dart_skill.skill.learn.model_file import save_model
+
+    if options.at_least is not None:
+        raise ValueError("--at-least waits for demonstrations on a graph that runs: leave out BAG, or this")
+    if options.demonstrations_topic and (options.mapping or options.with_throws):
+        raise ValueError("--demonstrations-topic takes the demonstrations as they are: leave out --mapping and --with-throws")
+    output = options.output or Path(f"{options.bag.resolve().stem}_model.npz")
+    if output.exists():
+        raise ValueError(f"{output} exists already: name another file with --output")
+    mapping = load_mapping(options.mapping) if options.mapping else None
+    raw = not options.demonstrations_topic
+    skill, report = learn_from_bag(options.bag, mapping, options.configuration or "default", raw=raw, with_throws=options.with_throws)
+    save_model(output, list(report.learned_from), skill.skill.configuration)
+    print(json.dumps(_as_json(skill, report, output), indent=1) if options.json else _as_text(skill, report, output))
+    return 0
+
+
+def _refuse_what_needs_a_bag(options: argparse.Namespace) -> None:
+    of_bags = {
+        "--mapping": options.mapping,
+        "--output": options.output,
+        "--raw": options.raw,
+        "--demonstrations-topic": options.demonstrations_topic,
+        "--with-throws": options.with_throws,
+    }
+    for name, given in of_bags.items():
+        if given:
+            raise ValueError(f"{name} is for learning from a BAG: name one, or leave it out")
+
+
+def _as_text(skill, report, output: Path) -> str:
+    from dart_skill.recording.imports import fault_lines
+
+    lines = [*fault_lines(report.faults), *(_throw_line(number, throw) for number, throw in enumerate(report.throws, start=1))]
+    learned, model = report.learned_from, skill.skill
+    delay = (
+        f"; the hand opens {1e3 * model.hand_delay:.0f} ms after it is told to"
+        if any(d.hand_opened == d.hand_opened for d in learned)
+        else ""
+    )
+    lines.append(f"learned from {len(learned)} of {len(report.throws)} throws with '{model.configuration.name}'{delay}")
+    lines.append(f"model {model.model_id}: {output}")
+    lines.append(f"next: ros2 service call /skill_learner/load dart_skill_msgs/srv/ModelFile \"{{path: '{output.resolve()}'}}\"")
+    return "\n".join(lines)
+
+
+def _throw_line(number: int, throw) -> str:
+    who = "guided" if throw.taught else "own"
+    place, name = "", f"throw {number}"
+    if throw.demonstration is not None:
+        name = throw.demonstration.id
+        x, y, z = throw.demonstration.target
+        place = f", basket at ({x:.2f}, {y:.2f}, {z:.2f})"
+    landed = ""
+    if throw.outcome is not None and throw.outcome.landing_seen:
+        landed = f", landed {100 * throw.outcome.landing_error:.1f} cm from its centre"
+    return f"{_seconds(throw.stamp_ns)} s  {name}: {who}{place}{landed}{'; left out: ' + throw.reason if throw.reason else ''}"
+
+
+def _seconds(stamp_ns: int) -> str:
+    return f"{stamp_ns * 1e-9:10.3f}"
+
+
+def _as_json(skill, report, output: Path) -> dict:
+    return {
+        "source": report.source,
+        "raw": report.raw,
+        "faults": [asdict(fault) for fault in report.faults],
+        "throws": [_throw_json(throw) for throw in report.throws],
+        "learned_from": [one.id for one in report.learned_from],
+        "configuration": skill.skill.configuration.name,
+        "model_id": skill.skill.model_id,
+        "model": str(output),
+    }
+
+
+def _throw_json(throw) -> dict:
+    outcome, one = throw.outcome, throw.demonstration
+    seen = outcome is not None and outcome.landing_seen
+    return {
+        "stamp_ns": throw.stamp_ns,
+        "id": None if one is None else one.id,
+        "taught": throw.taught,
+        "target": None if one is None else one.target.tolist(),
+        "in_basket": None if outcome is None else bool(outcome.in_basket),
+        "landing_error": float(outcome.landing_error) if seen else None,
+        "left_out": throw.reason or None,
+    }

@@ -1,0 +1,27 @@
+"""Names that the command line offers: for help and completion with TAB, which must not import what they belong to.
+
+Each is defined where its meaning is; a test compares. Names of professionals: `dart_skill.darts.PROFESSIONALS`.
+"""
+
+CONFIGURATIONS = (
+    "default", "thesis", "thesis_local", "em", "weighted", "cross_validated", "autonomous", "shown_release", "two_frames",
+)  # fmt: skip
+"""`dart_skill.skill.learn.configuration`."""
+PRACTICE_METHODS = ("residual", "bootstrap", "both", "power", "none")
+"""`dart_skill.skill.improve.practising`."""
+CHANGES = ("none", "heavier_ball", "friction", "weaker_motors", "slower_hand", "base_turned")
+"""`dart_skill.experiments.practice`."""
+SEARCHES = (
+    "mixture", "power", "power_constant", "power_proportional", "cem", "cma", "cma_default", "restarts", "monte_carlo", "niches",
+    "sharpening", "model_based",
+)  # fmt: skip
+"""`dart_skill.experiments.dart_search`."""
+SCHEDULES = ("thesis", "extended", "thesis_12000", "extended_12000")
+"""`dart_skill.experiments.dart_search`."""
+LANDSCAPES = ("moving_peaks_2", "moving_peaks_5", "vanishing_peak", "half_range", "stuck_joint")
+"""`dart_skill.experiments.landscapes`."""
+FIGURES = (
+    "3.1", "5.1", "5.2", "5.3", "5.5", "6.2", "6.3", "6.5", "6.6", "7.1", "7.4", "8.1", "8.2", "8.3", "8.6", "8.7", "8.8", "8.9", "8.10",
+    "8.11", "regrets",
+)  # fmt: skip
+"""`dart_skill.experiments.thesis`."""

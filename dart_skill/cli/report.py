@@ -1,0 +1,64 @@
+"""`dart-skill report`: the page of a bag."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from pathlib import Path
+
+
+def add_to(commands) -> None:
+    """Add `report` to the commands of `dart-skill`."""
+    parser = commands.add_parser("report", help="one HTML page of a bag: tables, figures, and a replay in three dimensions")
+    parser.add_argument("bag", metavar="BAG", type=Path, help="rosbag2 folder or .mcap file, or the folder in which a run left its bag")
+    parser.add_argument(
+        "--output", metavar="FILE.html", type=Path, help="default: beside the bag, NAME_report.html, or report.html of a bag called 'bag'"
+    )
+    parser.add_argument("--configuration", default="", help="of the skill that is learned again from the bag (default: default)")
+    parser.add_argument("--json", action="store_true", help="the throws, and what was written, as JSON")
+    parser.set_defaults(run=_report)
+
+
+def page_beside(bag: Path) -> Path:
+    """Where the page of a bag goes by default."""
+    bag = bag.resolve()
+    return bag.parent / ("report.html" if bag.name == "bag" else f"{bag.stem}_report.html")
+
+
+def _report(options: argparse.Namespace) -> int:
+    from dart_skill.report.page import page_of
+    from dart_skill.report.pictures import pictures
+    from dart_skill.report.run import About, read_run
+    from dart_skill.skill.learn.configuration import configuration
+
+    configuration(options.configuration)  # a name that is not known is told before anything is read
+    bag = options.bag / "bag" if (options.bag / "bag" / "metadata.yaml").is_file() else options.bag
+    output = options.output or page_beside(bag)
+    if output.exists():
+        raise ValueError(f"{output} exists already: name another file with --output")
+    run = read_run(bag, About(f"Throws of the bag '{bag.resolve().name}'", configuration=options.configuration))
+    page = page_of(run, pictures(run))
+    output.parent.mkdir(parents=True, exist_ok=True)
+    with open(output, "x", encoding="utf-8", newline="\n") as file:
+        file.write(page)
+    print(json.dumps(_as_json(run, output), indent=1) if options.json else _as_text(run, output))
+    return 0
+
+
+def _as_json(run, output: Path) -> dict:
+    return {
+        "bag": os.fspath(run.bag),
+        "report": os.fspath(output),
+        "demonstrations": [one.id for one in run.shown],
+        "throws": [throw.to_json() for throw in run.results],
+        "notes": list(run.notes),
+    }
+
+
+def _as_text(run, output: Path) -> str:
+    from dart_skill.session.summary import footer
+
+    lines = [f"{len(run.shown)} demonstrations, {len(run.results)} throws of the arm: {footer(run.results)}"]
+    lines += [f"report: {output}, {output.stat().st_size / 1e6:.1f} MB", f"next: dart-skill view {run.bag}"]
+    return "\n".join(lines)

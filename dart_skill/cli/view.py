@@ -1,0 +1,115 @@
+"""`dart-skill view`: a bag in Rerun, with a layout that fits it."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+
+def add_to(commands) -> None:
+    """Add `view` to the commands of `dart-skill`."""
+    parser = commands.add_parser("view", help="a bag in Rerun: the arm, the ball, and plots over time")
+    parser.add_argument("bag", metavar="BAG", type=Path, nargs="?", help="rosbag2 folder or .mcap file")
+    parser.add_argument("--web", action="store_true", help="serve the view on 127.0.0.1 for a browser, until Ctrl-C; no window")
+    parser.add_argument("--port", type=int, default=9090, help="of the page, with --web; 0: any free one (default 9090)")
+    parser.add_argument("--save", metavar="FOLDER", type=Path, help="write the layout there and open nothing")
+    parser.add_argument("--install", action="store_true", help="first put Rerun into .venv-rerun of the workspace (790 MB)")
+    parser.add_argument("--json", action="store_true", help="files, layouts and the call of Rerun as JSON")
+    parser.set_defaults(run=_view, usage_error=parser.error)
+
+
+def _view(options: argparse.Namespace) -> int:
+    from dart_skill.view.rerun_bag import RerunUnavailable
+
+    if options.bag is None and not options.install:
+        options.usage_error("name a BAG, or --install")
+    try:
+        return _installed(options) if options.bag is None else _shown(options)
+    except RerunUnavailable as error:
+        raise ValueError(str(error)) from error
+
+
+def _installed(options: argparse.Namespace) -> int:
+    rerun = _install()
+    print(json.dumps({"rerun": os.fspath(rerun)}) if options.json else f"{rerun}\nnext: dart-skill view BAG")
+    return 0
+
+
+def _install() -> Path:
+    from dart_skill.view import rerun_bag
+
+    where = rerun_bag.workspace() / rerun_bag.ENVIRONMENT
+    print(f"rerun-sdk {rerun_bag.VERSION} takes {rerun_bag.SIZE} in {where}", file=sys.stderr, flush=True)
+    return rerun_bag.install()
+
+
+def _shown(options: argparse.Namespace) -> int:
+    from dart_skill.view import rerun_bag
+
+    shown = rerun_bag.describe(options.bag)
+    rerun = _install() if options.install else rerun_bag.find_rerun()
+    if not (options.web or options.save or has_screen()):
+        raise rerun_bag.RerunUnavailable("there is no screen here (DISPLAY and WAYLAND_DISPLAY are not set): try --web")
+    ports = rerun_bag.free_ports(options.port) if options.web else rerun_bag.PORTS
+    with tempfile.TemporaryDirectory(prefix="dart_skill_view_") as scratch:
+        folder = options.save or Path(scratch)
+        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            layouts = rerun_bag.write_layouts(rerun, shown, folder)
+        except rerun_bag.RerunUnavailable as error:
+            if options.save:
+                raise
+            print(f"without a layout: {error}", file=sys.stderr)
+            layouts = []
+        command = rerun_bag.command_line(rerun, shown.files, layouts, options.web, ports)
+        _say(options, shown, layouts, command, rerun_bag.url_of_page(ports) if options.web else None)
+        if options.save:
+            return 0
+        return run_to_the_end(command, rerun_bag.quiet_environment(Path(scratch) / "settings", rerun))
+
+
+def _say(options: argparse.Namespace, shown, layouts: Sequence[Path], command: Sequence[str], url: str | None) -> None:
+    if options.json:
+        lists = {"files": list(map(str, shown.files)), "layouts": list(map(str, layouts)), "command": list(command)}
+        print(json.dumps({"bag": os.fspath(options.bag), **lists, "url": url}, indent=1), flush=True)
+    elif options.save:
+        print(f"layout: {', '.join(map(str, layouts))}\nnext: {' '.join(command)}", flush=True)
+    else:
+        where = f"{url}, until Ctrl-C" if url else "in a window"
+        print(f"{options.bag}: {where}\nnext: dart-skill report {options.bag}", flush=True)
+
+
+def has_screen() -> bool:
+    """Whether a window can be opened."""
+    return sys.platform in ("darwin", "win32") or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
+
+
+def run_to_the_end(command: Sequence[str], environment: dict[str, str]) -> int:
+    """Run a program and whatever it starts until it ends, or until Ctrl-C or SIGTERM, which is no error; its status, 0 or 1."""
+    # Whoever is asked to end ends what it started; a shell may have switched SIGINT off for what runs in the background.
+    before = {number: signal.signal(number, signal.default_int_handler) for number in (signal.SIGINT, signal.SIGTERM)}
+    process = subprocess.Popen(command, env=environment, start_new_session=True)
+    try:
+        return int(process.wait() != 0)
+    except KeyboardInterrupt:
+        return 0
+    finally:
+        _end(process)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _end(process: subprocess.Popen) -> None:
+    """Rerun's executable is a script that starts the viewer, so the whole group is ended."""
+    try:
+        os.killpg(process.pid, signal.SIGTERM)
+    except ProcessLookupError:
+        pass
+    process.wait()

@@ -1,0 +1,150 @@
+"""Pictures of the board: heat maps, the path of the best aim over sigma, an estimate, and the aims of a leg."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+from dart_skill.darts._board import RADII, SECTORS, direction
+from dart_skill.darts._estimation import SpreadEstimate
+from dart_skill.darts._heat_map import heat_map
+from dart_skill.darts._leg import LegPolicy
+from dart_skill.darts._optimum import Aim, local_optima
+from dart_skill.darts._path import OptimumPath
+from dart_skill.darts._spread import Spread
+from dart_skill.figures.style import BLACK, BLUE, GREY, LIGHT, PALE, VERMILION, house_style, quantity_colours, save
+
+NUMBERS_AT, LIMIT = 185.0, 196.0
+HALO = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8}
+HIGHEST_CHECKOUT = 170
+
+
+def draw_heat_map(spread: Spread, folder: str | Path, name: str = "heat_map", spacing: float = 1.0) -> list[Path]:
+    """Expected score over the board with all local optima, the best as a cross; returns the paths."""
+    with house_style():
+        figure = Figure(figsize=(7.2, 6.0), layout="constrained")
+        axes = figure.subplots()
+        image = _heat(axes, spread, local_optima(spread), spacing)
+        figure.colorbar(image, ax=axes, label="expected score of one dart", shrink=0.8)
+        axes.set_title(f"Expected score, {_describe(spread)}\ncross: best aim, dots: other local optima")
+        return save(figure, folder, name)
+
+
+def draw_path(path: OptimumPath, folder: str | Path, name: str = "best_aim_over_sigma") -> list[Path]:
+    """The best aim over sigma on the board, and what it scores; pieces end where the optimum jumps."""
+    with house_style():
+        figure = Figure(figsize=(10.5, 5.0), layout="constrained")
+        board, scores = figure.subplots(1, 2, width_ratios=(1.15, 1.0))
+        draw_board(board, aims=path.aims)
+        image = None
+        for piece in path.pieces:
+            look = {"c": path.sigmas[piece], "vmin": path.sigmas[0], "vmax": path.sigmas[-1], "cmap": quantity_colours()}
+            board.plot(*path.aims[piece].T, color=GREY, linewidth=0.8, zorder=2)
+            image = board.scatter(*path.aims[piece].T, s=12, zorder=3, **look)
+            scores.plot(path.sigmas[piece], path.expected_scores[piece], color=BLUE)
+        for jump in path.jumps:
+            _mark_jump(board, scores, jump)
+        figure.colorbar(image, ax=board, label="sigma [mm]", shrink=0.8)
+        board.set_title("Best aim")
+        scores.set(xlabel="sigma [mm]", ylabel="expected score of one dart", title="What it scores", ylim=(0, None))
+        return save(figure, folder, name)
+
+
+def draw_estimate(estimate: SpreadEstimate, best: Aim, folder: str | Path, name: str = "estimate") -> list[Path]:
+    """The likelihood of sigma with its 95 % interval, and where to aim."""
+    low, high = estimate.confidence_interval()
+    with house_style():
+        figure = Figure(figsize=(10.5, 4.8), layout="constrained")
+        curve, board = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
+        _profile(curve, estimate, low, high)
+        image = _heat(board, estimate.spread, [best], 1.0)
+        figure.colorbar(image, ax=board, label="expected score of one dart", shrink=0.8)
+        board.set_title(f"Aim at {best.bed}: {best.expected_score:.2f} points per dart")
+        return save(figure, folder, name)
+
+
+def draw_leg(policy: LegPolicy, folder: str | Path, name: str = "leg") -> list[Path]:
+    """Expected turns or darts to the finish, and where the first dart of a turn goes."""
+    remaining = np.arange(2, policy.start + 1)
+    aims = policy.aims[policy.choices[0][remaining, 0]]
+    with house_style():
+        figure = Figure(figsize=(10.5, 5.0), layout="constrained")
+        curve, board = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
+        curve.plot(remaining, policy.expected[remaining], color=BLUE)
+        curve.set(xlabel="remaining score", ylabel=f"expected {policy.objective} to the finish", ylim=(0, None), xlim=(0, policy.start))
+        curve.set_title(f"Double out from {policy.start}: {policy.expected[-1]:.2f} {policy.objective}")
+        draw_board(board, aims=aims)
+        look = {"cmap": quantity_colours(), "vmin": 2, "vmax": HIGHEST_CHECKOUT, "zorder": 3}
+        late = remaining <= HIGHEST_CHECKOUT
+        if not late.all():
+            board.plot(
+                *aims[~late].T, "x", color=VERMILION, markersize=5, linestyle="none", label=f"more than {HIGHEST_CHECKOUT}", zorder=4
+            )
+            board.legend(loc="lower left", bbox_to_anchor=(-0.02, -0.04))
+        image = board.scatter(*aims[late].T, c=remaining[late], s=18, **look)
+        figure.colorbar(image, ax=board, label="remaining score", shrink=0.8)
+        board.set_title("First dart of a turn")
+        return save(figure, folder, name)
+
+
+def draw_board(axes: Axes, colour: str = LIGHT, aims: np.ndarray | None = None) -> None:
+    """Wires and numbers of the board, millimetres, as the thrower sees it, and room for aims (n, 2) beyond it."""
+    limit = LIMIT if aims is None else max(LIMIT, float(np.abs(aims).max()) + 10.0)
+    for radius in RADII:
+        axes.add_patch(Circle((0.0, 0.0), radius, facecolor="none", edgecolor=colour, linewidth=0.7))
+    for sector, number in enumerate(SECTORS):
+        axes.plot(*np.outer(direction(sector + 0.5), RADII[[1, -1]]), color=colour, linewidth=0.7, zorder=1)
+        axes.text(*(NUMBERS_AT * direction(sector)), str(number), ha="center", va="center", color=GREY, fontsize=8.5)
+    axes.set(xlim=(-limit, limit), ylim=(-limit, limit), aspect="equal")
+    axes.axis("off")
+
+
+def _heat(axes: Axes, spread: Spread, optima: list[Aim], spacing: float):
+    heat = heat_map(spread, spacing)
+    values = np.where(np.hypot(heat.x, heat.y[:, None]) <= RADII[-1], heat.expected_score, np.nan)
+    edge = heat.x[-1] + 0.5 * spacing
+    image = axes.imshow(values, origin="lower", extent=(-edge, edge, -edge, edge), cmap=quantity_colours(), interpolation="nearest")
+    draw_board(axes, "#FFFFFF60", np.array([optimum.point for optimum in optima]))
+    for optimum in optima[1:]:
+        axes.plot(*optimum.point, "o", color="white", markeredgecolor=BLACK, markersize=5)
+    axes.plot(*optima[0].point, "P", color=VERMILION, markeredgecolor="white", markersize=10)
+    beside = optima[0].point + [0.0, 14.0 if optima[0].point[1] < 0 else -14.0]
+    axes.text(*beside, f"{optima[0].bed}: {optima[0].expected_score:.2f}", ha="center", va="center", bbox=HALO)
+    return image
+
+
+def _mark_jump(board: Axes, scores: Axes, jump) -> None:
+    for aim, side in ((jump.below, "<"), (jump.above, ">")):
+        board.plot(*aim.point, "o", markerfacecolor="none", markeredgecolor=VERMILION, markersize=9, zorder=4)
+        place = aim.point + [14.0, 0.0]
+        board.text(*place, f"{aim.bed}, sigma {side} {jump.sigma:.2f}", color=VERMILION, va="center", fontsize=8.5, bbox=HALO, zorder=5)
+    scores.axvline(jump.sigma, color=VERMILION, linewidth=0.9)
+    label = f" {jump.sigma:.2f} mm: {jump.below.bed} to {jump.above.bed}"
+    scores.text(jump.sigma, 0.97, label, transform=scores.get_xaxis_transform(), color=VERMILION, va="top")
+
+
+def _profile(axes: Axes, estimate: SpreadEstimate, low: float, high: float) -> None:
+    left = 0.85 * (low if low > 0 else 0.5 * estimate.sigma)
+    right = 1.15 * (high if np.isfinite(high) else 3.0 * estimate.sigma)
+    sigmas = np.linspace(left, right, 61)
+    axes.plot(sigmas, estimate.profile(sigmas) - estimate.log_likelihood, color=BLUE)
+    axes.axvspan(max(low, left), min(high, right), color=PALE, zorder=0)
+    axes.axvline(estimate.sigma, color=VERMILION, linewidth=1.0)
+    for end in (low, high):
+        if left < end < right:
+            axes.axvline(end, color=GREY, linewidth=0.8, linestyle="--")
+    axes.set(xlabel="sigma [mm]", ylabel="log-likelihood below its maximum", ylim=(-4.0, 0.15), xlim=(left, right))
+    found = f"sigma = {estimate.sigma:.1f} mm, 95 % from {low:.1f} to {high:.1f} mm"
+    axes.set_title(f"{estimate.n_throws} darts, {estimate.model} spread\n{found}")
+
+
+def _describe(spread: Spread) -> str:
+    bias = f", bias ({spread.bias[0]:g}, {spread.bias[1]:g}) mm" if spread.bias.any() else ""
+    if spread.is_isotropic:
+        return f"sigma = {spread.sigma:g} mm{bias}"
+    narrow, wide = spread.deviations
+    return f"sigma = {wide:.1f} and {narrow:.1f} mm along its axes{bias}"

@@ -1,0 +1,341 @@
+"""What became of a throw, from motion-capture samples alone: where the ball landed, and how it left the hand.
+
+A free flight is recognised by its dynamics (gravity and drag, `flight.py`), not by thresholds on height or
+speed, so that the ball in the hand, bounces, outliers and gaps fall away by themselves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy
+from numpy.polynomial import polynomial
+
+from dart_skill.checks import check_samples, check_unit_quaternions
+from dart_skill.flight import TENNIS_BALL, Ball, FlightFit, fit_flight, fit_flights, landing
+from dart_skill.surface import RIMS, Surface
+
+NOISE = 1e-4  # standard deviation of a tracked position [m]
+WINDOW = 10  # samples; over 90 ms a motion at constant velocity misses a free fall by 7 mm
+MAX_WINDOW = 0.5  # a window that lasts longer, because the ball was hidden, is not used [s]
+CALIBRATION = 1e-3  # what grip and ball may be apart at the release, by the errors of both bodies' markers [m]
+ROUGHLY = 1e-4  # of flights that are only asked whether they are flights: accuracy [m]
+ANOTHER_BALL = 4.0  # rms misfit of a flight, in deviations of a sample, beyond which the ball is not the one that was expected
+GROWTH = 20  # samples; so far beyond its own a flight is looked for at a time
+TAIL = 6  # samples that tell how a ball moved when it was last seen
+MAX_UNSEEN = 0.15  # longest time that a flight is extrapolated beyond its last sample [s]
+SIDE = 4  # samples of the hand that are needed before the release, and after it
+WIDEST_HAND_WINDOW = 0.15  # like HAND_WINDOW, when the hand was hidden in it
+HAND_WINDOW = 0.08  # half the time over which the paths of hand and flight are compared at the release [s]
+DEGREE = 4  # of the polynomial for their difference; one of the next degree tells how far it is to be trusted
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Result of one throw.
+
+    landing_seen: the ball was tracked up to, or at most 0.15 s before, the crossing of the rim's plane.
+    landing: (3,) where the ball's centre crosses the plane of the rim going down, on its first free flight; a
+        ball that touches the rim counts where it would have crossed; a dart: where it meets the plane of the board [m]; nan if not seen.
+    landing_time: of the crossing, on the clock of the samples [s]; nan if not seen.
+    landing_error: distance of the landing from the centre of the rim, or from the target on the board, in that plane [m]; nan if not seen.
+    in_basket: last seen inside the walls below the rim, or flying down through the rim and never seen again; a dart: it met the board.
+    """
+
+    landing_seen: bool
+    landing: np.ndarray
+    landing_time: float
+    landing_error: float
+    in_basket: bool
+
+
+@dataclass(frozen=True)
+class Release:
+    """How the ball left the hand.
+
+    time: instant at which the ball stops moving with the hand, on the clock of the samples [s].
+    time_uncertainty: its standard deviation [s]; large where the hand accelerates as a free ball would.
+    position, velocity: (3,) of the ball then, from the fit of the flight [m], [m/s].
+    grip_distance: of the flight from the grip point then [m]; calibration errors are fractions of 1 mm.
+    flight: the fit, its state at `time`.
+    """
+
+    time: float
+    time_uncertainty: float
+    position: np.ndarray
+    velocity: np.ndarray
+    grip_distance: float
+    flight: FlightFit
+
+
+@dataclass(frozen=True)
+class FreeFlight:
+    """The first free flight in a series of samples: `samples` (m,) are the indices that belong to it."""
+
+    samples: np.ndarray
+    fit: FlightFit
+
+
+def judge_flight(
+    ball_time: np.ndarray,
+    ball_position: np.ndarray,
+    rim: np.ndarray,
+    rim_radius: float,
+    ball: Ball = TENNIS_BALL,
+    noise: float = NOISE,
+    *,
+    free: FreeFlight | None = None,
+    surface: Surface = RIMS,
+) -> Outcome:
+    """Outcome of a throw at the basket with centre of the rim `rim` (3,) and radius `rim_radius` [m], or at the point `rim` of a board.
+
+    ball_time (n,) [s], ball_position (n, 3) [m], world frame: every sample from the grip until the ball has
+    come to rest or was lost for good. No samples, or none in flight, is an outcome too: not seen.
+    noise: standard deviation of a sample [m]; free: what `find_flight` says of these samples, if it was asked before.
+    """
+    ball_time, ball_position = check_samples("ball", ball_time, ball_position, least=0)
+    rim = _check_rim(rim, rim_radius)
+    inside = surface is RIMS and _ends_in_basket(ball_time, ball_position, rim, rim_radius, ball, noise)
+    free = free or find_flight(ball_time, ball_position, ball, noise)
+    crossing = None if free is None else surface.crossing(free.fit.position, free.fit.velocity, rim, free.fit.ball)
+    if crossing is None or not _tracked_to(free, ball_time, free.fit.time + crossing.time):
+        return Outcome(False, np.full(3, np.nan), np.nan, np.nan, inside)
+    if surface is not RIMS:
+        inside = surface.holds(crossing.position)
+    error = surface.apart(crossing.position, rim)
+    return Outcome(True, crossing.position, float(free.fit.time + crossing.time), error, inside)
+
+
+def fit_release(
+    ball_time: np.ndarray,
+    ball_position: np.ndarray,
+    hand_time: np.ndarray,
+    hand_position: np.ndarray,
+    hand_quaternion: np.ndarray,
+    grip_offset: np.ndarray,
+    ball: Ball = TENNIS_BALL,
+    noise: float = NOISE,
+    *,
+    free: FreeFlight | None = None,
+) -> Release:
+    """Release of the ball, from its samples and the hand's, in one world frame and on one clock.
+
+    ball_time (n,), ball_position (n, 3), hand_time (m,), hand_position (m, 3), hand_quaternion (m, 4);
+    grip_offset: (3,) centre of the held ball in the hand frame [m]. The flight is fitted and followed back
+    to where it meets the path of the grip point. There the ball moves exactly as the grip does, so that the
+    difference of the two paths is stationary at the release: its derivative is linear in time and tells the
+    instant far better than the distance, which is quadratic. Good to a few tenths of a
+    millisecond where the hand's acceleration differs from a free ball's by 4 m/s^2 or more. ValueError if no
+    flight or no hand is seen there. free: as in `judge_flight`.
+    """
+    ball_time, ball_position = check_samples("ball", ball_time, ball_position)
+    hand_time, grip = _grip_path(hand_time, hand_position, hand_quaternion, grip_offset)
+    free = free or find_flight(ball_time, ball_position, ball, noise)
+    ball = free.fit.ball if free else ball
+    if free is None:
+        raise ValueError(f"no free flight in {len(ball_time)} ball samples: was the ball thrown, and was it tracked?")
+    fit, kept = free.fit, free.samples
+    near = _nearest_approach(fit, hand_time, grip)
+    for last in (False, True):
+        time, uncertainty, distance = _parting(fit, hand_time, grip, near, last)
+        fitted, kept = kept, free.samples[ball_time[free.samples] >= time]
+        if len(kept) < TAIL:
+            raise ValueError(f"only {len(kept)} samples of the flight after the release at {time:.3f} s, need {TAIL}")
+        if np.array_equal(kept, fitted):
+            fit, near = _followed(fit, time), time
+        else:
+            fit, near = _followed(_fit_about_the_middle(ball_time[kept], ball_position[kept], ball, fit), time), time
+    if distance > ball.radius:
+        raise ValueError(
+            f"the flight passes the grip point at {1e3 * distance:.0f} mm: it did not start in this hand;"
+            " check grip_offset and that hand and ball are given in one frame"
+        )
+    return Release(time, uncertainty, fit.position, fit.velocity, distance, fit)
+
+
+def find_flight(time: np.ndarray, position: np.ndarray, ball: Ball = TENNIS_BALL, noise: float = NOISE) -> FreeFlight | None:
+    """The first free flight in samples (n,), (n, 3), or None.
+
+    Every window of ten samples is fitted; runs of windows that fly freely are candidates. The first one
+    that is at least half as long as the longest is refitted and grown over its neighbours, skipping up to
+    two outliers. A flight that is not this ball's is fitted with a drag of its own: `fit.ball` says which.
+    """
+    runs = _flying_runs(time, position, ball, 10.0 * noise)
+    if not runs:
+        return None
+    longest = max(last - first for first, last, _ in runs)
+    first, last, near = next(run for run in runs if run[1] - run[0] >= 0.5 * longest)
+    samples = np.arange(first, last)
+    fit = _fit_about_the_middle(time[samples], position[samples], ball, near)
+    if fit.residual > ANOTHER_BALL * noise:
+        ball = _ball_that_flies_so(time[samples], position[samples], ball)
+        fit = _fit_about_the_middle(time[samples], position[samples], ball, fit)
+    for _ in range(20):
+        spread = np.sqrt(np.mean(fit.residuals**2))
+        tolerance = np.clip(4.0 * spread, 5.0 * noise, 15.0 * noise)
+        within = slice(max(0, samples[0] - GROWTH), samples[-1] + 1 + GROWTH)
+        near = np.zeros(len(time), dtype=bool)
+        near[within] = np.linalg.norm(position[within] - fit.at(time[within])[0], axis=1) < tolerance
+        grown = _grow(near, samples)
+        if np.array_equal(grown, samples):
+            break
+        samples = grown
+        fit = _fit_about_the_middle(time[samples], position[samples], ball, fit)
+    return FreeFlight(samples, _followed(fit, float(time[samples[0]])))
+
+
+def _fit_about_the_middle(time, position, ball, near):
+    """A fit whose state is that at the middle sample: half as far to go to either end."""
+    return fit_flight(time, position, ball, at=float(time[len(time) // 2]), near=near)
+
+
+def _ball_that_flies_so(time, position, ball):
+    """The ball with the drag that explains a flight best, up to four times its own: nobody may have said that it is another one."""
+
+    def misfit(scale):
+        return fit_flight(time, position, replace(ball, drag_coefficient=scale * ball.drag_coefficient)).residual
+
+    best = scipy.optimize.minimize_scalar(misfit, bounds=(0.0, 4.0), method="bounded", options={"xatol": 0.01}).x
+    return replace(ball, drag_coefficient=float(best) * ball.drag_coefficient)
+
+
+def _flying_runs(time, position, ball, tolerance):
+    """Index ranges [first, last) of consecutive windows whose samples are a free flight, with the fit of a window in the middle."""
+    if len(time) < WINDOW:
+        return []
+    windows = np.lib.stride_tricks.sliding_window_view(time, WINDOW)
+    points = np.moveaxis(np.lib.stride_tricks.sliding_window_view(position, WINDOW, axis=0), -1, 1)
+    flying = windows[:, -1] - windows[:, 0] < MAX_WINDOW
+    start, velocity, misfit = fit_flights(windows[flying] - windows[flying, :1], points[flying], ball, accuracy=ROUGHLY)
+    at = np.cumsum(flying) - 1  # of a window that was fitted, its place among these
+    flying[flying] = np.max(misfit, axis=1) < tolerance
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flying.astype(int), [0]])))
+
+    def middle(first, last):
+        window = (first + last) // 2
+        return FlightFit(time[window], start[at[window]], velocity[at[window]], misfit[at[window]], ball)
+
+    return [(first, last + WINDOW - 1, middle(first, last)) for first, last in edges.reshape(-1, 2)]
+
+
+def _grow(near, samples):
+    """Indices of the samples near the flight, contiguous but for gaps of at most two outliers."""
+    inside = np.flatnonzero(near)
+    if len(inside) < WINDOW:
+        return samples
+    pieces = np.split(inside, np.flatnonzero(np.diff(inside) > 3) + 1)
+    middle = np.median(samples)
+    return min(pieces, key=lambda piece: 0 if piece[0] <= middle <= piece[-1] else abs(np.median(piece) - middle))
+
+
+def _tracked_to(free, time, crossing):
+    """Whether samples of the flight lie on both sides of the crossing, or end shortly before it."""
+    seen = time[free.samples]
+    return bool(np.isfinite(crossing) and seen[-1] + MAX_UNSEEN >= crossing)
+
+
+def _ends_in_basket(time, position, rim, radius, ball, noise):
+    if len(time) == 0:
+        return False
+    if position[-1, 2] < rim[2]:
+        return bool(np.linalg.norm(position[-1, :2] - rim[:2]) < radius)
+    if len(time) < TAIL or time[-1] - time[-TAIL] > 2.0 * MAX_UNSEEN:
+        return False
+    tail, points = time[-TAIL:], position[-TAIL:]
+    fit = fit_flight(tail, points, ball, at=tail[-1])
+    if np.max(fit.residuals) > 10.0 * noise:
+        return False
+    crossing = landing(fit.position, fit.velocity, rim[2], ball)
+    return bool(crossing.time <= MAX_UNSEEN and np.linalg.norm(crossing.position[:2] - rim[:2]) < radius)
+
+
+def _nearest_approach(fit, hand_time, grip):
+    """Instant of the hand sample whose grip point is nearest to the flight, from 0.3 s before its start."""
+    around = (hand_time > fit.time - 0.3) & (hand_time < fit.time + HAND_WINDOW)
+    if not np.any(around):
+        raise ValueError(f"no hand samples within 0.3 s before the flight at {fit.time:.3f} s: the hand was occluded")
+    path, _ = fit.at(hand_time[around])
+    return hand_time[around][np.argmin(np.linalg.norm(path - grip[around], axis=1))]
+
+
+def _followed(fit, time):
+    """The same flight with its state at another instant."""
+    position, velocity = fit.state_at(time)
+    return replace(fit, time=time, position=position, velocity=velocity)
+
+
+def _parting(fit, hand_time, grip, near, judged):
+    """Instant at which flight and grip move alike, its deviation, if it is judged, and their distance then."""
+    window = _hand_window(hand_time - near)
+    if not window <= WIDEST_HAND_WINDOW:
+        few = f"fewer than {SIDE} samples on one side within {WIDEST_HAND_WINDOW} s"
+        raise ValueError(f"the hand was hidden at the release at {near:.3f} s: {few}")
+    around = np.abs(hand_time - near) <= window
+    time = (hand_time[around] - near) / window  # in -1 to 1: keeps the powers of time comparable
+    difference = fit.at(hand_time[around])[0] - grip[around]
+    best, deviation, coefficients = _parting_of_polynomial(time, difference, DEGREE)
+    # A hand without its ball moves on with another acceleration; where both move alike, that shifts the instant by milliseconds.
+    other = _parting_of_polynomial(time, difference, DEGREE + 1)[0] if judged else best
+    uncertainty = window * np.hypot(deviation, other - best)
+    distance = np.linalg.norm(polynomial.polyval(best, coefficients))
+    return float(near + best * window), float(uncertainty), float(distance)
+
+
+def _hand_window(time):
+    """Half the length [s] of a window about time 0 that holds enough samples on either side: wider where the hand was hidden."""
+    sides = (-time[time < 0.0][::-1], time[time > 0.0])
+    return max([HAND_WINDOW, *(side[SIDE - 1] if len(side) >= SIDE else np.inf for side in sides)])
+
+
+def _parting_of_polynomial(time, difference, degree):
+    """Where a polynomial of a degree through the differences (n, 3) at times (n,) is slowest, its deviation, and the coefficients."""
+    powers = polynomial.polyvander(time, degree)
+    inverse = np.linalg.solve(powers.T @ powers, powers.T)
+    coefficients = inverse @ difference
+    best = _slowest(coefficients, time[0], time[-1])
+    return best, _root_deviation(coefficients, difference - powers @ coefficients, inverse, best), coefficients
+
+
+def _slowest(coefficients, first, last):
+    """Where in [first, last] the curve (degree + 1, 3) has the least speed, of the places where it is nearest to the origin: after the
+    release the hand may for a while move as the ball does, millimetres away from it.
+    """
+    rates = coefficients[1:] * np.arange(1, len(coefficients))[:, None]
+    squared = sum(np.convolve(rate, rate) for rate in rates.T)
+    roots = polynomial.polyroots(squared[1:] * np.arange(1, len(squared)))
+    candidates = np.clip(np.append(roots[np.abs(roots.imag) < 1e-6].real, 0.0), first, last)
+    powers = candidates[:, None] ** np.arange(len(squared))
+    distances = np.linalg.norm(powers[:, : len(coefficients)] @ coefficients, axis=1)
+    near = distances < distances.min() + CALIBRATION
+    return candidates[near][np.argmin(powers[near] @ squared)]
+
+
+def _root_deviation(coefficients, misfit, inverse, root):
+    """Deviation of a root of the derivative: that of the derivative, over the second derivative."""
+    freedom = (len(misfit) - len(coefficients)) * misfit.shape[1]
+    sigma = np.sqrt(np.sum(misfit**2) / max(freedom, 1))
+    order = np.arange(1, len(coefficients))
+    slope = np.linalg.norm((order[1:] * order[:-1] * root ** (order[:-1] - 1.0)) @ coefficients[2:])
+    return sigma * np.linalg.norm((order * root ** (order - 1.0)) @ inverse[1:]) / max(slope, 1e-12)
+
+
+def _grip_path(time, position, quaternion, grip_offset):
+    """Time (m,) and position (m, 3) of the grip point."""
+    time, position = check_samples("hand", time, position, least=8)
+    quaternion = check_unit_quaternions("hand", quaternion, len(time))
+    offset = np.asarray(grip_offset, dtype=float)
+    if offset.shape != (3,) or not np.all(np.isfinite(offset)):
+        raise ValueError(f"grip_offset must be a finite (3,) point in the hand frame, got {grip_offset}")
+    axis, scalar = quaternion[:, :3], quaternion[:, 3:]
+    twist = 2.0 * np.cross(axis, offset)
+    return time, position + offset + scalar * twist + np.cross(axis, twist)
+
+
+def _check_rim(rim, radius):
+    rim = np.asarray(rim, dtype=float)
+    if rim.shape != (3,) or not np.all(np.isfinite(rim)):
+        raise ValueError(f"rim must be the finite (3,) centre of the rim, got {rim}")
+    if not (np.isfinite(radius) and radius > 0.0):
+        raise ValueError(f"rim_radius = {radius}: give the radius of the rim in metres")
+    return rim

@@ -1,0 +1,203 @@
+"""A client of the graph: teaches, learns and throws through actions and services, one call after the other."""
+
+import os
+import time
+from collections.abc import Callable, Iterable
+
+import numpy as np
+import rclpy
+from dart_skill_msgs.action import Practice, Teach, Throw
+from dart_skill_msgs.srv import Learn, Reset
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.srv import SetParameters
+from rclpy.action import ActionClient
+from rclpy.parameter import Parameter
+from std_srvs.srv import SetBool
+
+from dart_skill_nodes.client.failures import GraphFailure
+from dart_skill_nodes.client.server_probe import ServerProbe
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.process.graph_processes import START
+from dart_skill_nodes.process.node_base import make_executor
+
+ASK_AGAIN = 0.1
+"""Whoever was told to wait asks again after so long [s, wall clock]."""
+
+
+class GraphClient:
+    """Blocking calls for scripts and tests; `dead` tells of a process of the graph that has ended, empty if all run.
+
+    throw_seconds (2,): all throws so far, simulated and on the wall clock [s].
+    """
+
+    def __init__(self, dead: Callable[[], str] = lambda: "", name: str = "client", patience: float = 180.0):
+        self.node = rclpy.create_node(name)
+        self._executor, self._dead, self._patience = make_executor(), dead, patience
+        self._executor.add_node(self.node)
+        self._teach = ActionClient(self.node, Teach, "/teach")
+        self._throw = ActionClient(self.node, Throw, "/throw")
+        self._practice = ActionClient(self.node, Practice, "/practice")
+        self._learn = self.node.create_client(Learn, "/skill_learner/learn")
+        self._reset = self.node.create_client(Reset, "/simulation/reset")
+        self._pause = self.node.create_client(SetBool, "/simulation/pause")
+        self._links: dict[object, ServerProbe] = {}
+        self._taught, self.simulated_steps, self.throw_seconds = 0, 0, np.zeros(2)
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
+
+    def close(self) -> None:
+        """Take the client's node off the graph."""
+        self._executor.remove_node(self.node)
+        self.node.destroy_node()
+
+    def wait_until_gone(self, nodes: Iterable[str], limit: float = 30.0) -> None:
+        """Wait until none of these nodes is on the graph; GraphFailure names those that stay.
+
+        A process that was killed, or whose farewell got lost, stays on the graph for the 20 s of its participant's lease. Its services look
+        ready, and take requests that nobody will ever answer.
+        """
+        until = time.monotonic() + limit
+        while there := sorted(set(nodes) & set(self.node.get_node_names())):
+            if time.monotonic() > until:
+                domain = os.environ.get("ROS_DOMAIN_ID", "0")
+                raise GraphFailure(f"{', '.join(there)} on ROS domain {domain} already: end it, or choose another ROS_DOMAIN_ID")
+            self.spin()
+
+    def wait_until_ready(self, limit: float = START, teacher: bool = True) -> None:
+        """Wait for every action and service; GraphFailure names what is silent."""
+        for client in (self._learn, self._reset, self._pause):
+            self.reach(client, limit)
+        for action in ("/throw", "/teach") if teacher else ("/throw",):
+            self._reach_action(action, limit)
+
+    def wait_for_learner(self, limit: float = START) -> None:
+        """Wait for whoever learns, as in a replay without an arm; GraphFailure if nobody does."""
+        self.reach(self._learn, limit)
+
+    def reach(self, client, limit: float | None = None) -> None:
+        """Wait until a client of the node can ask its service and is answered; GraphFailure if nobody serves it.
+
+        Each client has a link of its own, made after it: an older link says nothing of whether the server has found a younger client.
+        """
+        self._up(client, client.srv_name, limit)
+
+    def _reach_action(self, name: str, limit: float | None = None) -> None:
+        self._up(name, f"{name}/_action/send_goal", limit)
+
+    def _up(self, asking: object, service: str, limit: float | None) -> None:
+        link = self._links.get(asking) or self._links.setdefault(asking, ServerProbe(self.node, service))
+        limit = self._patience if limit is None else limit
+        until = time.monotonic() + limit
+        while not link.up():
+            if time.monotonic() > until:
+                raise GraphFailure(f"nobody serves {service} after {limit:.0f} s")
+            self.spin()
+
+    def teach(self, target: np.ndarray) -> Teach.Result:
+        """Guided throws at one basket until one goes in."""
+        handle = self._accepted(self._teach.send_goal_async(Teach.Goal(target=conversions.point(target))), "/teach")
+        result = self.wait(handle.get_result_async(), "the lesson").result
+        self._taught += result.success
+        self.call(self._pause, SetBool.Request(data=True))
+        return result
+
+    def learn(self, bag: str = "", configuration: str = "", at_least: int | None = None) -> Learn.Response:
+        """Learn from the demonstrations heard, at least so many (default: those taught), or from a bag; GraphFailure says why nothing was
+        learned.
+        """
+        at_least = (0 if bag else self._taught) if at_least is None else at_least
+        request = Learn.Request(bag=bag, configuration=configuration, at_least=at_least)
+        until = time.monotonic() + self._patience
+        while (response := self.call(self._learn, request, may_refuse=True)).pending and time.monotonic() < until:
+            self._rest()
+        if not response.success:
+            raise GraphFailure(f"{self._learn.srv_name}: {response.message}")
+        return response
+
+    def throw(self, target: np.ndarray) -> Throw.Result:
+        """One throw at a basket that is put there, from a world that is reset."""
+        result, _ = self.start_throw(target)
+        begun = time.monotonic()
+        outcome = self.wait(result, "the throw").result
+        self.throw_seconds += conversions.seconds(outcome.duration), time.monotonic() - begun
+        self.call(self._pause, SetBool.Request(data=True))
+        return outcome
+
+    def start_throw(self, target: np.ndarray):
+        """Future of the result of a throw that has begun, and the goal's handle.
+
+        The world is reset and held until the commander has its plan, so that a throw begins at the same step every time.
+        """
+        reset = Reset.Request(move_basket=True, basket=conversions.point(target), paused=True)
+        first = self.call(self._reset, reset)
+        phases = []
+        goal = Throw.Goal(target=conversions.point(target))
+        goal.header.frame_id, goal.header.stamp = "world", first.stamp
+        sent = self._throw.send_goal_async(goal, feedback_callback=lambda message: phases.append(message.feedback.phase))
+        handle = self._accepted(sent, "/throw")
+        result = handle.get_result_async()
+        while "armed" not in phases and not result.done():
+            self.spin()
+        self.call(self._pause, SetBool.Request(data=False))
+        return result, handle
+
+    def practise(
+        self, throws: int = 0, targets: Iterable[np.ndarray] = (), follow_basket: bool = False, on_feedback=lambda feedback: None
+    ) -> Practice.Result:
+        """Own throws that are learned from; without targets the coach node chooses them, or throws where it sees the basket. on_feedback:
+        called with each feedback.
+        """
+        goal = Practice.Goal(throws=throws, targets=[conversions.point(target) for target in targets], follow_basket=follow_basket)
+        self._reach_action("/practice")
+        sent = self._practice.send_goal_async(goal, feedback_callback=lambda message: on_feedback(message.feedback))
+        return self.wait(self._accepted(sent, "/practice").get_result_async(), "practice", patience=np.inf).result
+
+    def set_parameters(self, node: str, values: dict[str, float]) -> None:
+        """Set numbers of a node; GraphFailure if it refuses one."""
+        client = self.node.create_client(SetParameters, f"{node}/set_parameters")
+        self.reach(client)
+        request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg() for name, value in values.items()])
+        for name, result in zip(values, self.wait(client.call_async(request), client.srv_name).results, strict=True):
+            if not result.successful:
+                raise GraphFailure(f"{node} does not take {name} = {values[name]}: {result.reason}")
+
+    def call(self, client, request, may_refuse: bool = False):
+        """Response of a service; GraphFailure if it says no, unless it may."""
+        self.reach(client)
+        response = self.wait(client.call_async(request), client.srv_name)
+        if not response.success and not may_refuse:
+            raise GraphFailure(f"{client.srv_name}: {response.message}")
+        return response
+
+    def wait(self, future, what: str, patience: float | None = None):
+        """Result of a future; GraphFailure when a process died or the patience is over."""
+        patience = self._patience if patience is None else patience
+        until = time.monotonic() + patience
+        while not future.done():
+            self.spin()
+            if time.monotonic() > until:
+                raise GraphFailure(f"{what} took longer than {patience:.0f} s")
+        return future.result()
+
+    def spin(self) -> None:
+        """Let messages come in for a moment."""
+        if dead := self._dead():
+            raise GraphFailure(dead)
+        self._executor.spin_once(timeout_sec=0.1)
+
+    def _rest(self) -> None:
+        """Let messages come in until it is worth asking again."""
+        again = time.monotonic() + ASK_AGAIN
+        while time.monotonic() < again:
+            self.spin()
+
+    def _accepted(self, sent, what: str):
+        handle = self.wait(sent, what)
+        if not handle.accepted:
+            raise GraphFailure(f"{what} refused the goal: another one is under way")
+        return handle
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name == "wam_simulator":
+                values = {pair.key: pair.value for pair in status.values}
+                self.simulated_steps = int(values.get("steps", self.simulated_steps))

@@ -1,0 +1,91 @@
+"""What other nodes say of themselves on /diagnostics, and in their parameters: where cameras stand, which numbers can be changed."""
+
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rcl_interfaces.msg import ParameterDescriptor
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
+from rclpy.node import Node
+from rclpy.parameter import Parameter, parameter_value_to_python
+
+from dart_skill.simulation.motion_capture import Camera, MotionCaptureConfig
+from dart_skill.view import Knob, NodeStatus
+from dart_skill_nodes.client.failures import CallFailed
+from dart_skill_nodes.comms.coroutines import answer
+
+PATIENCE, TRIES = 2.0, 5
+"""For each answer [s, wall clock]; a question that got lost is asked again."""
+
+
+class NodeInspector:
+    """Questions of one node to others; clients are kept."""
+
+    def __init__(self, node: Node):
+        self._node, self._clients = node, {}
+
+    async def values(self, other: str, names: list[str]) -> dict:
+        """Parameters of another node by name; CallFailed if it does not answer."""
+        response = await self._ask(GetParameters, f"{other}/get_parameters", GetParameters.Request(names=names))
+        return {name: parameter_value_to_python(value) for name, value in zip(names, response.values, strict=True)}
+
+    async def cameras(self, other: str) -> tuple[Camera, ...]:
+        """Of a motion-capture node with the parameters of mock_optitrack; ValueError or KeyError if they make no camera."""
+        common = await self.values(other, ["camera_names", "half_angles_deg", "range"])
+        names = [f"cameras.{name}.{field}" for name in common["camera_names"] for field in ("position", "look_at")]
+        config = MotionCaptureConfig.from_parameters({**common, **await self.values(other, names), "min_cameras": 1})
+        return config.cameras
+
+    async def knobs(self, other: str) -> list[Knob]:
+        """Numbers of another node that have a range and can be changed while it runs."""
+        listed = await self._ask(ListParameters, f"{other}/list_parameters", ListParameters.Request())
+        names = list(listed.result.names)
+        described = await self._ask(DescribeParameters, f"{other}/describe_parameters", DescribeParameters.Request(names=names))
+        free = [one for one in described.descriptors if not one.read_only and one.floating_point_range]
+        values = await self.values(other, [one.name for one in free])
+        return [_knob(one, values[one.name]) for one in free]
+
+    async def set(self, other: str, name: str, value: float) -> None:
+        """Change a number of another node; CallFailed with its reason if it refuses."""
+        request = SetParameters.Request(parameters=[Parameter(name, value=float(value)).to_parameter_msg()])
+        result = (await self._ask(SetParameters, f"{other}/set_parameters", request)).results[0]
+        if not result.successful:
+            raise CallFailed(f"{other} does not take {name} = {value}: {result.reason}")
+
+    async def _ask(self, kind, service: str, request):
+        if service not in self._clients:
+            self._clients[service] = self._node.create_client(kind, service)
+        client = self._clients[service]
+        for _ in range(TRIES):
+            response = await answer(self._node, client, request, PATIENCE)
+            if response is not None:
+                return response
+        raise CallFailed(f"no answer from {service} in {TRIES * PATIENCE:.0f} s")
+
+
+class NodeStatuses:
+    """The last status of every node; one that has said nothing for SILENT seconds is silent."""
+
+    SILENT = 5.0
+
+    def __init__(self):
+        self._heard: dict[str, tuple[float, NodeStatus]] = {}
+
+    def take(self, message: DiagnosticArray) -> list[str]:
+        """Keep what a message says; names that have not been heard before."""
+        new = [status.name for status in message.status if status.name not in self._heard]
+        for status in message.status:
+            self._heard[status.name] = time.monotonic(), NodeStatus(status.name, status.level[0], status.message)
+        return new
+
+    def now(self) -> list[NodeStatus]:
+        """Of all nodes."""
+        ages = {name: time.monotonic() - message for name, (message, _) in self._heard.items()}
+        return [
+            NodeStatus(name, DiagnosticStatus.STALE[0], f"silent for {ages[name]:.0f} s") if ages[name] > self.SILENT else status
+            for name, (_, status) in self._heard.items()
+        ]
+
+
+def _knob(descriptor: ParameterDescriptor, value: float) -> Knob:
+    bounds = descriptor.floating_point_range[0]
+    return Knob(descriptor.name, descriptor.description, bounds.from_value, bounds.to_value, value)

@@ -1,0 +1,73 @@
+"""Whether a service can really be asked: its server takes requests, and its answers come back.
+
+In DDS a client finds its server before the server finds the client, by seconds on a bad day; an answer given in between is lost for
+good. A server that was killed stays on the graph for 20 s and takes requests that nobody answers. `service_is_ready` is true in both
+cases. So a call that must not get lost is preceded by a question that may: the parameters of the server's node, asked again until
+answered. Endpoints are announced in the order in which they were made, so whoever reaches the youngest reaches the older ones.
+"""
+
+import time
+
+from rcl_interfaces.srv import ListParameters
+from rclpy.node import Node
+
+AGAIN = 0.5
+"""A question is asked again after so long [s, wall clock]."""
+UNKNOWN = "_NODE_NAME_UNKNOWN_"
+"""What the middleware calls the node of an endpoint that was discovered before it."""
+
+
+class ServerProbe:
+    """From a client of `node` to the node that serves `service`. Poll `up` between turns of the executor until it is true."""
+
+    def __init__(self, node: Node, service: str):
+        self._node, self._service = node, service
+        self._probe, self._questions, self._asked, self._is_up = None, [], 0.0, False
+
+    def renew(self) -> None:
+        """Ask anew: what was true before may have changed."""
+        self._is_up = False
+
+    def up(self) -> bool:
+        """Whether the server has answered since `renew`; asks it if that is not so, and time to."""
+        if self._is_up or self._answered():
+            return True
+        if self._probe is None:
+            self._probe = self._make_probe()
+        elif time.monotonic() - self._asked > AGAIN and self._probe.service_is_ready():
+            self._asked = time.monotonic()
+            self._questions.append(self._probe.call_async(ListParameters.Request(prefixes=["use_sim_time"])))
+        return False
+
+    def _answered(self) -> bool:
+        if not any(question.done() for question in self._questions):
+            return False
+        for question in self._questions:
+            self._probe.remove_pending_request(question)
+        self._questions, self._asked, self._is_up = [], 0.0, True
+        return True
+
+    def _make_probe(self):
+        server = self._server()
+        return self._node.create_client(ListParameters, f"{server}/list_parameters") if server else None
+
+    def _server(self) -> str:
+        """Full name of the node that serves, or an empty one.
+
+        The endpoint that answers knows its node. Asking the nodes by name does not: of two with one name only the older is looked at, and a
+        node that was killed or leaked hides the one that serves. So that is left to middlewares that name the topics of answers otherwise.
+        """
+        for info in self._node.get_publishers_info_by_topic(f"rr{self._service}Reply", no_mangle=True):
+            if info.node_name != UNKNOWN:
+                return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+        return self._server_by_name()
+
+    def _server_by_name(self) -> str:
+        for name, space in self._node.get_node_names_and_namespaces():
+            try:
+                services = self._node.get_service_names_and_types_by_node(name, space)
+            except RuntimeError:  # rclpy raises NodeNameNonExistentError for one that has just left
+                continue
+            if any(service == self._service for service, _ in services):
+                return f"{space.rstrip('/')}/{name}"
+        return ""

@@ -1,0 +1,82 @@
+"""Calls of services and actions from coroutines: they wait until the other side can really answer, and say who is missing."""
+
+from dart_skill_msgs.srv import StopDemonstration
+from rclpy.action import ActionClient
+from rclpy.node import Node
+from std_srvs.srv import Trigger
+
+from dart_skill_nodes.client.failures import CallFailed
+from dart_skill_nodes.client.server_probe import ServerProbe
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.coroutines import Promise, answer, pause, within
+
+PATIENCE = 20.0
+"""For an answer [s, wall clock]."""
+
+
+class ServiceCalls:
+    """Whoever calls for a node; one link per service is kept."""
+
+    def __init__(self, node: Node):
+        self._node = node
+        self._links: dict[str, ServerProbe] = {}
+
+    async def call(self, client, request, may_refuse: bool = False):
+        """Response of a service; CallFailed with the remedy if nobody serves it, does not answer, or says no."""
+        await self._linked(client.srv_name)
+        response = await answer(self._node, client, request, PATIENCE)
+        if response is None:
+            self._links[client.srv_name].renew()
+            raise CallFailed(f"no answer from {client.srv_name} in {PATIENCE:.0f} s")
+        if not response.success and not may_refuse:
+            raise CallFailed(f"{client.srv_name}: {response.message}")
+        return response
+
+    async def send(self, client: ActionClient, name: str, goal, on_feedback):
+        """Handle of a goal that was accepted; CallFailed if nobody serves the action, does not answer, or refuses it."""
+        await self._linked(f"{name}/_action/send_goal")
+        accepted = Promise()
+        sent = client.send_goal_async(goal, feedback_callback=lambda message: on_feedback(message.feedback))
+        sent.add_done_callback(lambda done: accepted.keep(done.result()))
+        handle = await within(self._node, accepted, PATIENCE)
+        if handle is None:
+            raise CallFailed(f"no answer from {name} in {PATIENCE:.0f} s")
+        if not handle.accepted:
+            raise CallFailed(f"{name} refused the goal: another one is under way")
+        return handle
+
+    async def _linked(self, service: str) -> None:
+        link = self._links.setdefault(service, ServerProbe(self._node, service))
+        for _ in range(2000):  # a graph that has just been started finds itself within seconds
+            if link.up():
+                return
+            await pause(self._node, 0.01)
+        raise CallFailed(f"nobody serves {service}: start the node that does")
+
+
+class Recording:
+    """The demonstration recorder, as whoever lets something be recorded uses it."""
+
+    def __init__(self, node: Node, calls: ServiceCalls):
+        self._node, self._calls = node, calls
+        self._start = node.create_client(Trigger, "/demonstration_recorder/start")
+        self._stop = node.create_client(StopDemonstration, "/demonstration_recorder/stop")
+
+    async def start(self) -> None:
+        """From now on a throw is looked at. In a graph that has just been started every topic must come to the recorder first."""
+        for _ in range(100):
+            response = await self._calls.call(self._start, Trigger.Request(), may_refuse=True)
+            if response.success:
+                return
+            await pause(self._node, 0.1)
+        raise CallFailed(f"{self._start.srv_name}: {response.message}")
+
+    async def stop(self, until_ns: int, keep: bool, reason: str = "") -> StopDemonstration.Response:
+        """What was recorded up to a stamp, cut out; keep: as a demonstration, else for a reason only as a part of the bag."""
+        request = StopDemonstration.Request(keep=keep, reason=reason, until=conversions.time_msg(until_ns))
+        for _ in range(100):
+            response = await self._calls.call(self._stop, request, may_refuse=True)
+            if not response.pending:
+                return response
+            await pause(self._node, 0.05)
+        raise CallFailed(f"the recorder still waits for sensor messages: {response.message}")

@@ -1,0 +1,235 @@
+"""What the controls of the live view set in motion: lessons, learning, throws, practice, the basket, stopping. One job at a time."""
+
+import itertools
+from collections.abc import Callable
+
+import numpy as np
+from dart_skill_msgs.action import Practice, Teach, Throw
+from dart_skill_msgs.srv import Learn, PlaceBasket, Reset, Step
+from rclpy.action import ActionClient
+from rclpy.node import Node
+from std_srvs.srv import SetBool, Trigger
+
+from dart_skill.session.regions import Region
+from dart_skill.view import Request
+from dart_skill_nodes.client.failures import CallFailed
+from dart_skill_nodes.client.node_inspector import NodeInspector
+from dart_skill_nodes.client.service_calls import ServiceCalls
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.coroutines import Promise, pause, start
+from dart_skill_nodes.comms.qos import WALL
+
+LOOK_STEPS = 20
+"""Steps of a world that is held, in which the cameras see that the basket was moved: more than their latency."""
+SEEN_WITHIN, SEEN_AFTER = 0.02, 3.0
+"""A basket that was put somewhere is seen so near to the place [m], within so long [s, wall clock]."""
+
+
+class ViewerJobs:
+    """Obeys requests of the panel as routines of `node`.
+
+    say: called with what goes on, and whether it is an error; busy: with whether a job is under way; threw: with the landing error [m] and
+    whether the ball went in; seen: gives where the basket is seen (3,), or None; heard: number of demonstrations that were published.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        region: Region,
+        seed: int,
+        frame_id: str,
+        say: Callable[[str, bool], None],
+        busy: Callable[[bool], None],
+        threw: Callable[[float, bool], None],
+        seen: Callable[[], np.ndarray | None],
+        heard: Callable[[], int],
+    ):
+        self._node, self._region, self._frame_id = node, region, frame_id
+        self._rng = np.random.default_rng([seed, 7])
+        self._say, self._show_busy, self._threw, self._seen, self._heard = say, busy, threw, seen, heard
+        self._calls, self._inspector = ServiceCalls(node), NodeInspector(node)
+        self._job, self._handle, self._stopping, self._said = "", None, False, ""
+        self._wanted, self._placing, self._placed_at = None, False, None
+        self._actions = {
+            name: ActionClient(node, kind, f"/{name}") for name, kind in (("teach", Teach), ("throw", Throw), ("practice", Practice))
+        }
+        self._learn = node.create_client(Learn, "/skill_learner/learn")
+        self._reset = node.create_client(Reset, "/simulation/reset")
+        self._pause = node.create_client(SetBool, "/simulation/pause")
+        self._step = node.create_client(Step, "/simulation/step")
+        self._place = node.create_client(PlaceBasket, "/simulation/place_basket")
+        self._stop = node.create_client(Trigger, "/commander/stop")
+        self._jobs = {"teach": self._teach, "learn": self._learn_from_all, "throw": self._throw, "practice": self._practise}
+
+    def obey(self, request: Request) -> None:
+        """Begin what somebody asked for; refuse a second job while there is one."""
+        what, values = request.what, request.values
+        if what == "place_basket":
+            self._wanted = values["place"]
+            if not self._placing:
+                self._placing = True
+                start(self._node, self._place_basket(), self._placed)
+        elif what == "stop":
+            start(self._node, self._stop_all(), self._ended_aside)
+        elif what == "set":
+            start(self._node, self._set(**values), self._ended_aside)
+        elif self._job:
+            self._say(f"{what} has to wait: {self._job} is under way", True)
+        else:
+            self._begin(what, values)
+
+    # jobs
+
+    def _begin(self, what: str, values) -> None:
+        self._job, self._stopping, self._said = what, False, ""
+        self._show_busy(True)
+        start(self._node, self._jobs[what](**values), self._ended)
+
+    def _ended(self, text, error: Exception | None) -> None:
+        self._job, self._handle = "", None
+        self._show_busy(False)
+        self._tell(text, error)
+
+    def _say_once(self, text: str) -> None:
+        if text != self._said:
+            self._said = text
+            self._say(text, False)
+
+    def _ended_aside(self, text, error: Exception | None) -> None:
+        self._tell(text, error)
+
+    def _tell(self, text, error: Exception | None) -> None:
+        if error is not None and not isinstance(error, CallFailed | ValueError):
+            self._node.get_logger().error(f"{type(error).__name__}: {error}")
+        if error is not None or text:
+            self._say(str(error) if error is not None else text, error is not None)
+
+    async def _teach(self, demonstrations: int) -> str:
+        shown, targets = 0, self._region.spread(2 * demonstrations, self._rng)
+        for target in targets:
+            if shown == demonstrations or self._stopping:
+                break
+            self._say(f"demonstration {shown + 1} of {demonstrations}", False)
+            result = await self._carry_out("teach", Teach.Goal(target=conversions.point(target)))
+            shown += bool(result.success)
+        return f"{shown} of {demonstrations} demonstrations shown" + (", stopped" if self._stopping else "")
+
+    async def _learn_from_all(self, configuration: str) -> str:
+        request = Learn.Request(configuration=configuration, at_least=self._heard())
+        for _ in range(200):
+            response = await self._calls.call(self._learn, request, may_refuse=True)
+            if not response.pending:
+                break
+            await pause(self._node, 0.1)
+        if not response.success:
+            raise CallFailed(response.message)
+        return response.message
+
+    async def _throw(self) -> str:
+        target = await self._target()
+        goal = Throw.Goal(target=conversions.point(target))
+        goal.header.frame_id = self._frame_id
+        simulated = self._reset.service_is_ready()
+        if simulated:
+            first = await self._calls.call(self._reset, Reset.Request(paused=True))
+            goal.header.stamp = first.stamp
+        armed, over = Promise(), Promise()
+
+        def on_feedback(feedback) -> None:
+            self._say_once(feedback.phase.replace("_", " "))
+            if feedback.phase == "armed":
+                armed.keep()
+
+        def ended(result, error) -> None:
+            over.keep((result, error))
+            armed.keep()
+
+        start(self._node, self._carry_out("throw", goal, on_feedback), ended)
+        await armed  # a throw begins at the same step every time: the world is held until the commander has its plan
+        if simulated:
+            await self._calls.call(self._pause, SetBool.Request(data=False))
+        result, error = await over
+        if simulated:
+            await self._calls.call(self._pause, SetBool.Request(data=True))
+        if error is not None:
+            raise error
+        if result.code != Throw.Goal.OUTCOME_THROWN:
+            raise CallFailed(f"no throw: {result.message}")
+        return self._judge(result.outcome)
+
+    def _judge(self, outcome) -> str:
+        error = float(outcome.landing_error) if outcome.landing_seen else float("nan")
+        self._threw(error, bool(outcome.in_basket))
+        return in_words(error, bool(outcome.in_basket))
+
+    async def _practise(self, throws: int, follow_basket: bool) -> str:
+        result = await self._carry_out("practice", Practice.Goal(throws=throws, follow_basket=follow_basket))
+        if not result.success and not self._stopping:
+            raise CallFailed(result.message)
+        return result.message
+
+    # the basket
+
+    async def _place_basket(self) -> None:
+        while self._wanted is not None:
+            place, self._wanted = self._wanted, None
+            if not self._place.service_is_ready():
+                raise CallFailed("the basket is not moved from here: nobody serves /simulation/place_basket")
+            await self._calls.call(self._place, PlaceBasket.Request(position=conversions.point(place)))
+            await self._calls.call(self._step, Step.Request(steps=LOOK_STEPS), may_refuse=True)  # refused while the world runs anyway
+            self._placed_at = place
+
+    def _placed(self, _, error: Exception | None) -> None:
+        self._placing, self._wanted = False, None
+        self._tell("", error)
+
+    async def _target(self) -> np.ndarray:
+        """Where the basket is seen (3,), if it was just moved only when that has been seen."""
+        for k in itertools.count():
+            seen, placed = self._seen(), self._placed_at
+            if seen is not None and not self._placing and (placed is None or np.linalg.norm(seen - placed) < SEEN_WITHIN):
+                self._placed_at = None
+                return seen
+            if k * 0.02 > SEEN_AFTER:
+                break
+            await pause(self._node, 0.02)
+        self._placed_at = None
+        if seen is None:
+            raise CallFailed("no basket is seen: is the motion capture running, and is a basket tracked?")
+        return seen
+
+    # the rest
+
+    async def _stop_all(self) -> str:
+        self._stopping = True
+        if self._handle is not None:
+            self._handle.cancel_goal_async()
+        if not self._stop.service_is_ready():
+            raise CallFailed("nobody serves /commander/stop: is the commander running?")
+        await self._calls.call(self._stop, Trigger.Request())
+        return "stopped"
+
+    async def _set(self, node: str, name: str, value: float) -> str:
+        await self._inspector.set(node, name, value)
+        return f"{name} = {value:g}"
+
+    async def _carry_out(self, name: str, goal, on_feedback=lambda feedback: None):
+        """Result of an action's goal; CallFailed if its server goes away."""
+        client, over = self._actions[name], Promise()
+        try:
+            self._handle = await self._calls.send(client, f"/{name}", goal, on_feedback)
+            self._handle.get_result_async().add_done_callback(lambda done: over.keep(done.result().result))
+            watch = self._node.create_timer(2.0, lambda: None if client.server_is_ready() else over.keep(), clock=WALL)
+            result = await over
+            self._node.destroy_timer(watch)
+        finally:
+            self._handle = None
+        if result is None:
+            raise CallFailed(f"nobody serves /{name} any more: its node has ended")
+        return result
+
+
+def in_words(error: float, in_basket: bool) -> str:
+    """What became of a throw."""
+    miss = f"{100 * error:.1f} cm from the middle" if np.isfinite(error) else "landing not seen"
+    return f"{'in the basket' if in_basket else 'missed'}, {miss}"

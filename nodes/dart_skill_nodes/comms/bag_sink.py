@@ -1,0 +1,99 @@
+"""A bag for topics: announced as their publishers offer them, flushed every second, and closed with what was lost written into it."""
+
+from pathlib import Path
+
+from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+from dart_skill.configuration import config_path
+from dart_skill.recording import BagWriter, definition, is_stamped, qos_yaml, type_hash, types_for
+from dart_skill.robot.description import wam_description
+from dart_skill.robot.urdf import write_urdf
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.qos import WALL
+
+FLUSH = 1.0
+"""What came more than so long ago is safe from a crash [s, wall clock]."""
+PARAMETER_FILES = ("wam.yaml", "wam_simulator.yaml", "optitrack.yaml", "commander.yaml", "teacher.yaml")
+
+
+class BagSink:
+    """A bag that is being filled. failure: why nothing is written any more, as when the disk is full; empty if all is well.
+
+    limits: of a file, as `BagWriter` has them.
+    """
+
+    def __init__(self, node: Node, path: Path, custom_data: dict[str, str], **limits):
+        self._node, self._stamped, self._open, self.failure = node, {}, True, ""
+        self.writer = BagWriter(path, custom_data=custom_data, **limits)
+        # What somebody needs to understand the bag: the arm, and the parameters in force.
+        self.writer.add_attachment("wam.urdf", write_urdf(wam_description()), "application/xml")
+        for name in PARAMETER_FILES:
+            self.writer.add_attachment(name, config_path(name).read_text(encoding="utf-8"), "application/yaml")
+        self._timer = node.create_timer(FLUSH, self.flush, clock=WALL)
+
+    def add_offered(self, topic: str, offers: list[TopicEndpointInfo]) -> None:
+        """Announce a topic with the type and quality of service of its publishers; ValueError if its type cannot be found."""
+        self._add(topic, offers[0].topic_type, [offer.qos_profile for offer in offers])
+
+    def add_own(self, topic: str, type_name: str, qos: QoSProfile) -> None:
+        """Announce a topic that the node itself writes."""
+        self._add(topic, type_name, [qos])
+
+    def stamp_ns(self, topic: str, data: bytes) -> int | None:
+        """The stamp that a serialised message begins with; None where messages of the topic have none."""
+        return conversions.leading_stamp_ns(data) if self._stamped.get(topic, True) else None
+
+    def write(self, topic: str, log_ns: int, stamp_ns: int, data: bytes) -> None:
+        """Append a message, unless recording has stopped."""
+        if not self.failure:
+            self._try(self.writer.write, topic, log_ns, stamp_ns, data)
+
+    def flush(self) -> None:
+        """Hand over to the disk what has come."""
+        if self._open and not self.failure:
+            self._try(self.writer.flush, True)
+
+    def close(self, notes: dict[str, str] | None = None) -> None:
+        """Close the bag with notes for its metadata."""
+        self._node.destroy_timer(self._timer)
+        self._open = False  # one more tick of the timer may be under way
+        for name, text in (notes or {}).items():
+            self.writer.note(name, text)
+        self._try(self.writer.close)
+
+    def _add(self, topic, type_name, profiles):
+        types = types_for(type_name)
+        self._stamped[topic] = is_stamped(types, type_name)
+        texts = [qos_yaml(p.reliability.name.lower(), p.durability.name.lower(), p.history.name.lower(), p.depth) for p in profiles]
+        profile, digest = "".join(sorted(set(texts))), type_hash(types, type_name)
+        self._try(self.writer.add_topic, topic, type_name, definition(types, type_name), profile, digest)
+
+    def _try(self, write, *arguments) -> None:
+        try:
+            write(*arguments)
+        except OSError as error:
+            if not self.failure:
+                self._node.get_logger().error(f"recording has stopped: {error}")
+            self.failure = str(error)
+
+
+class BagKeeper(LifecycleNode):
+    """A managed node with a bag, which is closed whichever way the node ends; `_close` is called once or more."""
+
+    def _close(self) -> None:
+        raise NotImplementedError
+
+    def on_cleanup(self, state) -> TransitionCallbackReturn:
+        self._close()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_shutdown(self, state) -> TransitionCallbackReturn:
+        self._close()
+        return TransitionCallbackReturn.SUCCESS
+
+    def destroy_node(self) -> None:
+        self._close()
+        super().destroy_node()

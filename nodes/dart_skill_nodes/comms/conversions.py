@@ -1,0 +1,234 @@
+"""Between messages and the library's dataclasses. Stamps are integer nanoseconds, quaternions x, y, z, w."""
+
+import struct
+
+import numpy as np
+from builtin_interfaces.msg import Duration, Time
+from dart_skill_msgs.msg import Demonstration as DemonstrationMsg
+from dart_skill_msgs.msg import ThrowPlan as ThrowPlanMsg
+from dart_skill_msgs.msg import TrialOutcome, WamCommand
+from geometry_msgs.msg import Point, PointStamped, PoseStamped, Transform, Twist
+from nav_msgs.msg import Path
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
+
+from dart_skill.recording import Demonstration, demonstration_from_message, fill_demonstration_message
+from dart_skill.robot.command import ArmState, Command, Grip
+from dart_skill.robot.throw_plan import Gains, HandPath, ThrowPlan
+from dart_skill.skill.observe.outcome import Outcome, Release
+
+GIGA = 1_000_000_000
+NEW = {
+    "geometry_msgs/msg/PoseStamped": PoseStamped,
+    "geometry_msgs/msg/PointStamped": PointStamped,
+    "sensor_msgs/msg/JointState": JointState,
+}
+
+
+def stamp_ns(stamp: Time | Duration) -> int:
+    """A stamp or duration as nanoseconds."""
+    return stamp.sec * GIGA + stamp.nanosec
+
+
+def leading_stamp_ns(data: bytes) -> int:
+    """The stamp that serialised messages begin with whose first field is a header or a time."""
+    sec, nanosec = struct.unpack_from("<iI", data, 4)
+    return sec * GIGA + nanosec
+
+
+def time_msg(ns: int) -> Time:
+    """Nanoseconds as a stamp."""
+    sec, nanosec = divmod(int(ns), GIGA)
+    return Time(sec=sec, nanosec=nanosec)
+
+
+def duration_msg(seconds: float) -> Duration:
+    """Seconds as a duration, to the nanosecond."""
+    sec, nanosec = divmod(round(seconds * 1e9), GIGA)
+    return Duration(sec=sec, nanosec=nanosec)
+
+
+def seconds(duration: Duration) -> float:
+    """A duration in seconds."""
+    return stamp_ns(duration) * 1e-9
+
+
+def set_stamp(stamp: Time, ns: int) -> None:
+    """Write nanoseconds into a stamp in place: cheaper than a new one."""
+    stamp.sec, stamp.nanosec = divmod(ns, GIGA)
+
+
+def point(values) -> Point:
+    """(3,) as a point."""
+    x, y, z = (float(v) for v in values)
+    return Point(x=x, y=y, z=z)
+
+
+def vector(message) -> np.ndarray:
+    """x, y, z of a point or vector message as (3,)."""
+    return np.array([message.x, message.y, message.z])
+
+
+def quaternion(message) -> np.ndarray:
+    """x, y, z, w of a quaternion message as (4,)."""
+    return np.array([message.x, message.y, message.z, message.w])
+
+
+def set_vector(message, values) -> None:
+    """Write (3,) into a point or vector message."""
+    message.x, message.y, message.z = values.tolist() if isinstance(values, np.ndarray) else values
+
+
+def set_pose(message, position: np.ndarray, orientation: np.ndarray) -> None:
+    """Write position (3,) and quaternion (4,) into a pose message."""
+    set_vector(message.position, position)
+    target = message.orientation
+    target.x, target.y, target.z, target.w = orientation.tolist()
+
+
+def arm_state(message: JointState) -> ArmState:
+    """The state of the arm in a JointState; ValueError for the wrong number of joints."""
+    if len(message.position) != 7 or len(message.velocity) != 7:
+        raise ValueError(f"/joint_states has {len(message.position)} positions and {len(message.velocity)} velocities, not 7")
+    return ArmState(stamp_ns(message.header.stamp), np.array(message.position), np.array(message.velocity))
+
+
+def fill_command(message: WamCommand, command: Command) -> WamCommand:
+    """A command written into a message that is used again and again."""
+    set_stamp(message.header.stamp, command.stamp_ns)
+    fx, fy, fz, mx, my, mz = command.wrench.tolist()
+    force, torque = message.wrench.force, message.wrench.torque
+    force.x, force.y, force.z, torque.x, torque.y, torque.z = fx, fy, fz, mx, my, mz
+    message.joint_torque = command.joint_torque
+    message.grip = int(command.grip)
+    return message
+
+
+def command(message: WamCommand) -> Command:
+    """The command in a message; ValueError for an unknown grip."""
+    force, torque = message.wrench.force, message.wrench.torque
+    wrench = np.array([force.x, force.y, force.z, torque.x, torque.y, torque.z])
+    return Command(stamp_ns(message.header.stamp), wrench, np.array(message.joint_torque), Grip(message.grip))
+
+
+def demonstration(message: DemonstrationMsg) -> Demonstration:
+    """The demonstration in a message."""
+    return demonstration_from_message(message)
+
+
+def demonstration_msg(one: Demonstration) -> DemonstrationMsg:
+    """A demonstration as a message."""
+    return fill_demonstration_message(one, DemonstrationMsg(), lambda name: NEW[name]())
+
+
+def outcome_msg(outcome: Outcome, target: np.ndarray, frame_id: str, ns: int, release: Release | None = None) -> TrialOutcome:
+    """What became of a throw as a message; what was not seen is NaN."""
+    unseen = np.full(3, np.nan)
+    message = TrialOutcome()
+    set_stamp(message.header.stamp, ns)
+    message.header.frame_id, message.target = frame_id, point(target)
+    message.landing_seen, message.in_basket = bool(outcome.landing_seen), bool(outcome.in_basket)
+    message.landing, message.landing_error = point(outcome.landing), float(outcome.landing_error)
+    message.release = point(release.position if release else unseen)
+    set_vector(message.release_velocity, release.velocity if release else unseen)
+    return message
+
+
+def plan_msg(plan: ThrowPlan, frame_id: str) -> ThrowPlanMsg:
+    """A plan as a message."""
+    message = ThrowPlanMsg(model_id=plan.model_id)
+    message.header.frame_id = frame_id
+    message.target, message.aim, message.predicted_landing = map(point, (plan.target, plan.aim, plan.predicted_landing))
+    message.trajectory = _trajectory(plan, frame_id)
+    message.position_stiffness, message.position_damping = plan.position_gains.stiffness, plan.position_gains.damping
+    message.orientation_stiffness = plan.orientation_gains.stiffness
+    message.orientation_damping = plan.orientation_gains.damping
+    message.release, message.open_hand = duration_msg(plan.release), duration_msg(plan.open_hand)
+    message.start_posture = plan.start_posture
+    return message
+
+
+def path_msg(plan: ThrowPlanMsg) -> Path:
+    """The way of the hand in a plan, for viewers; its stamps count from the start of the throw."""
+    path = Path(header=plan.header)
+    for sample in plan.trajectory.points:
+        pose = PoseStamped(header=Header(frame_id=plan.header.frame_id))
+        pose.header.stamp.sec, pose.header.stamp.nanosec = sample.time_from_start.sec, sample.time_from_start.nanosec
+        hand = sample.transforms[1]
+        pose.pose.orientation = hand.rotation
+        pose.pose.position.x, pose.pose.position.y, pose.pose.position.z = hand.translation.x, hand.translation.y, hand.translation.z
+        path.poses.append(pose)
+    return path
+
+
+def plan(message: ThrowPlanMsg) -> ThrowPlan:
+    """The plan in a message; ValueError for a trajectory that is not one of attractor and hand."""
+    if list(message.trajectory.joint_names) != ["attractor", "hand"]:
+        raise ValueError(f"a plan's trajectory is of attractor and hand, not of {list(message.trajectory.joint_names)}")
+    points = message.trajectory.points
+    attractor = [_pose(p.transforms[0]) for p in points]
+    hand = [_pose(p.transforms[1]) for p in points]
+    return ThrowPlan(
+        target=vector(message.target),
+        aim=vector(message.aim),
+        predicted_landing=vector(message.predicted_landing),
+        path=HandPath(
+            time=np.array([seconds(p.time_from_start) for p in points]),
+            position=np.array([pose[:3] for pose in hand]),
+            quaternion=np.array([pose[3:] for pose in hand]),
+            velocity=np.array([_twist(p.velocities[1]) for p in points]),
+            acceleration=np.array([_twist(p.accelerations[1]) for p in points]),
+        ),
+        attractor_position=np.array([pose[:3] for pose in attractor]),
+        attractor_quaternion=np.array([pose[3:] for pose in attractor]),
+        position_gains=Gains(message.position_stiffness, message.position_damping),
+        orientation_gains=Gains(message.orientation_stiffness, message.orientation_damping),
+        release=seconds(message.release),
+        open_hand=seconds(message.open_hand),
+        start_posture=np.array(message.start_posture),
+        model_id=message.model_id,
+    )
+
+
+def _trajectory(plan: ThrowPlan, frame_id: str) -> MultiDOFJointTrajectory:
+    trajectory = MultiDOFJointTrajectory(joint_names=["attractor", "hand"])
+    trajectory.header.frame_id = frame_id
+    path = plan.path
+    trajectory.points = [
+        MultiDOFJointTrajectoryPoint(
+            transforms=[
+                _transform(plan.attractor_position[k], plan.attractor_quaternion[k]),
+                _transform(path.position[k], path.quaternion[k]),
+            ],
+            velocities=[Twist(), _twist_msg(path.velocity[k])],
+            accelerations=[Twist(), _twist_msg(path.acceleration[k])],
+            time_from_start=duration_msg(path.time[k]),
+        )
+        for k in range(len(path.time))
+    ]
+    return trajectory
+
+
+def _transform(position: np.ndarray, orientation: np.ndarray) -> Transform:
+    message = Transform()
+    set_vector(message.translation, position)
+    target = message.rotation
+    target.x, target.y, target.z, target.w = orientation.tolist()
+    return message
+
+
+def _pose(transform: Transform) -> np.ndarray:
+    t, r = transform.translation, transform.rotation
+    return np.array([t.x, t.y, t.z, r.x, r.y, r.z, r.w])
+
+
+def _twist(message: Twist) -> np.ndarray:
+    return np.concatenate([vector(message.linear), vector(message.angular)])
+
+
+def _twist_msg(values: np.ndarray) -> Twist:
+    message = Twist()
+    set_vector(message.linear, values[:3])
+    set_vector(message.angular, values[3:])
+    return message

@@ -1,0 +1,120 @@
+"""Coroutines for the nodes' actions that cost nothing while they wait.
+
+rclpy's EventsExecutor steps a coroutine that awaits a future over and over until the future is done: a whole core for the length of an
+action (measured with rclpy 7.1.6). A routine is resumed once, when the promise that it waits for is kept.
+"""
+
+from collections.abc import Callable, Coroutine
+
+from rclpy.action import ActionServer
+from rclpy.action.server import ServerGoalHandle
+from rclpy.node import Node
+
+from dart_skill_nodes.comms.qos import WALL
+
+
+class Promise:
+    """Something to await in a routine; the first value that is set counts."""
+
+    def __init__(self):
+        self._value, self._waiting = None, None
+        self.kept = False
+
+    def keep(self, value=None) -> None:
+        """Resume whoever waits, with a value."""
+        if self.kept:
+            return
+        self._value, self.kept = value, True
+        if self._waiting is not None:
+            self._waiting()
+
+    def when_kept(self, resume: Callable[[], None]) -> None:
+        """Call `resume` as soon as the promise is kept."""
+        if self.kept:
+            resume()
+        else:
+            self._waiting = resume
+
+    def __await__(self):
+        if not self.kept:
+            yield self
+        return self._value
+
+
+def start(node: Node, routine: Coroutine, ended: Callable[[object, Exception | None], None]) -> None:
+    """Run a coroutine that awaits promises only; `ended` gets its result, or the exception that it ended with."""
+
+    def advance() -> None:
+        try:
+            promise = routine.send(None)
+        except StopIteration as stop:
+            ended(stop.value, None)
+        except Exception as error:  # whatever it is, it belongs to whoever started the routine
+            ended(None, error)
+        else:
+            promise.when_kept(lambda: node.executor.create_task(advance))
+
+    advance()
+
+
+async def within(node: Node, promise: Promise, limit: float):
+    """Value of a promise, or None if it is not kept within the limit [s, wall clock]."""
+    timer = node.create_timer(limit, promise.keep, clock=WALL)
+    value = await promise
+    node.destroy_timer(timer)
+    return value
+
+
+async def pause(node: Node, seconds: float) -> None:
+    """Wait [s, wall clock]."""
+    await within(node, Promise(), seconds)
+
+
+async def answer(node: Node, client, request, limit: float):
+    """Response of a service, or None if there is none within the limit [s, wall clock]."""
+    promise = Promise()
+    client.call_async(request).add_done_callback(lambda done: promise.keep(done.result()))
+    return await within(node, promise, limit)
+
+
+def finish(goal_handle: ServerGoalHandle, succeeded: bool) -> None:
+    """Set the final state of a goal: canceled if somebody asked for that, else by its success."""
+    if goal_handle.is_cancel_requested:
+        goal_handle.canceled()
+    elif succeeded:
+        goal_handle.succeed()
+    else:
+        goal_handle.abort()
+
+
+def finish_by_success(goal_handle: ServerGoalHandle, result) -> None:
+    """The same for a result that says whether it is a success."""
+    finish(goal_handle, result.success)
+
+
+class CoroutineActionServer(ActionServer):
+    """An action server whose goals are executed as routines.
+
+    routine: coroutine function of the goal handle, returns the action's result; finish: sets the goal's final state by it.
+    """
+
+    def __init__(self, node: Node, action_type, name: str, routine, finish, **options):
+        super().__init__(node, action_type, name, self._not_used, **options)
+        self._own_node, self._routine, self._finish = node, routine, finish
+
+    def notify_execute(self, goal_handle: ServerGoalHandle, execute_callback) -> None:
+        """Called by rclpy when a goal begins to be executed."""
+
+        def ended(result, error) -> None:
+            def hand_over(handle):
+                if error is not None:
+                    raise error
+                self._finish(handle, result)
+                return result
+
+            super(CoroutineActionServer, self).notify_execute(goal_handle, hand_over)
+
+        start(self._own_node, self._routine(goal_handle), ended)
+
+    def _not_used(self, goal_handle):
+        raise NotImplementedError("goals run as routines")

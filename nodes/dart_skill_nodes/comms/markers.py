@@ -1,0 +1,21 @@
+"""Markers as arrays, for whoever shows them."""
+
+import numpy as np
+from visualization_msgs.msg import Marker, MarkerArray
+
+from dart_skill_nodes.comms import conversions
+
+
+def ellipsoids(message: MarkerArray, frame_id: str) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Spheres in a frame by namespace: centres (K, 3), quaternions x, y, z, w (K, 4), diameters (K, 3). The rest is left out."""
+    groups: dict[str, list[Marker]] = {}
+    for marker in message.markers:
+        if marker.type == Marker.SPHERE and marker.action == Marker.ADD and marker.header.frame_id == frame_id:
+            groups.setdefault(marker.ns, []).append(marker)
+    return {name: _arrays(markers) for name, markers in groups.items()}
+
+
+def _arrays(markers: list[Marker]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    centres = [conversions.vector(one.pose.position) for one in markers]
+    quaternions = [conversions.quaternion(one.pose.orientation) for one in markers]
+    return np.array(centres), np.array(quaternions), np.array([conversions.vector(one.scale) for one in markers])

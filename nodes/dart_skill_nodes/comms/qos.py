@@ -1,0 +1,25 @@
+"""Quality of service of the graph's topics, and the clock of its watchdogs."""
+
+from rclpy.clock import Clock, ClockType
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+LOOP = QoSProfile(depth=10)
+"""For subscribers that answer the newest state: reliable, ten messages."""
+COMPLETE = QoSProfile(depth=10_000)
+"""For what is recorded, at both ends: reliable, 20 s of 500 Hz. A reliable publisher repeats only what it still keeps, and Fast DDS may
+take its heartbeat period of 3 s to find out what was lost."""
+LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""Late joiners get what was published before."""
+FRAMES = QoSProfile(depth=500)
+"""For what comes with every frame of the cameras: reliable, 5 s. Once its history is full, Fast DDS tells with every message what came
+before it, so that what was lost is repeated at once."""
+POSES = {
+    "reliable": FRAMES,
+    "best_effort": QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST),
+}
+"""What a motion-capture driver may publish with; the second one is sensor data as ROS has it."""
+CLOCK = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""For /clock, as rclpy itself subscribes to it."""
+
+WALL = Clock(clock_type=ClockType.STEADY_TIME)
+"""For watchdogs: a machine's time, never the simulation's."""

@@ -1,0 +1,220 @@
+"""The bag player: publishes what a bag holds, with the quality of service that was recorded, at any rate, with /clock.
+
+~/pause (SetBool) and ~/step (a number of messages, while paused) steer it, and so does the parameter `rate`. It ends with the bag.
+"""
+
+import math
+import re
+import sys
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterable
+
+from dart_skill_msgs.srv import Step
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_srvs.srv import SetBool
+
+from dart_skill.recording import BagReader, TopicInfo, type_hash, types_for
+from dart_skill.recording.bags import CLOCK_TOPIC, CLOCK_TYPE, Due, Pace, Playback, Selection
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.matching_qos import message_class
+from dart_skill_nodes.comms.qos import CLOCK
+from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, run
+
+TABLE = [
+    Parameter("bag", "folder or .mcap file"),
+    Parameter("rate", "seconds of the bag per second; 0: as fast as can be", 0.0, 1e6, read_only=False),
+    Parameter("topics", "regular expressions; a topic is played that one of them matches as a whole"),
+    Parameter("exclude", "regular expressions; a topic that one of them matches as a whole is not played"),
+    Parameter("remap", "recorded=published name; '=': none"),
+    Parameter("start", "begin so long after the bag's first message [s]", 0.0, 1e9),
+    Parameter("duration", "end so long after that [s]; 0: with the bag", 0.0, 1e9),
+    Parameter("loop", "begin again at the end"),
+    Parameter("start_paused", "wait for ~/pause or ~/step"),
+    Parameter("clock_rate", "of /clock, unless the bag has one [1/s of the bag's time]; 0: none", 0.0, 10_000.0),
+    Parameter("awaited", "regular expressions: topics, as published, that must have a subscriber before playing begins; '': none"),
+]
+DEPTH = 10_000
+"""Of publishers at least, whatever was recorded, so that what is lost on the way can be repeated; no subscriber sees it."""
+PATIENCE = Duration(seconds=10)
+"""At the end, for reliable subscribers to acknowledge everything; Fast DDS asks them every 3 s."""
+
+
+class BagPlayer(Node):
+    """Publishes from a thread of its own, so that no callback delays a message. `finished`: everything was published."""
+
+    def __init__(self):
+        super().__init__("bag_player")
+        self.p = declare(self, "bag_player.yaml", TABLE)
+        self.finished, self._stopping, self._steps, self._published, self._position_ns = False, False, 0, 0, 0
+        self._bag = BagReader(self.p["bag"])
+        self._playback = Playback(self._bag, self._selection())
+        self._publishers_of = {topic: self._publisher(topic, info) for topic, info in self._playback.topics.items()}
+        if self._playback.makes_clock:
+            self._publishers_of[CLOCK_TOPIC] = self.create_publisher(message_class(CLOCK_TYPE), CLOCK_TOPIC, CLOCK)
+        self._awaited = self._awaited_topics()
+        self._sent: Counter[str] = Counter()  # since everything was last acknowledged
+        self._changed = threading.Condition()
+        self._pace = Pace(self.p["rate"], time.monotonic(), self.p["start_paused"])
+        self.create_service(SetBool, "~/pause", self._on_pause)
+        self.create_service(Step, "~/step", self._on_step)
+        self.add_on_set_parameters_callback(self._on_parameters)
+        self._diagnostics = Diagnostics(self, self._describe)
+        self._thread = threading.Thread(target=self._play, name="playing")
+        self._thread.start()
+
+    def destroy_node(self) -> None:
+        with self._changed:
+            self._stopping = True
+            self._changed.notify()
+        self._thread.join()
+        self._bag.close()
+        super().destroy_node()
+
+    # what is played
+
+    def _selection(self) -> Selection:
+        played = Selection(self.p["topics"], self.p["exclude"])
+        unknown = [name for name, info in self._bag.topics.items() if played.matches(name) and not self._is_known(info)]
+        return Selection(
+            topics=self.p["topics"],
+            exclude=[*self.p["exclude"], *map(re.escape, unknown)],
+            remap=dict(text.split("=", 1) for text in self.p["remap"] if text.strip("=")),
+            start=self.p["start"],
+            duration=self.p["duration"] or math.inf,
+            loop=self.p["loop"],
+            clock_rate=self.p["clock_rate"],
+        )
+
+    def _is_known(self, info: TopicInfo) -> bool:
+        """Whether a topic's type is installed here, in the version that the bag has; says why not."""
+        try:
+            message_class(info.type_name)
+            here = type_hash(types_for(info.type_name), info.type_name)
+        except (ImportError, AttributeError, ValueError) as error:
+            self.get_logger().warning(f"{info.name} is not played: {error}")
+            return False
+        if info.type_hash and info.type_hash != here:
+            self.get_logger().warning(f"{info.name} is not played: its {info.type_name} differs from the one that is installed here")
+            return False
+        return True
+
+    def _publisher(self, topic: str, info: TopicInfo):
+        return self.create_publisher(message_class(info.type_name), topic, _quality(info))
+
+    def _awaited_topics(self) -> list[str]:
+        """Those of `awaited`; ValueError if one of its expressions matches nothing that is played."""
+        patterns = list(filter(None, self.p["awaited"]))
+        if unknown := [pattern for pattern in patterns if not any(re.fullmatch(pattern, topic) for topic in self._publishers_of)]:
+            raise ValueError(f"awaited: {unknown} are not played, only {sorted(self._publishers_of)}")
+        return [topic for topic in self._publishers_of if any(re.fullmatch(pattern, topic) for pattern in patterns)]
+
+    # playing, in the thread
+
+    def _play(self) -> None:
+        if self._are_awaited():
+            with self._changed:
+                self._pace.begin(time.monotonic())
+            self._publish_all(self._playback)
+        self.finished = not self._stopping
+
+    def _are_awaited(self) -> bool:
+        """Wait until somebody listens to the topics of `awaited`; False if playing was stopped."""
+        with self._changed:
+            while not self._stopping and self._awaited:
+                self._awaited = [topic for topic in self._awaited if not self._publishers_of[topic].get_subscription_count()]
+                self._changed.wait(0.05)
+            return not self._stopping
+
+    def _publish_all(self, dues: Iterable[Due]) -> None:
+        for due in dues:
+            if not self._wait_for(due):
+                return
+            self._publishers_of[due.topic].publish(due.data)
+            self._hold_back(due)
+            self._published, self._position_ns = self._published + 1, due.stamp_ns
+        self._wait_for_acknowledgements()
+
+    def _hold_back(self, due: Due) -> None:
+        """In a hurry, wait for the subscribers before a history is full: what is overwritten cannot be repeated."""
+        self._sent[due.topic] += 1
+        if self._sent[due.topic] >= DEPTH // 2 and self._pace.hurries(due.position_ns, time.monotonic()):
+            self._wait_for_acknowledgements()
+            self._sent.clear()
+
+    def _wait_for(self, due: Due) -> bool:
+        """Wait until a message is due; False if playing was stopped."""
+        with self._changed:
+            while not self._stopping and not self._steps and (wait := self._pace.wait(due.position_ns, time.monotonic())) > 0.0:
+                self._changed.wait(None if math.isinf(wait) else wait)
+            self._steps -= self._steps > 0 and due.topic != CLOCK_TOPIC
+            self._pace.reach(due.position_ns, time.monotonic())
+            return not self._stopping
+
+    def _wait_for_acknowledgements(self) -> None:
+        for publisher in self._publishers_of.values():
+            if not self._stopping and publisher.get_subscription_count():
+                publisher.wait_for_all_acked(PATIENCE)
+
+    # steering
+
+    def _on_pause(self, request, response):
+        with self._changed:
+            self._pace.pause(request.data, time.monotonic())
+            self._changed.notify()
+        response.success = True
+        return response
+
+    def _on_step(self, request, response):
+        with self._changed:
+            response.success = self._pace.paused and request.steps > 0
+            if response.success:
+                self._steps += request.steps
+                self._changed.notify()
+            else:
+                response.message = "messages are stepped while paused (~/pause), at least 1 at a time"
+        response.stamp = conversions.time_msg(self._position_ns)
+        return response
+
+    def _on_parameters(self, parameters) -> SetParametersResult:
+        for parameter in parameters:
+            if parameter.name == "rate":
+                with self._changed:
+                    self._pace.set_rate(parameter.value, time.monotonic())
+                    self._changed.notify()
+        return SetParametersResult(successful=True)
+
+    def _describe(self):
+        state = "finished" if self.finished else ("paused" if self._pace.paused else "playing")
+        if awaited := self._awaited:
+            state = f"waiting for a subscriber of {', '.join(awaited)}"
+        return OK, state, {"published": self._published, "stamp_ns": self._position_ns, "rate": self._pace.rate}
+
+
+def _quality(info: TopicInfo) -> QoSProfile:
+    """The first recorded quality of service of a topic; late joiners get as many messages of a latched one as they did then."""
+    if not info.qos:
+        return QoSProfile(depth=DEPTH)
+    recorded = info.qos[0]
+    latched = recorded.durability.name == "TRANSIENT_LOCAL"
+    return QoSProfile(
+        depth=recorded.depth if latched and recorded.depth else max(recorded.depth, DEPTH),
+        reliability=ReliabilityPolicy[recorded.reliability.name],
+        durability=DurabilityPolicy[recorded.durability.name],
+    )
+
+
+def main(args: list[str] | None = None) -> None:
+    """Entry point of `ros2 run dart_skill bag_player`."""
+    try:
+        run(lambda: [BagPlayer()], args, over=lambda nodes: all(node.finished for node in nodes))
+    except (ValueError, OSError) as error:
+        sys.exit(f"bag_player: {error}")
+
+
+if __name__ == "__main__":
+    main()

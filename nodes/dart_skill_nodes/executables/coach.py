@@ -1,0 +1,192 @@
+"""The coach: lets the arm throw, gives what came of it to the learner, and chooses the next basket where throws are worst.
+
+Action /practice. What it knows of a throw comes from the motion capture, through commander and recorder.
+"""
+
+import numpy as np
+from dart_skill_msgs.action import Practice, Throw
+from dart_skill_msgs.srv import AddTrial, PlanThrow, Reset
+from geometry_msgs.msg import PoseStamped
+from rclpy.action import ActionClient, CancelResponse, GoalResponse
+from rclpy.node import Node
+from std_srvs.srv import SetBool
+
+from dart_skill.session.regions import Region
+from dart_skill.skill.improve.curriculum import Curriculum
+from dart_skill.skill.observe.cutting import ARRIVAL_NS
+from dart_skill_nodes.client.failures import CallFailed
+from dart_skill_nodes.client.service_calls import PATIENCE, Recording, ServiceCalls
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, finish_by_success, within
+from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions
+from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, run
+
+TABLE = [
+    Parameter("seed", "of the baskets among which it chooses", 0, 2**31 - 1),
+    Parameter("frame_id", "frame of targets"),
+    Parameter("basket_body", "tracked body that is the basket"),
+    Parameter("near", "nearest basket, from the base axis [m]", 0.5, 5.0),
+    Parameter("far", "farthest basket [m]", 0.5, 5.0),
+    Parameter("side", "largest azimuth to either side [rad]", 0.0, 3.14),
+    Parameter("rim", "height of the rim [m]", 0.0, 2.0),
+    Parameter("candidates", "baskets among which it chooses the next one", 1, 1000),
+    Parameter("watch_time", "the ball is watched so long after the hand was told to open [s]", 0.3, 5.0),
+]
+LONGEST_THROW = 120.0
+"""Of the answer to a throw [s, wall clock]."""
+
+
+class CoachNode(Node):
+    """Practice as an action: reset, throw, look, learn, and again."""
+
+    def __init__(self):
+        super().__init__("coach")
+        self.p = declare(self, "coach.yaml", TABLE)
+        self._region = Region(**{name: self.p[name] for name in ("near", "far", "side", "rim")})
+        self._rng, self._curriculum = np.random.default_rng([self.p["seed"], 5]), Curriculum()
+        self._goal, self._under_way, self._sighting = None, None, None
+        self._calls = ServiceCalls(self)
+        self._recording = Recording(self, self._calls)
+        self._reset = self.create_client(Reset, "/simulation/reset")
+        self._pause = self.create_client(SetBool, "/simulation/pause")
+        self._plan = self.create_client(PlanThrow, "/skill_learner/plan_throw")
+        self._add_trial = self.create_client(AddTrial, "/skill_learner/add_trial")
+        self._throw = ActionClient(self, Throw, "/throw")
+        self._cameras = MatchingSubscriptions(self)
+        self._cameras.subscribe(f"/vrpn_mocap/{self.p['basket_body']}/pose", self._on_basket, PoseStamped)
+        accept = {"goal_callback": self._on_goal, "cancel_callback": self._on_cancel}
+        self._action = CoroutineActionServer(self, Practice, "/practice", self._practise, finish_by_success, **accept)
+        self._diagnostics = Diagnostics(self, lambda: (OK, "practising" if self._goal else "waiting", {}))
+
+    def _on_goal(self, goal) -> GoalResponse:
+        if self._goal is not None:
+            self.get_logger().warning("practice is refused: there is practice under way")
+            return GoalResponse.REJECT
+        return GoalResponse.ACCEPT
+
+    def _on_cancel(self, _) -> CancelResponse:
+        if self._under_way is not None:
+            self._under_way.cancel_goal_async()
+        return CancelResponse.ACCEPT
+
+    async def _practise(self, goal_handle) -> Practice.Result:
+        self._goal, result = goal_handle, Practice.Result()
+        try:
+            targets = [conversions.vector(point) for point in goal_handle.request.targets]
+            follow, wanted = goal_handle.request.follow_basket, goal_handle.request.throws or len(targets)
+            if follow and targets:
+                raise ValueError("follow_basket throws where the cameras see the basket: give no targets")
+            for number in range(1, wanted + 1):
+                target = None if follow else targets[(number - 1) % len(targets)] if targets else await self._choose()
+                await self._one_throw(number, target, result)
+                if goal_handle.is_cancel_requested:
+                    raise CallFailed("cancelled")
+            result.success = result.thrown == wanted
+            result.message = f"{result.thrown} of {wanted} throws made, {result.learned} learned from"
+        except (CallFailed, ValueError) as error:
+            result.success, result.message = False, str(error)
+            self.get_logger().error(f"practice ends: {error}")
+        finally:
+            self._goal = self._under_way = None
+        return result
+
+    async def _choose(self) -> np.ndarray:
+        """The basket where throws are worst, of those for which the learner has a plan."""
+        baskets = self._region.spread(self.p["candidates"], self._rng)
+        for k in self._curriculum.order(baskets):
+            request = PlanThrow.Request(target=conversions.point(baskets[k]))
+            request.header.frame_id = self.p["frame_id"]
+            response = await self._calls.call(self._plan, request, may_refuse=True)
+            if response.success:
+                return baskets[k]
+        raise CallFailed(f"{self._plan.srv_name} has no plan for any of {len(baskets)} baskets: {response.message}")
+
+    async def _one_throw(self, number: int, target: np.ndarray | None, result: Practice.Result) -> None:
+        """target (3,), where the basket is put; None: where it is seen."""
+        self._feed(number, "resetting")
+        await self._recording.start()
+        reset = Reset.Request(paused=True)
+        if target is not None:
+            reset.move_basket, reset.basket = True, conversions.point(target)
+        first = await self._calls.call(self._reset, reset)
+        target = await self._basket_seen(conversions.stamp_ns(first.stamp)) if target is None else target
+        self._feed(number, "throwing")
+        thrown = await self._throw_at(target, first.stamp)
+        await self._calls.call(self._pause, SetBool.Request(data=True))
+        feedback = Practice.Feedback(number=number, phase="done", outcome=thrown.outcome, message=thrown.message)
+        if thrown.code == Throw.Goal.OUTCOME_THROWN:
+            result.thrown += 1
+            self._feed(number, "learning")
+            feedback.message = await self._learn_from(thrown, target, result)
+        else:
+            self._curriculum.give_up(target)
+            thrown.outcome.target, thrown.outcome.landing = conversions.point(target), conversions.point([np.nan] * 3)
+            thrown.outcome.landing_error = np.nan
+        result.outcomes.append(thrown.outcome)
+        self._goal.publish_feedback(feedback)
+
+    async def _basket_seen(self, since_ns: int) -> np.ndarray:
+        """Where the cameras see the basket (3,), not before a stamp; a paused world is let run until they do."""
+        self._sighting = Promise()
+        self._sighting_since_ns = since_ns
+        await self._calls.call(self._pause, SetBool.Request(data=False))
+        seen, self._sighting = await within(self, self._sighting, PATIENCE), None
+        await self._calls.call(self._pause, SetBool.Request(data=True))
+        if seen is None:
+            raise CallFailed(f"the basket was not seen for {PATIENCE:.0f} s: is it tracked?")
+        return seen
+
+    def _on_basket(self, message: PoseStamped) -> None:
+        if self._sighting is None or conversions.stamp_ns(message.header.stamp) < self._sighting_since_ns:
+            return
+        if message.header.frame_id == self.p["frame_id"]:
+            self._sighting.keep(conversions.vector(message.pose.position))
+
+    async def _throw_at(self, target: np.ndarray, first_stamp) -> Throw.Result:
+        """Result of a throw that begins after a known state, so that it begins at the same step every time."""
+        goal, armed, over = Throw.Goal(target=conversions.point(target)), Promise(), Promise()
+        goal.header.frame_id, goal.header.stamp = self.p["frame_id"], first_stamp
+
+        def on_feedback(feedback) -> None:
+            if feedback.phase == "armed":
+                armed.keep()
+
+        def on_result(done) -> None:
+            over.keep(done.result().result)
+            armed.keep()
+
+        self._under_way = await self._calls.send(self._throw, "/throw", goal, on_feedback)
+        self._under_way.get_result_async().add_done_callback(on_result)
+        await within(self, armed, LONGEST_THROW)
+        await self._calls.call(self._pause, SetBool.Request(data=False))
+        thrown, self._under_way = await within(self, over, LONGEST_THROW), None
+        if thrown is None:
+            raise CallFailed(f"the throw took longer than {LONGEST_THROW:.0f} s")
+        return thrown
+
+    async def _learn_from(self, thrown: Throw.Result, target: np.ndarray, result: Practice.Result) -> str:
+        """Give the throw to the learner; why it was not learned from, if so."""
+        opened_ns = conversions.stamp_ns(thrown.outcome.header.stamp)
+        cut = await self._recording.stop(opened_ns + round(self.p["watch_time"] * 1e9) - ARRIVAL_NS, False, "practice")
+        if not cut.success:
+            self._curriculum.tell(target, np.nan)
+            return cut.message
+        cut.demonstration.id = f"throw_{opened_ns}"
+        request = AddTrial.Request(trial=cut.demonstration, plan=thrown.plan)
+        told = await self._calls.call(self._add_trial, request, may_refuse=True)
+        left = float(np.hypot(*told.left))
+        self._curriculum.tell(target, left if np.isfinite(left) else thrown.outcome.landing_error)
+        result.learned += told.success
+        return told.message
+
+    def _feed(self, number: int, phase: str) -> None:
+        self._goal.publish_feedback(Practice.Feedback(number=number, phase=phase))
+
+
+def main(args: list[str] | None = None) -> None:
+    """Entry point of `ros2 run dart_skill coach`."""
+    run(lambda: [CoachNode()], args)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,234 @@
+"""The demonstration recorder: everything goes into an MCAP bag as it comes; between ~/start and ~/stop a throw is cut out of it.
+
+Messages are received and written as raw CDR. Only what cutting needs is decoded: poses, one joint state per pose, the hand's button.
+"""
+
+import json
+import time
+from datetime import datetime
+from functools import partial
+from pathlib import Path
+
+from dart_skill_msgs.msg import Demonstration as DemonstrationMsg
+from dart_skill_msgs.srv import StopDemonstration
+from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+
+from dart_skill.movement import VelocityThreshold
+from dart_skill.recording import DEMONSTRATION_TOPIC, DEMONSTRATION_TYPE, Demonstration, demonstration_message, serialize, types_for
+from dart_skill.recording.grip_signal import OPEN, read_command
+from dart_skill.skill.observe.cutting import watched_until
+from dart_skill.skill.observe.throw_finder import ThrowFinder
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink
+from dart_skill_nodes.comms.qos import LATCHED, WALL
+from dart_skill_nodes.comms.raw_batches import TAKE, RawBatches, RawMessage
+from dart_skill_nodes.comms.tracked_bodies import FRAME_NS, ROLES, Arrivals, TrackedBodies
+from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Parameter, autostart, declare, run
+
+TABLE = [
+    Parameter("frame_id", "frame of the poses"),
+    Parameter("bag", "folder of the bag; empty: demonstrations_<date> in the working directory"),
+    Parameter("seed", "of the run, written into the bag", 0, 2**31 - 1),
+    Parameter("topics", "what is recorded"),
+    Parameter("hand_body", "tracked body that is the hand"),
+    Parameter("ball_body", "tracked body that is the ball"),
+    Parameter("basket_body", "tracked body that is the basket"),
+    Parameter("start_threshold", "speed at which a motion begins [m/s]", 0.01, 5.0),
+    Parameter("stop_threshold", "speed at which a motion ends [m/s]", 0.01, 5.0),
+    Parameter("min_duration", "shorter motions are ignored [s]", 0.0, 10.0),
+    Parameter("max_pause", "a shorter rest does not end a motion [s]", 0.0, 10.0),
+    Parameter("run_up", "kept before the motion [s]", 0.0, 5.0),
+    Parameter("settle", "kept after the motion [s]", 0.0, 5.0),
+    Parameter("speed_window", "over which the speed is estimated [s]", 0.02, 1.0),
+    Parameter("automatic", "cut every guided throw into the basket by itself, without ~/start and ~/stop"),
+]
+
+
+class DemonstrationRecorder(BagKeeper):
+    """A managed node: configuring opens the bag, cleaning up or shutting down closes it. It starts itself unless `autostart` is false."""
+
+    def __init__(self):
+        super().__init__("demonstration_recorder")
+        self.p = declare(self, "demonstration_recorder.yaml", TABLE)
+        self.declare_parameter("autostart", True)
+        self._bag, self._count, self._recording, self._now_ns = None, 0, False, 0
+        self._newest: dict[str, int] = {}
+        self._demonstrations = self.create_publisher(DemonstrationMsg, DEMONSTRATION_TOPIC, LATCHED)
+        self.create_service(Trigger, "~/start", self._on_start)
+        self.create_service(StopDemonstration, "~/stop", self._on_stop)
+        self._diagnostics = Diagnostics(self, self._describe)
+        if self.get_parameter("autostart").value:
+            autostart(self)
+
+    # life cycle
+
+    def on_configure(self, state) -> TransitionCallbackReturn:
+        try:
+            self._thresholds = VelocityThreshold(
+                start=self.p["start_threshold"], stop=self.p["stop_threshold"], window=self.p["speed_window"],
+                **{name: self.p[name] for name in ("min_duration", "max_pause", "run_up", "settle")},
+            )  # fmt: skip
+            path = Path(self.p["bag"] or f"demonstrations_{datetime.now():%Y_%m_%d-%H_%M_%S}")
+            self._bag = BagSink(self, path, {"seed": str(self.p["seed"])})
+        except (ValueError, OSError) as error:
+            self.get_logger().error(f"not configured: {error}")
+            return TransitionCallbackReturn.FAILURE
+        self._watcher = TrackedBodies(self, self.p["frame_id"], subscribe=False)
+        self._role_of = {f"/vrpn_mocap/{self.p[f'{role}_body']}/pose": role for role in ROLES}
+        self._needed = {"/joint_states", "/wam/command", "/wam/teacher_wrench", *self._role_of}
+        self._silent = {"/joint_states", "/wam/command", *(t for t, role in self._role_of.items() if role == "hand")}
+        self._finder, self._arrivals = None, Arrivals()
+        if self.p["automatic"]:
+            self._finder = ThrowFinder(self._watcher.log, self._thresholds)
+            self._watcher.clear()
+        self._messages = RawBatches(self)
+        for topic in [*self.p["topics"], *sorted(self._needed - set(self.p["topics"]))]:
+            self._subscribe(topic)
+        self._timer = self.create_timer(TAKE, self._take, clock=WALL)
+        return TransitionCallbackReturn.SUCCESS
+
+    def _close(self) -> None:
+        if self._bag is not None:
+            self._take()
+            self.destroy_timer(self._timer)
+            self._messages.close()
+            self._bag.close({"lost": json.dumps(self._messages.lost)})
+            self._bag, self._recording = None, False
+
+    # recording
+
+    def _subscribe(self, topic: str) -> None:
+        if topic == DEMONSTRATION_TOPIC:
+            self._bag.add_own(topic, DEMONSTRATION_TYPE, LATCHED)
+            return  # its own publication is written where it is made: a node does not hear itself reliably in order
+        if topic in self.p["topics"]:
+            self._messages.listen(topic, partial(self._bag.add_offered, topic))
+        else:
+            self._messages.listen(topic)
+
+    def _take(self) -> None:
+        if self._bag is None:
+            return  # a last tick of the timer, when all is closed
+        for message in self._messages.take():
+            ns = self._bag.stamp_ns(message.topic, message.data)
+            ns = self._now_ns if ns is None else ns
+            self._now_ns, self._newest[message.topic] = max(self._now_ns, ns), ns
+            if message.topic in self.p["topics"]:
+                self._bag.write(message.topic, self._now_ns, ns, message.data)
+            if self._recording or self._finder:
+                self._look(message, ns)
+            self._silent.discard(message.topic)
+        if self._finder:
+            self._find()
+
+    def _look(self, message: RawMessage, ns: int) -> None:
+        if role := self._role_of.get(message.topic):
+            self._watcher.take(role, message.data)
+        elif message.topic == "/joint_states":
+            self._look_at_joints(ns, message.data)
+        elif message.topic in ("/wam/command", "/wam/teacher_wrench"):
+            self._look_at_grip(message.topic, ns, message.data)
+
+    def _look_at_joints(self, ns: int, data: bytes) -> None:
+        joints = self._watcher.log
+        if joints.wants_joints(ns):
+            state = conversions.arm_state(deserialize_message(data, JointState))
+            joints.add_joints(ns, state.position, state.velocity)
+
+    def _look_at_grip(self, topic: str, ns: int, data: bytes) -> None:
+        if self._finder:
+            self._finder.add_command(data, guiding=topic == "/wam/teacher_wrench")
+        elif read_command(data)[2] == OPEN:
+            self._watcher.log.add_opening(ns)
+
+    def _find(self) -> None:
+        sensors = [self._newest.get(topic, 0) for topic in ("/joint_states", *self._role_of)]
+        for throw in self._finder.until(self._arrivals.until(sensors, time.monotonic())):
+            if throw.shows:
+                self._keep(throw.demonstration, watched_until(throw.stamp_ns))
+            else:
+                why = throw.reason or ("it missed the basket" if throw.taught else "the arm threw by itself")
+                self.get_logger().info(f"the throw at {throw.stamp_ns} ns is no demonstration: {why}")
+
+    # services
+
+    def _on_start(self, request, response):
+        if self._bag is None:
+            response.success, response.message = False, "no bag is open: configure this node first"
+            return response
+        if self._finder:
+            response.success, response.message = False, "throws are cut automatically here: ~/start needs 'automatic' to be false"
+            return response
+        if silent := ", ".join(sorted(self._silent | (set(self._role_of) & set(self._messages.missing)))):
+            response.success, response.message = False, f"nothing has come on {silent} yet: is the node running that publishes it?"
+            return response
+        self._take()
+        self._watcher.clear()
+        self._newest.clear()
+        self._recording = True
+        response.success, response.message = True, str(self._bag.writer.path)
+        return response
+
+    def _on_stop(self, request, response):
+        if not self._recording:
+            response.success, response.message = False, "no demonstration is being recorded: call ~/start first"
+            return response
+        self._take()
+        until = conversions.stamp_ns(request.until)
+        response.pending = self._arrived_ns < until  # never, if the caller asks for what there is
+        if response.pending:
+            response.success, response.message = False, f"messages have come up to {self._arrived_ns} ns only, not {until} ns"
+            return response
+        self._recording = False
+        return self._cut(request, response, until or self._now_ns)
+
+    @property
+    def _arrived_ns(self) -> int:
+        """Up to this stamp everything has come: a topic that was heard since ~/start may lag behind the others."""
+        steps = (newest for topic, newest in self._newest.items() if topic in self._needed and topic not in self._role_of)
+        return min(self._watcher.newest_ns - FRAME_NS, min(steps, default=0))
+
+    def _cut(self, request, response, until: int):
+        try:
+            one = self._watcher.log.cut(f"demonstration_{self._count + 1}", until, self._thresholds)
+            response.success, response.demonstration = True, conversions.demonstration_msg(one)
+        except ValueError as error:
+            response.success, response.message = False, str(error)
+            self.get_logger().error(f"no demonstration: {error}")
+            return response
+        if request.keep:
+            self._keep(one, until)
+        return response
+
+    def _keep(self, one: Demonstration, until: int) -> None:
+        """Publish a demonstration that was watched up to a stamp, and put it into the bag."""
+        self._count += 1
+        self._demonstrations.publish(conversions.demonstration_msg(one))
+        if DEMONSTRATION_TOPIC in self.p["topics"]:
+            # Not by serialize_message: Fast DDS's size estimate leaves stray bytes behind empty sequences.
+            types = types_for(DEMONSTRATION_TYPE)
+            content = serialize(types, DEMONSTRATION_TYPE, demonstration_message(types, one))
+            self._bag.write(DEMONSTRATION_TOPIC, self._now_ns, until, content)
+        self._bag.flush()
+
+    def _describe(self):
+        if self._bag is None:
+            return WARN, "no bag is open", {}
+        values = {"bag": self._bag.writer.path, "demonstrations": self._count, "rejected": self._watcher.log.rejected}
+        values["lost"] = sum(self._messages.lost.values())
+        values |= self._bag.writer.counts
+        if self._bag.failure:
+            return ERROR, self._bag.failure, values
+        return OK, "recording" if self._recording or self._finder else "waiting", values
+
+
+def main(args: list[str] | None = None) -> None:
+    """Entry point of `ros2 run dart_skill demonstration_recorder`."""
+    run(lambda: [DemonstrationRecorder()], args)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,157 @@
+"""The mock OptiTrack: 12 cameras look at the simulated world and publish as vrpn_mocap does.
+
+/vrpn_mocap/<body>/pose, PoseStamped, 100 Hz, frame `world`. A body that too few cameras see is not published, as the real driver does.
+Stamps are those of the exposure (vrpn_mocap: use_vrpn_timestamps); messages come a latency later. They are reliable, because the same seed
+must give the same throw on a busy machine too; `reliability: best_effort` is what vrpn_mocap does.
+"""
+
+from dart_skill_msgs.msg import SimulationState
+from geometry_msgs.msg import PoseStamped
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
+from rosgraph_msgs.msg import Clock
+
+from dart_skill.configuration import node_parameters
+from dart_skill.robot.model import ArmModel
+from dart_skill.simulation.motion_capture import BasketWalls, LatencyQueue, MotionCapture
+from dart_skill.simulation.plant import PlantSettings
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.qos import CLOCK, FRAMES, POSES
+from dart_skill_nodes.process.node_base import OK, WARN, Diagnostics, Parameter, autostart, declare_row, refuse_what_is_not_finite, run
+
+STEP_NS = PlantSettings().step_ns
+BASKET = (
+    (Parameter("basket_radius", "free opening of the basket that hides the ball [m]", 0.05, 1.0, read_only=False), 0.15),
+    (Parameter("basket_depth", "rim to floor of the basket that hides the ball [m]", 0.05, 1.0, read_only=False), 0.35),
+)
+"""What can change while the cameras run, with the defaults."""
+TEXTS = {
+    "reliability": "of the published poses: reliable, or best_effort as vrpn_mocap publishes",
+    "rate": "frames per second",
+    "min_cameras": "cameras that must see a body",
+    "clearance": "what is nearer to a body than this does not hide it [m]",
+    "noise": "standard deviation of a coordinate [m]",
+    "marker_spread": "extent of a body's markers [m]",
+    "calibration_error": "offset of every body, drawn once for a run [m]",
+    "latency": "from the exposure to the message [s]",
+    "latency_jitter": "mean of the exponential delay on top of it [s]",
+    "dropout_rate": "dropouts of a body per second [1/s]",
+    "dropout_frames": "shortest and longest dropout [frames]",
+    "half_angles_deg": "of the field of view, horizontal and vertical [degrees]",
+    "range": "of sight [m]",
+}
+
+
+class MockOptitrack(LifecycleNode):
+    """Camera system as a managed node; it configures and activates itself unless `autostart` is false."""
+
+    def __init__(self):
+        super().__init__("mock_optitrack")
+        self._parameters_in_force = self._declare()
+        self._capture, self._queue = None, LatencyQueue()
+        self._published, self._lost, self._active, self._frame_ns, self._episode = {}, {}, False, 0, None
+        if self.get_parameter("autostart").value:
+            autostart(self)
+
+    def _declare(self) -> dict:
+        """Every value of config/optitrack.yaml as a parameter, nested ones with dots in their names."""
+        refuse_what_is_not_finite(self)
+        for name, default in (("autostart", True), ("seed", 0)):
+            self.declare_parameter(name, default)
+        for row, default in BASKET:
+            declare_row(self, row, default)
+        values = node_parameters("optitrack.yaml", "mock_optitrack")
+        cameras = values.pop("cameras")
+        for name, default in values.items():
+            self.declare_parameter(name, default, ParameterDescriptor(description=TEXTS.get(name, name), read_only=True))
+        for name in self.get_parameter("camera_names").value:
+            for field in ("position", "look_at"):
+                default = cameras.get(name, {}).get(field, [0.0, 0.0, 1.0])
+                self.declare_parameter(f"cameras.{name}.{field}", default)
+        return {name: self.get_parameter(name).value for name in values} | {"cameras": self._cameras()}
+
+    def _cameras(self) -> dict:
+        names = self.get_parameter("camera_names").value
+        fields = ("position", "look_at")
+        return {n: {f: list(self.get_parameter(f"cameras.{n}.{f}").value) for f in fields} for n in names}
+
+    # life cycle
+
+    def on_configure(self, state) -> TransitionCallbackReturn:
+        try:
+            self._capture = MotionCapture(self._parameters_in_force, self.get_parameter("seed").value)
+            if (reliability := self.get_parameter("reliability").value) not in POSES:
+                raise ValueError(f"reliability = '{reliability}': give one of {', '.join(POSES)}")
+        except (ValueError, KeyError) as error:
+            self.get_logger().error(f"not configured: {error}")
+            return TransitionCallbackReturn.FAILURE
+        self._kinematics = ArmModel()
+        names, qos = self._capture.config.bodies, POSES[self.get_parameter("reliability").value]
+        self._publishers_of = {n: self.create_publisher(PoseStamped, f"/vrpn_mocap/{n}/pose", qos) for n in names}
+        self._published, self._lost = dict.fromkeys(names, 0), dict.fromkeys(names, 0)
+        self._message = PoseStamped()
+        self._message.header.frame_id = self.get_parameter("frame_id").value
+        self.create_subscription(SimulationState, "/simulation/state", self._on_state, FRAMES)
+        self.create_subscription(Clock, "/clock", self._on_clock, CLOCK, raw=True)
+        self._diagnostics = Diagnostics(self, self._describe)
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_activate(self, state) -> TransitionCallbackReturn:
+        self._active = True
+        return super().on_activate(state)
+
+    def on_deactivate(self, state) -> TransitionCallbackReturn:
+        self._active = False
+        self._queue.clear()
+        return super().on_deactivate(state)
+
+    # frames
+
+    def _on_state(self, message: SimulationState) -> None:
+        ns = conversions.stamp_ns(message.header.stamp)
+        frame_ns = round(1e9 / self._capture.config.rate)
+        if not self._active or (message.step * STEP_NS) % frame_ns or ns == self._frame_ns:
+            return  # an unanswered state is published again: it is the same frame
+        if message.episode != self._episode or ns < self._frame_ns:  # the latter: a simulator that was started again
+            self._episode = message.episode
+            self._capture.begin(message.episode)
+            self._queue.clear()
+        self._frame_ns = ns
+        bodies = {name: self._pose(getattr(message, name)) for name in self._capture.config.bodies}
+        radius, depth = (self.get_parameter(name).value for name in ("basket_radius", "basket_depth"))
+        walls = BasketWalls(conversions.vector(message.basket.position), radius, depth)
+        capsules = self._kinematics.link_capsules(message.joint_position, message.base_turn)
+        samples = self._capture.observe(ns, message.episode, bodies, capsules, walls, message.step * STEP_NS // frame_ns)
+        for name in set(bodies) - {sample.name for sample in samples}:
+            self._lost[name] += 1
+        self._queue.push(samples)
+        self._publish_due(ns)
+
+    def _on_clock(self, data: bytes) -> None:
+        self._publish_due(conversions.leading_stamp_ns(data))
+
+    def _publish_due(self, now_ns: int) -> None:
+        for sample in self._queue.due(now_ns):
+            message = self._message
+            conversions.set_stamp(message.header.stamp, sample.stamp_ns)
+            conversions.set_pose(message.pose, sample.position, sample.quaternion)
+            self._publishers_of[sample.name].publish(message)
+            self._published[sample.name] += 1
+
+    @staticmethod
+    def _pose(message) -> tuple:
+        return conversions.vector(message.position), conversions.quaternion(message.orientation)
+
+    def _describe(self):
+        lost = {f"{name}_lost": count for name, count in self._lost.items()}
+        level, text = (OK, "tracking") if self._active else (WARN, "not active")
+        return level, text, {**self._published, **lost}
+
+
+def main(args: list[str] | None = None) -> None:
+    """Entry point of `ros2 run dart_skill mock_optitrack`."""
+    run(lambda: [MockOptitrack()], args)
+
+
+if __name__ == "__main__":
+    main()

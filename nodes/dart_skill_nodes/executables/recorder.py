@@ -1,0 +1,184 @@
+"""The recorder: chosen topics, or all, into a rosbag2 folder, as raw messages with the quality of service of their publishers.
+
+Beside them it writes what viewers need to show the arm, where nobody publishes it: /robot_description, /tf and /tf_static.
+"""
+
+import json
+import re
+from datetime import datetime
+from functools import partial
+from pathlib import Path
+
+from rclpy.lifecycle import TransitionCallbackReturn
+
+from dart_skill.recording import types_for
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink
+from dart_skill_nodes.comms.matching_qos import message_class
+from dart_skill_nodes.comms.qos import WALL
+from dart_skill_nodes.comms.raw_batches import TAKE, RawBatches, RawMessage
+from dart_skill_nodes.comms.tf_messages import TfMessages
+from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Parameter, autostart, declare, run
+
+TABLE = [
+    Parameter("bag", "folder of the bag; empty: recording_<date> in the working directory"),
+    Parameter("topics", "regular expressions; a topic is recorded that one of them matches as a whole"),
+    Parameter("exclude", "regular expressions; a topic that one of them matches as a whole is not recorded"),
+    Parameter("notes", "name=text, kept in the bag's metadata"),
+    Parameter("max_megabytes", "a new file of the bag begins at this size; 0: never", 0.0, 1e6),
+    Parameter("max_minutes", "a new file of the bag begins after so much time; 0: never", 0.0, 1e6),
+    Parameter("transforms", "add /robot_description, /tf and /tf_static where nobody publishes them"),
+    Parameter("transform_rate", "of /tf then [1/s]", 1.0, 500.0),
+    Parameter("frame_id", "frame in which the arm stands and bodies are tracked"),
+]
+LOOK = 0.5
+"""New topics are looked for so often [s, wall clock]."""
+CLOCK_TOPIC = "/clock"
+
+
+class Recorder(BagKeeper):
+    """A managed node: configuring opens the bag, activating records, cleaning up or shutting down closes it.
+
+    It starts itself unless `autostart` is false. With use_sim_time the log time is that of /clock, else when a message was received.
+    """
+
+    def __init__(self):
+        super().__init__("recorder")
+        self.p = declare(self, "recorder.yaml", TABLE)
+        self.declare_parameter("autostart", True)
+        self._bag, self._messages, self._tf, self._active = None, None, None, False
+        self._diagnostics = Diagnostics(self, self._describe)
+        if self.get_parameter("autostart").value:
+            autostart(self)
+
+    # life cycle
+
+    def on_configure(self, state) -> TransitionCallbackReturn:
+        try:
+            self._wanted = [re.compile(pattern) for pattern in self.p["topics"]]
+            self._unwanted = [re.compile(pattern) for pattern in self.p["exclude"]]
+            notes = dict(_pair(text) for text in self.p["notes"])
+            path = Path(self.p["bag"] or f"recording_{datetime.now():%Y_%m_%d-%H_%M_%S}")
+            limits = {"max_bytes": round(self.p["max_megabytes"] * 1e6), "max_duration_ns": round(self.p["max_minutes"] * 60e9)}
+            self._bag = BagSink(self, path, notes, **limits)
+        except (ValueError, OSError, re.error) as error:
+            self.get_logger().error(f"not configured: {error}")
+            return TransitionCallbackReturn.FAILURE
+        self._kept, self._made, self._refused = set(), set(), {}
+        self._simulated, self._clock_ns, self._early = self.get_parameter("use_sim_time").value, 0, []
+        self._messages = RawBatches(self)
+        if self._simulated:
+            self._listen(CLOCK_TOPIC, keep=self._is_wanted(CLOCK_TOPIC))
+        self._look_for_topics()
+        self._ticking = [self.create_timer(TAKE, self._take, clock=WALL), self.create_timer(LOOK, self._look_for_topics, clock=WALL)]
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_activate(self, state) -> TransitionCallbackReturn:
+        self._active = True
+        self.get_logger().info(f"recording into {self._bag.writer.path}")
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_deactivate(self, state) -> TransitionCallbackReturn:
+        self._take()
+        self._active = False
+        return TransitionCallbackReturn.SUCCESS
+
+    def _close(self) -> None:
+        if self._bag is None:
+            return
+        self._take()
+        for timer in self._ticking:
+            self.destroy_timer(timer)
+        self._messages.close()
+        self._bag.close({"lost": json.dumps(self._messages.lost), "not recorded": json.dumps(self._refused)})
+        self._bag = self._messages = self._tf = None
+
+    # topics
+
+    def _is_wanted(self, topic: str) -> bool:
+        return any(p.fullmatch(topic) for p in self._wanted) and not any(p.fullmatch(topic) for p in self._unwanted)
+
+    def _look_for_topics(self) -> None:
+        if self._bag is None:
+            return  # a last tick of the timer, when all is closed
+        for topic, types in self.get_topic_names_and_types():
+            if topic in {*self._messages.topics, *self._refused, *self._made} or not self._is_wanted(topic):
+                continue
+            try:
+                message_class(types[0])
+                types_for(types[0])
+            except (ImportError, AttributeError, ValueError) as error:
+                self._refused[topic] = str(error)
+                self.get_logger().warning(f"{topic} is not recorded: {error}")
+                continue
+            self._listen(topic)
+
+    def _listen(self, topic: str, keep: bool = True) -> None:
+        if keep:
+            self._kept.add(topic)
+            self._messages.listen(topic, partial(self._bag.add_offered, topic))
+        else:
+            self._messages.listen(topic)
+
+    # messages
+
+    def _take(self) -> None:
+        if self._bag is None:
+            return
+        for message in self._messages.take():
+            if message.topic == CLOCK_TOPIC and self._simulated:
+                self._clock_ns = max(self._clock_ns, conversions.leading_stamp_ns(message.data))
+            if not self._active or message.topic not in self._kept:
+                continue
+            if self._simulated and not self._clock_ns:
+                self._early.append(message)  # latched before time began
+                continue
+            for early in self._early:
+                self._write(early)
+            self._early.clear()
+            self._write(message)
+
+    def _write(self, message: RawMessage) -> None:
+        log_ns = self._clock_ns if self._simulated else message.received_ns
+        stamp_ns = self._bag.stamp_ns(message.topic, message.data)
+        self._bag.write(message.topic, log_ns, log_ns if stamp_ns is None else stamp_ns, message.data)
+        if self.p["transforms"]:
+            self._show(message.topic, log_ns, message.data)
+
+    def _show(self, topic: str, log_ns: int, data: bytes) -> None:
+        """What viewers need besides, unless somebody publishes it."""
+        if self._tf is None:
+            there = {*self._messages.topics, *(name for name, _ in self.get_topic_names_and_types())}
+            self._tf = TfMessages(self.p["frame_id"], self.p["transform_rate"], there)
+            for name, (type_name, qos) in self._tf.topics.items():
+                self._made.add(name)
+                self._bag.add_own(name, type_name, qos)
+        for name, message in self._tf.messages(topic, log_ns, data):
+            self._bag.write(name, log_ns, log_ns, message)
+
+    def _describe(self):
+        if self._bag is None:
+            return WARN, "no bag is open", {}
+        values = {"bag": self._bag.writer.path, "lost": sum(self._messages.lost.values()), **self._bag.writer.counts}
+        values |= {f"{topic} lost": count for topic, count in self._messages.lost.items()}
+        if self._bag.failure:
+            return ERROR, self._bag.failure, values
+        if self._messages.lost or self._refused:
+            return WARN, f"messages were lost, or topics are not recorded: {', '.join([*self._ears.lost, *self._refused])}", values
+        return OK, "recording" if self._active else "paused", values
+
+
+def _pair(text: str) -> tuple[str, str]:
+    name, equals, value = text.partition("=")
+    if not (name and equals):
+        raise ValueError(f"notes: '{text}' is not name=text")
+    return name, value
+
+
+def main(args: list[str] | None = None) -> None:
+    """Entry point of `ros2 run dart_skill recorder`."""
+    run(lambda: [Recorder()], args)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,198 @@
+"""The skill learner: hears demonstrations, or reads them from a bag, learns DS-GMR, and plans throws on request."""
+
+import threading
+from itertools import cycle
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from dart_skill_msgs.msg import Demonstration
+from dart_skill_msgs.srv import AddTrial, Learn, ModelFile, PlanThrow
+from geometry_msgs.msg import Point
+from rclpy.node import Node
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
+
+from dart_skill.recording import BagError, read_demonstrations
+from dart_skill.skill.improve.practice import PracticeSettings
+from dart_skill.skill.improve.practising import PractisingSkill
+from dart_skill.skill.learn.configuration import configuration
+from dart_skill.skill.learn.ellipsoids import component_ellipsoids
+from dart_skill.skill.learn.model_file import load_model, save_model
+from dart_skill.skill.learn.throwing import Unreachable
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.qos import LATCHED
+from dart_skill_nodes.process.node_base import OK, WARN, Diagnostics, Parameter, declare, run
+
+TABLE = [
+    Parameter("frame_id", "frame of demonstrations and plans"),
+    Parameter("configuration", "name of the skill's configuration"),
+    Parameter("practice_method", "how to learn from own throws: residual, bootstrap, both or none"),
+    Parameter("practice_capacity", "demonstrations and trials that are remembered, 0: all", 0, 100_000),
+    Parameter("practice_forget", "which trial goes when the memory is full: oldest or crowded"),
+    Parameter("heartbeat_period", "of ~/heartbeat [s, wall clock]", 0.01, 1.0),
+]
+
+COLOURS = (ColorRGBA(g=0.62, b=0.45, a=0.5), ColorRGBA(r=0.34, g=0.71, b=0.91, a=0.4), ColorRGBA(r=0.8, g=0.47, b=0.65, a=0.4))
+"""Of the product of the frames, and of the frames (Okabe and Ito)."""
+
+
+class SkillLearner(Node):
+    """Services ~/learn, ~/plan_throw, ~/add_trial, ~/save, ~/load; markers of the Gaussians on ~/model."""
+
+    def __init__(self):
+        super().__init__("skill_learner")
+        self.p = declare(self, "skill_learner.yaml", TABLE)
+        self._heard: dict[str, object] = {}
+        self._skill: PractisingSkill | None = None
+        self._memory = PracticeSettings(self.p["practice_capacity"], self.p["practice_forget"])
+        self.create_subscription(Demonstration, "/demonstrations", self._on_demonstration, LATCHED)
+        self._markers = self.create_publisher(MarkerArray, "~/model", LATCHED)
+        self.create_service(Learn, "~/learn", self._on_learn)
+        self.create_service(PlanThrow, "~/plan_throw", self._on_plan)
+        self.create_service(AddTrial, "~/add_trial", self._on_add_trial)
+        self.create_service(ModelFile, "~/save", self._on_save)
+        self.create_service(ModelFile, "~/load", self._on_load)
+        self._heartbeat = self.create_publisher(Time, "~/heartbeat", 10)
+        self._ended = threading.Event()
+        self._beating = threading.Thread(target=self._beat, name="heartbeat")
+        self._beating.start()
+        self._diagnostics = Diagnostics(self, self._describe)
+
+    def _beat(self) -> None:
+        """From a thread of its own: who learns for a while is alive."""
+        while not self._ended.wait(self.p["heartbeat_period"]):
+            self._heartbeat.publish(self.get_clock().now().to_msg())
+
+    def destroy_node(self) -> None:
+        self._ended.set()
+        self._beating.join()
+        super().destroy_node()
+
+    def _on_demonstration(self, message: Demonstration) -> None:
+        try:
+            one = self._checked(message)
+        except ValueError as error:
+            self.get_logger().error(f"a demonstration is left out: {error}")
+            return
+        self._heard[one.id] = one
+
+    def _checked(self, message: Demonstration):
+        if message.header.frame_id != self.p["frame_id"]:
+            raise ValueError(f"{message.id} is in frame '{message.header.frame_id}', not '{self.p['frame_id']}'")
+        return conversions.demonstration(message)
+
+    # services
+
+    def _on_learn(self, request, response):
+        try:
+            heard = read_demonstrations(request.bag) if request.bag else list(self._heard.values())
+            response.pending = not request.bag and len(heard) < request.at_least
+            if response.pending:
+                response.message = f"{len(heard)} of {request.at_least} demonstrations have been heard so far"
+                return response
+            self._take(heard, configuration(request.configuration or self.p["configuration"]))
+        except (ValueError, BagError, OSError) as error:
+            response.success, response.message = False, str(error)
+            self.get_logger().error(f"nothing learned: {error}")
+            return response
+        skill = self._skill.skill
+        response.success, response.demonstrations, response.model_id = True, len(heard), skill.model_id
+        response.message = (
+            f"learned from {len(heard)} demonstrations with '{skill.configuration.name}'; "
+            f"the hand opens {1e3 * skill.hand_delay:.0f} ms after it is told to"
+        )
+        return response
+
+    def _take(self, demonstrations: list, chosen, practised=None) -> None:
+        skill = PractisingSkill(demonstrations, chosen, self.p["practice_method"], self._memory)
+        if practised is not None and skill.correction is not None:
+            skill.correction.remember(practised)
+        self._skill = skill
+        self._publish_markers()
+
+    def _on_plan(self, request, response):
+        try:
+            if request.header.frame_id != self.p["frame_id"]:
+                raise ValueError(f"the target is in frame '{request.header.frame_id}', not '{self.p['frame_id']}'")
+            if self._skill is None:
+                raise ValueError("nothing is learned yet: call ~/learn, or ~/load a model")
+            plan = self._skill.plan(conversions.vector(request.target))
+            response.success, response.plan = True, conversions.plan_msg(plan, self.p["frame_id"])
+        except (ValueError, Unreachable) as error:
+            response.success, response.message = False, str(error)
+        return response
+
+    def _on_add_trial(self, request, response):
+        response.left = [float("nan")] * 2
+        try:
+            if self._skill is None:
+                raise ValueError("nothing is learned yet: call ~/learn, or ~/load a model, before trials are added")
+            planned = request.plan.trajectory.points
+            told = self._skill.tell(conversions.plan(request.plan) if planned else None, self._checked(request.trial))
+            forgotten = f"forgotten: {', '.join(told.forgotten)}" if told.forgotten else ""
+            response.success, response.message, response.left = told.kept, told.reason or forgotten, list(told.left)
+            response.demonstrations = len(self._skill.practice.demonstrations)
+            self._publish_markers()
+        except ValueError as error:
+            response.success, response.message = False, str(error)
+        return response
+
+    def _on_save(self, request, response):
+        try:
+            if self._skill is None:
+                raise ValueError("nothing is learned yet: there is no model to save")
+            skill = self._skill
+            practised = [] if skill.correction is None else [skill.correction.throws]
+            save_model(request.path, skill.practice.demonstrations, skill.skill.configuration, *practised)
+            response.success, response.model_id = True, skill.skill.model_id
+        except (ValueError, OSError) as error:
+            response.success, response.message = False, str(error)
+        return response
+
+    def _on_load(self, request, response):
+        try:
+            self._take(*load_model(request.path))
+            response.success, response.model_id = True, self._skill.skill.model_id
+        except (ValueError, OSError) as error:
+            response.success, response.message = False, str(error)
+        return response
+
+    # what is shown
+
+    def _publish_markers(self) -> None:
+        skill = self._skill.skill
+        centre = np.median([throw.task for throw in skill.throws], axis=0)
+        array = MarkerArray(markers=[Marker(action=Marker.DELETEALL)])
+        frames = skill.frame_mixtures(centre)
+        groups = {"components": skill.mixture(centre), **{f"frame_{k}": one for k, one in enumerate(frames, start=1) if len(frames) > 1}}
+        for colour, (name, mixture) in zip(cycle(COLOURS), groups.items(), strict=False):
+            for k, (position, orientation, size) in enumerate(component_ellipsoids(mixture)):
+                marker = Marker(ns=name, id=k, type=Marker.SPHERE, action=Marker.ADD, color=colour)
+                marker.header.frame_id = self.p["frame_id"]
+                conversions.set_pose(marker.pose, position, orientation)
+                conversions.set_vector(marker.scale, size)
+                array.markers.append(marker)
+        targets = Marker(ns="targets", id=0, type=Marker.SPHERE_LIST, action=Marker.ADD)
+        targets.header.frame_id = self.p["frame_id"]
+        targets.scale.x = targets.scale.y = targets.scale.z = 0.05
+        targets.color = ColorRGBA(r=0.8, g=0.3, b=0.1, a=1.0)
+        targets.points = [Point(x=float(x), y=float(y), z=float(z)) for x, y, z in (t.task for t in skill.throws)]
+        array.markers.append(targets)
+        self._markers.publish(array)
+
+    def _describe(self):
+        if self._skill is None:
+            return WARN, "nothing learned yet", {"heard": len(self._heard)}
+        practice, correction = self._skill.practice, self._skill.correction
+        values = {"heard": len(self._heard), "learned_from": len(practice.demonstrations), "kept_out": len(practice.kept_out)}
+        values["practised"] = 0 if correction is None else len(correction)
+        return OK, "ready to plan", {**values, "model_id": self._skill.skill.model_id}
+
+
+def main(args: list[str] | None = None) -> None:
+    """Entry point of `ros2 run dart_skill skill_learner`."""
+    run(lambda: [SkillLearner()], args)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,212 @@
+"""The live view: a page with the arm, what it has learned and what it does, and with controls that teach, learn, throw and practise.
+
+It hears sensors, markers and status, never the ground truth. The page's server has threads of its own: what they ask for comes through a
+queue, and the scene changes in the executor's thread, `rate` times a second whatever the rates of the topics.
+"""
+
+import queue
+
+import numpy as np
+from dart_skill_msgs.action import Practice, Teach
+from dart_skill_msgs.msg import Demonstration
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
+from visualization_msgs.msg import Marker, MarkerArray
+
+from dart_skill.session.regions import Region
+from dart_skill.view import Panel, Request, Scene, ViewUnavailable, open_server, url_of
+from dart_skill_nodes.client.failures import CallFailed
+from dart_skill_nodes.client.node_inspector import NodeInspector, NodeStatuses
+from dart_skill_nodes.client.viewer_jobs import ViewerJobs, in_words
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.coroutines import start
+from dart_skill_nodes.comms.latest_messages import LatestMessages, poses_of
+from dart_skill_nodes.comms.markers import ellipsoids
+from dart_skill_nodes.comms.qos import LATCHED, WALL
+from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, run
+
+TABLE = [
+    Parameter("host", "address to listen on; whoever reaches the page moves the arm"),
+    Parameter("port", "of the page; 0: any free one, which is printed", 0, 65535),
+    Parameter("rate", "of the pictures [1/s, wall clock]", 1.0, 100.0),
+    Parameter("frame_id", "frame of all positions; others are not shown"),
+    Parameter("seed", "of the baskets at which it lets demonstrate", 0, 2**31 - 1),
+    Parameter("near", "nearest place of the basket, from the base axis [m]", 0.5, 5.0),
+    Parameter("far", "farthest place [m]", 0.5, 5.0),
+    Parameter("side", "largest azimuth to either side [rad]", 0.0, 1.57),
+    Parameter("rim", "height of the rim [m]", 0.0, 2.0),
+]
+JOINTS = "/joint_states"
+POSES = {name: f"/vrpn_mocap/{name}/pose" for name in ("hand", "ball", "basket")} | {"attractor": "/commander/attractor"}
+CAMERAS = "mock_optitrack"
+"""The node whose parameters say where the cameras stand."""
+PICTURES_PER_PATH = 3
+
+
+class Viewer(Node):
+    """Topics into the scene, requests of the panel into actions and services."""
+
+    def __init__(self):
+        super().__init__("viewer")
+        self.p = declare(self, "viewer.yaml", TABLE)
+        region = Region(**{name: self.p[name] for name in ("near", "far", "side", "rim")})
+        self._server = open_server(self.p["host"], self.p["port"])
+        self._requests: queue.SimpleQueue[Request] = queue.SimpleQueue()
+        self._scene = Scene(self._server, region=region)
+        self._panel = Panel(self._server, self._scene, self._requests.put)
+        self._demonstrations, self._new_demonstration, self._basket, self._fault = {}, False, None, ""
+        self._status, self._phase, self._inspector = NodeStatuses(), "", NodeInspector(self)
+        self._path_ends, self._pictures = {name: [] for name in ("ball", "hand", "attractor")}, 0
+        self._controls = ViewerJobs(
+            self, region, self.p["seed"], self.p["frame_id"], say=self._panel.say, busy=self._panel.set_busy, threw=self._panel.add_throw,
+            seen=lambda: self._basket, message=lambda: len(self._demonstrations),
+        )  # fmt: skip
+        self._subscribe()
+        self._diagnostics = Diagnostics(self, self._describe)
+        self.create_timer(1.0 / self.p["rate"], self._tick, clock=WALL)
+        self.create_timer(1.0, lambda: self._panel.show_nodes(self._status.now()), clock=WALL)
+        self.get_logger().info(f"the live view is at {url_of(self._server)}")
+
+    def _subscribe(self) -> None:
+        self._latest = LatestMessages(self)
+        self._latest.watch(JOINTS, JointState)
+        for topic in POSES.values():
+            self._latest.watch(topic, PoseStamped, depth=200)
+        self.create_subscription(Demonstration, "/demonstrations", self._on_demonstration, LATCHED)
+        self.create_subscription(MarkerArray, "/skill_learner/model", self._on_markers, LATCHED)
+        self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 50)
+        for name, kind, callback in (
+            ("teach", Teach, self._on_lesson),
+            ("practice", Practice, self._on_practice),
+        ):
+            self.create_subscription(kind.Impl.FeedbackMessage, f"/{name}/_action/feedback", callback, 50)
+
+    # pictures
+
+    def _tick(self) -> None:
+        while not self._requests.empty():
+            self._controls.obey(self._requests.get())
+        try:
+            self._show(self._latest.take(JOINTS), {name: self._poses(topic) for name, topic in POSES.items()})
+            self._fault = ""
+        except ValueError as error:
+            if str(error) != self._fault:
+                self.get_logger().error(f"not shown: {error}")
+            self._fault = str(error)
+        if self._new_demonstration:
+            self._new_demonstration = False
+            self._scene.show_demonstrations(list(self._demonstrations.values()))
+
+    def _show(self, states: list[bytes], poses: dict[str, np.ndarray]) -> None:
+        """New joint states, serialised, and new poses (n, 7) of each body."""
+        if not states and not any(map(len, poses.values())):
+            self._send_paths()
+            return
+        if states:
+            self._scene.move_arm(conversions.arm_state(deserialize_message(states[-1], JointState)).position)
+        if len(poses["hand"]):
+            self._scene.move_hand(poses["hand"][-1, :3], poses["hand"][-1, 3:])
+        if len(poses["ball"]):
+            self._scene.move_ball(poses["ball"][-1, :3])
+        if len(poses["attractor"]):
+            self._scene.move_attractor(poses["attractor"][-1, :3])
+        if len(poses["basket"]):
+            self._basket = poses["basket"][-1, :3]
+            self._scene.move_basket(self._basket)
+        self._extend_paths(poses)
+
+    def _extend_paths(self, poses: dict[str, np.ndarray]) -> None:
+        """Paths are sent as a whole, so not with every picture."""
+        for name, points in self._path_ends.items():
+            points.extend(poses[name][:, :3])
+        self._pictures += 1
+        if self._pictures % PICTURES_PER_PATH == 0:
+            self._send_paths()
+
+    def _send_paths(self) -> None:
+        for name, points in self._path_ends.items():
+            if points:
+                self._scene.extend_path(name, np.array(points))
+                points.clear()
+
+    def _poses(self, topic: str) -> np.ndarray:
+        try:
+            return poses_of(self._latest.take(topic), self.p["frame_id"])
+        except ValueError as error:
+            raise ValueError(f"{topic}: {error}") from error
+
+    # what is learned
+
+    def _on_demonstration(self, message: Demonstration) -> None:
+        try:
+            one = conversions.demonstration(message)
+        except ValueError as error:
+            self.get_logger().error(f"a demonstration is not shown: {error}")
+            return
+        if one.frame_id == self.p["frame_id"]:
+            self._demonstrations[one.id], self._new_demonstration = one, True
+
+    def _on_markers(self, message: MarkerArray) -> None:
+        shown = ellipsoids(message, self.p["frame_id"])
+        if any(marker.action == Marker.DELETEALL for marker in message.markers):
+            self._scene.hide_gaussians(set(self._scene.gaussian_colours) - set(shown))
+        for group, shapes in shown.items():
+            self._scene.show_gaussians(group, *shapes)
+        self._panel.show_legend()
+
+    # what goes on
+
+    def _on_lesson(self, message) -> None:
+        self._say_phase(f"lesson, throw {message.feedback.attempt}: {message.feedback.phase}")
+
+    def _on_practice(self, message) -> None:
+        feedback = message.feedback
+        if feedback.phase != "done":
+            self._say_phase(f"own throw {feedback.number}: {feedback.phase}")
+            return
+        error = float(feedback.outcome.landing_error) if feedback.outcome.landing_seen else float("nan")
+        self._panel.add_throw(error, bool(feedback.outcome.in_basket))
+        self._say_phase(f"own throw {feedback.number}: {in_words(error, bool(feedback.outcome.in_basket))} {feedback.message}")
+
+    def _say_phase(self, text: str) -> None:
+        if text != self._phase:
+            self._phase = text
+            self._panel.say(text)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for name in self._status.take(message):
+            start(self, self._inspect(name), self._inspected)
+
+    async def _inspect(self, name: str) -> None:
+        self._panel.add_knobs(f"/{name}", await self._inspector.knobs(f"/{name}"))
+        if name == CAMERAS:
+            self._scene.show_cameras(await self._inspector.cameras(f"/{name}"))
+
+    def _inspected(self, _, error: Exception | None) -> None:
+        if isinstance(error, CallFailed | ValueError | KeyError):
+            self.get_logger().warning(f"not shown: {error}")
+        elif error is not None:
+            raise error
+
+    def _describe(self):
+        return OK, url_of(self._server), {"browsers": len(self._server.get_clients()), "demonstrations": len(self._demonstrations)}
+
+    def destroy_node(self) -> None:
+        self._latest.close()
+        self._server.stop()
+        super().destroy_node()
+
+
+def main(args: list[str] | None = None) -> None:
+    """Entry point of `ros2 run dart_skill viewer`."""
+    try:
+        run(lambda: [Viewer()], args)
+    except ViewUnavailable as error:
+        raise SystemExit(f"viewer: {error}") from None
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,313 @@
+"""The WAM simulator: publishes the state of step k, waits for the answer to it, integrates to step k + 1.
+
+Lockstep (the default): whoever is engaged answers every state with a WamCommand that echoes its stamp: the commander always, the
+teacher while it guides. Nothing else moves time. A state that nobody answers is published again, and /diagnostics says who is
+silent. Real time: steps follow the machine's clock, the last command is held, and without a fresh one the arm is braked.
+"""
+
+import time
+
+import numpy as np
+from dart_skill_msgs.msg import SimulationState, WamCommand
+from dart_skill_msgs.srv import PlaceBasket, Reset, Step
+from geometry_msgs.msg import PoseStamped
+from rclpy.node import Node
+from rosgraph_msgs.msg import Clock as ClockMsg
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from std_srvs.srv import SetBool, Trigger
+
+from dart_skill.robot.description import wam_description
+from dart_skill.robot.urdf import write_urdf
+from dart_skill.simulation.plant import Plant, PlantSettings
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.qos import CLOCK, COMPLETE, FRAMES, LATCHED, LOOP, WALL
+from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Parameter, declare, run
+
+TABLE = [
+    Parameter("seed", "everything random comes from it", 0, 2**31 - 1),
+    Parameter("lockstep", "wait for the answer to every state; false: real time"),
+    Parameter("speed_factor", "simulated seconds per second at most, 0: no limit", 0.0, 1000.0, read_only=False),
+    Parameter("start_paused", "wait for ~/pause before the first step"),
+    Parameter("answer_timeout", "say so when an answer takes longer [s, wall clock]", 0.1, 600.0),
+    Parameter("command_timeout", "real time: age of a command after which the arm is braked [s]", 0.002, 10.0),
+    Parameter("frame_id", "frame of everything that is published"),
+    Parameter("start_posture", "joint angles after a reset [rad]"),
+    Parameter("gravity_error", "share of gravity that compensation misses", -0.5, 0.5, read_only=False),
+    Parameter("friction_scale", "factor on the joint friction", 0.0, 10.0, read_only=False),
+    Parameter("motor_scale", "factor on what the motors can do", 0.1, 10.0, read_only=False),
+    Parameter("base_turn", "of the arm's base about the vertical; the controller does not know of it [rad]", -1.0, 1.0, read_only=False),
+    Parameter("hand_delay", "mean time from the command to the ball being free [s]", 0.0, 1.0, read_only=False),
+    Parameter("hand_spread", "standard deviation of that time [s]", 0.0, 0.1, read_only=False),
+    Parameter("ball_mass_scale", "factor on the mass of the ball", 0.1, 10.0, read_only=False),
+    Parameter("basket_position", "centre of the rim at the start [m]"),
+    Parameter("basket_radius", "free opening of the basket [m]", 0.05, 1.0),
+    Parameter("basket_depth", "rim to floor of the basket [m]", 0.05, 1.0),
+    Parameter("basket_restitution", "of the basket's walls and floor", 0.0, 1.0),
+    Parameter("ground_truth_period", "steps between messages on /simulation/state", 1, 1000),
+]
+CHANGEABLE = [row.name for row in TABLE if not row.read_only and row.name != "speed_factor"]
+"""What can change while the simulator runs, from the next reset on."""
+CATCH_UP = 25
+"""Real time: steps made at once at most after the machine was late."""
+
+
+class WamSimulator(Node):
+    """The plant behind topics and services. See the module's text for the handshake."""
+
+    def __init__(self):
+        super().__init__("wam_simulator")
+        self.p = declare(self, "wam_simulator.yaml", TABLE)
+        self._plant = Plant(PlantSettings.from_parameters(self.p), self.p["seed"])
+        self._paused, self._guided, self._budget = self.p["start_paused"], False, 0
+        self._answers, self._fault, self._steps_made = {}, "", 0
+        self._make_topics()
+        self._make_services()
+        self._diagnostics = Diagnostics(self, self._describe)
+        self._mark = (time.monotonic(), 0)
+        self.create_timer(0.1, self._watch, clock=WALL)
+        if not self.p["lockstep"]:
+            self._wall_due = time.monotonic()
+            self.create_timer(self._plant.settings.step, self._real_time, clock=WALL)
+        self._publish()
+
+    def _make_topics(self) -> None:
+        self._joint_states = self.create_publisher(JointState, "/joint_states", COMPLETE)
+        self._tool_pose = self.create_publisher(PoseStamped, "/wam/tool_pose", COMPLETE)
+        self._clock_out = self.create_publisher(ClockMsg, "/clock", CLOCK)
+        self._truth = self.create_publisher(SimulationState, "/simulation/state", FRAMES)
+        self._description = self.create_publisher(String, "/robot_description", LATCHED)
+        self._description.publish(String(data=write_urdf(wam_description())))
+        frame = self.p["frame_id"]
+        self._joint_msg = JointState(name=[joint.name for joint in wam_description().joints])
+        self._tool_msg, self._clock_msg, self._truth_msg = PoseStamped(), ClockMsg(), SimulationState()
+        for message in (self._joint_msg, self._tool_msg, self._truth_msg):
+            message.header.frame_id = frame
+        self.create_subscription(WamCommand, "/wam/command", lambda m: self._on_answer("commander", m), LOOP)
+        self.create_subscription(WamCommand, "/wam/teacher_wrench", lambda m: self._on_answer("teacher", m), LOOP)
+
+    def _make_services(self) -> None:
+        self.create_service(Reset, "/simulation/reset", self._on_reset)
+        self.create_service(SetBool, "/simulation/pause", self._on_pause)
+        self.create_service(Step, "/simulation/step", self._on_step)
+        self.create_service(PlaceBasket, "/simulation/place_basket", self._on_place_basket)
+        self.create_service(Trigger, "/bhand/open_grasp", self._on_open)
+        self.create_service(Trigger, "/bhand/close_grasp", self._on_close)
+
+    # the handshake
+
+    @property
+    def _engaged(self) -> tuple[str, ...]:
+        return ("commander", "teacher") if self._guided else ("commander",)
+
+    def _on_answer(self, who: str, message: WamCommand) -> None:
+        ns = conversions.stamp_ns(message.header.stamp)
+        if self.p["lockstep"] and (ns != self._plant.state_stamp_ns or who not in self._engaged or who in self._answers):
+            return
+        if message.header.frame_id != self.p["frame_id"]:
+            self._complain(f"a command of the {who} is in frame '{message.header.frame_id}', not '{self.p['frame_id']}': ignored")
+            return
+        try:
+            self._answers[who] = conversions.command(message)
+        except ValueError as error:
+            self._complain(f"a command of the {who} is ignored: {error}")
+            return
+        if self.p["lockstep"]:
+            self._advance()
+
+    def _advance(self) -> None:
+        """Make the next step if everybody who is engaged has answered and nothing holds time."""
+        if (self._paused and not self._budget) or any(who not in self._answers for who in self._engaged):
+            return
+        answers, self._answers = self._answers, {}
+        if not self._step(answers["commander"], answers.get("teacher")):
+            return
+        self._budget = max(0, self._budget - 1)
+        self._pace()
+        self._publish()
+
+    def _step(self, command, push) -> bool:
+        try:
+            self._plant.step(command, push)
+        except ValueError as error:
+            self._complain(f"no step: {error}")
+            return False
+        self._steps_made += 1
+        if self.p["lockstep"]:
+            self._fault = ""
+        return True
+
+    def _pace(self) -> None:
+        """Hold back so that simulated time does not run faster than speed_factor times the machine's."""
+        factor = self.get_parameter("speed_factor").value
+        if factor <= 0.0:
+            return
+        now = time.monotonic()
+        self._next = max(getattr(self, "_next", now), now - 0.05) + self._plant.settings.step / factor
+        if self._next > now:
+            time.sleep(self._next - now)
+
+    def _real_time(self) -> None:
+        if self._paused:
+            self._wall_due = time.monotonic()
+            return
+        for _ in range(CATCH_UP):
+            if time.monotonic() < self._wall_due:
+                return
+            self._wall_due += self._plant.settings.step
+            self._step(self._held_command("commander"), self._held_push())
+            self._publish()
+        self._wall_due = time.monotonic()
+
+    def _held_command(self, who: str):
+        """The last command as an answer to the present state; braking when it is too old."""
+        now, last = self._plant.state_stamp_ns, self._answers.get(who)
+        if last is None or (now - last.stamp_ns) * 1e-9 > self.p["command_timeout"]:
+            if last is not None:
+                self._complain(f"no command for more than {self.p['command_timeout']} s: the arm is braked")
+            return self._plant.braking()
+        self._fault = ""
+        return last.answering(now)
+
+    def _held_push(self):
+        now, last = self._plant.state_stamp_ns, self._answers.get("teacher")
+        fresh = self._guided and last is not None and (now - last.stamp_ns) * 1e-9 <= self.p["command_timeout"]
+        return last.answering(now) if fresh else None
+
+    # services
+
+    def _on_reset(self, request, response):
+        try:
+            basket = conversions.vector(request.basket) if request.move_basket else None
+            self._take_changes()
+            state = self._plant.reset(basket)
+        except ValueError as error:
+            response.success, response.message = False, str(error)
+            return response
+        self._paused, self._guided, self._answers, self._budget = request.paused, request.guided, {}, 0
+        self._publish()
+        response.success, response.episode = True, state.episode
+        response.stamp = conversions.time_msg(state.stamp_ns)
+        return response
+
+    def _take_changes(self) -> None:
+        now = {name: self.get_parameter(name).value for name in CHANGEABLE}
+        if any(self.p[name] != value for name, value in now.items()):
+            self.p.update(now)
+            self._plant.change(PlantSettings.from_parameters(self.p))
+
+    def _on_pause(self, request, response):
+        self._paused = request.data
+        response.success, response.message = True, "paused" if request.data else "running"
+        if self.p["lockstep"]:
+            self._advance()
+        return response
+
+    def _on_step(self, request, response):
+        """Accepts the steps; they are made as the answers come (a service callback cannot wait for them in this rclpy)."""
+        response.success = self._paused and request.steps > 0 and self.p["lockstep"] and not self._budget
+        if not response.success:
+            response.message = "steps are made in lockstep, while paused, at least 1 at a time, one call after the other"
+            return response
+        self._budget = int(request.steps)
+        end_ns = self._plant.state_stamp_ns + self._budget * self._plant.settings.step_ns
+        response.stamp = conversions.time_msg(end_ns)
+        self._advance()
+        return response
+
+    def _on_place_basket(self, request, response):
+        try:
+            self._plant.place_basket(conversions.vector(request.position))
+            response.success = True
+        except ValueError as error:
+            response.success, response.message = False, str(error)
+        return response
+
+    def _on_open(self, request, response):
+        self._plant.open_hand()
+        response.success = True
+        return response
+
+    def _on_close(self, request, response):
+        response.success = self._plant.close_hand()
+        response.message = "" if response.success else "the ball is not in the hand any more: ~/reset puts it back"
+        return response
+
+    # what is published
+
+    def _publish(self) -> None:
+        """The present state: joint states last, because the answers follow them."""
+        plant, ns = self._plant, self._plant.state_stamp_ns
+        if plant.step_count % self.p["ground_truth_period"] == 0:
+            self._publish_truth()
+        if self._tool_pose.get_subscription_count():
+            conversions.set_stamp(self._tool_msg.header.stamp, ns)
+            conversions.set_pose(self._tool_msg.pose, plant.hand_position, plant.hand_quaternion)
+            self._tool_pose.publish(self._tool_msg)
+        if self._clock_out.get_subscription_count():
+            conversions.set_stamp(self._clock_msg.clock, ns)
+            self._clock_out.publish(self._clock_msg)
+        message = self._joint_msg
+        conversions.set_stamp(message.header.stamp, ns)
+        message.position, message.velocity = plant.joint_position, plant.joint_velocity
+        message.effort = plant.joint_effort.tolist()
+        self._joint_states.publish(message)
+
+    def _publish_truth(self) -> None:
+        state, message = self._plant.state, self._truth_msg
+        conversions.set_stamp(message.header.stamp, state.stamp_ns)
+        message.episode, message.step, message.base_turn = state.episode, state.step, self.p["base_turn"]
+        message.joint_position, message.joint_velocity = state.position, state.velocity
+        message.joint_effort = state.effort
+        conversions.set_pose(message.hand, state.hand_position, state.hand_quaternion)
+        conversions.set_pose(message.ball, state.ball_position, state.ball_quaternion)
+        conversions.set_pose(message.basket, state.basket, np.array([0.0, 0.0, 0.0, 1.0]))
+        conversions.set_vector(message.ball_velocity, state.ball_velocity)
+        message.ball_state = SimulationState.BALL_HELD if state.ball_held else SimulationState.BALL_FREE
+        message.ball_in_basket = state.ball_in_basket
+        self._truth.publish(message)
+
+    # saying what goes on
+
+    def _watch(self) -> None:
+        """Publish an unanswered state again: whoever came late, or lost it, gets it now."""
+        stamp, now = self._plant.state_stamp_ns, time.monotonic()
+        if stamp != self._mark[1]:
+            self._mark = (now, stamp)
+            return
+        silent = [who for who in self._engaged if who not in self._answers]
+        if not self.p["lockstep"] or not silent:
+            return
+        self._publish()
+        if now - self._mark[0] > self.p["answer_timeout"] and not self._paused and not self._fault:
+            self._complain(f"waiting for the answer of {' and '.join(silent)} to the state of {stamp} ns: is it running?")
+
+    def _complain(self, text: str) -> None:
+        if text != self._fault:
+            self.get_logger().error(text)
+        self._fault = text
+
+    def _describe(self):
+        now, steps = time.monotonic(), self._steps_made
+        before, last = getattr(self, "_rate_mark", (now - 1.0, steps))
+        self._rate_mark = (now, steps)
+        factor = (steps - last) * self._plant.settings.step / max(1e-6, now - before)
+        commanders = self.count_publishers("/wam/command")
+        level = ERROR if self._fault else (WARN if self._paused or commanders > 1 else OK)
+        message = self._fault or ("paused" if self._paused else "running")
+        if commanders > 1:
+            message += f"; {commanders} nodes publish /wam/command, the first answer to a state counts"
+        return level, message, {"real_time_factor": f"{factor:.2f}", "steps": steps, "engaged": ", ".join(self._engaged)}
+
+    def destroy_node(self) -> None:
+        self._plant.close()
+        super().destroy_node()
+
+
+def main(args: list[str] | None = None) -> None:
+    """Entry point of `ros2 run dart_skill wam_simulator`."""
+    run(lambda: [WamSimulator()], args)
+
+
+if __name__ == "__main__":
+    main()

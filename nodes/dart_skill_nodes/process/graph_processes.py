@@ -1,0 +1,133 @@
+"""The node graph as processes: what runs, with which parameters, and how it is started, watched and ended.
+
+`layout` "composed" puts all nodes into one process but the learner, which works for seconds at a time; "processes" gives every node
+its own.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from dart_skill_nodes.process.signals import ENDS_WITH
+
+LAYOUTS = {
+    "composed": ("composed", "skill_learner"),
+    "processes": ("wam_simulator", "mock_optitrack", "commander", "demonstration_recorder", "teacher", "coach", "skill_learner"),
+    "hardware": ("commander", "demonstration_recorder", "skill_learner"),
+    "replay": ("skill_learner", "demonstration_recorder", "bag_player"),
+}
+"""Executables: the simulated graph in two processes or in seven; what a real arm and real cameras need besides; what a recording needs."""
+SIMULATED = ("composed", "processes")
+NODES = LAYOUTS["processes"]
+"""Names of all nodes; each is the name of its executable too."""
+NODES_OF = {"composed": NODES[:-1]}
+"""Nodes of an executable that has several."""
+CUT_OUT_OF = "/joint_states|/wam/(command|teacher_wrench)|/vrpn_mocap/(hand|ball|basket)/pose"
+"""What demonstrations are cut out of; a replay begins when all of it is heard that the bag has."""
+TAKING_TURNS = ("wam_simulator", "commander", "composed")
+"""They wait for each other at every step: on one core they hand over faster than from core to core (1.6 times, on two cores)."""
+START = 180.0
+"""For a graph to start: seven processes with all that they import, on a machine that has other things to do [s, wall clock]."""
+SEEDED = ("composed", "wam_simulator", "mock_optitrack", "demonstration_recorder", "teacher", "coach")
+
+
+def parameters_of(executable: str, layout: str, seed=0, bag="", played="", rate=1.0) -> dict:
+    """What an executable is started with in a layout, by names of parameters; the values may be a launch file's substitutions.
+
+    seed: of a simulated graph. bag: what the demonstration recorder writes. played, rate: the bag of a replay, and how fast.
+    """
+    parameters = {"seed": seed} if executable in SEEDED and layout in SIMULATED else {}
+    if executable in ("composed", "demonstration_recorder"):
+        parameters["bag"] = bag
+    if layout == "replay" and executable == "demonstration_recorder":
+        parameters["automatic"] = True
+    if executable == "bag_player":
+        parameters |= {"bag": played, "rate": rate, "exclude": ["/demonstrations"], "awaited": [CUT_OUT_OF]}
+    return parameters
+
+
+def nodes_of(executables: Iterable[str]) -> list[str]:
+    """Names of the nodes that executables run."""
+    return [node for executable in executables for node in NODES_OF.get(executable, (executable,))]
+
+
+@dataclass
+class Graph:
+    """Running nodes, each a process with its log in `logs`; a context manager that leaves no process behind.
+
+    remappings: per executable, names of topics and what they are called instead.
+    """
+
+    logs: Path
+    remappings: dict[str, dict[str, str]] = field(default_factory=dict)
+    processes: dict[str, subprocess.Popen] = field(default_factory=dict)
+
+    def start(self, executable: str, parameters: dict | None = None) -> None:
+        """Start an executable of this package; parameters go on its command line, and so do the graph's remappings."""
+        arguments = [("-p", f"{name}:={_text(value)}") for name, value in (parameters or {}).items()]
+        arguments += [("-r", f"{name}:={other}") for name, other in self.remappings.get(executable, {}).items()]
+        command = [sys.executable, "-m", f"dart_skill_nodes.executables.{executable}"]
+        if arguments:
+            command += ["--ros-args", *(part for argument in arguments for part in argument)]
+        self.logs.mkdir(parents=True, exist_ok=True)
+        with open(self.logs / f"{executable}.log", "ab") as log:
+            environment = {**os.environ, ENDS_WITH: str(os.getpid())}
+            process = subprocess.Popen(command, stdout=log, stderr=log, stdin=subprocess.DEVNULL, env=environment)
+        self.processes[executable] = process
+        _place(process, executable)
+
+    def start_all(self, layout: str, seed: int, bag: Path, extra: dict[str, dict] | None = None) -> None:
+        """Start a whole layout with one seed and the bag to record to."""
+        for executable in LAYOUTS[layout]:
+            self.start(executable, parameters_of(executable, layout, seed, str(bag)) | (extra or {}).get(executable, {}))
+
+    def dead(self) -> str:
+        """What to say about a process that has ended by itself, with the end of its log; empty if all run."""
+        for name, process in self.processes.items():
+            if process.poll() is not None:
+                tail = (self.logs / f"{name}.log").read_text(encoding="utf-8", errors="replace").splitlines()[-8:]
+                return f"{name} ended with status {process.returncode}:\n  " + "\n  ".join(tail)
+        return ""
+
+    def stop(self, patience: float = 15.0) -> None:
+        """End every process in order: SIGINT, so that bags are closed; SIGKILL for what does not listen."""
+        for process in self.processes.values():
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+        until = time.monotonic() + patience
+        for process in self.processes.values():
+            try:
+                process.wait(max(0.1, until - time.monotonic()))
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+        self.processes.clear()
+
+    def __enter__(self) -> "Graph":
+        return self
+
+    def __exit__(self, *_) -> None:
+        self.stop()
+
+
+def _place(process: subprocess.Popen, executable: str) -> None:
+    """Keep the nodes that take turns on a core of their own, another one for every ROS domain; the rest has the others."""
+    if not hasattr(os, "sched_setaffinity"):
+        return
+    cores = sorted(os.sched_getaffinity(0))
+    chosen = cores[int(os.environ.get("ROS_DOMAIN_ID", "0")) % len(cores)]
+    others = set(cores) - {chosen}
+    if others:
+        os.sched_setaffinity(process.pid, {chosen} if executable in TAKING_TURNS else others)
+
+
+def _text(value) -> str:
+    """As the command line of a node takes it: YAML."""
+    if isinstance(value, (list, tuple)):
+        return f"[{','.join(map(_text, value))}]"
+    return str(value).lower() if isinstance(value, bool) else str(value)

@@ -1,0 +1,135 @@
+"""What all nodes share: the spin loop, parameters from config/ with their descriptions, diagnostics."""
+
+import math
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.clock import Clock, ClockType
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from dart_skill.configuration import node_parameters
+from dart_skill_nodes.comms.qos import WALL
+from dart_skill_nodes.process.signals import Interrupts
+
+_SYSTEM = Clock(clock_type=ClockType.SYSTEM_TIME)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One row of a node's parameter table; the value stands in config/. low and high bound numbers."""
+
+    name: str
+    description: str
+    low: float | None = None
+    high: float | None = None
+    read_only: bool = True
+
+
+def declare(node: Node, file: str, table: list[Parameter]) -> dict:
+    """Declare a node's parameters with the values of config/`file` as defaults; returns what is in force."""
+    refuse_what_is_not_finite(node)
+    defaults = node_parameters(file, node.get_name()) if _has_section(file, node.get_name()) else None
+    defaults = defaults if defaults is not None else node_parameters(file, file.removesuffix(".yaml"))
+    for row in table:
+        declare_row(node, row, defaults[row.name])
+    return {row.name: node.get_parameter(row.name).value for row in table}
+
+
+def declare_row(node: Node, row: Parameter, default) -> None:
+    """Declare one parameter with its description and range."""
+    node.declare_parameter(row.name, default, _descriptor(row, default))
+
+
+def refuse_what_is_not_finite(node: Node) -> None:
+    """From now on a parameter that is NaN or infinite is refused: NaN lies inside every range."""
+
+    def check(parameters) -> SetParametersResult:
+        for parameter in parameters:
+            values = parameter.value if isinstance(parameter.value, list | tuple) else [parameter.value]
+            if any(isinstance(value, float) and not math.isfinite(value) for value in values):
+                return SetParametersResult(successful=False, reason=f"{parameter.name} = {parameter.value}: give finite numbers")
+        return SetParametersResult(successful=True)
+
+    node.add_on_set_parameters_callback(check)
+
+
+def _has_section(file: str, name: str) -> bool:
+    try:
+        node_parameters(file, name)
+    except KeyError:
+        return False
+    return True
+
+
+def _descriptor(row: Parameter, default) -> ParameterDescriptor:
+    descriptor = ParameterDescriptor(description=row.description, read_only=row.read_only)
+    if row.low is not None and isinstance(default, float):
+        descriptor.floating_point_range = [FloatingPointRange(from_value=float(row.low), to_value=float(row.high))]
+    elif row.low is not None and isinstance(default, int) and not isinstance(default, bool):
+        descriptor.integer_range = [IntegerRange(from_value=int(row.low), to_value=int(row.high))]
+    return descriptor
+
+
+class Diagnostics:
+    """A node's status on /diagnostics, once a second of the wall clock: `describe` gives level, message and values."""
+
+    def __init__(self, node: Node, describe: Callable[[], tuple[bytes, str, dict]]):
+        self._node, self._describe = node, describe
+        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        node.create_timer(1.0, self.publish, clock=WALL)
+
+    def publish(self) -> None:
+        level, message, values = self._describe()
+        status = DiagnosticStatus(level=level, name=self._node.get_name(), message=message, hardware_id="wam")
+        status.values = [KeyValue(key=key, value=str(value)) for key, value in {**values, "process": os.getpid()}.items()]
+        array = DiagnosticArray(status=[status])
+        array.header.stamp = _SYSTEM.now().to_msg()  # all nodes alike, those that follow /clock too
+        self._publisher.publish(array)
+
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+
+def make_executor():
+    """The EventsExecutor where this rclpy has one (several times faster), else the single-threaded one."""
+    try:
+        from rclpy.experimental.events_executor import EventsExecutor
+    except ImportError:
+        return SingleThreadedExecutor()
+    return EventsExecutor()
+
+
+def run(
+    make_nodes: Callable[[], list[Node]], args: list[str] | None = None, over: Callable[[list[Node]], bool] = lambda nodes: False
+) -> None:
+    """Main function of every executable: start nodes, spin until told to stop, or until it is over, shut down in order."""
+    interrupts = Interrupts()
+    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    nodes: list[Node] = []
+    try:
+        executor = make_executor()
+        nodes = make_nodes()
+        for node in nodes:
+            executor.add_node(node)
+        while rclpy.ok() and not interrupts and not over(nodes):
+            executor.spin_once(timeout_sec=0.1)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        for node in nodes:
+            node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def autostart(node: LifecycleNode) -> None:
+    """Configure and activate a managed node at once; RuntimeError if it does not come up, instead of a silent node."""
+    for trigger in (node.trigger_configure, node.trigger_activate):
+        if trigger() != TransitionCallbackReturn.SUCCESS:
+            raise RuntimeError(f"{node.get_name()} did not start: {trigger.__name__} failed, see the messages above")

@@ -1,0 +1,53 @@
+"""Options that several verbs share, and how they are checked. No ROS is imported here."""
+
+import argparse
+from datetime import datetime
+from pathlib import Path
+
+from dart_skill_nodes.process.graph_processes import SIMULATED
+
+UNTOLD = ("help", "output", "json")
+"""Options that change nothing about a run."""
+
+
+def add_run(parser: argparse.ArgumentParser, demonstrations: int, throws: int, thrown: str) -> None:
+    """The options of a run that starts a graph, teaches it and throws."""
+    parser.add_argument("--seed", type=int, default=0, help="everything random comes from it (default 0)")
+    parser.add_argument("--demonstrations", type=int, default=demonstrations, help=f"throws to be shown (default {demonstrations})")
+    parser.add_argument("--throws", type=int, default=throws, help=f"{thrown} (default {throws})")
+    what, verb = "bag, summary, report, pictures and logs", parser.prog.split()[-1]
+    parser.add_argument("--output", type=Path, help=f"folder for {what} (default output/{verb}_<date>)")
+    parser.add_argument("--layout", choices=SIMULATED, default="composed", help="processes of the graph (default composed)")
+
+
+def add_baskets(parser: argparse.ArgumentParser, count: int) -> None:
+    """Where baskets are put, one by one or over the region."""
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--at", type=float, nargs=3, metavar=("X", "Y", "Z"), help="centre of the rim, from the base of the arm [m]")
+    where.add_argument("--count", type=int, default=count, metavar="N", help=f"so many baskets over the region (default {count})")
+    parser.add_argument("--seed", type=int, default=0, help="of where they are (default 0)")
+
+
+def check_run(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
+    """Usage errors of the options of a run; sets its output folder."""
+    for name, value, least in (
+        ("seed", options.seed, 0),
+        ("demonstrations", options.demonstrations, 2),
+        ("throws", options.throws, 1),
+    ):
+        if value < least:
+            parser.error(f"--{name} is {value}; it must be at least {least}")
+    options.output = output_folder(parser, options.output)
+    if (options.output / "bag").exists():
+        parser.error(f"--output {options.output} holds a bag already: choose another folder")
+
+
+def output_folder(parser: argparse.ArgumentParser, chosen: Path | None) -> Path:
+    """The chosen folder, or output/VERB_<date>."""
+    return (chosen or Path("output") / f"{parser.prog.split()[-1]}_{datetime.now():%Y_%m_%d-%H_%M_%S}").resolve()
+
+
+def asked(parser: argparse.ArgumentParser, options: argparse.Namespace) -> list[tuple]:
+    """Name, value and default of every option that a run depends on."""
+    names = [action.dest for action in parser._actions if action.dest not in UNTOLD]
+    return [(name.replace("_", "-"), getattr(options, name), parser.get_default(name)) for name in names]

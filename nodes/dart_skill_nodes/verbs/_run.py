@@ -1,0 +1,158 @@
+"""What the verbs that run a job on a graph have in common: telling how it goes, lessons, throws, and how a job fails.
+
+rclpy is imported when something runs: parsers must come at once.
+"""
+
+import argparse
+import math
+import sys
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from dart_skill_nodes.client.failures import GraphFailure
+from dart_skill_nodes.process.discovery import choose_domain, stay_on_this_machine
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from dart_skill.session.summary import ThrowResult
+    from dart_skill_nodes.client.graph_client import GraphClient
+
+PATIENCE = 10.0
+"""For a graph that is said to run to answer at all [s, wall clock]."""
+PARAMETER_FILES = ("skill_learner.yaml", "demonstration_recorder.yaml", "coach.yaml")
+"""What a report shows besides the parameters that the bag holds."""
+
+
+def say(text: str) -> None:
+    """A line of progress."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def place(target: "np.ndarray") -> str:
+    """A basket in words."""
+    azimuth = math.degrees(math.atan2(target[1], target[0]))
+    return f"basket at {math.hypot(target[0], target[1]):.2f} m, {azimuth:+.0f} degrees"
+
+
+def parameter_texts() -> dict[str, str]:
+    """The parameter files in force that no bag holds."""
+    from dart_skill.configuration import config_path
+
+    return {name: config_path(name).read_text(encoding="utf-8") for name in PARAMETER_FILES}
+
+
+def baskets(options: argparse.Namespace, stream: int) -> "np.ndarray":
+    """Centres of rims (n, 3) that the options name, or over the region; stream: of random numbers. ValueError for a wrong number."""
+    import numpy as np
+
+    from dart_skill.session.regions import REGION
+
+    if options.at is not None:
+        return np.array([options.at])
+    if options.count < 1 or options.seed < 0:
+        raise ValueError(f"--count is {options.count}, --seed {options.seed}: give at least 1, and at least 0")
+    return REGION.spread(options.count, np.random.default_rng([options.seed, stream]))
+
+
+def teach(client: "GraphClient", seed: int, wanted: int) -> int:
+    """Lessons until `wanted` throws were demonstrated, at new baskets for those that failed; how many throws it took."""
+    import numpy as np
+
+    from dart_skill.session.regions import REGION, targets_for
+
+    shown = attempts = 0
+    targets = targets_for(seed, wanted, 0)[0]
+    spare = iter(REGION.spread(wanted, np.random.default_rng([seed, 3])))
+    for lesson in range(2 * wanted):
+        target = targets[lesson] if lesson < wanted else next(spare)
+        result = client.teach(target)
+        attempts += result.attempts
+        shown += bool(result.success)
+        how = f"in after {result.attempts}" if result.success else f"given up: {result.message}"
+        say(f"demonstration {shown}/{wanted}: {place(target)}: {how}")
+        if shown == wanted and lesson >= wanted - 1:
+            return attempts
+    raise GraphFailure(f"only {shown} of {wanted} demonstrations succeeded")
+
+
+def throw_all(client: "GraphClient", targets: Sequence["np.ndarray"]) -> list["ThrowResult"]:
+    """One throw at each basket."""
+    from dart_skill.session.summary import ThrowResult
+    from dart_skill_nodes.comms import conversions
+
+    results = []
+    for k, target in enumerate(targets, start=1):
+        thrown = client.throw(target)
+        outcome, seen = thrown.outcome, bool(thrown.outcome.landing_seen)
+        result = ThrowResult(
+            target=tuple(float(x) for x in target),
+            landing=tuple(conversions.vector(outcome.landing).tolist()) if seen else None,
+            error_m=float(outcome.landing_error) if seen else None,
+            in_basket=bool(outcome.in_basket),
+            message="" if thrown.code == thrown_code() else thrown.message,
+        )
+        error = f"{100 * outcome.landing_error:.1f} cm" if seen else "landing not seen"
+        say(f"throw {k}/{len(targets)}: {place(target)}: {'in' if result.in_basket else 'out'}, {error} {result.message}")
+        results.append(result)
+    return results
+
+
+def thrown_code() -> int:
+    """The code of a throw that was carried out."""
+    from dart_skill_msgs.action import Throw
+
+    return Throw.Goal.OUTCOME_THROWN
+
+
+def carried_out(job: Callable, options: argparse.Namespace, what: str):
+    """job(options) with ROS running, on a domain of its own; None, and a line why, if it failed or was stopped."""
+    choose_domain()
+    import rclpy
+
+    options.output.mkdir(parents=True, exist_ok=True)
+    rclpy.init(args=[])
+    try:
+        return job(options)
+    except (GraphFailure, ValueError, OSError) as error:
+        say(f"{what} failed: {error}")
+        say(f"logs: {options.output / 'logs'}")
+    except KeyboardInterrupt:
+        say("stopped")
+    finally:
+        rclpy.try_shutdown()
+    return None
+
+
+def on_running_graph(wait: Callable[["GraphClient"], None], task: Callable[["GraphClient"], dict]) -> dict:
+    """Result of a task on the graph that runs, after waiting for what it needs; GraphFailure if there is none."""
+    stay_on_this_machine()
+    import rclpy
+
+    from dart_skill_nodes.client.graph_client import GraphClient
+
+    rclpy.init()
+    client = GraphClient(name="verb")
+    try:
+        try:
+            wait(client)
+        except GraphFailure as failure:
+            raise GraphFailure(f"{failure}: does the graph run? 'dart-skill up' starts it, in another terminal") from failure
+        return task(client)
+    finally:
+        client.close()
+        rclpy.try_shutdown()
+
+
+def print_result(run: Callable[[], dict], as_json: bool) -> int:
+    """Carry out one thing, print what came of it as text or as JSON, and give the exit status."""
+    import json
+
+    try:
+        result = run()
+    except (GraphFailure, ValueError) as failure:
+        print(f"dart-skill: {failure}", file=sys.stderr)
+        return 1
+    text = f"{result.pop('text')}\nnext: {result.pop('next')}"
+    print(json.dumps(result) if as_json else text)
+    return 0 if result["ok"] else 1

@@ -1,0 +1,104 @@
+"""`dart-skill bag play`: the node bag_player with what the command line says as its parameters."""
+
+import argparse
+import json
+import math
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from dart_skill_nodes.process.discovery import stay_on_this_machine
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the verb; `player_parameters` makes the node's parameters of them."""
+    parser.add_argument("bag", metavar="BAG", type=Path, help="bag folder, with or without metadata.yaml, .mcap or .db3 file")
+    rate = _number("--rate", 0.0, 1e6)
+    parser.add_argument("--rate", type=rate, metavar="FACTOR", help="seconds of the bag per second; 0: as fast as can be (default 1)")
+    parser.add_argument("--start", type=_number("--start", 0.0, 1e9), metavar="S", help="begin so long after the bag's first message")
+    parser.add_argument("--duration", type=_number("--duration", 1e-9, 1e9), metavar="S", help="end so long after that")
+    parser.add_argument("--loop", action="store_true", help="begin again at the end")
+    parser.add_argument("--paused", action="store_true", help="wait for the services ~/pause or ~/step of bag_player")
+    parser.add_argument("--topics", nargs="+", metavar="REGEX", help="only topics that one of these matches as a whole")
+    parser.add_argument(
+        "--exclude",
+        nargs="+",
+        metavar="REGEX",
+        help="no topic that one of these matches (default: /parameter_events, /rosout and the like)",
+    )
+    parser.add_argument("--remap", nargs="+", type=_remapping, metavar="OLD:=NEW", help="publish a topic under another name")
+    parser.add_argument(
+        "--clock", type=_number("--clock", 0.0, 1e4), metavar="HZ", help="rate of /clock, unless the bag has one; 0: none (default 100)"
+    )
+    parser.add_argument("--wait-for", nargs="+", metavar="REGEX", help="begin when topics that one of these matches have subscribers")
+    parser.add_argument("--json", action="store_true", help="what was played as JSON, at the end")
+
+
+def player_parameters(options: argparse.Namespace) -> dict[str, object]:
+    """Parameters of the node bag_player; what was not given is left to its file."""
+    given = {
+        "bag": str(options.bag),
+        "rate": options.rate,
+        "start": options.start,
+        "duration": options.duration,
+        "loop": options.loop or None,
+        "start_paused": options.paused or None,
+        "topics": options.topics,
+        "exclude": options.exclude,
+        "remap": options.remap,
+        "clock_rate": options.clock,
+        "awaited": options.wait_for,
+    }
+    return {name: value for name, value in given.items() if value is not None}
+
+
+def _number(name: str, low: float, high: float) -> Callable[[str], float]:
+    """What argparse checks a number with."""
+
+    def number(text: str) -> float:
+        value = float(text)
+        if not (math.isfinite(value) and low <= value <= high):
+            raise argparse.ArgumentTypeError(f"{text}: give a number from {low:g} to {high:g}")
+        return value
+
+    number.__name__ = f"{name} value"
+    return number
+
+
+def _remapping(text: str) -> str:
+    old, _, new = text.partition(":=")
+    if not (old and new):
+        raise argparse.ArgumentTypeError(f"'{text}': write it as /old:=/new")
+    return f"{old}={new}"
+
+
+def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
+    """Play; returns the exit status."""
+    stay_on_this_machine()
+    from dart_skill_nodes.executables.bag_player import BagPlayer
+    from dart_skill_nodes.process.node_base import run
+
+    players: list[BagPlayer] = []
+
+    def make() -> list[BagPlayer]:
+        players.append(BagPlayer())
+        print(f"playing {options.bag}; Ctrl-C ends it", file=sys.stderr, flush=True)
+        return players
+
+    begun = time.monotonic()
+    try:
+        run(make, _ros_arguments(player_parameters(options)), over=lambda nodes: nodes[0].finished)
+    except (ValueError, OSError) as error:
+        print(f"dart-skill bag play: {error}", file=sys.stderr)
+        return 1
+    if options.json:
+        took = round(time.monotonic() - begun, 3)
+        print(json.dumps({**players[0].p, "finished": players[0].finished, "seconds": took}, indent=1))
+    return 0
+
+
+def _ros_arguments(parameters: dict[str, object]) -> list[str]:
+    """Parameters as ROS reads them from a command line: YAML, of which JSON is a part."""
+    pairs = [("-p", f"{name}:={json.dumps(value)}") for name, value in parameters.items()]
+    return ["--ros-args", *(part for pair in pairs for part in pair)]

@@ -1,0 +1,146 @@
+"""`dart-skill practice`: over the real graph, a few demonstrations, then throw after throw, each of which the arm learns from."""
+
+import argparse
+import json
+import time
+from functools import partial
+
+from dart_skill.cli.names import CHANGES, PRACTICE_METHODS
+from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES, Graph
+from dart_skill_nodes.verbs._options import add_run, asked, check_run
+from dart_skill_nodes.verbs._run import carried_out, parameter_texts, place, say, teach
+
+BLOCK = 5
+"""Throws per line of the table."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the verb."""
+    parser.description = "Practice over the real graph: a few demonstrations, then throw after throw, each of which the arm learns from."
+    add_run(parser, demonstrations=3, throws=20, thrown="own throws")
+    methods = [name for name in PRACTICE_METHODS if name != "power"]
+    parser.add_argument("--method", choices=methods, help="default: of config/skill_learner.yaml")
+    parser.add_argument("--change", choices=sorted(CHANGES), default="none", help="what happens to the arm, unannounced (default none)")
+    parser.add_argument("--change-after", type=int, default=5, metavar="N", help="own throws before the change (default 5)")
+    parser.add_argument("--json", action="store_true", help="every throw as JSON on stdout instead of the table")
+
+
+def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
+    """Practise; returns the exit status."""
+    from dart_skill.report import PAGE
+
+    check_run(parser, options)
+    if options.change_after < 0:
+        parser.error(f"--change-after is {options.change_after}; it must be at least 0")
+    if options.change != "none" and options.change_after >= options.throws:
+        parser.error(f"--change-after is {options.change_after}: there are {options.throws} throws only")
+    summary = carried_out(run, options, "practice")
+    if summary is None:
+        return 1
+    print(json.dumps(summary, indent=1) if options.json else table(summary))
+    try:
+        write_report(summary, options, asked(parser, options))
+    except (ValueError, OSError) as error:
+        say(f"no report: {error}")
+        return 1
+    if not options.json:
+        print(f"\nbag, summary.json and report.html: {options.output}")
+        print(f"next: open {options.output / PAGE} in a browser, or dart-skill view {summary['bag']}")
+    return 0 if summary["thrown"] == options.throws else 1
+
+
+def _report(feedback, before: int, messages: dict[int, str]) -> None:
+    """One line per throw, and its message kept under its number; `before`: throws of earlier goals."""
+    from dart_skill_nodes.comms import conversions
+
+    if feedback.phase != "done":
+        return
+    messages[before + feedback.number] = feedback.message
+    outcome = feedback.outcome
+    error = f"{100 * outcome.landing_error:.1f} cm" if outcome.landing_seen else "landing not seen"
+    where = place(conversions.vector(outcome.target))
+    say(f"throw {before + feedback.number}: {where}: {'in' if outcome.in_basket else 'out'}, {error} {feedback.message}")
+
+
+def run(options: argparse.Namespace) -> dict:
+    """The whole job on a graph of its own."""
+    from dart_skill.simulation.changes import CHANGES as VALUES
+    from dart_skill_nodes.client.graph_client import GraphClient
+
+    extra = {"skill_learner": {"practice_method": options.method}} if options.method else {}
+    with Graph(options.output / "logs") as graph:
+        say(f"seed {options.seed}; starting {', '.join(LAYOUTS[options.layout])}")
+        client = GraphClient(graph.dead)
+        client.wait_until_gone(NODES)
+        graph.start_all(options.layout, options.seed, options.output / "bag", extra)
+        client.wait_until_ready()
+        teach(client, options.seed, options.demonstrations)
+        say(client.learn().message)
+        begun = time.monotonic()
+        blocks = [options.throws] if options.change == "none" else [options.change_after, options.throws - options.change_after]
+        results, messages = [], {}
+        for block, throws in enumerate(blocks):
+            if block:
+                client.set_parameters("/wam_simulator", VALUES[options.change])
+                say(f"from now on: {options.change}")
+            if throws:
+                before = sum(len(result.outcomes) for result in results)
+                results.append(client.practise(throws, on_feedback=partial(_report, before=before, messages=messages)))
+        took = time.monotonic() - begun
+        client.close()
+    outcomes = [outcome for result in results for outcome in result.outcomes]
+    throws = [_as_row(outcome, messages.get(number, "")) for number, outcome in enumerate(outcomes, start=1)]
+    return {
+        "seed": options.seed, "demonstrations": options.demonstrations, "thrown": sum(result.thrown for result in results),
+        "learned": sum(result.learned for result in results), "change": options.change, "change_after": options.change_after,
+        "seconds": round(took, 1), "message": results[-1].message, "bag": str(options.output / "bag"), "throws": throws,
+    }  # fmt: skip
+
+
+def _as_row(outcome, message: str) -> dict:
+    from dart_skill_nodes.comms import conversions
+
+    seen = bool(outcome.landing_seen)
+    return {
+        "target_m": conversions.vector(outcome.target).tolist(),
+        "landing_m": conversions.vector(outcome.landing).tolist() if seen else None,
+        "error_m": float(outcome.landing_error) if seen else None,
+        "in_basket": bool(outcome.in_basket),
+        "message": message,
+    }
+
+
+def table(summary: dict) -> str:
+    """Errors in blocks of throws."""
+    import numpy as np
+
+    lines = [f"{'throws':>10}{'in':>8}{'median [cm]':>14}{'worst [cm]':>13}"]
+    for first in range(0, len(summary["throws"]), BLOCK):
+        block = summary["throws"][first : first + BLOCK]
+        errors = 100 * np.array([row["error_m"] for row in block if row["error_m"] is not None])
+        numbers = f"{np.median(errors):>14.1f}{errors.max():>13.1f}" if len(errors) else f"{'not seen':>14}"
+        span, inside = f"{first + 1}-{first + len(block)}", sum(row["in_basket"] for row in block)
+        lines.append(f"{span:>10}{f'{inside}/{len(block)}':>8}{numbers}")
+    done = f"{summary['thrown']} throws made, {summary['learned']} learned from, in {summary['seconds']:.0f} s"
+    return "\n".join([*lines, done])
+
+
+def write_report(summary: dict, options: argparse.Namespace, asked_for: list[tuple]) -> None:
+    """summary.json, and the page beside it."""
+    from dart_skill.report import PAGE, write_page
+    from dart_skill.report.run import About
+    from dart_skill.session.summary import ThrowResult
+
+    (options.output / "summary.json").write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    changed = options.change != "none"
+    facts = {
+        "Seed": str(options.seed),
+        "Change": f"{options.change}, after {options.change_after} own throws, unannounced" if changed else "none",
+        "Learned from": f"{summary['learned']} of {summary['thrown']} own throws, besides {options.demonstrations} demonstrations",
+        "Time": f"{summary['seconds']:.0f} s for the own throws",
+    }
+    marks = {options.change_after: options.change} if changed else {}
+    title = f"Practice: {options.demonstrations} demonstrations, {summary['thrown']} own throws"
+    names = ("target_m", "landing_m", "error_m", "in_basket", "message")
+    results = [ThrowResult(*(row[name] for name in names)) for row in summary["throws"]]
+    write_page(summary["bag"], options.output / PAGE, About(title, facts, asked_for, parameter_texts(), marks=marks), results)

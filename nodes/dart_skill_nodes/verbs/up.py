@@ -1,0 +1,158 @@
+"""`dart-skill up`: the node graph, started, watched and ended in order; it stays until Ctrl-C."""
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dart_skill_nodes.client.failures import GraphFailure
+from dart_skill_nodes.process.discovery import stay_on_this_machine
+from dart_skill_nodes.process.graph_processes import LAYOUTS, SIMULATED, START, Graph, nodes_of, parameters_of
+from dart_skill_nodes.process.signals import Interrupts
+from dart_skill_nodes.verbs._options import output_folder
+
+if TYPE_CHECKING:
+    from dart_skill_nodes.client.graph_client import GraphClient
+
+LEVELS = {b"\x00": "ready", b"\x01": "warning", b"\x02": "error", b"\x03": "stale"}
+"""Of diagnostic_msgs/DiagnosticStatus."""
+TEACH = "dart-skill teach --count 5"
+LEARN = "dart-skill learn --at-least 2"
+HARDWARE = "ros2 service call /demonstration_recorder/start std_srvs/srv/Trigger"
+NEXT = {"composed": TEACH, "processes": TEACH, "hardware": HARDWARE, "replay": LEARN}
+"""What to do when everything is ready."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the verb."""
+    parser.description = "The node graph, started, watched and ended in order; it stays until Ctrl-C."
+    parser.add_argument("--layout", choices=list(LAYOUTS), help="what is started (default composed; replay with --play)")
+    parser.add_argument("--seed", type=int, default=0, help="everything random in the simulation comes from it (default 0)")
+    parser.add_argument("--play", type=Path, metavar="BAG", help="bag of a replay")
+    parser.add_argument("--rate", type=float, default=1.0, help="of a replay; 0: as fast as can be (default 1)")
+    parser.add_argument("--viewer", action="store_true", help="the live view, too")
+    parser.add_argument("--record", type=Path, metavar="FOLDER", help="every topic into a bag, too")
+    parser.add_argument("--output", type=Path, help="folder for logs and the bag of demonstrations (default output/up_<date>)")
+    parser.add_argument("--json", action="store_true", help="each event as a line of JSON")
+
+
+def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
+    """Start the graph and stay; returns the exit status."""
+    options.layout = options.layout or ("replay" if options.play else "composed")
+    if (options.layout == "replay") != bool(options.play):
+        parser.error("the layout replay, and no other, needs --play BAG")
+    if options.seed < 0 or not 0.0 <= options.rate < float("inf"):
+        parser.error(f"--seed is {options.seed}, --rate {options.rate}: neither may be negative or infinite")
+    options.output = output_folder(parser, options.output)
+    stay_on_this_machine()
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
+    interrupts = Interrupts()
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        stay(options, interrupts, teller(options.json))
+    except GraphFailure as failure:
+        print(f"dart-skill up: {failure}", file=sys.stderr)
+        return 1
+    finally:
+        rclpy.try_shutdown()
+    return 0
+
+
+class Status:
+    """What every node last said of itself on /diagnostics; `tell` is called with each change. strangers: nodes of the same names that
+    somebody else started; own: the processes that were not.
+    """
+
+    def __init__(self, client: "GraphClient", nodes: list[str], tell):
+        from diagnostic_msgs.msg import DiagnosticArray
+
+        self.strangers, self.own, self._nodes = set(), set(), nodes
+        self.silent, self._said, self._tell, self._begun = set(nodes), {}, tell, time.monotonic()
+        client.node.create_subscription(DiagnosticArray, "/diagnostics", self._take, 50)
+
+    def _take(self, message) -> None:
+        for status in message.status:
+            if {pair.key: pair.value for pair in status.values}.get("process") not in self.own:
+                self.strangers |= {status.name} & set(self._nodes)
+            elif status.name in self.silent or (status.name in self._said and self._said[status.name] != status.level):
+                self.silent.discard(status.name)
+                self._said[status.name] = status.level
+                self._tell(LEVELS[status.level], node=status.name, message=status.message, seconds=round(time.monotonic() - self._begun, 1))
+
+
+def executables(options: argparse.Namespace) -> dict[str, dict]:
+    """What is started, and with which parameters."""
+    played = str(options.play.resolve()) if options.play else ""
+    wanted = {
+        name: parameters_of(name, options.layout, options.seed, str(options.output / "bag"), played, options.rate)
+        for name in LAYOUTS[options.layout]
+    }
+    if options.record:
+        wanted["recorder"] = {"bag": str(options.record.resolve()), "use_sim_time": options.layout in SIMULATED}
+    if options.viewer:
+        wanted["viewer"] = {}
+    return wanted
+
+
+def stay(options: argparse.Namespace, interrupts: Interrupts, tell) -> None:
+    """Start the graph, say which nodes are ready, and wait for the end; GraphFailure if a node ends by itself, or says nothing."""
+    from dart_skill_nodes.client.graph_client import GraphClient
+
+    wanted = executables(options)
+    with Graph(options.output / "logs") as graph, closed(GraphClient(lambda: dead(graph, tell), name="up")) as client:
+        status = Status(client, nodes_of(wanted), tell)
+        for name, parameters in wanted.items():
+            graph.start(name, parameters)
+            status.own.add(str(graph.processes[name].pid))
+        until = time.monotonic() + START
+        is_up = False
+        while not interrupts:
+            client.spin()
+            if status.strangers and not is_up:
+                names = ", ".join(sorted(status.strangers))
+                raise GraphFailure(f"{names} run already: end them, or set ROS_DOMAIN_ID to another number")
+            if status.silent and time.monotonic() > until:
+                raise GraphFailure(f"nothing was heard of {', '.join(sorted(status.silent))} within {START:.0f} s")
+            if not (status.silent or is_up):
+                is_up = True
+                tell("up", message=f"all nodes are ready; logs in {graph.logs}; Ctrl-C ends them", next=NEXT[options.layout])
+        tell("down", message="ending all nodes")
+
+
+def dead(graph: Graph, tell) -> str:
+    """As `Graph.dead`, but for a replay that has come to its end."""
+    player = graph.processes.get("bag_player")
+    if player is not None and player.poll() == 0:
+        del graph.processes["bag_player"]
+        tell("over", node="bag_player", message="the bag was played to its end")
+    return graph.dead()
+
+
+@contextmanager
+def closed(client: "GraphClient") -> Iterator["GraphClient"]:
+    """A client that is closed in the end."""
+    try:
+        yield client
+    finally:
+        client.close()
+
+
+def teller(as_json: bool):
+    """Prints events: a line of JSON each, or text."""
+
+    def tell(event: str, node: str = "", message: str = "", **more) -> None:
+        if as_json:
+            line = json.dumps({"event": event, "node": node, "message": message, **more})
+        else:
+            seconds = f"{more['seconds']:6.1f} s  " if "seconds" in more else ""
+            line = f"{seconds}{event:8s} {node:24s} {message}" if node else message
+            line += f"\nnext: {more['next']}" if "next" in more else ""
+        print(line, flush=True)
+
+    return tell
