@@ -21,11 +21,11 @@ def load_yaml(name: str) -> dict:
 
 
 def node_parameters(name: str, node: str) -> dict:
-    """Parameters of one node from a ROS parameter file of config/, without ROS."""
+    """Parameters of one node from a ROS parameter file of config/, and those of world.yaml that it does not set itself, without ROS."""
     content = load_yaml(name)
     if node not in content:
         raise KeyError(f"{name} has no section '{node}', only {sorted(content)}")
-    return dict(content[node]["ros__parameters"])
+    return {**load_yaml("world.yaml")["/**"]["ros__parameters"], **content[node]["ros__parameters"]}
 
 
 def _folders() -> list[Path]:

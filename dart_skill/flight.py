@@ -13,6 +13,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from dart_skill.checks import check_samples
+from dart_skill.constants import AIR_DENSITY, GRAVITY
+from dart_skill.world import the_world
 
 MAX_STEP, MAX_LOSS = 0.1, 0.01  # of an integration step: its length [s], and the share of the speed that drag takes in it
 PROBE = 1e-4  # difference of state with which the sensitivity of a flight is found [m, m/s]
@@ -20,16 +22,16 @@ PROBE = 1e-4  # difference of state with which the sensitivity of a flight is fo
 
 @dataclass(frozen=True)
 class Ball:
-    """A ball and the air and gravity that it flies in; the defaults are a tennis ball (ITF, facts 6.1).
+    """A ball and the air and gravity that it flies in.
 
     mass [kg], diameter [m], drag_coefficient, air_density [kg/m^3], gravity [m/s^2].
     """
 
-    mass: float = 0.0577
-    diameter: float = 0.067
-    drag_coefficient: float = 0.55
-    air_density: float = 1.204
-    gravity: float = 9.81
+    mass: float
+    diameter: float
+    drag_coefficient: float
+    air_density: float = AIR_DENSITY
+    gravity: float = GRAVITY
 
     def __post_init__(self):
         for field in fields(self):
@@ -51,7 +53,8 @@ class Ball:
         return 0.5 * self.air_density * self.drag_coefficient * area / self.mass
 
 
-TENNIS_BALL = Ball()
+TENNIS_BALL = Ball(the_world().ball_mass, the_world().ball_diameter, the_world().ball_drag_coefficient)
+"""The ball of config/world.yaml."""
 DART = Ball(mass=0.024, diameter=0.007, drag_coefficient=3.0)
 """A steel-tip dart, its attitude that of its velocity: a barrel of 7 mm and 24 g (rules allow 50 g; most weigh 20 to 26 g).
 

@@ -26,6 +26,7 @@ from dart_skill.skill.learn.throwing import Unreachable
 CANDIDATES = 48
 """Baskets among which the curriculum chooses."""
 
+
 @dataclass(frozen=True)
 class Task:
     """One run: `throws` practised throws after `demonstrations`; change: one of CHANGES, after `change_after` throws.

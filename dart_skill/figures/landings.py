@@ -9,8 +9,9 @@ from matplotlib.figure import Figure
 
 from dart_skill.figures.style import BLACK, BLUE, GREY, LIGHT, PALE, SKY, VERMILION, basket_from_above, house_style, save, unit_along
 from dart_skill.session.summary import ThrowResult, footer
+from dart_skill.world import the_world
 
-RIM_RADIUS = 0.15
+RIM_RADIUS = the_world().basket_radius
 HALO = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8}
 
 

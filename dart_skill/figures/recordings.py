@@ -11,10 +11,11 @@ import numpy as np
 
 from dart_skill.recording import BagError, BagReader
 from dart_skill.robot.command import Grip
+from dart_skill.world import the_world
 
 GAP = 0.5
 """Shortest gap between two recordings [s]. Dropouts last a tenth of a second; resets take one second."""
-HAND, BALL, BASKET = (f"/vrpn_mocap/{body}/pose" for body in ("hand", "ball", "basket"))
+HAND, BALL, BASKET = the_world().pose_topics().values()
 COMMAND = "/wam/command"
 
 

@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from dart_skill.figures.landings import RIM_RADIUS
 from dart_skill.figures.style import BLUE, GREY, LIGHT, SKY, VERMILION, house_style
 from dart_skill.session.summary import ThrowResult
+from dart_skill.world import the_world
 
 WINDOW = 5
 """Throws of a running median and its quartiles."""
@@ -34,8 +34,8 @@ def curve_figure(throws: Sequence[ThrowResult], marks: Mapping[int, str] | None 
             axes.fill_between(numbers, low, high, color=SKY, alpha=0.35, linewidth=0, label=f"quartiles of the last {WINDOW} throws")
             axes.plot(numbers, middle, color=BLUE, linewidth=1.8, label=f"median of the last {WINDOW} throws")
         _draw_throws(axes, numbers, errors, np.array([throw.in_basket for throw in throws]))
-        if np.nanmax(errors) > 50.0 * RIM_RADIUS:  # else it would only make everything small
-            axes.axhline(100.0 * RIM_RADIUS, color=GREY, linestyle="--", linewidth=1.0, label="rim of the basket")
+        if np.nanmax(errors) > 50.0 * the_world().basket_radius:  # else it would only make everything small
+            axes.axhline(100.0 * the_world().basket_radius, color=GREY, linestyle="--", linewidth=1.0, label="rim of the basket")
         axes.set(
             xlabel="throw",
             ylabel="landing error [cm]",

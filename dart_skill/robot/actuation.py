@@ -3,7 +3,8 @@
 import numpy as np
 from scipy.linalg.lapack import dposv
 
-from dart_skill.robot.description import N_JOINTS, WamDescription
+from dart_skill.constants import N_JOINTS
+from dart_skill.robot.description import WamDescription
 
 STICTION_SPEED = 1e-3
 """Joint speed [rad/s] below which Coulomb friction falls linearly to zero: a stuck joint creeps at most this fast."""

@@ -6,7 +6,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from dart_skill.robot.description import N_JOINTS
+from dart_skill.constants import N_JOINTS
 
 
 class Grip(IntEnum):

@@ -15,8 +15,10 @@ from enum import Enum
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dart_skill.configuration import node_parameters
+from dart_skill.constants import N_JOINTS
 from dart_skill.robot.command import ArmState, Command, Grip, all_finite
-from dart_skill.robot.description import N_JOINTS, WamDescription, wam_description
+from dart_skill.robot.description import WamDescription, wam_description
 from dart_skill.robot.impedance import (
     Impedance,
     JointServo,
@@ -51,38 +53,53 @@ class Mode(Enum):
 
 @dataclass(frozen=True)
 class CommanderSettings:
-    """Gains and limits; each is a parameter of the commander node.
+    """Gains and limits; each is a parameter of the commander node, and its value stands in config/commander.yaml.
 
-    tracking gains [1/s^2, 1/s]: the pull towards the predicted motion, on top of the attractor's; friction_compensation: share
-    of the identified joint friction; approach_speed [rad/s]; settle_speed [rad/s] and settle_time [s]: at rest before a throw;
-    strongest_force [N], strongest_moment [N m]: the wrench is cut there; fastest_hand [m/s] and farthest_error [m]: beyond them
-    the arm is stopped; longest_gap [s]: between two states of the arm; after a longer one the arm is held
-    where it is found; joint_margin [rad]: to the end of a joint's range, at which a throw is stopped; follow_time [s]: the hand stays
-    on the plan so long after the release, then the arm comes to rest by joint damping: the plan beyond is of no use to the ball and
-    leads through the stretched arm.
+    Parameters
+    ----------
+    tracking_stiffness, tracking_damping : pull towards the predicted motion on top of the attractor's, per unit mass [1/s^2], [1/s].
+    tracking_stiffness_rotation, tracking_damping_rotation : the same for orientation [1/s^2], [1/s].
+    friction_compensation : share of the identified joint friction, 0 to 1.
+    approach_speed : fastest joint on the way to the start of a throw [rad/s].
+    settle_speed, settle_time : the arm rests below this joint speed [rad/s], for so long before a throw [s].
+    settle_limit : the throw begins even if the arm does not rest for so long [s].
+    strongest_force, strongest_moment : the wrench is cut there [N], [N m].
+    fastest_hand : beyond it plans are refused and throws stopped [m/s].
+    farthest_error : distance of the hand from the plan at which a throw is stopped [m].
+    longest_gap : between two states of the arm; after a longer one the arm is held where it is found [s].
+    joint_margin : to the end of a joint's range, at which a throw is stopped [rad].
+    follow_time : the hand stays on the plan so long after the release [s]. Then joint damping brings the arm to rest: the plan beyond is of
+        no use to the ball and leads through the stretched arm.
     """
 
-    tracking_stiffness: float = 900.0
-    tracking_damping: float = 60.0
-    tracking_stiffness_rotation: float = 400.0
-    tracking_damping_rotation: float = 40.0
-    friction_compensation: float = 0.8
-    approach_speed: float = 1.0
-    settle_speed: float = 0.02
-    settle_time: float = 0.1
-    settle_limit: float = 1.0
-    strongest_force: float = 250.0
-    strongest_moment: float = 60.0
-    fastest_hand: float = 5.5
-    farthest_error: float = 0.15
-    longest_gap: float = 0.1
-    joint_margin: float = 0.02
-    follow_time: float = 0.06
+    tracking_stiffness: float
+    tracking_damping: float
+    tracking_stiffness_rotation: float
+    tracking_damping_rotation: float
+    friction_compensation: float
+    approach_speed: float
+    settle_speed: float
+    settle_time: float
+    settle_limit: float
+    strongest_force: float
+    strongest_moment: float
+    fastest_hand: float
+    farthest_error: float
+    longest_gap: float
+    joint_margin: float
+    follow_time: float
 
     @classmethod
     def from_parameters(cls, parameters: Mapping) -> "CommanderSettings":
         """Settings from the parameters of the commander node."""
         return cls(**{f.name: parameters[f.name] for f in fields(cls)})
+
+    @classmethod
+    def configured(cls, **changes: float) -> "CommanderSettings":
+        """Settings of config/commander.yaml, some of them changed; KeyError names what is no setting."""
+        if unknown := set(changes) - {f.name for f in fields(cls)}:
+            raise KeyError(f"{', '.join(sorted(unknown))}: no setting of the commander")
+        return cls.from_parameters({**node_parameters("commander.yaml", "commander"), **changes})
 
 
 class PlanRefused(ValueError):
@@ -93,7 +110,7 @@ class Commander:
     """Answers every state of the arm with one command."""
 
     def __init__(self, settings: CommanderSettings | None = None, description: WamDescription | None = None):
-        self.settings = settings or CommanderSettings()
+        self.settings = settings or CommanderSettings.configured()
         self._description = description or wam_description()
         share = self.settings.friction_compensation
         self._lower, self._upper = self._description.of_joints("lower"), self._description.of_joints("upper")

@@ -9,8 +9,7 @@ from functools import cache
 import numpy as np
 
 from dart_skill.configuration import load_yaml
-
-N_JOINTS = 7
+from dart_skill.world import World, the_world
 
 
 @dataclass(frozen=True)
@@ -91,6 +90,11 @@ class Ball:
     drag_coefficient: float
     inertia: float
 
+    @classmethod
+    def of(cls, world: World) -> "Ball":
+        """The ball of a world."""
+        return cls(world.ball_mass, world.ball_diameter, world.ball_restitution, world.ball_drag_coefficient, world.ball_inertia)
+
     @property
     def radius(self) -> float:
         return self.diameter / 2
@@ -145,7 +149,7 @@ def parse_description(content: dict) -> WamDescription:
         links_dh=tuple(_inertial(link["mass"], link["dh"]) for link in links),
         hand=_hand(content["hand"]),
         motors=_motors(content["transmission"], content["motors"]),
-        ball=Ball(**content["ball"]),
+        ball=Ball.of(the_world()),
         capsules=tuple(Capsule(c["link"], np.array(c["from"]), np.array(c["to"]), c["radius"]) for c in content["capsules"]),
         home=np.array(content["poses"]["home"]),
     )

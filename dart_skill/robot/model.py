@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from dart_skill.robot.description import N_JOINTS, WamDescription, wam_description
+from dart_skill.constants import N_JOINTS
+from dart_skill.robot.description import WamDescription, wam_description
 
 BELOW = np.tri(N_JOINTS, k=-1, dtype=bool)
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from dart_skill.robot.description import N_JOINTS
+from dart_skill.constants import N_JOINTS
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dart_skill.robot.description import N_JOINTS, WamDescription
+from dart_skill.constants import N_JOINTS
+from dart_skill.robot.description import WamDescription
 from dart_skill.robot.urdf import HAND_LINK
 
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])

@@ -16,9 +16,10 @@ from dart_skill.robot.throw_plan import ThrowPlan
 from dart_skill.simulation.motion_capture import BasketWalls, Frame, LatencyQueue, MotionCapture
 from dart_skill.simulation.plant import Plant, PlantSettings, PlantState
 from dart_skill.simulation.teacher import Person, Phase, Swing, Teacher
-from dart_skill.skill.observe.cutting import ARRIVAL_NS, WATCH_NS, ThrowLog
+from dart_skill.skill.observe.cutting import ARRIVAL_NS, ThrowLog
 from dart_skill.skill.observe.outcome import Outcome, judge_flight
 from dart_skill.surface import game_at
+from dart_skill.world import the_world
 
 LONGEST_THROW = 15.0
 RESTING = (Mode.HOLDING, Mode.STOPPING)
@@ -59,7 +60,7 @@ class Session:
         self._game = game_at(() if settings.board is None else settings.board.position)
         person = person or Person.from_parameters(node_parameters("teacher.yaml", "teacher"))
         self.teacher = Teacher(seed, swing, person, game=self._game)
-        limits = commander or CommanderSettings.from_parameters(node_parameters("commander.yaml", "commander"))
+        limits = commander or CommanderSettings.configured()
         self.commander = Commander(limits, self.plant.description_of_load)
         self._kinematics = ArmModel()
         self._exposed, self._log, self._keep = [], ThrowLog(), keep_states
@@ -129,7 +130,7 @@ class Session:
             self.steps += 1
             if over_ns is None and moved_through():
                 opened = self._log.opened_ns or arm.stamp_ns
-                over_ns = max(arm.stamp_ns, opened + WATCH_NS)
+                over_ns = max(arm.stamp_ns, opened + the_world().watch_ns)
             if (arm.stamp_ns - begun) * 1e-9 > LONGEST_THROW:
                 break
         return self._trial(target, states, kind, over_ns or arm.stamp_ns)

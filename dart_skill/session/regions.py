@@ -8,15 +8,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dart_skill.world import the_world
+
 
 @dataclass(frozen=True)
 class Region:
     """A sector in front of the arm: distances from the base axis [m], azimuths to either side [rad], height of the rim [m]."""
 
-    near: float = 1.5
-    far: float = 2.5
-    side: float = np.pi / 4
-    rim: float = 0.40
+    near: float
+    far: float
+    side: float
+    rim: float
 
     def spread(self, n: int, rng: np.random.Generator) -> np.ndarray:
         """Baskets (n, 3): azimuths and distances in n strata, each used once in random order, uniform inside."""
@@ -25,7 +27,8 @@ class Region:
         return np.column_stack([distances * np.cos(azimuths), distances * np.sin(azimuths), np.full(n, self.rim)])
 
 
-REGION = Region()
+REGION = Region(the_world().near, the_world().far, the_world().side, the_world().rim)
+"""That of config/world.yaml."""
 
 
 def targets_for(seed: int, demonstrations: int, throws: int, region: Region = REGION) -> tuple[np.ndarray, np.ndarray]:

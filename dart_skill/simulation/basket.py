@@ -5,14 +5,16 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from dart_skill.world import the_world
+
 
 @dataclass(frozen=True)
 class Basket:
     """An upright cylinder, open at the top. Its position is the centre of the rim, radius the free opening [m]."""
 
-    position: tuple[float, float, float] = (2.0, 0.0, 0.40)
-    radius: float = 0.15
-    depth: float = 0.35
+    position: tuple[float, float, float] = (2.0, 0.0, the_world().rim)
+    radius: float = the_world().basket_radius
+    depth: float = the_world().basket_depth
     wall: float = 0.01
     rim: float = 0.012
     restitution: float = 0.3

@@ -17,9 +17,10 @@ import numpy as np
 import pybullet
 from pybullet_utils.bullet_client import BulletClient
 
+from dart_skill.constants import AIR_DENSITY, N_JOINTS
 from dart_skill.robot.actuation import Actuation
 from dart_skill.robot.command import ArmState, Command, Grip, check_command
-from dart_skill.robot.description import N_JOINTS, Ball, WamDescription, wam_description
+from dart_skill.robot.description import Ball, WamDescription, wam_description
 from dart_skill.robot.urdf import write_urdf
 from dart_skill.simulation.basket import Basket, basket_urdf
 from dart_skill.simulation.board import DART, Board
@@ -27,8 +28,6 @@ from dart_skill.simulation.board import DART, Board
 HAND_LINK_INDEX = N_JOINTS
 JOINTS = list(range(N_JOINTS))
 ZEROS = [0.0] * N_JOINTS
-AIR_DENSITY = 1.204
-"""Of dry air at 20 degrees Celsius and sea level [kg/m^3]."""
 
 
 @dataclass(frozen=True)

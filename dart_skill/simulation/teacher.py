@@ -12,8 +12,8 @@ from enum import Enum
 import numpy as np
 from scipy.optimize import brentq
 
+from dart_skill.constants import N_JOINTS
 from dart_skill.robot.command import ArmState, Command, Grip
-from dart_skill.robot.description import N_JOINTS
 from dart_skill.robot.impedance import minimum_jerk, rotation_error
 from dart_skill.robot.model import ArmModel
 from dart_skill.surface import BASKETS, RIMS, Game

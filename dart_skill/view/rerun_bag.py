@@ -18,6 +18,7 @@ from urllib.parse import quote
 from xml.etree import ElementTree
 
 from dart_skill.recording import BagReader
+from dart_skill.world import pose_topic, the_world
 
 VERSION, SIZE = "0.41.0", "790 MB"
 """Of the package rerun-sdk that this was tried with, and what its environment takes."""
@@ -47,6 +48,8 @@ class BagLayout:
     def of(self, file: Path) -> str:
         """For the layout script, as JSON; a recording is called as its file is."""
         about = {name: value for name, value in asdict(self).items() if name != "files"}
+        world = the_world()
+        about |= {"ball_radius": 0.5 * world.ball_diameter, "basket_size": [world.basket_radius, world.basket_depth]}
         return json.dumps({"application": file.stem, **about}, sort_keys=True)
 
 
@@ -110,7 +113,7 @@ def describe(bag: str | os.PathLike) -> BagLayout:
     with BagReader(bag) as reader:
         if any(file.path.suffix != ".mcap" for file in reader.files):
             raise RerunUnavailable(f"{bag}: Rerun opens MCAP files only: 'dart-skill bag convert' makes a bag of these")
-        ball, basket = _pose_topic(reader, "ball"), _pose_topic(reader, "basket")
+        ball, basket = _pose_topic(reader, the_world().ball_body), _pose_topic(reader, the_world().basket_body)
         joints = next((name for name, topic in sorted(reader.topics.items()) if topic.type_name == STATE and topic.count), None)
         state = None if joints is None else next(reader.messages([joints])).data
         frame = next((next(reader.messages([topic])).data.header.frame_id for topic in (ball, basket) if topic), None)
@@ -175,7 +178,7 @@ def quiet_environment(folder: Path, rerun: Path) -> dict[str, str]:
 def _pose_topic(reader: BagReader, body: str) -> str | None:
     """The topic of a body's poses that has messages; the names of vrpn_mocap come first."""
     named = [name for name, topic in sorted(reader.topics.items()) if topic.type_name == POSE and topic.count and body in name.lower()]
-    usual = f"/vrpn_mocap/{body}/pose"
+    usual = pose_topic(body)
     return usual if usual in named else next(iter(named), None)
 
 

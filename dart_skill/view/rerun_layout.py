@@ -2,8 +2,14 @@
 
     python rerun_layout.py OUTPUT.rbl '{"application": "...", "frame": "world", "ball": "/vrpn_mocap/ball/pose", ...}'
 
-Keys: application: name of the recording, which Rerun takes from its file; frame: in which everything is drawn, null for nothing; ball,
-basket: topics of their poses; joints: topic of the joint states; effort: whether these have efforts. What is null is left out.
+Keys, of which what is null is left out:
+  application   name of the recording, which Rerun takes from its file
+  frame         in which everything is drawn
+  ball, basket  topics of their poses
+  ball_radius   of what stands for the ball [m]
+  basket_size   radius and depth of what stands for the basket [m]
+  joints        topic of the joint states
+  effort        whether these have efforts
 """
 
 import json
@@ -13,8 +19,6 @@ from importlib import import_module
 rr, rrb, encodings = map(import_module, ("rerun", "rerun.blueprint", "rerun.blueprint.encodings"))
 
 BALL, BASKET, GREY, SKY = (213, 94, 0), (0, 114, 178), (119, 119, 119), (86, 180, 233)
-BALL_RADIUS, BASKET_SIZE = 0.033, (0.15, 0.35)
-"""Of what stands for them [m]: radius, and radius and depth."""
 TIMELINE = "message_log_time"
 """All topics are on it."""
 
@@ -23,9 +27,9 @@ def scene(about):
     """The arm with ball and basket in space."""
     drawn = {}
     if about.get("ball"):
-        drawn[about["ball"]] = rr.Ellipsoids3D.from_fields(half_sizes=[[BALL_RADIUS] * 3], colors=[BALL], fill_mode="Solid")
+        drawn[about["ball"]] = rr.Ellipsoids3D.from_fields(half_sizes=[[about["ball_radius"]] * 3], colors=[BALL], fill_mode="Solid")
     if about.get("basket"):
-        radius, depth = BASKET_SIZE
+        radius, depth = about["basket_size"]
         drawn[about["basket"]] = rr.Cylinders3D.from_fields(
             centers=[[0.0, 0.0, -depth / 2]], radii=[radius], lengths=[depth], colors=[BASKET], fill_mode="TransparentFillMajorWireframe"
         )

@@ -131,7 +131,7 @@ def test_the_arm_follows_through_to_rest_soon_after_the_release(begin, make_plan
     run = finish(begin(replace(whole, path=cut, **attractor)))
     assert run.sequence == ORDER
     thrown, through = (2e-3 * len(run.during(mode, run.states)) for mode in (Mode.THROWING, Mode.FOLLOWING_THROUGH))
-    expected = min(cut.duration, whole.release + CommanderSettings().follow_time)
+    expected = min(cut.duration, whole.release + CommanderSettings.configured().follow_time)
     assert thrown == pytest.approx(expected, abs=5e-3)
     assert 0.05 < through < 0.8, through
     last = run.during(Mode.FOLLOWING_THROUGH, run.states)[-1]
@@ -144,7 +144,7 @@ def test_the_arm_is_brought_to_the_start_posture_from_elsewhere(begin, plan):
     run.until(lambda: run.commander.mode == Mode.THROWING)
     np.testing.assert_allclose(run.states[-1].position, plan.start_posture, atol=0.01)
     approach = np.array([state.velocity for state in run.during(Mode.APPROACHING, run.states)])
-    settings = CommanderSettings()
+    settings = CommanderSettings.configured()
     assert 0.5 * settings.approach_speed < np.abs(approach).max() < 1.2 * settings.approach_speed
     assert np.abs(run.states[-1].velocity).max() < settings.settle_speed
 
@@ -197,7 +197,7 @@ def test_two_throws_one_after_the_other(begin, plan):
 
 
 def test_the_wrench_is_cut_at_its_limits(begin, plan):
-    weak = CommanderSettings(strongest_force=20.0, strongest_moment=0.5, farthest_error=10.0)
+    weak = CommanderSettings.configured(strongest_force=20.0, strongest_moment=0.5, farthest_error=10.0)
     run = finish(begin(plan, weak))
     wrenches = np.array([command.wrench for command in run.commands])
     force, moment = np.linalg.norm(wrenches[:, :3], axis=1), np.linalg.norm(wrenches[:, 3:], axis=1)
@@ -255,7 +255,7 @@ def test_a_stop_right_after_the_request_wins(begin, plan):
 
 
 def test_an_arm_that_strays_from_the_plan_is_stopped_with_the_distance(begin, plan):
-    run = begin(plan, CommanderSettings(strongest_force=1.0, tracking_stiffness=0.0, tracking_damping=0.0))
+    run = begin(plan, CommanderSettings.configured(strongest_force=1.0, tracking_stiffness=0.0, tracking_damping=0.0))
     run.until(lambda: run.commander.mode == Mode.HOLDING and not run.commander.throwing)
     assert run.sequence[-2:] == [Mode.STOPPING, Mode.HOLDING]
     assert "m from the plan, farther than the limit of 0.15 m" in run.commander.message, run.commander.message
@@ -332,7 +332,7 @@ def test_a_plan_that_starts_outside_the_joint_limits_is_refused(plan):
 
 def test_a_plan_that_is_too_fast_is_refused(plan):
     speed = np.linalg.norm(plan.path.velocity[:, :3], axis=1).max()
-    refused(plan, rf"{speed:.2f} m/s; the limit is 2\.0 m/s", CommanderSettings(fastest_hand=2.0))
+    refused(plan, rf"{speed:.2f} m/s; the limit is 2\.0 m/s", CommanderSettings.configured(fastest_hand=2.0))
 
 
 def test_a_plan_whose_path_does_not_begin_at_the_start_posture_is_refused(plan):
@@ -421,7 +421,9 @@ def test_same_plan_sees_the_last_bit(plan):
 
 def test_settings_come_from_the_parameters_of_the_node():
     parameters = node_parameters("commander.yaml", "commander")
-    assert CommanderSettings.from_parameters(parameters) == CommanderSettings(), "config and defaults agree"
+    assert CommanderSettings.from_parameters(parameters) == CommanderSettings.configured()
+    with pytest.raises(KeyError, match="fastest_foot"):
+        CommanderSettings.configured(fastest_foot=1.0)
     assert CommanderSettings.from_parameters({**parameters, "fastest_hand": 2.0}).fastest_hand == 2.0
 
 

@@ -102,7 +102,7 @@ def test_the_outcome_is_that_of_the_ball_as_the_cameras_saw_it(thrown):
 
 
 def test_a_plan_that_is_refused_changes_nothing(learned, thrown):
-    session = Session(seed=11, commander=CommanderSettings(fastest_hand=1.0))
+    session = Session(seed=11, commander=CommanderSettings.configured(fastest_hand=1.0))
     with pytest.raises(PlanRefused, match="the limit is 1.0 m/s"):
         session.throw(learned)
     assert session.commander.mode == Mode.HOLDING
@@ -110,7 +110,7 @@ def test_a_plan_that_is_refused_changes_nothing(learned, thrown):
 
 
 def test_a_throw_that_is_stopped_before_the_release_says_why(learned):
-    session = Session(seed=11, commander=CommanderSettings(farthest_error=1e-5))
+    session = Session(seed=11, commander=CommanderSettings.configured(farthest_error=1e-5))
     with pytest.raises(ValueError, match="stopped: .*farther than the limit of 1e-05 m"):
         session.throw(learned)
     session.close()

@@ -154,7 +154,7 @@ def test_the_plan_looks_like_the_demonstrations(skill, new_plan):
 
 
 def test_the_commander_accepts_the_plan(new_plan):
-    check_plan(new_plan, CommanderSettings(), wam_description())
+    check_plan(new_plan, CommanderSettings.configured(), wam_description())
     position, _ = ArmModel().hand_pose(new_plan.start_posture)
     assert np.linalg.norm(position - new_plan.path.position[0]) < 0.02
 

@@ -15,8 +15,8 @@ from dart_skill.recording import Demonstration
 from dart_skill.robot.description import wam_description
 from dart_skill.skill.learn.configuration import SkillConfiguration
 from dart_skill.skill.observe.outcome import FreeFlight, Release, find_flight, fit_release, judge_flight
+from dart_skill.world import the_world
 
-RIM_RADIUS = 0.15
 RATE = 100.0
 """Rate at which demonstrations are resampled [Hz]: that of the motion capture."""
 
@@ -112,8 +112,8 @@ def _start_pose(demonstration: Demonstration, azimuth: float, angles: np.ndarray
 def _task(demonstration: Demonstration, configuration: SkillConfiguration, free: FreeFlight | None) -> np.ndarray:
     if not configuration.relabel:
         return demonstration.target
-    d, game = demonstration, configuration.game
-    outcome = judge_flight(d.ball_time, d.ball_position, d.target, RIM_RADIUS, game.projectile, free=free, surface=game.surface)
+    d, game, radius = demonstration, configuration.game, the_world().basket_radius
+    outcome = judge_flight(d.ball_time, d.ball_position, d.target, radius, game.projectile, free=free, surface=game.surface)
     if not outcome.landing_seen:
         raise ValueError("nobody saw where the ball landed; learn without relabelling, or track the ball to the rim")
     return outcome.landing

@@ -16,18 +16,30 @@ from dart_skill.movement import VelocityThreshold, segment_containing
 from dart_skill.recording import Demonstration
 from dart_skill.robot.command import all_finite
 from dart_skill.robot.description import wam_description
-from dart_skill.skill.observe.outcome import Release, fit_release
+from dart_skill.skill.observe.outcome import Outcome, Release, fit_release, judge_flight
+from dart_skill.world import the_world
 
 THRESHOLDS = VelocityThreshold(run_up=0.15, settle=0.1)
-WATCH_NS, ARRIVAL_NS = 1_200_000_000, 50_000_000
-"""The ball is watched so long after the hand was told to open; samples of the last part of that may still be on their way."""
+ARRIVAL_NS = 50_000_000
+"""Samples of so long before the end of watching may still be on their way."""
+BEFORE_NS = 200_000_000
+"""The release is looked for from so long before the hand was told to open."""
 RESET_NS = 500_000_000
 """Where the arm's own sensors were silent for longer, the world was set anew: what was seen before does not belong to a throw after it."""
 
 
 def watched_until(opened_ns: int) -> int:
     """The instant up to which a throw is watched and cut, whoever does it [ns]."""
-    return opened_ns + WATCH_NS - ARRIVAL_NS
+    return opened_ns + the_world().watch_ns - ARRIVAL_NS
+
+
+def judged(log: ThrowLog, target: np.ndarray, rim_radius: float, opened_ns: int, until_ns: int) -> tuple[Outcome, Release | None]:
+    """What became of a throw at the centre (3,) of a rim, and how the ball left the hand, of what was seen up to an instant.
+
+    ValueError for a target or radius that cannot be.
+    """
+    outcome = judge_flight(*log.ball_between(opened_ns, until_ns), target, rim_radius)
+    return outcome, log.release_between(opened_ns - BEFORE_NS, until_ns)
 
 
 @dataclass

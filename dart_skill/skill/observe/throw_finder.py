@@ -9,9 +9,9 @@ import numpy as np
 
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import Demonstration, GripSignal, Opening
-from dart_skill.skill.learn.preparation import RIM_RADIUS
 from dart_skill.skill.observe.cutting import RESET_NS, THRESHOLDS, ThrowLog, watched_until
 from dart_skill.skill.observe.outcome import Outcome, judge_flight
+from dart_skill.world import the_world
 
 MEMORY_NS = 60_000_000_000
 """What was seen longer before the present belongs to no throw any more."""
@@ -92,7 +92,7 @@ def cut_throw(log: ThrowLog, opening: Opening, thresholds: VelocityThreshold = T
     kind = "miss" if opening.taught else "throw"
     try:
         one = log.cut(f"{kind}_{opening.stamp_ns}", until, thresholds)
-        outcome = judge_flight(*log.ball_between(opening.stamp_ns, until), one.target, RIM_RADIUS)
+        outcome = judge_flight(*log.ball_between(opening.stamp_ns, until), one.target, the_world().basket_radius)
     except ValueError as error:
         return FoundThrow(opening.stamp_ns, opening.taught, reason=str(error))
     return FoundThrow(opening.stamp_ns, opening.taught, one, outcome)

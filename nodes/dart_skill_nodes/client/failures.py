@@ -5,5 +5,5 @@ class GraphFailure(RuntimeError):
     """The graph did not do its job: a node died, is missing, or did not answer."""
 
 
-class CallFailed(RuntimeError):
+class CallFailed(GraphFailure):
     """A node that is needed did not answer, or said no."""

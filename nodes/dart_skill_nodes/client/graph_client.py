@@ -2,21 +2,26 @@
 
 import os
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Coroutine, Iterable
 
 import numpy as np
 import rclpy
 from dart_skill_msgs.action import Practice, Teach, Throw
-from dart_skill_msgs.srv import Learn, Reset
+from dart_skill_msgs.srv import Learn
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import SetParameters
 from rclpy.action import ActionClient
 from rclpy.parameter import Parameter
+from rclpy.task import Future
 from std_srvs.srv import SetBool
 
+from dart_skill.world import the_world
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.client.server_probe import ServerProbe
+from dart_skill_nodes.client.service_calls import ServiceCalls
+from dart_skill_nodes.client.throw_sequence import ThrowSequence, ThrowUnderWay
 from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.coroutines import start
 from dart_skill_nodes.process.graph_processes import START
 from dart_skill_nodes.process.node_base import make_executor
 
@@ -35,11 +40,9 @@ class GraphClient:
         self._executor, self._dead, self._patience = make_executor(), dead, patience
         self._executor.add_node(self.node)
         self._teach = ActionClient(self.node, Teach, "/teach")
-        self._throw = ActionClient(self.node, Throw, "/throw")
         self._practice = ActionClient(self.node, Practice, "/practice")
         self._learn = self.node.create_client(Learn, "/skill_learner/learn")
-        self._reset = self.node.create_client(Reset, "/simulation/reset")
-        self._pause = self.node.create_client(SetBool, "/simulation/pause")
+        self._sequence = ThrowSequence(self.node, ServiceCalls(self.node), the_world().frame_id)
         self._links: dict[object, ServerProbe] = {}
         self._taught, self.simulated_steps, self.throw_seconds = 0, 0, np.zeros(2)
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
@@ -64,7 +67,7 @@ class GraphClient:
 
     def wait_until_ready(self, limit: float = START, teacher: bool = True) -> None:
         """Wait for every action and service; GraphFailure names what is silent."""
-        for client in (self._learn, self._reset, self._pause):
+        for client in (self._learn, self._sequence.reset_client, self._sequence.pause_client):
             self.reach(client, limit)
         for action in ("/throw", "/teach") if teacher else ("/throw",):
             self._reach_action(action, limit)
@@ -97,7 +100,7 @@ class GraphClient:
         handle = self._accepted(self._teach.send_goal_async(Teach.Goal(target=conversions.point(target))), "/teach")
         result = self.wait(handle.get_result_async(), "the lesson").result
         self._taught += result.success
-        self.call(self._pause, SetBool.Request(data=True))
+        self.call(self._sequence.pause_client, SetBool.Request(data=True))
         return result
 
     def learn(self, bag: str = "", configuration: str = "", at_least: int | None = None) -> Learn.Response:
@@ -115,30 +118,21 @@ class GraphClient:
 
     def throw(self, target: np.ndarray) -> Throw.Result:
         """One throw at a basket that is put there, from a world that is reset."""
-        result, _ = self.start_throw(target)
+        under_way = self._begin_throw(target)
         begun = time.monotonic()
-        outcome = self.wait(result, "the throw").result
+        outcome = self.wait(under_way.handle.get_result_async(), "the throw").result
         self.throw_seconds += conversions.seconds(outcome.duration), time.monotonic() - begun
-        self.call(self._pause, SetBool.Request(data=True))
+        self.carry_out(self._sequence.end(under_way), "the throw")
         return outcome
 
     def start_throw(self, target: np.ndarray):
-        """Future of the result of a throw that has begun, and the goal's handle.
+        """Future of the result of a throw that has begun, and the goal's handle."""
+        handle = self._begin_throw(target).handle
+        return handle.get_result_async(), handle
 
-        The world is reset and held until the commander has its plan, so that a throw begins at the same step every time.
-        """
-        reset = Reset.Request(move_basket=True, basket=conversions.point(target), paused=True)
-        first = self.call(self._reset, reset)
-        phases = []
-        goal = Throw.Goal(target=conversions.point(target))
-        goal.header.frame_id, goal.header.stamp = "world", first.stamp
-        sent = self._throw.send_goal_async(goal, feedback_callback=lambda message: phases.append(message.feedback.phase))
-        handle = self._accepted(sent, "/throw")
-        result = handle.get_result_async()
-        while "armed" not in phases and not result.done():
-            self.spin()
-        self.call(self._pause, SetBool.Request(data=False))
-        return result, handle
+    def _begin_throw(self, target: np.ndarray) -> ThrowUnderWay:
+        first_stamp = self.carry_out(self._sequence.reset(target), "the reset")
+        return self.carry_out(self._sequence.begin(target, first_stamp), "the beginning of the throw")
 
     def practise(
         self, throws: int = 0, targets: Iterable[np.ndarray] = (), follow_basket: bool = False, on_feedback=lambda feedback: None
@@ -167,6 +161,12 @@ class GraphClient:
         if not response.success and not may_refuse:
             raise GraphFailure(f"{client.srv_name}: {response.message}")
         return response
+
+    def carry_out(self, coroutine: Coroutine, what: str):
+        """Result of a coroutine of the node's; GraphFailure when it fails, a process died or the patience is over."""
+        done = Future()
+        start(self.node, coroutine, lambda value, error: done.set_exception(error) if error is not None else done.set_result(value))
+        return self.wait(done, what)
 
     def wait(self, future, what: str, patience: float | None = None):
         """Result of a future; GraphFailure when a process died or the patience is over."""

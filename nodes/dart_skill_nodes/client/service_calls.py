@@ -1,6 +1,10 @@
 """Calls of services and actions from coroutines: they wait until the other side can really answer, and say who is missing."""
 
-from dart_skill_msgs.srv import StopDemonstration
+import time
+
+import numpy as np
+from dart_skill_msgs.msg import TrialOutcome
+from dart_skill_msgs.srv import JudgeThrow, StopDemonstration
 from rclpy.action import ActionClient
 from rclpy.node import Node
 from std_srvs.srv import Trigger
@@ -12,6 +16,8 @@ from dart_skill_nodes.comms.coroutines import Promise, answer, pause, within
 
 PATIENCE = 20.0
 """For an answer [s, wall clock]."""
+ARRIVAL = 5.0
+"""For what the cameras have seen of a throw [s, wall clock]."""
 
 
 class ServiceCalls:
@@ -80,3 +86,27 @@ class Recording:
                 return response
             await pause(self._node, 0.05)
         raise CallFailed(f"the recorder still waits for sensor messages: {response.message}")
+
+
+class Judge:
+    """The node that judges throws, as whoever lets one be thrown asks it."""
+
+    def __init__(self, node: Node, calls: ServiceCalls):
+        self._node, self._calls = node, calls
+        self._client = node.create_client(JudgeThrow, "/demonstration_recorder/judge")
+
+    async def outcome(self, target: np.ndarray, opened_ns: int, until_ns: int) -> TrialOutcome:
+        """What became of a throw at a target (3,), of what the cameras saw up to a stamp, once that has arrived.
+
+        Where it does not arrive within ARRIVAL, the throw is judged by what has come. CallFailed if nobody judges.
+        """
+        request = JudgeThrow.Request(target=conversions.point(target), opened=conversions.time_msg(opened_ns))
+        request.until = conversions.time_msg(until_ns)
+        late = time.monotonic() + ARRIVAL
+        while (response := await self._calls.call(self._client, request, may_refuse=True)).pending:
+            if time.monotonic() > late:
+                request.until = conversions.time_msg(0)
+            await pause(self._node, 0.02)
+        if not response.success:
+            raise CallFailed(f"{self._client.srv_name}: {response.message}")
+        return response.outcome

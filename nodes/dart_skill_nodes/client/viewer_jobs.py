@@ -5,16 +5,17 @@ from collections.abc import Callable
 
 import numpy as np
 from dart_skill_msgs.action import Practice, Teach, Throw
-from dart_skill_msgs.srv import Learn, PlaceBasket, Reset, Step
+from dart_skill_msgs.srv import Learn, PlaceBasket, Step
 from rclpy.action import ActionClient
 from rclpy.node import Node
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import Trigger
 
 from dart_skill.session.regions import Region
 from dart_skill.view import Request
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.node_inspector import NodeInspector
 from dart_skill_nodes.client.service_calls import ServiceCalls
+from dart_skill_nodes.client.throw_sequence import ThrowSequence
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import Promise, pause, start
 from dart_skill_nodes.comms.qos import WALL
@@ -50,12 +51,9 @@ class ViewerJobs:
         self._calls, self._inspector = ServiceCalls(node), NodeInspector(node)
         self._job, self._handle, self._stopping, self._said = "", None, False, ""
         self._wanted, self._placing, self._placed_at = None, False, None
-        self._actions = {
-            name: ActionClient(node, kind, f"/{name}") for name, kind in (("teach", Teach), ("throw", Throw), ("practice", Practice))
-        }
+        self._actions = {name: ActionClient(node, kind, f"/{name}") for name, kind in (("teach", Teach), ("practice", Practice))}
         self._learn = node.create_client(Learn, "/skill_learner/learn")
-        self._reset = node.create_client(Reset, "/simulation/reset")
-        self._pause = node.create_client(SetBool, "/simulation/pause")
+        self._sequence = ThrowSequence(node, self._calls, frame_id, lambda: self._sequence.reset_client.service_is_ready())
         self._step = node.create_client(Step, "/simulation/step")
         self._place = node.create_client(PlaceBasket, "/simulation/place_basket")
         self._stop = node.create_client(Trigger, "/commander/stop")
@@ -127,32 +125,9 @@ class ViewerJobs:
 
     async def _throw(self) -> str:
         target = await self._target()
-        goal = Throw.Goal(target=conversions.point(target))
-        goal.header.frame_id = self._frame_id
-        simulated = self._reset.service_is_ready()
-        if simulated:
-            first = await self._calls.call(self._reset, Reset.Request(paused=True))
-            goal.header.stamp = first.stamp
-        armed, over = Promise(), Promise()
-
-        def on_feedback(feedback) -> None:
-            self._say_once(feedback.phase.replace("_", " "))
-            if feedback.phase == "armed":
-                armed.keep()
-
-        def ended(result, error) -> None:
-            over.keep((result, error))
-            armed.keep()
-
-        start(self._node, self._carry_out("throw", goal, on_feedback), ended)
-        await armed  # a throw begins at the same step every time: the world is held until the commander has its plan
-        if simulated:
-            await self._calls.call(self._pause, SetBool.Request(data=False))
-        result, error = await over
-        if simulated:
-            await self._calls.call(self._pause, SetBool.Request(data=True))
-        if error is not None:
-            raise error
+        first_stamp = await self._sequence.reset()
+        under_way = await self._sequence.begin(target, first_stamp, lambda phase: self._say_once(phase.replace("_", " ")))
+        result = await self._sequence.end(under_way)
         if result.code != Throw.Goal.OUTCOME_THROWN:
             raise CallFailed(f"no throw: {result.message}")
         return self._judge(result.outcome)
@@ -202,6 +177,7 @@ class ViewerJobs:
 
     async def _stop_all(self) -> str:
         self._stopping = True
+        self._sequence.cancel()
         if self._handle is not None:
             self._handle.cancel_goal_async()
         if not self._stop.service_is_ready():

@@ -16,7 +16,7 @@ from dart_skill_nodes.comms.qos import WALL
 
 FLUSH = 1.0
 """What came more than so long ago is safe from a crash [s, wall clock]."""
-PARAMETER_FILES = ("wam.yaml", "wam_simulator.yaml", "optitrack.yaml", "commander.yaml", "teacher.yaml")
+PARAMETER_FILES = ("world.yaml", "wam.yaml", "wam_simulator.yaml", "optitrack.yaml", "commander.yaml", "teacher.yaml")
 
 
 class BagSink:

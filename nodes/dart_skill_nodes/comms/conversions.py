@@ -135,6 +135,11 @@ def outcome_msg(outcome: Outcome, target: np.ndarray, frame_id: str, ns: int, re
     return message
 
 
+def unseen_outcome_msg(target: np.ndarray, frame_id: str, ns: int) -> TrialOutcome:
+    """A throw of which nobody says what became of it."""
+    return outcome_msg(Outcome(False, np.full(3, np.nan), np.nan, np.nan, False), target, frame_id, ns)
+
+
 def plan_msg(plan: ThrowPlan, frame_id: str) -> ThrowPlanMsg:
     """A plan as a message."""
     message = ThrowPlanMsg(model_id=plan.model_id)

@@ -1,23 +1,20 @@
-"""What the commander, the teacher and the recorder have in common: they watch hand, ball and basket through the motion capture."""
+"""Hand, ball and basket as the motion capture sees them: a log of their poses, and up to which stamp everything has arrived."""
 
 from collections import deque
-from functools import partial
+from collections.abc import Callable
 
 from geometry_msgs.msg import PoseStamped
-from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 
-from dart_skill.skill.observe.cutting import ThrowLog
+from dart_skill.skill.observe.cutting import RESET_NS, ThrowLog
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions
 
 FRAME_NS = 10_000_000
 """Between two frames of the cameras."""
-BEFORE_NS = 200_000_000
-"""The release is looked for from so long before the hand was told to open."""
-ROLES = ("hand", "ball", "basket")
 SILENCE = 5.0
 """A sensor that is silent for longer sees nothing: what is lost on the way is repeated within 3 s [s, wall clock]."""
+MEMORY_NS = 60_000_000_000
+"""What was seen longer ago is forgotten, unless a throw is being recorded."""
 
 
 class Arrivals:
@@ -36,53 +33,49 @@ class Arrivals:
 
 
 class TrackedBodies:
-    """Keeps a ThrowLog up to date from the pose topics, and knows up to which stamp every message has arrived.
+    """Keeps a ThrowLog of the poses of hand, ball and basket.
 
-    Between `clear` and `rest` messages are looked at; at other times they are not even decoded. on_pose is called after each pose,
-    for whoever waits for one. `subscribe` is false for a node that gets the messages anyway and hands them to `take`.
+    frame_id: poses in another frame are ignored, and `complain` is told so once. newest_ns: stamp of the newest pose.
     """
 
-    def __init__(self, node: Node, frame_id: str, on_pose=lambda: None, subscribe: bool = True):
-        self._awake = False
-        self.log, self._node, self._frame_id, self._on_pose = ThrowLog(), node, frame_id, on_pose
-        self.newest_ns, self.wrong_frame = 0, ""
-        self._cameras = MatchingSubscriptions(node)
-        for role in ROLES if subscribe else ():
-            self._cameras.subscribe(f"/vrpn_mocap/{role}/pose", partial(self.take, role), PoseStamped, raw=True)
-
-    async def listen(self) -> None:
-        """Wait until the cameras are heard: in a graph that has just been started they may not be yet. Without any, go on after a while."""
-        await self._cameras.found()
+    def __init__(self, frame_id: str, complain: Callable[[str], None]):
+        self.log, self.newest_ns, self._forgotten_ns = ThrowLog(), 0, 0
+        self._frame_id, self._complain, self._wrong_frame = frame_id, complain, ""
+        self._add = {
+            "hand": lambda ns, pose: self.log.add_hand(ns, conversions.vector(pose.position), conversions.quaternion(pose.orientation)),
+            "ball": lambda ns, pose: self.log.add_ball(ns, conversions.vector(pose.position)),
+            "basket": lambda ns, pose: self.log.add_basket(ns, conversions.vector(pose.position)),
+        }
 
     def clear(self) -> None:
-        """Forget what was seen; a new throw begins."""
+        """Forget what was seen; a new recording begins."""
         self.log.clear()
-        self._awake = True
-
-    def rest(self) -> None:
-        """The throw is over; what was seen of it is kept."""
-        self._awake = False
 
     def has_all_until(self, ns: int) -> bool:
-        """Whether every pose up to a stamp has come: one that is a frame newer has, and the bodies' poses travel on topics of their own."""
+        """Whether every pose up to a stamp has come: one that is a frame newer has, and a frame's poses are sent together."""
         return self.newest_ns >= ns + FRAME_NS
 
     def take(self, role: str, data: bytes) -> None:
         """A pose of hand, ball or basket, serialised."""
-        if not self._awake:
-            return
         message = deserialize_message(data, PoseStamped)
         if message.header.frame_id != self._frame_id:
-            if not self.wrong_frame:
-                self._node.get_logger().error(f"{role} poses are in '{message.header.frame_id}', not '{self._frame_id}': ignored")
-            self.wrong_frame = message.header.frame_id
+            if not self._wrong_frame:
+                self._complain(f"{role} poses are in '{message.header.frame_id}', not '{self._frame_id}': ignored")
+            self._wrong_frame = message.header.frame_id
             return
-        ns, position = conversions.stamp_ns(message.header.stamp), conversions.vector(message.pose.position)
-        if role == "hand":
-            self.log.add_hand(ns, position, conversions.quaternion(message.pose.orientation))
-        elif role == "ball":
-            self.log.add_ball(ns, position)
-        else:
-            self.log.add_basket(ns, position)
+        ns = conversions.stamp_ns(message.header.stamp)
+        if ns < self.newest_ns - RESET_NS:  # the clock was set back: another simulator, or a bag that is played again
+            self.log.clear()
+            self.newest_ns = self._forgotten_ns = 0
+        self._add[role](ns, message.pose)
         self.newest_ns = max(self.newest_ns, ns)
-        self._on_pose()
+
+    def forget_old(self) -> None:
+        """Forget what is older than MEMORY_NS."""
+        if self.newest_ns - self._forgotten_ns > 2 * MEMORY_NS:
+            self._forgotten_ns = self.newest_ns - MEMORY_NS
+            self.log.forget_before(self._forgotten_ns)
+
+    def remembers(self, ns: int) -> bool:
+        """Whether what was seen at a stamp has not been forgotten."""
+        return ns >= self._forgotten_ns

@@ -5,17 +5,18 @@ Action /practice. What it knows of a throw comes from the motion capture, throug
 
 import numpy as np
 from dart_skill_msgs.action import Practice, Throw
-from dart_skill_msgs.srv import AddTrial, PlanThrow, Reset
+from dart_skill_msgs.srv import AddTrial, PlanThrow
 from geometry_msgs.msg import PoseStamped
-from rclpy.action import ActionClient, CancelResponse, GoalResponse
+from rclpy.action import CancelResponse, GoalResponse
 from rclpy.node import Node
-from std_srvs.srv import SetBool
 
 from dart_skill.session.regions import Region
 from dart_skill.skill.improve.curriculum import Curriculum
 from dart_skill.skill.observe.cutting import ARRIVAL_NS
+from dart_skill.world import pose_topic
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.service_calls import PATIENCE, Recording, ServiceCalls
+from dart_skill_nodes.client.throw_sequence import ThrowSequence
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, finish_by_success, within
 from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions
@@ -32,8 +33,6 @@ TABLE = [
     Parameter("candidates", "baskets among which it chooses the next one", 1, 1000),
     Parameter("watch_time", "the ball is watched so long after the hand was told to open [s]", 0.3, 5.0),
 ]
-LONGEST_THROW = 120.0
-"""Of the answer to a throw [s, wall clock]."""
 
 
 class CoachNode(Node):
@@ -44,16 +43,14 @@ class CoachNode(Node):
         self.p = declare(self, "coach.yaml", TABLE)
         self._region = Region(**{name: self.p[name] for name in ("near", "far", "side", "rim")})
         self._rng, self._curriculum = np.random.default_rng([self.p["seed"], 5]), Curriculum()
-        self._goal, self._under_way, self._sighting = None, None, None
+        self._goal, self._sighting = None, None
         self._calls = ServiceCalls(self)
         self._recording = Recording(self, self._calls)
-        self._reset = self.create_client(Reset, "/simulation/reset")
-        self._pause = self.create_client(SetBool, "/simulation/pause")
+        self._sequence = ThrowSequence(self, self._calls, self.p["frame_id"])
         self._plan = self.create_client(PlanThrow, "/skill_learner/plan_throw")
         self._add_trial = self.create_client(AddTrial, "/skill_learner/add_trial")
-        self._throw = ActionClient(self, Throw, "/throw")
         self._cameras = MatchingSubscriptions(self)
-        self._cameras.subscribe(f"/vrpn_mocap/{self.p['basket_body']}/pose", self._on_basket, PoseStamped)
+        self._cameras.subscribe(pose_topic(self.p["basket_body"]), self._on_basket, PoseStamped)
         accept = {"goal_callback": self._on_goal, "cancel_callback": self._on_cancel}
         self._action = CoroutineActionServer(self, Practice, "/practice", self._practise, finish_by_success, **accept)
         self._diagnostics = Diagnostics(self, lambda: (OK, "practising" if self._goal else "waiting", {}))
@@ -65,8 +62,7 @@ class CoachNode(Node):
         return GoalResponse.ACCEPT
 
     def _on_cancel(self, _) -> CancelResponse:
-        if self._under_way is not None:
-            self._under_way.cancel_goal_async()
+        self._sequence.cancel()
         return CancelResponse.ACCEPT
 
     async def _practise(self, goal_handle) -> Practice.Result:
@@ -87,7 +83,7 @@ class CoachNode(Node):
             result.success, result.message = False, str(error)
             self.get_logger().error(f"practice ends: {error}")
         finally:
-            self._goal = self._under_way = None
+            self._goal = None
         return result
 
     async def _choose(self) -> np.ndarray:
@@ -105,14 +101,10 @@ class CoachNode(Node):
         """target (3,), where the basket is put; None: where it is seen."""
         self._feed(number, "resetting")
         await self._recording.start()
-        reset = Reset.Request(paused=True)
-        if target is not None:
-            reset.move_basket, reset.basket = True, conversions.point(target)
-        first = await self._calls.call(self._reset, reset)
-        target = await self._basket_seen(conversions.stamp_ns(first.stamp)) if target is None else target
+        first_stamp = await self._sequence.reset(target)
+        target = await self._basket_seen(conversions.stamp_ns(first_stamp)) if target is None else target
         self._feed(number, "throwing")
-        thrown = await self._throw_at(target, first.stamp)
-        await self._calls.call(self._pause, SetBool.Request(data=True))
+        thrown = await self._sequence.end(await self._sequence.begin(target, first_stamp))
         feedback = Practice.Feedback(number=number, phase="done", outcome=thrown.outcome, message=thrown.message)
         if thrown.code == Throw.Goal.OUTCOME_THROWN:
             result.thrown += 1
@@ -129,9 +121,10 @@ class CoachNode(Node):
         """Where the cameras see the basket (3,), not before a stamp; a paused world is let run until they do."""
         self._sighting = Promise()
         self._sighting_since_ns = since_ns
-        await self._calls.call(self._pause, SetBool.Request(data=False))
-        seen, self._sighting = await within(self, self._sighting, PATIENCE), None
-        await self._calls.call(self._pause, SetBool.Request(data=True))
+        await self._sequence.hold(False)
+        seen = await within(self, self._sighting, PATIENCE)
+        self._sighting = None
+        await self._sequence.hold(True)
         if seen is None:
             raise CallFailed(f"the basket was not seen for {PATIENCE:.0f} s: is it tracked?")
         return seen
@@ -141,28 +134,6 @@ class CoachNode(Node):
             return
         if message.header.frame_id == self.p["frame_id"]:
             self._sighting.keep(conversions.vector(message.pose.position))
-
-    async def _throw_at(self, target: np.ndarray, first_stamp) -> Throw.Result:
-        """Result of a throw that begins after a known state, so that it begins at the same step every time."""
-        goal, armed, over = Throw.Goal(target=conversions.point(target)), Promise(), Promise()
-        goal.header.frame_id, goal.header.stamp = self.p["frame_id"], first_stamp
-
-        def on_feedback(feedback) -> None:
-            if feedback.phase == "armed":
-                armed.keep()
-
-        def on_result(done) -> None:
-            over.keep(done.result().result)
-            armed.keep()
-
-        self._under_way = await self._calls.send(self._throw, "/throw", goal, on_feedback)
-        self._under_way.get_result_async().add_done_callback(on_result)
-        await within(self, armed, LONGEST_THROW)
-        await self._calls.call(self._pause, SetBool.Request(data=False))
-        thrown, self._under_way = await within(self, over, LONGEST_THROW), None
-        if thrown is None:
-            raise CallFailed(f"the throw took longer than {LONGEST_THROW:.0f} s")
-        return thrown
 
     async def _learn_from(self, thrown: Throw.Result, target: np.ndarray, result: Practice.Result) -> str:
         """Give the throw to the learner; why it was not learned from, if so."""

@@ -22,12 +22,12 @@ from std_srvs.srv import SetBool, Trigger
 from dart_skill.robot.command import ArmState
 from dart_skill.robot.commander import Commander, CommanderSettings, Mode, PlanRefused
 from dart_skill.skill.observe.cutting import ARRIVAL_NS
-from dart_skill.skill.observe.outcome import judge_flight
+from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.server_probe import ServerProbe
+from dart_skill_nodes.client.service_calls import Judge, ServiceCalls
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, answer, finish, pause
 from dart_skill_nodes.comms.qos import COMPLETE, FRAMES, LATCHED, LOOP, WALL
-from dart_skill_nodes.comms.tracked_bodies import BEFORE_NS, TrackedBodies
 from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Parameter, declare, run
 
 TABLE = [
@@ -51,7 +51,6 @@ TABLE = [
     Parameter("watch_time", "the ball is watched so long after the hand was told to open [s]", 0.3, 5.0),
     Parameter("plan_timeout", "for the learner's answer [s, wall clock]", 0.1, 120.0),
     Parameter("learner_timeout", "a throw is stopped when the learner is silent for longer [s, wall clock]", 0.2, 60.0),
-    Parameter("rim_radius", "of the basket [m]", 0.05, 1.0),
 ]
 FEEDBACK_NS = 50_000_000
 
@@ -70,8 +69,8 @@ class GoalUnderWay:
     """A goal of /throw, from its acceptance to its result.
 
     withdrawn: why it must not move the arm any more, empty if it may. armed: the commander has its plan, and the arm may move for it.
-    ended_ns: the stamp at which the throw and the watching of the ball end, None before that is known. silence: of the learner, and
-    alive: when the throw began [s, wall clock].
+    ended_ns: the stamp at which the throw and the watching of the ball end, None before that is known. silence: of the learner
+    [s, wall clock].
     """
 
     handle: object
@@ -81,7 +80,6 @@ class GoalUnderWay:
     ended_ns: int | None = None
     fed_ns: int = 0
     silence: float = 0.0
-    alive: float = 0.0
 
 
 class CommanderNode(Node):
@@ -100,7 +98,8 @@ class CommanderNode(Node):
         self._command = self.create_publisher(WamCommand, "/wam/command", COMPLETE)
         self._attractor = self.create_publisher(PoseStamped, "~/attractor", FRAMES)
         self._plan = self.create_publisher(Path, "~/plan", LATCHED)
-        self._watcher = TrackedBodies(self, self.p["frame_id"], on_pose=self._check_over)
+        calls = ServiceCalls(self)
+        self._judge = Judge(self, calls)
         self.create_subscription(JointState, "/joint_states", self._on_state, LOOP)
         self.create_subscription(Time, "/skill_learner/heartbeat", self._on_heartbeat, 10)
         self._planner = self.create_client(PlanThrow, "/skill_learner/plan_throw")
@@ -138,16 +137,7 @@ class CommanderNode(Node):
             opened = self._commander.opened_ns
             watch = 0 if opened is None else round(self.p["watch_time"] * 1e9)
             goal.ended_ns = max(state.stamp_ns, (opened or 0) + watch)
-        self._check_over()
-
-    def _check_over(self) -> None:
-        """The throw is over when its end has come and what the cameras saw until shortly before it has arrived."""
-        goal = self._goal
-        if goal is None or goal.ended_ns is None or goal.over.kept:
-            return
-        arrived = self._watcher.has_all_until(goal.ended_ns - ARRIVAL_NS) or self._commander.opened_ns is None
-        late = time.monotonic() - goal.alive > 5.0
-        if self._state.stamp_ns >= goal.ended_ns and (arrived or late):
+        if goal.ended_ns is not None and state.stamp_ns >= goal.ended_ns:
             goal.over.keep()
 
     # the action
@@ -171,11 +161,9 @@ class CommanderNode(Node):
 
     async def _throw(self, goal_handle) -> Throw.Result:
         self._goal = GoalUnderWay(goal_handle)
-        self._watcher.clear()
         result = Throw.Result(code=Throw.Goal.OUTCOME_REFUSED)
         try:
             self._feed("planning")
-            await self._watcher.listen()
             plan = await self._ask_for_plan(goal_handle.request, result)
             if plan is not None:
                 await self._execute(plan, result)
@@ -185,7 +173,6 @@ class CommanderNode(Node):
             result.code, result.message = Throw.Goal.OUTCOME_STOPPED, str(reason)
         finally:
             self._goal = None
-            self._watcher.rest()
         return result
 
     async def _ask_for_plan(self, goal, result):
@@ -227,7 +214,7 @@ class CommanderNode(Node):
             raise Withdrawn(goal.withdrawn)
         self._commander.throw(plan)
         begun_ns = self._state.stamp_ns
-        goal.armed, goal.alive = True, time.monotonic()
+        goal.armed = True
         self._feed("armed")
         await goal.over
         result.duration = conversions.duration_msg((self._state.stamp_ns - begun_ns) * 1e-9)
@@ -238,10 +225,15 @@ class CommanderNode(Node):
         else:
             result.code, result.message = Throw.Goal.OUTCOME_THROWN, "thrown"
         if opened_ns is not None:
-            log, until = self._watcher.log, goal.ended_ns - ARRIVAL_NS
-            outcome = judge_flight(*log.ball_between(opened_ns, until), plan.target, self.p["rim_radius"])
-            release = log.release_between(opened_ns - BEFORE_NS, until)
-            result.outcome = conversions.outcome_msg(outcome, plan.target, self.p["frame_id"], opened_ns, release)
+            await self._let_judge(plan.target, opened_ns, goal.ended_ns - ARRIVAL_NS, result)
+
+    async def _let_judge(self, target: np.ndarray, opened_ns: int, until_ns: int, result) -> None:
+        """What the cameras saw of the throw; a throw that nobody judges has been made all the same."""
+        try:
+            result.outcome = await self._judge.outcome(target, opened_ns, until_ns)
+        except CallFailed as failure:
+            result.outcome = conversions.unseen_outcome_msg(target, self.p["frame_id"], opened_ns)
+            result.message += f"; nobody judged it: {failure}"
 
     async def _state_of_goal(self, stamp_ns: int) -> None:
         """The states that the goal knows of are answered before it is obeyed; ValueError if the one that it names does not come."""

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from dart_skill_msgs.msg import Demonstration as DemonstrationMsg
-from dart_skill_msgs.srv import StopDemonstration
+from dart_skill_msgs.srv import JudgeThrow, StopDemonstration
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
@@ -19,13 +19,14 @@ from std_srvs.srv import Trigger
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import DEMONSTRATION_TOPIC, DEMONSTRATION_TYPE, Demonstration, demonstration_message, serialize, types_for
 from dart_skill.recording.grip_signal import OPEN, read_command
-from dart_skill.skill.observe.cutting import watched_until
+from dart_skill.skill.observe.cutting import judged, watched_until
 from dart_skill.skill.observe.throw_finder import ThrowFinder
+from dart_skill.world import ROLES, pose_topic
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink
 from dart_skill_nodes.comms.qos import LATCHED, WALL
 from dart_skill_nodes.comms.raw_batches import TAKE, RawBatches, RawMessage
-from dart_skill_nodes.comms.tracked_bodies import FRAME_NS, ROLES, Arrivals, TrackedBodies
+from dart_skill_nodes.comms.tracked_bodies import FRAME_NS, Arrivals, TrackedBodies
 from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Parameter, autostart, declare, run
 
 TABLE = [
@@ -43,6 +44,7 @@ TABLE = [
     Parameter("run_up", "kept before the motion [s]", 0.0, 5.0),
     Parameter("settle", "kept after the motion [s]", 0.0, 5.0),
     Parameter("speed_window", "over which the speed is estimated [s]", 0.02, 1.0),
+    Parameter("basket_radius", "free opening of the basket at its rim [m]", 0.05, 1.0),
     Parameter("automatic", "cut every guided throw into the basket by itself, without ~/start and ~/stop"),
 ]
 
@@ -59,6 +61,7 @@ class DemonstrationRecorder(BagKeeper):
         self._demonstrations = self.create_publisher(DemonstrationMsg, DEMONSTRATION_TOPIC, LATCHED)
         self.create_service(Trigger, "~/start", self._on_start)
         self.create_service(StopDemonstration, "~/stop", self._on_stop)
+        self.create_service(JudgeThrow, "~/judge", self._on_judge)
         self._diagnostics = Diagnostics(self, self._describe)
         if self.get_parameter("autostart").value:
             autostart(self)
@@ -76,16 +79,16 @@ class DemonstrationRecorder(BagKeeper):
         except (ValueError, OSError) as error:
             self.get_logger().error(f"not configured: {error}")
             return TransitionCallbackReturn.FAILURE
-        self._watcher = TrackedBodies(self, self.p["frame_id"], subscribe=False)
-        self._role_of = {f"/vrpn_mocap/{self.p[f'{role}_body']}/pose": role for role in ROLES}
+        self._tracked = TrackedBodies(self.p["frame_id"], self.get_logger().error)
+        self._role_of = {pose_topic(self.p[f"{role}_body"]): role for role in ROLES}
+        self._recorded = {*self.p["topics"], *self._role_of}
         self._needed = {"/joint_states", "/wam/command", "/wam/teacher_wrench", *self._role_of}
         self._silent = {"/joint_states", "/wam/command", *(t for t, role in self._role_of.items() if role == "hand")}
         self._finder, self._arrivals = None, Arrivals()
         if self.p["automatic"]:
-            self._finder = ThrowFinder(self._watcher.log, self._thresholds)
-            self._watcher.clear()
+            self._finder = ThrowFinder(self._tracked.log, self._thresholds)
         self._messages = RawBatches(self)
-        for topic in [*self.p["topics"], *sorted(self._needed - set(self.p["topics"]))]:
+        for topic in [*self.p["topics"], *sorted((self._needed | self._recorded) - set(self.p["topics"]))]:
             self._subscribe(topic)
         self._timer = self.create_timer(TAKE, self._take, clock=WALL)
         return TransitionCallbackReturn.SUCCESS
@@ -104,7 +107,7 @@ class DemonstrationRecorder(BagKeeper):
         if topic == DEMONSTRATION_TOPIC:
             self._bag.add_own(topic, DEMONSTRATION_TYPE, LATCHED)
             return  # its own publication is written where it is made: a node does not hear itself reliably in order
-        if topic in self.p["topics"]:
+        if topic in self._recorded:
             self._messages.listen(topic, partial(self._bag.add_offered, topic))
         else:
             self._messages.listen(topic)
@@ -116,24 +119,27 @@ class DemonstrationRecorder(BagKeeper):
             ns = self._bag.stamp_ns(message.topic, message.data)
             ns = self._now_ns if ns is None else ns
             self._now_ns, self._newest[message.topic] = max(self._now_ns, ns), ns
-            if message.topic in self.p["topics"]:
+            if message.topic in self._recorded:
                 self._bag.write(message.topic, self._now_ns, ns, message.data)
-            if self._recording or self._finder:
-                self._look(message, ns)
+            self._look(message, ns)
             self._silent.discard(message.topic)
         if self._finder:
             self._find()
+        elif not self._recording:
+            self._tracked.forget_old()
 
     def _look(self, message: RawMessage, ns: int) -> None:
         if role := self._role_of.get(message.topic):
-            self._watcher.take(role, message.data)
+            self._tracked.take(role, message.data)
+        elif not (self._recording or self._finder):
+            return
         elif message.topic == "/joint_states":
             self._look_at_joints(ns, message.data)
         elif message.topic in ("/wam/command", "/wam/teacher_wrench"):
             self._look_at_grip(message.topic, ns, message.data)
 
     def _look_at_joints(self, ns: int, data: bytes) -> None:
-        joints = self._watcher.log
+        joints = self._tracked.log
         if joints.wants_joints(ns):
             state = conversions.arm_state(deserialize_message(data, JointState))
             joints.add_joints(ns, state.position, state.velocity)
@@ -142,7 +148,7 @@ class DemonstrationRecorder(BagKeeper):
         if self._finder:
             self._finder.add_command(data, guiding=topic == "/wam/teacher_wrench")
         elif read_command(data)[2] == OPEN:
-            self._watcher.log.add_opening(ns)
+            self._tracked.log.add_opening(ns)
 
     def _find(self) -> None:
         sensors = [self._newest.get(topic, 0) for topic in ("/joint_states", *self._role_of)]
@@ -166,7 +172,7 @@ class DemonstrationRecorder(BagKeeper):
             response.success, response.message = False, f"nothing has come on {silent} yet: is the node running that publishes it?"
             return response
         self._take()
-        self._watcher.clear()
+        self._tracked.clear()
         self._newest.clear()
         self._recording = True
         response.success, response.message = True, str(self._bag.writer.path)
@@ -189,11 +195,34 @@ class DemonstrationRecorder(BagKeeper):
     def _arrived_ns(self) -> int:
         """Up to this stamp everything has come: a topic that was heard since ~/start may lag behind the others."""
         steps = (newest for topic, newest in self._newest.items() if topic in self._needed and topic not in self._role_of)
-        return min(self._watcher.newest_ns - FRAME_NS, min(steps, default=0))
+        return min(self._tracked.newest_ns - FRAME_NS, min(steps, default=0))
+
+    def _on_judge(self, request, response):
+        if self._bag is None:
+            response.message = "not configured: nothing is watched"
+            return response
+        opened, until = conversions.stamp_ns(request.opened), conversions.stamp_ns(request.until)
+        self._take()
+        response.pending = not self._tracked.has_all_until(until)
+        if response.pending:
+            response.message = f"poses have come up to {self._tracked.newest_ns} ns only, not {until} ns"
+            return response
+        self._take()  # what was sent before the newest pose
+        if not self._tracked.remembers(opened):
+            response.message = f"the throw at {opened} ns is too long ago: it was forgotten"
+            return response
+        target, log = conversions.vector(request.target), self._tracked.log
+        try:
+            outcome, release = judged(log, target, self.p["basket_radius"], opened, until or self._tracked.newest_ns)
+        except ValueError as error:
+            response.message = str(error)
+            return response
+        response.success, response.outcome = True, conversions.outcome_msg(outcome, target, self.p["frame_id"], opened, release)
+        return response
 
     def _cut(self, request, response, until: int):
         try:
-            one = self._watcher.log.cut(f"demonstration_{self._count + 1}", until, self._thresholds)
+            one = self._tracked.log.cut(f"demonstration_{self._count + 1}", until, self._thresholds)
             response.success, response.demonstration = True, conversions.demonstration_msg(one)
         except ValueError as error:
             response.success, response.message = False, str(error)
@@ -217,7 +246,7 @@ class DemonstrationRecorder(BagKeeper):
     def _describe(self):
         if self._bag is None:
             return WARN, "no bag is open", {}
-        values = {"bag": self._bag.writer.path, "demonstrations": self._count, "rejected": self._watcher.log.rejected}
+        values = {"bag": self._bag.writer.path, "demonstrations": self._count, "rejected": self._tracked.log.rejected}
         values["lost"] = sum(self._messages.lost.values())
         values |= self._bag.writer.counts
         if self._bag.failure:

@@ -15,16 +15,19 @@ from dart_skill.configuration import node_parameters
 from dart_skill.robot.model import ArmModel
 from dart_skill.simulation.motion_capture import BasketWalls, LatencyQueue, MotionCapture
 from dart_skill.simulation.plant import PlantSettings
+from dart_skill.world import ROLES, pose_topic, world_parameters
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import CLOCK, FRAMES, POSES
 from dart_skill_nodes.process.node_base import OK, WARN, Diagnostics, Parameter, autostart, declare_row, refuse_what_is_not_finite, run
 
 STEP_NS = PlantSettings().step_ns
-BASKET = (
-    (Parameter("basket_radius", "free opening of the basket that hides the ball [m]", 0.05, 1.0, read_only=False), 0.15),
-    (Parameter("basket_depth", "rim to floor of the basket that hides the ball [m]", 0.05, 1.0, read_only=False), 0.35),
-)
-"""What can change while the cameras run, with the defaults."""
+WORLD = [
+    Parameter("frame_id", "frame of the poses"),
+    *(Parameter(f"{role}_body", f"name of the tracked body that is the {role}") for role in ROLES),
+    Parameter("basket_radius", "free opening of the basket that hides the ball [m]", 0.05, 1.0, read_only=False),
+    Parameter("basket_depth", "rim to floor of the basket that hides the ball [m]", 0.05, 1.0, read_only=False),
+]
+"""Of config/world.yaml."""
 TEXTS = {
     "reliability": "of the published poses: reliable, or best_effort as vrpn_mocap publishes",
     "rate": "frames per second",
@@ -54,13 +57,14 @@ class MockOptitrack(LifecycleNode):
             autostart(self)
 
     def _declare(self) -> dict:
-        """Every value of config/optitrack.yaml as a parameter, nested ones with dots in their names."""
+        """Every value of config/optitrack.yaml as a parameter, nested ones with dots in their names, and those of the world that matter."""
         refuse_what_is_not_finite(self)
         for name, default in (("autostart", True), ("seed", 0)):
             self.declare_parameter(name, default)
-        for row, default in BASKET:
-            declare_row(self, row, default)
         values = node_parameters("optitrack.yaml", "mock_optitrack")
+        for row in WORLD:
+            declare_row(self, row, values[row.name])
+        values = {name: value for name, value in values.items() if name not in world_parameters()}
         cameras = values.pop("cameras")
         for name, default in values.items():
             self.declare_parameter(name, default, ParameterDescriptor(description=TEXTS.get(name, name), read_only=True))
@@ -87,7 +91,7 @@ class MockOptitrack(LifecycleNode):
             return TransitionCallbackReturn.FAILURE
         self._kinematics = ArmModel()
         names, qos = self._capture.config.bodies, POSES[self.get_parameter("reliability").value]
-        self._publishers_of = {n: self.create_publisher(PoseStamped, f"/vrpn_mocap/{n}/pose", qos) for n in names}
+        self._publishers_of = {n: self.create_publisher(PoseStamped, pose_topic(self.get_parameter(f"{n}_body").value), qos) for n in names}
         self._published, self._lost = dict.fromkeys(names, 0), dict.fromkeys(names, 0)
         self._message = PoseStamped()
         self._message.header.frame_id = self.get_parameter("frame_id").value

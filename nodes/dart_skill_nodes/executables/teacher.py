@@ -4,8 +4,6 @@ Action /teach. While it guides, the teacher takes part in the simulator's handsh
 /wam/teacher_wrench. It sees the ball through the motion capture like everybody else, and starts and stops the recorder.
 """
 
-import time
-
 from dart_skill_msgs.action import Teach
 from dart_skill_msgs.msg import WamCommand
 from dart_skill_msgs.srv import Reset
@@ -18,13 +16,11 @@ from std_srvs.srv import SetBool
 from dart_skill.robot.command import Command, Grip
 from dart_skill.simulation.teacher import Person, Phase, Teacher
 from dart_skill.skill.observe.cutting import ARRIVAL_NS
-from dart_skill.skill.observe.outcome import judge_flight
 from dart_skill_nodes.client.failures import CallFailed
-from dart_skill_nodes.client.service_calls import Recording, ServiceCalls
+from dart_skill_nodes.client.service_calls import Judge, Recording, ServiceCalls
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, finish_by_success, pause
 from dart_skill_nodes.comms.qos import COMPLETE, LOOP
-from dart_skill_nodes.comms.tracked_bodies import BEFORE_NS, TrackedBodies
 from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, run
 
 TABLE = [
@@ -32,7 +28,6 @@ TABLE = [
     Parameter("frame_id", "frame of targets and wrenches"),
     Parameter("max_attempts", "throws at one basket at most", 1, 100),
     Parameter("watch_time", "the ball is watched so long after the button was pressed [s]", 0.3, 5.0),
-    Parameter("rim_radius", "of the basket [m]", 0.05, 1.0),
     Parameter("release_point", "standard deviation of the release point [m]", 0.0, 0.2),
     Parameter("duration", "of the duration of the swing [share]", 0.0, 0.3),
     Parameter("speed", "of the speed of the swing [share]", 0.0, 0.3),
@@ -59,11 +54,10 @@ class TeacherNode(Node):
         self._teacher = Teacher(self.p["seed"], person=Person.from_parameters(self.p))
         self._goal, self._over, self._begin, self._last_ns = None, None, None, None
         calls = ServiceCalls(self)
-        self._call, self._recording = calls.call, Recording(self, calls)
+        self._call, self._recording, self._judge = calls.call, Recording(self, calls), Judge(self, calls)
         self._message = WamCommand()
         self._message.header.frame_id = self.p["frame_id"]
         self._wrench = self.create_publisher(WamCommand, "/wam/teacher_wrench", COMPLETE)
-        self._watcher = TrackedBodies(self, self.p["frame_id"], on_pose=self._check_over)
         self.create_subscription(JointState, "/joint_states", self._on_state, LOOP, raw=True)
         self._reset = self.create_client(Reset, "/simulation/reset")
         self._pause = self.create_client(SetBool, "/simulation/pause")
@@ -82,7 +76,8 @@ class TeacherNode(Node):
             self._last_ns = state.stamp_ns
             conversions.fill_command(self._message, self._push(state))
         self._wrench.publish(self._message)
-        self._check_over()
+        if self._over is not None and self._ended_ns is not None and self._last_ns >= self._ended_ns:
+            self._over.keep()
 
     def _push(self, state) -> Command:
         if self._begin is not None:
@@ -97,13 +92,6 @@ class TeacherNode(Node):
         if self._ended_ns is None and self._teacher.phase == Phase.WATCHING:
             self._ended_ns = max(state.stamp_ns, self._opened_ns + round(self.p["watch_time"] * 1e9))
         return push
-
-    def _check_over(self) -> None:
-        if self._over is None or self._over.kept or self._ended_ns is None or self._last_ns is None:
-            return
-        arrived = self._watcher.has_all_until(self._ended_ns - ARRIVAL_NS)
-        if self._last_ns >= self._ended_ns and (arrived or time.monotonic() > self._patience):
-            self._over.keep()
 
     # the action
 
@@ -123,7 +111,6 @@ class TeacherNode(Node):
             self.get_logger().error(f"the lesson ends: {error}")
         finally:
             self._goal, self._over = None, None
-            self._watcher.rest()
         return result
 
     async def _lesson(self, goal_handle, result) -> None:
@@ -133,9 +120,8 @@ class TeacherNode(Node):
             result.attempts = attempt
             self._feed("preparing", attempt)
             self._teacher.check(target, attempt > 1)
-            outcome = await self._guided_throw(target, attempt)
-            release = self._watcher.log.release_between(self._opened_ns - BEFORE_NS, self._ended_ns - ARRIVAL_NS)
-            result.outcome = conversions.outcome_msg(outcome, target, self.p["frame_id"], self._opened_ns, release)
+            await self._guided_throw(target, attempt)
+            outcome = result.outcome = await self._judge.outcome(target, self._opened_ns, self._ended_ns - ARRIVAL_NS)
             reason = "" if outcome.in_basket else "missed"
             kept = await self._recording.stop(self._ended_ns - ARRIVAL_NS, bool(outcome.in_basket), reason)
             if goal_handle.is_cancel_requested:
@@ -146,15 +132,12 @@ class TeacherNode(Node):
                 break
             result.message = kept.message or "missed"
             if outcome.landing_seen:
-                self._teacher.learn_from(outcome.landing)
+                self._teacher.learn_from(conversions.vector(outcome.landing))
         reset = Reset.Request(paused=True)
         await self._call(self._reset, reset)
 
-    async def _guided_throw(self, target, attempt: int):
+    async def _guided_throw(self, target, attempt: int) -> None:
         self._guiding, self._ended_ns, self._opened_ns = False, None, 0
-        self._patience = time.monotonic() + 120.0
-        await self._watcher.listen()
-        self._watcher.clear()
         await self._recording.start()
         await self._call(self._free_arm, SetBool.Request(data=True))
         reset = Reset.Request(move_basket=True, basket=conversions.point(target), paused=True, guided=True)
@@ -166,8 +149,6 @@ class TeacherNode(Node):
         await self._over
         await self._call(self._pause, SetBool.Request(data=True))
         await self._call(self._free_arm, SetBool.Request(data=False))
-        seen = self._watcher.log.ball_between(self._opened_ns, self._ended_ns - ARRIVAL_NS)
-        return judge_flight(*seen, target, self.p["rim_radius"])
 
     async def _until(self, condition, what: str) -> None:
         """Wait for a message that the graph has sent already; CallFailed if it does not come in 10 s."""

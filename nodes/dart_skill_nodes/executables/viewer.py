@@ -17,7 +17,9 @@ from sensor_msgs.msg import JointState
 from visualization_msgs.msg import Marker, MarkerArray
 
 from dart_skill.session.regions import Region
+from dart_skill.simulation.basket import Basket
 from dart_skill.view import Panel, Request, Scene, ViewUnavailable, open_server, url_of
+from dart_skill.world import ROLES, pose_topic
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.node_inspector import NodeInspector, NodeStatuses
 from dart_skill_nodes.client.viewer_jobs import ViewerJobs, in_words
@@ -33,6 +35,9 @@ TABLE = [
     Parameter("port", "of the page; 0: any free one, which is printed", 0, 65535),
     Parameter("rate", "of the pictures [1/s, wall clock]", 1.0, 100.0),
     Parameter("frame_id", "frame of all positions; others are not shown"),
+    *(Parameter(f"{role}_body", f"tracked body that is the {role}") for role in ROLES),
+    Parameter("basket_radius", "free opening of the basket [m]", 0.05, 1.0),
+    Parameter("basket_depth", "rim to floor of the basket [m]", 0.05, 1.0),
     Parameter("seed", "of the baskets at which it lets demonstrate", 0, 2**31 - 1),
     Parameter("near", "nearest place of the basket, from the base axis [m]", 0.5, 5.0),
     Parameter("far", "farthest place [m]", 0.5, 5.0),
@@ -40,7 +45,7 @@ TABLE = [
     Parameter("rim", "height of the rim [m]", 0.0, 2.0),
 ]
 JOINTS = "/joint_states"
-POSES = {name: f"/vrpn_mocap/{name}/pose" for name in ("hand", "ball", "basket")} | {"attractor": "/commander/attractor"}
+ATTRACTOR = "/commander/attractor"
 CAMERAS = "mock_optitrack"
 """The node whose parameters say where the cameras stand."""
 PICTURES_PER_PATH = 3
@@ -55,14 +60,15 @@ class Viewer(Node):
         region = Region(**{name: self.p[name] for name in ("near", "far", "side", "rim")})
         self._server = open_server(self.p["host"], self.p["port"])
         self._requests: queue.SimpleQueue[Request] = queue.SimpleQueue()
-        self._scene = Scene(self._server, region=region)
+        basket = Basket(radius=self.p["basket_radius"], depth=self.p["basket_depth"])
+        self._scene = Scene(self._server, region=region, basket=basket)
         self._panel = Panel(self._server, self._scene, self._requests.put)
         self._demonstrations, self._new_demonstration, self._basket, self._fault = {}, False, None, ""
         self._status, self._phase, self._inspector = NodeStatuses(), "", NodeInspector(self)
         self._path_ends, self._pictures = {name: [] for name in ("ball", "hand", "attractor")}, 0
         self._controls = ViewerJobs(
             self, region, self.p["seed"], self.p["frame_id"], say=self._panel.say, busy=self._panel.set_busy, threw=self._panel.add_throw,
-            seen=lambda: self._basket, message=lambda: len(self._demonstrations),
+            seen=lambda: self._basket, heard=lambda: len(self._demonstrations),
         )  # fmt: skip
         self._subscribe()
         self._diagnostics = Diagnostics(self, self._describe)
@@ -73,7 +79,8 @@ class Viewer(Node):
     def _subscribe(self) -> None:
         self._latest = LatestMessages(self)
         self._latest.watch(JOINTS, JointState)
-        for topic in POSES.values():
+        self._pose_topics = {role: pose_topic(self.p[f"{role}_body"]) for role in ROLES} | {"attractor": ATTRACTOR}
+        for topic in self._pose_topics.values():
             self._latest.watch(topic, PoseStamped, depth=200)
         self.create_subscription(Demonstration, "/demonstrations", self._on_demonstration, LATCHED)
         self.create_subscription(MarkerArray, "/skill_learner/model", self._on_markers, LATCHED)
@@ -90,7 +97,7 @@ class Viewer(Node):
         while not self._requests.empty():
             self._controls.obey(self._requests.get())
         try:
-            self._show(self._latest.take(JOINTS), {name: self._poses(topic) for name, topic in POSES.items()})
+            self._show(self._latest.take(JOINTS), {name: self._poses(topic) for name, topic in self._pose_topics.items()})
             self._fault = ""
         except ValueError as error:
             if str(error) != self._fault:

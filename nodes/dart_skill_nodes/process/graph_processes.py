@@ -13,6 +13,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from dart_skill.world import the_world
 from dart_skill_nodes.process.signals import ENDS_WITH
 
 LAYOUTS = {
@@ -27,13 +28,16 @@ NODES = LAYOUTS["processes"]
 """Names of all nodes; each is the name of its executable too."""
 NODES_OF = {"composed": NODES[:-1]}
 """Nodes of an executable that has several."""
-CUT_OUT_OF = "/joint_states|/wam/(command|teacher_wrench)|/vrpn_mocap/(hand|ball|basket)/pose"
-"""What demonstrations are cut out of; a replay begins when all of it is heard that the bag has."""
 TAKING_TURNS = ("wam_simulator", "commander", "composed")
 """They wait for each other at every step: on one core they hand over faster than from core to core (1.6 times, on two cores)."""
 START = 180.0
 """For a graph to start: seven processes with all that they import, on a machine that has other things to do [s, wall clock]."""
 SEEDED = ("composed", "wam_simulator", "mock_optitrack", "demonstration_recorder", "teacher", "coach")
+
+
+def cut_out_of() -> str:
+    """What demonstrations are cut out of, as a regular expression; a replay begins when all of it is heard that the bag has."""
+    return "|".join(["/joint_states", "/wam/command", "/wam/teacher_wrench", *the_world().pose_topics().values()])
 
 
 def parameters_of(executable: str, layout: str, seed=0, bag="", played="", rate=1.0) -> dict:
@@ -47,7 +51,7 @@ def parameters_of(executable: str, layout: str, seed=0, bag="", played="", rate=
     if layout == "replay" and executable == "demonstration_recorder":
         parameters["automatic"] = True
     if executable == "bag_player":
-        parameters |= {"bag": played, "rate": rate, "exclude": ["/demonstrations"], "awaited": [CUT_OUT_OF]}
+        parameters |= {"bag": played, "rate": rate, "exclude": ["/demonstrations"], "awaited": [cut_out_of()]}
     return parameters
 
 

@@ -1,0 +1,70 @@
+"""The world that nodes, judge and figures agree on: frame, tracked bodies, basket, region and ball, from config/world.yaml."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from functools import lru_cache
+
+from dart_skill.configuration import load_yaml
+
+ROLES = ("hand", "ball", "basket")
+"""What a tracked body is in a throw."""
+
+
+@dataclass(frozen=True)
+class World:
+    """The entries of config/world.yaml, which says what each of them is, with its unit."""
+
+    frame_id: str
+    hand_body: str
+    ball_body: str
+    basket_body: str
+    watch_time: float
+    basket_radius: float
+    basket_depth: float
+    near: float
+    far: float
+    side: float
+    rim: float
+    ball_mass: float
+    ball_diameter: float
+    ball_restitution: float
+    ball_drag_coefficient: float
+    ball_inertia: float
+
+    @property
+    def watch_ns(self) -> int:
+        """`watch_time` [ns]."""
+        return round(self.watch_time * 1e9)
+
+    def body(self, role: str) -> str:
+        """Name of the tracked body with a role of `ROLES`."""
+        return {"hand": self.hand_body, "ball": self.ball_body, "basket": self.basket_body}[role]
+
+    def pose_topics(self) -> dict[str, str]:
+        """Topic of the poses of each role."""
+        return {role: pose_topic(self.body(role)) for role in ROLES}
+
+
+@lru_cache(maxsize=1)
+def the_world() -> World:
+    """The world of config/world.yaml; ValueError if an entry is missing, or one is not known."""
+    return World(**_checked(world_parameters()))
+
+
+def world_parameters() -> dict:
+    """The entries of config/world.yaml by name, as ROS parameters of every node."""
+    return dict(load_yaml("world.yaml")["/**"]["ros__parameters"])
+
+
+def pose_topic(body: str) -> str:
+    """Topic on which the driver of the motion capture, vrpn_mocap, publishes the poses of a body."""
+    return f"/vrpn_mocap/{body}/pose"
+
+
+def _checked(entries: Mapping) -> Mapping:
+    wanted, given = {field.name for field in fields(World)}, set(entries)
+    if wanted != given:
+        raise ValueError(f"world.yaml lacks {sorted(wanted - given)} and has, unknown, {sorted(given - wanted)}")
+    return entries

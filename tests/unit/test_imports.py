@@ -1,0 +1,107 @@
+"""What may import what: the arrows between the rooms of the house (docs/development.md)."""
+
+import ast
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCES = {"dart_skill": ROOT / "dart_skill", "dart_skill_nodes": ROOT / "nodes" / "dart_skill_nodes"}
+LAYERS = (
+    {"constants", "configuration"},
+    {"world", "checks", "geometry"},
+    {"flight", "mixture"},
+    {"surface", "movement", "policy_search", "darts", "recording", "robot"},
+    {"simulation", "skill.observe"},
+    {"skill.learn"},
+    {"skill.improve"},
+    {"session"},
+    {"figures", "view"},
+    {"report"},
+    {"experiments"},
+    {"cli"},
+)
+"""Rooms of the library, from the ground up: a room imports from lower layers, and from nowhere else."""
+NODE_LAYERS = ({"comms"}, {"process"}, {"client"}, {"executables"}, {"verbs"})
+"""The same for the nodes."""
+ROS = {"rclpy", "rcl_interfaces", "dart_skill_msgs", "dart_skill_nodes", "std_msgs", "std_srvs", "geometry_msgs", "sensor_msgs", "launch"}
+
+
+@cache
+def modules(package):
+    """Module name -> syntax tree of every file of a package."""
+    folder = SOURCES[package]
+    found = {}
+    for path in folder.rglob("*.py"):
+        parts = path.relative_to(folder.parent).with_suffix("").parts
+        found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = ast.parse(path.read_text(encoding="utf-8"))
+    return found
+
+
+def imported(tree):
+    """Every module that a syntax tree imports, in functions too; `from package import module` as package.module."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert not node.level, f"a relative import of {node.module}"
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def room(module):
+    """The room of a module of the library or of the nodes."""
+    parts = module.split(".")[1:]
+    return ".".join(parts[:2]) if parts[:1] == ["skill"] else ".".join(parts[:1])
+
+
+def arrows(package):
+    """(from room, to room, module, imported module) of all imports within a package that lead from room to room."""
+    for module, tree in modules(package).items():
+        for name in imported(tree):
+            if name.split(".")[0] == package and room(name) != room(module):
+                yield room(module), room(name), module, name
+
+
+def layer_of(name, layers):
+    return next(number for number, layer in enumerate(layers) if name in layer)
+
+
+@pytest.mark.parametrize(("package", "layers"), [("dart_skill", LAYERS), ("dart_skill_nodes", NODE_LAYERS)])
+def test_rooms_import_from_lower_layers_only(package, layers):
+    wrong = [
+        f"{module} imports {name}"
+        for start, end, module, name in arrows(package)
+        if start and layer_of(start, layers) <= layer_of(end, layers)
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_the_library_knows_no_ros():
+    wrong = [
+        f"{module} imports {name}" for module, tree in modules("dart_skill").items() for name in imported(tree) if name.split(".")[0] in ROS
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_only_the_command_of_experiments_imports_them():
+    wrong = [
+        f"{module} imports {name}"
+        for package in SOURCES
+        for module, tree in modules(package).items()
+        for name in imported(tree)
+        if name.startswith("dart_skill.experiments") and not module.startswith(("dart_skill.experiments", "dart_skill.cli.experiment"))
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_a_module_with_an_underscore_is_imported_by_its_own_package_only():
+    wrong = [
+        f"{module} imports {name}"
+        for package in SOURCES
+        for module, tree in modules(package).items()
+        for name in imported(tree)
+        for private in [part for part in name.split(".")[1:-1] if part.startswith("_")]
+        if name.startswith("dart_skill") and not module.startswith(name[: name.index(f".{private}")])
+    ]
+    assert not wrong, "\n".join(wrong)
