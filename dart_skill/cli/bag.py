@@ -80,7 +80,7 @@ def _add_new_bag(parser: argparse.ArgumentParser, ending: str) -> None:
 
 
 def _info(options: argparse.Namespace) -> int:
-    from dart_skill.recording.integrity import describe
+    from dart_skill.recording.bags import describe
 
     told, single = [], len(options.bags) == 1
     for path in options.bags:
@@ -195,8 +195,7 @@ def _instant(stamp_ns: int) -> str:
 
 
 def _check(options: argparse.Namespace) -> int:
-    from dart_skill.recording.integrity import check_bag
-    from dart_skill.recording.messages import typestore
+    from dart_skill.recording.bags import check_bag, typestore
 
     types = typestore(*options.definitions)
     found = {path: check_bag(path, types) for path in dict.fromkeys(options.bags)}
@@ -224,7 +223,7 @@ def _verdict(path: Path, findings: list) -> str:
 
 
 def _recover(options: argparse.Namespace) -> int:
-    from dart_skill.recording.recovery import recover
+    from dart_skill.recording.bags import recover
 
     result = recover(options.bag, _output(options, options.bag, "recovered"))
     print(json.dumps(_recovery_json(result), indent=1) if options.json else _recovery_text(result))
@@ -272,8 +271,7 @@ def _recovery_json(result) -> dict:
 
 
 def _convert(options: argparse.Namespace) -> int:
-    from dart_skill.recording.foreign import convert
-    from dart_skill.recording.mapping import load_mapping
+    from dart_skill.recording.imports import convert, load_mapping
 
     output = _output(options, options.source, "converted")
     if output.exists():
@@ -284,7 +282,7 @@ def _convert(options: argparse.Namespace) -> int:
 
 
 def _converted_text(recording, output: Path) -> str:
-    from dart_skill.recording.pose_faults import fault_lines
+    from dart_skill.recording.imports import fault_lines
 
     poses = ", ".join(f"{len(stream)} poses of the {role}" for role, stream in recording.bodies.items())
     joints = "no joint states" if recording.joints is None else f"{len(recording.joints.stamp_ns)} joint states"

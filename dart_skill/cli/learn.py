@@ -33,7 +33,7 @@ def _learn(options: argparse.Namespace) -> int:
     if options.bag is None:
         _refuse_what_needs_a_bag(options)
         return options.run_on_graph(options)
-    from dart_skill.recording.mapping import load_mapping
+    from dart_skill.recording.imports import load_mapping
     from dart_skill.session.from_bag import learn_from_bag
     from dart_skill.skill.learn.model_file import save_model
 
@@ -66,7 +66,7 @@ def _refuse_what_needs_a_bag(options: argparse.Namespace) -> None:
 
 
 def _as_text(skill, report, output: Path) -> str:
-    from dart_skill.recording.pose_faults import fault_lines
+    from dart_skill.recording.imports import fault_lines
 
     lines = [*fault_lines(report.faults), *(_throw_line(number, throw) for number, throw in enumerate(report.throws, start=1))]
     learned, model = report.learned_from, skill.skill

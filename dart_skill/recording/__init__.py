@@ -1,31 +1,36 @@
-"""Bags without ROS: MCAP in and out, message types, demonstrations. What is used of it is imported only then."""
+"""Recordings without ROS: bags in and out, message types, demonstrations.
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+`bags` has more that concerns bags (check, recover, play), `imports` reads what other laboratories recorded, `mcap` is the container.
+"""
 
-if TYPE_CHECKING:
-    from dart_skill.recording.bag_reader import BagAttachment, BagError, BagMessage, BagReader, TopicInfo
-    from dart_skill.recording.bag_writer import BagWriter, qos_yaml
-    from dart_skill.recording.demonstration import (
-        DEMONSTRATION_TOPIC,
-        DEMONSTRATION_TYPE,
-        Demonstration,
-        demonstration_from_message,
-        demonstration_message,
-        fill_demonstration_message,
-        read_demonstrations,
-    )
-    from dart_skill.recording.messages import (
-        definition,
-        deserialize,
-        interface_folder,
-        is_stamped,
-        message,
-        serialize,
-        type_hash,
-        types_for,
-        typestore,
-    )
+from dart_skill.recording.bags import (
+    BagAttachment,
+    BagError,
+    BagMessage,
+    BagReader,
+    BagWriter,
+    TopicInfo,
+    definition,
+    deserialize,
+    interface_folder,
+    is_stamped,
+    message,
+    qos_yaml,
+    serialize,
+    type_hash,
+    types_for,
+    typestore,
+)
+from dart_skill.recording.demonstration import (
+    DEMONSTRATION_TOPIC,
+    DEMONSTRATION_TYPE,
+    Demonstration,
+    demonstration_from_message,
+    demonstration_message,
+    fill_demonstration_message,
+    read_demonstrations,
+)
+from dart_skill.recording.grip_signal import GripSignal, Opening, read_command
 
 __all__ = [
     "DEMONSTRATION_TOPIC",
@@ -36,6 +41,8 @@ __all__ = [
     "BagReader",
     "BagWriter",
     "Demonstration",
+    "GripSignal",
+    "Opening",
     "TopicInfo",
     "definition",
     "demonstration_from_message",
@@ -46,22 +53,10 @@ __all__ = [
     "is_stamped",
     "message",
     "qos_yaml",
+    "read_command",
     "read_demonstrations",
     "serialize",
     "type_hash",
     "types_for",
     "typestore",
 ]
-
-_MODULES = ("bag_reader", "bag_writer", "demonstration", "messages")
-
-
-def __getattr__(name: str) -> Any:
-    """Every name of `__all__` from the module that has it (PEP 562): the command line and its help need none of them."""
-    if name in __all__:
-        for module in _MODULES:
-            found = import_module(f"{__name__}.{module}")
-            if hasattr(found, name):
-                globals()[name] = getattr(found, name)
-                return globals()[name]
-    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

@@ -7,7 +7,7 @@ well as on those that are decoded without ROS.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,12 +15,12 @@ import numpy as np
 from rosbags.typesys.store import Typestore
 
 from dart_skill.checks import check_samples, check_unit_quaternions
-from dart_skill.recording.bag_reader import BagError, BagReader
-from dart_skill.recording.messages import message
+from dart_skill.constants import N_JOINTS
+from dart_skill.recording.bags import BagError, BagReader, header_content, message, pose_content, stamp_content, vector_content
 
 DEMONSTRATION_TYPE = "dart_skill_msgs/msg/Demonstration"
 DEMONSTRATION_TOPIC = "/demonstrations"
-N_JOINTS = 7
+_ITEMS = {"hand": "geometry_msgs/msg/PoseStamped", "ball": "geometry_msgs/msg/PointStamped", "joints": "sensor_msgs/msg/JointState"}
 
 
 def _none(width: int | None = None) -> Callable[[], np.ndarray]:
@@ -29,14 +29,19 @@ def _none(width: int | None = None) -> Callable[[], np.ndarray]:
 
 @dataclass(frozen=True, eq=False)
 class Demonstration:
-    """One throw. Times in seconds after stamp_ns, lengths in metres, quaternions x, y, z, w.
+    """One throw. All of it is in frame_id; times are seconds after stamp_ns, lengths metres, quaternions x, y, z, w.
 
-    All in frame_id. id: unique in a recording. target: (3,) centre of the basket's rim.
-    hand_time (n,), hand_position (n, 3), hand_quaternion (n, 4): the hand body, n >= 2.
-    ball_time (m,), ball_position (m, 3): the ball, from the grip to the landing; may be empty.
-    joint_time (k,), joint_position (k, 7) [rad], joint_velocity (k, 7) [rad/s]: the arm; may be empty.
-    motion_start, motion_stop: crossings of the speed thresholds; hand_opened: when the hand was told to
-    open; nan if unknown. joint_names: as the driver calls them.
+    id: unique in a recording.
+    stamp_ns: the origin of all times.
+    target: (3,), centre of the basket's rim.
+    hand_time, hand_position, hand_quaternion: (n,), (n, 3), (n, 4), poses of the hand, n >= 2.
+    ball_time, ball_position: (m,), (m, 3), from the grip to the landing; may be empty.
+    joint_time, joint_position, joint_velocity: (k,), (k, 7) [rad], (k, 7) [rad/s], of the arm; may be empty.
+    motion_start, motion_stop: when the speed crossed the thresholds; nan if unknown.
+    hand_opened: when the hand was told to open; nan if unknown.
+    joint_names: as the driver calls them; may be empty.
+
+    ValueError names what is not so.
     """
 
     id: str
@@ -102,26 +107,12 @@ def fill_demonstration_message(demonstration: Demonstration, msg: Any, new: Call
 
     new: makes an empty message from a type name as "geometry_msgs/msg/PoseStamped".
     """
-    msg.id, msg.header.frame_id = demonstration.id, demonstration.frame_id
-    _set_stamp(msg.header.stamp, demonstration.stamp_ns)
-    _set_vector(msg.target, demonstration.target)
-    for event in ("motion_start", "motion_stop", "hand_opened"):
-        value = getattr(demonstration, event)
-        _set_stamp(getattr(msg, event), 0 if np.isnan(value) else _nanoseconds(demonstration, value))
-    msg.hand = [_hand_message(demonstration, i, new) for i in range(len(demonstration.hand_time))]
-    msg.ball = [_ball_message(demonstration, i, new) for i in range(len(demonstration.ball_time))]
-    msg.joints = [_joint_message(demonstration, i, new) for i in range(len(demonstration.joint_time))]
-    return msg
+    return _filled(msg, _content(demonstration), new)
 
 
 def demonstration_message(types: Typestore, demonstration: Demonstration) -> Any:
     """The message of a demonstration as an object of `types`, without ROS."""
-
-    def new(name: str) -> Any:
-        return message(types, name)
-
-    # Once more through `message`, which turns lists of numbers into the arrays that the serialiser needs.
-    return message(types, DEMONSTRATION_TYPE, fill_demonstration_message(demonstration, new(DEMONSTRATION_TYPE), new))
+    return message(types, DEMONSTRATION_TYPE, _content(demonstration))
 
 
 def demonstration_from_message(msg: Any) -> Demonstration:
@@ -163,46 +154,42 @@ def read_demonstrations(bag_path: str | os.PathLike, topic: str = DEMONSTRATION_
             raise BagError(f"{bag_path}: {topic}: {error}") from error
 
 
-def _hand_message(demonstration, index, new):
-    msg = new("geometry_msgs/msg/PoseStamped")
-    _set_header(msg.header, demonstration, demonstration.hand_time[index])
-    _set_vector(msg.pose.position, demonstration.hand_position[index])
-    _set_vector(msg.pose.orientation, demonstration.hand_quaternion[index])
-    msg.pose.orientation.w = float(demonstration.hand_quaternion[index, 3])
+def _content(one: Demonstration) -> dict[str, Any]:
+    """The fields of the message as nested dictionaries and lists."""
+
+    def after(seconds: float) -> int:
+        return one.stamp_ns + round(float(seconds) * 1e9)
+
+    def event(seconds: float) -> dict[str, int]:
+        return stamp_content(0 if np.isnan(seconds) else after(seconds))
+
+    def items(time: np.ndarray, contents: Iterable[dict]) -> list[dict]:
+        return [{"header": header_content(after(t), one.frame_id), **content} for t, content in zip(time, contents, strict=True)]
+
+    names, states = list(one.joint_names), zip(one.joint_position.tolist(), one.joint_velocity.tolist(), strict=True)
+    poses = map(pose_content, one.hand_position.tolist(), one.hand_quaternion.tolist())
+    return {
+        "id": one.id,
+        "header": header_content(one.stamp_ns, one.frame_id),
+        "target": vector_content(one.target.tolist()),
+        "motion_start": event(one.motion_start),
+        "motion_stop": event(one.motion_stop),
+        "hand_opened": event(one.hand_opened),
+        "hand": items(one.hand_time, ({"pose": pose} for pose in poses)),
+        "ball": items(one.ball_time, ({"point": vector_content(point)} for point in one.ball_position.tolist())),
+        "joints": items(one.joint_time, ({"name": names, "position": q, "velocity": v} for q, v in states)),
+    }
+
+
+def _filled(msg: Any, content: dict[str, Any], new: Callable[[str], Any]) -> Any:
+    for name, value in content.items():
+        if isinstance(value, dict):
+            _filled(getattr(msg, name), value, new)
+        elif name in _ITEMS:
+            setattr(msg, name, [_filled(new(_ITEMS[name]), item, new) for item in value])
+        else:
+            setattr(msg, name, value)
     return msg
-
-
-def _ball_message(demonstration, index, new):
-    msg = new("geometry_msgs/msg/PointStamped")
-    _set_header(msg.header, demonstration, demonstration.ball_time[index])
-    _set_vector(msg.point, demonstration.ball_position[index])
-    return msg
-
-
-def _joint_message(demonstration, index, new):
-    msg = new("sensor_msgs/msg/JointState")
-    _set_header(msg.header, demonstration, demonstration.joint_time[index])
-    msg.name = list(demonstration.joint_names)
-    msg.position = demonstration.joint_position[index].tolist()
-    msg.velocity = demonstration.joint_velocity[index].tolist()
-    return msg
-
-
-def _nanoseconds(demonstration, seconds):
-    return demonstration.stamp_ns + round(float(seconds) * 1e9)
-
-
-def _set_header(header, demonstration, seconds):
-    header.frame_id = demonstration.frame_id
-    _set_stamp(header.stamp, _nanoseconds(demonstration, seconds))
-
-
-def _set_stamp(stamp, nanoseconds):
-    stamp.sec, stamp.nanosec = divmod(int(nanoseconds), 1_000_000_000)
-
-
-def _set_vector(target, values):
-    target.x, target.y, target.z = (float(value) for value in values[:3])
 
 
 def _stamp(stamp) -> int:

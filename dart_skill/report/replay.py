@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dart_skill.recording import Demonstration
-from dart_skill.recording.foreign import ThrowRecording
-from dart_skill.recording.pose_stream import PoseStream
+from dart_skill.recording.imports import PoseStream, ThrowRecording
 from dart_skill.skill.observe.throw_finder import FoundThrow
 
 if TYPE_CHECKING:

@@ -14,10 +14,8 @@ import numpy as np
 
 from dart_skill.figures.execution import SAME_BASKET
 from dart_skill.figures.recordings import COMMAND, Recording
-from dart_skill.recording import BagError, BagReader, Demonstration, read_demonstrations
-from dart_skill.recording.foreign import ThrowRecording, read_recording
-from dart_skill.recording.grip_signal import read_command
-from dart_skill.recording.pose_faults import fault_lines
+from dart_skill.recording import BagError, BagReader, Demonstration, read_command, read_demonstrations
+from dart_skill.recording.imports import ThrowRecording, fault_lines, read_recording
 from dart_skill.session.from_bag import find_throws
 from dart_skill.session.summary import ThrowResult
 from dart_skill.skill.learn.configuration import configuration as configuration_of

@@ -13,11 +13,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from dart_skill.movement import Segment, VelocityThreshold
-from dart_skill.recording import Demonstration, read_demonstrations
-from dart_skill.recording.foreign import ThrowRecording, read_recording
-from dart_skill.recording.grip_signal import Opening
-from dart_skill.recording.mapping import RecordingMapping
-from dart_skill.recording.pose_faults import Fault
+from dart_skill.recording import Demonstration, Opening, read_demonstrations
+from dart_skill.recording.imports import Fault, RecordingMapping, ThrowRecording, read_recording
 from dart_skill.robot.description import wam_description
 from dart_skill.skill.improve.practising import PractisingSkill
 from dart_skill.skill.learn.configuration import SkillConfiguration

@@ -17,7 +17,7 @@ from pathlib import Path
 from urllib.parse import quote
 from xml.etree import ElementTree
 
-from dart_skill.recording.bag_reader import BagReader
+from dart_skill.recording import BagReader
 from dart_skill.world import pose_topic, the_world
 
 VERSION, SIZE = "0.41.0", "790 MB"

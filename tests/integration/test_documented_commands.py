@@ -72,7 +72,7 @@ FULL_ROS = Not("needs a full ROS installation; names and types are compared with
 NETWORK = Not("fetches packages from the network")
 CLUSTER = Not("needs a Dask cluster")
 MACHINES = Not("is about other machines")
-RERUN = Elsewhere("unit/test_recording_others.py::test_rerun_counts_every_message_and_finds_no_fault")
+RERUN = Elsewhere("unit/recording/test_others.py::test_rerun_counts_every_message_and_finds_no_fault")
 NODES = Elsewhere("integration/test_executables.py::test_starts_with_ros2_run_and_ends_on_sigint")
 PRACTICE = Elsewhere("integration/test_practice.py::test_the_practice_command_changes_the_arm_on_the_way_and_reports_every_throw")
 REPLAY = Elsewhere("integration/test_up.py::test_a_recording_is_replayed_into_a_model")
@@ -161,7 +161,7 @@ TYPED = {
     "dart-skill view bags/throws --web": Elsewhere("unit/test_rerun_view.py::test_web_prints_the_address_of_the_page"),
     "python3 -m venv ~/rerun && ~/rerun/bin/pip install rerun-sdk==0.41.0": NETWORK,
     "~/rerun/bin/rerun monday/monday_0.mcap": RERUN,
-    "DART_SKILL_RERUN=~/rerun/bin/rerun python3 -m pytest tests/unit/test_recording_others.py": RERUN,
+    "DART_SKILL_RERUN=~/rerun/bin/rerun python3 -m pytest tests/unit/recording/test_others.py": RERUN,
     "rerun mcap info": RERUN,
     "rerun mcap check": RERUN,
     "rerun mcap convert": RERUN,

@@ -10,10 +10,9 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from dart_skill.recording import BagReader
-from dart_skill.recording.foreign import convert, read_recording
-from dart_skill.recording.grip_signal import Opening
-from dart_skill.recording.mapping import OWN, PoseSource, parse_mapping
+from dart_skill.recording import BagReader, Opening
+from dart_skill.recording.imports.mapping import OWN, PoseSource, parse_mapping
+from dart_skill.recording.imports.throw_recording import convert, read_recording
 from dart_skill.robot.throw_plan import same_plan
 from dart_skill.session.from_bag import find_throws, learn_from_bag
 from dart_skill.skill.improve.practising import PractisingSkill

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dart_skill.movement import VelocityThreshold
-from dart_skill.recording import Demonstration
-from dart_skill.recording.grip_signal import GripSignal, Opening
+from dart_skill.recording import Demonstration, GripSignal, Opening
 from dart_skill.skill.observe.cutting import RESET_NS, THRESHOLDS, ThrowLog, watched_until
 from dart_skill.skill.observe.outcome import Outcome, judge_flight
 from dart_skill.world import the_world

@@ -7,7 +7,7 @@ files of the interface package.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,7 @@ _STAMPED = ("std_msgs/msg/Header", "builtin_interfaces/msg/Time")
 def interface_folder() -> Path:
     """Folder of our interfaces: msg_schemas/ of a checkout, or the installed package's share."""
     prefixes = [Path(prefix) for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
-    folders = [Path(__file__).resolve().parents[2] / "msg_schemas"]
+    folders = [Path(__file__).resolve().parents[3] / "msg_schemas"]
     folders += [prefix / "share" / PACKAGE for prefix in prefixes]
     for folder in folders:
         if (folder / "msg").is_dir():
@@ -100,6 +100,27 @@ def deserialize(types: Typestore, type_name: str, data: bytes) -> Any:
         return types.deserialize_cdr(data, type_name)
     except Exception as error:  # generated code meets arbitrary bytes
         raise ValueError(f"{len(data)} bytes are no {type_name}: {error!r}") from error
+
+
+def stamp_content(stamp_ns: int) -> dict[str, int]:
+    """Fields of a stamp, as `message` accepts them; so are the next three."""
+    sec, nanosec = divmod(int(stamp_ns), 1_000_000_000)
+    return {"sec": sec, "nanosec": nanosec}
+
+
+def header_content(stamp_ns: int, frame_id: str) -> dict[str, Any]:
+    """Fields of a header."""
+    return {"stamp": stamp_content(stamp_ns), "frame_id": frame_id}
+
+
+def vector_content(values: Sequence[float]) -> dict[str, float]:
+    """Fields of a point or vector x, y, z, or of a quaternion x, y, z, w."""
+    return dict(zip("xyzw", values, strict=False))
+
+
+def pose_content(position: Sequence[float], quaternion: Sequence[float]) -> dict[str, Any]:
+    """Fields of a pose."""
+    return {"position": vector_content(position), "orientation": vector_content(quaternion)}
 
 
 @cache

@@ -7,7 +7,6 @@ MCAP files are read here; SQLite files, and bags whose files or messages are com
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,18 +18,22 @@ from rosbags.rosbag2.metadata import parse_qos
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from dart_skill.recording._mcap_read import END_OF_TIME, BagMessage, McapInput, in_time_order
-from dart_skill.recording._mcap_scan import DamagedError
-from dart_skill.recording._rosbag2_metadata import METADATA_FILE, METADATA_VERSION, RECORD_NAME, parse_record, read_metadata_file
-from dart_skill.recording.messages import deserialize
-
-__all__ = ["BagAttachment", "BagError", "BagFile", "BagMessage", "BagReader", "TopicInfo"]
+from dart_skill.recording.bags._files import SUFFIXES, files_in, named_files, part_number
+from dart_skill.recording.bags._metadata import (
+    METADATA_FILE,
+    METADATA_VERSION,
+    RECORD_NAME,
+    is_plain_mcap,
+    parse_record,
+    read_metadata_file,
+)
+from dart_skill.recording.bags.messages import deserialize
+from dart_skill.recording.mcap import END_OF_TIME, BagMessage, DamagedError, McapInput, in_time_order
 
 _RECOVER = (
     "the file is cut off or damaged, its recorder was probably stopped before it closed the bag:"
     " 'dart-skill bag recover' makes a new bag of what is in it"
 )
-_SUFFIXES = (".mcap", ".db3")
 _FORMATS = {MessageDefinitionFormat.MSG: "ros2msg", MessageDefinitionFormat.IDL: "ros2idl"}
 
 
@@ -40,7 +43,14 @@ class BagError(ValueError):
 
 @dataclass(frozen=True)
 class TopicInfo:
-    """A topic of a bag. type_hash is empty where the bag does not tell it; qos: rosbags' profiles."""
+    """A topic of a bag.
+
+    type_name: as package/msg/Name.
+    count: messages.
+    type_hash: RIHS01; empty where the bag does not tell it.
+    qos: profiles of `rosbags`.
+    encoding: of the messages.
+    """
 
     name: str
     type_name: str
@@ -61,9 +71,13 @@ class BagAttachment:
 
 @dataclass(frozen=True)
 class BagFile:
-    """A file of a bag; start_ns and end_ns: log times of its first and last message, 0 without messages.
+    """A file of a bag.
 
-    count, start_ns, end_ns: None if nobody tells them of this file alone. compression: of its chunks, or of all of it; library: its writer.
+    size: in bytes.
+    count: messages; None if nobody tells it of this file alone.
+    start_ns, end_ns: log times of its first and last message, 0 without messages; None like count.
+    library: its writer.
+    compression: of its chunks, or of all of it.
     """
 
     path: Path
@@ -76,60 +90,34 @@ class BagFile:
 
 
 class BagReader:
-    """An open bag; a context manager.
+    """An open bag; a context manager. Raises BagError for what is no whole bag.
 
-    path: rosbag2 folder or .mcap file. types: definitions for topics whose bag holds none
-    (`messages.typestore`). Raises BagError for what is no whole bag.
+    path: rosbag2 folder, or .mcap or .db3 file.
+    types: definitions for topics whose bag holds none (`typestore`).
+
+    It tells, as attributes:
+    topics: TopicInfo by name.
+    files: a list of BagFile, in order.
+    storage: how rosbag2 calls the format of the files: mcap or sqlite3.
+    metadata: of rosbag2, from metadata.yaml or, without it, from the file; empty if neither tells them.
+    custom_data: names and texts of the metadata, as `BagWriter` got them.
+    start_ns, end_ns: log times of the first and last message; 0 for an empty bag.
+    message_count: on all topics.
+    types: of the messages, by which they are decoded.
     """
 
     def __init__(self, path: str | os.PathLike, types: Typestore | None = None):
         self.path = Path(path)
-        self._source = None
-        files = storage_files(self.path)
+        files = _storage_files(self.path)
         with _explained(self.path):
             metadata = read_metadata_file(self.path) if (self.path / METADATA_FILE).is_file() else None
-            self._source = _open(self.path, files, metadata)
-            self.types, self._unknown = embedded_types(self._source.definitions(), types)
-
-    @property
-    def topics(self) -> dict[str, TopicInfo]:
-        """Topics by name."""
-        return self._source.topics
-
-    @property
-    def files(self) -> list[BagFile]:
-        """The files that hold the messages, in order."""
-        return self._source.files
-
-    @property
-    def storage(self) -> str:
-        """How rosbag2 calls the format of the files: mcap or sqlite3."""
-        return "sqlite3" if any(".db3" in file.path.suffixes for file in self.files) else "mcap"
-
-    @property
-    def metadata(self) -> dict:
-        """Metadata of rosbag2, of metadata.yaml or, without it, of the file; empty if neither tells them."""
-        return self._source.metadata
-
-    @property
-    def start_ns(self) -> int:
-        """Log time of the first message; 0 for an empty bag."""
-        return self._source.start_ns
-
-    @property
-    def end_ns(self) -> int:
-        """Log time of the last message; 0 for an empty bag."""
-        return self._source.end_ns
-
-    @property
-    def message_count(self) -> int:
-        """Number of messages on all topics."""
-        return sum(topic.count for topic in self.topics.values())
-
-    @property
-    def custom_data(self) -> dict[str, str]:
-        """Names and texts of the bag's metadata, as `BagWriter` got them."""
-        return dict(self._source.custom_data)
+            self._source = source = _open(self.path, files, metadata)
+            self.types, self._unknown = embedded_types(source.definitions(), types)
+        self.topics, self.files, self.metadata = source.topics, source.files, source.metadata
+        self.start_ns, self.end_ns = source.start_ns, source.end_ns
+        self.custom_data: dict[str, str] = dict(source.custom_data)
+        self.message_count = sum(topic.count for topic in self.topics.values())
+        self.storage = "sqlite3" if any(".db3" in file.path.suffixes for file in self.files) else "mcap"
 
     def messages(
         self,
@@ -138,7 +126,12 @@ class BagReader:
         stop_ns: int | None = None,
         decode: bool = True,
     ) -> Iterator[BagMessage]:
-        """Messages of topics (default: all) in order of log time, from start_ns to before stop_ns."""
+        """Messages in order of log time.
+
+        topics: names; None: all.
+        start_ns, stop_ns: log times from the first to before the second; None: no limit.
+        decode: give objects instead of CDR bytes.
+        """
         chosen = self._chosen(topics)
         limits = (0 if start_ns is None else start_ns, END_OF_TIME if stop_ns is None else stop_ns)
         with _explained(self.path):
@@ -153,8 +146,7 @@ class BagReader:
 
     def close(self) -> None:
         """Close the files; twice is no error."""
-        if self._source is not None:
-            self._source.close()
+        self._source.close()
 
     def __enter__(self) -> BagReader:
         return self
@@ -162,11 +154,11 @@ class BagReader:
     def __exit__(self, *_exception) -> None:
         self.close()
 
-    def _check_open(self):
+    def _check_open(self) -> None:
         if not self._source.is_open:
             raise BagError(f"{self.path}: the bag is closed")
 
-    def _chosen(self, topics) -> set[str]:
+    def _chosen(self, topics: Iterable[str] | None) -> set[str]:
         self._check_open()
         if topics is None:
             return set(self.topics)
@@ -210,24 +202,24 @@ class _McapSource:
         self.start_ns = min((file.start_ns for file in filled), default=0)
         self.end_ns = max((file.end_ns for file in filled), default=0)
         self.metadata = metadata if metadata is not None else self._embedded_metadata()
+        self.custom_data = self.metadata.get("custom_data") or {}
         self.topics = self._topics()
         self.files = [
-            BagFile(file.path, file.path.stat().st_size, *_extent(file), file.header.library, file.compression) for file in self._files
+            BagFile(
+                file.path, file.path.stat().st_size, file.message_count, file.start_ns, file.end_ns, file.header.library, file.compression
+            )
+            for file in self._files
         ]
 
     @property
     def is_open(self) -> bool:
         return all(file.is_open for file in self._files)
 
-    @property
-    def custom_data(self) -> dict[str, str]:
-        return self.metadata.get("custom_data") or {}
-
-    def definitions(self) -> list[tuple[str, str, str]]:
+    def definitions(self) -> Iterator[tuple[str, str, str]]:
         """Type name, schema encoding and definition text of each type."""
-        return [
-            (schema.name, schema.encoding, schema.data.decode(errors="replace")) for file in self._files for schema in file.schemas.values()
-        ]
+        for file in self._files:
+            for schema in file.schemas.values():
+                yield schema.name, schema.encoding, schema.data.decode(errors="replace")
 
     def messages(self, topics: set[str], start_ns: int, stop_ns: int) -> Iterator[BagMessage]:
         parts = []
@@ -254,21 +246,19 @@ class _McapSource:
 
     def _topics(self) -> dict[str, TopicInfo]:
         """Counts from the files; what only metadata.yaml tells (types of schemaless channels, hashes, QoS) from there."""
-        told = {}
-        for item in self.metadata.get("topics_with_message_count") or []:
-            topic = item["topic_metadata"]
-            told[topic["name"]] = (topic.get("type", ""), topic.get("type_description_hash", ""), topic.get("offered_qos_profiles"))
+        items = [item["topic_metadata"] for item in self.metadata.get("topics_with_message_count") or []]
+        told_of = {told["name"]: told for told in items}
         found: dict[str, TopicInfo] = {}
         for file in self._files:
             for number, channel in file.channels.items():
                 name, known = channel.topic, found.get(channel.topic)
-                type_name, type_hash, qos = told.get(name, ("", "", None))
+                told = told_of.get(name, {})
                 found[name] = TopicInfo(
                     name,
-                    (known and known.type_name) or file.type_name(channel) or type_name,
+                    (known and known.type_name) or file.type_name(channel) or told.get("type", ""),
                     file.counts[number] + (known.count if known else 0),
-                    type_hash or channel.metadata.get("topic_type_hash", ""),
-                    tuple(parse_qos(qos or channel.metadata.get("offered_qos_profiles", ""))),
+                    told.get("type_description_hash") or channel.metadata.get("topic_type_hash", ""),
+                    tuple(parse_qos(told.get("offered_qos_profiles") or channel.metadata.get("offered_qos_profiles", ""))),
                     channel.message_encoding,
                 )
         return found
@@ -279,13 +269,12 @@ class _RosbagsSource:
 
     def __init__(self, path: Path, files: list[Path], metadata: dict | None):
         self.metadata = metadata or {}
-        self._reader = Reader(path if metadata else files[0])
-        self._reader.open()
-        reader = self._reader
+        self._reader = reader = Reader(path if metadata else files[0])
+        reader.open()
         self.start_ns = reader.start_time if reader.message_count else 0
         self.end_ns = reader.end_time - 1 if reader.message_count else 0
         self.custom_data = reader.storage.metadata.custom or {}
-        self.files = self._described(path, files)
+        self.files = self._described(named_files(path, self.metadata) or files[:1])
         self.topics = {
             one.topic: TopicInfo(
                 one.topic,
@@ -302,18 +291,19 @@ class _RosbagsSource:
     def is_open(self) -> bool:
         return self._reader.is_open
 
-    def _described(self, path: Path, files: list[Path]) -> list[BagFile]:
+    def _described(self, files: list[Path]) -> list[BagFile]:
         """What metadata.yaml says of each file; of a single one it is what there is in all."""
-        named = [path / PurePath(name).name for name in self.metadata.get("relative_file_paths") or []] or files[:1]
         whole = (self._reader.message_count, self.start_ns, self.end_ns)
         told = {PurePath(item["path"]).name: _told_extent(item) for item in self.metadata.get("files") or []}
-        unknown = whole if len(named) == 1 else (None, None, None)
+        unknown = whole if len(files) == 1 else (None, None, None)
         compression = self.metadata.get("compression_format", "")
-        return [BagFile(file, file.stat().st_size, *told.get(file.name, unknown), compression=compression) for file in named]
+        return [BagFile(file, file.stat().st_size, *told.get(file.name, unknown), compression=compression) for file in files]
 
-    def definitions(self) -> list[tuple[str, str, str]]:
-        found = [(one.msgtype, _FORMATS.get(one.msgdef.format, ""), one.msgdef.data) for one in self._reader.connections]
-        return [item for item in found if item[1]]
+    def definitions(self) -> Iterator[tuple[str, str, str]]:
+        """Type name, schema encoding and definition text of each type."""
+        for one in self._reader.connections:
+            if one.msgdef.format in _FORMATS:
+                yield one.msgtype, _FORMATS[one.msgdef.format], one.msgdef.data
 
     def messages(self, topics: set[str], start_ns: int, stop_ns: int) -> Iterator[BagMessage]:
         chosen = [one for one in self._reader.connections if one.topic in topics]
@@ -330,42 +320,29 @@ class _RosbagsSource:
             self._reader.close()
 
 
-def _extent(file: McapInput) -> tuple[int, int, int]:
-    return file.message_count, file.start_ns, file.end_ns
-
-
 def _told_extent(item: dict) -> tuple[int, int, int]:
     """Count, first and last log time of a file, as metadata.yaml tells them."""
     start = item["starting_time"]["nanoseconds_since_epoch"]
     return item["message_count"], start, start + item["duration"]["nanoseconds"]
 
 
-def storage_files(path: Path) -> list[Path]:
+def _storage_files(path: Path) -> list[Path]:
     """Files that hold a bag's messages, in order; BagError if there are none, or several that are not one bag's."""
     if not path.exists():
         raise BagError(f"{path}: no such bag")
-    if path.is_file():
-        files = [path]
-        if path.suffix not in _SUFFIXES:
-            raise BagError(f"{path}: a bag is a folder with metadata.yaml, or a .mcap or .db3 file")
-    else:
-        files = sorted((file for file in path.iterdir() if file.suffix in _SUFFIXES), key=part_number)
+    if path.is_file() and path.suffix not in SUFFIXES:
+        raise BagError(f"{path}: a bag is a folder with metadata.yaml, or a .mcap or .db3 file")
+    files = [path] if path.is_file() else files_in(path)
     if not files and not any(path.glob("*.zstd")):
         raise BagError(f"{path}: no .mcap file in this folder")
     empty = [file.name for file in files if file.stat().st_size == 0]
     if empty:
         raise BagError(f"{path}: {', '.join(empty)} is empty (0 bytes): the recorder stopped before its first write")
     if len(files) > 1 and not (path / METADATA_FILE).is_file():
-        numbers, stems = [part_number(file)[1] for file in files], {part_number(file)[0] for file in files}
-        if len(stems) > 1 or numbers != list(range(len(files))) or files[0].suffix != ".mcap":
+        name, _ = part_number(files[0])
+        if files[0].suffix != ".mcap" or [part_number(file) for file in files] != [(name, k) for k in range(len(files))]:
             raise _not_one_bag(path, len(files), "are not named as the parts of one bag (NAME_0.mcap, NAME_1.mcap ...)")
     return files
-
-
-def part_number(file: Path) -> tuple[str, int]:
-    """Name and number of a file of a split bag; number -1 if it has none."""
-    match = re.fullmatch(r"(.*)_(\d+)", file.stem)
-    return (match[1], int(match[2])) if match else (file.stem, -1)
 
 
 def _not_one_bag(path: Path, count: int, reason: str) -> BagError:
@@ -384,27 +361,27 @@ def _require_one_bag(path: Path, files: list[McapInput]) -> None:
         raise _not_one_bag(path, len(files), "do not follow each other in time")
 
 
-def _open(path: Path, files: list[Path], metadata: dict | None):
+def _open(path: Path, files: list[Path], metadata: dict | None) -> _McapSource | _RosbagsSource:
     """What reads the bag."""
     if metadata is None:
         return _McapSource(path, files, None) if files[0].suffix == ".mcap" else _RosbagsSource(path, files, None)
     try:
-        named = [path / PurePath(name).name for name in metadata["relative_file_paths"]]
-        mode = (metadata.get("compression_mode") or "none").lower()
-        if metadata["storage_identifier"] != "mcap" or mode in ("file", "message") or metadata["version"] > METADATA_VERSION:
-            return _RosbagsSource(path, files, metadata)
+        is_ours = is_plain_mcap(metadata) and metadata["version"] <= METADATA_VERSION
     except (KeyError, TypeError, AttributeError) as error:
         raise BagError(f"{path}: its metadata.yaml lacks or misuses {error}") from error
+    if not is_ours:
+        return _RosbagsSource(path, files, metadata)
+    named = named_files(path, metadata)
     missing = [file.name for file in named if not file.is_file()]
     if missing or not named:
         raise BagError(f"{path}: {', '.join(missing) or 'every file'} is missing, which metadata.yaml names")
     return _McapSource(path, named, metadata)
 
 
-def embedded_types(definitions: list[tuple[str, str, str]], types: Typestore | None) -> tuple[Typestore, dict[str, str]]:
+def embedded_types(definitions: Iterable[tuple[str, str, str]], types: Typestore | None) -> tuple[Typestore, dict[str, str]]:
     """Types that the bag defines, and those of `types` that it lacks; and why the others are unknown."""
     found, unknown = {}, {}
-    for name, encoding, text in definitions:
+    for name, encoding, text in dict.fromkeys(definitions):  # each file of a split bag has all of them
         try:
             found.update(_types_in(name, encoding, text))
         except Exception as error:  # generated parsers meet arbitrary text
@@ -435,8 +412,7 @@ def _explained(path: Path):
     except BagError:
         raise
     except DamagedError as error:
-        reason = str(error)
-        raise BagError(f"{path}: {reason}: {_RECOVER}") from error
+        raise BagError(f"{path}: {error}: {_RECOVER}") from error
     except Exception as error:
         reason = (str(error) or type(error).__name__).rstrip(".")
         raise BagError(f"{path}: {reason}") from error

@@ -16,9 +16,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from dart_skill.recording._disk_sync import DiskSync, sync_folder
-from dart_skill.recording._mcap_stream import CHUNK_SIZE, McapChannel, McapFile
-from dart_skill.recording._rosbag2_metadata import (
+from dart_skill.recording.bags._disk_sync import DiskSync, sync_folder
+from dart_skill.recording.bags._metadata import (
     RECORD_NAME,
     FileMetadata,
     TopicMetadata,
@@ -28,6 +27,7 @@ from dart_skill.recording._rosbag2_metadata import (
     record_values,
     write_metadata_file,
 )
+from dart_skill.recording.mcap.writer import CHUNK_SIZE, McapChannel, McapFile
 
 FLUSH_PERIOD_NS = 1_000_000_000
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}

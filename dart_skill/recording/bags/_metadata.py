@@ -10,7 +10,7 @@ from pathlib import Path
 
 import yaml
 
-from dart_skill.recording._disk_sync import sync_folder
+from dart_skill.recording.bags._disk_sync import sync_folder
 
 METADATA_VERSION = 9
 METADATA_FILE = "metadata.yaml"
@@ -90,6 +90,12 @@ def read_metadata_file(folder: Path) -> dict:
     if not isinstance(found, dict):
         raise ValueError(f"{METADATA_FILE} has no mapping '{_ROOT}'")
     return found
+
+
+def is_plain_mcap(metadata: dict) -> bool:
+    """Whether the files are MCAP as it stands, and not SQLite, nor compressed as a whole or message by message."""
+    mode = str(metadata.get("compression_mode") or "none").lower()
+    return metadata.get("storage_identifier", "mcap") == "mcap" and mode not in ("file", "message")
 
 
 def parse_record(values: Mapping[str, str]) -> dict:

@@ -15,8 +15,7 @@ from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from dart_skill.recording import BagError, BagReader, definition, qos_yaml, serialize, type_hash, typestore
-from dart_skill.recording.bag_writer import BagWriter
-from dart_skill.recording.integrity import Finding, check_bag, check_file, describe
+from dart_skill.recording.bags import BagWriter, Finding, check_bag, check_file, describe
 
 POSE, STEP_NS, START_NS = "geometry_msgs/msg/PoseStamped", 10_000_000, 10**18
 TYPES = typestore()
@@ -148,7 +147,7 @@ def test_statistics_and_chunk_indexes_that_disagree_are_found(bag):
     ]
     file.write_bytes(resealed(whole, other_chunk))
     (found,) = texts(check_bag(bag))
-    assert "the summary disagrees with it (start_ns)" in found
+    assert "the summary disagrees with it (message_start_time)" in found
 
 
 @pytest.mark.parametrize(

@@ -9,31 +9,18 @@ from __future__ import annotations
 import os
 import shutil
 from collections import Counter
-from dataclasses import dataclass, field
-from pathlib import Path, PurePath
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
 from zlib import crc32
 
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Metadata, Schema
+from mcap.records import Channel, Metadata, Schema
 
-from dart_skill.recording._disk_sync import sync_folder
-from dart_skill.recording._mcap_scan import (
-    Damage,
-    DamagedError,
-    Record,
-    Summary,
-    known_places,
-    mapped,
-    parse,
-    parse_chunk,
-    parse_header,
-    parse_message_index,
-    read_summary,
-    records_of,
-    walk,
-)
-from dart_skill.recording._mcap_stream import MESSAGE, McapChannel, McapFile
-from dart_skill.recording._rosbag2_metadata import (
+from dart_skill.recording.bags._disk_sync import sync_folder
+from dart_skill.recording.bags._files import files_in, named_files, part_number
+from dart_skill.recording.bags._metadata import (
     RECORD_NAME,
     FileMetadata,
     TopicMetadata,
@@ -44,7 +31,22 @@ from dart_skill.recording._rosbag2_metadata import (
     record_values,
     write_metadata_file,
 )
-from dart_skill.recording.bag_reader import BagError, part_number
+from dart_skill.recording.bags.reader import BagError
+from dart_skill.recording.mcap import (
+    Damage,
+    DamagedError,
+    McapChannel,
+    McapFile,
+    Message,
+    Record,
+    Summary,
+    mapped,
+    messages_of,
+    parse_header,
+    read_definitions,
+    read_summary,
+    walk,
+)
 
 _OWN_LIBRARY = "dart_skill"
 
@@ -53,7 +55,10 @@ _OWN_LIBRARY = "dart_skill"
 class LostPlace:
     """A place of a file that is damaged or missing.
 
-    offset, n_bytes: where; messages: how many were lost there, 0 for an index or the like, None if nobody knows.
+    file: its name.
+    offset, n_bytes: where it is.
+    reason: what is wrong there.
+    messages: how many were lost there; 0 for an index or the like; None if nobody knows.
     """
 
     file: str
@@ -71,9 +76,17 @@ class LostPlace:
 class Recovery:
     """A recovered bag: what is in it and what is not.
 
-    messages: kept, by topic. lost: by topic, as far as statistics, message indexes, metadata.yaml or gaps in sequence numbers
-    tell; what a recorder had not handed over yet when it stopped leaves no trace. unverified: kept messages for which no CRC
-    vouches. repairs: damage without loss. start_ns, end_ns: log times of the first and last message kept, None without messages.
+    path, files: the new bag and the names of its files.
+    messages: kept, by topic.
+    lost: messages by topic, as far as statistics, message indexes, metadata.yaml or gaps in sequence numbers tell; what a recorder had
+        not handed over yet when it stopped leaves no trace.
+    places: what is damaged or missing.
+    repairs: damage without loss.
+    unverified: kept messages for which no CRC vouches.
+    lost_chunks: how many were left out.
+    start_ns, end_ns: log times of the first and last message that was kept; None without messages.
+    n_attachments: how many were kept.
+    custom_data: of the new bag.
     """
 
     path: Path
@@ -108,8 +121,10 @@ class Recovery:
 def recover(path: str | os.PathLike, output: str | os.PathLike) -> Recovery:
     """Make a new bag of what can be read of a damaged one.
 
-    path: bag folder, with or without metadata.yaml, or a .mcap file; it is only read. output: folder of the new bag, which must
-    not exist. Raises BagError if nothing is left to recover, FileExistsError, OSError if the new bag cannot be written.
+    path: bag folder, with or without metadata.yaml, or a .mcap file; it is only read.
+    output: folder of the new bag, which must not exist.
+
+    Raises BagError if nothing is left to recover, FileExistsError, and OSError if the new bag cannot be written.
     """
     path, output = Path(path), Path(output)
     files, told = _input(path)
@@ -135,10 +150,10 @@ def _input(path: Path) -> tuple[list[Path], dict]:
     if path.is_file():
         files, told = [path], {}
     else:
-        files = sorted(path.glob("*.mcap"), key=part_number)
+        files = files_in(path, (".mcap",))
         try:
             told = read_metadata_file(path)
-            named = [path / PurePath(name).name for name in told.get("relative_file_paths") or []]
+            named = named_files(path, told)
             files = [file for file in named if file.suffix == ".mcap"] + [file for file in files if file not in named]
         except (FileNotFoundError, ValueError, TypeError):
             told = {}
@@ -153,7 +168,7 @@ def _input(path: Path) -> tuple[list[Path], dict]:
 @dataclass
 class _Topic:
     type_name: str
-    qos: str
+    qos: list
     type_hash: str
     encoding: str
     kept: int = 0
@@ -166,7 +181,7 @@ class _Recovery:
     """The bag that is being made."""
 
     def __init__(self, path: Path, output: Path, told: dict):
-        self.path, self.output, self.told = path, output, told
+        self.path, self.output = path, output
         self.from_start = path.is_dir() or part_number(path)[1] <= 0  # and not a later part of a split bag
         self.topics: dict[str, _Topic] = {}
         self.places: list[LostPlace] = []
@@ -175,10 +190,9 @@ class _Recovery:
         self.custom_data: dict[str, str] = dict(told.get("custom_data") or {})
         self.ros_distro = told.get("ros_distro") or ""
         self.unverified = self.lost_chunks = self.n_attachments = 0
-        self.told_types = {}
-        for item in told.get("topics_with_message_count") or []:
-            topic = item.get("topic_metadata", {})
-            self.told_types[topic.get("name")] = (topic.get("type", ""), topic.get("type_description_hash", ""))
+        items = told.get("topics_with_message_count") or []
+        self.told_topics = {item.get("topic_metadata", {}).get("name"): item.get("topic_metadata", {}) for item in items}
+        self.told_counts = {item.get("topic_metadata", {}).get("name"): item.get("message_count", 0) for item in items}
 
     def take(self, file: Path) -> None:
         """Recover one file into one of the new bag."""
@@ -196,37 +210,35 @@ class _Recovery:
 
     def finish(self) -> Recovery:
         """Close all files, now that it is known what they are to tell."""
-        lost = self._lost()
         if not any(file.channels for file in self.files) and not self.n_attachments:
             reasons = "; ".join(f"{place.file}: {place.reason}" for place in self.places) or "it has no topics"
             raise BagError(f"{self.path}: there is nothing to recover: {reasons}")
+        for file in self.files:
+            file.end_chunk()
+        filled = [file for file in self.files if file.message_count]
         result = Recovery(
             path=self.output,
             files=tuple(file.path.name for file in self.files),
             messages={name: topic.kept for name, topic in self.topics.items()},
-            lost=lost,
+            lost=self._lost(),
             places=tuple(self.places),
             repairs=tuple(self.repairs),
             unverified=self.unverified,
             lost_chunks=self.lost_chunks,
-            start_ns=None,
-            end_ns=None,
+            start_ns=min((file.start_ns for file in filled), default=None),
+            end_ns=max((file.end_ns for file in filled), default=None),
             n_attachments=self.n_attachments,
             custom_data=self.custom_data,
         )
         self.custom_data |= {"recovered_from": self.path.name, "recovery": str(result)}
         metadata = [self._close(file) for file in self.files]
-        write_metadata_file(self.output, bag_metadata(metadata, self._topics(), self.custom_data, self.ros_distro))
+        write_metadata_file(self.output, bag_metadata(metadata, self._topics(result.messages), self.custom_data, self.ros_distro))
         sync_folder(self.output.parent)
-        starts = [file.start_ns for file in metadata if file.start_ns is not None]
-        ends = [file.end_ns for file in metadata if file.end_ns is not None]
-        fields = {name: getattr(result, name) for name in result.__dataclass_fields__}
-        return Recovery(**fields | {"start_ns": min(starts, default=None), "end_ns": max(ends, default=None)})
+        return result
 
     def _close(self, file: McapFile) -> FileMetadata:
-        file.end_chunk()
         metadata = FileMetadata(file.path.name, file.message_count, file.start_ns, file.end_ns)
-        counts = Counter({name: 0 for name in (channel.record.topic for channel in file.channels.values())})
+        counts: Counter[str] = Counter()
         for channel in file.channels.values():
             counts[channel.record.topic] += channel.count
         file.add_metadata(RECORD_NAME, record_values(bag_metadata([metadata], self._topics(counts), self.custom_data, self.ros_distro)))
@@ -235,42 +247,21 @@ class _Recovery:
         file.close()
         return metadata
 
-    def _topics(self, counts: Counter | None = None) -> list[TopicMetadata]:
-        """All topics, or those of a file with their counts."""
+    def _topics(self, counts: dict[str, int]) -> list[TopicMetadata]:
+        """The topics of the bag or of a file, with their counts."""
         return [
-            TopicMetadata(
-                name,
-                topic.type_name,
-                _qos(name, topic.qos),
-                topic.type_hash,
-                topic.kept if counts is None else counts[name],
-                topic.encoding,
-            )
+            TopicMetadata(name, topic.type_name, topic.qos, topic.type_hash, counts[name], topic.encoding)
             for name, topic in self.topics.items()
-            if counts is None or name in counts
+            if name in counts
         ]
 
     def _lost(self) -> dict[str, int]:
         """Messages known to be lost, by topic: each source is a lower bound."""
         lost = Counter({name: max(topic.lost, topic.gaps) for name, topic in self.topics.items()})
-        for item in self.told.get("topics_with_message_count") or []:
-            name = item.get("topic_metadata", {}).get("name")
+        for name, count in self.told_counts.items():
             kept = self.topics[name].kept if name in self.topics else 0
-            lost[name] = max(lost[name], item.get("message_count", 0) - kept)
+            lost[name] = max(lost[name], count - kept)
         return {name: count for name, count in lost.items() if count > 0}
-
-
-@dataclass
-class _Definitions:
-    """Schemas and channels of a file by their numbers."""
-
-    schemas: dict[int, Schema] = field(default_factory=dict)
-    channels: dict[int, Channel] = field(default_factory=dict)
-
-    def add(self, record: Schema | Channel) -> None:
-        """The first to come stays."""
-        kept = self.schemas if isinstance(record, Schema) else self.channels
-        kept.setdefault(record.id, record)
 
 
 class _FileRecovery:
@@ -284,9 +275,9 @@ class _FileRecovery:
         self.lost: Counter[int] = Counter()
         self.unknown_channels: Counter[int] = Counter()
         self.in_summary, self.verified = False, False
-        self.bad_chunk: int | None = None  # place of the chunk before, if it was left out
+        self.bad_chunk: int | None = None  # which of the bag's places it is, if the chunk before was left out
         try:
-            header = parse_header(data)[0]
+            header, _ = parse_header(data)
             profile, self.counted = header.profile, header.library == _OWN_LIBRARY
         except DamagedError:
             profile, self.counted = "ros2", False
@@ -295,47 +286,23 @@ class _FileRecovery:
             self.verified = self.summary is not None and _data_is_whole(data, self.summary.start)
         except DamagedError:  # the walk comes to it
             pass
-        self.chunk_places = {chunk.offset for chunk in self.summary.chunks} if self.summary is not None else set()
+        self.chunk_places = {chunk.chunk_start_offset for chunk in self.summary.chunks} if self.summary is not None else set()
+        self.definitions = read_definitions(data, self.summary)
         self.out = bag.new_file(profile)
 
     def run(self) -> None:
-        known = known_places(self.summary) if self.summary is not None else []
-        self.definitions = self._definitions(known)
-        for found in walk(self.data, known):
+        for found in walk(self.data, self.summary):
             if isinstance(found, Damage):
                 self._damage(found)
             else:
-                if found.repaired:
-                    self.bag.repairs.append(f"{self.name}, byte {found.offset}: {found.repaired}; its CRC vouches for the chunk")
                 self._record(found)
         for channel in self.definitions.channels:
             self._channel(channel)
         self._count_lost()
 
-    def _definitions(self, known: list[int]) -> _Definitions:
-        """Schemas and channels: best those of the summary, then those in chunks with a CRC, then the others."""
-        found, loose = _Definitions(), []
-        if self.summary is not None and self.summary.has_crc and self.summary.channels:
-            return _Definitions(dict(self.summary.schemas), dict(self.summary.channels))
-        for item in walk(self.data, known):
-            if isinstance(item, Damage):
-                continue
-            if item.opcode == Opcode.CHUNK:
-                chunk = parse_chunk(item.content)
-                try:
-                    raw = chunk.unpack()
-                    records = [(op, raw[begin:end]) for op, begin, end in records_of(raw) if op in (Opcode.SCHEMA, Opcode.CHANNEL)]
-                    for opcode, content in records:
-                        found.add(parse(opcode, content)) if chunk.crc else loose.append(parse(opcode, content))
-                except DamagedError:
-                    continue
-            elif item.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                loose.append(parse(item.opcode, item.content))
-        for record in loose:
-            found.add(record)
-        return found
-
     def _record(self, found: Record) -> None:
+        if found.repaired:
+            self.bag.repairs.append(f"{self.name}, byte {found.offset}: {found.repaired}; its CRC vouches for the chunk")
         if found.opcode == Opcode.MESSAGE_INDEX:
             self._indexed(found)
             return
@@ -343,11 +310,11 @@ class _FileRecovery:
         if found.opcode == Opcode.CHUNK:
             self._chunk(found)
         elif found.opcode == Opcode.MESSAGE:
-            self._messages(bytes(self.data[found.offset : found.end]), self.verified)
+            self._messages(found.messages(), self.verified)
         elif found.opcode == Opcode.ATTACHMENT:
             self._attachment(found)
         elif found.opcode == Opcode.METADATA:
-            self._metadata(parse(found.opcode, found.content))
+            self._metadata(found.parsed())
         elif found.opcode == Opcode.DATA_END:
             self.in_summary = True
         elif found.opcode > 0x0F:
@@ -355,32 +322,26 @@ class _FileRecovery:
             self._lose(found.offset, found.end, reason, 0)
 
     def _chunk(self, found: Record) -> None:
-        chunk = parse_chunk(found.content)
         try:
-            raw = chunk.unpack()
-            for _ in records_of(raw):  # all of them, before the first is taken
-                pass
+            messages = list(found.messages())  # all of them, before the first is taken
         except DamagedError as error:
             self.bag.lost_chunks += 1
             self._lose(found.offset, found.end, f"{error}; the chunk is left out", None)
             self.bad_chunk = len(self.bag.places) - 1
             return
-        self._messages(raw, bool(chunk.crc))
+        self._messages(messages, bool(found.chunk().crc))
 
-    def _messages(self, raw: bytes, verified: bool, cut_off: bool = False) -> int:
-        """Take the messages among a chunk's records; returns how many."""
+    def _messages(self, messages: Iterable[Message], verified: bool) -> int:
+        """Take messages; returns how many were of a known channel."""
         count = 0
-        for opcode, begin, end in records_of(raw, cut_off):
-            if opcode != Opcode.MESSAGE:
-                continue
-            _, _, number, sequence, log_time, publish_time = MESSAGE.unpack_from(raw, begin - 9)
-            channel = self._channel(number)
+        for message in messages:
+            channel = self._channel(message.channel)
             if channel is None:
-                self.unknown_channels[number] += 1
+                self.unknown_channels[message.channel] += 1
                 continue
-            self.out.add_message(channel, sequence, log_time, publish_time, raw[begin + 22 : end])
-            self.kept[number] += 1
-            self._follow(self.bag.topics[channel.record.topic], sequence)
+            self.out.add_message(channel, message.sequence, message.log_time_ns, message.publish_time_ns, message.data)
+            self.kept[message.channel] += 1
+            self._follow(self.bag.topics[channel.record.topic], message.sequence)
             count += 1
         self.bag.unverified += 0 if verified else count
         return count
@@ -402,28 +363,21 @@ class _FileRecovery:
 
     def _write_channel(self, record: Channel) -> McapChannel:
         schema = self.definitions.schemas.get(record.schema_id)
-        told_type, told_hash = self.bag.told_types.get(record.topic, ("", ""))
+        told = self.bag.told_topics.get(record.topic, {})
+        told_type, told_hash = told.get("type", ""), told.get("type_description_hash", "")
         if schema is None and record.schema_id:
-            told = f"; metadata.yaml says {told_type}" if told_type else ""
-            self.bag.repairs.append(f"{self.name}: the definition of topic {record.topic} is lost{told}")
+            hint = f"; metadata.yaml says {told_type}" if told_type else ""
+            self.bag.repairs.append(f"{self.name}: the definition of topic {record.topic} is lost{hint}")
             schema = Schema(id=record.schema_id, name=told_type, encoding="", data=b"")
         if schema is not None and schema.id not in self.out.schemas:
             self.out.add_schema(schema.name, schema.encoding, schema.data, schema.id)
-        metadata = record.metadata
-        self.bag.topics.setdefault(
-            record.topic,
-            _Topic(
-                schema.name if schema is not None else told_type,
-                metadata.get("offered_qos_profiles", ""),
-                metadata.get("topic_type_hash", told_hash),
-                record.message_encoding,
-            ),
-        )
-        return self.out.add_channel(record.topic, record.message_encoding, record.schema_id, metadata, record.id)
+        type_name, type_hash = schema.name if schema is not None else told_type, record.metadata.get("topic_type_hash", told_hash)
+        self.bag.topics.setdefault(record.topic, _Topic(type_name, _qos(record), type_hash, record.message_encoding))
+        return self.out.add_channel(record.topic, record.message_encoding, record.schema_id, record.metadata, record.id)
 
     def _attachment(self, found: Record) -> None:
         try:
-            attachment: Attachment = parse(found.opcode, found.content)
+            attachment = found.parsed()
         except DamagedError as error:
             self._lose(found.offset, found.end, f"{error}; the attachment is left out", 0)
             return
@@ -442,11 +396,10 @@ class _FileRecovery:
         """The index of a chunk that was left out tells what was in it."""
         if self.bad_chunk is None:
             return
-        channel, entries = parse_message_index(found.content)
+        channel, entries = found.message_index()
         self.lost[channel] += len(entries)
         place = self.bag.places[self.bad_chunk]
-        fields = {**place.__dict__, "messages": (place.messages or 0) + len(entries)}
-        self.bag.places[self.bad_chunk] = LostPlace(**fields)
+        self.bag.places[self.bad_chunk] = replace(place, messages=(place.messages or 0) + len(entries))
 
     def _damage(self, damage: Damage) -> None:
         kind = self.data[damage.offset] if damage.offset < len(self.data) else None
@@ -454,7 +407,7 @@ class _FileRecovery:
         is_chunk = not is_index and (kind == Opcode.CHUNK or damage.offset in self.chunk_places)
         reason, messages = damage.reason, 0 if is_index or damage.offset == 0 else None
         if damage.rest is not None:
-            count = self._messages(damage.rest.unpack_part(), False, cut_off=True)
+            count = self._messages(messages_of(damage.rest.unpack_part(), cut_off=True), False)
             reason += f", in a chunk, of which {count} messages could still be read"
         if is_index and damage.end > damage.offset:
             reason += "; only an index is concerned, which is made anew"
@@ -482,12 +435,11 @@ class _FileRecovery:
 
 def _data_is_whole(data: memoryview, summary_start: int) -> bool:
     """Whether the CRC of all before the summary vouches for it."""
-    crc = parse(Opcode.DATA_END, data[summary_start - 4 : summary_start]).data_section_crc
+    crc = int.from_bytes(data[summary_start - 4 : summary_start], "little")
     return crc != 0 and crc == crc32(data[: summary_start - 13])
 
 
-def _qos(topic: str, text: str) -> list:
-    try:
-        return parse_qos(topic, text)
-    except ValueError:
-        return []
+def _qos(channel: Channel) -> list:
+    with suppress(ValueError):
+        return parse_qos(channel.topic, channel.metadata.get("offered_qos_profiles", ""))
+    return []

@@ -10,14 +10,13 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 from scipy.spatial.transform import Rotation
 
-from dart_skill.recording import BagError, BagReader, BagWriter, definition, qos_yaml, serialize, type_hash, typestore
-from dart_skill.recording.foreign import convert, read_recording
-from dart_skill.recording.grip_signal import read_command
-from dart_skill.recording.mapping import OWN, MappingError, load_mapping, parse_mapping
-from dart_skill.recording.pose_stream import PoseStream, RigidTransform, multiplied, rotated, transformed, with_continuous_signs
+from dart_skill.recording import BagError, BagReader, BagWriter, definition, qos_yaml, read_command, serialize, type_hash, typestore
+from dart_skill.recording.imports.mapping import OWN, MappingError, load_mapping, parse_mapping
+from dart_skill.recording.imports.pose_stream import PoseStream, RigidTransform, transformed, with_continuous_signs
+from dart_skill.recording.imports.throw_recording import convert, read_recording
 from tests.unit.recorded_session import header, recorded_bag
 
-EXAMPLE = Path(__file__).resolve().parents[2] / "config" / "recordings" / "example.yaml"
+EXAMPLE = Path(__file__).resolve().parents[3] / "config" / "recordings" / "example.yaml"
 ROLES = ("hand", "ball", "basket")
 N = 200
 START_NS = 1_700_000_000_123_456_789
@@ -382,12 +381,19 @@ def test_y_up_axes_are_turned_about_x():
     np.testing.assert_allclose(about.as_rotvec(), np.tile([0.0, 0.0, 0.3], (3, 1)), atol=1e-12)
 
 
-def test_quaternions_multiply_and_turn_as_rotations_do():
+def test_poses_are_turned_and_moved_as_rotations_do_and_faulty_norms_stay_what_they_are():
     rng = np.random.default_rng(1)
-    a, b, v = Rotation.random(50, random_state=1), Rotation.random(50, random_state=2), rng.standard_normal((50, 3))
-    product = Rotation.from_quat(multiplied(a.as_quat(), b.as_quat()))
-    assert (product * (a * b).inv()).magnitude().max() < 1e-12
-    np.testing.assert_allclose(rotated(a.as_quat(), v), a.apply(v), atol=1e-12)
+    body, world, offset = Rotation.random(50, random_state=1), Rotation.random(random_state=2), Rotation.random(random_state=3)
+    norm, position = np.where(np.arange(50) % 5, 1.0, [0.0, 0.9] * 25)[:, None], rng.standard_normal((50, 3))
+    stream = PoseStream("hand", np.arange(50), position, norm * body.as_quat())
+    p, q = np.array([1.0, 2.0, 3.0]), np.array([0.1, 0.2, 0.3])
+    moved = transformed(stream, RigidTransform(p, world.as_quat()), RigidTransform(q, offset.as_quat()))
+    np.testing.assert_allclose(np.linalg.norm(moved.quaternion, axis=1), norm[:, 0], atol=1e-12)
+    seen = norm[:, 0] > 0.0
+    turned = world * body[seen]
+    np.testing.assert_allclose(moved.position[seen], world.apply(position[seen]) + p + turned.apply(q), atol=1e-12)
+    assert ((turned * offset).inv() * Rotation.from_quat(moved.quaternion[seen])).magnitude().max() < 1e-12
+    np.testing.assert_allclose(moved.position[~seen], world.apply(position[~seen]) + p + q, atol=1e-12)
 
 
 def test_signs_are_made_continuous():

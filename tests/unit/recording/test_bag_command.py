@@ -17,8 +17,8 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 
 from dart_skill.cli import main
 from dart_skill.recording import BagReader, BagWriter, definition, qos_yaml, serialize, type_hash, typestore
-from dart_skill.recording.integrity import check_bag
-from dart_skill.recording.mapping import parse_mapping
+from dart_skill.recording.bags import check_bag
+from dart_skill.recording.imports.mapping import parse_mapping
 
 POSE, TEXT = "geometry_msgs/msg/PoseStamped", "std_msgs/msg/String"
 TYPES = typestore()
@@ -28,7 +28,7 @@ BODIES = {"hand": 0.0, "ball": 1.0, "basket": 2.0}
 
 @pytest.fixture(autouse=True)
 def unsynced(monkeypatch):
-    """No waiting for the disk: what survives a crash is tested elsewhere (test_recording_survives.py)."""
+    """No waiting for the disk: what survives a crash is tested elsewhere (test_survives.py)."""
     monkeypatch.setattr(os, "fsync", lambda fd: None)
     monkeypatch.setattr(os, "fdatasync", lambda fd: None)
 
@@ -394,7 +394,7 @@ def test_convert_writes_our_topics_and_reports_faults(tmp_path, call):
 
 
 def test_the_mapping_in_the_documentation_is_one():
-    page = (Path(__file__).resolve().parents[2] / "docs" / "bags.md").read_text(encoding="utf-8")
+    page = (Path(__file__).resolve().parents[3] / "docs" / "bags.md").read_text(encoding="utf-8")
     (block,) = re.findall(r"\n\n((?:    .*\n)*    hand: .*\n(?:    .*\n)*)", page)
     mapping = parse_mapping(yaml.safe_load(block))
     assert mapping.bodies["hand"].motive == "take_001.csv" and mapping.joints.table.delimiter == ";"

@@ -1,8 +1,8 @@
 """One MCAP file that is being written: chunks, their indexes and the summary (MCAP specification, version 0).
 
-Message records, message indexes and chunk indexes are packed here, a few structs per message; the rarer records are those of
-the `mcap` package. Each append is one system call on an unbuffered file, and one that fails is cut off again: the file ends with
-a whole record at any time. A schema or channel is written twice, at once and again in the next chunk, under its CRC.
+Messages, chunks and message indexes are packed here, a few structs per message; the rarer records are those of the `mcap` package.
+Each append is one system call on an unbuffered file, and one that fails is cut off again: the file ends with a whole record at any
+time. A schema or channel is written twice, at once and again in the next chunk, under its CRC.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from pathlib import Path
 from zlib import crc32
 
 import zstandard
-from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
     Attachment,
     AttachmentIndex,
     Channel,
+    ChunkIndex,
     DataEnd,
     Footer,
     Header,
@@ -31,12 +31,12 @@ from mcap.records import (
     SummaryOffset,
 )
 
-MAGIC = b"\x89MCAP0\r\n"
+from dart_skill.recording.mcap.records import MAGIC, packed
+
 CHUNK_SIZE = 256 * 1024
 COMPRESSION_LEVEL = 1
 
-MESSAGE = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
-_MESSAGE = MESSAGE.pack
+_MESSAGE = struct.Struct("<BQHIQQ").pack  # opcode, length, channel, sequence, log time, publish time
 _CHUNK = struct.Struct("<BQQQQI8sQ").pack  # opcode, length, first and last time, size, CRC, "zstd", compressed size
 _CHUNK_HEAD_LENGTH = 8 + 8 + 8 + 4 + 8 + 8  # of a chunk's content, before the compressed records
 _INDEX = struct.Struct("<BQHI").pack  # opcode, length, channel, bytes of entries
@@ -54,17 +54,20 @@ class McapChannel:
 
 
 class McapFile:
-    """An MCAP file that is being written.
+    """An MCAP file that is being written. `finish` makes it a whole file and leaves it open.
 
-    path: must not exist yet. chunk_size: bytes of records after which a chunk ends. Every method may raise OSError, after which
-    the file holds what it held before; `finish` makes it a whole file and leaves it open.
+    path: must not exist yet.
+    profile, library: of the header.
+    chunk_size: bytes of records after which a chunk ends.
+
+    Every method may raise OSError, after which the file holds what it held before.
     """
 
     def __init__(self, path: Path, profile: str = "ros2", library: str = "dart_skill", chunk_size: int = CHUNK_SIZE):
         self.path, self.position = path, 0
         self.start_ns: int | None = None  # log times of what is in the file
         self.end_ns: int | None = None
-        self.message_count, self.chunk_count = 0, 0
+        self.message_count = 0
         self.schemas: dict[int, Schema] = {}
         self.channels: dict[int, McapChannel] = {}
         self._chunk_size, self._chunk, self._data_crc = chunk_size, bytearray(), 0
@@ -74,7 +77,7 @@ class McapFile:
         self._attachment_indexes: list[McapRecord] = []
         self._metadata_indexes: list[McapRecord] = []
         self.stream = open(path, "xb", buffering=0)
-        self._append(MAGIC + _record(Header(profile, library)))
+        self._append(MAGIC + packed(Header(profile, library)))
 
     @property
     def summary_size(self) -> int:
@@ -85,7 +88,7 @@ class McapFile:
     def add_schema(self, name: str, encoding: str, data: bytes, number: int | None = None) -> int:
         """Announce a message type; returns its number."""
         schema = Schema(id=len(self.schemas) + 1 if number is None else number, name=name, encoding=encoding, data=data)
-        self._define(_record(schema))
+        self._define(packed(schema))
         self.schemas[schema.id] = schema
         return schema.id
 
@@ -93,7 +96,7 @@ class McapFile:
         """Announce a topic; schema: number of its type, 0 for none."""
         number = len(self.channels) + 1 if number is None else number
         channel = McapChannel(Channel(id=number, topic=topic, message_encoding=encoding, schema_id=schema, metadata=dict(metadata)))
-        self._define(_record(channel.record))
+        self._define(packed(channel.record))
         self.channels[number] = channel
         return channel
 
@@ -112,57 +115,66 @@ class McapFile:
 
     def end_chunk(self) -> bool:
         """Hand the messages so far to the operating system; False if there are none."""
-        used = [channel for channel in self.channels.values() if channel.index]
-        if not used:
+        entries = {channel: channel.index for channel in self.channels.values() if channel.index}
+        if not entries:
             return False
         raw, self._chunk = self._chunk, bytearray()
-        entries, data = [], self._compressor.compress(raw)
-        for channel in used:
-            entries.append(channel.index)
+        for channel in entries:
             channel.index = []
-        first = min(min(entry[::2]) for entry in entries)
-        last = max(max(entry[::2]) for entry in entries)
+        data = self._compressor.compress(raw)
+        first = min(min(entry[::2]) for entry in entries.values())
+        last = max(max(entry[::2]) for entry in entries.values())
         content = _CHUNK_HEAD_LENGTH + len(data)
         parts = [_CHUNK(Opcode.CHUNK, content, first, last, len(raw), crc32(raw), _ZSTD, len(data)), data]
-        start, offsets, place = self.position, [], self.position + 9 + content
-        for channel, entry in zip(used, entries, strict=True):
+        start, offsets, place = self.position, {}, self.position + 9 + content
+        for channel, entry in entries.items():
             size = 8 * len(entry)
             parts += [_INDEX(Opcode.MESSAGE_INDEX, 6 + size, channel.number, size), struct.pack(f"<{len(entry)}Q", *entry)]
-            offsets += [channel.number, place]
+            offsets[channel.number] = place
             place += 15 + size
         self._append(b"".join(parts))
-        index = _chunk_index(first, last, start, content, offsets, self.position, len(data), len(raw))
-        self._chunk_indexes.append(index)
-        self._index_bytes += len(index)
-        self._count(first, last, used, entries)
+        index = ChunkIndex(
+            message_start_time=first,
+            message_end_time=last,
+            chunk_start_offset=start,
+            chunk_length=9 + content,
+            message_index_offsets=offsets,
+            message_index_length=place - start - 9 - content,
+            compression="zstd",
+            compressed_size=len(data),
+            uncompressed_size=len(raw),
+        )
+        self._chunk_indexes.append(packed(index))
+        self._index_bytes += len(self._chunk_indexes[-1])
+        self._count(first, last, entries)
         return True
 
     def add_attachment(self, name: str, media_type: str, data: bytes, create_time_ns: int = 0, log_time_ns: int = 0) -> None:
         """Append a file that goes with the messages."""
         times = {"create_time": create_time_ns, "log_time": log_time_ns}
         named = {"name": name, "media_type": media_type, **times}
-        record, offset = _record(Attachment(data=data, **named)), self.position
+        record, offset = packed(Attachment(data=data, **named)), self.position
         self._append(record)
         self._attachment_indexes.append(AttachmentIndex(offset=offset, length=len(record), data_size=len(data), **named))
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Append names and texts."""
-        record, offset = _record(Metadata(name=name, metadata=dict(values))), self.position
+        record, offset = packed(Metadata(name=name, metadata=dict(values))), self.position
         self._append(record)
         self._metadata_indexes.append(MetadataIndex(offset=offset, length=len(record), name=name))
 
     def finish(self) -> None:
         """Append the summary, which makes the file whole. All or nothing of it is written."""
         self.end_chunk()
-        data_end = _record(DataEnd(self._data_crc))
+        data_end = packed(DataEnd(self._data_crc))
         start = self.position + len(data_end)
         groups = [
-            (Opcode.SCHEMA, [_record(schema) for schema in self.schemas.values()]),
-            (Opcode.CHANNEL, [_record(channel.record) for channel in self.channels.values()]),
-            (Opcode.STATISTICS, [_record(self._statistics())]),
+            (Opcode.SCHEMA, [packed(schema) for schema in self.schemas.values()]),
+            (Opcode.CHANNEL, [packed(channel.record) for channel in self.channels.values()]),
+            (Opcode.STATISTICS, [packed(self._statistics())]),
             (Opcode.CHUNK_INDEX, self._chunk_indexes),
-            (Opcode.ATTACHMENT_INDEX, map(_record, self._attachment_indexes)),
-            (Opcode.METADATA_INDEX, map(_record, self._metadata_indexes)),
+            (Opcode.ATTACHMENT_INDEX, map(packed, self._attachment_indexes)),
+            (Opcode.METADATA_INDEX, map(packed, self._metadata_indexes)),
         ]
         summary, group_offsets = bytearray(), bytearray()
         for opcode, records in groups:
@@ -170,11 +182,11 @@ class McapFile:
             summary += b"".join(records)
             if len(summary) > begin:
                 offset = SummaryOffset(group_opcode=opcode, group_start=start + begin, group_length=len(summary) - begin)
-                group_offsets += _record(offset)
+                group_offsets += packed(offset)
         offset_start = start + len(summary)
         summary += group_offsets
         head = struct.pack("<BQQQ", Opcode.FOOTER, 20, start, offset_start)
-        footer = _record(Footer(start, offset_start, crc32(head, crc32(summary))))
+        footer = packed(Footer(start, offset_start, crc32(head, crc32(summary))))
         self._append(data_end + bytes(summary) + footer + MAGIC)
 
     def close(self) -> None:
@@ -185,11 +197,10 @@ class McapFile:
         self._append(record)
         self._chunk += record
 
-    def _count(self, first: int, last: int, used: list[McapChannel], entries: list[list[int]]) -> None:
-        self.chunk_count += 1
+    def _count(self, first: int, last: int, entries: dict[McapChannel, list[int]]) -> None:
         self.start_ns = first if self.start_ns is None else min(first, self.start_ns)
         self.end_ns = last if self.end_ns is None else max(last, self.end_ns)
-        for channel, entry in zip(used, entries, strict=True):
+        for channel, entry in entries.items():
             channel.count += len(entry) // 2
             self.message_count += len(entry) // 2
 
@@ -198,7 +209,7 @@ class McapFile:
             attachment_count=len(self._attachment_indexes),
             channel_count=len(self.channels),
             channel_message_counts={number: channel.count for number, channel in self.channels.items()},
-            chunk_count=self.chunk_count,
+            chunk_count=len(self._chunk_indexes),
             message_count=self.message_count,
             message_end_time=self.end_ns or 0,
             message_start_time=self.start_ns or 0,
@@ -218,21 +229,3 @@ class McapFile:
             raise
         self.position += len(data)
         self._data_crc = crc32(data, self._data_crc)
-
-
-def _record(record: McapRecord) -> bytes:
-    builder = RecordBuilder()
-    record.write(builder)
-    return builder.end()
-
-
-def _chunk_index(first: int, last: int, start: int, content: int, offsets: list[int], end: int, compressed: int, size: int) -> bytes:
-    """A ChunkIndex record; offsets: channel, place of its message index, and so on; end: of the message indexes."""
-    n_channels = len(offsets) // 2
-    body = struct.pack(
-        f"<QQQQI{'HQ' * n_channels}Q8sQQ",
-        *(first, last, start, 9 + content, 10 * n_channels),
-        *offsets,
-        *(end - start - 9 - content, _ZSTD, compressed, size),
-    )
-    return struct.pack("<BQ", Opcode.CHUNK_INDEX, len(body)) + body

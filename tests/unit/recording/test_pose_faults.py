@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dart_skill.recording.pose_faults import repair
-from dart_skill.recording.pose_stream import PoseStream
+from dart_skill.recording.imports.pose_faults import repair
+from dart_skill.recording.imports.pose_stream import PoseStream
 
 MS = 1_000_000
 FRAME = 10 * MS

@@ -14,17 +14,16 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from dart_skill.recording import BagError, BagReader, bag_writer
-from dart_skill.recording.bag_writer import BagWriteError, BagWriter
-from dart_skill.recording.integrity import check_bag
-from dart_skill.recording.recovery import recover
+from dart_skill.recording import BagError, BagReader
+from dart_skill.recording.bags import BagWriteError, BagWriter, check_bag, recover
+from dart_skill.recording.bags import writer as bag_writer
 
 N_KILLS, SECOND_NS, STEP_NS, MOST_MESSAGES = 50, 1_000_000_000, 2_000_000, 6000
 DEFINITION = "float64 x\nfloat64 y\nfloat64 z\n"
 
 RECORDER = """
 import os, struct, sys
-from dart_skill.recording.bag_writer import BagWriter
+from dart_skill.recording.bags import BagWriter
 
 path, flush_at, max_bytes = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
 tell = os.fdopen(3, "wb", buffering=0)
@@ -159,7 +158,7 @@ CHILD = """
 import resource, signal, sys
 from pathlib import Path
 sys.path.insert(0, {folder!r})
-from test_recording_survives import check_full
+from tests.unit.recording.test_survives import check_full
 resource.setrlimit(resource.RLIMIT_FSIZE, (400_000, 400_000))
 bag, error, n_taken = check_full(Path(sys.argv[1]), {code})
 print(n_taken, str(error).split("; ")[1].split()[0])
@@ -167,7 +166,7 @@ print(n_taken, str(error).split("; ")[1].split()[0])
 
 
 def test_a_file_that_may_not_grow_leaves_a_bag_with_all_but_the_last_chunk(tmp_path):
-    code = CHILD.format(folder=str(Path(__file__).parent), code=errno.EFBIG)
+    code = CHILD.format(folder=str(Path(__file__).parents[3]), code=errno.EFBIG)
     done = subprocess.run([sys.executable, "-c", code, str(tmp_path / "bag")], capture_output=True, text=True, timeout=100)
     assert done.returncode == 0, done.stderr
     n_taken, n_safe = map(int, done.stdout.split())
@@ -181,8 +180,8 @@ def test_a_full_disk_leaves_a_bag_with_all_but_the_last_chunk(tmp_path):
     """On a file system of 300 kB of our own, where the system lets us have one."""
     saved = Path("/dev/shm") / f"{os.getpid()}_saved"
     script = f'mount -t tmpfs -o size=300k none {tmp_path} && exec {sys.executable} -c "$0" {tmp_path}/bag {saved}'
-    code = CHILD.format(folder=str(Path(__file__).parent), code=errno.ENOSPC).replace("400_000", "40_000_000")
-    code += "import shutil\nfrom dart_skill.recording.recovery import recover\n"
+    code = CHILD.format(folder=str(Path(__file__).parents[3]), code=errno.ENOSPC).replace("400_000", "40_000_000")
+    code += "import shutil\nfrom dart_skill.recording.bags import recover\n"
     code += "print(recover(bag.path, sys.argv[2]).messages['/a'])\nshutil.rmtree(sys.argv[2])\n"
     done = subprocess.run(["unshare", "-rm", "sh", "-c", script, code], capture_output=True, text=True, timeout=100)
     if done.returncode and ("unshare" in done.stderr or "mount" in done.stderr):

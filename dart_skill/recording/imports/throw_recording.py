@@ -16,14 +16,14 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.recording.bag_reader import BagError, BagMessage, BagReader
-from dart_skill.recording.bag_writer import BagWriter, qos_yaml
+from dart_skill.recording.bags.messages import definition, deserialize, serialize, type_hash, typestore
+from dart_skill.recording.bags.reader import BagError, BagMessage, BagReader
+from dart_skill.recording.bags.writer import BagWriter, qos_yaml
 from dart_skill.recording.grip_signal import GIGA, OPEN, GripSignal, Opening
-from dart_skill.recording.mapping import LENGTH_UNITS, N_JOINTS, OWN, ROLES, PoseSource, RecordingMapping, SignalSource
-from dart_skill.recording.messages import definition, deserialize, serialize, type_hash, typestore
-from dart_skill.recording.pose_faults import Fault, repair
-from dart_skill.recording.pose_stream import IDENTITY, UP_AXES, PoseStream, RigidTransform, transformed, with_continuous_signs
-from dart_skill.recording.tables import read_motive, read_pose_table, read_table
+from dart_skill.recording.imports._tables import read_motive, read_pose_table, read_table
+from dart_skill.recording.imports.mapping import LENGTH_UNITS, N_JOINTS, OWN, ROLES, PoseSource, RecordingMapping, SignalSource
+from dart_skill.recording.imports.pose_faults import Fault, repair
+from dart_skill.recording.imports.pose_stream import IDENTITY, UP_AXES, PoseStream, RigidTransform, transformed, with_continuous_signs
 
 POSE_TYPES = ("PoseStamped", "PoseWithCovarianceStamped", "PointStamped", "TransformStamped", "Odometry", "TFMessage")
 SIGNAL_TYPES = ("WamCommand", "Bool", "Empty")

@@ -15,7 +15,7 @@ import numpy as np
 import yaml
 from scipy.spatial.transform import Rotation
 
-from dart_skill.recording.pose_stream import UP_AXES, RigidTransform
+from dart_skill.recording.imports.pose_stream import UP_AXES, RigidTransform
 
 TIME_UNITS = {"s": 1e9, "ms": 1e6, "us": 1e3, "ns": 1.0}
 LENGTH_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}

@@ -15,7 +15,7 @@ from itertools import combinations
 import numpy as np
 from scipy.ndimage import median_filter
 
-from dart_skill.recording.pose_stream import PoseStream
+from dart_skill.recording.imports.pose_stream import PoseStream
 
 INFORMATION = ("gap",)
 """Kinds that are no fault: a body that the cameras do not see is not published."""
@@ -38,11 +38,15 @@ SURE_FRAMES = 5  # of free flight by which one body must surpass the other to be
 
 @dataclass(frozen=True)
 class Fault:
-    """What is wrong with the poses of a body from start_ns to stop_ns.
+    """What is wrong with the poses of a body.
 
-    kind: not_finite, zero_pose, not_unit, repeated_stamp, backwards, stale, jitter, swap, outlier; or gap, which is no fault. count: of
-    samples (gap: of missing frames). repaired: what is left is right as far as anybody can tell; samples that were left out count as
-    repaired if nothing was known of them.
+    kind: not_finite, zero_pose, not_unit, repeated_stamp, backwards, stale, jitter, swap, outlier; or gap, which is no fault.
+    body: its name; of an exchange, both names.
+    start_ns, stop_ns: stamps of the first and last sample that is concerned.
+    count: of samples; of a gap, of missing frames.
+    message: what is wrong and what was done, for people.
+    repaired: what is left is right as far as anybody can tell; samples that were left out count as repaired if nothing was known of
+        them.
     """
 
     kind: str
@@ -128,8 +132,8 @@ def _in_order(stream: PoseStream) -> tuple[PoseStream, list[Fault]]:
     if np.any(np.diff(stream.stamp_ns) < 0):
         stream, faults = _sorted(stream)
     copies = np.concatenate([[False], (np.diff(stream.stamp_ns) == 0) & _same_as_before(stream)])[: len(stream)]
-    faults += _of_spans("repeated_stamp", stream, copies, "{count} copies of a message are left out", True)
-    return (stream.take(~copies) if copies.any() else stream), faults
+    stream, found = _left_out("repeated_stamp", stream, copies, "{count} copies of a message are left out")
+    return stream, faults + found
 
 
 def _sorted(stream: PoseStream) -> tuple[PoseStream, list[Fault]]:
@@ -138,7 +142,7 @@ def _sorted(stream: PoseStream) -> tuple[PoseStream, list[Fault]]:
     late = stamps < latest
     last = np.flatnonzero(np.maximum.accumulate(order) == np.arange(len(stamps)))  # of each stretch within which samples change places
     first = np.concatenate([[0], last[:-1] + 1])
-    usual = float(np.median(np.linalg.norm(np.diff(stream.position, axis=0), axis=1)))
+    usual = float(np.median(_steps(stream.position)))
     index, faults = [], []
     for begin, end in zip(first, last, strict=True):
         places = np.arange(begin, end + 1)
@@ -148,18 +152,15 @@ def _sorted(stream: PoseStream) -> tuple[PoseStream, list[Fault]]:
             continue
         by = float((latest - stamps)[moved].max()) * 1e-9
         before, after = np.arange(max(begin - 1, 0), begin), np.arange(end + 1, min(end + 2, len(stamps)))
-        way = [_way(stream, np.concatenate([before, rows, after])) for rows in (order[begin : end + 1], places)]
-        safe = by <= LATEST and way[0] <= way[1] + 5.0 * usual
+        way, sorted_way = (
+            _steps(stream.position[np.concatenate([before, rows, after])]).sum() for rows in (places, order[begin : end + 1])
+        )
+        safe = by <= LATEST and sorted_way <= way + 5.0 * usual
         what = "sorted in" if safe else "left out: their poses do not fit there, so it is the clock that went back"
         text = f"{len(moved)} stamps run backwards, by at most {1e3 * by:.1f} ms; {what}"
         faults.append(Fault("backwards", stream.body, int(stamps[moved].min()), int(stamps[moved].max()), len(moved), text, safe))
         index.append(order[begin : end + 1] if safe else places[~late[begin : end + 1]])
     return stream.take(np.concatenate(index)), faults
-
-
-def _way(stream: PoseStream, rows: np.ndarray) -> float:
-    """Length of the path through samples in this order [m]."""
-    return float(np.linalg.norm(np.diff(stream.position[rows], axis=0), axis=1).sum())
 
 
 # poses that are repeated
@@ -182,15 +183,14 @@ def _without_stale(stream: PoseStream) -> tuple[PoseStream, list[Fault]]:
         return stream, []
     stale = np.zeros(len(stream), dtype=bool)
     natural = _is_rounded(stream, same) or _is_smooth(stream, same)
-    steps = np.linalg.norm(np.diff(stream.position, axis=0), axis=1)
+    steps = _steps(stream.position)
     changes = np.abs(np.diff(stream.position, axis=0))
     grain = float(changes[changes > 0.0].min(initial=np.inf))
     for first, last in _spans(same):  # samples first + 1 to last + 1 repeat sample `first`
         following = steps[last + 2 : last + 5]
         leap = last + 1 < len(steps) and len(following) > 0 and steps[last + 1] > max(1.4 * np.median(following), 10.0 * grain)
         stale[first + 1 : last + 2] = leap or not natural
-    text = "the same pose again, {count} times with new stamps (a lost body): left out"
-    return (stream.take(~stale) if stale.any() else stream), _of_spans("stale", stream, stale, text, True)
+    return _left_out("stale", stream, stale, "the same pose again, {count} times with new stamps (a lost body): left out")
 
 
 def _is_rounded(stream: PoseStream, same: np.ndarray) -> bool:
@@ -253,7 +253,7 @@ def _restamped(stream: PoseStream, doubled: np.ndarray, frames: list, period: fl
 
 def _first_of_a_stamp(stream: PoseStream, doubled: np.ndarray) -> tuple[PoseStream, list[Fault]]:
     text = "{count} other poses with the stamp of the one before: left out, and nobody knows which of them was right"
-    return (stream.take(~doubled) if doubled.any() else stream), _of_spans("repeated_stamp", stream, doubled, text, False)
+    return _left_out("repeated_stamp", stream, doubled, text, False)
 
 
 def _all_regular(time: np.ndarray) -> bool:
@@ -330,7 +330,7 @@ def _unswapped(one: PoseStream, other: PoseStream) -> tuple[PoseStream, PoseStre
     if len(i) < LEAST_RUN:
         return one, other, []
     a, b, stamps = one.position[i], other.position[j], one.stamp_ns[i]
-    straight = _distance(a[1:], a[:-1]) + _distance(b[1:], b[:-1])
+    straight = _steps(a) + _steps(b)
     crossing = _distance(b[1:], a[:-1]) + _distance(a[1:], b[:-1])
     changes = (straight > 2.0 * crossing) & (straight - crossing > CLOSE)
     spans, faults = [], []
@@ -382,15 +382,13 @@ class _Span:
 def _pieces(stream: PoseStream, period: float) -> np.ndarray:
     """Number of the unbroken piece of path that each sample (n,) lies on."""
     steps = np.diff(stream.stamp_ns) * 1e-9
-    broken = (steps > 3.5 * period) | (_distance(stream.position[1:], stream.position[:-1]) > CLOSE + FASTEST * steps)
+    broken = (steps > 3.5 * period) | (_steps(stream.position) > CLOSE + FASTEST * steps)
     return np.concatenate([[0], np.cumsum(broken)])
 
 
 def _runs_of_both(stamps: np.ndarray, one: np.ndarray, other: np.ndarray) -> list[slice]:
     """Stretches of frames (n,) within which it is known how the names go on: no pause, or one of the bodies was seen all the time."""
-    ends = (np.diff(stamps) * 1e-9 > PAUSE) & (np.diff(one) > 0) & (np.diff(other) > 0)
-    edges = np.concatenate([[0], np.flatnonzero(ends) + 1, [len(stamps)]])
-    return [slice(int(first), int(last)) for first, last in zip(edges[:-1], edges[1:], strict=True)]
+    return _stretches((np.diff(stamps) * 1e-9 > PAUSE) & (np.diff(one) > 0) & (np.diff(other) > 0))
 
 
 def _which_is_wrong(one: str, other: str, a: np.ndarray, b: np.ndarray, stamps: np.ndarray, period: float, crossed: np.ndarray):
@@ -456,12 +454,11 @@ def _without_outliers(stream: PoseStream) -> tuple[PoseStream, list[Fault]]:
     if len(stream) < LEAST_RUN:
         return stream, []
     p, q = stream.position, stream.quaternion
-    lone = _jumps(_distance(p[1:], p[:-1]), _distance(p[2:], p[:-2]), FARTHEST_JUMP)
+    lone = _jumps(_steps(p), _distance(p[2:], p[:-2]), FARTHEST_JUMP)
     lone |= _jumps(_angle(q[1:], q[:-1]), _angle(q[2:], q[:-2]), LARGEST_TURN)
     near = np.diff(stream.stamp_ns) < 3.5 * np.median(np.diff(stream.stamp_ns))
     lone[1:-1] &= near[1:] & near[:-1]
-    text = "{count} poses jump away and back: left out"
-    return (stream.take(~lone) if lone.any() else stream), _of_spans("outlier", stream, lone, text, True)
+    return _left_out("outlier", stream, lone, "{count} poses jump away and back: left out")
 
 
 def _jumps(steps: np.ndarray, over: np.ndarray, least: float) -> np.ndarray:
@@ -479,15 +476,7 @@ def _gaps(stream: PoseStream) -> list[Fault]:
     steps = np.diff(stream.stamp_ns)
     period = float(np.median(steps))
     return [
-        Fault(
-            "gap",
-            stream.body,
-            int(stream.stamp_ns[k]),
-            int(stream.stamp_ns[k + 1]),
-            round(steps[k] / period) - 1,
-            f"not seen for {1e-9 * steps[k]:.3f} s",
-            False,
-        )
+        _fault("gap", stream, k, k + 1, f"not seen for {1e-9 * steps[k]:.3f} s", False, round(steps[k] / period) - 1)
         for k in np.flatnonzero(steps > 1.5 * period).tolist()
     ]
 
@@ -497,7 +486,12 @@ def _gaps(stream: PoseStream) -> list[Fault]:
 
 def _runs(time: np.ndarray) -> list[slice]:
     """Stretches of stamps (n,) [s] without a pause."""
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(time) > PAUSE) + 1, [len(time)]])
+    return _stretches(np.diff(time) > PAUSE)
+
+
+def _stretches(ends: np.ndarray) -> list[slice]:
+    """Stretches of samples (n,), which end where `ends` (n - 1,) is true."""
+    edges = np.concatenate([[0], np.flatnonzero(ends) + 1, [len(ends) + 1]])
     return [slice(int(first), int(last)) for first, last in zip(edges[:-1], edges[1:], strict=True)]
 
 
@@ -515,6 +509,16 @@ def _fault(kind: str, stream: PoseStream, first: int, last: int, text: str, repa
 
 def _of_spans(kind: str, stream: PoseStream, mask: np.ndarray, text: str, repaired: bool) -> list[Fault]:
     return [_fault(kind, stream, first, last, text, repaired) for first, last in _spans(mask)]
+
+
+def _left_out(kind: str, stream: PoseStream, mask: np.ndarray, text: str, repaired: bool = True) -> tuple[PoseStream, list[Fault]]:
+    """The stream without the samples of a mask, and a fault for each stretch of them."""
+    return (stream.take(~mask) if mask.any() else stream), _of_spans(kind, stream, mask, text, repaired)
+
+
+def _steps(position: np.ndarray) -> np.ndarray:
+    """Way from each position (n, 3) to the next one."""
+    return _distance(position[1:], position[:-1])
 
 
 def _distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:

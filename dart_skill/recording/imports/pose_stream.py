@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 IDENTITY = (0.0, 0.0, 0.0, 1.0)
 UP_AXES = {"z": IDENTITY, "y": (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))}
@@ -17,7 +18,11 @@ UP_AXES = {"z": IDENTITY, "y": (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))}
 
 @dataclass(frozen=True)
 class RigidTransform:
-    """p -> R(quaternion) p + position; position (3,) [m], quaternion (4,) x, y, z, w."""
+    """p -> R(quaternion) p + position.
+
+    position: (3,) [m].
+    quaternion: (4,), x, y, z, w, of norm 1.
+    """
 
     position: np.ndarray = field(default_factory=lambda: np.zeros(3))
     quaternion: np.ndarray = field(default_factory=lambda: np.array(IDENTITY))
@@ -36,7 +41,11 @@ class RigidTransform:
 class PoseStream:
     """Poses as they were recorded, in their order, good or bad.
 
-    stamp_ns (n,) int64; position (n, 3) [m]; quaternion (n, 4) x, y, z, w; all in frame_id.
+    body: its name.
+    stamp_ns: (n,) int64.
+    position: (n, 3) [m].
+    quaternion: (n, 4), x, y, z, w.
+    frame_id: name of the axes.
     """
 
     body: str
@@ -63,13 +72,18 @@ class PoseStream:
 
 
 def transformed(stream: PoseStream, world: RigidTransform, offset: RigidTransform | None = None) -> PoseStream:
-    """The poses in other axes: `world` takes the old axes into the new ones; offset: our body's frame in the axes of the tracked body."""
-    position = rotated(world.quaternion, stream.position) + world.position
-    quaternion = multiplied(world.quaternion, stream.quaternion)
+    """The poses in other axes. Norms of quaternions stay as they were: they tell faults.
+
+    world: takes the old axes into the new ones.
+    offset: our body's frame in the axes of the tracked body.
+    """
+    turn, norm = Rotation.from_quat(world.quaternion), np.linalg.norm(stream.quaternion, axis=1, keepdims=True)
+    position = turn.apply(stream.position) + world.position
+    turned = turn * Rotation.from_quat(np.where(norm == 0.0, turn.inv().as_quat(), stream.quaternion))  # without one: that of the new axes
     if offset is not None:
-        position = position + rotated(quaternion, offset.position)
-        quaternion = multiplied(quaternion, offset.quaternion)
-    return replace(stream, position=position, quaternion=quaternion)
+        position = position + turned.apply(offset.position)
+        turned = turned * Rotation.from_quat(offset.quaternion)
+    return replace(stream, position=position, quaternion=norm * turned.as_quat())
 
 
 def with_continuous_signs(stream: PoseStream) -> PoseStream:
@@ -77,19 +91,3 @@ def with_continuous_signs(stream: PoseStream) -> PoseStream:
     flips = np.einsum("ij,ij->i", stream.quaternion[1:], stream.quaternion[:-1]) < 0.0
     signs = np.where(np.cumsum(np.concatenate([[0], flips])) % 2, -1.0, 1.0)[: len(stream)]
     return replace(stream, quaternion=stream.quaternion * signs[:, None])
-
-
-def multiplied(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Products of quaternions (..., 4), x, y, z, w: the second rotation is made first."""
-    first, second = np.asarray(first, dtype=float), np.asarray(second, dtype=float)
-    a, b, s, t = first[..., :3], second[..., :3], first[..., 3:], second[..., 3:]
-    vector = s * b + t * a + np.cross(a, b)
-    return np.concatenate([vector, s * t - np.sum(a * b, axis=-1, keepdims=True)], axis=-1)
-
-
-def rotated(quaternion: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Vectors (..., 3) turned by unit quaternions (..., 4)."""
-    quaternion = np.asarray(quaternion, dtype=float)
-    axis, scalar = quaternion[..., :3], quaternion[..., 3:]
-    twist = 2.0 * np.cross(axis, vectors)
-    return vectors + scalar * twist + np.cross(axis, twist)

@@ -1,0 +1,28 @@
+"""The container: MCAP files read whole, walked when damaged, and written so that a crash costs little."""
+
+from dart_skill.recording.mcap.reader import END_OF_TIME, BagMessage, McapInput, in_time_order
+from dart_skill.recording.mcap.records import Chunk, DamagedError, Message, Summary, messages_of, parse_header, read_summary
+from dart_skill.recording.mcap.walk import Damage, Record, mapped, read_definitions, walk
+from dart_skill.recording.mcap.writer import CHUNK_SIZE, McapChannel, McapFile
+
+__all__ = [
+    "CHUNK_SIZE",
+    "END_OF_TIME",
+    "BagMessage",
+    "Chunk",
+    "Damage",
+    "DamagedError",
+    "McapChannel",
+    "McapFile",
+    "McapInput",
+    "Message",
+    "Record",
+    "Summary",
+    "in_time_order",
+    "mapped",
+    "messages_of",
+    "parse_header",
+    "read_definitions",
+    "read_summary",
+    "walk",
+]

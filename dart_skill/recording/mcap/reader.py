@@ -1,0 +1,240 @@
+"""Reading whole MCAP files: topics from the summary, messages chunk by chunk in order of log time.
+
+Damage is an error here (`DamagedError`): `walk` says what is left of a damaged file.
+"""
+
+from __future__ import annotations
+
+import heapq
+import struct
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from operator import itemgetter
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, ChunkIndex, McapRecord, Metadata
+
+from dart_skill.recording.mcap.records import RECORD, DamagedError, Summary, parse, parse_chunk, parse_header, read_summary
+from dart_skill.recording.mcap.walk import Damage, Record, mapped, read_definitions, walk
+
+END_OF_TIME = 2**64
+_FIELDS = struct.Struct("<BQH4xQ")  # of a message record: opcode, length, channel, log time
+_STAMP = itemgetter(2)
+
+
+class BagMessage(NamedTuple):
+    """A message.
+
+    stamp_ns: log time.
+    data: CDR bytes or, decoded, an object with the message's fields.
+    """
+
+    topic: str
+    type_name: str
+    stamp_ns: int
+    data: Any
+
+
+class Part(NamedTuple):
+    """A part of a file: log times of its first and last message, and what reads it, as a list of BagMessage in order of log time."""
+
+    start_ns: int
+    end_ns: int
+    read: Callable[[], list[BagMessage]]
+
+
+class McapInput:
+    """A whole MCAP file, open for reading. Raises DamagedError for what is no whole file.
+
+    header: its first record.
+    schemas, channels: by number.
+    counts: messages by the number of their channel.
+    message_count: of all channels.
+    start_ns, end_ns: log times of the first and last message, 0 without messages.
+    compression: of the chunks; several are separated by commas.
+    """
+
+    def __init__(self, path: Path):
+        self.path = path
+        self._chunks: list[ChunkIndex] | None = None  # what is known of all messages
+        self._stream = open(path, "rb")
+        try:
+            with mapped(path) as data:
+                self.header, _ = parse_header(data)
+                summary = read_summary(data)
+                if summary is not None and _is_complete(summary):
+                    self._take(summary)
+                else:
+                    self._scan(data)
+        except BaseException:
+            self._stream.close()
+            raise
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it can be read."""
+        return not self._stream.closed
+
+    def type_name(self, channel: Channel) -> str:
+        """Message type of a channel; empty if the file does not tell it."""
+        schema = self.schemas.get(channel.schema_id)
+        return schema.name if schema is not None else ""
+
+    def metadata(self) -> list[Metadata]:
+        """Metadata records, in the order in which they were written."""
+        return [self._record(Opcode.METADATA, place) for place in self._metadata_places]
+
+    def attachments(self) -> list[Attachment]:
+        """Files that were kept with the messages, in the order in which they were written."""
+        return [self._record(Opcode.ATTACHMENT, place) for place in self._attachment_places]
+
+    def parts(self, wanted: dict[int, tuple[str, str]], start_ns: int, stop_ns: int) -> list[Part]:
+        """The parts of the file that may hold messages of some channels and times.
+
+        wanted: topic and type by number of the channel.
+        start_ns, stop_ns: log times from the first to before the second.
+        """
+        if self._chunks is None:
+            return [Part(self.start_ns, self.end_ns, lambda: self._found_messages(wanted, start_ns, stop_ns))]
+        return [
+            Part(
+                chunk.message_start_time, chunk.message_end_time, lambda chunk=chunk: self._chunk_messages(chunk, wanted, start_ns, stop_ns)
+            )
+            for chunk in self._chunks
+            if start_ns <= chunk.message_end_time
+            and chunk.message_start_time < stop_ns
+            and not wanted.keys().isdisjoint(chunk.message_index_offsets)
+        ]
+
+    def close(self) -> None:
+        """Close the file."""
+        self._stream.close()
+
+    def _at(self, place: int, length: int) -> bytes:
+        self._stream.seek(place)
+        return self._stream.read(length)
+
+    def _record(self, opcode: int, place: int) -> McapRecord:
+        _opcode, length = RECORD.unpack(self._at(place, RECORD.size))
+        return parse(opcode, self._at(place + RECORD.size, length))
+
+    def _take(self, summary: Summary) -> None:
+        statistics = summary.statistics
+        self.schemas, self.channels, self._chunks = summary.schemas, summary.channels, summary.chunks
+        self.counts = Counter(statistics.channel_message_counts)
+        self.message_count = statistics.message_count
+        self.start_ns, self.end_ns = statistics.message_start_time, statistics.message_end_time
+        self.compression = _listed(chunk.compression for chunk in summary.chunks)
+        self._metadata_places = [index.offset for index in summary.metadata]
+        self._attachment_places = [index.offset for index in summary.attachments]
+
+    def _scan(self, data: memoryview) -> None:
+        """What the summary would say, from the whole file."""
+        self.counts, compressions, first_ns, last_ns = Counter(), set(), END_OF_TIME, 0
+        places: dict[int, list[int]] = {Opcode.METADATA: [], Opcode.ATTACHMENT: []}
+        for found in _undamaged(data):
+            for message in found.messages():
+                self.counts[message.channel] += 1
+                first_ns, last_ns = min(first_ns, message.log_time_ns), max(last_ns, message.log_time_ns)
+            if found.opcode == Opcode.CHUNK:
+                compressions.add(found.chunk().compression)
+            elif found.opcode in places:
+                places[found.opcode].append(found.offset)
+        definitions = read_definitions(data)
+        self.schemas, self.channels, self.compression = definitions.schemas, definitions.channels, _listed(compressions)
+        self._metadata_places, self._attachment_places = places[Opcode.METADATA], places[Opcode.ATTACHMENT]
+        self.message_count = sum(self.counts.values())
+        self.start_ns, self.end_ns = (first_ns, last_ns) if self.message_count else (0, 0)
+
+    def _chunk_messages(self, chunk: ChunkIndex, wanted: dict, start_ns: int, stop_ns: int) -> list[BagMessage]:
+        place = chunk.chunk_start_offset
+        try:
+            record = self._at(place, chunk.chunk_length)
+            if len(record) < RECORD.size or RECORD.unpack_from(record) != (Opcode.CHUNK, len(record) - RECORD.size):
+                raise DamagedError("no chunk begins there")
+            return _messages_in(parse_chunk(memoryview(record)[RECORD.size :]).unpack(), wanted, start_ns, stop_ns)
+        except (DamagedError, struct.error) as error:
+            raise DamagedError(f"the chunk at byte {place} of {self.path.name} is damaged: {error}") from error
+
+    def _found_messages(self, wanted: dict, start_ns: int, stop_ns: int) -> list[BagMessage]:
+        """All that are wanted of a file that does not tell where its messages are: they are read into memory."""
+        with mapped(self.path) as data:
+            found = [
+                BagMessage(*wanted[message.channel], message.log_time_ns, message.data)
+                for record in _undamaged(data)
+                for message in record.messages()
+                if message.channel in wanted and start_ns <= message.log_time_ns < stop_ns
+            ]
+        return sorted(found, key=_STAMP)
+
+
+def in_time_order(parts: Iterable[Part]) -> Iterator[BagMessage]:
+    """Messages of all parts in order of log time; parts that overlap in time are merged."""
+    group: list[Part] = []
+    until = 0
+    for part in sorted(parts, key=itemgetter(0)):
+        if group and part.start_ns >= until:
+            yield from _merged(group)
+            group = []
+        group.append(part)
+        until = max(until, part.end_ns)
+    yield from _merged(group)
+
+
+def _undamaged(data: memoryview) -> Iterator[Record]:
+    for found in walk(data):
+        if isinstance(found, Damage):
+            raise DamagedError(f"{found.reason} (at byte {found.offset})")
+        yield found
+
+
+def _messages_in(raw: bytes, wanted: dict[int, tuple[str, str]], start_ns: int, stop_ns: int) -> list[BagMessage]:
+    """The same as `messages_of` in less time, of what is wanted, in order of log time."""
+    found, in_order, last, fields, place, end = [], True, 0, _FIELDS.unpack_from, 0, len(raw)
+    append, new, info = found.append, tuple.__new__, wanted.get
+    while place < end - 30:
+        opcode, length, channel, stamp = fields(raw, place)
+        begin, place = place + 31, place + 9 + length
+        if opcode != 5:
+            continue
+        if place > end or length < 22:
+            raise DamagedError("a message reaches beyond its end")
+        its = info(channel)
+        if its is not None and start_ns <= stamp < stop_ns:
+            in_order = in_order and stamp >= last
+            last = stamp
+            append(new(BagMessage, (*its, stamp, raw[begin:place])))
+    if not in_order:
+        found.sort(key=_STAMP)
+    return found
+
+
+def _merged(group: list[Part]) -> Iterator[BagMessage]:
+    if len(group) == 1:
+        yield from group[0].read()
+        return
+    for message in heapq.merge(*map(_when_due, group), key=_STAMP):
+        if message[0] is not None:
+            yield message
+
+
+def _when_due(part: Part) -> Iterator:
+    """A part's messages, read when the merge has come to its first log time."""
+    yield (None, None, part.start_ns)
+    yield from part.read()
+
+
+def _is_complete(summary: Summary) -> bool:
+    """Whether the summary tells where all messages are: each is in a chunk that has indexes."""
+    statistics = summary.statistics
+    if statistics is None or statistics.schema_count != len(summary.schemas) or statistics.channel_count != len(summary.channels):
+        return False
+    indexed = sum(chunk.message_index_length - 15 * len(chunk.message_index_offsets) for chunk in summary.chunks) // 16
+    lists = statistics.metadata_count == len(summary.metadata) and statistics.attachment_count == len(summary.attachments)
+    return lists and indexed == statistics.message_count
+
+
+def _listed(compressions: Iterable[str]) -> str:
+    return ", ".join(sorted({*compressions} - {""}))

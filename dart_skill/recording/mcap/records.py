@@ -1,0 +1,284 @@
+"""What the bytes of MCAP records say (MCAP specification, version 0), with everything checked that can be.
+
+A record is taken only if its content agrees with its length to the byte. Whatever is wrong is a `DamagedError` that says why.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from io import BytesIO
+from typing import NamedTuple
+from zlib import crc32
+
+import lz4.frame
+import zstandard
+from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+
+MAGIC = b"\x89MCAP0\r\n"
+FOOTER_LENGTH = 9 + 20 + len(MAGIC)
+RECORD = struct.Struct("<BQ")
+"""Opcode and length, with which every record begins."""
+CLASSES = {
+    Opcode.HEADER: Header,
+    Opcode.FOOTER: Footer,
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
+    Opcode.CHUNK_INDEX: ChunkIndex,
+    Opcode.ATTACHMENT: Attachment,
+    Opcode.ATTACHMENT_INDEX: AttachmentIndex,
+    Opcode.METADATA: Metadata,
+    Opcode.METADATA_INDEX: MetadataIndex,
+    Opcode.STATISTICS: Statistics,
+    Opcode.DATA_END: DataEnd,
+    Opcode.SUMMARY_OFFSET: SummaryOffset,
+}
+"""What `parse` makes of a record, by opcode."""
+_CHUNK_HEAD = struct.Struct("<QQQII")
+_MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
+_LARGEST_CHUNK = 2**30
+
+
+class DamagedError(ValueError):
+    """Bytes that are not what they should be, and why."""
+
+
+class Message(NamedTuple):
+    """A message record. place: where it begins among the records that it was read from."""
+
+    place: int
+    channel: int
+    sequence: int
+    log_time_ns: int
+    publish_time_ns: int
+    data: bytes
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """A chunk as it stands in the file.
+
+    start_ns, end_ns: log times of its first and last message.
+    size: bytes of its records, once they are decompressed.
+    crc: of the decompressed records; 0 for none.
+    compression: "zstd", "lz4" or "".
+    records: compressed.
+    length: of the chunk's content, as its own sizes say.
+    """
+
+    start_ns: int
+    end_ns: int
+    size: int
+    crc: int
+    compression: str
+    records: memoryview
+    length: int
+
+    def unpack(self) -> bytes:
+        """Its records, with their size and CRC (where it has one) checked; DamagedError."""
+        if self.size > _LARGEST_CHUNK:
+            raise DamagedError(f"the chunk says that it holds {self.size} bytes")
+        try:
+            raw = _DECOMPRESS[self.compression](self.records, self.size)
+        except KeyError:
+            raise DamagedError(f"the chunk has the unknown compression '{self.compression}'") from None
+        except (zstandard.ZstdError, RuntimeError, EOFError) as error:
+            raise DamagedError(f"the chunk cannot be decompressed ({error})") from error
+        if self.crc and crc32(raw) != self.crc:
+            raise DamagedError("the chunk's CRC does not fit its content")
+        # With a CRC that fits, it is the size that is wrong.
+        if len(raw) != self.size and not self.crc:
+            raise DamagedError(f"the chunk holds {len(raw)} bytes instead of {self.size}")
+        return raw
+
+    def unpack_part(self) -> bytes:
+        """As many of its records as a chunk gives that was cut off."""
+        if self.compression == "zstd":
+            return _whole_blocks(zstandard.ZstdDecompressor().decompressobj(), self.records)
+        if self.compression == "lz4":
+            return _whole_blocks(lz4.frame.LZ4FrameDecompressor(), self.records)
+        return bytes(self.records) if not self.compression else b""
+
+
+@dataclass(frozen=True)
+class Summary:
+    """The summary of a file.
+
+    start: its place in the file.
+    has_crc: whether a CRC vouches for it.
+    schemas, channels: by number.
+    chunks, attachments, metadata: their indexes.
+    statistics: None if it has none.
+    """
+
+    start: int
+    has_crc: bool = False
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    chunks: list[ChunkIndex] = field(default_factory=list)
+    attachments: list[AttachmentIndex] = field(default_factory=list)
+    metadata: list[MetadataIndex] = field(default_factory=list)
+    statistics: Statistics | None = None
+
+
+def parse(opcode: int, content: bytes | memoryview, check_crc: bool = True) -> McapRecord:
+    """A record of one of the kinds of `CLASSES`; DamagedError unless all of its bytes make sense.
+
+    check_crc: of an attachment, the only one of them that has one.
+    """
+    kind, data = CLASSES[Opcode(opcode)], bytes(content)
+    try:
+        record = kind.read(ReadDataStream(BytesIO(data)))
+        again = packed(record)[RECORD.size :]
+    except (ValueError, struct.error, McapError, OverflowError, MemoryError) as error:
+        raise DamagedError(f"the {kind.__name__} record is damaged ({error or type(error).__name__})") from error
+    if opcode == Opcode.ATTACHMENT and again[:-4] == data[:-4]:
+        if check_crc and data[-4:] not in (again[-4:], b"\0\0\0\0"):
+            raise DamagedError(f"the CRC of attachment '{record.name}' does not fit its content")
+    elif again != data:
+        raise DamagedError(f"the {kind.__name__} record has a length that does not fit its content")
+    return record
+
+
+def packed(record: McapRecord) -> bytes:
+    """A record as it stands in a file, with its opcode and length."""
+    builder = RecordBuilder()
+    record.write(builder)
+    return builder.end()
+
+
+def parse_chunk(content: memoryview, cut_off: bool = False) -> Chunk:
+    """A chunk; DamagedError unless its parts fill it exactly. cut_off: the end of its records may be missing."""
+    try:
+        start, end, size, crc, name_length = _CHUNK_HEAD.unpack_from(content)
+        name = bytes(content[32 : 32 + name_length])
+        (compressed,) = struct.unpack_from("<Q", content, 32 + name_length)
+    except struct.error as error:
+        raise DamagedError("the chunk is too short") from error
+    begin = 40 + name_length
+    if name not in (b"", b"zstd", b"lz4") or (begin + compressed != len(content) and not cut_off):
+        raise DamagedError("the chunk's sizes do not agree with each other")
+    return Chunk(start, end, size, crc, name.decode(), content[begin : begin + compressed], begin + compressed)
+
+
+def parse_message_index(content: memoryview) -> tuple[int, list[tuple[int, int]]]:
+    """Channel, and log time and place in the chunk of its messages; DamagedError."""
+    if len(content) < 6:
+        raise DamagedError("the MessageIndex record is too short")
+    channel, n_bytes = struct.unpack_from("<HI", content)
+    if n_bytes != len(content) - 6 or n_bytes % 16:
+        raise DamagedError("the MessageIndex record has a length that does not fit its content")
+    return channel, list(struct.iter_unpack("<QQ", content[6:]))
+
+
+def records_of(raw: bytes | memoryview, cut_off: bool = False) -> Iterator[tuple[int, int, int]]:
+    """Opcode, begin and end of the content of each record in a chunk or a summary; DamagedError where one reaches beyond it.
+
+    cut_off: stop there instead.
+    """
+    place, size = 0, len(raw)
+    while place < size:
+        opcode, length = RECORD.unpack_from(raw, place) if place + RECORD.size <= size else (0, size)
+        begin, place = place + RECORD.size, place + RECORD.size + length
+        if place > size or (opcode == Opcode.MESSAGE and length < _MESSAGE_HEAD.size):
+            if cut_off:
+                return
+            raise DamagedError("a record reaches beyond the chunk or summary that it is in")
+        yield opcode, begin, place
+
+
+def messages_of(raw: bytes, cut_off: bool = False) -> Iterator[Message]:
+    """The messages among the records of a chunk; DamagedError and cut_off as for `records_of`."""
+    for opcode, begin, end in records_of(raw, cut_off):
+        if opcode == Opcode.MESSAGE:
+            yield Message(begin - RECORD.size, *_MESSAGE_HEAD.unpack_from(raw, begin), raw[begin + _MESSAGE_HEAD.size : end])
+
+
+def parse_header(data: bytes | memoryview) -> tuple[Header, int]:
+    """The first record of a file, and where it ends; DamagedError."""
+    if bytes(data[:8]) != MAGIC:
+        raise DamagedError("the file magic is invalid: this is no MCAP file, or its first bytes are damaged")
+    if len(data) < 17 or data[8] != Opcode.HEADER:
+        raise DamagedError("the file has no header")
+    end = 17 + struct.unpack_from("<Q", data, 9)[0]
+    if end > len(data):
+        raise DamagedError("the file ends within its header")
+    return parse(Opcode.HEADER, data[17:end]), end
+
+
+def read_summary(data: memoryview) -> Summary | None:
+    """The summary of a file's bytes, None if it has none; DamagedError."""
+    footer = _footer(data)
+    if not footer.summary_start:
+        return None
+    end = len(data) - FOOTER_LENGTH
+    if footer.summary_crc and crc32(data[footer.summary_start : end + 25]) != footer.summary_crc:
+        raise DamagedError("the summary's CRC does not fit its content")
+    content, found = data[footer.summary_start : end], defaultdict(list)
+    for opcode, begin, stop in records_of(content):
+        if opcode in CLASSES:
+            found[opcode].append(parse(opcode, content[begin:stop]))
+    return Summary(
+        footer.summary_start,
+        bool(footer.summary_crc),
+        {schema.id: schema for schema in found[Opcode.SCHEMA]},
+        {channel.id: channel for channel in found[Opcode.CHANNEL]},
+        found[Opcode.CHUNK_INDEX],
+        found[Opcode.ATTACHMENT_INDEX],
+        found[Opcode.METADATA_INDEX],
+        found[Opcode.STATISTICS][-1] if found[Opcode.STATISTICS] else None,
+    )
+
+
+def _footer(data: memoryview) -> Footer:
+    if len(data) < FOOTER_LENGTH or bytes(data[-8:]) != MAGIC:
+        raise DamagedError("the file has no end")
+    if RECORD.unpack_from(data, len(data) - FOOTER_LENGTH) != (Opcode.FOOTER, 20):
+        raise DamagedError("the footer is damaged")
+    footer = parse(Opcode.FOOTER, data[-28:-8])
+    if footer.summary_start and not 8 < footer.summary_start <= len(data) - FOOTER_LENGTH:
+        raise DamagedError("the footer points to no summary")
+    return footer
+
+
+def _whole_blocks(decompressor, data: memoryview) -> bytes:
+    """What a decompressor gives before the end or the damage of its input."""
+    parts = []
+    try:
+        for begin in range(0, len(data), 4096):
+            parts.append(decompressor.decompress(bytes(data[begin : begin + 4096])))
+    except (zstandard.ZstdError, RuntimeError, EOFError):
+        pass
+    return b"".join(parts)
+
+
+def _zstd(records: memoryview, size: int) -> bytes:
+    if zstandard.frame_content_size(records) > _LARGEST_CHUNK:
+        raise zstandard.ZstdError("it says that it is larger than 1 GiB")
+    return zstandard.ZstdDecompressor().decompress(records, max_output_size=size)
+
+
+_DECOMPRESS = {
+    "": lambda records, _size: bytes(records),
+    "zstd": _zstd,
+    "lz4": lambda records, _size: lz4.frame.decompress(records),
+}

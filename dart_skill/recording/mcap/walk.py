@@ -1,0 +1,253 @@
+"""A walk over the bytes of an MCAP file that may be damaged, which finds its way again.
+
+Where no record begins, the walk tries what stands there as a chunk (whose CRC then vouches for it), goes on at the next place that the
+summary knows, or searches the next record.
+"""
+
+from __future__ import annotations
+
+import mmap
+import re
+from bisect import bisect_right
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from mcap.opcode import Opcode
+from mcap.records import Channel, McapRecord, Schema
+
+from dart_skill.recording.mcap.records import (
+    CLASSES,
+    MAGIC,
+    RECORD,
+    Chunk,
+    DamagedError,
+    Message,
+    Summary,
+    messages_of,
+    parse,
+    parse_chunk,
+    parse_message_index,
+    records_of,
+)
+
+_ANY_RECORD = re.compile(rb"(?=[\x01-\x0f].{5}\x00\x00\x00)", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Record:
+    """A record that was found; repaired: what was wrong about it and could be made good."""
+
+    offset: int
+    end: int
+    opcode: int
+    content: memoryview
+    repaired: str = ""
+
+    def parsed(self) -> McapRecord:
+        """What it says, of the kinds of `CLASSES`; DamagedError if it is an attachment with a wrong CRC."""
+        return parse(self.opcode, self.content)
+
+    def chunk(self) -> Chunk:
+        """What it says if it is a chunk."""
+        return parse_chunk(self.content)
+
+    def messages(self) -> Iterator[Message]:
+        """Those of a chunk, or the one that it is itself; none for other records. DamagedError."""
+        if self.opcode == Opcode.CHUNK:
+            yield from messages_of(self.chunk().unpack())
+        elif self.opcode == Opcode.MESSAGE:
+            yield from messages_of(RECORD.pack(self.opcode, len(self.content)) + self.content)
+
+    def message_index(self) -> tuple[int, list[tuple[int, int]]]:
+        """What it says if it is a message index: channel, and log time and place in the chunk of its messages."""
+        return parse_message_index(self.content)
+
+
+@dataclass(frozen=True)
+class Damage:
+    """A place of a file that is not what it should be. rest: a chunk that was cut off there."""
+
+    offset: int
+    end: int
+    reason: str
+    rest: Chunk | None = None
+
+
+@dataclass
+class Definitions:
+    """Schemas and channels of a file by their numbers."""
+
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+
+    def add(self, record: Schema | Channel) -> None:
+        """The first to come stays."""
+        kept = self.schemas if isinstance(record, Schema) else self.channels
+        kept.setdefault(record.id, record)
+
+
+@contextmanager
+def mapped(path: Path) -> Iterator[memoryview]:
+    """The bytes of a file, read as they are needed."""
+    if path.stat().st_size == 0:
+        yield memoryview(b"")
+        return
+    with open(path, "rb") as stream:
+        content = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
+    view = memoryview(content)
+    try:
+        yield view
+    finally:
+        view.release()
+        with suppress(BufferError):  # an exception on its way out may still hold a part of it
+            content.close()
+
+
+def walk(data: memoryview, summary: Summary | None = None) -> Iterator[Record | Damage]:
+    """Every record of a file's bytes after the magic, in order, and the places between them that are damaged.
+
+    summary: tells where records begin, also behind damage. Ends after the footer.
+    """
+    known = _known_places(summary) if summary is not None else []
+    place, size = (len(MAGIC) if bytes(data[:8]) == MAGIC else 0), len(data)
+    if place == 0:
+        place = _next_record(data, min(8, size), known) if size < 17 or data[8] != Opcode.HEADER else 8
+        yield Damage(0, place, "the file magic is invalid")
+    while place < size:
+        found = _record_at(data, place)
+        if isinstance(found, Damage):
+            found = _chunk_at(data, place, found.reason) or _skipped(data, found, known)
+        yield found
+        place = found.end
+        if isinstance(found, Record) and found.opcode == Opcode.FOOTER:
+            if bytes(data[place:]) != MAGIC:
+                yield Damage(place, size, "the file does not end with the magic")
+            return
+    yield Damage(size, size, "the file ends without footer")
+
+
+def read_definitions(data: memoryview, summary: Summary | None = None) -> Definitions:
+    """Schemas and channels of a file: best those of the summary, then those in chunks with a CRC, then the others."""
+    if summary is not None and summary.has_crc and summary.channels:
+        return Definitions(dict(summary.schemas), dict(summary.channels))
+    found, loose = Definitions(), []
+    for item in walk(data, summary):
+        if isinstance(item, Damage):
+            continue
+        if item.opcode == Opcode.CHUNK:
+            chunk = item.chunk()
+            with suppress(DamagedError):
+                for record in _definitions_in(chunk.unpack()):
+                    if chunk.crc:
+                        found.add(record)
+                    else:
+                        loose.append(record)
+        elif item.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            loose.append(item.parsed())
+    for record in loose:
+        found.add(record)
+    return found
+
+
+def _definitions_in(raw: bytes) -> Iterator[Schema | Channel]:
+    """Of a chunk's records; DamagedError."""
+    for opcode, begin, end in records_of(raw):
+        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            yield parse(opcode, raw[begin:end])
+
+
+def _known_places(summary: Summary) -> list[int]:
+    """Where records begin, as the summary says, in order."""
+    places = {summary.start}
+    for chunk in summary.chunks:
+        begin = chunk.chunk_start_offset
+        places |= {begin, begin + chunk.chunk_length, *chunk.message_index_offsets.values()}
+    places |= {index.offset for index in (*summary.attachments, *summary.metadata)}
+    return sorted(places)
+
+
+def _record_at(data: memoryview, place: int) -> Record | Damage:
+    """The record that begins at a place, or why there is none."""
+    if place + RECORD.size > len(data):
+        return Damage(place, len(data), "the file ends within a record")
+    opcode, length = RECORD.unpack_from(data, place)
+    end = place + RECORD.size + length
+    if opcode == 0 or 0x0F < opcode < 0x80:
+        return Damage(place, end, "no record begins here")
+    content = data[place + RECORD.size : min(end, len(data))]
+    if end > len(data):
+        return Damage(place, len(data), "the file ends within a record", _rest(opcode, length, content))
+    try:
+        if opcode == Opcode.CHUNK:
+            parse_chunk(content)
+        elif opcode == Opcode.MESSAGE_INDEX:
+            parse_message_index(content)
+        elif opcode == Opcode.MESSAGE and length < 22:
+            raise DamagedError("the message is too short")
+        elif opcode in CLASSES:
+            parse(opcode, content, check_crc=False)  # an attachment whose CRC is wrong is still a record, to be named and left out
+        elif opcode >= 0x80 and _chunk_at(data, place, "") is not None:
+            raise DamagedError("the chunk's opcode is damaged")
+    except DamagedError as error:
+        return Damage(place, end, str(error))
+    return Record(place, end, opcode, content)
+
+
+def _rest(opcode: int, length: int, content: memoryview) -> Chunk | None:
+    """The chunk that a file's end cuts off, if that is what stands there."""
+    with suppress(DamagedError):
+        if opcode == Opcode.CHUNK and (chunk := parse_chunk(content, cut_off=True)).length == length:
+            return chunk
+    return None
+
+
+def _chunk_at(data: memoryview, place: int, reason: str) -> Record | None:
+    """What stands at a place as a chunk, whatever its opcode and length say, if its own sizes and CRC agree."""
+    begin = place + RECORD.size
+    try:
+        chunk = parse_chunk(data[begin:], cut_off=True)
+        end = begin + chunk.length
+        if end > len(data) or not chunk.crc:
+            return None
+        chunk.unpack()
+    except DamagedError:
+        return None
+    return Record(place, end, Opcode.CHUNK, data[begin:end], repaired=reason)
+
+
+def _skipped(data: memoryview, damage: Damage, known: list[int]) -> Damage:
+    """The damage as far as the next record. A chunk's rest is one only where nothing comes after it."""
+    end = _next_record(data, damage.offset + 1, known)
+    return Damage(damage.offset, end, damage.reason, damage.rest if end == len(data) else None)
+
+
+def _next_record(data: memoryview, place: int, known: list[int]) -> int:
+    """Where the next record begins, at or after a place: by the summary, or by its looks; the end of the data without one."""
+    size, index = len(data), bisect_right(known, place - 1)
+    limit = min(known[index], size) if index < len(known) else size
+    for match in _ANY_RECORD.finditer(data, place, min(size, limit + 8)):
+        begin = match.start()
+        if begin >= limit:
+            break
+        found = _record_at(data, begin)
+        if isinstance(found, Record) and _goes_on(data, found):
+            return begin
+    return limit
+
+
+def _goes_on(data: memoryview, record: Record) -> bool:
+    """Whether the bytes of a record that was searched are one indeed: chunks by content, others by what follows."""
+    if record.opcode == Opcode.CHUNK:
+        with suppress(DamagedError):
+            record.chunk().unpack()
+            return True
+        return False
+    if record.opcode == Opcode.FOOTER:
+        return bytes(data[record.end :]) == MAGIC
+    following = bytes(data[record.end : record.end + RECORD.size])
+    if len(following) < RECORD.size:
+        return not following
+    opcode, length = RECORD.unpack(following)
+    return 0 < opcode <= 0x0F and record.end + RECORD.size + length <= len(data)
