@@ -1,17 +1,19 @@
 """Autonomous DS-GMR: the state of the robot drives the movement, not the clock (thesis chapter 9).
 
-A field y(x, x') that is regressed on the state alone stalls: where the demonstrations rest before they move it asks for no motion, and
-where a path comes near itself (wind-up and throw) it mixes both passes. So the state enters by way of the phase s, how far along
-the movement the robot is. The mixture over [t, x, x', y] gives, by regression on t, the state z(s) that belongs to a phase, with
-covariance R(s), and the attractor y(s). The phase moves on by what the state says,
+An attractor y(x, x') that is regressed on the state alone can get stuck. Where the demonstrations rest before they move,
+it asks for no motion. Where a path comes near itself (wind-up and throw), it mixes both passes. Therefore the state acts
+through the phase s [s], the place of the robot along the movement. Regression of the mixture over [t, x, x', y] on t gives
+the state z(s) that belongs to a phase, with covariance R(s), and the attractor y(s). The state changes the phase by
 
-    s' = clip(1 + d / T, slowest, fastest),    d = z_s' R^-1 (z - z(s)) / (z_s' R^-1 z_s + 1 / w^2),    z_s = dz(s)/ds,
+    s' = clip(1 + d / T, slowest, fastest),    d = z_s' R^-1 (z - z(s)) / (z_s' R^-1 z_s + 1 / w^2),    z_s = dz(s)/ds.
 
-where d is how much later or earlier the state looks than the phase: the correction of an extended Kalman filter for s with deviation w.
-R holds, beside the spread of the demonstrations, that the pace is not known: a robot that is held back on its way is not at the end of it.
-Then (7.19) with y(s). The system has no clock: held back, it waits; pushed ahead, it skips; and since s' >= slowest > 0 and y stays at
-its last value from the end on, it comes to the goal from every start (s is at the end after finite time, and (7.19) with a constant
-attractor is a stable linear system).
+d [s] is how far the state is ahead of the phase: it is the correction of an extended Kalman filter for s with standard
+deviation w. R contains the spread of the demonstrations and the uncertainty of the pace, so that a robot that is slow
+because it is held back is not taken to be at the end of the movement. Then (7.19) follows y(s).
+
+The system has no clock. If the robot is held back, the movement waits. If it is pushed ahead, the movement skips a part.
+It reaches the goal from every start: since s' >= slowest > 0, s reaches its end in finite time; from then on y is
+constant, and (7.19) with a constant attractor is a stable linear system.
 """
 
 from __future__ import annotations
@@ -31,13 +33,16 @@ from .frames import TaskFrame
 from .task_parameterised import TaskParameterisedMixture
 
 UNKNOWN_PACE = 1.0
-"""Standard deviation of the pace at which a robot passes through the movement, as a share of the demonstrated one."""
+"""Standard deviation of the robot's pace, relative to the demonstrated one."""
 Push = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
 class StateDriven:
-    """A movement of an autonomous policy: time (n,), phase (n,) [s], attractor, position, velocity and acceleration (n, d)."""
+    """A movement of an autonomous policy.
+
+    time (n,) [s]; phase (n,) [s]; attractor, position, velocity and acceleration (n, d), in the units of the movement.
+    """
 
     time: np.ndarray
     phase: np.ndarray
@@ -49,7 +54,15 @@ class StateDriven:
 
 @dataclass(frozen=True)
 class PhaseRule:
-    """How the state moves the phase on: rates `slowest` and `fastest` [s/s], time constant T and deviation w [s] of the correction."""
+    """How the state changes the phase.
+
+    Parameters:
+
+    * slowest: float in (0, 1), default 0.05. Least rate s' of the phase; 1 is the demonstrated pace.
+    * fastest: float above 1, default 4. Largest rate of the phase.
+    * time_constant: float, default 0.05 [s]. T of the correction.
+    * deviation: float, default 0.05 [s]. w, standard deviation of the phase in the correction.
+    """
 
     slowest: float = 0.05
     fastest: float = 4.0
@@ -64,10 +77,17 @@ class PhaseRule:
 
 
 class AutonomousDSGMR:
-    """Movement primitive over d variables that is driven by the state (x, x').
+    """DS-GMR over d movement variables that is driven by the state (x, x') instead of a clock.
 
-    n_components, stiffness and damping as in `DSGMR`; rule: how the state moves the phase on. Further options go to
-    `TaskParameterisedMixture`; `mixture_`, over [t, x, x', y], holds the fitted one.
+    Parameters:
+
+    * n_components: int, number of components of the mixture.
+    * stiffness: one number or (d,), default 200 [1/s^2]. kp of (7.19).
+    * damping: one number or (d,) [1/s], default None: critical, 2 sqrt(kp).
+    * rule: PhaseRule, how the state changes the phase; default None: its defaults.
+    * mixture_options: hyper-parameters of `TaskParameterisedMixture`.
+
+    Attribute after `fit`: mixture_, the fitted TaskParameterisedMixture over [t, x, x', y].
     """
 
     def __init__(
@@ -92,9 +112,9 @@ class AutonomousDSGMR:
         *,
         rng: np.random.Generator | None = None,
     ) -> AutonomousDSGMR:
-        """Learn from motions (n_i, d) at stamps (n_i,), as `smooth_derivatives` gives them.
+        """Learn from motions (n_i, d) at stamps (n_i,), as `smooth_derivatives` returns them; returns self.
 
-        frames: P per demonstration, for features [t, y] as in `DSGMR.fit`; weights and rng as there.
+        frames: for each demonstration P frames of the features [t, y], as in `DSGMR.fit`; weights and rng as there.
         """
         if not len(times) == len(motions) == len(frames):
             raise ValueError(f"times, motions and frames must be as many, got {len(times)}, {len(motions)} and {len(frames)}")
@@ -109,7 +129,7 @@ class AutonomousDSGMR:
         return np.column_stack([as_stamps(time, len(attractor)), motion.position, motion.velocity, attractor])
 
     def policy(self, frames: Sequence[TaskFrame], resolution: int = 400) -> AutonomousPolicy:
-        """The policy for new frames; resolution: phases at which it is worked out beforehand."""
+        """The policy for new frames; resolution: number of phases at which it is computed beforehand."""
         if not hasattr(self, "mixture_"):
             raise ValueError("this AutonomousDSGMR holds no model yet; call fit first")
         phase = np.linspace(*self._ends, as_count(resolution, "resolution", 10))
@@ -130,14 +150,23 @@ class AutonomousDSGMR:
         duration: float,
         push: Push | None = None,
     ) -> StateDriven:
-        """Movement in new frames from position0 and velocity0 (d,), for `duration` seconds; push as in `AutonomousPolicy.run`."""
+        """Movement in new frames from position0 and velocity0 (d,), for `duration` [s]; push as in `AutonomousPolicy.run`."""
         return self.policy(frames).run(position0, velocity0, step=step, duration=duration, push=push)
 
 
 class AutonomousPolicy:
-    """The policy for one situation. `locate` finds the phase of a state, `advance` moves it on, `attractor` is what pulls at a phase.
+    """The policy for one situation, made by `AutonomousDSGMR.policy`.
 
-    phase (n,) [s]; state (n, 2d) and spread (n, 2d, 2d): position over velocity that belongs to each phase; attractors (n, d).
+    `locate` finds the phase of a state, `advance` changes the phase over a step, and `attractor` gives y at a phase.
+
+    Parameters:
+
+    * phase (n,): equally spaced phases [s].
+    * state (n, 2d): position and velocity that belong to each phase.
+    * spread (n, 2d, 2d): covariance of the state.
+    * attractors (n, d): y at each phase.
+    * stiffness, damping: gains of (7.19), one number or (d,) [1/s^2, 1/s].
+    * rule: PhaseRule.
     """
 
     def __init__(self, phase, state, spread, attractors, stiffness, damping, rule: PhaseRule):
@@ -156,16 +185,16 @@ class AutonomousPolicy:
         return self.attractors[-1]
 
     def locate(self, position: ArrayLike, velocity: ArrayLike) -> float:
-        """Phase [s] that a state (d,), (d,) fits best: the least Mahalanobis distance, the earliest of equals."""
+        """Phase [s] whose state is nearest to position and velocity (d,), by Mahalanobis distance; the earliest of equals."""
         error = self._as_state(position, velocity) - self.state
         return float(self.phase[np.argmin(np.einsum("ni,nij,nj->n", error, self._precision, error))])
 
     def advance(self, phase: float, position: ArrayLike, velocity: ArrayLike, step: float) -> float:
-        """Phase [s] a `step` [s] later, as the state says."""
+        """Phase [s] a `step` [s] later, for a robot with this position and velocity (d,)."""
         return self._advanced(phase, self._as_state(position, velocity), as_number(step, "step"))
 
     def attractor(self, phase: float) -> np.ndarray:
-        """Attractor (d,) at a phase [s]; before the start and beyond the end that of the start and of the end."""
+        """Attractor (d,) at a phase [s]; constant before the start and after the end of the movement."""
         return self._at(self.attractors, phase)
 
     def acceleration(self, phase: float, position: ArrayLike, velocity: ArrayLike) -> np.ndarray:
@@ -177,10 +206,10 @@ class AutonomousPolicy:
     def run(
         self, position0: ArrayLike, velocity0: ArrayLike, *, step: float = 0.002, duration: float, push: Push | None = None
     ) -> StateDriven:
-        """Movement from a state, the unit mass of (7.19) standing in for the robot.
+        """Movement of a unit mass (7.19) in place of the robot, from position0 and velocity0 (d,), for `duration` [s].
 
-        push(time, position, velocity) -> acceleration (d,) [1/s^2 of the movement variables] acts on it from outside; it is held over a
-        step. Exact between the stamps for an attractor that runs straight.
+        push: function of time, position and velocity that returns an acceleration (d,) from outside, in units of the
+        movement per s^2; it is constant over a step. Each step is exact for an attractor that is linear in between.
         """
         step, n_steps = as_number(step, "step"), round(as_number(duration, "duration") / as_number(step, "step"))
         d = len(self._kp)
@@ -218,7 +247,7 @@ class AutonomousPolicy:
 
 
 def _flow(step: float, stiffness: np.ndarray, damping: np.ndarray) -> Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
-    """One exact step of (7.19): state (2d,), attractor (d,) now and a step later, straight in between -> state (2d,)."""
+    """A function for one exact step of (7.19): from state (2d,), attractor (d,) now and one step later, linear in between."""
     d = len(stiffness)
     parts = [discretise(step, float(p), float(v)) for p, v in zip(stiffness, damping, strict=True)]
     units = np.stack([np.ones(d), np.sqrt(stiffness)])
@@ -234,7 +263,7 @@ def _flow(step: float, stiffness: np.ndarray, damping: np.ndarray) -> Callable[[
 
 
 def lift(frame: TaskFrame) -> TaskFrame:
-    """The frame of [t, x, x', y] that belongs to a frame of [t, y]: positions and attractors move with it, velocities turn only."""
+    """The frame of [t, x, x', y] that belongs to a frame of [t, y]: positions and attractors are shifted, velocities only turned."""
     d, matrix, offset = frame.n_dims - 1, as_samples(frame.A, "A"), frame.b
     if np.any(matrix[0, 1:]) or np.any(matrix[1:, 0]):
         raise ValueError("a frame that mixes time with movement variables has no velocities: let time pass through")
