@@ -1,4 +1,4 @@
-"""`dart-skill darts heatmap|aim|estimate|501`: where to aim, from a spread or from scores alone."""
+"""The commands `dart-skill darts heatmap|aim|estimate|501`: where to aim, from a spread or from scores alone."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import json
 import sys
 
 HIGHEST_CHECKOUT = 170
-"""No three darts finish from more."""
+"""Highest score from which three darts can finish."""
 
 
 def add_commands(subparsers) -> argparse._SubParsersAction:
-    """Add `darts` with its verbs to the subparsers of a command line; returns the verbs' subparsers, so that others can join them."""
+    """Add `darts` with its verbs to the subparsers of a command line; returns the subparsers of the verbs, to add others."""
     darts = subparsers.add_parser("darts", help="where to aim on a dart board, for a thrower's spread or from scores")
     verbs = darts.add_subparsers(required=True, metavar="VERB")
     _add_heatmap(verbs)
@@ -243,7 +243,7 @@ def _target(text: str):
 
 
 def _draw(options: argparse.Namespace, function: str, *arguments) -> list[str]:
-    """Paths of the picture that one of the functions of `pictures` draws; none without --output."""
+    """Draw a picture by one of the functions of `pictures`; returns its paths, an empty list without --output."""
     if options.output is None:
         return []
     from dart_skill.darts import pictures
