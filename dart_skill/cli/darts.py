@@ -9,7 +9,7 @@ import sys
 from dart_skill.cli.experiment import search
 
 HIGHEST_CHECKOUT = 170
-"""No three darts finish from more."""
+"""Highest score from which three darts can finish."""
 
 
 def add_to(commands) -> None:
@@ -245,7 +245,7 @@ def _target(text: str):
 
 
 def _draw(options: argparse.Namespace, function: str, *arguments) -> list[str]:
-    """Paths of the picture that one of the functions of `pictures` draws; none without --output."""
+    """Draw a picture by one of the functions of `pictures`; returns its paths, an empty list without --output."""
     if options.output is None:
         return []
     from dart_skill.figures import board as pictures

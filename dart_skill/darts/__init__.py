@@ -1,7 +1,7 @@
 """Darts: the board, the thrower's spread, where to aim (thesis chapter 6).
 
-Millimetres everywhere; the origin is the bull's centre, x points to the right and y up as the thrower sees the board. A dart lands at
-aim + bias + N(0, covariance).
+All lengths are in millimetres. The origin is the centre of the bull; x points to the right and y up, as the thrower sees
+the board. A dart lands at aim + bias + N(0, covariance). A bed is an area of the board with one score, such as treble 20.
 """
 
 from dart_skill.darts._agent import ModelBasedAgent

@@ -1,9 +1,9 @@
-"""Do the demonstrations fit together? Each is compared with what the others predict for its task, instant by instant.
+"""Whether demonstrations fit together: at each instant, each is compared with what the others predict for its task.
 
-On the shared clock every movement variable is regressed on the task over the other demonstrations (a mean where there are too few for
-more), so that a throw at a far basket is not taken for a bad one. What is left over is judged against what is left over of all the others:
-medians throughout, so that the bad ones do not set the measure. A constant lag is looked for first, because demonstrations that merely
-start late need another clock, not another teacher.
+On the common clock each movement variable is regressed on the task over the other demonstrations. So a throw at a far
+basket is not taken for a bad one. With few demonstrations their median is used instead. The residual is judged relative
+to the residuals of all demonstrations. Medians are used throughout, so that bad demonstrations do not change the scale.
+First a constant lag is looked for: a demonstration that only starts late must be aligned, not left out.
 """
 
 from __future__ import annotations
@@ -19,15 +19,17 @@ from dart_skill.movement._time import as_stamps
 
 N_INSTANTS = 100
 LEAST_FOR_REGRESSION = 3
-"""Demonstrations per unknown that a regression on the task needs; with fewer, the median of the others is the prediction."""
+"""A regression on the task needs so many demonstrations per unknown; with fewer, the median of the others is the prediction."""
 
 
 @dataclass(frozen=True)
 class Fit:
     """How a demonstration fits the others.
 
-    deviation: rms over time and variables of what the others do not predict, in units of what is usual; lag [s] at which it fits best,
-    positive when it is late; deviation_at_lag: what remains then; reason: empty if it fits.
+    * deviation: rms of its residual over time and variables, relative to the usual residual.
+    * lag [s]: shift in time with which it fits best, positive if it is late.
+    * deviation_at_lag: the deviation with this shift.
+    * reason: why it does not fit; empty if it fits.
     """
 
     deviation: float
@@ -49,11 +51,17 @@ def check_alignment(
     largest_lag: float = 0.1,
     tolerance: ArrayLike = 0.0,
 ) -> list[Fit]:
-    """One `Fit` per demonstration of stamps (n_i,) on the shared clock and movement variables (n_i, d), at least 4 of them.
+    """One `Fit` for each of at least 4 demonstrations.
 
-    tasks (n_demonstrations, q): what they were made for, such as the distance of the target. largest_deviation: in units of what is
-    usual; largest_lag [s]; tolerance: rms that is taken for usual at least, one number or one per variable, so that demonstrations that
-    hardly differ do not make each other strict.
+    Parameters:
+
+    * times: for each demonstration its stamps (n_i,) [s] on the common clock.
+    * positions: for each demonstration its movement variables (n_i, d).
+    * tasks (n_demonstrations, q): what they were made for, such as the distance of the target; default None.
+    * largest_deviation: float, default 6. Largest deviation that fits, relative to the usual residual.
+    * largest_lag: float, default 0.1 [s]. Largest lag that is accepted.
+    * tolerance: one number or one per variable (d,), default 0. The usual residual is taken to be at least this large, in
+      the unit of the variable. Without it, demonstrations that are almost equal would have a usual residual near zero.
     """
     clocks, paths = _checked(times, positions)
     n = len(clocks)
@@ -103,7 +111,7 @@ def _prediction(curves: np.ndarray, tasks: np.ndarray, i: int) -> np.ndarray:
 
 
 def _robust_intercept(design: np.ndarray, values: np.ndarray, rounds: int = 5) -> np.ndarray:
-    """Value at task zero of a linear fit in which rows that lie far off count less (iteratively reweighted, Cauchy weights)."""
+    """Value at task zero of a linear fit that gives outlying rows less weight (iteratively reweighted, Cauchy weights)."""
     weights = np.ones(len(design))
     for _ in range(rounds):
         root = np.sqrt(weights)[:, None]

@@ -1,13 +1,13 @@
 """The virtual attractor: a unit mass pulled by a spring-damper, x'' = kp (y - x) - kv x' (thesis (7.19)), and
 its inverse (7.20).
 
-`follow_attractor` is no numerical integration: for an attractor that runs straight between its samples the
-step has a closed form (matrix exponential), so the result is exact and stable at any rate.
+`follow_attractor` does not integrate numerically. If the attractor is linear between its samples, the motion over a step
+has a closed form (matrix exponential). So the result is exact and stable at any rate.
 """
 
 import numpy as np
 
-# Its parts load on first use: together they would take most of the time of this package's import.
+# The parts of scipy load on first use: together they would take most of the time of this package's import.
 import scipy
 from numpy.typing import ArrayLike
 
@@ -21,7 +21,7 @@ def critical_damping(stiffness: ArrayLike) -> np.ndarray:
 
 
 def as_gains(value: ArrayLike, n_dims: int | None, name: str, strict: bool) -> np.ndarray:
-    """Gains, one number or one per dimension; broadcast to (n_dims,) where that is given."""
+    """Gains, one number or one per dimension (d,); broadcast to (n_dims,) if n_dims is given."""
     gains = as_finite(value, name)
     if gains.ndim > 1 or gains.size == 0 or (n_dims is not None and gains.shape not in ((), (n_dims,))):
         raise ValueError(f"{name} must be one number or one per dimension ({n_dims}), got shape {gains.shape}")
@@ -37,8 +37,9 @@ def attractor_from_motion(
     stiffness: ArrayLike,
     damping: ArrayLike | None = None,
 ) -> np.ndarray:
-    """(7.20): attractor (n, d) of a motion (n, d); gains in 1/s^2 and 1/s, scalar or (d,); critical damping
-    when None.
+    """(7.20): attractor (n, d) of a motion: position, velocity and acceleration (n, d).
+
+    stiffness [1/s^2] and damping [1/s] per unit mass: one number or (d,). Damping None is critical, 2 sqrt(stiffness).
     """
     position = as_samples(position, "position")
     velocity, acceleration = as_samples(velocity, "velocity"), as_samples(acceleration, "acceleration")
@@ -59,10 +60,10 @@ def follow_attractor(
     stiffness: ArrayLike,
     damping: ArrayLike | None = None,
 ) -> Motion:
-    """Motion (n, d) of (7.19) at the stamps of an attractor (n, d) sampled every `step` seconds and straight
-    in between.
+    """Motion (n, d) that follows an attractor (n, d) by (7.19).
 
-    Row 0 is the start: position0 and velocity0 (d,). Gains as in `attractor_from_motion`.
+    The attractor is sampled every `step` seconds and linear in between. The motion is at the same stamps. Its row 0 is
+    the start: position0 and velocity0 (d,). Gains as in `attractor_from_motion`.
     """
     attractor = as_samples(attractor, "attractor")
     n_dims = attractor.shape[1]
@@ -78,8 +79,9 @@ def follow_attractor(
 
 
 def discretise(step: float, stiffness: float, damping: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Step s+ = F s + g0 y + g1 y+ of the state s = (x, x' / w), w = sqrt(kp), for an attractor straight from
-    y to y+.
+    """F (2, 2), g0 (2,) and g1 (2,) of one step s+ = F s + g0 y + g1 y+ of the state s = (x, x' / w), w = sqrt(kp).
+
+    During the step the attractor goes linearly from y to y+.
     """
     w = np.sqrt(stiffness)
     generator = np.zeros((4, 4))
@@ -99,8 +101,9 @@ def _respond(attractor: np.ndarray, step: float, start: np.ndarray, stiffness: f
 
 
 def recur(transition: np.ndarray, forcing: np.ndarray) -> np.ndarray:
-    """s (2, n, d) with s[:, k] = F s[:, k - 1] + forcing[:, k], by doubling: after pass j, each step has
-    summed 2^j of them.
+    """s (2, n, d) with s[:, k] = F s[:, k - 1] + forcing[:, k], in log2(n) passes.
+
+    After pass j each s[:, k] is the sum over the last 2^j forcings.
     """
     state, reach = forcing.copy(), 1
     while reach < state.shape[1]:

@@ -1,9 +1,9 @@
 """Position, velocity and acceleration from noisy samples: a smoothing spline of degree 5.
 
-The spline minimises  sum_i (x(t_i) - x_i)^2 / sigma^2 + lambda * integral x'''(t)^2 dt  over quintic splines
-with a knot at every second stamp, so that gaps and irregular stamps need no special care. lambda minimises
-the unbiased estimate of the risk (Mallows; Craven and Wahba 1978), RSS + 2 sigma^2 trace(H), for the given or
-estimated noise sigma; without noise the fit is plain least squares and exact on polynomials up to degree 5.
+The spline minimises  sum_i (x(t_i) - x_i)^2 / sigma^2 + lambda * integral x'''(t)^2 dt  over quintic splines with a knot at
+every second stamp. So gaps and irregular stamps need no special treatment. lambda minimises the unbiased estimate of the
+risk, RSS + 2 sigma^2 trace(H) (Mallows; Craven and Wahba 1978), for the noise sigma that is given or estimated. Without
+noise the fit is plain least squares, and exact on polynomials up to degree 5.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from dart_skill.movement._time import as_stamps
 
 DEGREE = 5
 MIN_SAMPLES = 8
-# Samples per window in which the risk is evaluated; the cost is cubic in this and linear in their number.
+# The risk is evaluated in windows of so many samples; the cost is cubic in this number and linear in the number of windows.
 RISK_WINDOW = 300
-# Of stamps in mean intervals; what is less is rounding of the clock.
+# Stamps, in units of their mean interval, are rounded to so many decimals: the rest is rounding of the clock.
 DECIMALS = 10
 # lambda in units of the mean sample interval, per unit of noise variance.
 LOG_PENALTIES = np.linspace(-6.0, 12.0, 181)
@@ -44,13 +44,16 @@ def smooth_derivatives(
     noise: float | ArrayLike | None = None,
     at: ArrayLike | None = None,
 ) -> Motion:
-    """Position, velocity and acceleration (m, d) at the stamps `at` (m,), by default those of the samples,
-    from noisy samples (n, d).
+    """Position, velocity and acceleration (m, d) from noisy samples (n, d), n >= 8.
 
-    time: (n,) seconds, increasing, possibly irregular. noise: standard deviation of the samples in their
-    units, one number (estimated when None) for columns that are coordinates of one vector: they are smoothed
-    alike, so that rotating the axes rotates the result; or one number per column (d,) for columns of
-    different units. There is no extrapolation: `at` must lie within the stamps.
+    Parameters:
+
+    * time (n,): stamps [s], increasing, possibly irregular.
+    * samples (n, d).
+    * noise: standard deviation of the samples in their unit. One number (default None: estimated) if the columns are
+      coordinates of one vector: they are smoothed alike, so that a rotation of the axes rotates the result. One number per
+      column (d,) if the columns have different units.
+    * at (m,): stamps of the result, within those of the samples; default None: those of the samples.
     """
     samples = as_samples(samples, "samples")
     time = as_stamps(time, len(samples), MIN_SAMPLES)
@@ -60,7 +63,7 @@ def smooth_derivatives(
     stamps = (time - time[0]) / interval
     smoother = _smoother_at(stamps)
     basis = smoother.basis
-    # The quadratic trend is fitted apart, so that a large penalty, whose system is ill-conditioned, cannot disturb it.
+    # The quadratic trend is fitted separately: with a large penalty the system is ill-conditioned and would disturb it.
     trend = quadratic_trend(stamps, samples)
     coefficients = basis.fit(trend, 0.0)
     rest = samples - trend
@@ -90,10 +93,10 @@ def _noise_levels(time, samples, noise):
 
 
 def estimate_noise(time: ArrayLike, samples: ArrayLike) -> np.ndarray:
-    """Standard deviation of the noise in samples (n, d), pooled over the columns: a 0-d array.
+    """Standard deviation of the noise in samples (n, d) at stamps (n,), one for all columns: a 0-d array.
 
-    Contrasts of seven neighbours that vanish on polynomials of degree 5 (divided differences, scaled to unit
-    norm) hold noise only; their median absolute value is not disturbed by a few bad samples.
+    It comes from combinations of seven neighbours that are zero on polynomials of degree 5 (divided differences, scaled to
+    unit norm): these contain only noise. Their median absolute value is not disturbed by a few bad samples.
     """
     samples = as_samples(samples, "samples")
     time = as_stamps(time, len(samples), MIN_SAMPLES)
@@ -106,7 +109,7 @@ def estimate_noise(time: ArrayLike, samples: ArrayLike) -> np.ndarray:
 
 
 class _Smoother:
-    """The penalised least squares fit at some stamps: what of it does not depend on the samples."""
+    """The part of the penalised least squares fit that depends on the stamps only, and not on the samples."""
 
     def __init__(self, stamps: np.ndarray):
         self.basis = _QuinticBasis(stamps)
@@ -118,13 +121,16 @@ class _Smoother:
         return [_RiskWindow(self.basis if n_windows == 1 else _QuinticBasis(part)) for part in np.array_split(stamps, n_windows)]
 
     def risk(self, samples: np.ndarray) -> np.ndarray:
-        """Estimated risk (n_penalties, d) of samples (n, d) of unit noise, stamps in mean intervals, up to constants."""
+        """Estimated risk (n_penalties, d) of samples (n, d) with noise of standard deviation 1, up to a constant."""
         parts = np.array_split(samples, len(self._windows))
         return sum(window.risk(part) for window, part in zip(self._windows, parts, strict=True))
 
 
 def _smoother_at(stamps: np.ndarray) -> _Smoother:
-    """Of stamps in mean intervals. Short series are often sampled alike, as demonstrations of one camera system are: they share one."""
+    """The smoother for stamps in units of their mean interval.
+
+    Short series with equal stamps share one, since the demonstrations of one camera system are often sampled alike.
+    """
     stamps = np.round(stamps, DECIMALS)
     return _shared_smoother(stamps.tobytes()) if len(stamps) <= RISK_WINDOW else _Smoother(stamps)
 
@@ -135,12 +141,12 @@ def _shared_smoother(stamps: bytes) -> _Smoother:
 
 
 def _best_penalty(risk: np.ndarray) -> float:
-    """lambda of least risk (n_penalties, d), summed over columns that are smoothed alike."""
+    """The lambda with the least risk (n_penalties, d), summed over the columns, which are smoothed alike."""
     return float(10.0 ** LOG_PENALTIES[risk.sum(axis=1).argmin()])
 
 
 class _RiskWindow:
-    """The smoother on some stamps, in the basis that diagonalises it."""
+    """The smoother for one window of stamps, in the basis in which it is diagonal."""
 
     def __init__(self, basis: _QuinticBasis):
         values, vectors = scipy.linalg.eigh(_lower(basis.roughness), _lower(basis.gram), check_finite=False)
@@ -155,15 +161,16 @@ class _RiskWindow:
 
 
 def quadratic_trend(stamps: np.ndarray, samples: np.ndarray) -> np.ndarray:
-    """Values (n, d) of the quadratics that fit samples (n, d) best: what no penalty changes."""
+    """Values (n, d) of the quadratic polynomials that fit samples (n, d) best; the penalty does not act on them."""
     powers = np.polynomial.legendre.legvander(2.0 * (stamps - stamps[0]) / (stamps[-1] - stamps[0]) - 1.0, 2)
     orthonormal = np.linalg.qr(powers)[0]
     return orthonormal @ (orthonormal.T @ samples)
 
 
 def _sum_of_squares(first: np.ndarray, rows: np.ndarray, n: int) -> np.ndarray:
-    """Bands (DEGREE + 1, n), from the main diagonal down, of the sum of r r' over rows (p, DEGREE + 1) whose entries stand at
-    the places from `first` (p,) on.
+    """Bands (DEGREE + 1, n), from the main diagonal down, of the matrix that is the sum of r r' over vectors r of length n.
+
+    Each r is zero but for DEGREE + 1 entries, rows (p, DEGREE + 1), that begin at the index first (p,).
     """
     column, row = np.triu_indices(DEGREE + 1)
     places = (row - column) * n + first[:, None] + column
@@ -180,8 +187,9 @@ def _lower(bands: np.ndarray) -> np.ndarray:
 
 
 class _QuinticBasis:
-    """B-splines of degree 5 on every second stamp: design matrix B at the stamps, bands of the Gram matrix B'B and of the roughness
-    matrix of the third derivative.
+    """B-splines of degree 5 with a knot at every second stamp.
+
+    design: matrix B at the stamps; gram, roughness: bands of B'B and of the integral of the squared third derivative.
     """
 
     def __init__(self, stamps: np.ndarray):
@@ -195,9 +203,10 @@ class _QuinticBasis:
         self.roughness = self._roughness()
 
     def _values(self, points: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray]:
-        """Index (p,) of the first of the functions that do not vanish at the points (p,), and a derivative of these (p, DEGREE + 1).
+        """At points (p,): index (p,) of the first B-spline that is not zero there, and a derivative (p, DEGREE + 1) of these splines.
 
-        Of every DEGREE + 1 functions in a row one does not vanish: those that far apart share a column of the coefficients.
+        At each point DEGREE + 1 successive splines are not zero. So splines that are DEGREE + 1 apart can share one column
+        of coefficients, and one evaluation gives all values.
         """
         first = np.clip(np.searchsorted(self.knots, points, "right") - 1, DEGREE, self.n_functions - 1) - DEGREE
         columns = np.eye(DEGREE + 1)[np.arange(self.n_functions) % (DEGREE + 1)]

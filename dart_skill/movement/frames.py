@@ -1,10 +1,9 @@
-"""Task frames: world = A local + b (thesis 7.5.2), and the named ones of chapter 8 for features t, x, y, z,
-alpha, beta.
+"""Task frames, world = A local + b (thesis 7.5.2), and the frames of chapter 8 for features t, x, y, z, alpha, beta.
 
-Named frames take `n_angles`, the number of angle columns after the position: 2 by default, 0 for the features
-t, x, y, z of (8.1). The thesis frames (8.1) to (8.3) expect alpha and beta relative to the world's axes,
-`features(..., azimuth=0)`. The azimuth frames turn with the target, and expect them relative to the same
-azimuth, `features(..., azimuth=azimuth)`: a throw towards another side is then the same throw.
+The constructors of these frames take `n_angles`, the number of angle columns after the position: 2 by default, 0 for the
+features t, x, y, z of (8.1). For the frames of the thesis, (8.1) to (8.3), alpha and beta must be relative to the axes of
+the world: `features(..., azimuth=0)`. The azimuth frames turn with the target. For them alpha and beta must be relative
+to axes turned by the same azimuth: `features(..., azimuth=azimuth)`. Then a throw to another side is the same throw.
 """
 
 from __future__ import annotations
@@ -21,7 +20,13 @@ from dart_skill.movement.orientation import angles_from_quaternions, pointing_an
 
 @dataclass(frozen=True, eq=False)
 class TaskFrame:
-    """Frame with matrix A (m, m), invertible, and offset b (m,): a local point p is A p + b in the world."""
+    """Task frame over m features: a local point p (m,) is A p + b in the world (thesis 7.5.2).
+
+    Parameters:
+
+    * A (m, m): invertible.
+    * b (m,): origin of the frame in the world.
+    """
 
     A: np.ndarray
     b: np.ndarray
@@ -30,7 +35,7 @@ class TaskFrame:
         matrix = as_samples(self.A, "A")
         if matrix.shape[0] != matrix.shape[1]:
             raise ValueError(f"A must be square, got shape {matrix.shape}")
-        # Rows in their own units, so that only the directions decide.
+        # Each row is scaled to length 1, so that the units of the features do not matter.
         lengths = np.linalg.norm(matrix, axis=1, keepdims=True)
         if lengths.min() == 0 or np.linalg.cond(matrix / lengths) > 1e12:
             raise ValueError(f"A is not invertible: {matrix.tolist()}")
@@ -42,18 +47,16 @@ class TaskFrame:
         return self.b.size
 
     def to_frame(self, points: ArrayLike) -> np.ndarray:
-        """World points (n, m) as this frame sees them."""
+        """Points (n, m) of the world in local coordinates of this frame."""
         return np.linalg.solve(self.A, (as_samples(points, "points", self.n_dims) - self.b).T).T
 
     def from_frame(self, points: ArrayLike) -> np.ndarray:
-        """Points (n, m) of this frame in the world."""
+        """Local points (n, m) of this frame in the world."""
         return as_samples(points, "points", self.n_dims) @ self.A.T + self.b
 
 
 def _frame(axes: np.ndarray, position: np.ndarray, angles: np.ndarray) -> TaskFrame:
-    """Frame in which time passes through, positions turn by axes (3, 3) about `position`, and angles are
-    offset.
-    """
+    """Frame that leaves time as it is, has the axes (3, 3) at `position` (3,), and adds `angles` to the angle columns."""
     matrix = np.eye(4 + len(angles))
     matrix[1:4, 1:4] = axes
     return TaskFrame(matrix, np.concatenate([[0.0], position, angles]))
@@ -75,8 +78,9 @@ def azimuth_of(target: ArrayLike, origin: ArrayLike = (0.0, 0.0, 0.0)) -> float:
 
 
 def pointing_axes(direction: ArrayLike) -> np.ndarray:
-    """Rotation (3, 3) with the direction as first column and a horizontal second one: it turns continuously
-    with the direction.
+    """Rotation (3, 3) whose first column is the direction (3,) and whose second column is horizontal.
+
+    It turns continuously with the direction.
     """
     direction = as_vector(direction, "direction", 3)
     along = turn_matrix(azimuth_of(direction))
@@ -96,41 +100,41 @@ def start_frame(start: ArrayLike, n_angles: int = 2) -> TaskFrame:
 
 
 def target_frame(target: ArrayLike, pointing: ArrayLike = (0.0, 0.0), origin: ArrayLike = (0.0, 0.0, 0.0)) -> TaskFrame:
-    """(8.1) and (8.2), second frame: at the target (3,), first axis from the origin to the target, second
-    axis horizontal.
+    """(8.1) and (8.2), second frame: at the target (3,), first axis from the origin to the target, second axis horizontal.
 
-    pointing: Target_alpha and Target_beta, see `pointing_at`; () for features without angles.
+    pointing (2,) [rad]: Target_alpha and Target_beta, see `pointing_at`; () for features without angles.
     """
     target = as_vector(target, "target", 3)
     return _frame(pointing_axes(target - as_vector(origin, "origin", 3)), target, as_vector(pointing, "pointing"))
 
 
 def azimuth_frame(azimuth: float, origin: ArrayLike = (0.0, 0.0, 0.0), n_angles: int = 2) -> TaskFrame:
-    """Frame at the origin (3,) turned about z to an azimuth, radians; time and angles pass through."""
+    """Frame at the origin (3,), turned about z by an azimuth [rad]; time and angles are not transformed."""
     return _frame(turn_matrix(azimuth), as_vector(origin, "origin", 3), np.zeros(as_count(n_angles, "n_angles", 0)))
 
 
 def azimuth_target_frame(target: ArrayLike, origin: ArrayLike = (0.0, 0.0, 0.0), n_angles: int = 2) -> TaskFrame:
-    """Frame at the target (3,) turned about z to its azimuth as seen from the origin; time and angles pass
-    through.
+    """Frame at the target (3,), turned about z by the target's azimuth as seen from the origin (3,).
+
+    Time and angles are not transformed.
     """
     return azimuth_frame(azimuth_of(target, origin), target, n_angles)
 
 
 def pointing_at(target: ArrayLike, position: ArrayLike, azimuth: float = 0.0) -> np.ndarray:
-    """Target_alpha and Target_beta of (8.2): angles (2,) of the direction from a position to the target, in
-    axes turned by an azimuth.
+    """Target_alpha and Target_beta of (8.2): angles (2,) [rad] of the direction from a position (3,) to the target (3,).
+
+    They are relative to axes turned by the azimuth [rad].
     """
     direction = as_vector(target, "target", 3) - as_vector(position, "position", 3)
     return pointing_angles((direction @ turn_matrix(azimuth))[None])[0]
 
 
 def features(time: ArrayLike, positions: ArrayLike, quaternions: ArrayLike, azimuth: float = 0.0) -> np.ndarray:
-    """(n, 6) t, x, y, z, alpha, beta of hand poses in the world: stamps (n,), positions (n, 3), quaternions
-    (n, 4).
+    """Features t, x, y, z, alpha, beta (n, 6) of hand poses in the world: stamps (n,), positions (n, 3), quaternions (n, 4).
 
-    Positions stay in the world; the angles are relative to axes turned by the azimuth, and a frame that is to
-    be used with these features must be of the same azimuth. The roll is in
+    Positions stay in the world. The angles are relative to axes turned by the azimuth [rad]. A frame that is used with
+    these features must have the same azimuth. The roll is
     `angles_from_quaternions(turn_about_z(quaternions, -azimuth))[:, 2]`.
     """
     positions = as_samples(positions, "positions", 3)

@@ -1,6 +1,7 @@
 """Global, local and weighted learning (thesis 8.4.2 and chapter 9): how much each demonstration counts for a new task.
 
-All alike; only the n nearest tasks; or all, with a Gaussian of the distance of the tasks, whose width is found by cross-validation.
+There are three ways: all count alike; only those with the n nearest tasks count; or all count with a Gaussian of the
+distance between the tasks. The width of this Gaussian is found by cross-validation.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from numpy.typing import ArrayLike
 from dart_skill.checks import as_count, as_number, as_samples, as_vector
 
 NEGLIGIBLE = 1e-4
-"""A demonstration of less weight than this is left out: it would only make the fit slower."""
+"""A demonstration with less weight than this gets weight 0: it would only make the fit slower."""
 
 
 def nearest_weights(tasks: ArrayLike, task: ArrayLike, n_nearest: int) -> np.ndarray:
@@ -27,7 +28,7 @@ def nearest_weights(tasks: ArrayLike, task: ArrayLike, n_nearest: int) -> np.nda
 
 
 def gaussian_weights(tasks: ArrayLike, task: ArrayLike, width: float) -> np.ndarray:
-    """exp(-distance^2 / (2 width^2)) of the tasks (n_demonstrations, q) to a task (q,), chapter 9; negligible ones are 0."""
+    """Weights exp(-distance^2 / (2 width^2)) of the tasks (n_demonstrations, q) for a task (q,), chapter 9; negligible ones are 0."""
     weights = np.exp(-0.5 * (_distances(tasks, task) / as_number(width, "width")) ** 2)
     return np.where(weights < NEGLIGIBLE, 0.0, weights)
 
@@ -39,7 +40,12 @@ def _distances(tasks: ArrayLike, task: ArrayLike) -> np.ndarray:
 
 @dataclass(frozen=True)
 class WidthChoice:
-    """The width with the best score; all widths (m,) and their scores (m,), nan where some demonstration could not be predicted."""
+    """Result of `choose_width`.
+
+    * width: the one with the best score, in the unit of the tasks.
+    * widths (m,): all that were tried.
+    * scores (m,): nan where a demonstration could not be predicted.
+    """
 
     width: float
     widths: np.ndarray
@@ -47,10 +53,16 @@ class WidthChoice:
 
 
 def choose_width(tasks: ArrayLike, widths: ArrayLike, score: Callable[[int, np.ndarray], float]) -> WidthChoice:
-    """Width of `gaussian_weights` by leave-one-out cross-validation.
+    """Width of `gaussian_weights` by leave-one-out cross-validation over at least 3 demonstrations.
 
-    score(i, weights): how well a model learned with weights (n_demonstrations,), in which i has none, predicts demonstration i; higher is
-    better, nan if no model could be learned. A width counts only if it predicts every demonstration. ValueError if none does.
+    Parameters:
+
+    * tasks (n_demonstrations, q): what each demonstration was made for.
+    * widths (m,): to choose from, positive, in the unit of the tasks.
+    * score: function of i and weights (n_demonstrations,), weights[i] = 0. It learns a model with these weights and returns
+      how well the model predicts demonstration i: higher is better, nan if no model could be learned.
+
+    Only a width that predicts every demonstration can be chosen. ValueError if there is none.
     """
     tasks, widths = as_samples(tasks, "tasks"), as_vector(widths, "widths")
     if len(tasks) < 3:

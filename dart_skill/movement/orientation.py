@@ -3,12 +3,12 @@ quaternion algebra around it.
 
 In a task frame (x towards the target, y horizontally left, z up) the hand's z axis points along
     d = (cos(beta) cos(alpha), sin(beta), cos(beta) sin(alpha)),
-so alpha is the elevation within the throwing plane, 0 towards the target, 90 degrees straight up, past that
-when the hand points backwards, and beta the deviation to the left. The whole rotation is
-    R = R_y(-alpha) R_z(beta) R_x(roll) R_y(90 deg),
-where the last factor carries the hand's z axis onto x: the identity quaternion has alpha = 90 degrees, beta =
-roll = 0. With |beta| < 90 degrees the three angles are unique up to full turns of alpha and roll, and they
-vary continuously. Quaternions are rows x, y, z, w; angles are radians.
+so alpha is the elevation in the throwing plane: 0 towards the target, 90 degrees straight up, more than that if the hand
+points backwards. beta is the deviation to the left. The whole rotation is
+    R = R_y(-alpha) R_z(beta) R_x(roll) R_y(90 deg).
+Its last factor turns the hand's z axis to x. So the identity quaternion has alpha = 90 degrees and beta = roll = 0. If
+|beta| < 90 degrees, the three angles are unique but for full turns of alpha and roll, and they vary continuously.
+Quaternions are rows x, y, z, w; angles are in radians.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ HAND_TO_POINTING = np.sqrt(0.5) * np.array([0.0, 1.0, 0.0, 1.0])
 
 
 def normalise(quaternions: ArrayLike) -> np.ndarray:
-    """Unit quaternions (n, 4) of the same directions; ValueError for one of length zero."""
+    """Quaternions (n, 4) scaled to length 1; ValueError for one of length zero."""
     quaternions = as_samples(quaternions, "quaternions", 4)
     lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
     if lengths.min() < 1e-6:
@@ -39,9 +39,7 @@ def normalise(quaternions: ArrayLike) -> np.ndarray:
 
 
 def make_continuous(quaternions: ArrayLike) -> np.ndarray:
-    """Unit quaternions (n, 4) with signs chosen so that neighbours lie in one hemisphere; the first keeps its
-    sign.
-    """
+    """Unit quaternions (n, 4) with signs such that neighbours have a non-negative dot product; the first keeps its sign."""
     quaternions = normalise(quaternions)
     flips = np.einsum("ni,ni->n", quaternions[1:], quaternions[:-1]) < 0
     signs = np.concatenate([[1.0], np.where(flips, -1.0, 1.0)]).cumprod()
@@ -49,8 +47,9 @@ def make_continuous(quaternions: ArrayLike) -> np.ndarray:
 
 
 def multiply(left: ArrayLike, right: ArrayLike) -> np.ndarray:
-    """Hamilton products (n, 4) of unit quaternions (n, 4), one row against many allowed: rotate by right,
-    then by left.
+    """Hamilton products (n, 4) of unit quaternions (n, 4): the rotation by `right`, then by `left`.
+
+    One of them may have one row, which is then used for all rows of the other.
     """
     left, right = normalise(left), normalise(right)
     if len(left) != len(right) and 1 not in (len(left), len(right)):
@@ -74,7 +73,7 @@ def conjugate(quaternions: ArrayLike) -> np.ndarray:
 
 
 def rotate(quaternions: ArrayLike, vectors: ArrayLike) -> np.ndarray:
-    """Vectors (n, 3) rotated by quaternions (n, 4); one of either against many of the other is allowed."""
+    """Vectors (n, 3) rotated by quaternions (n, 4); one of them may have one row for all rows of the other."""
     return _rotation(normalise(quaternions)).apply(as_samples(vectors, "vectors", 3))
 
 
@@ -84,7 +83,7 @@ def to_matrices(quaternions: ArrayLike) -> np.ndarray:
 
 
 def from_matrices(matrices: ArrayLike) -> np.ndarray:
-    """Unit quaternions (n, 4), in one hemisphere along the sequence, of rotation matrices (n, 3, 3)."""
+    """Unit quaternions (n, 4), with signs as in `make_continuous`, of rotation matrices (n, 3, 3)."""
     matrices = as_finite(matrices, "matrices", 3)
     if matrices.shape[1:] != (3, 3) or len(matrices) == 0:
         raise ValueError(f"matrices must have shape (n, 3, 3), got {matrices.shape}")
@@ -96,8 +95,9 @@ def from_matrices(matrices: ArrayLike) -> np.ndarray:
 
 
 def turn_about_z(quaternions: ArrayLike, angle: float) -> np.ndarray:
-    """Orientations (n, 4) turned by an angle about the vertical: by -azimuth from the world into a task
-    frame, by +azimuth back.
+    """Orientations (n, 4) turned by an angle [rad] about the vertical.
+
+    -azimuth turns from the world into a task frame, +azimuth back.
     """
     half = 0.5 * float(as_finite(angle, "angle", 0))
     return multiply([[0.0, 0.0, np.sin(half), np.cos(half)]], quaternions)
@@ -123,18 +123,18 @@ def pointing_directions(angles: ArrayLike) -> np.ndarray:
 
 
 def angles_from_quaternions(quaternions: ArrayLike, alpha_near: float = np.pi / 2, roll_near: float = 0.0) -> np.ndarray:
-    """(n, 3) alpha, beta, roll of hand orientations (n, 4) in the task frame, alpha and roll without jumps
-    along the sequence.
+    """Angles alpha, beta, roll (n, 3) [rad] of hand orientations (n, 4) in the task frame.
 
-    The first alpha lies within half a turn of `alpha_near`, the first roll within half a turn of `roll_near`:
-    with the default, a hand that starts behind and below the horizontal (alpha up to 270 degrees) gets the
-    same branch in every demonstration. Near |beta| = 90 degrees alpha and roll are ill-defined.
+    alpha and roll have no jumps along the sequence. The first alpha is within half a turn of `alpha_near`, the first roll
+    within half a turn of `roll_near`. So with the default all demonstrations get the same branch, even if the hand starts
+    pointing backwards and below the horizontal (alpha up to 270 degrees). Near |beta| = 90 degrees alpha and roll are
+    ill-defined.
     """
     x, y, z, w = normalise(quaternions).T
     ahead = np.stack([x * z + w * y, y * z - w * x, 0.5 - x * x - y * y], axis=1)  # half the hand's z axis
     side = np.stack([x * y - w * z, 0.5 - x * x - z * z, y * z + w * x], axis=1)  # half its y axis
     alpha, beta = pointing_angles(ahead).T
-    # Without roll the y axis would be `left`; roll turns it about z towards `up`, see R above.
+    # With roll = 0 the y axis would be `left`; roll turns it towards `up`, see R above.
     left = np.stack([-np.sin(beta) * np.cos(alpha), np.cos(beta), -np.sin(beta) * np.sin(alpha)], axis=1)
     up = np.stack([-np.sin(alpha), np.zeros_like(alpha), np.cos(alpha)], axis=1)
     roll = np.arctan2(np.einsum("ni,ni->n", side, up), np.einsum("ni,ni->n", side, left))
@@ -142,9 +142,7 @@ def angles_from_quaternions(quaternions: ArrayLike, alpha_near: float = np.pi / 
 
 
 def quaternions_from_angles(angles: ArrayLike) -> np.ndarray:
-    """Unit quaternions (n, 4) in the task frame, in one hemisphere along the sequence, of alpha, beta, roll
-    (n, 3).
-    """
+    """Unit quaternions (n, 4) in the task frame, with signs as in `make_continuous`, from alpha, beta, roll (n, 3) [rad]."""
     alpha, beta, roll = as_samples(angles, "angles", 3).T
     hand = _pointing_rotation(alpha, beta) * _turn("x", roll) * _rotation(HAND_TO_POINTING)
     return make_continuous(hand.as_quat())
@@ -168,11 +166,10 @@ def _unwrap_near(angles: np.ndarray, near: float) -> np.ndarray:
 
 
 def angular_velocity(time: ArrayLike, quaternions: ArrayLike) -> np.ndarray:
-    """(n, 3) angular velocity, rad/s, in the frame in which the orientations (n, 4) are given, at increasing
-    stamps (n,).
+    """Angular velocity (n, 3) [rad/s] of orientations (n, 4) at increasing stamps (n,) [s], in the frame of the orientations.
 
-    The mean rates between neighbours (logarithm of the relative rotation) are interpolated to the stamps:
-    exact for a constant rate, second order otherwise. Neighbours must be less than half a turn apart.
+    The mean rates between neighbours (logarithm of the relative rotation) are interpolated to the stamps. This is exact for
+    a constant rate, and of second order otherwise. Neighbours must be less than half a turn apart.
     """
     quaternions = normalise(quaternions)
     time = as_stamps(time, len(quaternions), 2)

@@ -1,9 +1,8 @@
-"""Finding the motion in a recording by thresholds on the magnitude of the velocity: thesis 8.4.3, figure
-8.11.
+"""Finding the motion in a recording by thresholds on the magnitude of the velocity (thesis 8.4.3, figure 8.11).
 
-Positions come at roughly 100 Hz with noise, irregular stamps and gaps. The velocity is the median of the
-slopes between all pairs of samples in a window (Theil-Sen, per axis): it needs no equal spacing and a lone
-bad sample does not move it.
+Positions come at about 100 Hz, with noise, irregular stamps and gaps. The velocity along each axis is the median of the
+slopes between all pairs of samples in a window (Theil-Sen). It needs no equal spacing, and a single bad sample does not
+change it.
 """
 
 from __future__ import annotations
@@ -19,9 +18,7 @@ from dart_skill.movement._time import as_stamps
 
 
 def speed(time: ArrayLike, positions: ArrayLike, window: float = 0.07) -> np.ndarray:
-    """(n,) magnitude of the velocity of positions (n, d) at stamps (n,), from samples within a window of so
-    many seconds.
-    """
+    """Magnitude (n,) of the velocity of positions (n, d) at stamps (n,) [s], from the samples within a window [s]."""
     positions = as_samples(positions, "positions")
     time = as_stamps(time, len(positions), 3)
     half = max(1, round(as_number(window, "window") / float(np.median(np.diff(time)))) // 2)
@@ -38,12 +35,13 @@ def speed(time: ArrayLike, positions: ArrayLike, window: float = 0.07) -> np.nda
 
 @dataclass(frozen=True)
 class Segment:
-    """One motion in a recording. Stamps in seconds; `samples` is the slice of the recording from start to
-    stop.
+    """One motion in a recording.
 
-    motion_start, motion_stop: crossings of the thresholds, interpolated between samples. start, stop: the
-    same with run-up and settling time, cut at the ends of the recording. largest_gap: longest time between
-    neighbouring samples from start to stop.
+    * motion_start, motion_stop [s]: crossings of the thresholds, interpolated between samples.
+    * start, stop [s]: the same with run-up and settling time, within the recording.
+    * first, last: indices of the first and last sample from start to stop; `samples` is the slice of them.
+    * peak_speed [m/s].
+    * largest_gap [s]: longest time between neighbouring samples from start to stop.
     """
 
     motion_start: float
@@ -65,19 +63,25 @@ class Segment:
         return self.motion_stop - self.motion_start
 
     def contains(self, instant: float) -> bool:
-        """Whether a stamp lies within the segment, margins included."""
+        """Whether an instant [s] is between start and stop, so within the margins, too."""
         return self.start <= instant <= self.stop
 
 
 @dataclass(frozen=True)
 class VelocityThreshold:
-    """Segmentation with hysteresis: a motion starts when the speed rises above `start` and stops when it
-    falls below `stop` (m/s).
+    """Segmentation by thresholds of the speed with hysteresis (thesis 8.4.3).
 
-    min_duration: shorter motions are ignored (s). max_pause: a rest shorter than this does not end a motion,
-    such as the turn between winding up and throwing (s).
-    run_up, settle: margins kept before the start and after the stop (s). window: over which the speed is
-    estimated (s). A motion that is under way at the first sample has no start and is left out.
+    A motion that has already begun at the first sample has no start and is left out.
+
+    Parameters:
+
+    * start: float, default 0.3 [m/s]. A motion starts where the speed rises above it.
+    * stop: float, default 0.1 [m/s]. A motion stops where the speed falls below it.
+    * min_duration: float, default 0.2 [s]. Shorter motions are ignored.
+    * max_pause: float, default 0.15 [s]. A shorter rest does not end a motion, such as the turn between wind-up and throw.
+    * run_up: float, default 0.1 [s]. Margin before the start.
+    * settle: float, default 0.1 [s]. Margin after the stop.
+    * window: float, default 0.07 [s]. The speed is estimated from the samples within it.
     """
 
     start: float = 0.3
@@ -97,8 +101,9 @@ class VelocityThreshold:
             raise ValueError(f"stop threshold {self.stop:g} m/s is above the start threshold {self.start:g} m/s; lower it")
 
     def segment(self, time: ArrayLike, positions: ArrayLike) -> list[Segment]:
-        """Motions in positions (n, d), metres, at stamps (n,), in order. ValueError when nothing moved or the
-        last motion never stopped.
+        """Motions in positions (n, d) [m] at stamps (n,) [s], in order.
+
+        ValueError if nothing moved, or if the last motion does not stop within the recording.
         """
         positions = as_samples(positions, "positions")
         time = as_stamps(time, len(positions), 3)
@@ -108,7 +113,7 @@ class VelocityThreshold:
         return [self._segment(time, speeds, begin, end) for begin, end in spans]
 
     def _spans(self, time: np.ndarray, speeds: np.ndarray) -> list[tuple[int, int]]:
-        """Index of the first sample above `start` and of the first one below `stop` after it, per motion."""
+        """For each motion, indices of the first sample above `start` and of the first one below `stop` after it."""
         spans = self._merge(time, _hysteresis(speeds, self.start, self.stop))
         spans = [(begin, end) for begin, end in spans if begin > 0]
         if spans and spans[-1][1] == len(time):
@@ -121,7 +126,7 @@ class VelocityThreshold:
         return [(begin, end) for begin, end in spans if time[end] - time[begin] >= self.min_duration]
 
     def _merge(self, time: np.ndarray, spans: list[tuple[int, int]]) -> list[tuple[int, int]]:
-        """Spans with those joined that are less than max_pause apart."""
+        """Spans, in which those that are less than max_pause apart are joined."""
         merged = spans[:1]
         for begin, end in spans[1:]:
             if time[begin] - time[merged[-1][1]] < self.max_pause:
@@ -160,9 +165,7 @@ class VelocityThreshold:
 
 
 def _hysteresis(speeds: np.ndarray, start: float, stop: float) -> list[tuple[int, int]]:
-    """Spans [begin, end) from the first sample above `start` to the first below `stop`; end = n where none
-    follows.
-    """
+    """Spans [begin, end) from a sample above `start` to the first one after it below `stop`; end = n if there is none."""
     events = np.where(speeds > start, 1, np.where(speeds < stop, -1, 0))
     decided = np.flatnonzero(events)
     turns = decided[np.flatnonzero(np.diff(events[decided], prepend=-1))]
@@ -178,8 +181,9 @@ def _crossing(time: np.ndarray, speeds: np.ndarray, index: int, threshold: float
 
 
 def segment_containing(segments: Sequence[Segment], instant: float) -> Segment:
-    """The segment that contains an instant, such as a release; ValueError when none does. Where margins
-    overlap, the one in whose motion it lies wins.
+    """The segment that contains an instant [s], such as a release; ValueError if there is none.
+
+    Where the margins of two segments overlap, it is the one whose motion contains the instant.
     """
     inside = [one for one in segments if one.contains(instant)]
     if not inside:

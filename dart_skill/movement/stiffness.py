@@ -1,8 +1,9 @@
-"""Stiff where the demonstrations agreed: the covariance of a retrieved movement as time-varying stiffness.
+"""Time-varying stiffness from the covariance of a retrieved movement: stiff where the demonstrations agreed.
 
-A spring that holds a unit mass against random pushes lets it stray with a variance inverse to its stiffness (equipartition). So the
-stiffness along each principal axis of the covariance is c / variance, with one c for the whole movement: the axis and instant on which the
-demonstrations agreed best get the largest stiffness allowed, and none gets less than the least.
+A spring holds a unit mass against random pushes. The variance of the mass is then inverse to the stiffness of the spring
+(equipartition). So the stiffness along each principal axis of the covariance is c / variance, with one c for the whole
+movement. c is such that the axis and instant with the smallest variance get the largest stiffness that is allowed. Values
+below the least stiffness are raised to it.
 """
 
 from __future__ import annotations
@@ -16,9 +17,10 @@ from dart_skill.movement.differentiation import Motion
 
 
 def stiffness_from_covariance(covariance: ArrayLike, least: float, most: float) -> np.ndarray:
-    """Stiffness matrices (n, d, d) [1/s^2], symmetric, eigenvalues in [least, most], from covariances (n, d, d) of one unit.
+    """Symmetric stiffness matrices (n, d, d) [1/s^2] with eigenvalues in [least, most], from covariances (n, d, d).
 
-    Movement variables of different units (metres, radians) are given one after the other: their covariances cannot be compared.
+    All d movement variables must have the same unit. Call it separately for metres and radians: their variances cannot
+    be compared.
     """
     covariance = as_covariances(covariance, "covariance", np.shape(covariance))
     least, most = as_number(least, "least"), as_number(most, "most")
@@ -41,10 +43,17 @@ def critical_damping_matrix(stiffness: ArrayLike) -> np.ndarray:
 
 
 def hold_to(time: ArrayLike, motion: Motion, stiffness: ArrayLike, push: ArrayLike | None = None) -> Motion:
-    """What a unit mass does that shall follow a motion (n, d) with time-varying stiffness (n, d, d), pushed by push (n, d) [1/s^2].
+    """Motion (n, d) of a unit mass that follows a reference motion with time-varying stiffness, and is pushed.
 
-    x'' = x''_ref + K (x_ref - x) + 2 K^(1/2) (x'_ref - x') + push. Unpushed, the motion stays as it is whatever the stiffness; only the
-    answer to pushes changes. Equally spaced stamps (n,); between them K and push are held, and the step is exact (matrix exponential).
+    x'' = x''_ref + K (x_ref - x) + 2 K^(1/2) (x'_ref - x') + push. Without a push the result is the reference, whatever
+    the stiffness; the stiffness changes only the response to pushes.
+
+    Parameters:
+
+    * time (n,): equally spaced stamps [s], n at least 2.
+    * motion: the reference, (n, d).
+    * stiffness (n, d, d): K per unit mass [1/s^2], constant between the stamps.
+    * push (n, d): acceleration from outside, in units of the motion per s^2, constant between the stamps; default None, no push.
     """
     position = as_samples(motion.position, "position")
     step = uniform_step(as_stamps(time, len(position), minimum=2))
@@ -63,9 +72,9 @@ def hold_to(time: ArrayLike, motion: Motion, stiffness: ArrayLike, push: ArrayLi
 
 
 def _respond(step: float, stiffness: np.ndarray, push: np.ndarray) -> np.ndarray:
-    """Deviation from the reference and its rate (n, 2d), from rest at the first stamp.
+    """Deviation from the reference and its rate (n, 2d), both zero at the first stamp.
 
-    Along an axis of stiffness k, w = sqrt(k), the critically damped answer over a step is
+    Along an axis of stiffness k, w = sqrt(k), the critically damped response over a step h is exactly
     e(h) = u + exp(-w h) ((e0 - u) + (e0' + w (e0 - u)) h) with u = push / k.
     """
     gains, axes = np.linalg.eigh(stiffness)

@@ -1,5 +1,7 @@
-"""Search for parameters that earn a higher return, one trial at a time: PoWER (thesis 5.1, 5.2, 7.4), the multi-optima search with a
-mixture (5.3), and what they are measured against.
+"""Search for parameters that earn a higher return, one trial at a time.
+
+PoWER (thesis 5.1, 5.2, 7.4), the multi-optima search with a mixture (5.3), two searches for changing landscapes (`Niches`,
+`Sharpening`), and baselines for comparison.
 """
 
 from dart_skill.policy_search._exploration import with_constant_noise, with_proportional_noise

@@ -1,5 +1,6 @@
-"""What the multi-optima search is measured against, all asked and told as it is: the cross-entropy method, PoWER with random restarts,
-Monte-Carlo search, and CMA-ES through the package `cma`.
+"""Baselines for the multi-optima search, with the same `ask` and `tell`.
+
+The cross-entropy method, PoWER with random restarts, Monte-Carlo search, and CMA-ES through the package `cma`.
 
     search = CrossEntropy(aim, spread, rng=rng)
     for trial in search.trials(3000):
@@ -22,7 +23,7 @@ from dart_skill.policy_search.power import LARGEST, SMALLEST, PoWER, population
 
 
 class VectorSearch(Search):
-    """What baselines share: parameters (d,) from a first guess and its `spread`, one return each of any sign."""
+    """Common base of the baselines: parameters (d,), a first guess and its `spread`, and one return of any sign per trial."""
 
     def __init__(self, parameters: ArrayLike, spread: ArrayLike, settings: Settings, rng: np.random.Generator):
         start = as_vector(parameters, "parameters")
@@ -38,7 +39,7 @@ class VectorSearch(Search):
         return read_returns(outcome, (), self.settings.weighting)
 
     def _relative(self, told: list[Told]) -> np.ndarray:
-        """Parameters tried (n, d) from where the search began, in units of its spread."""
+        """Parameters tried (n, d), relative to the start of the search, in units of the spread."""
         return (np.array([trial.tried for trial in told]) - self._start) / self._scale
 
     def _policy_state(self) -> dict:
@@ -50,12 +51,21 @@ def _settings(batch: int, best: int, latest: int, minimum_exploration: float = 0
 
 
 class CrossEntropy(VectorSearch):
-    """Cross-entropy method: every `batch` returns, the Gaussian takes mean and covariance of the `best` M of them.
+    """Cross-entropy method: after every `batch` returns the Gaussian gets mean and covariance of the `best` M of them.
 
-    smoothing: the part, in (0, 1], of the way to these that it goes. minimum_exploration: standard deviation of the noise that is added to
-    the covariance, as a fraction of `spread`; without it the method stops learning. By default batch = 10 + 5 d and M = batch / 4.
-    P. T. de Boer et al., A tutorial on the cross-entropy method, Annals of OR 134, 2005; noise: I. Szita and A. Loerincz, Learning Tetris
-    using the noisy cross-entropy method, Neural Computation 18, 2006.
+    P. T. de Boer et al., A tutorial on the cross-entropy method, Annals of OR 134, 2005. Noise: I. Szita and A. Loerincz,
+    Learning Tetris using the noisy cross-entropy method, Neural Computation 18, 2006.
+
+    Parameters:
+
+    * parameters (d,): first guess, the mean of the first Gaussian.
+    * spread: one number or (d,). Standard deviations of the first Gaussian.
+    * rng: numpy Generator.
+    * batch: int, number of returns between updates; default None: 10 + 5 d.
+    * best: int, M; default None: batch / 4.
+    * smoothing: float in (0, 1], default 1. Share of the way to the new mean and covariance that one update goes.
+    * minimum_exploration: float, default 0.03. Standard deviation of the noise that is added to the covariance, relative to
+      `spread`; without it the method stops learning.
     """
 
     def __init__(
@@ -119,11 +129,18 @@ class CrossEntropy(VectorSearch):
 
 
 class RandomRestarts(PoWER):
-    """PoWER that begins anew, at a place drawn from a Gaussian about `parameters` with `reach` times `spread`, when its exploration is
-    below `restart_below`, or at the first update after `longest_run` returns. The other options are those of `PoWER`.
+    """PoWER that restarts at random places.
 
-    What a run found is kept with the mean return of its last batch; `parameters` is the best of these and of the present run. A find is not
-    tried again: where returns change, an old one may no longer be what it was.
+    The result of a finished run is kept with the mean return of its last batch. `parameters` is the best of these results
+    and of the present run. A result is not tried again. So where returns change, its value may be out of date.
+
+    Parameters:
+
+    * parameters (d,), spread, rng: as in `PoWER`.
+    * restart_below: float, default 0.05. A run ends when its exploration, relative to `spread`, is below this.
+    * longest_run: int, default 500. A run ends at the first update after so many returns.
+    * reach: float, default 1. A new run starts at a place from a Gaussian about `parameters` with `reach` times `spread`.
+    * options: the other options of `PoWER`.
     """
 
     def __init__(
@@ -146,7 +163,7 @@ class RandomRestarts(PoWER):
 
     @property
     def optima(self) -> tuple[np.ndarray, np.ndarray]:
-        """Where finished runs ended (n, d), and the mean returns (n,) of their last batches."""
+        """Results (n, d) of the finished runs, and the mean returns (n,) of their last batches."""
         places = [place for place, _ in self._found]
         return np.reshape(places, (-1, self._origin.size)), np.array([value for _, value in self._found])
 
@@ -198,11 +215,20 @@ class RandomRestarts(PoWER):
 
 
 class MonteCarlo(VectorSearch):
-    """Monte-Carlo search: trials uniform within `reach` times `spread` of `parameters`, along each; the best guess is the middle of the
-    neighbourhood that earns most on average.
+    """Monte-Carlo search: uniform trials. It does not learn where to try, so it shows what this learning is worth.
 
-    Of the `latest` S trials, each has the neighbourhood of its M nearest (`best`), itself included, at distances in units of `spread`.
-    Every `batch` returns the best is looked for again. It does not learn where to try, and so says what that is worth.
+    The neighbourhood of a trial is the M nearest of the `latest` S trials, itself included, with distances in units of
+    `spread`. The best guess is the middle of the neighbourhood with the highest mean return.
+
+    Parameters:
+
+    * parameters (d,): middle of the trials.
+    * spread: one number or (d,), the unit of distances.
+    * rng: numpy Generator.
+    * reach: float, default 2. Trials are uniform within `reach` times `spread` of `parameters`, along each parameter.
+    * batch: int, default 25. The best neighbourhood is looked for after so many returns.
+    * best: int, default 15. M.
+    * latest: int, default 500. S.
     """
 
     def __init__(
@@ -258,9 +284,17 @@ class MonteCarlo(VectorSearch):
 class CMAES(VectorSearch):
     """CMA-ES of the package `cma` (pip install cma), with its own defaults.
 
-    minimum_exploration: least standard deviation of any parameter, as a fraction of `spread`; 0 as `cma` has it, which stops learning once
-    it converged. batch: population, 4 + 3 log d by default.
-    A saved search is its beginning and all returns since, from which `load` goes the same way again; it needs the same version of `cma`.
+    A saved search contains its start and all returns. `load` repeats the search from these, and needs the same version of
+    `cma`.
+
+    Parameters:
+
+    * parameters (d,): first guess.
+    * spread: one number or (d,). Standard deviations of the first trials.
+    * rng: numpy Generator.
+    * batch: int, the population; default None: 4 + 3 log d.
+    * minimum_exploration: float, default 0 as in `cma`. Least standard deviation of any parameter, relative to `spread`.
+      With 0 the search stops learning once it has converged.
     """
 
     def __init__(
@@ -274,7 +308,7 @@ class CMAES(VectorSearch):
     ):
         batch = population(np.size(parameters)) if batch is None else as_count(batch, "batch", 3)
         super().__init__(parameters, spread, _settings(batch, 1, batch, minimum_exploration), rng)
-        # A generator of its own: what else is drawn from `rng` must not come between.
+        # A generator of its own, so that other draws from `rng` do not change the trials.
         self._rng = np.random.default_rng(rng.integers(2**63))
         self._begin()
 
@@ -326,7 +360,7 @@ class CMAES(VectorSearch):
             raise ValueError("the returns since lead elsewhere now: this search was saved with another version of cma; install that one")
 
     def _go_again(self) -> list[np.ndarray]:
-        """Ask and tell as it was; what was asked."""
+        """Repeat all asks and tells of the history; returns what was asked."""
         asked: list[np.ndarray] = []
         for n_asked, numbers, returns in self._history:
             asked.extend(self._draw()[0] for _ in range(n_asked - len(asked)))

@@ -1,8 +1,9 @@
 """Multi-optima search: PoWER with a mixture of Gaussians that finds its number of components (thesis 5.3).
 
-Every component is a local guess with its own covariance to explore with; its prior says how often a trial is drawn from it. Components
-share in the trials by their responsibilities (5.3)-(5.6); they are split where two explain the rewarded trials much better than one, and
-merged where one does as well (5.7)-(5.12), or set by data spectroscopy (5.13).
+Each component is a local guess with a covariance of its own for exploration. Its prior is the probability that a trial is
+drawn from it. The trials are shared among the components by their responsibilities (5.3)-(5.6). A component is split where
+two explain the rewarded trials much better than one. Two components are merged where one explains them as well
+(5.7)-(5.12). Or the number of components is set by data spectroscopy (5.13).
 
     search = MixturePoWER(aim, spread, rng=rng)
     for trial in search.trials(3000):
@@ -40,20 +41,28 @@ EXPLORATIONS = ("constant", "proportional")
 
 @dataclass(frozen=True)
 class Readings:
-    """What the thesis leaves open in 5.3 and its pseudocode.
+    """Options for the points that section 5.3 of the thesis and its pseudocode leave open.
 
-    best_of: which M best count for a component. "component": those with the largest return times responsibility; "own": the best of those
-    that it is most responsible for; "all": the best of all.
-    structure: what sets the number of components: "split_and_merge" as `rule` says, "spectroscopy" with kernel `bandwidth` (in units of the
-    spread, None for automatic), or "fixed". It is looked at every `check_every` returns and kept to `most`.
-    judged_on: the trials it looks at, the "latest" S or the "best" that (5.3) uses; judged_by: their weight, their "return" or "equal".
-    draw: a trial comes from a component with its "prior", or from all "equal"ly often.
-    guess: `parameters` is the mean of the component that earns the most "return", or of the one with the largest "prior".
+    Parameters:
 
-    Measured in the dart experiment of 6.3 (returns: expected scores, spread of the player 75 to 16 mm in 3000 iterations; first Gaussian on
-    the bull with 75 mm, Sigma_0 = (7.5 mm)^2, 20 seeds): components in the end, regret per throw, and regret of `parameters`.
+    * best_of: which M best trials count for a component. "component" (default): those with the largest return times
+      responsibility. "own": the best of those that it is most responsible for. "all": the best of all trials.
+    * structure: what sets the number of components. "split_and_merge" (default) with `rule`; "spectroscopy" with a kernel
+      of `bandwidth`; "fixed".
+    * check_every: int, default 10. The number of components is checked after so many returns.
+    * most: int, default 12. Largest number of components.
+    * judged_on: trials on which it is checked, the "latest" S or the "best" of (5.3) (default).
+    * judged_by: weight of these trials, their "return" (default) or "equal".
+    * draw: a trial is drawn from a component with its "prior" (default), or from each with "equal" probability.
+    * guess: `parameters` is the mean of the component with the highest "return" (default) or the largest "prior".
+    * bandwidth: float, in units of the spread; default None: `automatic_bandwidth`.
+    * rule: SplitMerge, default with refine = 2.
 
-        as below            3.1  0.51  0.09        best_of "own"          1.0  0.25  0.02
+    The readings were measured in the dart experiment of 6.3: returns are expected scores, the spread of the player falls
+    from 75 to 16 mm in 3000 iterations, the first Gaussian is on the bull with 75 mm, Sigma_0 = (7.5 mm)^2, 20 seeds. The
+    columns are the number of components at the end, the regret per throw, and the regret of `parameters`.
+
+        as default          3.1  0.51  0.09        best_of "own"          1.0  0.25  0.02
         refine = 0          1.4  0.28  0.02        best_of "all"          1.0  0.21  0.01
         refine = 1          2.7  0.47  0.08        judged_on "latest"     1.9  0.34  0.03
         refine = 5          3.4  0.58  0.09          and refine = 0       1.0  0.21  0.01
@@ -65,10 +74,11 @@ class Readings:
         Sigma_0 = 15 mm     2.6  0.88  0.11        weighting "rank"       1.0  0.21  0.01
         PoWER               1.0  0.21  0.01        PoWER, 2.25 mm         1.0  0.04  0.01
 
-    The defaults are those that show the three components of figure 6.3 and stay closest to the text ("with M samples for each component").
-    They are there after 100 trials, while exploration is wide, and hardly change from then on: components that have shrunk to Sigma_0 far
-    from each other neither split nor merge. No reading earns more than PoWER with the same Sigma_0: components on lower hills get their
-    share of the trials, and those found while the board looked smooth are not those that matter in the end.
+    The defaults give the three components of figure 6.3 and are closest to the text ("with M samples for each component").
+    The three components appear within 100 trials, while the exploration is wide, and hardly change later. By then they have
+    shrunk to Sigma_0 and are far from each other, so they neither split nor merge. No reading earns more than PoWER with
+    the same Sigma_0. The reasons: components on lower hills get their share of the trials, and the hills that are found
+    while the board looks smooth are not those that matter at the end.
     """
 
     best_of: str = "component"
@@ -95,16 +105,27 @@ class Readings:
 
 
 class MixturePoWER(Search):
-    """Search for parameters (d,) of high return from a first Gaussian with mean `parameters` and standard deviations `spread` (one number
-    or (d,)), which becomes a mixture.
+    """Search for several optima among parameters (d,), with a Gaussian mixture that begins as one Gaussian (thesis 5.3).
 
-    An update (5.3)-(5.6) comes every `batch` returns, once there are M, from the `best` M of the `latest` S; S = 150, M = 15 and one
-    trial at a time as in 6.3. What else the thesis leaves open is in `readings`.
-    weighting: how returns become weights, see `return_weights`. "returns" is to the letter and needs returns of at least 0; with "rank" and
-    "exponential" the best trials weigh so much more that in darts one component takes all.
-    exploration: "constant" adds Sigma_0 to (5.4), "proportional" as much in total, shared out as the eigenvalues are. minimum_exploration:
-    root of Sigma_0 as a fraction of `spread`; a hill that moves further than a few times this within S trials is lost.
-    limits: smallest and largest exploration along any axis, as multiples of `spread`.
+    An update (5.3)-(5.6) comes after every `batch` returns, from the `best` M of the `latest` S trials, as soon as there
+    are M.
+
+    Parameters:
+
+    * parameters (d,): mean of the first Gaussian.
+    * spread: one number or (d,). Standard deviations of the first Gaussian.
+    * rng: numpy Generator.
+    * exploration: "constant" (default) adds Sigma_0 to (5.4); "proportional" adds as much in total, in proportion to the
+      eigenvalues.
+    * weighting: "returns" (default), "rank" or "exponential", see `return_weights`. "returns" takes the text literally, and
+      needs returns of at least 0. With the others the best trials have so much weight that in darts one component takes all.
+    * batch: int, default 1. Number of returns between updates.
+    * best: int, default 15. M.
+    * latest: int, default 150. S; both as in 6.3.
+    * minimum_exploration: float, default 0.1. Root of Sigma_0 relative to `spread`. A hill that moves farther than a few
+      times this within S trials is lost.
+    * limits (2,): smallest and largest exploration along any axis, relative to `spread`; default None as in `PoWER`.
+    * readings: Readings, what the thesis leaves open; default None: its defaults.
     """
 
     def __init__(
@@ -148,12 +169,12 @@ class MixturePoWER(Search):
 
     @property
     def component_returns(self) -> np.ndarray:
-        """Mean return (K,) of the latest trials by each component's share in them; zeros before the first update."""
+        """Mean return (K,) of the latest trials, weighted by each component's responsibilities; zeros before the first update."""
         return self._policy.returns.copy()
 
     @property
     def parameters(self) -> np.ndarray:
-        """Mean (d,) of the component that earns most, or with guess "prior" of the one with the largest prior."""
+        """Mean (d,) of the component with the highest return; with guess = "prior", of the one with the largest prior."""
         policy = self._policy
         best = (policy.returns if self.readings.guess == "return" else policy.priors).argmax()
         return policy.start + policy.scale * policy.means[best]
@@ -204,7 +225,7 @@ class MixturePoWER(Search):
         return np.where(np.isneginf(ranked), 0.0, kept)
 
     def _judged(self, points: np.ndarray, weights: np.ndarray, shared: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Points (n, d) and weights (n,) on which numbers of components are compared."""
+        """Points (n, d) and weights (n,) on which the number of components is checked."""
         if self.readings.judged_on == "best":
             weights = shared.sum(axis=0)
         counted = weights > 0

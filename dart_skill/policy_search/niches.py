@@ -1,12 +1,17 @@
-"""A search that follows several optima of a changing landscape, and makes each earn its trials.
+"""A search that follows several optima of a changing landscape, and tries each only as often as it pays.
 
-Every hill is a niche with a quadratic model of its own (`_niche`). The best one is tried with tiny steps. Time is counted by a clock, how
-far the best value went up or down: what was found out ages by change and not by waiting. Another niche is visited when the line through
-what its visits found (`_trend`), less its error, says that it may have overtaken the best: often near a tie, hardly ever if it falls
-behind. A scout goes where a Gaussian process over everything seen (`_surrogate`) hopes for most among places that are not known and clear
-of all niches, if that could be the best before the clock has doubled. A place that could, beyond a valley from every niche, founds one,
-which is climbed at once. Of two niches that are not clear of each other (A. Petrowski, A clearing procedure as a niching method for genetic
-algorithms, 1996) the worse is given up.
+* Every hill is a niche with a quadratic model of its own (`_niche`). Most trials are small steps about the best niche.
+* A clock counts the change of the landscape: by how much the best value went up or down. So knowledge ages by change and
+  not by waiting.
+* Another niche is visited when it may have overtaken the best one. This is judged by the line through the values of its
+  visits (`_trend`) and its error. So visits are frequent near a tie, and rare for a niche that falls behind.
+* A scout is a trial of an unknown place. It goes where a Gaussian process over everything seen (`_surrogate`) predicts the
+  largest possible value, among places that are not known and far enough from all niches. It goes only if such a place could
+  become the best before the clock has doubled.
+* A known place founds a new niche if it could become the best, and if a valley divides it from every niche. The new niche
+  is climbed at once.
+* Of two niches that are too near to each other the worse is given up (A. Petrowski, A clearing procedure as a niching
+  method for genetic algorithms, 1996).
 
     search = Niches(aim, spread, rng=rng)
     for trial in search.trials(3000):
@@ -26,35 +31,43 @@ from dart_skill.policy_search._search import Settings, Told
 from dart_skill.policy_search._surrogate import FIRST, LENGTHS, Surrogate
 from dart_skill.policy_search._trend import REMEMBERED, forecast
 
-SCOUT = -1  # in the place of a niche's identity
-LANDMARKS = 150  # trials of scouts and lesser niches that are remembered
-THINNING = 0.1  # a trial takes the place of landmarks this near [spreads per root of the dimension]
-PLACES = 200  # among which a scout chooses
-KNOWN = 0.3  # deviation of the surrogate up to which a place is known [standard deviations of the landscape]
-VALLEY = 0.15  # least depth of what divides two hills, in the same unit
-FIRST_RADIUS = 0.3  # of trials about a new niche, in lengths of the surrogate; of the first one, in spreads
-LARGEST_RADIUS = 0.4  # in lengths of the surrogate
-VISIT = 0.5  # radius of a visit to a top that was found, over that of its climb
-STEADY = 0.1  # largest change of the common level by one trial [reliefs]; more is a hill that falls by itself
-FRESH = 0.3  # change that takes the weight of a trial in the model of its niche to 1/e [reliefs]
-PAUSE = 10  # fewest trials between scouts
+SCOUT = -1  # identity of a trial that belongs to no niche
+LANDMARKS = 150  # number of trials, of scouts and of all niches but the best, that are remembered
+THINNING = 0.1  # a trial replaces landmarks nearer than this [spreads per root of the dimension]
+PLACES = 200  # number of places among which a scout chooses
+KNOWN = 0.3  # a place is known if the surrogate's standard deviation is below this [standard deviations of the landscape]
+VALLEY = 0.15  # least depth of a valley that divides two hills, in the same unit
+FIRST_RADIUS = 0.3  # radius of trials about a new niche, in lengths of the surrogate; about the first one, in spreads
+LARGEST_RADIUS = 0.4  # largest radius of trials, in lengths of the surrogate
+VISIT = 0.5  # radius of the trials of a visit to a top that is found, relative to that of its climb
+STEADY = 0.1  # largest change of the common level by one trial [reliefs]; a larger one is a change of that hill alone
+FRESH = 0.3  # change after which a trial counts 1/e in the model of its niche [reliefs]
+PAUSE = 10  # least number of trials between two scouts
 
 
 class Niches(NicheSearch):
-    """Search for the best of several optima (d,) that rise and fall, from a first guess and the `spread` of sensible first trials.
+    """Search for the best of several optima (d,) that rise and fall.
 
-    drift: change of a gap between two hills that is expected of a change of the best value, over the latter.
-    scouting: what scouts may cost in all, over the change of the best value meanwhile.
-    waiting: change that a trial counts for while the best value stays, in reliefs (standard deviations of the landscape within reach);
-    raise it where others change by themselves. most: niches at a time.
-    clearing: niches are about so far apart at least, and reach: scouts stay so near to the beginning, in spreads per root of the dimension.
-    optimism: standard deviations of the surrogate that count as hope. fading: change that takes what was seen to 1/e, in reliefs.
-    repeats: trials that one comparison needs, 1 for exact returns, hundreds when noise exceeds the relief.
-    limits: smallest and largest radius of trials about an optimum, as multiples of `spread`.
+    Parameters; a relief is the standard deviation of the landscape within reach:
 
-    Darts from 75 to 16 mm (experiments/dart_search.py, 20 runs): it pays 0.044 points a throw, 0.001 for its best aim; from 75 to 6 mm it
-    takes the hill that overtakes late in 10 of 20. Scores as they are thrown are too noisy for it: with 12000 of them from 75 to 16 mm and
-    repeats of 100 or 400, its best aim lost 0.7 to 1.0 points in four runs.
+    * parameters (d,): first guess.
+    * spread: one number or (d,). Standard deviations of sensible first trials.
+    * rng: numpy Generator.
+    * drift: float, default 0.2. Expected change of the gap between two hills, relative to a change of the best value.
+    * scouting: float, default 6. What all scouts together may cost, relative to the change of the best value meanwhile.
+    * waiting: float, default 0.001 [reliefs]. Change that each trial counts for while the best value stays. Raise it if
+      other hills change while the best one does not.
+    * most: int, default 4. Largest number of niches at a time.
+    * clearing: float, default 1 [spreads per root of d]. Least distance of two niches, approximately.
+    * reach: float, default 1.25 [spreads per root of d]. Largest distance of scouts from the start.
+    * optimism: float, default 2. Standard deviations of the surrogate that are added to its mean to judge a place.
+    * fading: float, default 20 [reliefs]. Change after which what was seen counts 1/e.
+    * repeats: int, default 1. Trials that one comparison needs: 1 for exact returns, hundreds if the noise exceeds the relief.
+    * limits (2,): smallest and largest radius of trials about an optimum, relative to `spread`; default (0.01, 2).
+
+    In darts from 75 to 16 mm (experiments/dart_search.py, 20 runs) it loses 0.044 points a throw, and 0.001 with its best
+    aim. From 75 to 6 mm it finds the hill that overtakes late in 10 of 20 runs. The scores of single darts are too noisy for
+    it: with 12000 of them from 75 to 16 mm and repeats of 100 or 400, its best aim lost 0.7 to 1.0 points in four runs.
     """
 
     OPTIONS = ("drift", "scouting", "waiting", "most", "clearing", "reach", "optimism", "fading", "repeats")
@@ -99,7 +112,7 @@ class Niches(NicheSearch):
 
     @property
     def optima(self) -> tuple[np.ndarray, np.ndarray]:
-        """Tops (n, d) of the niches, the best first, and how much less than it they are thought to earn (n,)."""
+        """Tops (n, d) of the niches, the best first, and how much less than the best each is estimated to earn (n,)."""
         ranked = self._ranked()
         places = np.array([one.centre for one in ranked])
         return self._start + self._scale * places, np.array([self._gap(one) for one in ranked])
@@ -113,7 +126,7 @@ class Niches(NicheSearch):
         """Radius of the trials of the best niche, in units of the spread."""
         return self._best().radius
 
-    # Whose turn it is
+    # Which niche is tried next
 
     def _draw(self) -> tuple[np.ndarray, np.ndarray]:
         number, identity = self.n_asked - 1, SCOUT
@@ -124,14 +137,17 @@ class Niches(NicheSearch):
         return np.append(place, identity), self._start + self._scale * place
 
     def _trial(self, niche: Niche) -> np.ndarray:
-        """Place (d,) of the niche's next trial: visits to a known top begin there and stay near."""
+        """Place (d,) of the next trial of a niche; a visit to a top that is found begins at the top and stays near it."""
         place = niche.draw(self._rng)
         if niche.identity == self._main or not niche.settled:
             return place
         return niche.centre + (VISIT * (place - niche.centre) if niche.burst < self._check - 1 else 0.0)
 
     def _due(self, number: int) -> Niche:
-        """The niche whose burst is not over, else the most overdue, else the best, which has at least as many turns as all others."""
+        """The niche of the next trial: one whose visit is not over, else the one that is most overdue, else the best.
+
+        Between two visits to other niches the best one has at least as many trials as the model has coefficients.
+        """
         best = self._best()
         others = [one for one in self._niches if one is not best]
         niche = next((one for one in others if one.burst), None)
@@ -148,7 +164,7 @@ class Niches(NicheSearch):
         return niche
 
     def _lead(self, niche: Niche) -> float:
-        """How far above the best the niche may be by now."""
+        """How far above the best niche this one may be by now."""
         if not niche.visits:
             return np.inf
         value, deviation = forecast(niche.visits, self._clock, self._drift)
@@ -179,7 +195,7 @@ class Niches(NicheSearch):
         return due
 
     def _scout(self, number: int) -> np.ndarray | None:
-        """The place (d,) of most hope that is clear of all niches, if there is one."""
+        """The place (d,) with the largest possible value, far enough from all niches; None if it could not become the best."""
         places = self._cloud()
         if self._beginning():
             self._remember(number, places[0], 0.0)
@@ -191,7 +207,7 @@ class Niches(NicheSearch):
         best = int(hope.argmax())
         if hope[best] + self._repair < self._best().value:
             return None
-        self._remember(number, places[best], float(mean[best]))  # as believed until it is told, or for good if it fails
+        self._remember(number, places[best], float(mean[best]))  # the prediction stands until the return is told, or if it fails
         return places[best]
 
     def _cloud(self) -> np.ndarray:
@@ -202,12 +218,12 @@ class Niches(NicheSearch):
         return sizes * directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
     def _distances(self, places: np.ndarray) -> np.ndarray:
-        """From niches to places, (niches, n)."""
+        """Distances (niches, n) from the niches to places (n, d)."""
         return np.linalg.norm(np.array([one.centre for one in self._niches])[:, None] - places, axis=2)
 
     @property
     def _repair(self) -> float:
-        """What a gap may lose until the clock has doubled."""
+        """By how much a gap may shrink until the clock has doubled."""
         return self._drift * self._clock
 
     @property
@@ -225,7 +241,7 @@ class Niches(NicheSearch):
         return surrogate
 
     def _usual(self) -> float:
-        """Length that height and curvature of the best hill speak of: about a top the expected value falls as exp(-r^2 / 2 length^2)."""
+        """Length of hills from height and curvature of the best one: about a top the value falls as exp(-r^2 / 2 length^2)."""
         best, first = self._best(), float(LENGTHS[FIRST[0]])
         if not best.settled or not self._landmarks:
             return first
@@ -234,7 +250,7 @@ class Niches(NicheSearch):
         return float(np.clip(np.sqrt(max(height, 0.0) / curvature) / self._root, LENGTHS[0], LENGTHS[-1]))
 
     def _remember(self, number: int, place: np.ndarray, value: float) -> None:
-        """A landmark instead of those near it; of noisy returns, with their mean."""
+        """Add a landmark and remove those near it; with noisy returns the new one gets the mean of all of them."""
         points = np.reshape([mark[1] for mark in self._landmarks], (-1, place.size))
         near = np.linalg.norm(points - place, axis=1) < THINNING * self._root
         old = [mark for mark, close in zip(self._landmarks, near, strict=True) if close and mark[0] != number]
@@ -274,7 +290,7 @@ class Niches(NicheSearch):
         self._keep_clear()
 
     def _climb_on(self, niche: Niche) -> None:
-        """The first climb goes on while its top is not found and may matter."""
+        """Continue the first climb of a niche while its top is not found and could become the best."""
         early = len(niche.visits) == 1 and len(niche.trials) < 3 * self._burst
         if early and not niche.settled and not niche.burst and self._gap(niche) < 2 * self._repair:
             niche.burst = self._burst // 2
@@ -284,7 +300,7 @@ class Niches(NicheSearch):
         return low, max(low, min(high, LARGEST_RADIUS * self._length / self._root))
 
     def _notice(self, best: Niche) -> None:
-        """Let the clock go on when the best value went further than its error."""
+        """Advance the clock when the best value has changed by more than its error."""
         if self._mark is None:
             self._mark = best.value
         change = abs(best.value - self._mark)
@@ -296,7 +312,7 @@ class Niches(NicheSearch):
         self._clock, self._purse = self._clock + change, self._purse + self._scouting * change
 
     def _elect(self) -> None:
-        """Another niche becomes the best when it is better by more than the errors of both."""
+        """Another niche becomes the best if it is better by more than the combined error of both."""
         best = self._best()
         for one in self._niches:
             if one.known and one.relative > best.relative + np.hypot(one.error, best.error):
@@ -307,7 +323,7 @@ class Niches(NicheSearch):
                 one.visits = one.visits[-1:]
 
     def _keep_clear(self) -> None:
-        """Niches that came too near to a better one, or left what is within reach, are given up."""
+        """Give up niches that are too near to a better one or out of reach."""
         ranked = self._ranked()
         self._niches = [ranked[0], *(one for rank, one in enumerate(ranked[1:], 1) if self._stays(one, ranked[:rank]))]
 
@@ -316,7 +332,7 @@ class Niches(NicheSearch):
         return bool(alone and np.linalg.norm(niche.centre) < 1.2 * self._reach * self._root)
 
     def _found(self, number: int, place: np.ndarray) -> None:
-        """Pay the scout; the best known place that may be a hill of its own becomes a niche, if need be instead of the worst."""
+        """Pay for the scout. The best known place that may be a hill of its own becomes a niche, if necessary in place of the worst."""
         surrogate, best, d = self._surrogate(), self._best(), place.size
         self._purse -= max(best.value - float(surrogate.predict(place[None])[0][0]), 0.0)
         places = np.array([mark[1] for mark in self._landmarks])
@@ -339,8 +355,9 @@ class Niches(NicheSearch):
         self._niches, self._founded = [*self._niches, found], self._founded + 1
 
     def _valleys(self, surrogate: Surrogate, places: np.ndarray) -> np.ndarray:
-        """Height (n,) of the surrogate in the shallowest of the valleys between each place and the niches (R. Ursem, Multinational
-        evolutionary algorithms, 1999).
+        """Height (n,) of the surrogate in the shallowest of the valleys between each place and the niches.
+
+        R. Ursem, Multinational evolutionary algorithms, 1999.
         """
         parts, centres = np.linspace(0, 1, 12)[1:-1, None, None, None], np.array([one.centre for one in self._niches])
         between = places + parts * (centres[:, None] - places)

@@ -1,8 +1,8 @@
 """PoWER: policy learning by weighting exploration with returns, on any vector of parameters (thesis 5.1, 5.2).
 
-A policy is a Gaussian over parameters. Trials are drawn from it; its mean moves by the reward-weighted average of
-the relative exploration (5.1), its covariance becomes the reward-weighted covariance about the old mean plus
-exploration noise (5.2, 5.2.1). J. Kober and J. Peters, Policy search for motor primitives in robotics, 2011.
+The policy is a Gaussian over parameters. Trials are drawn from it. Its mean moves by the reward-weighted average of the
+relative exploration (5.1). Its covariance becomes the reward-weighted covariance about the old mean, plus exploration
+noise (5.2, 5.2.1). J. Kober and J. Peters, Policy search for motor primitives in robotics, 2011.
 
     search = PoWER(parameters, spread, rng=rng)
     for trial in search.trials(200):
@@ -20,12 +20,14 @@ from dart_skill.policy_search._policy import GaussianPolicy, as_spread
 from dart_skill.policy_search._search import Search, Settings, Told, Trial, read_returns
 from dart_skill.policy_search._weights import return_weights
 
-SMALLEST, LARGEST = 1e-8, 1e4  # exploration over the spread at the start: beyond, a search converged or ran away
+SMALLEST, LARGEST = 1e-8, 1e4  # limits of the exploration, relative to the spread at the start
 
 
 def with_defaults(d: int, exploration: str, weighting: str, batch, best, latest, minimum_exploration, limits, usual: int) -> Settings:
-    """Settings, with defaults where batch, best, latest or limits is None; `usual` trials are remembered by the modes
-    that use them again. Their shares may be twice or half of these: benchmarks/power.py --defaults.
+    """Settings in which batch, best, latest and limits have their defaults if they are None.
+
+    usual: default of `latest` for the modes that use trials several times. Twice or half of the defaults works as well:
+    benchmarks/power.py --defaults.
     """
     given = {"batch": batch, "best": best, "latest": latest}
     batch, best, latest = (None if count is None else as_count(count, name) for name, count in given.items())
@@ -44,26 +46,31 @@ def with_defaults(d: int, exploration: str, weighting: str, batch, best, latest,
 
 
 def population(d: int) -> int:
-    """Trials between updates for d parameters, as CMA-ES has it."""
+    """Number of trials between updates for d parameters, as in CMA-ES."""
     return 4 + int(3 * np.log(d))
 
 
 class PoWER(Search):
-    """Search for parameters (d,) of high return from a first guess and its `spread` (one number or (d,)), the
-    standard deviations of the first trials.
+    """Search for parameters (d,) with a high return, by PoWER (5.1), (5.2).
 
-    exploration: "automatic" sets its own size by the length of the path of updates; "constant" adds Sigma_0 to
-    (5.2); "proportional" adds as much in total, shared out as the eigenvalues are (5.2.1); "fixed" keeps the
-    spread, (5.1) alone.
-    weighting: "rank", "exponential" or "returns"; see `return_weights`. "returns" is (5.1) and (5.2) to the letter.
-    An update comes every `batch` returns, from the `best` M of the `latest` S (importance sampling), once there are
-    M. "automatic" uses each trial once, S = batch = 4 + 3 log d and M = S/2; the others use them again, S = 4 (d + 2),
-    batch = S/2 and M = S/4.
-    minimum_exploration: root of Sigma_0 as a fraction of `spread`, for "constant" and "proportional".
-    limits: smallest and largest exploration along any axis, as multiples of `spread`; by default 1e-8 and 1e4, but for
-    "proportional" not less than minimum_exploration, since noise in proportion alone lets the short axes die.
+    An update comes after every `batch` returns, from the `best` M of the `latest` S trials (importance sampling), as soon as
+    there are M. Other units of a parameter, in `parameters` and `spread`, change only the units of the result.
 
-    Changing the units of a parameter, in `parameters` and `spread`, changes nothing but the units.
+    Parameters:
+
+    * parameters (d,): first guess.
+    * spread: one number or (d,). Standard deviations of the first trials.
+    * rng: numpy Generator.
+    * exploration: "automatic" (default) sets its size by the length of the path of updates; "constant" adds Sigma_0 to
+      (5.2); "proportional" adds as much in total, in proportion to the eigenvalues (5.2.1); "fixed" keeps the spread, so
+      that only (5.1) is left.
+    * weighting: "rank" (default), "exponential" or "returns", see `return_weights`. "returns" is (5.1) and (5.2) literally.
+    * batch: int, number of returns between updates; default None: 4 + 3 log d with "automatic", else latest / 2.
+    * best: int, M; default None: latest / 2 with "automatic", else latest / 4.
+    * latest: int, S; default None: batch with "automatic", which uses each trial once, else 4 (d + 2).
+    * minimum_exploration: float, default 0.1. Root of Sigma_0 relative to `spread`, for "constant" and "proportional".
+    * limits (2,): smallest and largest exploration along any axis, relative to `spread`; default None: 1e-8 and 1e4. For
+      "proportional" the smallest is at least minimum_exploration: proportional noise alone lets short axes shrink to zero.
     """
 
     def __init__(
@@ -89,7 +96,7 @@ class PoWER(Search):
 
     @property
     def parameters(self) -> np.ndarray:
-        """Mean (d,) of the policy: the best guess, also when returns are noisy."""
+        """Mean (d,) of the policy: the best guess, even if returns are noisy."""
         return self._policy.parameters
 
     @property

@@ -1,16 +1,21 @@
-"""A search for one whose trials scatter about what was aimed at, less and less: rewards are those of an unknown landscape, blurred by the
-scatter. As that shrinks hills sharpen, split, and overtake one another.
+"""A search for trials that scatter about their aim, less and less.
 
-The best hill is followed by a quadratic model (`_niche`). A blur obeys the heat equation, so that how much it shrank can be told from the
-hill alone: a top rises by db tr(H) / 2 when the variance b of the blur changes by db. tr(H) is measured with a star of trials about the top
-whenever b lost a tenth. All that was seen at any blur is one Gaussian process (`_blurred_noise`), which foretells what places that were
-seen broadly are worth now. Only where that and its doubt are more than the best top is there anything to be gained: among such places the
-next scout goes where it is expected to lose least. One that earned more than the best top is climbed from. Optimism in the face of doubt is
-from N. Srinivas et al., Gaussian process optimization in the bandit setting, ICML 2010.
+The rewards are those of an unknown landscape, blurred by the scatter. As the scatter shrinks, hills become sharper, split,
+and overtake each other.
 
-A real landscape has higher peaks than blurred white noise, so the process is too sure where it has seen little. Against that there is an
-insurance: while the best top rises, another may rise faster, so part of each rise is put by, and when it pays for a scout, one goes where
-improvement is likeliest, hopeful or not (H. Kushner, J. Basic Eng. 86, 1964). A scout of hope is as good, and is paid for from it, too.
+* A quadratic model (`_niche`) follows the best hill.
+* A blur obeys the heat equation: a top rises by db tr(H) / 2 when the variance b of the blur changes by db. So the rise of
+  the top tells by how much the blur shrank. tr(H) is measured by a star of trials about the top, whenever b has lost a tenth.
+* One Gaussian process (`_blurred_noise`) describes all values, seen through any blur. It predicts what places that were
+  seen through a wide blur are worth now.
+* A place is promising if its prediction plus `optimism` standard deviations exceeds the best top. A scout, a trial of
+  another place, goes to the promising place with the smallest expected loss. (Optimism of this kind: N. Srinivas et al.,
+  Gaussian process optimization in the bandit setting, ICML 2010.) If the scout earned more than the best top, the search
+  climbs from there.
+* A real landscape has higher peaks than blurred white noise, so the process is too certain where it has seen little.
+  Therefore there is a budget for additional scouts (`insurance`): it grows with each rise of the best top, because other
+  hills may rise faster then. If no place is promising and the budget covers the expected loss of a scout, a scout goes
+  where an improvement is most probable (H. Kushner, J. Basic Eng. 86, 1964). All scouts are paid from this budget.
 
     search = Sharpening(aim, scatter, rng=rng)
     for trial in search.trials(3000):
@@ -29,30 +34,39 @@ from dart_skill.policy_search._niche import Niche
 from dart_skill.policy_search._niche_search import NicheSearch
 from dart_skill.policy_search._search import Settings, Told
 
-TOP, SCOUT, PROBE = 0, 1, 2  # what a trial is for
-RECORDS = 300  # trials that the process remembers, the latest
-PLACES = 300  # among which a scout chooses
-STEP = 0.1  # part of the blur's variance that is lost between two stars
+TOP, SCOUT, PROBE = 0, 1, 2  # kinds of trials: about the best top, of another place, of a star
+RECORDS = 300  # number of latest trials that the process uses
+PLACES = 300  # number of places among which a scout chooses
+STEP = 0.1  # share of its variance that the blur loses between two stars
 STAR = 0.15  # radius of a star, in lengths of the blur
-NEAR = 6  # latest trials per dimension at the top that are read with a star
-FIRST_RADIUS = 0.3  # of trials about a new top, in lengths of the blur; of the first one, in spreads
-LARGEST_RADIUS = 0.4  # of trials about a top, in lengths of the blur
-ERRORS = 10.0 ** np.arange(-7.0, -2.9, 0.5)  # variance of a value for the process, over that of the landscape
-FIRST_ERROR = 4  # index into these
+NEAR = 6  # number of latest trials at the top, per dimension, that are evaluated together with a star
+FIRST_RADIUS = 0.3  # radius of trials about a new top, in lengths of the blur; about the first one, in spreads
+LARGEST_RADIUS = 0.4  # largest radius of trials about a top, in lengths of the blur
+ERRORS = 10.0 ** np.arange(-7.0, -2.9, 0.5)  # variance of the error of a value, relative to that of the landscape
+FIRST_ERROR = 4  # first index into ERRORS
 
 
 class Sharpening(NicheSearch):
-    """Search for the best parameters (d,) while the scatter of trials shrinks; `spread`: that scatter at the beginning. Returns are
-    expected ones, without noise.
+    """Search for the best parameters (d,) while the scatter of the trials shrinks. Returns are expected values, without noise.
 
-    optimism: standard deviations of the process that count as hope. insurance: what scouts may lose without it, over the rise of the best
-    top meanwhile, 0 for none. grain: size of what is too fine to matter, in spreads: the process
-    sees every landscape through a blur of this length besides. every: trials between two looks for a place worth a scout.
-    clearing: scouts stay so far from the best top at least, in lengths of the blur, and reach: so near to the beginning, in spreads per
-    root of the dimension. limits: smallest and largest radius of trials about the top, as multiples of `spread`.
+    Parameters:
 
-    The defaults were chosen on darts (experiments/dart_search.py, seeds from 100 on). With less optimism or a coarser grain the process is
-    too sure, and hills that overtake late are missed; with more optimism or a finer grain scouts cost more than they find.
+    * parameters (d,): first guess.
+    * spread: one number or (d,). The scatter at the beginning, as a standard deviation.
+    * rng: numpy Generator.
+    * optimism: float, default 1.85. Standard deviations of the process that are added to its mean to judge a place.
+    * insurance: float, default 6. Budget for scouts to places that are not promising, relative to the rise of the best top;
+      0 for none.
+    * grain: float, default 0.14 [spreads]. Details finer than this do not matter: the process sees every landscape through an
+      additional blur of this length.
+    * every: int, default 5. After so many trials the search looks for a place for a scout.
+    * clearing: float, default 1 [lengths of the blur]. Least distance of a scout from the best top.
+    * reach: float, default 1.25 [spreads per root of d]. Largest distance of a scout from the start.
+    * limits (2,): smallest and largest radius of trials about the top, relative to `spread`; default (0.01, 2).
+
+    The defaults were chosen on darts (experiments/dart_search.py, seeds from 100 on). With less optimism or a coarser grain
+    the process is too certain, and hills that overtake late are missed. With more optimism or a finer grain scouts cost more
+    than they find.
     """
 
     OPTIONS = ("optimism", "insurance", "grain", "every", "clearing", "reach")
@@ -96,18 +110,21 @@ class Sharpening(NicheSearch):
 
     @property
     def blur(self) -> float:
-        """How far trials are thought to scatter by now, in units of the spread."""
+        """Estimated scatter of the trials now, a standard deviation in units of the spread."""
         return float(np.sqrt(max(self._variance(self.n_asked), 0.0)))
 
     def _variance(self, number: int) -> float:
-        """Of the blur at that trial: by how much the top rose since the last star; as it went before, while there is no top."""
+        """Variance of the blur at a trial, from the rise of the top since the last star.
+
+        While no top is found, it continues at its last rate.
+        """
         if self._top is None or not self._niche.settled:
             return self._blur + self._rate * (number - self._marked)
         value, trace = self._top
         return self._blur + 2 * (self._niche.value - value) / trace
 
     def _seen_through(self, variance: float | np.ndarray) -> float | np.ndarray:
-        """What the process takes for the variance of the blur: a guess that fell below zero does no harm."""
+        """Variance of the blur for the process: not below zero, plus that of the grain."""
         return np.maximum(variance, 0.0) + self._grain**2
 
     # What to try
@@ -122,8 +139,10 @@ class Sharpening(NicheSearch):
         return np.append(place, [kind, self._niche.identity]), self._start + self._scale * place
 
     def _scout(self, number: int) -> np.ndarray | None:
-        """Of all places (d,) clear of the top that could be better, the one that is expected to cost least; if there is none, the one that
-        is most likely to be better, if the insurance pays.
+        """Place (d,) of the next scout, far enough from the best top; None if no scout shall go.
+
+        It is the promising place with the smallest expected loss. If no place is promising, it is the one that is most
+        probably better, provided that the budget covers its expected loss.
         """
         blur, places = float(self._seen_through(self._variance(number))), self._cloud()
         places = places[np.linalg.norm(places - self._niche.centre, axis=1) > self._clearing * np.sqrt(blur)]
@@ -135,7 +154,7 @@ class Sharpening(NicheSearch):
         best = int(np.where(hopeful, mean, -np.inf).argmax() if hopeful.any() else (missing / deviation).argmin())
         if not hopeful.any() and missing[best] > self._purse:
             return None
-        self._remember(number, places[best], float(mean[best]))  # as believed until it is told, or for good if it fails
+        self._remember(number, places[best], float(mean[best]))  # the prediction stands until the return is told, or if it fails
         return places[best]
 
     def _cloud(self) -> np.ndarray:
@@ -146,7 +165,7 @@ class Sharpening(NicheSearch):
         return sizes * directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
     def _posterior(self) -> BlurredNoise:
-        """Of all records; with each new one its error climbs the likelihood by a step."""
+        """The process for all records; after a new record its error moves at most one step of ERRORS up the likelihood."""
         if self._process is None:
             _, points, variances, values = (np.array(part, dtype=float) for part in zip(*self._records, strict=True))
             blurs = self._seen_through(variances)
@@ -183,13 +202,13 @@ class Sharpening(NicheSearch):
         return True
 
     def _put_by(self) -> None:
-        """Part of the rise of the best top, for scouts without hope."""
+        """Add to the budget of scouts: `insurance` times the rise of the best top."""
         highest = self._niche.value if self._highest is None else self._highest
         self._purse += self._insurance * max(self._niche.value - highest, 0.0)
         self._highest = max(self._niche.value, highest)
 
     def _go_over(self, number: int, place: np.ndarray, value: float) -> None:
-        """To the hill of a scout."""
+        """Follow the hill of a successful scout from now on."""
         d, variance = place.size, self._variance(number)
         radius = float(np.clip(FIRST_RADIUS * np.sqrt(self._seen_through(variance)), *self.settings.limits))
         self._blur, self._marked, self._top, self._star, self._probed = variance, number, None, [], []
@@ -218,12 +237,12 @@ class Sharpening(NicheSearch):
         design = np.column_stack([np.ones(len(told)), numbers - number, away, np.square(away).sum(axis=1)])
         answer = np.linalg.lstsq(design, earned, rcond=None)[0]
         value, steepness, trace = float(answer[0]), float(np.linalg.norm(answer[2:-1])), 2 * d * float(answer[-1])
-        # A star that is not about a top tells nothing of one.
+        # A star that is not about a top is not used.
         if trace < 0 and steepness * d < -trace * STAR * np.sqrt(self._seen):
             self._mark(number, value - 0.5 * steepness**2 * d / trace, trace)
 
     def _mark(self, number: int, value: float, trace: float) -> None:
-        """Let the blur go on by what the top rose since the last star, with the geometric mean of both tr(H)."""
+        """Update the blur by the rise of the top since the last star, with the geometric mean of both tr(H)."""
         if self._top is None:
             self._blur = self._variance(number)
         else:
