@@ -1,6 +1,6 @@
 """Verbs that the ROS 2 nodes run: `dart-skill up`, `demo`, `practice`, `teach`, `throw`, `learn` without a bag, and `bag play`.
 
-The library knows no ROS. Each of these verbs is a module of `dart_skill_nodes.verbs.teach_learn_throw` with `add_arguments(parser)` and
+The library knows no ROS. Each of these verbs is a module of `dart_skill_nodes.verbs` with `add_arguments(parser)` and
 `main(options, parser)`, found by its name where the nodes are installed.
 """
 
@@ -48,4 +48,4 @@ def _run(name: str, parser: argparse.ArgumentParser, options: argparse.Namespace
 
 
 def _module(name: str) -> ModuleType:
-    return importlib.import_module(f"dart_skill_nodes.verbs.teach_learn_throw.{name}")
+    return importlib.import_module(f"dart_skill_nodes.verbs.{name}")

@@ -66,7 +66,7 @@ def test_without_the_nodes_it_is_said_what_is_missing(arguments, status):
 def test_the_verbs_look_for_the_graph_where_up_starts_it():
     """On the user's ROS domain; `demo` and `practice` choose one that is free, for a graph of their own, when they begin."""
     pytest.importorskip("rclpy")
-    verbs = ", ".join(f"dart_skill_nodes.verbs.teach_learn_throw.{name}" for name in ("up", "teach", "learn", "throw", "demo", "practice"))
+    verbs = ", ".join(f"dart_skill_nodes.verbs.{name}" for name in ("up", "teach", "learn", "throw", "demo", "practice"))
     script = f"import os, {verbs}; print(os.environ.get('ROS_DOMAIN_ID'))"
     environment = {name: value for name, value in os.environ.items() if name != "ROS_DOMAIN_ID"}
     told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=environment, check=True)

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES, Graph
-from dart_skill_nodes.verbs.teach_learn_throw._options import add_run, asked, check_run
-from dart_skill_nodes.verbs.teach_learn_throw._run import carried_out, parameter_texts, say, teach, throw_all
+from dart_skill_nodes.verbs._options import add_run, asked, check_run
+from dart_skill_nodes.verbs._run import carried_out, parameter_texts, say, teach, throw_all
 
 if TYPE_CHECKING:
     from dart_skill.report.folder import DemoSummary

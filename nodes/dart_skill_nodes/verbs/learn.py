@@ -6,7 +6,7 @@ Its options stand in `dart_skill.cli.learn`, which learns from bags without ROS.
 import argparse
 from typing import TYPE_CHECKING
 
-from dart_skill_nodes.verbs.teach_learn_throw._run import PATIENCE, on_running_graph, print_result
+from dart_skill_nodes.verbs._run import PATIENCE, on_running_graph, print_result
 
 if TYPE_CHECKING:
     from dart_skill_nodes.client.graph_client import GraphClient

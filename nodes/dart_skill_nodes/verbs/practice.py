@@ -7,8 +7,8 @@ from functools import partial
 
 from dart_skill.cli.names import CHANGES, PRACTICE_METHODS
 from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES, Graph
-from dart_skill_nodes.verbs.teach_learn_throw._options import add_run, asked, check_run
-from dart_skill_nodes.verbs.teach_learn_throw._run import carried_out, parameter_texts, place, say, teach
+from dart_skill_nodes.verbs._options import add_run, asked, check_run
+from dart_skill_nodes.verbs._run import carried_out, parameter_texts, place, say, teach
 
 BLOCK = 5
 """Throws per line of the table."""

@@ -3,8 +3,8 @@
 import argparse
 from typing import TYPE_CHECKING
 
-from dart_skill_nodes.verbs.teach_learn_throw._options import add_baskets
-from dart_skill_nodes.verbs.teach_learn_throw._run import PATIENCE, baskets, on_running_graph, place, print_result, say
+from dart_skill_nodes.verbs._options import add_baskets
+from dart_skill_nodes.verbs._run import PATIENCE, baskets, on_running_graph, place, print_result, say
 
 if TYPE_CHECKING:
     import numpy as np

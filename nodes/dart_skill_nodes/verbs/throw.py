@@ -4,8 +4,8 @@ import argparse
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from dart_skill_nodes.verbs.teach_learn_throw._options import add_baskets
-from dart_skill_nodes.verbs.teach_learn_throw._run import PATIENCE, baskets, on_running_graph, print_result, throw_all
+from dart_skill_nodes.verbs._options import add_baskets
+from dart_skill_nodes.verbs._run import PATIENCE, baskets, on_running_graph, print_result, throw_all
 
 if TYPE_CHECKING:
     import numpy as np

@@ -13,7 +13,7 @@ from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.process.discovery import stay_on_this_machine
 from dart_skill_nodes.process.graph_processes import LAYOUTS, SIMULATED, START, Graph, nodes_of, parameters_of
 from dart_skill_nodes.process.signals import Interrupts
-from dart_skill_nodes.verbs.teach_learn_throw._options import output_folder
+from dart_skill_nodes.verbs._options import output_folder
 
 if TYPE_CHECKING:
     from dart_skill_nodes.client.graph_client import GraphClient

@@ -423,7 +423,7 @@ def test_convert_tells_what_is_wrong_with_the_poses(tmp_path, call):
 
 
 def parameters(*arguments):
-    play = pytest.importorskip("dart_skill_nodes.verbs.teach_learn_throw.play")
+    play = pytest.importorskip("dart_skill_nodes.verbs.play")
     parser = argparse.ArgumentParser()
     play.add_arguments(parser)
     return play.player_parameters(parser.parse_args(list(arguments)))
