@@ -98,7 +98,7 @@ def _spread(options: argparse.Namespace):
 
 def _heatmap(options: argparse.Namespace) -> int:
     from dart_skill.darts import best_aim, heat_map
-    from dart_skill.figures.board import draw_heat_map
+    from dart_skill.figures import draw_heat_map
 
     spread = _spread(options)
     best = best_aim(spread)

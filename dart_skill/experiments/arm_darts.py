@@ -16,13 +16,10 @@ import numpy as np
 from dart_skill.configuration import node_parameters
 from dart_skill.darts import ModelBasedAgent, name_at, score
 from dart_skill.recording import Demonstration
-from dart_skill.session.in_process import Session
-from dart_skill.simulation.board import Board
-from dart_skill.simulation.plant import PlantSettings
-from dart_skill.simulation.teacher import Swing
-from dart_skill.skill.improve.correction import CorrectionSettings
-from dart_skill.skill.improve.practising import PractisingSkill
-from dart_skill.skill.learn.configuration import DEFAULT, SkillConfiguration
+from dart_skill.session import Session
+from dart_skill.simulation import Board, PlantSettings, Swing
+from dart_skill.skill.improve import CorrectionSettings, PractisingSkill
+from dart_skill.skill.learn import DEFAULT, SkillConfiguration
 from dart_skill.surface import BoardFace
 
 BLOCK = 25

@@ -9,14 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from dart_skill.darts._board import RADII, SECTORS, direction
-from dart_skill.darts._estimation import SpreadEstimate
-from dart_skill.darts._heat_map import heat_map
-from dart_skill.darts._leg import LegPolicy
-from dart_skill.darts._optimum import Aim, local_optima
-from dart_skill.darts._path import OptimumPath
-from dart_skill.darts._spread import Spread
-from dart_skill.figures.style import BLACK, BLUE, GREY, LIGHT, PALE, VERMILION, house_style, quantity_colours, save
+from dart_skill.darts import RADII, SECTORS, Aim, LegPolicy, OptimumPath, Spread, SpreadEstimate, direction, heat_map, local_optima
+from dart_skill.figures._style import BLACK, BLUE, GREY, LIGHT, PALE, VERMILION, house_style, quantity_colours, save
 
 NUMBERS_AT, LIMIT = 185.0, 196.0
 HALO = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8}

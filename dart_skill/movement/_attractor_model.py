@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_count, as_finite, as_number
+from dart_skill.movement._attractor import as_gains, critical_damping
 from dart_skill.movement._placement import FrameCourse
+from dart_skill.movement._task_parameterised import TaskParameterisedMixture
 from dart_skill.movement._time import as_stamps
-from dart_skill.movement.attractor import as_gains, critical_damping
-from dart_skill.movement.task_parameterised import TaskParameterisedMixture
 
 PARTITIONS = ("em", "time")
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_finite, as_samples
+from dart_skill.movement._differentiation import MIN_SAMPLES, Motion, smooth_derivatives
 from dart_skill.movement._time import as_stamps
-from dart_skill.movement.differentiation import MIN_SAMPLES, Motion, smooth_derivatives
 
 # Clean samples are differentiated by the polynomial through so many of them: sixth order, fifth for accelerations at the ends.
 STENCIL = 7

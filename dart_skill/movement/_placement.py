@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_learnable, as_samples, as_vector
-from dart_skill.movement.frames import TaskFrame
+from dart_skill.movement._frames import TaskFrame
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,10 +16,10 @@ from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_finite, as_number, as_vector
 from dart_skill.movement._demonstrations import Demonstration
+from dart_skill.movement._differentiation import Motion
 from dart_skill.movement._forcing import REGRESSIONS, normalised, transformation
 from dart_skill.movement._runge_kutta import divide, integrate
 from dart_skill.movement._time import as_stamps
-from dart_skill.movement.differentiation import Motion
 
 # A tracking error slows a movement down to this share of its pace at least. At zero it could not continue.
 MIN_SHARE = 1e-9

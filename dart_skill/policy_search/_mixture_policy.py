@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dart_skill.mixture import GaussianMixture
-from dart_skill.mixture._gaussian import symmetric
+from dart_skill.mixture import GaussianMixture, symmetric
 from dart_skill.policy_search._exploration import NOISE
 from dart_skill.policy_search._search import Settings
 

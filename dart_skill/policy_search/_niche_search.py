@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_vector
+from dart_skill.policy_search._baselines import VectorSearch
 from dart_skill.policy_search._search import Settings
-from dart_skill.policy_search.baselines import VectorSearch
 
 
 class NicheSearch(VectorSearch):

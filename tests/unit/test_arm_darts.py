@@ -11,15 +11,12 @@ from dart_skill.darts import as_target, score
 from dart_skill.experiments.arm_darts import Dart, Run, darts_configuration, darts_session, run, summarise, table, teach
 from dart_skill.experiments.pictures.arm_darts import draw_arm_darts, running
 from dart_skill.flight import DART, TENNIS_BALL, crossing, flight, landing
-from dart_skill.robot.command import Command, Grip
-from dart_skill.simulation.board import Board
-from dart_skill.simulation.teacher import Teacher
-from dart_skill.skill.improve.practising import PractisingSkill
-from dart_skill.skill.improve.steadiness import Steadiness
-from dart_skill.skill.learn.model_file import load_model, save_model
-from dart_skill.skill.learn.release import landing_if_late
-from dart_skill.skill.learn.throwing import Unreachable, learn
-from dart_skill.skill.observe.outcome import judge_flight
+from dart_skill.robot import Command, Grip
+from dart_skill.simulation import Board, Teacher
+from dart_skill.skill.improve import PractisingSkill
+from dart_skill.skill.improve._steadiness import Steadiness
+from dart_skill.skill.learn import Unreachable, landing_if_late, learn, load_model, save_model
+from dart_skill.skill.observe import judge_flight
 from dart_skill.surface import BASKETS, BOARD_DIAMETER, RIMS, BoardFace, game_at
 
 BOARD = Board()

@@ -18,11 +18,10 @@ from dart_skill.figures import (
     frame_views,
     read_recordings,
 )
-from dart_skill.figures.landings import along_across
+from dart_skill.figures._landings import along_across
 from dart_skill.recording import BagError, BagWriter, definition, serialize, typestore
-from dart_skill.session.summary import ThrowResult
-from dart_skill.skill.learn.configuration import configuration
-from dart_skill.skill.learn.throwing import learn
+from dart_skill.session import ThrowResult
+from dart_skill.skill.learn import configuration, learn
 
 SVG = "{http://www.w3.org/2000/svg}"
 POSE, COMMAND = "geometry_msgs/msg/PoseStamped", "dart_skill_msgs/msg/WamCommand"

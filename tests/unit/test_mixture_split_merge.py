@@ -5,9 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dart_skill.mixture import GaussianMixture
-from dart_skill.mixture._split_merge import SplitMerge, merge_candidates, split, split_and_merge, split_candidates
-from dart_skill.mixture._weighted_likelihood import mean_log_likelihood
+from dart_skill.mixture import GaussianMixture, SplitMerge, mean_log_likelihood, split, split_and_merge
+from dart_skill.mixture._split_merge import merge_candidates, split_candidates
 
 inside = st.floats(0.05, 0.95)
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from dart_skill.mixture import regress
-from dart_skill.movement import TaskFrame, attractor_from_motion, smooth_derivatives
-from dart_skill.movement.autonomous import AutonomousDSGMR, PhaseRule, lift
+from dart_skill.movement import AutonomousDSGMR, PhaseRule, TaskFrame, attractor_from_motion, smooth_derivatives
+from dart_skill.movement._autonomous import lift
 
 WORLD = [TaskFrame(np.eye(3), np.zeros(3))]
 STAMPS = np.linspace(-0.3, 1.3, 161)

@@ -9,12 +9,11 @@ from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
 from dart_skill.flight import DART, TENNIS_BALL, crossing, landing
-from dart_skill.robot.commander import STRETCHED, CommanderSettings, PlanRefused, check_plan
-from dart_skill.robot.description import wam_description
-from dart_skill.robot.throw_plan import Gains, HandPath, ThrowPlan
-from dart_skill.skill.learn.configuration import SkillConfiguration, configuration
-from dart_skill.skill.learn.release import farthest, hits_along, landing_if_late, nearest_step, stretched_at, weights_at
-from dart_skill.skill.learn.throwing import EARLIEST, LATEST, learn
+from dart_skill.robot import STRETCHED, CommanderSettings, Gains, HandPath, PlanRefused, ThrowPlan, wam_description
+from dart_skill.robot._commander import check_plan
+from dart_skill.skill.learn import SkillConfiguration, configuration, landing_if_late, learn
+from dart_skill.skill.learn._release import farthest, hits_along, nearest_step, stretched_at, weights_at
+from dart_skill.skill.learn._throwing import EARLIEST, LATEST
 from dart_skill.surface import BASKETS, RIMS, BoardFace, Game, game_at
 
 VACUUM = Game(replace(TENNIS_BALL, drag_coefficient=0.0), RIMS)

@@ -18,10 +18,9 @@ import pytest
 
 from dart_skill.cli import main
 from dart_skill.recording import BagWriter, definition, qos_yaml, serialize, type_hash, typestore
-from dart_skill.view import rerun_bag
+from dart_skill.view import RerunUnavailable, rerun_bag
 from dart_skill.view.rerun_bag import (
     BagLayout,
-    RerunUnavailable,
     command_line,
     describe,
     find_rerun,

@@ -9,8 +9,8 @@ import pytest
 from pybullet_utils.bullet_client import BulletClient
 
 from dart_skill.configuration import load_yaml
-from dart_skill.robot.description import parse_description, symmetric, wam_description
-from dart_skill.robot.urdf import write_urdf
+from dart_skill.robot import wam_description, write_urdf
+from dart_skill.robot._description import parse_description, symmetric
 
 WAM = wam_description()
 

@@ -6,9 +6,7 @@ import pytest
 from pybullet_utils.bullet_client import BulletClient
 from scipy.spatial.transform import Rotation
 
-from dart_skill.robot.description import wam_description
-from dart_skill.robot.model import ArmModel
-from dart_skill.robot.urdf import write_urdf
+from dart_skill.robot import ArmModel, wam_description, write_urdf
 
 WAM = wam_description()
 SHOULDER = WAM.mount_height + WAM.shoulder_height

@@ -7,10 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dart_skill.checks import to_the_nanosecond
-from dart_skill.movement import Reproduction, StateDriven
-from dart_skill.movement.frames import turn_matrix
-from dart_skill.movement.orientation import quaternions_from_angles, turn_about_z
-from dart_skill.robot.throw_plan import HandPath
+from dart_skill.movement import Reproduction, StateDriven, quaternions_from_angles, turn_about_z, turn_matrix
+from dart_skill.robot import HandPath
 
 
 @dataclass(frozen=True, eq=False)
