@@ -19,7 +19,6 @@ from pathlib import Path
 import pytest
 import yaml
 
-from dart_skill.cli import main
 from dart_skill.cli._completion import commands_of
 from dart_skill.cli._main import _parser
 
@@ -333,7 +332,7 @@ def parse(command: str):
     """The options of a `dart-skill` command as its parser understands them; a usage error fails the test."""
     words = shlex.split(as_typed(command, ""))[1:]
     try:
-        return cli._parser(words).parse_args(words)
+        return _parser().parse_args(words)
     except SystemExit as end:
         assert not end.code, f"'{command}' is no command"
 

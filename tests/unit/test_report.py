@@ -14,8 +14,7 @@ import pytest
 
 from dart_skill.cli import main
 from dart_skill.recording import BagWriter
-from dart_skill.report import About, page_of, read_run, write_page
-from dart_skill.report import pictures
+from dart_skill.report import About, page_of, pictures, read_run, write_page
 from dart_skill.report._curve import WINDOW, curve_figure, running_quartiles
 from dart_skill.report._pictures import embeddable
 from dart_skill.report._run import machine, result_of, versions
