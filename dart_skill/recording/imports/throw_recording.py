@@ -21,9 +21,10 @@ from dart_skill.recording.bags.reader import BagError, BagMessage, BagReader
 from dart_skill.recording.bags.writer import BagWriter, qos_yaml
 from dart_skill.recording.grip_signal import GIGA, OPEN, GripSignal, Opening
 from dart_skill.recording.imports._tables import read_motive, read_pose_table, read_table
-from dart_skill.recording.imports.mapping import LENGTH_UNITS, N_JOINTS, OWN, ROLES, PoseSource, RecordingMapping, SignalSource
+from dart_skill.recording.imports.mapping import LENGTH_UNITS, N_JOINTS, OWN, PoseSource, RecordingMapping, SignalSource
 from dart_skill.recording.imports.pose_faults import Fault, repair
 from dart_skill.recording.imports.pose_stream import IDENTITY, UP_AXES, PoseStream, RigidTransform, transformed, with_continuous_signs
+from dart_skill.world import the_world
 
 POSE_TYPES = ("PoseStamped", "PoseWithCovarianceStamped", "PointStamped", "TransformStamped", "Odometry", "TFMessage")
 SIGNAL_TYPES = ("WamCommand", "Bool", "Empty")
@@ -51,7 +52,7 @@ class ThrowRecording:
     openings: tuple[Opening, ...]
     has_button: bool
     faults: tuple[Fault, ...]
-    frame_id: str = "world"
+    frame_id: str = the_world().frame_id
 
 
 def read_recording(source: str | os.PathLike, mapping: RecordingMapping | None = None) -> ThrowRecording:
@@ -270,11 +271,11 @@ def _openings(mapping: RecordingMapping, taken: dict, folder: Path) -> tuple[Ope
 
 def _messages(recording: ThrowRecording) -> Iterable[tuple[str, int, str, dict]]:
     """Topic, stamp [ns], type and content of each message of a recording."""
-    for role in ROLES:
+    for role, topic in the_world().pose_topics().items():
         stream = with_continuous_signs(recording.bodies[role])
         for stamp, p, q in zip(stream.stamp_ns.tolist(), stream.position.tolist(), stream.quaternion.tolist(), strict=True):
             pose = {"position": dict(zip("xyz", p, strict=True)), "orientation": dict(zip("xyzw", q, strict=True))}
-            yield f"/vrpn_mocap/{role}/pose", stamp, "geometry_msgs/msg/PoseStamped", {"header": _header(stamp, recording), "pose": pose}
+            yield topic, stamp, "geometry_msgs/msg/PoseStamped", {"header": _header(stamp, recording), "pose": pose}
     joints = recording.joints
     if joints is not None:
         for stamp, q, v in zip(joints.stamp_ns.tolist(), joints.position, joints.velocity, strict=True):
