@@ -44,10 +44,19 @@ class Table:
 
 @dataclass(frozen=True)
 class PoseSource:
-    """Where the poses of a body come from: a topic (child: of which transform on it), a table, a Motive export (body: its name there), or
-    a fixed position [m]. frame: header.frame_id that the messages must have, empty for any. up, length, order: of axes, units and
-    quaternions. world: from the axes (once z is up) to ours; offset: the frame that we mean in the axes of the tracked body. shift_ns:
-    added to stamps.
+    """Where the poses of a body come from: a topic, a table, a Motive export, or a fixed position.
+
+    * topic: name of the topic; child: of which transform on it.
+    * table: columns of a CSV file.
+    * motive: file of a Motive export; body: the name of the body there.
+    * fixed: a position that never changes (3,) [m].
+    * frame: header.frame_id that the messages must have, "" for any.
+    * up: axis that points up, default "z".
+    * length: unit of lengths, default "m".
+    * order: of the numbers of a quaternion, default "xyzw".
+    * world: from the recorded axes, once z is up, to ours.
+    * offset: the frame that we mean, in the axes of the tracked body.
+    * shift_ns: added to stamps [ns].
     """
 
     topic: str = ""
@@ -83,8 +92,13 @@ class SignalSource:
 
 @dataclass(frozen=True)
 class RecordingMapping:
-    """Sources by role. frame: name of the world's axes. teacher, command: who tells the hand to open, a guiding person or the arm's own
-    controller; optional: roles that a recording may lack.
+    """What a recording holds, and where.
+
+    * bodies: sources of the poses of hand, ball and basket, by role.
+    * joints: source of the joint states, None for none.
+    * teacher, command: who tells the hand to open: a guiding person, or the arm's own controller.
+    * frame: name of the world's axes, default that of config/world.yaml.
+    * optional: roles that a recording may lack.
     """
 
     bodies: Mapping[str, PoseSource]

@@ -42,8 +42,15 @@ class JointStream:
 
 @dataclass(frozen=True, eq=False)
 class ThrowRecording:
-    """What a recording holds. bodies: poses of hand, ball and basket; joints: None if they were not recorded; openings in order of time;
-    has_button: whether somebody recorded at all when the hand was told to open; faults: found in the poses.
+    """What a recording holds.
+
+    * source: where it comes from.
+    * bodies: poses of hand, ball and basket, by role.
+    * joints: joint states, None if they were not recorded.
+    * openings: when the hand was told to open, in order of time.
+    * has_button: whether somebody recorded at all when the hand was told to open.
+    * faults: found in the poses.
+    * frame_id: of the poses, default that of config/world.yaml.
     """
 
     source: str
