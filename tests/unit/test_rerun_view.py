@@ -251,9 +251,7 @@ def test_what_cannot_be_read_is_told_before_rerun_is_asked(stand_in, tmp_path, c
 def test_ctrl_c_ends_the_viewer_with_everything_that_it_started(number, tmp_path):
     started = tmp_path / "started"
     viewer = script(tmp_path / "rerun", f"sleep 600 & echo $! > {started}.new; mv {started}.new {started}; wait")
-    code = (
-        "import os, sys; from dart_skill.cli.view import run_to_the_end; sys.exit(run_to_the_end(sys.argv[1:], dict(os.environ)))"
-    )
+    code = "import os, sys; from dart_skill.cli.view import run_to_the_end; sys.exit(run_to_the_end(sys.argv[1:], dict(os.environ)))"
     process = subprocess.Popen([sys.executable, "-c", code, str(viewer)])
     try:
         until = time.monotonic() + 60
