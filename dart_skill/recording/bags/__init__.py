@@ -19,14 +19,13 @@ from dart_skill.recording.bags.messages import (
     vector_content,
 )
 from dart_skill.recording.bags.playback import CLOCK_TOPIC, CLOCK_TYPE, Due, Pace, Playback, Selection, clock_message
-from dart_skill.recording.bags.reader import BagAttachment, BagError, BagMessage, BagReader, TopicInfo
-from dart_skill.recording.bags.recovery import LostPlace, Recovery, recover
+from dart_skill.recording.bags.reader import BagError, BagMessage, BagReader, TopicInfo
+from dart_skill.recording.bags.recovery import recover
 from dart_skill.recording.bags.writer import BagWriteError, BagWriter, qos_yaml
 
 __all__ = [
     "CLOCK_TOPIC",
     "CLOCK_TYPE",
-    "BagAttachment",
     "BagError",
     "BagMessage",
     "BagReader",
@@ -34,10 +33,8 @@ __all__ = [
     "BagWriter",
     "Due",
     "Finding",
-    "LostPlace",
     "Pace",
     "Playback",
-    "Recovery",
     "Selection",
     "TopicInfo",
     "check_bag",
