@@ -1,6 +1,6 @@
 """Recordings without ROS: bags in and out, message types, demonstrations.
 
-`bags` has more that concerns bags (check, recover, play), `imports` reads what other laboratories recorded, `mcap` is the container.
+`bags` has modules that check, recover and play bags, `imports` reads what other laboratories recorded, `mcap` is the container.
 """
 
 from dart_skill.recording.bags import (

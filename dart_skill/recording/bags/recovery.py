@@ -237,7 +237,7 @@ class _Recovery:
         return result
 
     def _close(self, file: McapFile) -> FileMetadata:
-        metadata = FileMetadata(file.path.name, file.message_count, file.start_ns, file.end_ns)
+        metadata = FileMetadata.of(file)
         counts: Counter[str] = Counter()
         for channel in file.channels.values():
             counts[channel.record.topic] += channel.count

@@ -30,6 +30,7 @@ PARSED = frozenset(Opcode) - {Opcode.MESSAGE, Opcode.CHUNK, Opcode.MESSAGE_INDEX
 _CHUNK_HEAD = struct.Struct("<QQQII")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _LARGEST_CHUNK = 2**30
+_UNREADABLE = (ValueError, struct.error, McapError, OverflowError, MemoryError)  # what `mcap` makes of bytes that are no records
 
 
 class DamagedError(ValueError):
@@ -123,7 +124,7 @@ def parse(opcode: int, content: bytes | memoryview, check_crc: bool = True) -> M
     try:
         record = next(StreamReader(BytesIO(RECORD.pack(opcode, len(data)) + data), skip_magic=True).records)
         again = packed(record)[RECORD.size :]
-    except (ValueError, struct.error, McapError, OverflowError, MemoryError) as error:
+    except _UNREADABLE as error:
         raise DamagedError(f"the {Opcode(opcode).name} record is damaged ({error or type(error).__name__})") from error
     if opcode == Opcode.ATTACHMENT and again[:-4] == data[:-4]:
         if check_crc and data[-4:] not in (again[-4:], b"\0\0\0\0"):
@@ -165,7 +166,7 @@ def parse_message_index(content: memoryview) -> tuple[int, list[tuple[int, int]]
 
 
 def records_of(raw: bytes | memoryview, cut_off: bool = False) -> Iterator[tuple[int, int, int]]:
-    """Opcode, begin and end of the content of each record in a chunk or a summary; DamagedError where one reaches beyond it.
+    """Opcode, begin and end of the content of each record in a chunk; DamagedError where one reaches beyond it.
 
     cut_off: stop there instead.
     """
@@ -176,7 +177,7 @@ def records_of(raw: bytes | memoryview, cut_off: bool = False) -> Iterator[tuple
         if place > size or (opcode == Opcode.MESSAGE and length < _MESSAGE_HEAD.size):
             if cut_off:
                 return
-            raise DamagedError("a record reaches beyond the chunk or summary that it is in")
+            raise DamagedError("a record in the chunk reaches beyond it")
         yield opcode, begin, place
 
 
@@ -207,19 +208,21 @@ def read_summary(data: memoryview) -> Summary | None:
     end = len(data) - FOOTER_LENGTH
     if footer.summary_crc and crc32(data[footer.summary_start : end + 25]) != footer.summary_crc:
         raise DamagedError("the summary's CRC does not fit its content")
-    content, found = data[footer.summary_start : end], defaultdict(list)
-    for opcode, begin, stop in records_of(content):
-        if opcode in PARSED:
-            found[opcode].append(parse(opcode, content[begin:stop]))
+    found = defaultdict(list)
+    try:
+        for record in StreamReader(BytesIO(data[footer.summary_start :]), skip_magic=True).records:
+            found[type(record)].append(record)
+    except _UNREADABLE as error:
+        raise DamagedError(f"the summary is damaged ({error or type(error).__name__})") from error
     return Summary(
         footer.summary_start,
         bool(footer.summary_crc),
-        {schema.id: schema for schema in found[Opcode.SCHEMA]},
-        {channel.id: channel for channel in found[Opcode.CHANNEL]},
-        found[Opcode.CHUNK_INDEX],
-        found[Opcode.ATTACHMENT_INDEX],
-        found[Opcode.METADATA_INDEX],
-        found[Opcode.STATISTICS][-1] if found[Opcode.STATISTICS] else None,
+        {schema.id: schema for schema in found[Schema]},
+        {channel.id: channel for channel in found[Channel]},
+        found[ChunkIndex],
+        found[AttachmentIndex],
+        found[MetadataIndex],
+        found[Statistics][-1] if found[Statistics] else None,
     )
 
 
