@@ -21,8 +21,11 @@ from functools import partial  # noqa: E402
 
 import numpy as np  # noqa: E402
 
-from dart_skill.policy_search import PoWER, PrimitivePoWER  # noqa: E402
-from dart_skill.policy_search._exploration import PathLength  # noqa: E402
+from dart_skill.policy_search import (  # noqa: E402
+    PathLength,  # noqa: E402
+    PoWER,
+    PrimitivePoWER,
+)
 
 try:
     with warnings.catch_warnings():

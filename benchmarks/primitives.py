@@ -18,7 +18,7 @@ import time  # noqa: E402
 
 import numpy as np  # noqa: E402
 
-from dart_skill.movement.primitives import DiscretePrimitive  # noqa: E402
+from dart_skill.movement import DiscretePrimitive  # noqa: E402
 
 try:
     from movement_primitives.dmp import DMP

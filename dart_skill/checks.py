@@ -7,12 +7,12 @@ import operator
 import numpy as np
 from numpy.typing import ArrayLike
 
-# Variances of samples up to this size, and down to one over it, are numbers with all their digits.
+# Samples up to this size, and scales down to its reciprocal, have a variance that neither overflows nor loses digits.
 LARGEST_LEARNABLE = 1e145
 
 
 def as_finite(value: ArrayLike, name: str, ndim: int | None = None) -> np.ndarray:
-    """Float copy of `value`, refused when it is not numeric, not finite or not of `ndim` dimensions."""
+    """A copy of `value` as an array of floats; ValueError if it is not numeric, not finite, or not of `ndim` dimensions."""
     try:
         array = np.array(value, dtype=float)
     except (TypeError, ValueError) as error:
@@ -49,8 +49,9 @@ def as_learnable(value: ArrayLike, name: str) -> np.ndarray:
 
 
 def require_near(log_density: np.ndarray, points: np.ndarray, name: str, first_row: int = 0) -> None:
-    """ValueError for the first of points (n, d), rows from first_row on, whose log density (n,) is no number, because a square
-    overflowed.
+    """ValueError for the first of the points (n, d) whose log density (n,) is not finite, because a square overflowed.
+
+    first_row: row number of points[0] in the array of the caller, for the message.
     """
     finite = np.isfinite(log_density)
     if not finite.all():
@@ -109,7 +110,7 @@ def as_dims(value: ArrayLike, n_dims: int, name: str) -> np.ndarray:
 
 
 def as_covariances(value: ArrayLike, name: str, shape: tuple[int, ...]) -> np.ndarray:
-    """Symmetric matrices of the given shape (..., d, d), symmetrised to the last bit."""
+    """Matrices of the given shape (..., d, d) that are symmetric but for rounding; the rounding is removed."""
     matrices = as_finite(value, name)
     if matrices.shape != shape:
         raise ValueError(f"{name} must have shape {shape}, got {matrices.shape}")

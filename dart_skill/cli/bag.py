@@ -80,7 +80,7 @@ def _add_new_bag(parser: argparse.ArgumentParser, ending: str) -> None:
 
 
 def _info(options: argparse.Namespace) -> int:
-    from dart_skill.recording.bags.description import describe
+    from dart_skill.recording.bags import describe
 
     told, single = [], len(options.bags) == 1
     for path in options.bags:
@@ -196,7 +196,7 @@ def _instant(stamp_ns: int) -> str:
 
 def _check(options: argparse.Namespace) -> int:
     from dart_skill.recording import typestore
-    from dart_skill.recording.bags.check import check_bag
+    from dart_skill.recording.bags import check_bag
 
     types = typestore(*options.definitions)
     found = {path: check_bag(path, types) for path in dict.fromkeys(options.bags)}
@@ -224,7 +224,7 @@ def _verdict(path: Path, findings: list) -> str:
 
 
 def _recover(options: argparse.Namespace) -> int:
-    from dart_skill.recording.bags.recovery import recover
+    from dart_skill.recording.bags import recover
 
     result = recover(options.bag, _output(options, options.bag, "recovered"))
     print(json.dumps(_recovery_json(result), indent=1) if options.json else _recovery_text(result))

@@ -9,7 +9,7 @@ import sys
 from dart_skill.cli.experiment import search
 
 HIGHEST_CHECKOUT = 170
-"""No three darts finish from more."""
+"""Highest score from which three darts can finish."""
 
 
 def add_to(commands) -> None:
@@ -98,7 +98,7 @@ def _spread(options: argparse.Namespace):
 
 def _heatmap(options: argparse.Namespace) -> int:
     from dart_skill.darts import best_aim, heat_map
-    from dart_skill.figures.board import draw_heat_map
+    from dart_skill.figures import draw_heat_map
 
     spread = _spread(options)
     best = best_aim(spread)
@@ -245,7 +245,7 @@ def _target(text: str):
 
 
 def _draw(options: argparse.Namespace, function: str, *arguments) -> list[str]:
-    """Paths of the picture that one of the functions of `pictures` draws; none without --output."""
+    """Draw a picture by one of the functions of `pictures`; returns its paths, an empty list without --output."""
     if options.output is None:
         return []
     from dart_skill.figures import board as pictures

@@ -34,8 +34,8 @@ def _learn(options: argparse.Namespace) -> int:
         _refuse_what_needs_a_bag(options)
         return options.run_on_graph(options)
     from dart_skill.recording.imports import load_mapping
-    from dart_skill.session.from_bag import learn_from_bag
-    from dart_skill.skill.learn.model_file import save_model
+    from dart_skill.session import learn_from_bag
+    from dart_skill.skill.learn import save_model
 
     if options.at_least is not None:
         raise ValueError("--at-least waits for demonstrations on a graph that runs: leave out BAG, or this")

@@ -27,10 +27,8 @@ def page_beside(bag: Path) -> Path:
 
 
 def _report(options: argparse.Namespace) -> int:
-    from dart_skill.report.page import page_of
-    from dart_skill.report.pictures import pictures
-    from dart_skill.report.run import About, read_run
-    from dart_skill.skill.learn.configuration import configuration
+    from dart_skill.report import About, page_of, pictures, read_run
+    from dart_skill.skill.learn import configuration
 
     configuration(options.configuration)  # a name that is not known is told before anything is read
     bag = options.bag / "bag" if (options.bag / "bag" / "metadata.yaml").is_file() else options.bag
@@ -57,7 +55,7 @@ def _as_json(run, output: Path) -> dict:
 
 
 def _as_text(run, output: Path) -> str:
-    from dart_skill.session.summary import footer
+    from dart_skill.session import footer
 
     lines = [f"{len(run.shown)} demonstrations, {len(run.results)} throws of the arm: {footer(run.results)}"]
     lines += [f"report: {output}, {output.stat().st_size / 1e6:.1f} MB", f"next: dart-skill view {run.bag}"]

@@ -26,7 +26,7 @@ def add_to(commands) -> None:
 
 
 def _view(options: argparse.Namespace) -> int:
-    from dart_skill.view.rerun_bag import RerunUnavailable
+    from dart_skill.view import RerunUnavailable
 
     if options.bag is None and not options.install:
         options.usage_error("name a BAG, or --install")

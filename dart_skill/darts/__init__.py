@@ -1,7 +1,7 @@
 """Darts: the board, the thrower's spread, where to aim (thesis chapter 6).
 
-Millimetres everywhere; the origin is the bull's centre, x points to the right and y up as the thrower sees the board. A dart lands at
-aim + bias + N(0, covariance).
+All lengths are in millimetres. The origin is the centre of the bull; x points to the right and y up, as the thrower sees
+the board. A dart lands at aim + bias + N(0, covariance). A bed is an area of the board with one score, such as treble 20.
 """
 
 from dart_skill.darts._agent import ModelBasedAgent
@@ -15,6 +15,7 @@ from dart_skill.darts._board import (
     as_target,
     bed_at,
     bed_centres,
+    direction,
     name_at,
     place_of,
     score,
@@ -29,14 +30,10 @@ from dart_skill.darts._professionals import PROFESSIONALS, professional
 from dart_skill.darts._spread import Spread, SpreadByTarget
 
 __all__ = [
+    "Aim",
     "BED_IS_DOUBLE",
     "BED_NAMES",
     "BED_SCORES",
-    "POSSIBLE_SCORES",
-    "PROFESSIONALS",
-    "RADII",
-    "SECTORS",
-    "Aim",
     "CheckoutTable",
     "HeatMap",
     "Jump",
@@ -44,6 +41,10 @@ __all__ = [
     "LikelihoodRatio",
     "ModelBasedAgent",
     "OptimumPath",
+    "POSSIBLE_SCORES",
+    "PROFESSIONALS",
+    "RADII",
+    "SECTORS",
     "Spread",
     "SpreadByTarget",
     "SpreadEstimate",
@@ -53,6 +54,7 @@ __all__ = [
     "bed_probabilities",
     "best_aim",
     "checkout_table",
+    "direction",
     "estimate_from_points",
     "estimate_from_scores",
     "expected_score",

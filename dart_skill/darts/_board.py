@@ -1,7 +1,8 @@
-"""The dart board: which bed a point lies in, what it scores, and the names of beds and targets (thesis 6.1).
+"""The dart board: the bed (scoring area) of a point, its score, and the names of beds and targets (thesis 6.1).
 
-Millimetres everywhere in this package; the origin is the bull's centre, x points to the right and y up as the thrower sees it.
-A point on a circle belongs to the ring inside it (r <= 170 is a double), one on a wire between sectors to the clockwise neighbour.
+All lengths in this package are in millimetres. The origin is the centre of the bull; x points to the right and y up, as the
+thrower sees the board. A point on a circle belongs to the ring inside it (r <= 170 is a double). A point on a wire between
+two sectors belongs to the clockwise one.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ SECTORS = np.array([20, 1, 18, 4, 13, 6, 10, 15, 2, 17, 3, 19, 7, 16, 8, 11, 14,
 """Numbers of the sectors, clockwise from the top."""
 SECTOR_ANGLE = np.pi / 10.0
 
-# Beds: 0 double bull, 1 single bull, then twenty inner singles, trebles, outer singles and doubles, clockwise, and the miss.
+# Beds: 0 double bull, 1 single bull, then 20 inner singles, 20 trebles, 20 outer singles, 20 doubles, clockwise, and 82 the miss.
 N_BEDS = 83
 MISS = 82
 _RINGS = ("S", "T", "S", "D")
@@ -42,14 +43,14 @@ def as_points(value: ArrayLike, name: str = "points") -> np.ndarray:
 
 
 def bed_of(ring: ArrayLike, sector: ArrayLike) -> np.ndarray:
-    """Bed of a ring (0 double bull to 5 doubles, 6 off the board) and a sector (0 at the top, clockwise)."""
+    """Index of the bed of a ring (0 double bull to 5 doubles, 6 off the board) and a sector (0 at the top, clockwise)."""
     ring = np.asarray(ring)
     inside = np.where(ring < 2, ring, 2 + 20 * (ring - 2) + np.asarray(sector))
     return np.where(ring == 6, MISS, inside)
 
 
 def bed_at(points: ArrayLike) -> np.ndarray:
-    """Index (...) into BED_NAMES of the bed in which points (..., 2) [mm] lie."""
+    """Index (...), into BED_NAMES, of the bed that contains each of the points (..., 2) [mm]."""
     points = as_points(points)
     x, y = points[..., 0], points[..., 1]
     ring = np.searchsorted(RADII, np.hypot(x, y), side="left")
@@ -63,13 +64,13 @@ def score(points: ArrayLike) -> np.ndarray:
 
 
 def direction(sector: ArrayLike) -> np.ndarray:
-    """Unit vector (..., 2) along the middle of a sector; halves are the wires."""
+    """Unit vector (..., 2) along the middle of a sector; a sector of k + 0.5 is the wire after sector k."""
     angle = np.asarray(sector) * SECTOR_ANGLE
     return np.stack([np.sin(angle), np.cos(angle)], axis=-1)
 
 
 def bed_centres() -> np.ndarray:
-    """A point (82, 2) [mm] in the middle of each bed but the miss; the single bull's lies above the double bull."""
+    """A point (82, 2) [mm] in the middle of each bed except the miss; that of the single bull is above the double bull."""
     middles = 0.5 * (RADII[1:-1] + RADII[2:])
     rings = [radius * direction(np.arange(20)) for radius in middles]
     return np.concatenate([[[0.0, 0.0], [0.0, RADII[:2].mean()]], *rings])
@@ -90,7 +91,7 @@ def place_of(point: ArrayLike) -> str:
 def beds_named(value: str | int) -> np.ndarray:
     """Mask (83,) of the beds that a score (0, 20, 57) or a name (T19, D16, S20, DB, SB, miss) can mean.
 
-    A number means every bed with that score: 20 is both single twenties and double ten.
+    A number means every bed with that score: 20 means both beds of single 20, and double 10.
     """
     text = str(value).strip()
     if re.fullmatch(r"[+-]?\d+(\.0*)?", text):
@@ -110,7 +111,7 @@ def _beds_scoring(number: int, value: str | int) -> np.ndarray:
 
 
 def as_target(value: str | ArrayLike) -> np.ndarray:
-    """Point (2,) [mm] of a target: a name (T20, D16, S5: the large single, DB) or a point x, y."""
+    """Point (2,) [mm] of a target: the middle of a bed (T20, D16, DB; S5 is the outer, larger single), or a point x, y."""
     if not isinstance(value, str):
         point = as_points(value, "aim")
         if point.shape != (2,):
@@ -129,9 +130,9 @@ def _canonical(text: str) -> str:
 
 
 def parse_score_list(scores: Sequence[str | int]) -> tuple[np.ndarray, np.ndarray]:
-    """Masks (n, 83) of the beds that each throw can have hit, and which throws bounced out (n,): their rows are empty.
+    """Masks (n, 83) of the beds that each throw can have hit, and whether it bounced out (n,); then its mask is all False.
 
-    A throw is a score, a bed's name, or x (also None, "bounce") for a dart that bounced out: where it struck is not known.
+    A throw is a score, the name of a bed, or x (also None or "bounce") for a dart that bounced out: its place is not known.
     """
     if isinstance(scores, (str, bytes)) or not np.iterable(scores):
         raise ValueError(f"scores must be a list with one entry per dart, got {scores!r}")

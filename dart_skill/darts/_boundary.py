@@ -1,8 +1,9 @@
 """The wires of the board as quadrature nodes.
 
-The score is constant in each bed, so an integral over the board of score times a gradient or divergence is one along the wires
-(divergence theorem): circles of six radii cut at the sectors, and twenty rays. Each piece separates two beds. Panels short against
-the spread make Gauss-Legendre quadrature of the Gaussian's smooth fields along them exact to round-off.
+The score is constant in each bed. So an integral over the board of the score times a gradient or divergence becomes an
+integral along the wires (divergence theorem). The wires are circles of six radii, cut at the sectors, and twenty rays. Each
+piece of wire separates two beds. It is divided into panels that are short relative to the spread. Then Gauss-Legendre
+quadrature of the smooth fields of the Gaussian is exact to round-off.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from dart_skill.darts._board import BED_SCORES, N_BEDS, RADII, SECTOR_ANGLE, bed_of, direction
 
 PANEL = 2.5
-"""Longest panel in standard deviations of the narrower axis of the spread."""
+"""Length of the longest panel, in standard deviations along the narrower axis of the spread."""
 N_NODES, N_NODES_SHORT = 8, 4
 SHORT = 0.5
 
@@ -24,8 +25,11 @@ SHORT = 0.5
 class Boundary:
     """Nodes of all pieces of wire, piece after piece.
 
-    position (m, 2) [mm]; normal (m, 2): out of the inner bed, times the quadrature weight [mm]; jump (m, 2): normal times inner
-    minus outer score; starts (k,): first node of each piece; sides (k, 83): +1 for the inner bed of a piece and -1 for the outer.
+    * position (m, 2) [mm].
+    * normal (m, 2) [mm]: normal out of the inner bed, times the quadrature weight.
+    * jump (m, 2): normal times the difference of the scores, inner minus outer.
+    * starts (k,): index of the first node of each piece.
+    * sides (k, 83): +1 for the inner bed of a piece, -1 for the outer one.
     """
 
     position: np.ndarray
@@ -36,7 +40,7 @@ class Boundary:
 
 
 def boundary_for(narrowest: float) -> Boundary:
-    """Nodes fine enough for a Gaussian whose smallest standard deviation is `narrowest` [mm]; shared by similar ones."""
+    """Nodes that are fine enough for a Gaussian with the smallest standard deviation `narrowest` [mm]; similar ones share them."""
     return _boundary(int(np.floor(2.0 * np.log2(narrowest))))
 
 
@@ -76,7 +80,7 @@ def _rays(spread: float):
 
 
 def _panels(length: float, spread: float) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes in 0..1 along a piece and their weights, which sum to its length."""
+    """Nodes between 0 and 1 along a piece of wire, and their weights, whose sum is its length."""
     n_panels = int(np.ceil(length / (PANEL * spread)))
     node, weight = np.polynomial.legendre.leggauss(N_NODES_SHORT if length < SHORT * spread else N_NODES)
     nodes = (np.arange(n_panels)[:, None] + 0.5 * (node + 1.0)) / n_panels

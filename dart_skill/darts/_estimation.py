@@ -1,9 +1,11 @@
-"""The thrower's spread from scores alone, from impact points, or from both with misses, by expectation maximisation.
+"""The thrower's spread from scores alone, from impact points, or from impact points and misses, by expectation maximisation.
 
-Tibshirani, Price and Taylor, "A statistician plays darts" (2011): the impacts are what is missing. E-step: moments of the Gaussian in
-each bed (exact, `_exact`), once per bed and not per throw. M-step: bias and covariance from the expected moments; isotropic: half
-the trace; with sigma held at a value, as the likelihood profile needs it: the covariance scaled to that determinant. Steps are
-extrapolated in pairs (SQUAREM: Varadhan and Roland 2008), which changes how soon EM ends and not where.
+R. Tibshirani, A. Price and J. Taylor, "A statistician plays darts", JRSS A 174, 2011: the impacts are the missing data.
+
+* E-step: moments of the Gaussian in each bed, exact (`_exact`), computed once for each bed and not for each throw.
+* M-step: bias and covariance from the expected moments. The isotropic model takes half the trace. For the likelihood profile
+  sigma is fixed; then the covariance is scaled to the determinant of that sigma.
+* Two steps at a time are extrapolated (SQUAREM: R. Varadhan and C. Roland 2008). EM then ends sooner, at the same result.
 """
 
 from __future__ import annotations
@@ -22,22 +24,27 @@ from dart_skill.darts._throws import Expectation, Throws, throws_from_points, th
 
 MODELS = ("isotropic", "general")
 FLOOR, CEILING = 1.0, 1000.0
-"""Sigmas that can be told from scores [mm]; an estimate is held between them."""
+"""Smallest and largest sigma that an estimate can have [mm]; others cannot be estimated from scores."""
 NARROWEST = 2.0
 """Least standard deviation along the narrow axis of a general covariance [mm]."""
 STARTS = (12.0, 50.0)
-"""Sigmas from which EM starts [mm]; the better end counts."""
+"""Sigmas from which EM starts [mm]; the more likely result is kept."""
 STEPS_OUT = 0.2 * 1.6 ** np.arange(12)
-"""Logarithmic distances from the estimate at which the ends of its interval are looked for."""
+"""Distances in log(sigma) from the estimate at which the ends of its interval are searched for."""
 MAX_STEPS = 300
 TOLERANCE, ROUGHLY = 1e-12, 1e-7
-"""Gain of log-likelihood per throw at which EM has converged, and at which the ends of several starts are compared."""
+"""EM has converged when the log-likelihood per throw gains less than the first. Results of several starts are compared when it
+gains less than the second."""
 LARGEST_RATIO = 10.0
-"""Largest ratio of the axes of a general covariance: few throws would otherwise flatten it to a line."""
+"""Largest ratio of the axes of a general covariance: with few throws it would otherwise become a line."""
 
 
 class LikelihoodRatio(NamedTuple):
-    """Twice the difference of log-likelihoods, its degrees of freedom, and how probable one this large is if the simpler model holds."""
+    """Likelihood-ratio test.
+
+    statistic: twice the difference of the log-likelihoods; degrees_of_freedom; p_value: probability of a statistic at least as
+    large if the simpler model is right.
+    """
 
     statistic: float
     degrees_of_freedom: int
@@ -46,10 +53,13 @@ class LikelihoodRatio(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SpreadEstimate:
-    """The most likely spread of a thrower.
+    """The most likely spread of a thrower, made by `estimate_from_scores` or `estimate_from_points`.
 
-    model: isotropic or general; with_bias: whether the mean was estimated or taken to be the aim; n_throws: those that tell
-    something; bounced_out: those that do not.
+    * spread: Spread, the estimate; sigma [mm]: of it.
+    * log_likelihood: of the throws under it.
+    * model: "isotropic" (one sigma) or "general" (a covariance).
+    * with_bias: whether the mean was estimated; otherwise it is the aim.
+    * throws: the observations; n_throws: number of those that were used.
     """
 
     spread: Spread
@@ -67,33 +77,36 @@ class SpreadEstimate:
         return self.throws.n_throws
 
     def profile(self, sigmas: ArrayLike) -> np.ndarray:
-        """Log-likelihood (n,) at sigmas (n,) [mm], highest over bias and shape; -inf where throws are all but impossible."""
+        """Log-likelihood (n,) at sigmas (n,) [mm], maximised over bias and shape; -inf where a throw is practically impossible."""
         return np.array([self._profile_at(sigma, self.spread)[1] for sigma in as_vector(sigmas, "sigmas")])
 
     def confidence_interval(self, level: float = 0.95) -> tuple[float, float]:
-        """Sigmas [mm] that the likelihood ratio does not reject at 1 - level; an end that the throws leave open is 0 or inf."""
+        """Lowest and highest sigma [mm] that the likelihood ratio does not reject at 1 - level.
+
+        An end that the throws do not determine is 0 or inf.
+        """
         if not 0.0 < as_number(level, "level") < 1.0:
             raise ValueError(f"level must lie between 0 and 1, got {level:g}")
         drop = float(scipy.special.chdtri(1, 1.0 - level)) / 2.0
         return self._end(drop, FLOOR, 0.0), self._end(drop, CEILING, float("inf"))
 
     def isotropy_test(self) -> LikelihoodRatio:
-        """Whether one sigma is good enough: the isotropic model against a general covariance, on the same throws."""
+        """Test of whether one sigma is enough: the isotropic model against a general covariance, on the same throws."""
         simple, general = (_fit(self.throws, model, self.with_bias) for model in MODELS)
         return _likelihood_ratio(simple, general)
 
     def bias_test(self) -> LikelihoodRatio:
-        """Whether the thrower hits where the aim is, on average."""
+        """Test of whether the mean of the darts is the aim."""
         return _likelihood_ratio(*(_fit(self.throws, self.model, with_bias) for with_bias in (False, True)))
 
     def _profile_at(self, sigma: float, start: Spread, tolerance: float = 1e-8) -> tuple[Spread, float]:
-        """The most likely spread with this sigma, looked for from another, and its log-likelihood."""
+        """The most likely spread with this sigma, and its log-likelihood; start: spread at which EM starts."""
         variances, axes = np.linalg.eigh(start.covariance)
         scaled = Spread((axes * _bounded(variances, sigma)) @ axes.T, start.bias)
         return _em(self.throws, scaled, self.model, self.with_bias, sigma, tolerance)
 
     def _end(self, drop: float, limit: float, if_open: float) -> float:
-        """Where the profile has fallen by `drop` on the way from the estimate to a limit; if_open when it has not there."""
+        """Sigma [mm] between the estimate and a limit at which the profile has fallen by `drop`; if_open if it does not."""
         latest, known = self.spread, {}
 
         def above(log_sigma: float) -> float:
@@ -123,11 +136,16 @@ def estimate_from_scores(
     bias: bool = False,
     misses: str = "counted",
 ) -> SpreadEstimate:
-    """The spread of a thrower from the scores (n,) of single darts.
+    """The spread of a thrower from the scores of n single darts.
 
-    scores: numbers (0 is a miss), beds where they are known (T20, D10, S5) and x for a dart that bounced out, which is left out.
-    aim: what all of them were aimed at, a name or a point (2,) [mm], or a point for each (n, 2). model: isotropic (one sigma) or
-    general (a covariance); bias: whether the mean may differ from the aim. misses: "unrecorded" if only darts that hit were listed.
+    Parameters:
+
+    * scores (n,): numbers (0 is a miss), names of beds where they are known (T20, D10, S5), and x for a dart that bounced out,
+      which is not used.
+    * aim: target of all darts, a name or a point (2,) [mm], or a point for each (n, 2); default DB, the double bull.
+    * model: "isotropic" (one sigma, default) or "general" (a covariance).
+    * bias: bool, default False. Whether the mean may differ from the aim.
+    * misses: "counted" (default), or "unrecorded" if only darts that hit the board are listed.
     """
     throws = throws_from_scores(scores, aim, misses)
     if all(group.patterns.shape[0] == 1 and group.patterns[0, -1] for group in throws.groups):
@@ -138,10 +156,14 @@ def estimate_from_scores(
 def estimate_from_points(
     points: ArrayLike, aim: str | ArrayLike = "DB", *, model: str = "isotropic", bias: bool = False, misses: int | str = 0
 ) -> SpreadEstimate:
-    """The spread of a thrower from measured impacts (n, 2) [mm].
+    """The spread of a thrower from measured impacts.
 
-    aim: as in estimate_from_scores, one point for each measured dart and then for each miss. misses: how many more darts were thrown
-    that left no measurable impact because they missed the board, or "unrecorded" if nobody counted.
+    Parameters:
+
+    * points (n, 2) [mm]: the impacts.
+    * aim: as in `estimate_from_scores`; if there is one for each dart, first those of the impacts, then those of the misses.
+    * model, bias: as in `estimate_from_scores`.
+    * misses: int, default 0. Number of darts that missed the board and have no impact; "unrecorded" if nobody counted them.
     """
     return _estimate(throws_from_points(points, aim, misses), model, bias)
 
@@ -160,7 +182,10 @@ def _n_parameters(model: str, with_bias: bool) -> int:
 
 
 def _fit(throws: Throws, model: str, with_bias: bool) -> SpreadEstimate:
-    """The best end of EM from several spreads; a general covariance starts from the isotropic one, lengthened along each axis."""
+    """The most likely result of EM from several starts.
+
+    A general covariance starts from the isotropic result and from versions of it that are longer in one direction.
+    """
     if model == "isotropic":
         starts = [Spread.isotropic(sigma) for sigma in STARTS]
     else:
@@ -173,7 +198,7 @@ def _fit(throws: Throws, model: str, with_bias: bool) -> SpreadEstimate:
 
 
 def _possible(starts: list[Spread], throws: Throws) -> list[Spread]:
-    """Spreads under which every throw is possible; a wide one if there is none."""
+    """The starts under which every throw is possible; a wide spread if there is none."""
     possible = [start for start in starts if np.isfinite(throws.expect(start).log_likelihood)]
     return possible or [Spread.isotropic(2.0 * STARTS[-1])]
 
@@ -181,7 +206,10 @@ def _possible(starts: list[Spread], throws: Throws) -> list[Spread]:
 def _em(
     throws: Throws, spread: Spread, model: str, with_bias: bool, sigma: float | None = None, tolerance: float = TOLERANCE
 ) -> tuple[Spread, float]:
-    """EM from a spread to the nearest maximum of the likelihood, sigma held if given; every two steps are extrapolated if that climbs."""
+    """EM from a spread to the nearest maximum of the likelihood; with a fixed sigma if it is given.
+
+    After every two steps the spread is extrapolated, and the result is kept if it is more likely.
+    """
     before, reach = throws.expect(spread), 4.0
     for _ in range(MAX_STEPS):
         if not np.isfinite(before.log_likelihood):
@@ -199,7 +227,7 @@ def _em(
 
 
 def _extrapolated(start: Spread, first: Spread, second: Spread, reach: float) -> Spread:
-    """Where steps that shrink like the last two would end, at most `reach` such steps on: in bias and Cholesky factor (SQUAREM)."""
+    """Extrapolation of two steps, `reach` steps ahead at most, in the coordinates of `_coordinates` (SQUAREM)."""
     from_start, from_first, from_second = (_coordinates(spread, start.sigma) for spread in (start, first, second))
     step = from_first - from_start
     change = from_second - from_first - step
@@ -208,13 +236,16 @@ def _extrapolated(start: Spread, first: Spread, second: Spread, reach: float) ->
 
 
 def _coordinates(spread: Spread, unit: float) -> np.ndarray:
-    """Bias in units, logarithms of the diagonal of the Cholesky factor, and its slope (5,): every such vector is a spread."""
+    """Coordinates (5,) in which every vector is a spread.
+
+    They are the bias in units of `unit`, the logarithms of the diagonal of the Cholesky factor, and its slope.
+    """
     (first, _), (below, second) = np.linalg.cholesky(spread.covariance)
     return np.array([*(spread.bias / unit), np.log(first), np.log(second), below / second])
 
 
 def _spread_at(coordinates: np.ndarray, unit: float) -> Spread | None:
-    """The spread at coordinates, unless it is one that no thrower has."""
+    """The spread at these coordinates; None if it is outside the bounds of an estimate."""
     *bias, first, second, slope = coordinates
     if max(abs(first), abs(second)) > np.log(LARGEST) or max(np.abs(bias)) * unit > LARGEST_BIAS:
         return None
@@ -238,7 +269,7 @@ def _maximise(expected: Expectation, spread: Spread, model: str, with_bias: bool
 
 
 def _bounded(variances: np.ndarray, sigma: float | None) -> np.ndarray:
-    """The most likely variances (2,) along the axes for the expected ones, within the bounds and with sigma held if given."""
+    """The most likely variances (2,) along the axes within the bounds, from the expected ones; with a fixed sigma if it is given."""
     ratio = np.sqrt(variances[1] / variances[0])
     free = float(variances.prod() ** 0.25)
     if ratio > LARGEST_RATIO:

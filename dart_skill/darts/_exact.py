@@ -1,11 +1,13 @@
 """Expected score, its derivatives, and the probability and moments of each bed, exact to round-off for any Gaussian.
 
-With p(x) = N(x; m, C), m = aim + bias, q = (x - m)' C^-1 (x - m) / 2 the field F(x) = (x - m) (1 - e^-q) / (4 pi q sqrt(det C)) has
-divergence p. Hence, over the wires with normal n and jump J of the score (inner minus outer), by the divergence theorem,
+Let p(x) = N(x; m, C), m = aim + bias, and q = (x - m)' C^-1 (x - m) / 2. The field
+F(x) = (x - m) (1 - e^-q) / (4 pi q sqrt(det C)) has the divergence p. Let n be the normal of the wires and J the jump of
+the score across them (inner minus outer). By the divergence theorem,
 
-    E = sum_beds s_b integral_b p dx = contour-integral J F.n ds,        grad_m E = - contour-integral J p n ds,
+    E = sum_beds s_b integral_b p dx = contour-integral J F.n ds,        grad_m E = - contour-integral J p n ds.
 
-and likewise the moments of p in a bed. No grid and no truncation enter; `_boundary` says where the nodes lie.
+The moments of p in a bed follow in the same way. There is no grid and no truncation. `_boundary` has the nodes of the
+contour integrals.
 """
 
 from __future__ import annotations
@@ -21,11 +23,11 @@ from dart_skill.darts._boundary import Boundary, boundary_for
 from dart_skill.darts._spread import Spread, as_spread
 
 CHUNK = 1 << 18
-"""Pairs of aim and node that are computed at a time."""
+"""Number of pairs of aim and node that are computed at a time."""
 
 
 class Derivatives(NamedTuple):
-    """Expected score (n,) of aims, gradient (n, 2) [1/mm] and Hessian (n, 2, 2) [1/mm^2]."""
+    """Expected score (n,) of aims, its gradient (n, 2) [1/mm] and its Hessian (n, 2, 2) [1/mm^2]."""
 
     value: np.ndarray
     gradient: np.ndarray
@@ -33,7 +35,7 @@ class Derivatives(NamedTuple):
 
 
 class BedMoments(NamedTuple):
-    """Per bed: probability (83,), and the integrals of (x - m) (83, 2) [mm] and (x - m)(x - m)' (83, 2, 2) [mm^2]."""
+    """For each bed: probability (83,), and the integrals of (x - m) p, (83, 2) [mm], and (x - m)(x - m)' p, (83, 2, 2) [mm^2]."""
 
     probability: np.ndarray
     first: np.ndarray
@@ -69,7 +71,7 @@ def bed_probabilities(aims: ArrayLike, spread: Spread | float | ArrayLike) -> np
 
 
 def score_derivatives(aims: ArrayLike, spread: Spread | float | ArrayLike) -> Derivatives:
-    """Expected score of aims (n, 2) [mm] with gradient and Hessian with respect to the aim, as exact as itself."""
+    """Expected score of aims (n, 2) [mm], with gradient and Hessian with respect to the aim; all are exact to round-off."""
     aims, spread = as_samples(aims, "aims", 2), as_spread(spread)
     boundary = boundary_for(spread.deviations[0])
     jump, position = boundary.jump, boundary.position
@@ -101,7 +103,7 @@ def bed_moments(mean: np.ndarray, covariance: np.ndarray) -> BedMoments:
 
 
 def _per_bed(values: np.ndarray, boundary: Boundary) -> np.ndarray:
-    """Values (m, ...) at the nodes, summed along the wires round each bed (83, ...)."""
+    """Sums (83, ...) of values (m, ...) at the nodes along the wires around each bed."""
     return np.tensordot(boundary.sides.T, np.add.reduceat(values, boundary.starts, axis=0), axes=1)
 
 
@@ -113,7 +115,7 @@ def _flux(means: np.ndarray, boundary: Boundary, spread: Spread) -> np.ndarray:
 
 
 def _exponent(means: np.ndarray, boundary: Boundary, spread: Spread) -> np.ndarray:
-    """q (n, m) of every node for every mean (n, 2)."""
+    """q (n, m) at each of the m nodes for each of the means (n, 2)."""
     whiten = np.linalg.inv(np.linalg.cholesky(spread.covariance)).T
     nodes, means = boundary.position @ whiten, means @ whiten
     first, second = (nodes[:, axis] - means[:, axis, None] for axis in (0, 1))

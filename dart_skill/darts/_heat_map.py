@@ -1,11 +1,14 @@
 """Expected score of every aim on a grid by fast Fourier transform (thesis 6.1).
 
-The board enters as its mean score over square cells, computed along lines on which every crossing of a wire is exact. The Gaussian
-enters as its analytic transform exp(-k' C k / 2 + i k' bias), divided by the sinc of the cells, so that averaging over cells does not
-widen it (without that sigma^2 would grow by cell^2 / 12). The period exceeds board, aims, bias and tails of the Gaussian together:
-nothing wraps around. Frequencies beyond the Gaussian's are neither kept nor transformed. Largest error over
-the board at the default spacing of 1 mm, against `expected_score`: 0.055 points for sigma >= 1 mm, 0.021 for sigma >= 5 mm and 0.0003
-for sigma >= 16 mm; about 1 ms on one core once the board's transform is known (10 ms below 3 mm, where cells are finer).
+The board is represented by its mean score over square cells. This mean is computed along lines on which every crossing of a
+wire is exact. The Gaussian is represented by its analytic transform exp(-k' C k / 2 + i k' bias). The transform is divided by
+the sinc of the cells, because the mean over cells would otherwise increase sigma^2 by cell^2 / 12. The period is larger than
+board, aims, bias and tails of the Gaussian together, so nothing wraps around. Frequencies at which the Gaussian is negligible
+are left out.
+
+Largest error over the board at the default spacing of 1 mm, relative to `expected_score`: 0.055 points for sigma >= 1 mm,
+0.021 for sigma >= 5 mm and 0.0003 for sigma >= 16 mm. It takes about 1 ms on one core if the board's transform is known
+already (10 ms below sigma = 3 mm, where cells are finer).
 """
 
 from __future__ import annotations
@@ -22,17 +25,21 @@ from dart_skill.darts._board import BED_SCORES, RADII, SECTOR_ANGLE, bed_of
 from dart_skill.darts._spread import Spread, as_spread
 
 SMALLEST_FOR_GRID = 1.0
-"""Standard deviation [mm] below which no grid is fine enough; expected_score is for all."""
+"""Least standard deviation [mm] for which a grid is fine enough; expected_score works for all."""
 COARSEST_CELL, CELL_PER_SPREAD = 2.0, 0.35
 BAND, TAIL = 7.5, 6.5
-"""Frequencies that are kept, in 1 / sigma, and the margin of the period, in sigma."""
+"""Highest frequency that is kept, in units of 1 / sigma, and margin of the period, in units of sigma."""
 LINES_PER_CELL = 32
 LARGEST_GRID = 4_000_000
 
 
 @dataclass(frozen=True, eq=False)
 class HeatMap:
-    """Expected score (ny, nx) of aims at x (nx,) and y (ny,) [mm], ascending: x to the right, y up."""
+    """Expected score on a grid of aims, made by `heat_map`.
+
+    * x (nx,), y (ny,) [mm]: ascending; x to the right, y up.
+    * expected_score (ny, nx) [points].
+    """
 
     x: np.ndarray
     y: np.ndarray
@@ -40,14 +47,16 @@ class HeatMap:
 
     @property
     def best(self) -> tuple[np.ndarray, float]:
-        """The grid's best aim (2,) [mm] and its expected score; `best_aim` finds it between the nodes."""
+        """Best aim (2,) [mm] among the nodes of the grid, and its expected score; `best_aim` also looks between the nodes."""
         row, column = np.unravel_index(self.expected_score.argmax(), self.expected_score.shape)
         return np.array([self.x[column], self.y[row]]), float(self.expected_score[row, column])
 
 
 @dataclass(frozen=True)
 class _Grid:
-    """Cells of a size [mm] with centres at its multiples, period in cells, and the highest frequency kept, in 1 / (period cell)."""
+    """Grid of square cells. cell: their size [mm], with centres at its multiples; period: in cells; band: highest frequency
+    that is kept, in units of 1 / (period cell).
+    """
 
     cell: float
     period: int
@@ -55,7 +64,10 @@ class _Grid:
 
 
 def heat_map(spread: Spread | float | ArrayLike, spacing: float = 1.0, half_width: float = 170.0) -> HeatMap:
-    """Expected score on the grid of multiples of `spacing` [mm] within +- half_width [mm]; spread: a Spread, sigma or a covariance."""
+    """Expected score on the grid of multiples of `spacing` [mm] within +- half_width [mm].
+
+    spread: a Spread, a sigma [mm] of at least 1, or a covariance (2, 2) [mm^2].
+    """
     spread, spacing = as_spread(spread), as_number(spacing, "spacing")
     n_half = int(as_number(half_width, "half_width") / spacing + 1e-9)
     if (2 * n_half + 1) ** 2 > LARGEST_GRID:
@@ -74,14 +86,14 @@ def heat_map(spread: Spread | float | ArrayLike, spacing: float = 1.0, half_widt
 def _grid_for(spread: Spread, cell: float, n_half: int) -> _Grid:
     narrow, wide = spread.deviations
     length = n_half * cell + RADII[-1] + np.abs(spread.bias).max() + TAIL * wide
-    # A few periods and bands only, so that neighbouring spreads share the board's transform.
+    # Period and band are rounded up to a few values, so that similar spreads share the board's transform.
     period = scipy.fft.next_fast_len(int(np.ceil(1.12 ** np.ceil(np.log(length / cell) / np.log(1.12)))), real=True)
     frequencies = BAND / narrow * period * cell / (2.0 * np.pi)
     return _Grid(cell, period, min(period // 2, int(1.25 ** np.ceil(np.log(frequencies) / np.log(1.25)))))
 
 
 def _inverse(transform: np.ndarray, spread: Spread, grid: _Grid, nodes: np.ndarray) -> np.ndarray:
-    """Expected score at the nodes (n,) x (n,), in cells from the bull, from the board's transform."""
+    """Expected score (n, n) at the nodes (n,) x (n,), in cells from the bull, from the transform of the board."""
     band = grid.band
     product = transform * _gaussian_transform(spread, grid)
     columns = np.zeros((grid.period, band + 1), dtype=complex)
@@ -92,7 +104,7 @@ def _inverse(transform: np.ndarray, spread: Spread, grid: _Grid, nodes: np.ndarr
 
 
 def _frequencies(grid: _Grid) -> tuple[np.ndarray, np.ndarray]:
-    """Wave numbers along y (2 band + 1,), zero first, negative ones last, and along x (band + 1,) [1/mm]."""
+    """Wave numbers [1/mm] along y (2 band + 1,), with zero first and the negative ones last, and along x (band + 1,)."""
     along_x = 2.0 * np.pi / (grid.period * grid.cell) * np.arange(grid.band + 1)
     return np.concatenate([along_x, -along_x[:0:-1]]), along_x
 
@@ -106,7 +118,7 @@ def _gaussian_transform(spread: Spread, grid: _Grid) -> np.ndarray:
         factor_y, factor_x = factor_y * np.exp(1j * bias_y * along_y), factor_x * np.exp(1j * bias_x * along_x)
     if xy == 0.0:
         return factor_y[:, None] * factor_x
-    # One exponential of the whole form: the factors apart can overflow when the covariance is slanted.
+    # One exponential of the whole quadratic form: separate factors can overflow if xy is not zero.
     exponent = -0.5 * (yy * along_y[:, None] ** 2 + xx * along_x**2 + 2.0 * xy * along_y[:, None] * along_x)
     phase = along_y[:, None] * bias_y + along_x * bias_x
     return np.exp(exponent) if not spread.bias.any() else np.exp(exponent + 1j * phase)
@@ -114,7 +126,7 @@ def _gaussian_transform(spread: Spread, grid: _Grid) -> np.ndarray:
 
 @lru_cache(maxsize=12)
 def _board_transform(grid: _Grid) -> np.ndarray:
-    """Transform (2 band + 1, band + 1) of the cells' mean scores about the bull, with the cells' own sinc taken out."""
+    """Transform (2 band + 1, band + 1) of the mean scores of the cells about the bull, divided by the sinc of the cells."""
     cells = cell_means(grid.cell)
     n_half, band = len(cells) // 2, grid.band
     along_y, along_x = _frequencies(grid)
@@ -128,7 +140,10 @@ def _board_transform(grid: _Grid) -> np.ndarray:
 
 @lru_cache(maxsize=4)
 def cell_means(cell: float) -> np.ndarray:
-    """Mean score (n, n) over square cells [mm] with centres at multiples of their size, n odd, the bull in the middle; row 0 is lowest."""
+    """Mean score (n, n) over square cells [mm] with centres at multiples of their size.
+
+    n is odd, and the bull is in the middle. Row 0 is the lowest on the board.
+    """
     n_half = int(np.ceil(RADII[-1] / cell + 0.5))
     n = 2 * n_half + 1
     heights = ((np.arange(n * LINES_PER_CELL) + 0.5) / LINES_PER_CELL - n_half - 0.5) * cell
@@ -139,12 +154,12 @@ def cell_means(cell: float) -> np.ndarray:
 
 
 def _line_means(heights: np.ndarray, cell: float, n_half: int) -> np.ndarray:
-    """Mean score (l, n) over the cells' widths along horizontal lines at heights (l,): every crossing of a wire counts where it is."""
+    """Mean score (l, n) over the widths of the cells along horizontal lines at heights (l,); crossings of wires are exact."""
     crossing = _crossings(heights)
     middle = 0.5 * (crossing[:, 1:] + crossing[:, :-1])
     between = _score_at(middle, heights[:, None])
     steps = np.diff(between, axis=1, prepend=0, append=0)
-    # The integral up to an edge e is sum of step * (e - crossing) over the crossings to its left.
+    # The integral up to an edge e is the sum of step * (e - crossing) over the crossings to its left.
     column = np.clip(np.ceil(crossing / cell + n_half + 0.5).astype(int), 0, 2 * n_half + 1)
     place = (np.arange(len(heights))[:, None] * (2 * n_half + 2) + column).ravel()
     size = len(heights) * (2 * n_half + 2)
@@ -156,9 +171,9 @@ def _line_means(heights: np.ndarray, cell: float, n_half: int) -> np.ndarray:
 
 
 def _crossings(heights: np.ndarray) -> np.ndarray:
-    """Ascending x (l, 22) at which horizontal lines meet circles and wires; where they miss a circle, it counts twice at x = 0."""
+    """Ascending x (l, 22) at which horizontal lines cross circles and rays; a circle that a line misses counts twice at x = 0."""
     half = np.sqrt(np.maximum(RADII**2 - heights[:, None] ** 2, 0.0))
-    # x / y of the ten lines through the bull; heights are never zero, and far crossings are off the board.
+    # x / y of the ten lines through the bull; heights are never zero; crossings off the board are clipped to its edge.
     slopes = np.tan(SECTOR_ANGLE * (np.arange(10) + 0.5 - 5.0))
     return np.sort(np.concatenate([half, -half, np.clip(slopes * heights[:, None], -RADII[-1], RADII[-1])], axis=1), axis=1)
 

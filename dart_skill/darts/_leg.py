@@ -1,10 +1,11 @@
-"""Finishing 501: where to aim with every remaining score and number of darts left, by dynamic programming over turns of three darts.
+"""Finishing 501: where to aim for every remaining score and number of darts left, by dynamic programming over turns of 3 darts.
 
-A turn that would leave 1 or less than 0, or 0 without a double (the double bull is one), is bust: it ends and its points do not count.
-V(s), the expected number of turns from s at the start of a turn, is found for s = 2, 3, ...: a turn leads to smaller scores, whose V
-is known, or, by misses or bust, back to s. With actions held, V(s) = a + b V(s), so V(s) = a / (1 - b); choosing the actions anew for
-that V(s) until nothing changes is policy iteration (Howard), here in one unknown. Aims are taken from a grid, then from finer ones
-round those that were chosen; what is lost to their distance is below 0.003 turns from 501 (measured with distances of a quarter).
+A turn is bust if it would leave 1 or less than 0, or 0 without a double (the double bull is one). Then it ends, and its points
+do not count. V(s) is the expected number of turns from the score s at the start of a turn. It is computed for s = 2, 3, ...
+A turn leads to smaller scores, whose V is known, or by misses or bust back to s. For fixed actions V(s) = a + b V(s), so
+V(s) = a / (1 - b). Then the actions are chosen again for this V(s), until nothing changes. This is policy iteration (Howard)
+in one unknown. Aims come from a grid, and then from finer grids around the chosen ones. The loss by the distance of the aims is
+below 0.003 turns from 501 (measured with a quarter of the distance).
 """
 
 from __future__ import annotations
@@ -24,9 +25,9 @@ from dart_skill.darts._spread import Spread, SpreadByTarget, as_spread
 OBJECTIVES = ("turns", "darts")
 LARGEST_SCORE = 60
 GRID, GRID_PER_SPREAD, REFINEMENTS = 8.0, 0.125, (0.5, 0.25)
-"""Distance of the first candidates: the larger of this [mm] and this in sigmas; and the shares of it round those that were chosen."""
+"""Distance of the first aims: the larger of GRID [mm] and GRID_PER_SPREAD sigmas. REFINEMENTS: the finer ones, relative to it."""
 REACH = 2.0
-"""How far beyond the board aims may be worth while, in sigmas: off the board no dart busts."""
+"""Aims may be so far beyond the board [sigmas]: a dart off the board cannot bust."""
 MAX_ROUNDS = 50
 HIGHEST_START = 1001
 
@@ -36,7 +37,7 @@ POINTS, IS_DOUBLE = _OUTCOMES // 2, _OUTCOMES % 2 == 1
 
 
 class Candidates(NamedTuple):
-    """Aims (n, 2) [mm], the probability (n, 63) of each result, and which spread (n,) each has."""
+    """aims (n, 2) [mm]; results (n, 63): probability of each result of a dart; which (n,): index of the spread of each aim."""
 
     aims: np.ndarray
     results: np.ndarray
@@ -44,7 +45,9 @@ class Candidates(NamedTuple):
 
 
 class _Dart(NamedTuple):
-    """For some remaining scores (k,): the best candidate, and the expected cost a + b V(s) from there to the end of the leg."""
+    """For k remaining scores: choice (k,), the best candidate; fixed (k,) and returning (k,), a and b of the expected cost
+    a + b V(s) from there to the end of the leg.
+    """
 
     choice: np.ndarray
     fixed: np.ndarray
@@ -53,11 +56,14 @@ class _Dart(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class LegPolicy:
-    """Where to aim from each state of a leg.
+    """Where to aim in each state of a leg, made by `solve_leg`.
 
-    aims (n, 2) [mm]; expected (start + 1,): turns (or darts) to the finish from the start of a turn, NaN for 1; choices: indices into
-    aims with three, two and one darts left, (start + 1, 1), (start + 1, 61) and (start + 1, 121): row: score at the start of the
-    turn, column: points of the turn so far, -1 where that cannot be. which (n,): the index into spreads of each aim's.
+    * aims (n, 2) [mm].
+    * expected (start + 1,): expected number of turns (or darts) to the finish from each score at the start of a turn; NaN for 1.
+    * choices: three arrays of indices into aims, with three, two and one darts left: (start + 1, 1), (start + 1, 61) and
+      (start + 1, 121). Row: score at the start of the turn; column: points of the turn so far; -1 for impossible states.
+    * spreads, which (n,): the spreads of the thrower, and the index of the spread of each aim.
+    * objective: "turns" or "darts".
     """
 
     aims: np.ndarray
@@ -72,7 +78,10 @@ class LegPolicy:
         return len(self.expected) - 1
 
     def best_aim(self, remaining: int, darts_left: int = 3, turn_start: int | None = None) -> np.ndarray:
-        """Point (2,) [mm] to aim at; turn_start: the score before the turn, to which a bust returns (by default nothing is scored yet)."""
+        """Point (2,) [mm] to aim at with this remaining score and number of darts left.
+
+        turn_start: score before the turn, to which a bust returns; default None: remaining, so nothing is scored yet.
+        """
         turn_start = remaining if turn_start is None else turn_start
         remaining, turn_start = _as_remaining(remaining, self.start), _as_remaining(turn_start, self.start)
         if darts_left not in (1, 2, 3):
@@ -85,22 +94,30 @@ class LegPolicy:
         return self.aims[self.choices[3 - darts_left][turn_start, scored]]
 
     def target(self, remaining: int, darts_left: int = 3, turn_start: int | None = None) -> str:
-        """Where the best aim lies, in words: a bed, or "outside D1" for a point beyond the double ring."""
+        """Name of the bed of the best aim, or "outside D1" for a point beyond the double ring; arguments as in `best_aim`."""
         return place_of(self.best_aim(remaining, darts_left, turn_start))
 
 
 @dataclass(frozen=True, eq=False)
 class CheckoutTable:
-    """Highest probability (n, 3) to finish within one, two or three darts from scores 0 ... n - 1, and the aims (n, 3, 2) [mm] for it."""
+    """Best chances to finish within one, two or three darts, made by `checkout_table`.
+
+    * probability (n, 3): highest probability to finish, from scores 0 to n - 1.
+    * aims (n, 3, 2) [mm]: for the first of these darts.
+    """
 
     probability: np.ndarray
     aims: np.ndarray
 
 
 def solve_leg(spread: Spread | SpreadByTarget | float | ArrayLike, start: int = 501, objective: str = "turns") -> LegPolicy:
-    """The policy of fewest expected turns (or darts) to finish from `start`, double out, for a thrower alone at the board.
+    """The policy with the fewest expected turns (or darts) to finish from `start`, double out, for a thrower without opponent.
 
-    spread: a Spread, sigma [mm], a covariance (2, 2) [mm^2], or a SpreadByTarget such as `professional()`.
+    Parameters:
+
+    * spread: a Spread, a sigma [mm], a covariance (2, 2) [mm^2], or a SpreadByTarget such as `professional()`.
+    * start: int from 2 to 1001, default 501.
+    * objective: "turns" (default) or "darts".
     """
     start = as_count(start, "start", 2)
     if start > HIGHEST_START:
@@ -118,7 +135,10 @@ def solve_leg(spread: Spread | SpreadByTarget | float | ArrayLike, start: int = 
 
 
 def checkout_table(spread: Spread | SpreadByTarget | float | ArrayLike, highest: int = 170) -> CheckoutTable:
-    """The best chance to finish within the darts of this turn, whatever happens if that fails."""
+    """The best chances to finish within the darts of this turn, from scores up to `highest`; a failure costs nothing.
+
+    spread: as in `solve_leg`.
+    """
     highest = as_count(highest, "highest", 2)
     spreads, which = _spreads_of(spread)
     aims = first_aims(spreads)
@@ -137,7 +157,7 @@ def checkout_table(spread: Spread | SpreadByTarget | float | ArrayLike, highest:
 
 
 def simulate_legs(policy: LegPolicy, n_legs: int, rng: np.random.Generator, max_turns: int = 10_000) -> tuple[np.ndarray, np.ndarray]:
-    """Plays legs dart by dart with random impacts; returns the number of turns (n_legs,) and of darts (n_legs,) to the finish."""
+    """Simulates legs dart by dart with random impacts; returns the numbers of turns (n_legs,) and of darts (n_legs,)."""
     turn_start = np.full(as_count(n_legs, "n_legs"), policy.start)
     turns, darts = np.zeros(n_legs, dtype=int), np.zeros(n_legs, dtype=int)
     playing = np.arange(n_legs)
@@ -175,14 +195,14 @@ def _impacts(policy: LegPolicy, choice: np.ndarray, rng: np.random.Generator) ->
 
 
 def _spreads_of(spread: Spread | SpreadByTarget | float | ArrayLike):
-    """The spreads of a thrower, and the function from aims (n, 2) to the index of theirs."""
+    """The spreads of a thrower, and a function from aims (n, 2) to the index (n,) of the spread of each."""
     if isinstance(spread, SpreadByTarget):
         return spread.all_spreads, spread.which
     return (as_spread(spread),), lambda aims: np.zeros(len(aims), dtype=int)
 
 
 def first_aims(spreads: tuple[Spread, ...]) -> np.ndarray:
-    """Beds' middles, the best aim for score, and a grid over the board and beyond (n, 2) [mm]."""
+    """First aims (n, 2) [mm]: middles of the beds, the best aim for score, and a grid over the board and beyond."""
     distance = _grid_distance(spreads)
     reach = RADII[-1] + REACH * max(spread.deviations[1] for spread in spreads)
     steps = np.arange(-reach, reach + distance, distance)
@@ -206,7 +226,7 @@ def candidates_at(aims: np.ndarray, spreads: tuple[Spread, ...], which) -> Candi
 
 
 def _finer(aims: np.ndarray, choices: tuple[np.ndarray, ...], distance: float) -> np.ndarray:
-    """The chosen aims, each with its eight neighbours at a distance."""
+    """The chosen aims, and for each its eight neighbours at this distance [mm]."""
     chosen = np.unique(np.concatenate([table[table >= 0].ravel() for table in choices]))
     offsets = distance * (np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1]), axis=-1).reshape(-1, 2))
     around = (aims[chosen][:, None] + offsets).reshape(-1, 2)
@@ -225,7 +245,7 @@ def _solve(candidates: Candidates, start: int, objective: str) -> tuple[np.ndarr
 
 
 def _solve_turn(score: int, candidates: Candidates, expected: np.ndarray, choices, settled, objective: str) -> float:
-    """V(score) by policy iteration; writes the choices of this turn."""
+    """V(score) by policy iteration; the choices of this turn are written into `choices`."""
     guess = expected[score - 1] if score > 2 else 20.0
     for _ in range(MAX_ROUNDS):
         first = _turn(score, guess, candidates, expected, choices, settled, objective)
@@ -237,7 +257,7 @@ def _solve_turn(score: int, candidates: Candidates, expected: np.ndarray, choice
 
 
 def _turn(score: int, guess: float, candidates: Candidates, expected: np.ndarray, choices, settled, objective: str) -> _Dart:
-    """Best actions of one turn from a score when V(score) is taken to be `guess`, last dart first; the first dart's result."""
+    """Best actions of one turn from a score, if V(score) is `guess`: last dart first; returns those of the first dart."""
     fixed, returning = expected[: score + 1].copy(), np.zeros(score + 1)
     fixed[score], returning[score] = 0.0, 1.0
     for used in (2, 1, 0):
@@ -257,14 +277,14 @@ def _turn(score: int, guess: float, candidates: Candidates, expected: np.ndarray
 
 
 def _is_settled(remaining: np.ndarray, score: int, used: int) -> np.ndarray:
-    """Which states with one or two darts left do not depend on the score at the start of the turn: no dart of the turn can bust."""
+    """Mask of the states with one or two darts left in which no dart can bust, so that the score before the turn does not matter."""
     if used == 0:
         return np.zeros(len(remaining), dtype=bool)
     return (remaining >= 2 + LARGEST_SCORE * (3 - used)) & (remaining < score)
 
 
 def _settle(score: int, candidates: Candidates, expected: np.ndarray, settled, objective: str) -> None:
-    """Values and choices with one and two darts left at a score in turns from higher ones."""
+    """Compute values and choices with one and two darts left at this score, for turns that started at higher scores."""
     values, choices = settled
     after = expected[: score + 1]
     for used in (2, 1):
@@ -280,7 +300,7 @@ def _dart_cost(objective: str) -> float:
 
 
 def _best_dart(remaining: np.ndarray, fixed: np.ndarray, returning: np.ndarray, guess: float, candidates: Candidates, cost: float) -> _Dart:
-    """The best aim with remaining scores (k,), given the cost fixed + returning * V(s) (s + 1,) of the scores after the dart."""
+    """The best aims for remaining scores (k,); fixed + returning * V(s), (s + 1,), is the cost of each score after the dart."""
     after_fixed, after_returning = _after_dart(remaining, fixed, bust=0.0), _after_dart(remaining, returning, bust=1.0)
     choice = ((after_fixed + guess * after_returning) @ candidates.results.T).argmin(axis=1)
     chosen = candidates.results[choice]
@@ -288,7 +308,7 @@ def _best_dart(remaining: np.ndarray, fixed: np.ndarray, returning: np.ndarray, 
 
 
 def _after_dart(remaining: np.ndarray, values: np.ndarray, bust: float) -> np.ndarray:
-    """Values (k, 63) of the scores that each result of a dart leaves, `bust` where it is too many points or no double."""
+    """Values (k, 63) of the scores after each result of a dart; `bust` where the result has too many points or is no double."""
     left = remaining[:, None] - POINTS
     is_bust = (left < 0) | (left == 1) | ((left == 0) & ~IS_DOUBLE)
     return np.where(is_bust, bust, values[np.maximum(left, 0)])

@@ -1,8 +1,9 @@
 """Where to aim one dart: the best aim and all local optima of the expected score.
 
-Candidates are the local maxima of the heat map and, for narrow spreads, whose maxima are plateaus, the middles of trebles, doubles
-and bull. Each is climbed on the exact expected score by Newton steps with the eigenvalues' signs turned uphill, inside a trust
-region; the end is exact to far better than 0.1 mm wherever the optimum itself is sharper than round-off.
+Candidates are the local maxima of the heat map. For narrow spreads the maxima are plateaus, so the middles of trebles, doubles
+and bull are candidates, too. From each candidate a climb on the exact expected score makes Newton steps within a trust
+region, with the signs of the eigenvalues turned such that the steps go uphill. The result is exact to much better than 0.1 mm,
+unless the optimum is so flat that round-off decides.
 """
 
 from __future__ import annotations
@@ -18,23 +19,23 @@ from dart_skill.darts._heat_map import HeatMap, heat_map
 from dart_skill.darts._spread import Spread, as_spread
 
 PLATEAU = 4.5
-"""Up to this standard deviation [mm] beds are plateaus and each optimum lies in a treble, a double or the bull."""
+"""Up to this standard deviation [mm] the expected score has plateaus, and each optimum is in a treble, a double or the bull."""
 BED_SEEDS = 6.0
-"""Up to this standard deviation [mm] of the narrower axis the beds' middles are candidates besides the map's maxima."""
+"""Up to this standard deviation [mm] along the narrower axis the middles of the beds are candidates, too."""
 SPACING = 2.0
 OFF_BOARD = 1e-3
 N_STEPS = 200
 STEP_TOLERANCE, GAIN_TOLERANCE = 1e-7, 1e-13
-"""A climb ends when a step is shorter [mm] or promises less [points]."""
+"""A climb ends when a step is shorter than the first [mm], or is expected to gain less than the second [points]."""
 SAME = 0.02
-"""Two ends of a climb nearer than this [mm] are one optimum."""
+"""If two climbs end nearer to each other than this [mm], they found the same optimum."""
 DIP = 1e-7
 """Points by which the expected score must fall between two optima for both to count."""
 
 
 @dataclass(frozen=True, eq=False)
 class Aim:
-    """A point (2,) [mm] to aim at and what one dart scores there on average."""
+    """A point to aim at, (2,) [mm], and the expected score of one dart there."""
 
     point: np.ndarray
     expected_score: float
@@ -46,25 +47,25 @@ class Aim:
 
 
 def best_aim(spread: Spread | float | ArrayLike) -> Aim:
-    """The aim of highest expected score for one dart; spread: a Spread, sigma [mm] or a covariance (2, 2) [mm^2]."""
+    """The aim with the highest expected score of one dart; spread: a Spread, a sigma [mm] or a covariance (2, 2) [mm^2]."""
     spread = as_spread(spread)
     seeds = _seeds(spread)
     return _climb_all(seeds[_promising(seeds, spread)], spread)[0]
 
 
 def local_optima(spread: Spread | float | ArrayLike) -> list[Aim]:
-    """All local maxima of the expected score of one dart, best first: the first one is `best_aim`."""
+    """All local maxima of the expected score of one dart, the best first, which is `best_aim`; spread: as there."""
     spread = as_spread(spread)
     return _separate(_climb_all(_seeds(spread), spread), spread)
 
 
 def climb(point: ArrayLike, spread: Spread) -> Aim:
-    """The local optimum uphill of a point (2,) [mm]."""
+    """The local optimum that a climb from a point (2,) [mm] reaches."""
     return _climb_all(np.asarray(point, dtype=float)[None], spread)[0]
 
 
 def _seeds(spread: Spread) -> np.ndarray:
-    """Aims (n, 2) in the basin of every local optimum."""
+    """Starting points (n, 2) [mm] of climbs, at least one for each local optimum."""
     narrowest, widest = spread.deviations
     high_beds = np.r_[0, 22:42, 62:82]
     seeds = [bed_centres()[high_beds] - spread.bias] if narrowest < BED_SEEDS else []
@@ -75,10 +76,10 @@ def _seeds(spread: Spread) -> np.ndarray:
 
 
 def _maxima(heat: HeatMap) -> np.ndarray:
-    """Nodes (n, 2) that are as high as each of their eight neighbours."""
+    """Nodes (n, 2) that are at least as high as all of their eight neighbours."""
     values = np.pad(heat.expected_score, 1, constant_values=-np.inf)
     n_rows, n_columns = heat.expected_score.shape
-    # Far off the board nothing but round-off is left.
+    # Far off the board the values are only round-off.
     highest = heat.expected_score > OFF_BOARD * heat.expected_score.max()
     for down, right in ((0, 0), (0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1), (2, 2)):
         highest &= heat.expected_score >= values[down : down + n_rows, right : right + n_columns]
@@ -87,14 +88,14 @@ def _maxima(heat: HeatMap) -> np.ndarray:
 
 
 def _promising(seeds: np.ndarray, spread: Spread) -> np.ndarray:
-    """Which seeds can lead to the global optimum: those within what a climb of one seed's distance can gain."""
+    """Mask (n,) of the seeds that can lead to the global optimum: a climb over the distance of two seeds can gain only so much."""
     values = expected_score(seeds, spread)
     gain = 60.0 * (SPACING / spread.deviations[0]) ** 2
     return values >= values.max() - min(gain, 0.5 * values.max())
 
 
 def _climb_all(seeds: np.ndarray, spread: Spread) -> list[Aim]:
-    """Ends of the climbs from seeds (n, 2), best first, each once."""
+    """Ends of the climbs from seeds (n, 2), the best first, each only once."""
     points, values = _newton(seeds, spread)
     order = np.argsort(-values, kind="stable")
     ends: list[Aim] = []
@@ -105,7 +106,10 @@ def _climb_all(seeds: np.ndarray, spread: Spread) -> list[Aim]:
 
 
 def _newton(points: np.ndarray, spread: Spread) -> tuple[np.ndarray, np.ndarray]:
-    """Ends (n, 2) and expected scores (n,) of climbs from points (n, 2), all at once; a step that does not climb is halved."""
+    """Ends (n, 2) and expected scores (n,) of climbs from points (n, 2), all at once.
+
+    After a step that does not climb, the trust radius becomes a quarter of that step.
+    """
     points = points.copy()
     trust = np.full(len(points), 0.5 * spread.deviations[0])
     state = score_derivatives(points, spread)
@@ -129,7 +133,7 @@ def _newton(points: np.ndarray, spread: Spread) -> tuple[np.ndarray, np.ndarray]
 
 
 def _uphill(local: Derivatives, trust: np.ndarray) -> np.ndarray:
-    """Newton steps (n, 2) towards a maximum, cut to the trust radius (n,)."""
+    """Newton steps (n, 2) towards a maximum, at most as long as the trust radius (n,)."""
     curvature, axes = np.linalg.eigh(local.hessian)
     slope = np.einsum("nij,ni->nj", axes, local.gradient)
     step = np.einsum("nij,nj->ni", axes, slope / np.maximum(np.abs(curvature), 1e-14))
@@ -138,7 +142,7 @@ def _uphill(local: Derivatives, trust: np.ndarray) -> np.ndarray:
 
 
 def _separate(ends: list[Aim], spread: Spread) -> list[Aim]:
-    """Drops ends on a plateau or slope from which a path leads, without descending, to a better one."""
+    """The ends that are optima: one on a plateau or slope is left out if a path leads to a better one without descending."""
     curvatures = np.linalg.eigvalsh(score_derivatives(np.array([end.point for end in ends]), spread).hessian)
     kept: list[Aim] = []
     for end, curvature in zip(ends, curvatures, strict=True):
@@ -153,7 +157,7 @@ def _nearest(end: Aim, others: list[Aim], n: int = 4) -> list[Aim]:
 
 
 def _connected(lower: Aim, higher: Aim, spread: Spread) -> bool:
-    """Whether a straight line, or one round the bull, leads from one to the other without descending."""
+    """Whether a straight path, or one around the bull, leads from the lower to the higher end without descending."""
     share = np.linspace(0.0, 1.0, 65)[:, None]
     straight = lower.point + share * (higher.point - lower.point)
     ends = np.array([lower.point, higher.point]) + spread.bias

@@ -1,8 +1,8 @@
-"""The best aim as the spread narrows or widens (thesis figure 6.6): pieces that move continuously, and the jumps between them.
+"""The best aim as a function of sigma (thesis figure 6.6): pieces on which it moves continuously, and jumps between them.
 
-At a jump two local optima are equally good. Where the best aims of neighbouring sigmas are not one optimum followed along sigma, the
-two are followed towards each other and the sigma at which they tie is found by root finding, to 1e-6 mm; a third optimum
-that is better there means two jumps, each found in turn.
+At a jump two local optima are equally good. The best aims of two neighbouring sigmas may be two different optima. Then both
+are followed towards each other, and root finding gives the sigma at which they are equal, to 1e-6 mm. If a third optimum is
+better there, there are two jumps, and each is found in the same way.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from dart_skill.darts._optimum import Aim, best_aim, climb
 from dart_skill.darts._spread import Spread, as_spread
 
 RATIO = 1.03
-"""Largest ratio of neighbouring sigmas at which the best aim is looked for afresh."""
+"""Largest ratio of two neighbouring sigmas for which the best aim is computed from the beginning."""
 SIGMA_TOLERANCE = 1e-6
 TIE = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
 class Jump:
-    """At sigma [mm] the aims below (for smaller sigma) and above (for larger) score the same."""
+    """A jump of the best aim at sigma [mm]: the best aims below it (smaller sigmas) and above it score the same there."""
 
     sigma: float
     below: Aim
@@ -33,9 +33,11 @@ class Jump:
 
 @dataclass(frozen=True, eq=False)
 class OptimumPath:
-    """Best aims (n, 2) [mm] and expected scores (n,) at sigmas (n,) [mm], ascending, and the jumps between them, ascending.
+    """The best aim over sigma, made by `optimum_path`.
 
-    At a jump sigma stands twice: before and after it.
+    * sigmas (n,) [mm]: ascending; at a jump sigma occurs twice, with the aims before and after it.
+    * aims (n, 2) [mm], expected_scores (n,).
+    * jumps: in ascending order of sigma.
     """
 
     sigmas: np.ndarray
@@ -45,13 +47,16 @@ class OptimumPath:
 
     @property
     def pieces(self) -> list[slice]:
-        """Parts of the arrays between which the optimum jumps."""
+        """Slices of the arrays, one for each piece between two jumps."""
         ends = np.flatnonzero(np.diff(self.sigmas) == 0.0) + 1
         return [slice(int(a), int(b)) for a, b in zip([0, *ends], [*ends, len(self.sigmas)], strict=True)]
 
 
 def optimum_path(lowest: float, highest: float, shape: Spread | ArrayLike | None = None) -> OptimumPath:
-    """The best aim for sigma from lowest to highest [mm], for the shape (and bias) of a spread, isotropic by default."""
+    """The best aim for sigmas from lowest to highest [mm].
+
+    shape: a spread or covariance that gives the shape and the bias; isotropic without bias by default.
+    """
     shape = Spread(np.eye(2)) if shape is None else as_spread(shape)
     low, high = shape.scaled_to(lowest), shape.scaled_to(highest)
     if not low.sigma < high.sigma:
@@ -71,7 +76,7 @@ def optimum_path(lowest: float, highest: float, shape: Spread | ArrayLike | None
 
 
 def _jumps_between(low: float, below: Aim, high: float, above: Aim, shape: Spread) -> list[Jump]:
-    """Jumps of the best aim between two sigmas and their best aims, ascending."""
+    """Jumps of the best aim between two sigmas with their best aims, in ascending order."""
     followed = _follow(below.point, low, high, shape)
     if followed is not None and above.expected_score - followed.expected_score < TIE:
         return []
@@ -86,7 +91,7 @@ def _jumps_between(low: float, below: Aim, high: float, above: Aim, shape: Sprea
 
 
 def _halves(low: float, below: Aim, high: float, above: Aim, shape: Spread) -> list[Jump]:
-    """For optima that end between the sigmas: looks for the best aim half way."""
+    """Jumps if an optimum ends between the two sigmas: the interval is halved."""
     if high - low < SIGMA_TOLERANCE:
         return [Jump(0.5 * (low + high), below, above)]
     middle = 0.5 * (low + high)
@@ -95,7 +100,10 @@ def _halves(low: float, below: Aim, high: float, above: Aim, shape: Spread) -> l
 
 
 def _tie(low: float, below: Aim, high: float, above: Aim, shape: Spread) -> float | None:
-    """Sigma at which the optimum followed up from `below` and that followed down from `above` are equal; None if one of them ends."""
+    """Sigma at which the optimum from `below` and the optimum from `above`, both followed along sigma, score the same.
+
+    None if one of them ends before.
+    """
     if _follow(below.point, low, high, shape) is None or _follow(above.point, high, low, shape) is None:
         return None
 
@@ -109,13 +117,13 @@ def _tie(low: float, below: Aim, high: float, above: Aim, shape: Spread) -> floa
 
 
 def _follow(point: np.ndarray, start: float, end: float, shape: Spread, n_steps: int = 4) -> Aim | None:
-    """The local optimum at `start`, followed along sigma to `end`; None when it ends on the way."""
+    """The local optimum at sigma = `start`, followed along sigma to `end`; None if it ends on the way."""
     aim = Aim(point, float("nan"))
     for sigma in np.linspace(start, end, n_steps + 1)[1:]:
         spread = shape.scaled_to(sigma)
         nearest = climb(aim.point, spread)
         step = float(np.hypot(*(nearest.point - aim.point)))
-        # A followed optimum moves less than the spread changes things; one that has ended slides off to another.
+        # An optimum moves little from step to step; a long step means that it has ended and the climb went to another one.
         if step > 0.5 * spread.deviations[0]:
             return None
         aim = nearest

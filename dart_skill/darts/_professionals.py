@@ -1,6 +1,7 @@
-"""Spreads of sixteen professionals (Haugh and Wang, "Play like the pros?", 2022): a covariance for each target, none of them biased.
+"""Spreads of sixteen professionals (M. Haugh and C. Wang, "Play like the pros?", INFORMS Journal on Computing, 2022).
 
-The table is the published fit, rounded to 0.1 mm^2: xx, xy and yy at treble 20, 19, 18 and 17, double bull and doubles.
+There is a covariance for each target, without bias. The table is the published fit, rounded to 0.1 mm^2: xx, xy and yy at
+treble 20, 19, 18 and 17, double bull and doubles.
 """
 
 from __future__ import annotations
@@ -34,7 +35,10 @@ PROFESSIONALS = tuple(name.replace("_", " ") for name in _COVARIANCES)
 
 
 def professional(name: str | None = None) -> SpreadByTarget:
-    """Spread of a professional by surname, or the typical one: the mean covariance at the mean of (det covariance)^(1/4)."""
+    """Spread of a professional, by surname; None: a typical one.
+
+    The typical one has, for each target, the shape of the mean covariance and the mean of (det covariance)^(1/4).
+    """
     if name is None:
         spreads = [_typical(index) for index in range(len(TARGETS))]
     else:

@@ -1,4 +1,4 @@
-"""The spread of a thrower: darts land at aim + bias + N(0, covariance). A spread may depend on what is aimed at (Haugh and Wang 2022)."""
+"""The spread of a thrower: darts land at aim + bias + N(0, covariance). It may depend on the target (Haugh and Wang 2022)."""
 
 from __future__ import annotations
 
@@ -11,13 +11,19 @@ from dart_skill.checks import as_covariances, as_vector
 from dart_skill.darts._board import as_points
 
 SMALLEST, LARGEST = 0.1, 2000.0
-"""Standard deviations that are taken for darts [mm]."""
+"""Smallest and largest standard deviation that is accepted [mm]."""
 LARGEST_BIAS = 1000.0
 
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """covariance (2, 2) [mm^2] and bias (2,) [mm] of the darts about the aim."""
+    """Gaussian spread of the darts about the aim.
+
+    Parameters:
+
+    * covariance (2, 2) [mm^2]: standard deviations along its axes from 0.1 to 2000 mm.
+    * bias (2,) [mm], default zero: mean of the darts minus the aim, at most 1000 mm.
+    """
 
     covariance: np.ndarray
     bias: np.ndarray = field(default_factory=lambda: np.zeros(2))
@@ -44,8 +50,8 @@ class Spread:
 
     @property
     def sigma(self) -> float:
-        """(det covariance)^(1/4) [mm]: the standard deviation when the spread is isotropic."""
-        # Not from the determinant, which does not give back exactly the sigma that was squared.
+        """(det covariance)^(1/4) [mm]: the standard deviation if the spread is isotropic."""
+        # Not from the determinant: that would not return exactly the sigma of `isotropic`.
         return float(np.sqrt(np.prod(self.deviations)))
 
     @property
@@ -69,7 +75,14 @@ class Spread:
 
 @dataclass(frozen=True, eq=False)
 class SpreadByTarget:
-    """A spread for each of some targets (k, 2) [mm]; an aim has that of the nearest target, aims in the double ring that of `doubles`."""
+    """A spread for each of several targets (Haugh and Wang 2022). An aim has the spread of the nearest target.
+
+    Parameters:
+
+    * targets (k, 2) [mm].
+    * spreads: k spreads, one for each target.
+    * doubles: Spread of all aims farther from the bull than DOUBLES_FROM, 150 mm.
+    """
 
     targets: np.ndarray
     spreads: tuple[Spread, ...]
@@ -83,7 +96,7 @@ class SpreadByTarget:
         object.__setattr__(self, "targets", targets)
 
     def which(self, aims: np.ndarray) -> np.ndarray:
-        """Index (n,) into `all_spreads` for aims (n, 2)."""
+        """Index (n,), into `all_spreads`, of the spread of each of the aims (n, 2) [mm]."""
         nearest = np.square(aims[:, None] - self.targets).sum(2).argmin(1)
         return np.where(np.hypot(*aims.T) > self.DOUBLES_FROM, len(self.targets), nearest)
 
@@ -93,7 +106,7 @@ class SpreadByTarget:
 
 
 def as_spread(value: Spread | float | ArrayLike) -> Spread:
-    """A spread from itself, from sigma [mm], or from a covariance (2, 2) [mm^2]."""
+    """A Spread from a Spread, a sigma [mm], or a covariance (2, 2) [mm^2]."""
     if isinstance(value, Spread):
         return value
     return Spread.isotropic(value) if np.ndim(value) == 0 else Spread(value)

@@ -1,4 +1,4 @@
-"""What is known of the darts that were thrown: scores, impact points, misses; and what EM expects of them under a spread."""
+"""Observations of thrown darts (scores, impact points, misses), and the E-step of EM for them under a spread."""
 
 from __future__ import annotations
 
@@ -15,11 +15,15 @@ from dart_skill.darts._spread import Spread
 
 MISSES = ("counted", "unrecorded")
 RESOLVED = 1e-12
-"""Probabilities below this are lost in round-off: throws that improbable rule a spread out."""
+"""Probabilities below this are round-off: a spread under which a throw is so improbable is excluded."""
 
 
 class Expectation(NamedTuple):
-    """Log-likelihood, expected number of throws, and over them the sums of x - m (2,) [mm] and (x - m)(x - m)' (2, 2) [mm^2]."""
+    """Result of the E-step.
+
+    log_likelihood; count: expected number of throws; first (2,) [mm], second (2, 2) [mm^2]: expected sums of x - m and of
+    (x - m)(x - m)' over them.
+    """
 
     log_likelihood: float
     count: float
@@ -29,7 +33,7 @@ class Expectation(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _Group:
-    """Throws at one aim (2,): which beds they can have hit, each pattern (k, 83) once with its number (k,)."""
+    """Throws at one aim (2,): the k different patterns (k, 83) of beds that they can have hit, and their counts (k,)."""
 
     aim: np.ndarray
     patterns: np.ndarray
@@ -38,7 +42,13 @@ class _Group:
 
 @dataclass(frozen=True, eq=False)
 class Throws:
-    """Scored throws by aim and offsets (n, 2) [mm] from the aim of throws whose impact was measured."""
+    """All observed throws.
+
+    * groups: throws with a score, by aim.
+    * offsets (n, 2) [mm]: from the aim, of throws with a measured impact; point_aims (n, 2) [mm]: their aims.
+    * misses: "counted", or "unrecorded" if darts that missed the board were not listed.
+    * bounced_out: number of darts that bounced out.
+    """
 
     groups: tuple[_Group, ...]
     offsets: np.ndarray
@@ -48,11 +58,11 @@ class Throws:
 
     @property
     def n_throws(self) -> int:
-        """Throws that say something: all but those that bounced out."""
+        """Number of throws that are used: all but those that bounced out."""
         return len(self.offsets) + int(sum(group.counts.sum() for group in self.groups))
 
     def expect(self, spread: Spread) -> Expectation:
-        """Likelihood and expected moments of all throws about aim + bias (E-step), exact for Gaussians and beds."""
+        """E-step: likelihood and expected moments of all throws about aim + bias; exact, without sampling."""
         parts = [_expect_beds(group, spread, self.misses) for group in self.groups]
         if len(self.offsets):
             parts += _expect_points(self.offsets, self.point_aims, spread, self.misses)
@@ -60,7 +70,7 @@ class Throws:
 
 
 def throws_from_scores(scores: Sequence[str | int], aims: str | ArrayLike, misses: str) -> Throws:
-    """Scores aimed at one target (a name or a point) or each at its own: aims (n, 2) [mm]."""
+    """Throws from scores; aims: one target for all (a name or a point), or one point for each, (n, 2) [mm]."""
     patterns, bounced = parse_score_list(scores)
     aims = _aims_of(aims, len(patterns))
     patterns, known_aims = patterns[~bounced], aims[~bounced]
@@ -70,7 +80,7 @@ def throws_from_scores(scores: Sequence[str | int], aims: str | ArrayLike, misse
 
 
 def throws_from_points(points: ArrayLike, aims: str | ArrayLike, misses: int | str) -> Throws:
-    """Measured impacts (n, 2) [mm] and the number of darts that missed the board and were not measured, or "unrecorded"."""
+    """Throws from measured impacts (n, 2) [mm]; misses: number of darts that missed the board, or "unrecorded"."""
     points = as_points(points)
     if points.ndim != 2 or len(points) == 0:
         raise ValueError(f"points must be (n, 2) with at least one impact, got shape {points.shape}")
@@ -119,7 +129,7 @@ def _expect_beds(group: _Group, spread: Spread, misses: str) -> Expectation:
 
 
 def _with_unseen(seen: Expectation, beds) -> Expectation:
-    """Adds the misses that nobody wrote down: for n recorded throws, n p / (1 - p) are to be expected."""
+    """Adds the misses that were not recorded: for n recorded throws their expected number is n p / (1 - p)."""
     missed = beds.probability[MISS]
     per_bed = seen.count / (1.0 - missed)
     return Expectation(

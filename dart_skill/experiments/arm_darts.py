@@ -8,26 +8,24 @@ from, the score included, is what the cameras saw of the darts.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
 from dart_skill.configuration import node_parameters
-from dart_skill.darts import Aim, Spread, best_aim, estimate_from_points, expected_score, local_optima, name_at, score
+from dart_skill.darts import ModelBasedAgent, name_at, score
 from dart_skill.recording import Demonstration
-from dart_skill.session.in_process import Session
-from dart_skill.simulation.board import Board
-from dart_skill.simulation.plant import PlantSettings
-from dart_skill.simulation.teacher import Swing
-from dart_skill.skill.improve.correction import CorrectionSettings
-from dart_skill.skill.improve.practising import PractisingSkill
-from dart_skill.skill.learn.configuration import DEFAULT, SkillConfiguration
+from dart_skill.session import Session
+from dart_skill.simulation import Board, PlantSettings, Swing
+from dart_skill.skill.improve import CorrectionSettings, PractisingSkill
+from dart_skill.skill.learn import DEFAULT, SkillConfiguration
 from dart_skill.surface import BoardFace
 
 BLOCK = 25
 """Throws of a row of the table, and between two looks at when to let go."""
-WINDOW, LEAST, EVERY = 50, 10, 5
-"""The spread is estimated from so many last throws, from at least so many, and anew after so many; until then the bull is aimed at."""
+UNSEEN = (float("nan"), float("nan"))
+UNKNOWN = ((0.0, 0.0), (0.0, 0.0))
 SHOWN = 0.12
 """Half the height and width of the part of the board that the teacher aims at [m]."""
 SWING = Swing(cocked=(-1.00, -0.42, -0.60))
@@ -43,8 +41,17 @@ PRACTICE = {"none": ("none", 0), "misses": ("residual", 0), "both": ("residual",
 
 @dataclass(frozen=True)
 class Dart:
-    """One throw: aim and hit on the board [mm], nan if nobody saw it or nothing was thrown, score as seen; spread of the thrower as
-    estimated before the throw (covariance [mm^2], 0 if it was not), what it lets one expect from the aim, and the shift of the release [s].
+    """One throw.
+
+    Parameters:
+
+    * aim: (x, y) [mm] on the board.
+    * hit: (x, y) [mm] on the board; nan if the cameras did not see it or nothing was thrown.
+    * score: int, as seen; 0 if nothing was seen.
+    * covariance: (2, 2) [mm^2], spread of the thrower as estimated before the throw; 0 before the first estimate.
+    * expected: float [points], expected score of the aim for that spread; nan before the first estimate.
+    * release_shift: float [s], by which the release was shifted before the throw.
+    * note: str, default "". What went wrong.
     """
 
     aim: tuple[float, float]
@@ -58,7 +65,16 @@ class Dart:
 
 @dataclass(frozen=True)
 class Run:
-    """All throws of one arm; shown: how far the teacher's darts were from where the teacher aimed [mm]."""
+    """All throws of one arm.
+
+    Parameters:
+
+    * seed: int.
+    * practice: one of PRACTICE.
+    * board: (x, y, z) [m], position of the bull.
+    * shown: (x, y) [mm] for each of the teacher's darts: hit minus aim.
+    * darts: one Dart for each throw.
+    """
 
     seed: int
     practice: str
@@ -67,7 +83,7 @@ class Run:
     darts: tuple[Dart, ...]
 
 
-def darts_session(seed: int, board: Board | None = None, **plant) -> Session:
+def darts_session(seed: int, board: Board | None = None, **plant: object) -> Session:
     """A session with a board instead of baskets; plant: settings of the plant that differ from the configured ones."""
     settings = PlantSettings.from_parameters(node_parameters("wam_simulator.yaml", "wam_simulator"))
     return Session(seed, replace(settings, board=board or Board(), **plant), swing=SWING)
@@ -96,8 +112,25 @@ def teach(session: Session, points: np.ndarray, face: BoardFace) -> tuple[list[D
     return kept, np.array(misses)
 
 
-def run(seed: int, throws: int = 300, demonstrations: int = 8, practice: str = "both", board: Board | None = None, each=None) -> Run:
-    """One arm from its first lesson on; each(n, dart), if given, is called after every throw."""
+def run(
+    seed: int,
+    throws: int = 300,
+    demonstrations: int = 8,
+    practice: str = "both",
+    board: Board | None = None,
+    each: Callable[[int, Dart], object] | None = None,
+) -> Run:
+    """One arm from its first lesson on.
+
+    Parameters:
+
+    * seed: int, of everything that is random.
+    * throws: int, default 300.
+    * demonstrations: int, default 8. Number of darts that the teacher aims, at least 2.
+    * practice: one of PRACTICE, default "both".
+    * board: Board, default None: one of regulation height and distance.
+    * each: function that is called after each throw with its number, from 0, and its Dart; default None.
+    """
     if practice not in PRACTICE:
         raise ValueError(f"there is no practice '{practice}': choose one of {', '.join(PRACTICE)}")
     if throws < 1 or demonstrations < 2:
@@ -106,98 +139,73 @@ def run(seed: int, throws: int = 300, demonstrations: int = 8, practice: str = "
     session = darts_session(seed, board)
     try:
         shown, misses = teach(session, points_to_show(seed, demonstrations), board.face)
-        method, steady = PRACTICE[practice]
-        skill = PractisingSkill(shown, darts_configuration(board), method, settings=LEARNING, steady_every=steady)
-        darts, agent = [], Aimer()
+        method, steady_every = PRACTICE[practice]
+        skill = PractisingSkill(shown, darts_configuration(board), method, settings=LEARNING, steady_every=steady_every)
+        agent, darts = ModelBasedAgent(learns_from="hits"), []
         for n in range(throws):
             darts.append(_throw(session, skill, agent, board.face))
             if each is not None:
                 each(n, darts[-1])
     finally:
         session.close()
-    return Run(seed, practice, board.position, tuple(map(tuple, misses.tolist())), tuple(darts))
+    return Run(seed, practice, board.position, tuple(_pair(miss) for miss in misses), tuple(darts))
 
 
-class Aimer:
-    """Where to aim, from where one's own darts went: the spread about the aim of the last ones, bias included, and the best aim for it.
-
-    A bed that the arm cannot throw at, because the throw was refused or stopped, is not aimed at any more; the bull always is.
-    """
-
-    def __init__(self):
-        self.aim, self.spread = Aim(np.zeros(2), float("nan")), None
-        self._aims, self._hits, self._beyond = [], [], set()
-
-    def tell(self, hit: np.ndarray) -> None:
-        """Where a dart (2,) [mm] went that was thrown at the present aim."""
-        self._aims.append(self.aim.point)
-        self._hits.append(hit)
-        if len(self._hits) >= LEAST and len(self._hits) % EVERY == 0:
-            self.spread = spread_of(np.array(self._hits[-WINDOW:]), np.array(self._aims[-WINDOW:]))
-            self._choose()
-
-    def cannot(self) -> None:
-        """No throw came about at the present aim."""
-        self._beyond.add(self.aim.bed)
-        if self.spread is not None:
-            self._choose()
-
-    def _choose(self) -> None:
-        best = best_aim(self.spread)
-        if best.bed in self._beyond:
-            others = (aim for aim in local_optima(self.spread) if aim.bed not in self._beyond)
-            best = next(others, Aim(np.zeros(2), float(expected_score(np.zeros(2), self.spread))))
-        self.aim = best
-
-
-def spread_of(hits: np.ndarray, aims: np.ndarray) -> Spread:
-    """The most likely spread about their aims (n, 2) [mm] of hits (n, 2) [mm]; a bias counts as spread, since practice removes it."""
-    return estimate_from_points(hits, aims, model="general").spread
-
-
-def _throw(session: Session, skill: PractisingSkill, agent: Aimer, face: BoardFace) -> Dart:
-    aim, spread, expected = agent.aim.point, agent.spread, agent.aim.expected_score
-    covariance = np.zeros((2, 2)) if spread is None else spread.covariance
-    known = (tuple(map(tuple, covariance.tolist())), expected, skill.release_shift)
+def _throw(session: Session, skill: PractisingSkill, agent: ModelBasedAgent, face: BoardFace) -> Dart:
+    """Throw one dart where the agent aims; the agent and the skill learn from it."""
+    dart = _before(skill, agent)
     try:
-        plan = skill.plan(face.in_world(aim))
+        plan = skill.plan(face.in_world(agent.aim))
         trial = session.throw(plan)
     except ValueError as error:
         agent.cannot()
-        return Dart(tuple(aim.tolist()), (np.nan, np.nan), 0, *known, str(error))
+        return replace(dart, note=str(error))
     if not trial.outcome.landing_seen:
-        return Dart(tuple(aim.tolist()), (np.nan, np.nan), 0, *known, "nobody saw where the dart went")
+        return replace(dart, note="nobody saw where the dart went")
     hit = face.on_board(trial.outcome.landing)
     agent.tell(hit)
     told = skill.tell(plan, trial.demonstration)
-    return Dart(tuple(aim.tolist()), tuple(hit.tolist()), int(score(hit)), *known, "" if told.kept else told.reason)
+    return replace(dart, hit=_pair(hit), score=int(score(hit)), note="" if told.kept else told.reason)
+
+
+def _before(skill: PractisingSkill, agent: ModelBasedAgent) -> Dart:
+    """What is known of a dart before it is thrown."""
+    covariance = UNKNOWN
+    if agent.spread is not None:
+        across, up = agent.spread.covariance
+        covariance = (_pair(across), _pair(up))
+    return Dart(_pair(agent.aim), UNSEEN, 0, covariance, agent.expected_score, skill.release_shift)
+
+
+def _pair(values: np.ndarray) -> tuple[float, float]:
+    """Two numbers (2,) as a tuple."""
+    return float(values[0]), float(values[1])
 
 
 def summarise(run: Run, block: int = BLOCK) -> list[dict]:
     """One row per block of throws: standard deviation and mean of the misses across and up [mm], beds aimed at, mean and expected score."""
-    rows = []
-    for start in range(0, len(run.darts), block):
-        darts = run.darts[start : start + block]
-        miss = np.array([np.subtract(dart.hit, dart.aim) for dart in darts])
-        seen = np.isfinite(miss).all(axis=1)
-        beds = [name_at(dart.aim) for dart in darts]
-        expected = np.array([dart.expected for dart in darts])
-        rows.append(
-            {
-                "first": start + 1,
-                "last": start + len(darts),
-                "sd_across_mm": float(miss[seen, 0].std()) if seen.any() else None,
-                "sd_up_mm": float(miss[seen, 1].std()) if seen.any() else None,
-                "bias_across_mm": float(miss[seen, 0].mean()) if seen.any() else None,
-                "bias_up_mm": float(miss[seen, 1].mean()) if seen.any() else None,
-                "aims": list(dict.fromkeys(beds)),
-                "mean_score": float(np.mean([dart.score for dart in darts])),
-                "expected_score": float(np.nanmean(expected)) if np.isfinite(expected).any() else None,
-                "release_shift_ms": 1e3 * darts[-1].release_shift,
-                "unseen": int((~seen).sum()),
-            }
-        )
-    return rows
+    return [_row(start + 1, run.darts[start : start + block]) for start in range(0, len(run.darts), block)]
+
+
+def _row(first: int, darts: tuple[Dart, ...]) -> dict:
+    """The row of a block of darts; first: number of its first dart, from 1."""
+    miss = np.array([np.subtract(dart.hit, dart.aim) for dart in darts])
+    seen = np.isfinite(miss).all(axis=1)
+    beds = [name_at(dart.aim) for dart in darts]
+    expected = np.array([dart.expected for dart in darts])
+    return {
+        "first": first,
+        "last": first + len(darts) - 1,
+        "sd_across_mm": float(miss[seen, 0].std()) if seen.any() else None,
+        "sd_up_mm": float(miss[seen, 1].std()) if seen.any() else None,
+        "bias_across_mm": float(miss[seen, 0].mean()) if seen.any() else None,
+        "bias_up_mm": float(miss[seen, 1].mean()) if seen.any() else None,
+        "aims": list(dict.fromkeys(beds)),
+        "mean_score": float(np.mean([dart.score for dart in darts])),
+        "expected_score": float(np.nanmean(expected)) if np.isfinite(expected).any() else None,
+        "release_shift_ms": 1e3 * darts[-1].release_shift,
+        "unseen": int((~seen).sum()),
+    }
 
 
 def table(run: Run) -> str:
@@ -222,7 +230,7 @@ def as_json(run: Run) -> dict:
     return {"seed": run.seed, "practice": run.practice, "board": run.board, "shown": run.shown, "blocks": summarise(run), "darts": darts}
 
 
-def _plain(value):
+def _plain(value: object) -> object:
     if isinstance(value, tuple):
         return [_plain(part) for part in value]
     return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -14,10 +14,8 @@ import numpy as np
 
 from dart_skill.experiments import runs
 from dart_skill.experiments.practice import teach
-from dart_skill.session.in_process import Session
-from dart_skill.session.regions import REGION, Region
-from dart_skill.skill.learn.configuration import configuration
-from dart_skill.skill.learn.throwing import learn
+from dart_skill.session import REGION, Region, Session
+from dart_skill.skill.learn import configuration, learn
 
 ASKED = Region(near=0.8 * REGION.near, far=1.2 * REGION.far, side=np.deg2rad(60.0), rim=REGION.rim)
 """Where baskets are put."""

@@ -18,10 +18,7 @@ import scipy
 from dart_skill.darts import ModelBasedAgent, expected_score, optimum_path, score
 from dart_skill.experiments import runs
 from dart_skill.experiments.landscapes import LANDSCAPES, Landscape
-from dart_skill.policy_search import PoWER, Search, Sharpening, Trial
-from dart_skill.policy_search.baselines import CMAES, CrossEntropy, MonteCarlo, RandomRestarts
-from dart_skill.policy_search.mixture_power import MixturePoWER
-from dart_skill.policy_search.niches import Niches
+from dart_skill.policy_search import CMAES, CrossEntropy, MixturePoWER, MonteCarlo, Niches, PoWER, RandomRestarts, Search, Sharpening, Trial
 
 START, SPREAD = np.zeros(2), 75.0
 """First aim, the bull, and spread of the first aims [mm]: that of the thrower at the beginning."""

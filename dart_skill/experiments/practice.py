@@ -16,12 +16,10 @@ import numpy as np
 
 from dart_skill.experiments import runs
 from dart_skill.recording import Demonstration
-from dart_skill.session.in_process import Session
-from dart_skill.session.regions import REGION, targets_for
-from dart_skill.simulation.changes import CHANGES, changed
-from dart_skill.skill.improve.curriculum import Curriculum
-from dart_skill.skill.improve.practising import METHODS, PractisingSkill
-from dart_skill.skill.learn.throwing import Unreachable
+from dart_skill.session import REGION, Session, targets_for
+from dart_skill.simulation import CHANGES, changed
+from dart_skill.skill.improve import METHODS, Curriculum, PractisingSkill
+from dart_skill.skill.learn import Unreachable
 
 CANDIDATES = 48
 """Baskets among which the curriculum chooses."""

@@ -10,11 +10,9 @@ from functools import partial
 import numpy as np
 from tqdm import tqdm
 
-from dart_skill.robot.commander import PlanRefused
-from dart_skill.session.in_process import Session
-from dart_skill.session.regions import REGION, targets_for
-from dart_skill.skill.learn.configuration import configuration
-from dart_skill.skill.learn.throwing import learn
+from dart_skill.robot import PlanRefused
+from dart_skill.session import REGION, Session, targets_for
+from dart_skill.skill.learn import configuration, learn
 
 
 @dataclass(frozen=True)

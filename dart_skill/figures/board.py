@@ -9,14 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from dart_skill.darts._board import RADII, SECTORS, direction
-from dart_skill.darts._estimation import SpreadEstimate
-from dart_skill.darts._heat_map import heat_map
-from dart_skill.darts._leg import LegPolicy
-from dart_skill.darts._optimum import Aim, local_optima
-from dart_skill.darts._path import OptimumPath
-from dart_skill.darts._spread import Spread
-from dart_skill.figures.style import BLACK, BLUE, GREY, LIGHT, PALE, VERMILION, house_style, quantity_colours, save
+from dart_skill.darts import RADII, SECTORS, Aim, LegPolicy, OptimumPath, Spread, SpreadEstimate, direction, heat_map, local_optima
+from dart_skill.figures._style import BLACK, BLUE, GREY, LIGHT, PALE, VERMILION, house_style, quantity_colours, save
 
 NUMBERS_AT, LIMIT = 185.0, 196.0
 HALO = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8}
@@ -24,7 +18,7 @@ HIGHEST_CHECKOUT = 170
 
 
 def draw_heat_map(spread: Spread, folder: str | Path, name: str = "heat_map", spacing: float = 1.0) -> list[Path]:
-    """Expected score over the board with all local optima, the best as a cross; returns the paths."""
+    """Draw the expected score over the board with all local optima, the best one as a cross; returns the paths of the files."""
     with house_style():
         figure = Figure(figsize=(7.2, 6.0), layout="constrained")
         axes = figure.subplots()
@@ -35,7 +29,7 @@ def draw_heat_map(spread: Spread, folder: str | Path, name: str = "heat_map", sp
 
 
 def draw_path(path: OptimumPath, folder: str | Path, name: str = "best_aim_over_sigma") -> list[Path]:
-    """The best aim over sigma on the board, and what it scores; pieces end where the optimum jumps."""
+    """Draw the best aim over sigma on the board, and its expected score; the curves end where the optimum jumps."""
     with house_style():
         figure = Figure(figsize=(10.5, 5.0), layout="constrained")
         board, scores = figure.subplots(1, 2, width_ratios=(1.15, 1.0))
@@ -55,7 +49,7 @@ def draw_path(path: OptimumPath, folder: str | Path, name: str = "best_aim_over_
 
 
 def draw_estimate(estimate: SpreadEstimate, best: Aim, folder: str | Path, name: str = "estimate") -> list[Path]:
-    """The likelihood of sigma with its 95 % interval, and where to aim."""
+    """Draw the likelihood of sigma with its 95 % interval, and where to aim."""
     low, high = estimate.confidence_interval()
     with house_style():
         figure = Figure(figsize=(10.5, 4.8), layout="constrained")
@@ -68,7 +62,7 @@ def draw_estimate(estimate: SpreadEstimate, best: Aim, folder: str | Path, name:
 
 
 def draw_leg(policy: LegPolicy, folder: str | Path, name: str = "leg") -> list[Path]:
-    """Expected turns or darts to the finish, and where the first dart of a turn goes."""
+    """Draw the expected turns or darts to the finish, and the aims of the first dart of a turn."""
     remaining = np.arange(2, policy.start + 1)
     aims = policy.aims[policy.choices[0][remaining, 0]]
     with house_style():
@@ -92,7 +86,7 @@ def draw_leg(policy: LegPolicy, folder: str | Path, name: str = "leg") -> list[P
 
 
 def draw_board(axes: Axes, colour: str = LIGHT, aims: np.ndarray | None = None) -> None:
-    """Wires and numbers of the board, millimetres, as the thrower sees it, and room for aims (n, 2) beyond it."""
+    """Draw the wires and numbers of the board [mm], as the thrower sees it; aims (n, 2) beyond the board widen the picture."""
     limit = LIMIT if aims is None else max(LIMIT, float(np.abs(aims).max()) + 10.0)
     for radius in RADII:
         axes.add_patch(Circle((0.0, 0.0), radius, facecolor="none", edgecolor=colour, linewidth=0.7))

@@ -2,34 +2,53 @@
 components, split and merge (5.3), data spectroscopy (5.4), likelihood of weighted data (6.4).
 """
 
-from dart_skill.mixture._gaussian import Gaussian, linear_combination, merge, product, product_of_gaussians
-from dart_skill.mixture._mixture import GaussianMixture
-from dart_skill.mixture._regression import Regression, regress
+from dart_skill.mixture._expectation_maximisation import Parameters, column_scales, expectation_at, in_units, maximisation, normalise_log
+from dart_skill.mixture._gaussian import Gaussian, cholesky, linear_combination, merge, product, product_of_gaussians, symmetric
+from dart_skill.mixture._mixture import EMEstimator, GaussianMixture, checked_priors, n_free_parameters
+from dart_skill.mixture._regression import Regression, regress, regress_each
 from dart_skill.mixture._selection import Selection, select_by_bic, select_by_cross_validation
 from dart_skill.mixture._spectroscopy import Spectroscopy, automatic_bandwidth, data_spectroscopy
-from dart_skill.mixture._split_merge import Adapted, SplitMerge, split, split_and_merge
+from dart_skill.mixture._split_merge import Adapted, SplitMerge, adapt, split, split_and_merge
+from dart_skill.mixture._start import kmeans_start, sliced_start
+from dart_skill.mixture._sweep import DEAD_SHARE
 from dart_skill.mixture._weighted_likelihood import mean_log_likelihood, resampled_mean_log_likelihood, stochastic_universal_sampling
 
 __all__ = [
     "Adapted",
+    "DEAD_SHARE",
+    "EMEstimator",
     "Gaussian",
     "GaussianMixture",
+    "Parameters",
     "Regression",
     "Selection",
     "Spectroscopy",
     "SplitMerge",
+    "adapt",
     "automatic_bandwidth",
+    "checked_priors",
+    "cholesky",
+    "column_scales",
     "data_spectroscopy",
+    "expectation_at",
+    "in_units",
+    "kmeans_start",
     "linear_combination",
+    "maximisation",
     "mean_log_likelihood",
     "merge",
+    "n_free_parameters",
+    "normalise_log",
     "product",
     "product_of_gaussians",
     "regress",
+    "regress_each",
     "resampled_mean_log_likelihood",
     "select_by_bic",
     "select_by_cross_validation",
+    "sliced_start",
     "split",
     "split_and_merge",
     "stochastic_universal_sampling",
+    "symmetric",
 ]

@@ -1,14 +1,13 @@
-"""Weighted EM in the log domain for Gaussian mixtures whose components are seen in one or several blocks of
-columns.
+"""Weighted EM in the log domain for Gaussian mixtures over one or several blocks of columns.
 
-A block is what one task frame sees of the samples, (n, d); responsibilities are shared: the density of a
-component is the product of its densities in all blocks (the tensor GMM of Calinon). One block is the ordinary
-mixture of thesis 3.2.1. A row of nan says that the block does not see this sample: it adds no factor to the
-density there, and the sample plays no part in what is learned of this block.
+A block (n, d) holds the samples as one task frame sees them. All blocks share the responsibilities: the density of a
+component is the product of its densities in all blocks (the tensor GMM of Calinon). With one block this is the ordinary
+mixture of thesis 3.2.1. A row of nan means that the block does not see this sample. There the block adds no factor to
+the density, and nothing is learned for this block from this sample.
 
-Samples are standardised per column first, so that the covariance floor is relative to the scale of the data
-and a change of units changes nothing but units. The floor bounds the eigenvalues of each covariance from
-below, which is the constrained maximum of the M step: the likelihood still rises with every iteration.
+First each column of the samples is standardised. So the covariance floor is relative to the scale of the data, and a
+change of units changes the result only by that unit. The floor is a lower bound of the eigenvalues of each covariance.
+The M step is the maximum under this constraint, so the likelihood still rises with every iteration.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ class Parameters:
 
 @dataclass(frozen=True)
 class Settings:
-    """When to stop, and how thin a component may become (variance relative to that of the data)."""
+    """When EM stops, and the least variance of a component, relative to the variance of the data."""
 
     covariance_floor: float
     tolerance: float
@@ -46,7 +45,7 @@ class Settings:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Result of EM; the log-likelihood is the mean per unit of weight."""
+    """Result of EM; log_likelihood is the mean over the samples, weighted."""
 
     parameters: Parameters
     log_likelihood: float
@@ -68,13 +67,13 @@ def log_densities(block: np.ndarray, means: np.ndarray, covariances: np.ndarray)
 
 
 def joint_log_densities(blocks: list[np.ndarray], parameters: Parameters) -> np.ndarray:
-    """(n, K) log of prior times density, densities multiplied over blocks."""
+    """(n, K) log of the prior times the product of the densities in all blocks."""
     terms = [log_densities(*one) for one in zip(blocks, parameters.means, parameters.covariances, strict=True)]
     return sum(terms) + np.log(parameters.priors)
 
 
 def normalise_log(log_values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Shares (n, K) and log of the sum (n,) of exp(log_values (n, K)), without under- or overflow."""
+    """exp(log_values) (n, K) divided by their sum over K, and the log of that sum (n,), without under- or overflow."""
     top = log_values.max(axis=1, keepdims=True)
     shares = np.exp(log_values - top)
     total = shares.sum(axis=1, keepdims=True)
@@ -87,7 +86,7 @@ def expectation(blocks: list[np.ndarray], parameters: Parameters) -> tuple[np.nd
 
 
 def expectation_at(points: np.ndarray, blocks: list[np.ndarray], parameters: Parameters) -> tuple[np.ndarray, np.ndarray]:
-    """The same for points (n, d) that anyone may give, seen as blocks; ValueError for one whose log density overflows."""
+    """`expectation` for any points (n, d), given as blocks, too; ValueError for a point whose log density overflows."""
     with np.errstate(over="ignore", invalid="ignore"):
         shares, log_density = expectation(blocks, parameters)
     require_near(log_density, points, "samples")
@@ -95,8 +94,10 @@ def expectation_at(points: np.ndarray, blocks: list[np.ndarray], parameters: Par
 
 
 def maximisation(blocks: list[np.ndarray], counts: np.ndarray, floor: float) -> Parameters:
-    """M step from counts (n, K), responsibilities times weights; every component must own something. Where it owns
-    next to nothing of what a block sees, it becomes as wide there as all samples together.
+    """M step from counts (n, K), which are responsibilities times weights; no component may have a total count of zero.
+
+    If a component has almost no count among the samples that a block sees, it gets mean and covariance of all samples
+    in that block.
     """
     mass = counts.sum(0)
     moments = [_moments(*_only_seen(block, counts), floor) for block in blocks]
@@ -123,8 +124,9 @@ def _moments(block: np.ndarray, counts: np.ndarray, floor: float) -> tuple[np.nd
 
 
 def column_scales(block: np.ndarray, weights: np.ndarray, least: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Weighted mean and standard deviation (d,); for a constant column its magnitude (1 for zeros) stands in
-    for the deviation.
+    """Weighted mean and standard deviation (d,) of the columns, the latter at least `least`.
+
+    For a constant column its magnitude, or 1 for zeros, replaces the standard deviation.
     """
     block, weights = _only_seen(block, weights)
     magnitude = np.abs(block).max(0)
@@ -142,7 +144,7 @@ def column_scales(block: np.ndarray, weights: np.ndarray, least: np.ndarray) -> 
 
 
 def _revive(blocks, counts, log_density, dead, floor) -> Parameters:
-    """M step with each dead component moved onto a badly explained sample, as wide as all the data."""
+    """M step in which each dead component moves to a badly explained sample and gets the covariance of all data."""
     worst = np.argsort(log_density, kind="stable")[: len(dead)]
     weight = counts.sum(1, keepdims=True)
     pooled = maximisation(blocks, weight, floor)
@@ -156,18 +158,18 @@ def _revive(blocks, counts, log_density, dead, floor) -> Parameters:
 
 
 class _Run:
-    """One EM run on standardised blocks; when its revivals are used up, dead components are dropped."""
+    """One EM run on standardised blocks. A dead component is revived; after n_components revivals it is dropped."""
 
     def __init__(self, blocks, weights, settings, n_components):
         self.blocks, self.weights, self.settings = blocks, weights, settings
         self.revivals_left, self.least_mass = n_components, DEAD_SHARE * weights.mean()
 
     def dead(self, mass: np.ndarray) -> np.ndarray:
-        """Indices of the components that own next to nothing."""
+        """Indices of the dead components: those with almost no count."""
         return np.flatnonzero(mass < self.least_mass)
 
     def update(self, responsibilities: np.ndarray, log_density: np.ndarray) -> Parameters:
-        """M step that never divides by the mass of a component nobody owns."""
+        """M step in which dead components are revived or dropped, so that it never divides by zero."""
         floor = self.settings.covariance_floor
         counts = responsibilities * self.weights[:, None]
         dead = self.dead(counts.sum(0))
@@ -192,7 +194,7 @@ class _Run:
             if self.dead(sums.mass).size == 0:
                 previous, priors, components = likelihood, sums.mass / sums.mass.sum(), sweep.maximise(sums)
             else:
-                # A component that is moved must still find its place: that is no end, so the last iteration drops it.
+                # A revived component needs further iterations, so in the last one it is dropped instead.
                 self.revivals_left *= iteration < last
                 parameters = self.update(*expectation(self.blocks, _from_white(sweep, priors, components)))
                 previous, priors, components = -np.inf, parameters.priors, _to_white(sweep, parameters)
@@ -211,16 +213,16 @@ def _from_white(sweep: Sweep, priors: np.ndarray, components: list[Components]) 
 
 
 def expectation_maximisation(blocks: list[np.ndarray], weights: np.ndarray, start, settings: Settings, least_scales=None) -> Fit:
-    """EM on blocks (n, d_p) with weights (n,), in the units of the data.
+    """EM on blocks (n, d_p) with weights (n,), in the units of the data; samples with weight zero are ignored.
 
-    start: Parameters in the units of the data, or a function that gets the standardised blocks and the weights
-    and returns responsibilities (n, K). Samples of weight zero play no part. least_scales: per block, an
-    array (d_p,) that bounds the scale of its columns from below.
+    start: Parameters in the units of the data, or a function that gets the standardised blocks and the weights and
+    returns responsibilities (n, K). least_scales: for each block an array (d_p,), a lower bound of the standard
+    deviations by which its columns are standardised.
     """
     least_scales = [0.0] * len(blocks) if least_scales is None else least_scales
     if not (weights > 0).all():
         blocks, weights = [block[weights > 0] for block in blocks], weights[weights > 0]
-    # Columns in one piece, since all that follows goes along them.
+    # Fortran order: all that follows runs along the columns.
     blocks, weights = [np.asfortranarray(block) for block in blocks], weights / weights.mean()
     scales = [column_scales(block, weights, least) for block, least in zip(blocks, least_scales, strict=True)]
     standard = [(block - centre) / scale for block, (centre, scale) in zip(blocks, scales, strict=True)]
@@ -250,7 +252,7 @@ def in_units(parameters: Parameters, scales) -> Parameters:
 
 
 def best_fit(blocks: list[np.ndarray], weights: np.ndarray, start, settings: Settings, n_starts: int, least_scales=None) -> Fit:
-    """The most likely of several EM runs; the first wins a tie. Given parameters are one start only."""
+    """The most likely of n_starts EM runs, the first of equals; from given parameters there is only one run."""
     n_starts = 1 if isinstance(start, Parameters) else n_starts
     fits = [expectation_maximisation(blocks, weights, start, settings, least_scales) for _ in range(n_starts)]
     return max(fits, key=lambda fit: fit.log_likelihood)

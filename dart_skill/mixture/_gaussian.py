@@ -1,8 +1,8 @@
 """The normal distribution and its algebra: thesis table 3.1 with (3.6) corrected (A1 S1 A1' + A2 S2 A2').
 
-Functions work on stacks of Gaussians, means (..., d) with covariances (..., d, d); `Gaussian` is one of them.
-A covariance may be singular (a linear map with a tall matrix makes it so) as long as nothing has to be
-inverted.
+The functions work on stacks of Gaussians: means (..., d) with covariances (..., d, d). The class `Gaussian` is a single
+one. A covariance may be singular as long as nothing has to be inverted; for example, a linear map with more rows than
+columns makes it singular.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def _describe_singular(covariances: np.ndarray, what: str) -> str:
 
 
 def square_root(covariances: np.ndarray) -> np.ndarray:
-    """Roots (..., d, d) with R R' = S of positive semi-definite matrices: Cholesky where that exists."""
+    """Square roots R (..., d, d), R R' = S, of positive semi-definite matrices S: the Cholesky factor where it exists."""
     try:
         return np.linalg.cholesky(covariances)
     except np.linalg.LinAlgError:
@@ -49,7 +49,7 @@ def square_root(covariances: np.ndarray) -> np.ndarray:
 
 
 def split_dims(dims: ArrayLike, n_dims: int) -> tuple[np.ndarray, np.ndarray]:
-    """The given dimensions and the others, in ascending order; some must be left."""
+    """The given dimensions, and the other ones in ascending order; ValueError if there are no other ones."""
     dims = as_dims(dims, n_dims, "dims")
     rest = np.setdiff1d(np.arange(n_dims), dims)
     if rest.size == 0:
@@ -58,8 +58,9 @@ def split_dims(dims: ArrayLike, n_dims: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def log_normal(deviations: np.ndarray, covariances: np.ndarray) -> np.ndarray:
-    """log N(deviation; 0, S) for deviations (..., n, d) and covariances (..., d, d): (..., n); no number where a square
-    overflows.
+    """log N(deviation; 0, S), (..., n), for deviations (..., n, d) and covariances (..., d, d).
+
+    It is nan or -inf where a square overflows.
     """
     factors = cholesky(covariances)
     whitener = np.linalg.inv(factors)
@@ -71,14 +72,16 @@ def log_normal(deviations: np.ndarray, covariances: np.ndarray) -> np.ndarray:
 
 
 def symmetric(matrices: np.ndarray) -> np.ndarray:
-    """Symmetric part of matrices (..., d, d): removes what rounding leaves."""
+    """Symmetric part of matrices (..., d, d): removes the asymmetry that rounding leaves."""
     return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
 
 
 @lru_cache(maxsize=64)
 def upper_triangle(n_dims: int) -> tuple[np.ndarray, np.ndarray]:
-    """Places (q,) of the upper triangle in a flattened matrix (d, d), by rows; the matrix (d, d) of where in those q
-    each entry of a symmetric matrix is found.
+    """Two index arrays to store only the upper triangle of a symmetric matrix (d, d), q = d (d + 1) / 2 entries.
+
+    First (q,): indices of these entries, by rows, in the flattened matrix. Second (d, d): for each entry of the whole
+    matrix, its index among the q.
     """
     rows, columns = np.triu_indices(n_dims)
     square = np.empty((n_dims, n_dims), dtype=int)
@@ -95,7 +98,7 @@ def log_determinants(covariances: np.ndarray) -> np.ndarray:
 
 
 def raise_to_floor(covariances: np.ndarray, floor: float) -> np.ndarray:
-    """Covariances (..., d, d) with eigenvalues below the floor raised to it."""
+    """Covariances (..., d, d) whose eigenvalues are at least `floor`: smaller ones are raised to it."""
     try:
         np.linalg.cholesky(covariances - floor * np.eye(covariances.shape[-1]))
         return covariances
@@ -108,7 +111,7 @@ def raise_to_floor(covariances: np.ndarray, floor: float) -> np.ndarray:
 def product_of_two(mean1, covariance1, mean2, covariance2):
     """(3.8) for stacks: mean, covariance and log constant N(mu1; mu2, S1 + S2).
 
-    The form S1 (S1 + S2)^-1 inverts only the sum, so that one of the two may be singular.
+    The gain S1 (S1 + S2)^-1 needs the inverse of the sum only. So one of the two covariances may be singular.
     """
     total = covariance1 + covariance2
     step = mean2 - mean1
@@ -116,14 +119,15 @@ def product_of_two(mean1, covariance1, mean2, covariance2):
     gain = np.swapaxes(np.linalg.solve(total, covariance1), -1, -2)
     rest = np.eye(mean1.shape[-1]) - gain
     mean = mean1 + (gain @ step[..., None])[..., 0]
-    # Joseph form: a sum of two positive terms, where S1 - K S1 would lose digits.
+    # Joseph form: a sum of two positive semi-definite terms. S1 - K S1 would lose digits.
     covariance = rest @ covariance1 @ np.swapaxes(rest, -1, -2) + gain @ covariance2 @ np.swapaxes(gain, -1, -2)
     return mean, symmetric(covariance), log_constant
 
 
 def product_of_gaussians(means: np.ndarray, covariances: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Product over the first axis of means (P, ..., d), covariances (P, ..., d, d): mean, covariance, log
-    constant.
+    """(3.8) for P factors: the product over the first axis of means (P, ..., d) and covariances (P, ..., d, d).
+
+    Returns mean (..., d), covariance (..., d, d) and log constant (...).
     """
     mean, covariance = means[0], covariances[0]
     log_constant = np.zeros(mean.shape[:-1])
@@ -135,7 +139,13 @@ def product_of_gaussians(means: np.ndarray, covariances: np.ndarray) -> tuple[np
 
 @dataclass(frozen=True, eq=False)
 class Gaussian:
-    """N(mean, covariance) with mean (d,) and covariance (d, d), symmetric and positive semi-definite."""
+    """The normal distribution N(mean, covariance), thesis table 3.1.
+
+    Parameters:
+
+    * mean (d,): d at least 1, finite.
+    * covariance (d, d): symmetric and positive semi-definite. It may be singular as long as nothing has to be inverted.
+    """
 
     mean: np.ndarray
     covariance: np.ndarray
@@ -215,7 +225,7 @@ def linear_combination(gaussians: Sequence[Gaussian], matrices: Sequence[ArrayLi
 def product(gaussians: Sequence[Gaussian]) -> tuple[Gaussian, float]:
     """(3.8): Gaussian N and log C with C N(x) = N1(x) N2(x) ... for every x.
 
-    Singular covariances pass as long as the partial sums can be inverted.
+    Covariances may be singular as long as each sum S1 + S2 on the way can be inverted.
     """
     if len(gaussians) == 0:
         raise ValueError("gaussians is empty; a product needs at least one factor")
@@ -238,7 +248,7 @@ def moments(shares: np.ndarray, means: np.ndarray, covariances: np.ndarray) -> t
 
 
 def merge(gaussians: Sequence[Gaussian], weights: ArrayLike) -> Gaussian:
-    """The Gaussian with the mean and covariance of all together, each with its weight (positive, any sum)."""
+    """The Gaussian with the mean and covariance of the mixture of several Gaussians with these weights (positive, any sum)."""
     if len(gaussians) == 0 or len({gaussian.n_dims for gaussian in gaussians}) > 1:
         raise ValueError(f"gaussians must be one or more of one dimension, got {[gaussian.n_dims for gaussian in gaussians]}")
     weights = as_weights(weights, len(gaussians))

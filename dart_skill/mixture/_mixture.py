@@ -1,5 +1,7 @@
-"""Gaussian mixture with weighted samples: thesis 3.2, 3.2.1; the likelihood is (3.1), the stop its change per
-sample (errata).
+"""Gaussian mixture with weighted samples (thesis 3.2, 3.2.1).
+
+EM stops when the mean log-likelihood per sample stops changing. The thesis stops on the ratio of successive values of
+the log-likelihood (3.1), which fails when that is near zero or changes its sign.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ FORMAT = "dart_skill mixture 1"
 
 
 def checked_priors(priors: ArrayLike) -> np.ndarray:
-    """Priors (K,), positive and summing to one; rounding in the sum is removed."""
+    """Priors (K,), positive and with sum one; a rounding error of the sum is removed."""
     priors = as_vector(priors, "priors")
     if priors.size == 0 or priors.min() <= 0 or abs(priors.sum() - 1.0) > 1e-6:
         raise ValueError(f"priors must be positive and sum to one, got {priors.tolist()}")
@@ -29,7 +31,7 @@ def checked_priors(priors: ArrayLike) -> np.ndarray:
 
 
 def _require_parameters(priors: np.ndarray, means: np.ndarray, covariances: np.ndarray) -> None:
-    """ValueError unless these are a mixture, singular components allowed."""
+    """ValueError unless these are the parameters of a mixture; covariances may be singular."""
     checked_priors(priors)
     for mean, covariance, _ in zip(as_samples(means, "means"), covariances, priors, strict=True):
         Gaussian(mean, covariance)
@@ -48,12 +50,22 @@ def require_enough(n_samples: int, n_components: int) -> None:
 
 
 class EMEstimator:
-    """Hyper-parameters of EM and the outcome of a fit; the base of every mixture that EM fits.
+    """Hyper-parameters of EM and results of a fit; the base class of every mixture that EM fits.
 
-    n_components: components at the start; one that dies twice over is dropped, so fewer may be left.
-    covariance_floor: least variance in any direction relative to the variance of the data, per column.
-    tolerance: stop when the mean log-likelihood per sample changes by no more than this.
-    n_starts: runs with different random starts, of which the most likely is kept.
+    Parameters:
+
+    * n_components: int, number K of components at the start. A component that loses all its samples is moved to badly
+      explained ones, at most n_components times in a run. After that it is dropped, so a fit may end with fewer.
+    * covariance_floor: float, default 1e-6. Least variance of a component in any direction, relative to the variance of
+      the data in each column.
+    * tolerance: float, default 1e-6. EM stops when the mean log-likelihood per sample changes by no more than this.
+    * max_iterations: int, default 300. EM stops after so many iterations in any case.
+    * n_starts: int, default 1. Number of runs with different random starts; the most likely result is kept.
+
+    Attributes after a fit:
+
+    * log_likelihood_: float, (3.1), the sum over the samples times their weights.
+    * n_iterations_: int. converged_: bool, False if max_iterations was reached first.
     """
 
     def __init__(
@@ -85,10 +97,24 @@ class EMEstimator:
 
 
 class GaussianMixture(EMEstimator):
-    """Mixture of K Gaussians with full covariances.
+    """Mixture of K Gaussians with full covariances (thesis 3.2), fitted by EM to weighted samples.
 
-    Fitted: priors_ (K,), means_ (K, d), covariances_ (K, d, d), log_likelihood_ (sum over samples times
-    weight, (3.1)), n_iterations_, converged_. A mixture made by `from_parameters` has the first three only.
+    Parameters:
+
+    * n_components: int, number K of components at the start; a fit may end with fewer, len(priors_).
+    * covariance_floor: float, default 1e-6. Least variance of a component in any direction, relative to the variance of
+      the data in each column.
+    * tolerance: float, default 1e-6. EM stops when the mean log-likelihood per sample changes by no more than this.
+    * max_iterations: int, default 300. EM stops after so many iterations in any case.
+    * n_starts: int, default 1. Number of runs with different random starts; the most likely result is kept.
+
+    Attributes after `fit`; a mixture made by `from_parameters` has the first three only:
+
+    * priors_ (K,): positive, with sum one.
+    * means_ (K, d), in the units of the samples.
+    * covariances_ (K, d, d).
+    * log_likelihood_: float, (3.1), the sum over the samples times their weights.
+    * n_iterations_: int. converged_: bool, False if max_iterations was reached first.
     """
 
     @classmethod
@@ -117,8 +143,11 @@ class GaussianMixture(EMEstimator):
         rng: np.random.Generator | None = None,
         start: GaussianMixture | None = None,
     ) -> GaussianMixture:
-        """EM on samples (n, d) with weights (n,), from a k-means++ start drawn with rng or from a given mixture of
-        equally many components. An integer weight equals repeated samples.
+        """Fit the mixture by EM to samples (n, d) with weights (n,), equal by default; returns self.
+
+        Give either rng, for a random start by k-means++, or start, a mixture with as many components to start from. A
+        sample with an integer weight counts as so many equal samples. ValueError if there are fewer samples with weight
+        than components.
         """
         samples = as_learnable(samples, "samples")
         weights = as_weights(weights, len(samples))
@@ -170,7 +199,7 @@ class GaussianMixture(EMEstimator):
         return len(self.priors_) - 1 + n_free_parameters(len(self.priors_), self.n_dims)
 
     def bic(self, samples: ArrayLike, weights: ArrayLike | None = None) -> float:
-        """Bayesian information criterion, lower is better; the sum of the weights counts as sample number."""
+        """Bayesian information criterion, lower is better; the sum of the weights counts as the number of samples."""
         log_density = self.log_density(samples)
         weights = as_weights(weights, len(log_density))
         return float(-2.0 * weights @ log_density + self.n_parameters * np.log(weights.sum()))
@@ -188,7 +217,7 @@ class GaussianMixture(EMEstimator):
     def condition(self, dims: ArrayLike, values: ArrayLike) -> GaussianMixture:
         """(3.5): mixture of the other dimensions, in ascending order, given x[dims] = values.
 
-        A component so far from the values that its prior would be zero is left out.
+        A component is left out if it is so far from the values that its prior is zero.
         """
         dims, rest = split_dims(dims, self.n_dims)
         values = as_vector(np.atleast_1d(values), "values", len(dims))
@@ -203,8 +232,10 @@ class GaussianMixture(EMEstimator):
         return self._of(self.priors_, [component.linear_map(matrix, offset) for component in self.components])
 
     def product(self, other: GaussianMixture | Gaussian) -> tuple[GaussianMixture, float]:
-        """Mixture M and log C with C M(x) = this(x) other(x) for every x; components in pairs, those of `other`
-        fastest. Pairs so far apart that their prior would be zero are left out.
+        """Mixture M and log C with C M(x) = this(x) other(x) for every x.
+
+        M has a component for each pair of components, those of `other` in the inner loop. A pair is left out if its
+        components are so far apart that its prior is zero.
         """
         other = GaussianMixture._of(np.ones(1), [other]) if isinstance(other, Gaussian) else other
         if other.n_dims != self.n_dims:
@@ -221,8 +252,9 @@ class GaussianMixture(EMEstimator):
         return self._made(shares[0, kept], mean[kept], covariance[kept]), float(log_total[0])
 
     def merge(self, indices: ArrayLike) -> GaussianMixture:
-        """Mixture in which the given components are one, with their prior, mean and covariance taken together; it
-        comes last.
+        """Mixture in which the components with these indices are merged into one; it is the last component.
+
+        The merged component has their total prior, and the mean and covariance of all of them together.
         """
         self._require_fitted()
         indices = as_dims(indices, len(self.priors_), "indices")
@@ -280,7 +312,7 @@ class GaussianMixture(EMEstimator):
 
     @classmethod
     def load(cls, path: str | Path) -> GaussianMixture:
-        """The mixture that `save` wrote, to the last bit; ValueError if the file is another's or damaged."""
+        """The mixture that `save` wrote, to the last bit; ValueError if the file has another format or is damaged."""
         try:
             with np.load(path, allow_pickle=False) as archive:
                 content = {name: archive[name] for name in ("format", "priors", "means", "covariances")}
@@ -296,7 +328,7 @@ class GaussianMixture(EMEstimator):
 
     @classmethod
     def _made(cls, priors: np.ndarray, means: np.ndarray, covariances: np.ndarray) -> GaussianMixture:
-        """Mixture of parameters that are known to be right."""
+        """Mixture with parameters that have been checked."""
         mixture = cls(len(priors))
         mixture._set(priors, means, covariances)
         return mixture

@@ -1,9 +1,9 @@
 """Gaussian mixture regression: thesis (3.3) to (3.5), with the full covariance of the conditional mixture.
 
-The covariance is sum_k h_k (S_k + (m_k - m)(m_k - m)'), spread between the components included and formed from
-the deviations, so that nothing cancels. Responsibilities h_k are formed from log densities, so that a query far
-from the data goes to the component that decays slowest instead of to 0 / 0. Queries lie along the last axis and
-pass in slices that stay in the cache.
+The covariance is sum_k h_k (S_k + (m_k - m)(m_k - m)'). It includes the spread between the components. It is computed
+from the deviations m_k - m, so that no digits are lost. The responsibilities h_k are computed from log densities: far
+from the data they would otherwise be 0 / 0. There a query belongs to the component whose density falls most slowly.
+Queries lie along the last axis of the arrays and are processed in slices that fit into the cache.
 """
 
 from __future__ import annotations
@@ -21,11 +21,16 @@ SLICE = 1024
 
 
 class Regression:
-    """Regression of some dimensions of a mixture on others, prepared for many calls.
+    """Gaussian mixture regression of some dimensions on others, prepared for many calls: (3.3) to (3.5).
 
-    input_dims, output_dims: distinct column indices of the mixture, in any order; they need not cover it. A call
-    `regression(inputs)` with inputs (n, i) returns mean (n, o) and covariance (n, o, o) of the outputs; a 1-D
-    array of inputs is taken as n queries of one input dimension.
+    A call `regression(inputs)` with inputs (n, i) returns mean (n, o) and covariance (n, o, o) of the outputs. With one
+    input dimension, inputs (n,) are n queries.
+
+    Parameters:
+
+    * mixture: GaussianMixture, fitted or made from parameters.
+    * input_dims: i distinct column indices of the mixture, in any order.
+    * output_dims: o distinct column indices, none of them an input. Other columns may be left out of both.
     """
 
     def __init__(self, mixture: GaussianMixture, input_dims: ArrayLike, output_dims: ArrayLike):
@@ -52,13 +57,24 @@ class Regression:
             self._collapse(shares, self._output_means + self._slopes @ deviations, mean[span], covariance[span])
         return mean, covariance
 
+    def mean(self, inputs: ArrayLike) -> np.ndarray:
+        """Mean (n, o) of the outputs (3.4) without their covariance; equal to the mean of a call to the last bit."""
+        inputs = self._checked(inputs)
+        mean = np.empty((len(inputs), self.n_outputs))
+        for start in range(0, len(inputs), SLICE):
+            span = slice(start, start + SLICE)
+            deviations = self._deviations(inputs[span])
+            shares, _ = self._shares(deviations, inputs[span], start)
+            mean[span] = _centre(shares, self._output_means + self._slopes @ deviations).T
+        return mean
+
     def responsibilities(self, inputs: ArrayLike) -> np.ndarray:
         """h_k of (3.5): (n, K)."""
         inputs = self._checked(inputs)
         return self._shares(self._deviations(inputs), inputs)[0].T
 
     def log_density(self, inputs: ArrayLike) -> np.ndarray:
-        """(n,) log density of the inputs alone: how far from what was demonstrated a query is."""
+        """(n,) log density of the inputs alone: it is low for a query that is far from the demonstrations."""
         inputs = self._checked(inputs)
         return self._shares(self._deviations(inputs), inputs)[1]
 
@@ -67,11 +83,11 @@ class Regression:
         return as_samples(inputs[:, None] if inputs.ndim == 1 and self.n_inputs == 1 else inputs, "inputs", self.n_inputs)
 
     def _deviations(self, inputs: np.ndarray) -> np.ndarray:
-        """(K, i, n) from the means of the components."""
+        """Deviations (K, i, n) of the inputs from the means of the components."""
         return inputs.T - self._input_means
 
     def _shares(self, deviations: np.ndarray, inputs: np.ndarray, first_row: int = 0) -> tuple[np.ndarray, np.ndarray]:
-        """Responsibilities (K, n) and log densities (n,) of inputs (n, i), and their deviations from the means."""
+        """Responsibilities (K, n) and log densities (n,) from the inputs (n, i) and their deviations (K, i, n)."""
         with np.errstate(over="ignore", invalid="ignore"):
             white = self._whiteners @ deviations
             shares = self._constants - 0.5 * np.einsum("kin,kin->kn", white, white)
@@ -81,7 +97,7 @@ class Regression:
 
     def _collapse(self, shares: np.ndarray, means: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> None:
         """Mean (n, o) and total covariance (n, o, o), in place, of mixtures with shares (K, n) and means (K, o, n)."""
-        centre = np.einsum("kn,kon->on", shares, means)
+        centre = _centre(shares, means)
         spread = (means - centre) * np.sqrt(shares)[:, None, :]
         upper, row = self._within @ shares, 0
         for i in range(self.n_outputs):
@@ -92,10 +108,9 @@ class Regression:
 
 
 def regress(mixture: GaussianMixture, inputs: ArrayLike, input_dims: ArrayLike, output_dims: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (n, o) and covariance (n, o, o) of the output dimensions given inputs (n, i) of the input
-    dimensions.
+    """(3.3) to (3.5): mean (n, o) and covariance (n, o, o) of the output dimensions, given inputs (n, i).
 
-    A 1-D array of inputs is taken as n queries of one input dimension. To ask more than once see `Regression`.
+    With one input dimension, inputs (n,) are n queries. For more than one call, prepare a `Regression`.
     """
     return Regression(mixture, input_dims, output_dims)(inputs)
 
@@ -103,7 +118,9 @@ def regress(mixture: GaussianMixture, inputs: ArrayLike, input_dims: ArrayLike, 
 def regress_each(
     priors: np.ndarray, means: np.ndarray, covariances: np.ndarray, inputs: np.ndarray, input_dims: ArrayLike, output_dims: ArrayLike
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The same with a mixture for each input: priors (K,), means (n, K, d), covariances (n, K, d, d), inputs (n, i)."""
+    """`regress` with a mixture of its own for each query: means (n, K, d), covariances (n, K, d, d), inputs (n, i); the priors (K,)
+    are common to all.
+    """
     into, out = _split(means.shape[-1], input_dims, output_dims)
     whiteners = np.linalg.inv(cholesky(covariances[..., into[:, None], into], "covariance of the inputs of component"))
     log_volumes = np.log(np.diagonal(whiteners, axis1=-2, axis2=-1)).sum(-1)
@@ -118,6 +135,11 @@ def regress_each(
     mean = np.einsum("nk,nko->no", shares, conditional)
     spread = (conditional - mean[:, None]) * np.sqrt(shares)[..., None]
     return mean, symmetric(np.einsum("nk,nkop->nop", shares, within) + np.swapaxes(spread, 1, 2) @ spread)
+
+
+def _centre(shares: np.ndarray, means: np.ndarray) -> np.ndarray:
+    """Mean (o, n) of mixtures with shares (K, n) and means (K, o, n)."""
+    return np.einsum("kn,kon->on", shares, means)
 
 
 def _split(n_dims: int, input_dims: ArrayLike, output_dims: ArrayLike) -> tuple[np.ndarray, np.ndarray]:

@@ -1,6 +1,6 @@
 """Number of components of a mixture, by the Bayesian information criterion or by cross-validation (thesis 3.2.2).
 
-Both return the whole curve: a flat one says that the number hardly matters.
+Both return the scores of all numbers that were tried. If they differ little, the number hardly matters.
 """
 
 from __future__ import annotations
@@ -17,8 +17,12 @@ from dart_skill.mixture._mixture import GaussianMixture
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """Numbers of components tried (C,), their scores (C,), lower is better, with standard errors (C,), zero where
-    there is no estimate; and the mixture of the best number, fitted to all samples.
+    """Result of a selection among C numbers of components.
+
+    * n_components (C,): the numbers that were tried, ascending.
+    * scores (C,): lower is better.
+    * standard_errors (C,): of the scores; zero where there is no estimate (BIC).
+    * mixture: GaussianMixture with the best number, fitted to all samples.
     """
 
     n_components: np.ndarray
@@ -46,8 +50,9 @@ def select_by_bic(
     rng: np.random.Generator,
     **options,
 ) -> Selection:
-    """Fit samples (n, d) with weights (n,) by every number of components and score by BIC, in which the sum of the
-    weights counts as number of samples. options: hyper-parameters of `GaussianMixture`.
+    """Fit a mixture with each number of components to samples (n, d) with weights (n,), and score it by BIC.
+
+    In the BIC the sum of the weights counts as the number of samples. options: hyper-parameters of `GaussianMixture`.
     """
     candidates = _as_candidates(n_components)
     samples, weights = _with_weight(samples, weights)
@@ -66,11 +71,11 @@ def select_by_cross_validation(
     rng: np.random.Generator,
     **options,
 ) -> Selection:
-    """Score every number of components by the mean negative log density, per unit of weight, of samples that the
-    fit did not see.
+    """Score each number of components by the weighted mean of the negative log density of samples that were left out.
 
-    groups (n,): labels of samples that belong together and are left out together, usually the demonstration:
-    neighbours in time would tell each other's place. No more groups than folds: each is left out once.
+    groups (n,): samples with the same label are left out together; each sample is a group by default. Use the number
+    of the demonstration: otherwise the neighbours in time of a sample that is left out show the fit where it is. If
+    there are no more groups than n_folds, each group is left out once. options: hyper-parameters of `GaussianMixture`.
     """
     candidates, n_folds = _as_candidates(n_components), as_count(n_folds, "n_folds", 2)
     counted = as_weights(weights, len(as_samples(samples, "samples"))) > 0
@@ -103,7 +108,7 @@ def _with_weight(samples: ArrayLike, weights: ArrayLike | None) -> tuple[np.ndar
 
 
 def _folds(groups: np.ndarray, n_folds: int, rng: np.random.Generator) -> np.ndarray:
-    """Fold (n,) of every sample: the groups are dealt out in random order."""
+    """Fold (n,) of each sample: the groups are distributed over the folds in random order."""
     labels, members = np.unique(groups, return_inverse=True)
     if len(labels) < 2:
         raise ValueError("cross-validation needs at least two groups of samples with weight, got one")

@@ -1,8 +1,9 @@
-"""How many groups weighted points form, by data spectroscopy, DaSpec (thesis 5.3.2, (5.13)).
+"""Number of groups of weighted points, by data spectroscopy, DaSpec (thesis 5.3.2, (5.13)).
 
-T. Shi, M. Belkin and B. Yu, Data spectroscopy: eigenspaces of convolution operators and clustering, Annals of Statistics 37, 2009. A group
-shows as an eigenfunction of the Gaussian kernel that has no change of sign. A weight stands for so many copies of a point: the kernel is
-sqrt(w_i) k(x_i, x_j) sqrt(w_j), its eigenvector v stands for the eigenfunction v / sqrt(w), and signs and labels are those of this.
+T. Shi, M. Belkin and B. Yu, Data spectroscopy: eigenspaces of convolution operators and clustering, Annals of Statistics
+37, 2009. Each group has an eigenfunction of the Gaussian kernel that does not change its sign. A weight is a number of
+copies of a point. Then the kernel is sqrt(w_i) k(x_i, x_j) sqrt(w_j), and an eigenvector v of it belongs to the
+eigenfunction v / sqrt(w). Signs and labels are taken from the eigenfunction.
 """
 
 from __future__ import annotations
@@ -17,13 +18,17 @@ from dart_skill.checks import as_learnable, as_number, as_weights
 
 NEAR, ALMOST_ALL = 0.05, 0.95
 READINGS = ("copies", "printed")
-EXACT = 1e-12  # a share of the weight that is reached but for this is reached
+EXACT = 1e-12  # rounding error that is allowed when a share of the weight is compared
 
 
 @dataclass(frozen=True, eq=False)
 class Spectroscopy:
-    """Groups of n points, the strongest first: label (n,) of each point, eigenvalues (n_groups,) and eigenfunctions (n, n_groups), positive
-    where they are largest, and the bandwidth of the kernel.
+    """Groups of n points, in the order of their eigenvalues, the largest first.
+
+    * labels (n,): group of each point.
+    * eigenvalues (n_groups,).
+    * eigenfunctions (n, n_groups): each is positive at the point where its magnitude is largest.
+    * bandwidth: of the kernel, in the units of the points.
     """
 
     labels: np.ndarray
@@ -48,14 +53,19 @@ def data_spectroscopy(
 ) -> Spectroscopy:
     """Groups among points (n, d) with weights (n,) of any scale, equal when None.
 
-    bandwidth: omega of (5.13), in the units of the points; None for `automatic_bandwidth`.
-    core, tolerance: an eigenfunction f has no change of sign when f > -t for at least the share `core` of all weight, or f < t, where
-    t = tolerance s and |f| is s or less for that share. The authors have core = 1 and tolerance = 1 / n, which None stands for, n the
-    number of points. Then lone points of little weight are groups; 0.99 leaves them out. Figure 5.5 is a case for a larger tolerance.
-    counts: weights are numbers of copies; the result is that of the copies, also with a tolerance that depends on their number.
-    reading: "copies", as above; "printed" is (5.13) to the letter, kernel w_i k w_j with signs and labels from its eigenvectors, for which
-    a weight of 2 is neither two points nor one.
-    A point of weight zero plays no part and gets the label of where it lies.
+    A point with weight zero does not change the groups; it gets the label of the group at its place.
+
+    Parameters:
+
+    * bandwidth: float, omega of (5.13) in the units of the points; default None: `automatic_bandwidth`.
+    * core: float in (0, 1], default 0.99, and tolerance: float. Let s be the value that |f| does not exceed on the share
+      `core` of all weight, and t = tolerance s. An eigenfunction f does not change its sign if f > -t on at least the
+      share `core` of all weight, or f < t on it. The authors have core = 1. Then single points of little weight are
+      groups; 0.99 leaves them out. tolerance = None is the authors' 1 / n, with n points; figure 5.5 needs a larger one.
+    * counts: bool, default False. True: the weights are numbers of copies, so that n counts copies, and the result is
+      that of the copied points.
+    * reading: "copies" (default), as described above. "printed" takes (5.13) literally: the kernel is w_i k w_j, and its
+      eigenvectors give signs and labels. Then a weight of 2 is equal neither to two points nor to one.
     """
     points = as_learnable(points, "points")
     weights = as_weights(weights, len(points))
@@ -71,14 +81,16 @@ def data_spectroscopy(
     kernel = np.exp(-0.5 * np.square(distances / bandwidth))
     values, functions = _eigenfunctions(kernel, weights / weights.max(), reading)
     kept = _keep_their_sign(functions, weights, core, tolerance)
-    kept[0] |= not kept.any()  # the strongest has no change of sign, but for equals that are mixed
+    kept[0] |= not kept.any()  # the first has no change of sign, unless equal eigenvalues mix several eigenfunctions
     functions = functions[:, kept]
     return Spectroscopy(np.abs(functions).argmax(axis=1), values[kept], functions, float(bandwidth))
 
 
 def automatic_bandwidth(points: ArrayLike, weights: ArrayLike | None = None) -> float:
-    """Bandwidth for points (n, d) with weights (n,), as Shi, Belkin and Yu (2009) choose it: for 95 % of the points, 95 % of the kernel's
-    mass reaches the nearest 5 % of the points, or more. In one place all at once, points have none: 1.
+    """Bandwidth for points (n, d) with weights (n,), as Shi, Belkin and Yu (2009) choose it.
+
+    For 95 % of the points, the radius that holds 95 % of the kernel's mass also holds at least the nearest 5 % of the
+    points. If all points are equal, the bandwidth is 1.
     """
     points = as_learnable(points, "points")
     return _bandwidth(_distances(points), as_weights(weights, len(points)), points.shape[1])
@@ -89,13 +101,13 @@ def _bandwidth(distances: np.ndarray, weights: np.ndarray, n_dims: int) -> float
     reach = _quantiles(near[None], weights, ALMOST_ALL)[0]
     quantile = np.sqrt(2.0 * scipy.special.gammaincinv(n_dims / 2.0, ALMOST_ALL))  # of chi with n_dims degrees of freedom
     if reach == 0.0:
-        # More than 5 % of all weight lies on single points: the least distance says how fine things are.
+        # Most points have 5 % of all weight at distance zero: take the least distance between different points instead.
         reach = distances[distances > 0].min() if distances.any() else quantile
     return float(reach / quantile)
 
 
 def _quantiles(values: np.ndarray, weights: np.ndarray, level: float) -> np.ndarray:
-    """(m,) least of values (m, n) such that at least this share of the weights (n,) lies on it and below: each row's quantile."""
+    """Weighted quantile (m,) of each row of values (m, n) with weights (n,): the least value at or below which this share lies."""
     order = np.argsort(values, axis=1, kind="stable")
     reached = np.cumsum(weights[order], axis=1)
     place = (reached >= level * reached[:, -1:] * (1 - EXACT)).argmax(axis=1)
@@ -107,14 +119,14 @@ def _distances(points: np.ndarray) -> np.ndarray:
 
 
 def _eigenfunctions(kernel: np.ndarray, weights: np.ndarray, reading: str) -> tuple[np.ndarray, np.ndarray]:
-    """Eigenvalues (m,), the strongest first, and eigenfunctions (n, m), positive where they are largest."""
+    """Eigenvalues (m,), the largest first, and eigenfunctions (n, m), positive where their magnitude is largest."""
     root = np.sqrt(weights) if reading == "copies" else weights
     values, vectors = np.linalg.eigh(root[:, None] * kernel * root)
     values, vectors = values[::-1], vectors[:, ::-1]
     certain = values > len(values) * np.finfo(float).eps * values[0]
     values, functions = values[certain], vectors[:, certain]
     if reading == "copies":
-        # v / sqrt(w) without the division, which fails for small weights: the kernel carries an eigenfunction to any place.
+        # v / sqrt(w) without the division, which fails for small weights: the kernel gives an eigenfunction at any point.
         functions = kernel @ (root[:, None] * functions) / values
     largest = np.abs(functions[weights > 0]).argmax(axis=0)
     signs = np.sign(functions[weights > 0][largest, np.arange(len(values))])
@@ -122,7 +134,7 @@ def _eigenfunctions(kernel: np.ndarray, weights: np.ndarray, reading: str) -> tu
 
 
 def _keep_their_sign(functions: np.ndarray, weights: np.ndarray, core: float, tolerance: float) -> np.ndarray:
-    """Which (m,) of functions (n, m) change their sign nowhere, but for a tolerance."""
+    """Which (m,) of the functions (n, m) do not change their sign, within the tolerance."""
     limits = tolerance * _quantiles(np.abs(functions).T, weights, core)
     strays = (1.0 - core + EXACT) * weights.sum()
     return (limits > 0) & (np.minimum(weights @ (functions < -limits), weights @ (functions > limits)) <= strays)

@@ -1,10 +1,12 @@
-"""How many components: split and merge (thesis 5.3.1, (5.7)-(5.12) corrected), both of which keep weight, mean and second moment.
+"""Number of components by split and merge (thesis 5.3.1). Both keep the weight, the mean and the second moment.
 
-A component is split where that raises the average log-likelihood of weighted data (6.4) by more than T^S, and two are merged where that
-lowers it by less than T^M. Z. Zhang, C. Chen, J. Sun and K. L. Chan, EM algorithms for Gaussian mixtures with split-and-merge operation,
-Pattern Recognition 36, 2003.
+A component is split if this raises the average log-likelihood of weighted data (6.4) by more than T^S. Two components are
+merged if this lowers it by less than T^M. (Z. Zhang, C. Chen, J. Sun and K. L. Chan, EM algorithms for Gaussian mixtures
+with split-and-merge operation, Pattern Recognition 36, 2003.) In (5.7) to (5.12) the two means move in opposite
+directions; the printed signs are corrected here.
 
-Candidates are compared all at once: arrays of c mixtures with k components have priors (c, k), means (c, k, d), covariances (c, k, d, d).
+All candidates are compared at once: arrays of c mixtures with k components have priors (c, k), means (c, k, d) and
+covariances (c, k, d, d).
 """
 
 from __future__ import annotations
@@ -28,13 +30,18 @@ Components = tuple[np.ndarray, np.ndarray, np.ndarray]
 class SplitMerge:
     """When and how components are split and merged.
 
-    split_threshold, merge_threshold: T^S and T^M, in units of the average log-likelihood.
-    n_axes: D, along how many of a component's longest axes a split is tried; the thesis has 1.
-    alpha, beta, u: what the first of the two gets of the prior, what it gets of the variance along the axis that is left, and how far they
-    stand apart, each within (0, 1); u^2 is the share of the variance that their distance accounts for.
-    normalise: weights are made to sum to one, as (6.4) has it; the thresholds of the thesis make sense only then.
-    refine: steps of EM that every candidate, and the mixture it is compared with, gets on the data before it is judged; it is the refined
-    candidate that is taken. covariance_floor: least variance of a refined component along any axis.
+    Parameters:
+
+    * split_threshold: float, default 0.16. T^S, in units of the average log-likelihood.
+    * merge_threshold: float, default 0.01. T^M, in the same units.
+    * n_axes: int, default 1 as in the thesis. D: a split is tried along so many of a component's longest axes.
+    * alpha: float in (0, 1), default 0.5. Share of the prior that the first of the two new components gets.
+    * beta: float in (0, 1), default 0.5. Share of the remaining variance along the axis that the first one gets.
+    * u: float in (0, 1), default sqrt(3/4). Distance of the two means; u^2 is the share of the variance that it explains.
+    * normalise: bool, default True. Weights are scaled to sum one, as in (6.4); the thesis's thresholds need this.
+    * refine: int, default 0. Steps of EM for each candidate, and for the mixture that it is compared with, before they are
+      judged. The refined candidate is the one that is kept.
+    * covariance_floor: float, default 1e-6. Least variance of a refined component along any axis.
     """
 
     split_threshold: float = 0.16
@@ -62,9 +69,12 @@ class SplitMerge:
 class Adapted:
     """A mixture after one round of split and merge.
 
-    split: index of the component that was split, or None; the two have its place and the last one. merged: indices of the two that were
-    merged, counted after the split, or None; it has the place of the first. split_gain, merge_loss: change of the average log-likelihood
-    by the best split and loss by the best merger, done or not; -inf and inf where there was none to try.
+    * mixture: GaussianMixture, the result.
+    * split: index of the component that was split, or None. The two new ones are at that index and at the end.
+    * merged: indices, counted after the split, of the two components that were merged, or None. The new one is at the
+      first of the two indices.
+    * split_gain: gain of the average log-likelihood by the best split, done or not; -inf if none was tried.
+    * merge_loss: loss of the average log-likelihood by the best merger, done or not; inf if none was tried.
     """
 
     mixture: GaussianMixture
@@ -75,7 +85,10 @@ class Adapted:
 
 
 def split(mixture: GaussianMixture, index: int, axis: int = 0, rule: SplitMerge | None = None) -> GaussianMixture:
-    """(5.7)-(5.12): the mixture with one component split in two along an axis, 0 the longest. The two have its place and the last one."""
+    """(5.7)-(5.12): the mixture with one component split in two along an axis, 0 for the longest.
+
+    The two new components are at `index` and at the end.
+    """
     n_components, n_dims = mixture.means_.shape if mixture.n_dims else ()
     _require_below(index, "index", n_components)
     _require_below(axis, "axis", n_dims)
@@ -86,8 +99,9 @@ def split(mixture: GaussianMixture, index: int, axis: int = 0, rule: SplitMerge 
 def split_and_merge(
     mixture: GaussianMixture, samples: ArrayLike, weights: ArrayLike | None = None, rule: SplitMerge | None = None
 ) -> Adapted:
-    """One round of the thesis's algorithm (lines 4 to 21) on samples (n, d) with weights (n,): the best split, if it is worth it, then the
-    best merger, if it costs little.
+    """One round of the thesis's algorithm (lines 4 to 21) on samples (n, d) with weights (n,).
+
+    First comes the best split, if it gains more than its threshold, then the best merger, if it costs less than its own.
     """
     samples = as_samples(samples, "samples", mixture.n_dims)
     weights = as_weights(weights, len(samples))
@@ -96,7 +110,7 @@ def split_and_merge(
 
 
 def adapt(components: Components, samples: np.ndarray, weights: np.ndarray, rule: SplitMerge, most: int | None = None):
-    """`split_and_merge` on arrays that are known to be right, up to `most` components: the new components, and the rest of `Adapted`."""
+    """`split_and_merge` on arrays that have been checked, up to `most` components: the components, then the other fields of `Adapted`."""
     weights = weights / weights.sum() if rule.normalise else weights
     split_one, merged, merge_loss, split_gain = None, None, np.inf, -np.inf
     n_components = len(components[0])
@@ -119,7 +133,7 @@ def adapt(components: Components, samples: np.ndarray, weights: np.ndarray, rule
 
 
 def split_candidates(components: Components, rule: SplitMerge, n_axes: int) -> Components:
-    """Mixtures (c, k + 1) with one component split along one of its longest axes; axis by axis, c = k n_axes."""
+    """All c = k n_axes mixtures of k + 1 components with one component split along one of its longest axes, axis by axis."""
     priors, means, covariances = components
     n_components, n_dims = means.shape
     n_axes = min(n_axes, n_dims)
@@ -135,7 +149,7 @@ def split_candidates(components: Components, rule: SplitMerge, n_axes: int) -> C
 
 
 def _halves(priors, means, covariances, rule: SplitMerge, n_axes: int) -> tuple[Components, Components]:
-    """What every component would be split into, axis by axis: (n_axes k, ...) twice."""
+    """The two parts into which each component would be split, axis by axis: (n_axes k, ...) each."""
     variances, axes = np.linalg.eigh(covariances)
     # a = sqrt(lambda) v (n_axes, k, d), the longest first.
     along = np.moveaxis(axes * np.sqrt(np.maximum(variances, 0.0))[:, None, :], 2, 0)[::-1][:n_axes]
@@ -156,7 +170,7 @@ def _flat(parts, shape: tuple[int, int, int]) -> Components:
 
 
 def merge_candidates(components: Components, pairs: np.ndarray) -> Components:
-    """Mixtures (c, k - 1) with the components of pairs (c, 2) taken together: prior, mean and second moment of both."""
+    """Mixtures of k - 1 components, one for each of the pairs (c, 2), with that pair merged: total prior, mean and second moment."""
     priors, means, covariances = components
     shares = priors[pairs] / priors[pairs].sum(1, keepdims=True)
     step = means[pairs[:, 1]] - means[pairs[:, 0]]
@@ -193,7 +207,7 @@ def _shares(candidates: Components, samples: np.ndarray) -> tuple[np.ndarray, np
 
 
 def _em_step(candidates: Components, samples: np.ndarray, weights: np.ndarray, floor: float) -> Components:
-    """One step of weighted EM; a component that nobody owns stays as it is, with next to no prior."""
+    """One step of weighted EM; a component without any count keeps mean and covariance, and its prior becomes tiny."""
     counts = _shares(candidates, samples)[0] * (weights / weights.sum())
     mass = counts.sum(axis=2)
     owned = mass > np.finfo(float).tiny * 1e10

@@ -1,8 +1,8 @@
-"""Starts of EM: hard assignments of samples to components, as responsibilities (n, K) of zeros and ones.
+"""Starts of EM: each sample is assigned to one component, as responsibilities (n, K) of zeros and ones.
 
-k-means++ (Arthur and Vassilvitskii 2007: a new centre is drawn with the weighted squared distance to the
-*nearest* chosen one, the best of a few candidates is kept), refined by Lloyd's iteration; or equal shares of
-the samples along one column.
+There are two ways. k-means++ (D. Arthur and S. Vassilvitskii 2007) is refined by Lloyd's iteration: a new centre is
+drawn with a probability proportional to the weighted squared distance to the *nearest* centre so far, and the best of a
+few candidates is kept. Or the samples are divided into equal shares along one column.
 """
 
 import numpy as np
@@ -26,16 +26,14 @@ def nearest_centre(samples: np.ndarray, centres: np.ndarray) -> np.ndarray:
 
 
 def draw(shares: np.ndarray, uniform: np.ndarray) -> np.ndarray:
-    """Indices drawn in proportion to shares (n,) by inverting their cumulative sum at uniform numbers in [0,
-    1).
-    """
+    """Indices drawn with probabilities proportional to shares (n,): their cumulative sum is inverted at `uniform` in [0, 1)."""
     cumulative = np.cumsum(shares)
     indices = np.searchsorted(cumulative, uniform * cumulative[-1], side="right")
     return np.minimum(indices, np.flatnonzero(shares)[-1])
 
 
 def plus_plus_centres(samples: np.ndarray, weights: np.ndarray, n_centres: int, rng: np.random.Generator) -> np.ndarray:
-    """Centres (n_centres, d) by greedy k-means++; samples that coincide are allowed."""
+    """Centres (n_centres, d) by greedy k-means++; several samples may be equal."""
     n_candidates = 2 + int(np.log(n_centres))
     centres = samples[draw(weights, rng.random(1))]
     nearest = squared_distances(samples, centres)[:, 0]
@@ -76,7 +74,7 @@ def kmeans_start(samples: np.ndarray, weights: np.ndarray, n_components: int, rn
 def sliced_start(column: np.ndarray, weights: np.ndarray, n_components: int) -> np.ndarray:
     """Responsibilities (n, K) from K slices of equal weight along one column (n,), usually time.
 
-    Equal values share a slice, so that the order of the samples does not matter.
+    Samples with equal values go into the same slice, so that the order of the samples does not matter.
     """
     values, place = np.unique(column, return_inverse=True)
     mass = np.bincount(place.ravel(), weights=weights, minlength=len(values))

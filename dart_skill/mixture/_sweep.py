@@ -1,16 +1,16 @@
 """One iteration of EM over all samples as two matrix products.
 
-In coordinates z in which all samples together have mean zero and covariance one, the log of prior times
-density of every component is linear in the products of (1, z) with itself, so that the E step is
-(K, q) @ (q, n) and the sums of the M step are (K, n) @ (n, q). Samples pass in slices that stay in the cache;
-nothing of the size (n, K) is stored.
+White coordinates z are those in which all samples together have mean zero and covariance one. In them the log of prior
+times density of a component is linear in the q different products of the entries of (1, z). So the E step is
+(K, q) @ (q, n), and the sums of the M step are (K, n) @ (n, q). The samples are processed in slices that fit into the
+cache. No array of size (n, K) is stored.
 
-A sample that a block does not see (a row of nan) is stored as (0, 0): all its products vanish, and with them its
-part in the density and in the sums of this block.
+A sample that a block does not see (a row of nan) is stored as (0, 0) instead of (1, z). Then all its products are zero,
+and it adds nothing to the density and the sums of this block.
 
-Squares about a common origin lose digits where a component is narrow compared to how far the samples reach.
-Whitening keeps that loss small; where a bound on it says otherwise, the sweep works with deviations from each
-mean instead, which costs more and is as accurate as the plain form.
+Squares about a common origin lose digits if a component is narrow compared to the range of the samples. White
+coordinates keep this loss small. If a bound of the loss is too large, the sweep uses the deviations from each mean
+instead. This costs more and is as accurate as the plain form.
 """
 
 from __future__ import annotations
@@ -22,23 +22,25 @@ import numpy as np
 from dart_skill.mixture._gaussian import LOG_2PI, raise_to_floor, symmetric, upper_triangle
 
 SLICE = 4096
-# Products of up to so many samples are kept between sweeps; beyond, to build them again costs no more than to read them.
+# The products of up to so many samples are kept between sweeps. For more, computing them again costs no more than reading them.
 KEPT = 4 * SLICE
-# A log density made from products may be wrong by no more than this.
+# Largest error of a log density that is computed from products.
 LARGEST_LOSS = 1e-10
-# A component with less than this share of one sample's weight explains nothing.
+# A component is dead if its count is below this share of the weight of one sample.
 DEAD_SHARE = 1e-3
 
 
 def seen_rows(block: np.ndarray) -> np.ndarray:
-    """(n,) whether a block (n, d) sees each sample: the others are rows of nan."""
+    """(n,) whether a block (n, d) sees each sample; it does not see those whose rows are nan."""
     return ~np.isnan(block[:, 0])
 
 
 @dataclass(frozen=True, eq=False)
 class Components:
-    """Components of one block in white coordinates: means (K, d), whiteners L^-1 (K, d, d) of covariances
-    L L', log volumes (K,) with the 2 pi, and a bound on the eigenvalues of all precisions.
+    """Components of one block in white coordinates.
+
+    means (K, d); whiteners (K, d, d): L^-1 of the covariances L L'; log_volumes (K,): log of sqrt(det(2 pi L L'));
+    largest_precision: an upper bound of the eigenvalues of all inverse covariances.
     """
 
     means: np.ndarray
@@ -55,8 +57,10 @@ class Components:
 
 @dataclass(frozen=True, eq=False)
 class Sums:
-    """What the M step needs: mass (K,), log densities in the units of the blocks (n,), and per block an origin (K, d)
-    with the sums over samples (K, 1 + d, 1 + d) of counts times the products of (1, z - origin) with itself.
+    """What the M step needs.
+
+    mass (K,): sum of the counts; log_density (n,), in the units of the blocks; for each block an origin (K, d), or 0, and
+    products (K, 1 + d, 1 + d): the sum over the samples of count times the outer product of (1, z - origin).
     """
 
     mass: np.ndarray
@@ -76,7 +80,7 @@ class WhiteBlock:
         self.floor, self.least_mass = floor, DEAD_SHARE * weights.sum() / seen.sum()
         self.centre = share @ block
         centred = block - self.centre
-        # At least the floor, so that a flat direction of the data can be divided by its deviation.
+        # At least the floor, so that a direction without variance can be scaled, too.
         self.root = np.linalg.cholesky(raise_to_floor(symmetric((centred * share[:, None]).T @ centred), floor))
         self.inverse_root = np.linalg.inv(self.root)
         self.log_volume = np.log(np.diagonal(self.root)).sum()
@@ -86,7 +90,7 @@ class WhiteBlock:
         if not seen.all():
             self.white[1:] *= seen
         self.reach = float(np.einsum("in,in->n", self.white, self.white).max())
-        # A precision up to this, in white coordinates, is certain to be above the floor.
+        # If no precision exceeds this in white coordinates, all variances are certainly above the floor.
         self.safe_precision = 1.0 / (floor * np.square(self.inverse_root).sum())
         side = len(self.white)
         self.upper, self.square = upper_triangle(side)
@@ -103,7 +107,7 @@ class WhiteBlock:
         return components.means @ self.root.T + self.centre, lower @ np.swapaxes(lower, 1, 2)
 
     def write_products(self, span: slice, out: np.ndarray) -> None:
-        """Products of (1, z) with itself for the samples in span, the upper triangle by rows: out (q, m)."""
+        """Write the products of the entries of (1, z) for the m samples in span, the upper triangle by rows, to out (q, m)."""
         white, row = self.white[:, span], len(self.white)
         out[:row] = white
         for i in range(1, len(white)):
@@ -111,7 +115,7 @@ class WhiteBlock:
             row += len(white) - i
 
     def coefficients(self, components: Components) -> np.ndarray:
-        """(K, q) factors of the products in the log density."""
+        """Coefficients (K, q) of the products in the log density."""
         offsets = components.whiteners @ components.means[:, :, None]
         affine = np.concatenate([-offsets, components.whiteners], axis=2)
         precisions = np.swapaxes(affine, 1, 2) @ affine
@@ -131,7 +135,7 @@ class WhiteBlock:
         return -0.5 * np.einsum("kin,kin->kn", white, white) - log_volumes * deviations[:, 0]
 
     def maximise(self, origin: np.ndarray | float, products: np.ndarray) -> Components:
-        """Components from sums, their covariances raised to the floor in the units of the block."""
+        """Components from the sums; eigenvalues of covariances are at least the floor, in the units of the block."""
         means, covariances = self._moments(origin, products)
         try:
             components = Components.of(means, covariances)
@@ -143,7 +147,7 @@ class WhiteBlock:
         return self.to_white(means @ self.root.T + self.centre, raised)
 
     def _moments(self, origin: np.ndarray | float, products: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Means and covariances from sums; a component that owns next to nothing in this block is as wide as all."""
+        """Means and covariances from the sums; a component with almost no count in this block gets those of all samples."""
         mass = products[:, 0, 0]
         unowned = mass < self.least_mass
         products = products / np.maximum(mass, self.least_mass)[:, None, None]
@@ -155,12 +159,12 @@ class WhiteBlock:
 
 
 class Sweep:
-    """All samples made ready for iterations of EM: blocks (n, d_p), weights (n,), least variance of a component."""
+    """All samples, prepared for iterations of EM: blocks (n, d_p), weights (n,); floor: least variance of a component."""
 
     def __init__(self, blocks: list[np.ndarray], weights: np.ndarray, floor: float):
         self.weights = weights
         self.blocks = [WhiteBlock(block, weights, floor) for block in blocks]
-        # In front a row of ones: a block's own products vanish for what it does not see.
+        # A row of ones comes first, for the priors: the products of a block are zero for samples that it does not see.
         self.starts = np.cumsum([1] + [block.n_products for block in self.blocks])
         self.spans = [slice(start, min(start + SLICE, len(weights))) for start in range(0, len(weights), SLICE)]
         self._scratch = np.ones((self.starts[-1], min(SLICE, len(weights))))
@@ -179,7 +183,7 @@ class Sweep:
         return (self._by_products if loss <= LARGEST_LOSS else self._by_deviations)(np.log(priors), components)
 
     def maximise(self, sums: Sums) -> list[Components]:
-        """M step; every component must own something."""
+        """M step; no component may have a total count of zero."""
         return [block.maximise(*one) for block, *one in zip(self.blocks, sums.origins, sums.products, strict=True)]
 
     def _by_products(self, log_priors: np.ndarray, components: list[Components]) -> Sums:
@@ -210,8 +214,9 @@ class Sweep:
 
 
 def to_counts(log_values: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Turn logs of prior times density (K, n) into responsibilities times weights, in place; return the log of
-    the mixture's density (n,).
+    """Turn logs of prior times density (K, n) into counts (responsibilities times weights), in place.
+
+    Returns the log density (n,) of the mixture.
     """
     top = log_values.max(0)
     log_values -= top

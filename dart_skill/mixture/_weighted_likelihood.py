@@ -1,7 +1,7 @@
 """Average log-likelihood of weighted data: in closed form (thesis (6.4)), and of data resampled by their weights (6.3).
 
-The second tends to the first as more is drawn (figure 6.5). The first line of (6.4) holds the weights as exponents inside the sum; what is
-meant is its second line, the sum of weights times logarithms.
+The second approaches the first as more samples are drawn (figure 6.5). In the first line of (6.4) the weights are
+exponents inside the sum. Its second line is meant: the sum of weights times logarithms.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dart_skill.mixture._mixture import GaussianMixture
 
 
 def mean_log_likelihood(mixture: GaussianMixture, samples: ArrayLike, weights: ArrayLike | None = None) -> float:
-    """(6.4): sum of w_n log P(x_n) over samples (n, d), the weights (n,) made to sum to one; equal weights when None."""
+    """(6.4): sum of w_n log P(x_n) over samples (n, d); the weights (n,) are scaled to sum one, and are equal when None."""
     log_density = mixture.log_density(samples)
     weights = as_weights(weights, len(log_density))
     return float(weights / weights.sum() @ log_density)
@@ -30,16 +30,17 @@ def resampled_mean_log_likelihood(
 
 
 def stochastic_universal_sampling(weights: ArrayLike, n_drawn: int, rng: np.random.Generator) -> np.ndarray:
-    """Indices (n_drawn,), ascending: pointers at equal distances over the weights (n,) laid end to end, the first at random (figure 6.4).
+    """Indices (n_drawn,), ascending, drawn with probabilities proportional to the weights (n,) (figure 6.4).
 
-    An index of share p is drawn floor(p n_drawn) or ceil(p n_drawn) times, and p n_drawn times on average. J. E. Baker, Reducing bias and
-    inefficiency in the selection algorithm, ICGA 1987.
+    The weights are laid end to end. Pointers at equal distances, the first one at random, choose the indices. An index
+    with the share p of all weight is drawn floor(p n_drawn) or ceil(p n_drawn) times, and p n_drawn times on average.
+    (J. E. Baker, Reducing bias and inefficiency in the selection algorithm, ICGA 1987.)
     """
     weights = as_vector(weights, "weights")
     if weights.size == 0:
         raise ValueError("weights is empty; there is nothing to draw from")
     weights, n_drawn = as_weights(weights, len(weights)), as_count(n_drawn, "n_drawn", 0)
-    # Ends in units of pointers: n_drawn equal weights have whole ones. The last weight above 0 ends where all do.
+    # Ends of the weights in units of the pointers' distance: n_drawn equal weights end at whole numbers.
     ends = np.cumsum(weights / weights.max())
     ends *= n_drawn / ends[-1]
     drawn = np.searchsorted(ends, np.arange(n_drawn) + rng.random(), side="right")

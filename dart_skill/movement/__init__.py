@@ -2,12 +2,12 @@
 (thesis 7 and 8).
 """
 
-from dart_skill.movement.alignment import Fit, check_alignment
-from dart_skill.movement.attractor import attractor_from_motion, critical_damping, follow_attractor
-from dart_skill.movement.autonomous import AutonomousDSGMR, AutonomousPolicy, PhaseRule, StateDriven
-from dart_skill.movement.differentiation import Motion, estimate_noise, smooth_derivatives
-from dart_skill.movement.ds_gmr import DSGMR, Reproduction
-from dart_skill.movement.frames import (
+from dart_skill.movement._alignment import Fit, check_alignment
+from dart_skill.movement._attractor import attractor_from_motion, critical_damping, follow_attractor
+from dart_skill.movement._autonomous import AutonomousDSGMR, AutonomousPolicy, PhaseRule, StateDriven
+from dart_skill.movement._differentiation import Motion, estimate_noise, smooth_derivatives
+from dart_skill.movement._ds_gmr import DSGMR, Reproduction
+from dart_skill.movement._frames import (
     TaskFrame,
     azimuth_frame,
     azimuth_of,
@@ -17,9 +17,10 @@ from dart_skill.movement.frames import (
     pointing_at,
     start_frame,
     target_frame,
+    turn_matrix,
 )
-from dart_skill.movement.locality import WidthChoice, choose_width, gaussian_weights, nearest_weights
-from dart_skill.movement.orientation import (
+from dart_skill.movement._locality import WidthChoice, choose_width, gaussian_weights, nearest_weights
+from dart_skill.movement._orientation import (
     angles_from_quaternions,
     angular_velocity,
     conjugate,
@@ -34,10 +35,10 @@ from dart_skill.movement.orientation import (
     to_matrices,
     turn_about_z,
 )
-from dart_skill.movement.primitives import DiscretePrimitive, Execution, PrimitiveState, RhythmicPrimitive, Trajectory
-from dart_skill.movement.segmentation import Segment, VelocityThreshold, segment_containing, speed
-from dart_skill.movement.stiffness import critical_damping_matrix, hold_to, stiffness_from_covariance
-from dart_skill.movement.task_parameterised import PartialFrame, TaskParameterisedMixture
+from dart_skill.movement._primitives import DiscretePrimitive, Execution, PrimitiveState, RhythmicPrimitive, Trajectory
+from dart_skill.movement._segmentation import Segment, VelocityThreshold, segment_containing, speed
+from dart_skill.movement._stiffness import critical_damping_matrix, hold_to, stiffness_from_covariance
+from dart_skill.movement._task_parameterised import PartialFrame, TaskParameterisedMixture
 
 __all__ = [
     "AutonomousDSGMR",
@@ -94,4 +95,5 @@ __all__ = [
     "target_frame",
     "to_matrices",
     "turn_about_z",
+    "turn_matrix",
 ]

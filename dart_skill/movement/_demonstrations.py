@@ -1,6 +1,4 @@
-"""Demonstrations on their way into a movement primitive: checks, weights, and the derivatives that were not
-recorded.
-"""
+"""Preparation of demonstrations for a movement primitive: checks, weights, and derivatives that were not recorded."""
 
 from __future__ import annotations
 
@@ -10,12 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_finite, as_samples
+from dart_skill.movement._differentiation import MIN_SAMPLES, Motion, smooth_derivatives
 from dart_skill.movement._time import as_stamps
-from dart_skill.movement.differentiation import MIN_SAMPLES, Motion, smooth_derivatives
 
-# Points of the polynomial through which a clean sample is differentiated: of sixth order, fifth for accelerations at the ends.
+# Clean samples are differentiated by the polynomial through so many of them: sixth order, fifth for accelerations at the ends.
 STENCIL = 7
-# Share of the acceleration that differencing may turn into noise before samples are smoothed instead.
+# If differences would make more noise than this share of the acceleration, the samples are smoothed instead.
 NOISE_SHARE = 0.02
 
 
@@ -28,7 +26,10 @@ class Demonstration(NamedTuple):
 
 
 def as_demonstrations(time, position, velocity, acceleration, weights, noise) -> list[Demonstration]:
-    """One demonstration, time (n,) and position (n, d), or several as sequences of these; those that count."""
+    """Checked demonstrations, without those of weight zero.
+
+    The input is one demonstration, time (n,) and position (n, d), or sequences with an entry for each demonstration.
+    """
     noise = None if noise is None else as_finite(noise, "noise")
     if noise is not None and noise.min(initial=0.0) < 0:
         raise ValueError(f"noise must be at least 0, got {noise.min():g}")
@@ -112,10 +113,10 @@ def _like_position(value: ArrayLike | None, shape: tuple[int, int], name: str) -
 
 
 def complete(time, position, velocity=None, acceleration=None, noise=None) -> Motion:
-    """Motion (n, d) with what is missing filled in.
+    """Motion (n, d) in which missing derivatives are computed.
 
-    A recorded velocity is differentiated as it is. Positions alone are differenced when they are clean (noise 0,
-    or an estimate that does not matter) and otherwise smoothed by `smooth_derivatives`.
+    A recorded velocity is differentiated by differences. Positions alone are differentiated by differences if they are
+    clean (noise is 0, or is estimated to be negligible), otherwise by `smooth_derivatives`.
     """
     if velocity is not None:
         return Motion(position, velocity, difference(time, velocity)[0] if acceleration is None else acceleration)
@@ -128,7 +129,7 @@ def complete(time, position, velocity=None, acceleration=None, noise=None) -> Mo
 
 
 def _noise_matters(time: np.ndarray, position: np.ndarray, acceleration: np.ndarray) -> bool:
-    """Whether noise dominates the sixth differences enough to show in the acceleration."""
+    """Whether the noise, estimated from sixth differences, would be visible in the acceleration."""
     contrast = np.diff(position - position[0], 6, axis=0)
     level = np.median(np.abs(contrast)) / (0.6745 * np.sqrt(924.0))
     interval = (time[-1] - time[0]) / (len(time) - 1)
@@ -141,7 +142,7 @@ def difference(time: np.ndarray, samples: np.ndarray) -> tuple[np.ndarray, np.nd
     n = len(time)
     width = min(STENCIL, n)
     interval = (time[-1] - time[0]) / (n - 1)
-    # Differences from the first sample are exact near it, so that a large offset costs no digits here.
+    # The first sample is subtracted, so that a large offset costs no digits.
     samples, stamps = samples - samples[0], (time - time[0]) / interval
     if np.abs(np.diff(stamps) - 1.0).max() < 1e-6:
         derivatives = _difference_evenly(samples, width)
@@ -153,7 +154,7 @@ def difference(time: np.ndarray, samples: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def _difference_evenly(samples: np.ndarray, width: int) -> np.ndarray:
-    """Derivatives (2, n, d) per step of equally spaced samples: one stencil inside, others at the ends."""
+    """First and second derivative (2, n, d), per step, of equally spaced samples: one stencil inside, others at the ends."""
     stencils = _stencil(np.arange(width) - np.arange(width)[:, None])
     head = width // 2
     tail = width - 1 - head

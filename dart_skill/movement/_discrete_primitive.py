@@ -11,20 +11,29 @@ from dart_skill.movement._forcing import GaussianKernels
 from dart_skill.movement._goal_path import BlendAttractor, blend
 from dart_skill.movement._primitive import Execution, Primitive, PrimitiveState
 
-# Share of the duration over which a forcing term that does not fade with z is released after the end.
+# A forcing term without the factor z fades to zero within this share of the duration after the end.
 RELEASE = 0.25
 MAX_DECAY = 100.0
 
 
 class DiscretePrimitive(Primitive):
-    """Point attractor: a movement from a start to a goal, in d dimensions that share the phase z.
+    """Point attractor: a movement from a start to a goal, in d dimensions that share the phase z ((7.6)-(7.13)).
 
-    n_basis: kernels of (7.11). stiffness: alpha_x beta_x of (7.8), in units of the duration; damping is critical.
-    canonical_decay: alpha_z of (7.6), so that z ends at exp(-alpha_z). phase_scaled: whether f is multiplied by z
-    and so fades. goal_path: "smooth" or "fixed". regression: "joint" or "local". The head of `primitives` says more.
+    Parameters; the module `primitives` explains the options:
 
-    After `fit`: weights_ (n_basis, d), start_ and goal_ (d,), duration_ in seconds, and start_velocity_ (d,) in 1/s,
-    means over the demonstrations.
+    * n_basis: int, default 50. Number of kernels of (7.11).
+    * stiffness: float, default 156.25. alpha_x beta_x of (7.8), per duration squared; the damping is critical.
+    * canonical_decay: float, default 4.6. alpha_z of (7.6); z is exp(-alpha_z) at the end.
+    * phase_scaled: bool, default False. True: f is multiplied by z, so that it fades.
+    * goal_path: "smooth" (default) or "fixed" as in (7.8).
+    * regression: "joint" (default) or "local" as in (7.13).
+
+    Attributes after `fit`; all but the first are means over the demonstrations:
+
+    * weights_ (n_basis, d).
+    * start_, goal_ (d,).
+    * duration_ [s].
+    * start_velocity_ (d,), in units of the position per second.
     """
 
     def __init__(
@@ -56,11 +65,15 @@ class DiscretePrimitive(Primitive):
         weights: ArrayLike | None = None,
         noise: float | None = None,
     ) -> DiscretePrimitive:
-        """Learn from time (n,) in seconds, n >= 2, and position (n, d), or from sequences of demonstrations.
+        """Learn from one demonstration, time (n,) [s], n >= 2, and position (n, d), or from sequences of several.
 
-        Missing derivatives come from differences of clean samples and from `smooth_derivatives` of noisy ones;
-        noise: their standard deviation, estimated when None. weights: one per sample, or one (or one per sample)
-        for each demonstration. ValueError for what is not finite, not increasing, or of the wrong shape.
+        Velocity and acceleration (n, d) that are not given are computed: by differences if the samples are clean, by
+        `smooth_derivatives` if they are noisy.
+
+        * weights: one number per sample (n,), default 1; for several demonstrations one number, or one per sample, for each.
+        * noise: standard deviation of the positions, in their unit; estimated when None.
+
+        ValueError if a value is not finite, time does not increase, or a shape is wrong.
         """
         demonstrations = as_demonstrations(time, position, velocity, acceleration, weights, noise)
         durations = np.array([demo.time[-1] for demo in demonstrations])
@@ -82,10 +95,10 @@ class DiscretePrimitive(Primitive):
         amplitude: ArrayLike = 1.0,
         velocity: ArrayLike | None = None,
     ) -> PrimitiveState:
-        """State from which `open_loop` lays out and `step` executes the movement.
+        """State at the start of the movement, for `open_loop` and `step`.
 
-        start, goal and velocity (d,), duration in seconds: as demonstrated unless given. amplitude, one number or
-        (d,), is A of (7.8): it scales what the movement does apart from going to the goal.
+        start, goal and velocity (d,) and duration [s] are those of the demonstrations unless given. amplitude, one number
+        or (d,), is A of (7.8): it scales the forcing term, that is all of the movement but the way from start to goal.
         """
         self._fitted()
         duration = self.duration_ if duration is None else as_number(duration, "duration")
@@ -109,11 +122,13 @@ class DiscretePrimitive(Primitive):
     ) -> PrimitiveState:
         """State dt seconds later.
 
-        goal, duration, amplitude: new values from now on. coupling (d,): C of (7.5), an acceleration during this
-        step such as that of a push. tracking_error (d,), actual minus planned position, slows the movement down to
-        the share 1 / (1 + |error|^2 / tolerance^2) of its pace, so that a robot that is held is waited for; tolerance,
-        in units of the position, halves it. A position or velocity that was measured enters by
-        `dataclasses.replace(state, position=...)`.
+        * goal (d,), duration [s], amplitude: new values from now on; None for no change.
+        * coupling (d,): C of (7.5), an acceleration during this step, for example of a push.
+        * tracking_error (d,): actual minus planned position. It slows the movement down to the share
+          1 / (1 + |error|^2 / tolerance^2) of its pace, so that the movement waits for a robot that is held.
+        * tolerance: the error that halves the pace, in the unit of the position.
+
+        To continue from a measured position or velocity: `dataclasses.replace(state, position=...)`.
         """
         state = self._with_wishes(state, goal, duration, amplitude, ("goal", "duration"))
         return self._advance(state, dt, coupling, tracking_error, tolerance)

@@ -1,16 +1,16 @@
 """The learned part of a movement primitive: normalised kernels over the phase, (7.11), and the regression that
 finds their weights, (7.12) and (7.13).
 
-Progress s counts executed durations (or periods): s = 0 at the start, 1 at the end. It is the canonical system
-(7.6) in closed form: z = exp(-decay s) solves z' = -tau decay z, and the angle 2 pi s solves z' = tau omega.
+Progress s is time in units of the duration (or period): s = 0 at the start, 1 at the end. With it the canonical system
+(7.6) has a closed form: z = exp(-decay s) solves z' = -tau decay z, and the angle 2 pi s solves z' = tau omega.
 """
 
 import numpy as np
 
 # Value of a kernel at its neighbour's centre.
 OVERLAP = 0.5
-# Regularisation of the joint regression, relative to the mean weight of a kernel: neighbours are drawn together
-# where no sample tells them apart, and all are drawn to zero still more weakly.
+# Regularisation of the joint regression, relative to the mean weight of a kernel: the first draws the weights of neighbours
+# together where no sample separates them, the second, weaker still, draws all weights to zero.
 NEIGHBOUR_PENALTY, SIZE_PENALTY = 1e-8, 1e-11
 
 
@@ -35,21 +35,22 @@ class GaussianKernels:
         phase = self.phase(progress)
         exponent = _rows(phase, phase * phase) @ self._exponents
         if progress.max(initial=0.0) > 1.0:
-            # Beyond the last centre all would underflow; relative to the last one they do not.
+            # Beyond the last centre all kernels would underflow; relative to the last kernel they do not.
             exponent += np.square(np.maximum(self.centres[-1] - phase, 0.0) / self.widths[-1])[:, None]
         return np.exp(exponent, out=exponent)
 
 
 class PeriodicKernels:
-    """Kernels exp(2 (cos(z - c) - 1) / h^2) of the angle z, which near their centre are the Gaussians of (7.11)
-    and have no seam (Ijspeert et al. 2013, equation 2.8).
+    """Kernels exp(2 (cos(z - c) - 1) / h^2) of the angle z, periodic (Ijspeert et al. 2013, equation 2.8).
+
+    Near their centre they equal the Gaussians of (7.11).
     """
 
     def __init__(self, n_basis: int):
         self.centres = 2.0 * np.pi * np.arange(n_basis) / n_basis
         self.widths = np.full(n_basis, 2.0 * np.sin(np.pi / n_basis) / np.sqrt(-np.log(OVERLAP)))
         self.neighbours = np.eye(n_basis) - np.roll(np.eye(n_basis), 1, axis=0)
-        # cos(z - c) - 1 in 1, cos z and sin z.
+        # Coefficients of cos(z - c) - 1 with respect to 1, cos z and sin z.
         self._exponents = np.stack([-np.ones(n_basis), np.cos(self.centres), np.sin(self.centres)]) * (2.0 / self.widths**2)
 
     def phase(self, progress: np.ndarray) -> np.ndarray:
@@ -64,7 +65,7 @@ class PeriodicKernels:
 
 
 def _rows(second: np.ndarray, third: np.ndarray) -> np.ndarray:
-    """Columns 1, second and third side by side (n, 3), without the overhead of stacking, which shows online."""
+    """Columns 1, second and third as one array (n, 3); np.stack would be too slow for online steps."""
     columns = np.empty((3, len(second)))
     columns[0], columns[1], columns[2] = 1.0, second, third
     return columns.T
@@ -82,8 +83,10 @@ def transformation(raw: np.ndarray, weights: np.ndarray) -> np.ndarray:
 
 
 def regress_locally(psi: np.ndarray, gate: np.ndarray, target: np.ndarray, weights: np.ndarray, neighbours: np.ndarray) -> np.ndarray:
-    """(7.13): each kernel by itself fits gate * theta to the targets (n, d) around it, weighted by psi and by the
-    samples' own weights (n,). Kernels that no sample reaches take over what lies between their neighbours.
+    """(7.13): each kernel by itself fits gate * theta to the targets (n, d).
+
+    The samples are weighted by psi and by their own weights (n,). The weight of a kernel that no sample reaches is
+    interpolated between its neighbours.
     """
     weighted = psi * (weights * gate)[:, None]
     evidence = gate @ weighted
@@ -97,10 +100,10 @@ def regress_locally(psi: np.ndarray, gate: np.ndarray, target: np.ndarray, weigh
 
 
 def regress_jointly(psi: np.ndarray, gate: np.ndarray, target: np.ndarray, weights: np.ndarray, neighbours: np.ndarray) -> np.ndarray:
-    """All kernels at once fit (7.10) to the targets (n, d): weighted least squares.
+    """All kernels together fit (7.10) to the targets (n, d), by weighted least squares.
 
-    (7.13) fits each kernel as if it were alone, where neighbours overlap and add up; it is the first Jacobi step
-    (normal matrix replaced by its row sums) towards this solution, and blurs the movement by a kernel's width.
+    (7.13) fits each kernel as if it were alone, although neighbours overlap and add up. That is the first Jacobi step
+    towards this solution (the normal matrix is replaced by its row sums). It smooths the movement by a kernel's width.
     """
     share = np.sqrt(weights)
     features = psi * (share * gate)[:, None]

@@ -1,24 +1,26 @@
-"""The way of the goal in a discrete primitive: a smooth path from start to goal, and the attractor (7.20) that makes a
-spring-damper follow it.
+"""How the goal of a discrete primitive moves: a smooth path from start to goal, and its attractor (7.20).
+
+A spring-damper that is pulled by this attractor follows the path.
 """
 
 import numpy as np
 
-# The blend is s^5 times this polynomial, lowest power first: its first four derivatives vanish at 0 and 1.
+# The blend is s^5 times this polynomial, lowest power first: its first four derivatives are zero at s = 0 and s = 1.
 BLEND = [126.0, -420.0, 540.0, -315.0, 70.0]
-# Up to so many values, plain numbers are faster than arrays; an online step needs three.
+# For up to so many values, Python numbers are faster than arrays; an online step needs three values.
 FEW = 5
 
 
 def blend(progress: np.ndarray) -> np.ndarray:
-    """Path from 0 at s <= 0 to 1 at s >= 1, four times differentiable, so that integration of fourth order keeps its
-    order wherever the steps fall.
+    """Path (n,) from 0 at s <= 0 to 1 at s >= 1, four times differentiable.
+
+    So an integration of fourth order keeps its order, wherever its steps are.
     """
     return _polynomial(np.clip(progress, 0.0, 1.0), 5, BLEND)
 
 
 class BlendAttractor:
-    """(7.20) for the blend: the goal that a spring-damper must be pulled by to move along it."""
+    """(7.20) for the blend: the attractor that makes a spring-damper move along it."""
 
     def __init__(self, stiffness: float, damping: float):
         path = np.concatenate([np.zeros(5), BLEND])

@@ -1,22 +1,23 @@
-"""The period of a repeating movement: the lag at which it comes back to itself, refined by a fit of harmonics.
+"""The period of a repeating movement: the lag at which it repeats, refined by a fit of harmonics.
 
-The coarse search is the squared difference function of de Cheveigne and Kawahara, "YIN", J. Acoust. Soc. Am.
-111 (2002); the refinement maximises what the first harmonics of the period explain.
+The coarse search uses the squared difference function of A. de Cheveigne and H. Kawahara, "YIN", J. Acoust. Soc. Am. 111
+(2002). The refinement maximises the variance that the first harmonics of the period explain.
 """
 
 import numpy as np
 
 from dart_skill.checks import as_number
 
-# Squared difference, in units of what unrelated samples have, below which a lag counts as a repetition.
+# A lag counts as a repetition if its squared difference, relative to that of unrelated samples, is below this.
 REPEATS_BELOW = 0.1
 MAX_SAMPLES = 1000
 N_HARMONICS = 6
 
 
 def estimate_period(time: np.ndarray, position: np.ndarray) -> float:
-    """Period in seconds of positions (n, d) at stamps (n,) from zero that span at least 1.5 periods; ValueError when
-    they do not repeat.
+    """Period [s] of positions (n, d) at stamps (n,) that start at zero and span at least 1.5 periods.
+
+    ValueError if the positions do not repeat.
     """
     grid = np.linspace(0.0, time[-1], min(len(time), MAX_SAMPLES))
     samples = _at(grid, time, position)
@@ -27,9 +28,9 @@ def estimate_period(time: np.ndarray, position: np.ndarray) -> float:
 
 
 def as_period(period: float, time: np.ndarray, position: np.ndarray) -> float:
-    """A period that was given, refused when the positions (n, d) at stamps (n,) from zero cannot be of it."""
+    """The period [s] that the caller gave; ValueError if positions (n, d) at stamps (n,) from zero do not repeat after it."""
     period, interval = as_number(period, "period"), time[-1] / (len(time) - 1)
-    # The sample at the end of the period is the one at its start, and may have been left out.
+    # The sample at the end of the period equals the one at its start, so it may be missing.
     if time[-1] < period - 1.5 * interval:
         raise ValueError(f"position spans {time[-1]:g} s, less than the period of {period:g} s; record a whole period or more")
     later = time >= period - 1e-9 * time[-1]
@@ -44,7 +45,7 @@ def as_period(period: float, time: np.ndarray, position: np.ndarray) -> float:
 
 
 def mean_over_periods(time: np.ndarray, position: np.ndarray, period: float) -> np.ndarray:
-    """Mean position (d,) over as many whole periods as there are, or over all samples of less than one."""
+    """Mean position (d,) over all whole periods, or over all samples if there is no whole period."""
     whole = np.floor(time[-1] / period + 1e-9) * period
     if whole == 0:
         return position.mean(axis=0)
@@ -55,7 +56,7 @@ def mean_over_periods(time: np.ndarray, position: np.ndarray, period: float) -> 
 
 
 def _at(stamps: np.ndarray, time: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Positions (m, d) at stamps (m,), straight between samples."""
+    """Positions (m, d) at stamps (m,), linear between samples."""
     return np.stack([np.interp(stamps, time, column) for column in position.T], axis=1)
 
 
@@ -78,7 +79,7 @@ def _first_repetition(samples: np.ndarray) -> int | None:
 
 
 def _refine(time: np.ndarray, position: np.ndarray, period: float) -> float:
-    # Imported on first use: discrete movements have no need of it.
+    # Imported on first use: discrete movements do not need it.
     from scipy.optimize import minimize_scalar
 
     centred = position - position.mean(axis=0)

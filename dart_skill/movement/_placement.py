@@ -1,7 +1,7 @@
-"""Where the task frames are while samples are taken: one place per demonstration or one per sample, gaps included.
+"""Where the task frames are during the samples: one place for a demonstration or one for each sample; a frame may be missing.
 
-A frame (A, b) sees a point x of the world at A^-1 (x - b), thesis 7.5.2; with fewer columns than rows, A (m, d), it
-sees d of the m directions, and the pseudo-inverse stands in for the inverse.
+A frame (A, b) sees a point x of the world at A^-1 (x - b) (thesis 7.5.2). If A (m, d) has fewer columns than rows, the
+frame sees d of the m directions, and the pseudo-inverse takes the place of the inverse.
 """
 
 from __future__ import annotations
@@ -14,13 +14,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_learnable, as_samples, as_vector
-from dart_skill.movement.frames import TaskFrame
+from dart_skill.movement._frames import TaskFrame
 
 
 @dataclass(frozen=True, eq=False)
 class PartialFrame:
-    """Task frame that sees d of the m features: A (m, d), of full column rank, and b (m,); what lies across the columns of
-    A is open. The first feature is time there too.
+    """Task frame that sees only d directions of the m features. It says nothing about the other directions.
+
+    Parameters:
+
+    * A (m, d): independent columns, the directions that it sees. The first feature is time here, too.
+    * b (m,): origin of the frame in the world.
     """
 
     A: np.ndarray
@@ -42,7 +46,7 @@ class PartialFrame:
 
 Frame = TaskFrame | PartialFrame
 FrameCourse = Frame | Sequence[Frame | None] | None
-"""One frame for a whole demonstration, one per sample, or None where it is missing."""
+"""A frame during a demonstration: one for the whole of it, or one for each sample; None where it is missing."""
 
 
 def invert(matrices: np.ndarray) -> np.ndarray:
@@ -52,8 +56,10 @@ def invert(matrices: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """One task frame during all samples: its places, A (s, m, d) and b (s, m), and which of them belongs to each sample,
-    place (n,), -1 where the frame is missing.
+    """One task frame during all n samples.
+
+    A (s, m, d) and b (s, m): its s different places; place (n,): index of the place for each sample, -1 where the frame is
+    missing.
     """
 
     A: np.ndarray
@@ -72,11 +78,11 @@ class Placement:
 
     @property
     def seen(self) -> np.ndarray:
-        """(n,) samples for which the frame is there."""
+        """(n,) whether the frame is present in each sample."""
         return self.place >= 0
 
     def only(self, kept: np.ndarray) -> Placement:
-        """For the samples in kept (n,) only."""
+        """The same for the samples of the mask kept (n,) only."""
         return replace(self, place=self.place[kept])
 
     def see(self, world: np.ndarray) -> np.ndarray:
@@ -87,15 +93,17 @@ class Placement:
         return block
 
     def see_variance(self, variance: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """(d,) variance (m,) of independent columns of the world as the frame sees it, mean over samples with weights (n,)."""
+        """Variances (d,) in the frame from variances (m,) of independent columns in the world, the mean over samples with weights (n,)."""
         shares = np.bincount(self.place[self.seen], weights[self.seen], len(self.A))
         return np.average(np.square(self.inverses) @ variance, 0, shares)
 
 
 @dataclass(frozen=True, eq=False)
 class Situation:
-    """P task frames at n moments: A (n, P, m, m), inverses (n, P, m, m), b (n, P, m) and seen (n, P); zeros stand for what a
-    frame does not see, and for all of a missing one.
+    """P task frames at n moments.
+
+    A (n, P, m, m), inverses (n, P, m, m), b (n, P, m); seen (n, P): whether the frame is present. Entries are zero for
+    directions that a frame does not see, and for a missing frame.
     """
 
     A: np.ndarray
@@ -105,7 +113,7 @@ class Situation:
 
     @classmethod
     def of(cls, courses: Sequence[FrameCourse], n: int, n_features: int, n_dims: Sequence[int]) -> Situation:
-        """The situation of P frames at n moments, of which frame p must see n_dims[p] directions; at each one must be there."""
+        """The situation of P frames at n moments. Frame p must see n_dims[p] directions; at least one frame must be present."""
         _require_count(courses, len(n_dims), "the new situation")
         shape, m = (n, len(n_dims)), n_features
         situation = cls(np.zeros((*shape, m, m)), np.zeros((*shape, m, m)), np.zeros((*shape, m)), np.zeros(shape, dtype=bool))
@@ -117,7 +125,7 @@ class Situation:
         return situation
 
     def _put(self, j: int, course: list[Frame | None], n_dims: int) -> None:
-        """Enter frame j, given once for all moments or for each of them."""
+        """Enter frame j, which is given once for all moments or once for each."""
         frames = [frame for frame in course if frame is not None]
         if not frames:
             return
@@ -130,15 +138,16 @@ class Situation:
         self.seen[there, j] = True
 
     def middle(self, means: np.ndarray) -> np.ndarray:
-        """(n, K, m) where the frames that are there put means (P, K, m) of theirs in the world, averaged over the frames."""
+        """(n, K, m) local means (P, K, m) mapped to the world by each frame, averaged over the frames that are present."""
         mapped = means @ np.swapaxes(self.A, -1, -2) + self.b[:, :, None]
         return mapped.sum(1) / self.seen.sum(1)[:, None, None]
 
 
 @dataclass(frozen=True, eq=False)
 class TaskSamples:
-    """Samples of all demonstrations in a row, world (n, m), the placement of each of the P frames, and how many samples each
-    demonstration has.
+    """Samples of all demonstrations in one array, with their task frames.
+
+    world (n, m): the samples; placements: of each of the P frames; lengths: number of samples of each demonstration.
     """
 
     world: np.ndarray
@@ -147,7 +156,7 @@ class TaskSamples:
 
     @classmethod
     def of(cls, samples: Sequence[ArrayLike], frames: Sequence[Sequence[FrameCourse]], n_dims: Sequence[int] | None = None) -> TaskSamples:
-        """Checked samples (n_i, m) and P frames per demonstration; n_dims (P,): how many directions each frame must see."""
+        """From samples (n_i, m) and P frames for each demonstration, checked; n_dims (P,): number of directions of each frame."""
         if len(samples) == 0 or len(samples) != len(frames):
             raise ValueError(f"one list of frames per demonstration is needed, got {len(frames)} for {len(samples)}")
         samples = [as_learnable(one, f"samples of demonstration {i}") for i, one in enumerate(samples)]
@@ -163,7 +172,7 @@ class TaskSamples:
         return cls(np.concatenate(samples), placements, lengths)
 
     def only(self, kept: np.ndarray) -> TaskSamples:
-        """The samples in kept (n,); every frame must see some of them."""
+        """The samples of the mask kept (n,); each frame must be present in some of them."""
         demonstrations = np.repeat(np.arange(len(self.lengths)), self.lengths)
         lengths = np.bincount(demonstrations[kept], minlength=len(self.lengths)).tolist()
         few = TaskSamples(self.world[kept], [one.only(kept) for one in self.placements], lengths)
@@ -174,7 +183,7 @@ class TaskSamples:
 
     @property
     def blocks(self) -> list[np.ndarray]:
-        """Per frame, all samples as it sees them (n, d_p), nan where it is missing."""
+        """For each frame all samples as the frame sees them (n, d_p), nan where it is missing."""
         return [placement.see(self.world) for placement in self.placements]
 
     def per_demonstration(self, values: np.ndarray) -> list[np.ndarray]:
@@ -183,7 +192,7 @@ class TaskSamples:
 
 
 def _locate(sample: int, lengths: list[int]) -> tuple[int, int]:
-    """Demonstration and row in it of a sample in the whole row."""
+    """Index of the demonstration, and the row in it, of a sample in the array of all samples."""
     i = int(np.searchsorted(np.cumsum(lengths), sample, side="right"))
     return i, sample - sum(lengths[:i])
 
@@ -191,7 +200,7 @@ def _locate(sample: int, lengths: list[int]) -> tuple[int, int]:
 def _as_placements(
     frames: Sequence[Sequence[FrameCourse]], lengths: list[int], n_features: int, n_dims: Sequence[int] | None
 ) -> list[Placement]:
-    """Placement of each of P frames during demonstrations of so many samples."""
+    """Placement of each of the P frames; lengths: number of samples of each demonstration."""
     n_frames = len(frames[0]) if n_dims is None else len(n_dims)
     for i, its_frames in enumerate(frames):
         _require_count(its_frames, n_frames, f"demonstration {i}")
@@ -224,7 +233,7 @@ def _require_dims(j: int, found: set[int]) -> None:
 
 
 def _as_frames(course: FrameCourse, length: int, name: str, n_features: int) -> list[Frame | None]:
-    """The frame that is given for all samples, one entry, or for each of them, as many as `length`."""
+    """The frame as a list: one entry if it is given once for all samples, else `length` entries, one for each."""
     frames = list(course) if isinstance(course, Sequence) else [course]
     if isinstance(course, Sequence) and len(frames) != length:
         raise ValueError(f"{name} is given for {len(frames)} samples, there are {length}")

@@ -1,5 +1,7 @@
-"""What discrete and rhythmic movement primitives share: the spring-damper (7.8), (7.9) driven by goal and forcing term,
-its integration, and the regression on demonstrations. `primitives` has the equations and the deviations from them.
+"""The common base of discrete and rhythmic movement primitives.
+
+It has the spring-damper (7.8), (7.9), driven by goal and forcing term, its integration, and the regression on
+demonstrations. The module `primitives` has the equations, and says where the defaults differ from them.
 """
 
 from __future__ import annotations
@@ -14,18 +16,18 @@ from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_finite, as_number, as_vector
 from dart_skill.movement._demonstrations import Demonstration
+from dart_skill.movement._differentiation import Motion
 from dart_skill.movement._forcing import REGRESSIONS, normalised, transformation
 from dart_skill.movement._runge_kutta import divide, integrate
 from dart_skill.movement._time import as_stamps
-from dart_skill.movement.differentiation import Motion
 
-# The least share of its pace to which a tracking error slows a movement down, so that it can be taken up again.
+# A tracking error slows a movement down to this share of its pace at least. At zero it could not continue.
 MIN_SHARE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """A movement laid out over time (n,): position, velocity and acceleration (n, d)."""
+    """A movement at the stamps time (n,) [s]: position, velocity and acceleration (n, d)."""
 
     time: np.ndarray
     position: np.ndarray
@@ -34,7 +36,7 @@ class Trajectory:
 
 
 class Execution(NamedTuple):
-    """How a movement is wanted: start, goal and amplitude (d,), duration in seconds.
+    """What a movement shall be: start, goal and amplitude (d,), duration [s].
 
     A rhythmic movement has its baseline as start and goal, and its period as duration.
     """
@@ -47,9 +49,12 @@ class Execution(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PrimitiveState:
-    """Where a movement is: position, velocity and acceleration (d,), progress (durations, or share of the period).
+    """State of a movement at one instant.
 
-    goal and amplitude (d,) and pace (progress per second) follow smoothly what is wanted.
+    * position, velocity, acceleration (d,).
+    * progress: time since the start in units of the duration; for rhythmic movements the share of the period, in [0, 1).
+    * pace: progress per second [1/s]; goal, amplitude (d,). All three approach the wanted values smoothly.
+    * wanted: the wanted start, goal, amplitude and duration.
     """
 
     position: np.ndarray
@@ -63,7 +68,7 @@ class PrimitiveState:
 
 
 class Clock(NamedTuple):
-    """Progress made since a state, the pace then, and its change per second: numbers, or columns (n, 1)."""
+    """Progress since a state, the pace at that time, and its change per second: numbers, or columns (n, 1)."""
 
     made: float | np.ndarray
     pace: float | np.ndarray
@@ -71,8 +76,10 @@ class Clock(NamedTuple):
 
 
 class Primitive:
-    """Base of both kinds. A subclass has `fit`, `begin` and `step`, and says with `_gate` how f fades and with
-    `_goal_path` which share of the way from start to goal the goal has gone.
+    """Base of both kinds. A subclass has `fit`, `begin` and `step`.
+
+    Its method `_gate` gives the factor by which f fades. Its method `_goal_path` gives the position of g between start (0)
+    and goal (1).
     """
 
     def __init__(self, kernels, n_basis: int, stiffness: float, regression: str):
@@ -83,7 +90,7 @@ class Primitive:
         self._frequency = float(np.sqrt(self.stiffness))
         self._damping = 2.0 * self._frequency
         self._kernels = kernels
-        # Longer steps are subdivided: none is longer than half a time constant of the spring, or than half a kernel.
+        # Longer steps are subdivided, to at most half a time constant of the spring and half the distance of two kernels.
         self._max_step = 0.5 / max(self._frequency, n_basis)
 
     @property
@@ -97,15 +104,15 @@ class Primitive:
         return self._fitted().weights_.ravel().copy()
 
     def with_parameters(self, parameters: ArrayLike):
-        """A primitive with other parameters (n_basis * d,), otherwise the same; for the search of (7.14)-(7.17)."""
+        """A copy of this primitive with other parameters (n_basis * d,); for the search of (7.14)-(7.17)."""
         other = copy(self._fitted())
         other.weights_ = as_vector(parameters, "parameters", self.weights_.size).reshape(self.weights_.shape)
         return other
 
     def activations(self, progress: ArrayLike) -> np.ndarray:
-        """phi of (7.14), (n, n_basis), at progress (n,), that is time / duration: activations @ weights_ is f (7.10).
+        """phi of (7.14), (n, n_basis), at progress (n,), which is time / duration: activations @ weights_ is f (7.10).
 
-        Rows are the kernels (7.11), which sum to one, times what makes f fade.
+        Each row holds the kernels (7.11), which sum to one, times the factor by which f fades.
         """
         progress = as_vector(progress, "progress")
         if progress.min(initial=0.0) < 0:
@@ -113,10 +120,10 @@ class Primitive:
         return normalised(self._kernels.raw(progress)) * self._gate(progress)[:, None]
 
     def open_loop(self, times: ArrayLike, state: PrimitiveState | None = None) -> Trajectory:
-        """The movement left to itself from a state of `begin` or `step`; as demonstrated when None.
+        """The movement without disturbance from a state of `begin` or `step`; as demonstrated when None.
 
-        times: stamps (n,), the first of which is when the state holds, or one number: a step in seconds with which
-        one duration (or period) is laid out.
+        times: stamps (n,) [s], the first of which is the time of the state; or one number, a step [s], for one duration (or
+        period).
         """
         state = self.begin() if state is None else self._as_state(state)
         times = self._as_times(times, state.wanted.duration)
@@ -138,7 +145,7 @@ class Primitive:
         self.weights_ = REGRESSIONS[self.regression](psi, self._gate(progress), target, weights, self._kernels.neighbours)
 
     def _reference(self, demonstration: Demonstration, start: np.ndarray, goal: np.ndarray, duration: float) -> np.ndarray:
-        """f_ref (n, d) of (7.12), with A = 1: what the spring-damper lacks to move as demonstrated."""
+        """f_ref (n, d) of (7.12), with A = 1: the drive that the spring-damper needs to move as demonstrated."""
         position, velocity, acceleration = demonstration.motion
         pull = self._goal_path(demonstration.time / duration)[:, None] * (goal - start) - (position - start)
         return acceleration * duration**2 + self._damping * duration * velocity - self.stiffness * pull
@@ -153,7 +160,7 @@ class Primitive:
         return self._after(state, 0.0, 1.0, None)
 
     def _after(self, state: PrimitiveState, dt: float, share: float, push: np.ndarray | None) -> PrimitiveState:
-        """The state dt seconds later, at a share of the wanted pace and under a push, an acceleration (d,)."""
+        """The state dt seconds later, with a share of the wanted pace and a push, an acceleration (d,)."""
         clock = self._clock(state, dt, share)
         nodes = np.array([0.0, clock.made]) if dt else np.zeros(1)
         position, velocity, acceleration = _timed(clock, *(rows[-1] for rows in self._follow(state, nodes, push)))
@@ -162,7 +169,7 @@ class Primitive:
         return PrimitiveState(position, velocity, acceleration, progress, clock.pace, goal, amplitude, state.wanted)
 
     def _clock(self, state: PrimitiveState, elapsed: float | np.ndarray, share: float) -> Clock:
-        """How a movement goes on over elapsed seconds: its pace approaches a share of the wanted one."""
+        """Progress and pace after so many seconds: the pace approaches a share of the wanted one."""
         wanted, rate = share / state.wanted.duration, self._frequency / state.wanted.duration
         if state.pace == wanted:
             return Clock(wanted * elapsed, wanted, 0.0)
@@ -170,7 +177,7 @@ class Primitive:
         return Clock(wanted * elapsed + (state.pace - wanted - excess) / rate, wanted + excess, -rate * excess)
 
     def _follow(self, state: PrimitiveState, made: np.ndarray, push: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """x, dx/ds and d2x/ds2 (n, d) of (7.8) and (7.9) after the progress made (n,)."""
+        """x, dx/ds and d2x/ds2 (n, d) of (7.8) and (7.9) at the progress `made` (n,) since the state."""
         start, steps = state.wanted.start, divide(made, self._max_step)
         progress = state.progress + steps.stages
         goal, amplitude = self._settled(state, steps.stages[:, None])
@@ -184,7 +191,7 @@ class Primitive:
         return start + position, slope, curvature
 
     def _settled(self, state: PrimitiveState, made: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Goal and amplitude, which approach what is wanted, after the progress made."""
+        """Goal and amplitude after the progress `made`; both approach the wanted ones."""
         wanted = state.wanted
         if state.goal is wanted.goal and state.amplitude is wanted.amplitude:
             return wanted.goal, wanted.amplitude
@@ -200,7 +207,7 @@ class Primitive:
         return self._after(state, as_number(dt, "dt"), share, push)
 
     def _with_wishes(self, state: PrimitiveState, goal, duration, amplitude, names: tuple[str, str]) -> PrimitiveState:
-        """The state with what is wanted from now on; names are those of goal and duration."""
+        """The state with new wanted values from now on; names: of goal and duration, for error messages."""
         wanted = self._as_state(state).wanted
         if goal is None and duration is None and amplitude is None:
             return state
@@ -229,7 +236,7 @@ class Primitive:
 
     @staticmethod
     def _as_times(times: ArrayLike, duration: float) -> np.ndarray:
-        """Stamps (n,), or those from 0 to the duration or just beyond that one number, a step, stands for."""
+        """Stamps (n,) as given; for a step [s], stamps from 0 to the duration or just beyond it."""
         if np.ndim(times) > 0:
             return as_stamps(times)
         step = as_number(times, "step")
@@ -242,5 +249,5 @@ def _timed(clock: Clock, position: np.ndarray, slope: np.ndarray, curvature: np.
 
 
 def _exp(value: float | np.ndarray) -> float | np.ndarray:
-    """math.exp for numbers, which online steps would otherwise turn into numpy scalars."""
+    """exp; math.exp for a float, so that online steps do not become numpy scalars."""
     return math.exp(value) if isinstance(value, float) else np.exp(value)

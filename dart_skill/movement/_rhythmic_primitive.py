@@ -12,15 +12,24 @@ from dart_skill.movement._period import as_period, estimate_period, mean_over_pe
 from dart_skill.movement._primitive import Execution, Primitive, PrimitiveState
 from dart_skill.movement._runge_kutta import divide, integrate
 
-# Steps per period, at least, with which the limit cycle is found.
+# Least number of steps per period with which the limit cycle is computed.
 CYCLE_STEPS = 200
 
 
 class RhythmicPrimitive(Primitive):
     """Limit cycle: a movement that repeats about a baseline, in d dimensions that share the phase angle.
 
-    Hyper-parameters as of `DiscretePrimitive`, in units of the period. After `fit`: weights_ (n_basis, d), baseline_
-    (d,), the mean over whole periods, and period_ in seconds.
+    Parameters:
+
+    * n_basis: int, default 50. Number of kernels.
+    * stiffness: float, default 156.25. alpha_x beta_x of (7.8), per period squared; the damping is critical.
+    * regression: "joint" (default) or "local" as in (7.13).
+
+    Attributes after `fit`:
+
+    * weights_ (n_basis, d).
+    * baseline_ (d,): mean position over whole periods.
+    * period_ [s].
     """
 
     def __init__(self, n_basis: int = 50, *, stiffness: float = 156.25, regression: str = "joint"):
@@ -40,8 +49,8 @@ class RhythmicPrimitive(Primitive):
     ) -> RhythmicPrimitive:
         """Learn as `DiscretePrimitive.fit` does; the phase is zero at the first sample of each demonstration.
 
-        period: seconds; when None it is found from each demonstration, which must then span two periods or so.
-        ValueError also for what does not repeat.
+        period [s]: when None it is estimated from each demonstration, which must then span about two periods. ValueError
+        also if a demonstration does not repeat.
         """
         demonstrations = as_demonstrations(time, position, velocity, acceleration, weights, noise)
         tracks = [(demo.time, demo.motion.position) for demo in demonstrations]
@@ -55,8 +64,9 @@ class RhythmicPrimitive(Primitive):
     def limit_cycle(
         self, phase: float = 0.0, *, baseline: ArrayLike | None = None, period: float | None = None, amplitude: ArrayLike = 1.0
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Position and velocity (d,) on the limit cycle at a phase counted in periods: the state that one period
-        maps to itself.
+        """Position and velocity (d,) on the limit cycle at a phase in units of the period.
+
+        It is the state that is the same again after one period.
         """
         wanted = self._execution(baseline, period, amplitude)
         n_steps = CYCLE_STEPS + 2 * int(np.ceil(1.0 / self._max_step))
@@ -77,10 +87,10 @@ class RhythmicPrimitive(Primitive):
         velocity: ArrayLike | None = None,
         phase: float = 0.0,
     ) -> PrimitiveState:
-        """State from which `open_loop` lays out and `step` executes the movement, at a phase counted in periods.
+        """State at a phase in units of the period, for `open_loop` and `step`.
 
-        start and velocity (d,): those of the limit cycle unless given. baseline (d,) and period in seconds: as
-        demonstrated unless given. amplitude, one number or (d,), scales the movement about its baseline.
+        start and velocity (d,) are those of the limit cycle unless given. baseline (d,) and period [s] are those of the
+        demonstrations unless given. amplitude, one number or (d,), scales the movement about its baseline.
         """
         position, speed = self.limit_cycle(phase, baseline=baseline, period=period, amplitude=amplitude)
         start, velocity = self._as_dims(start, "start", position), self._as_dims(velocity, "velocity", speed)

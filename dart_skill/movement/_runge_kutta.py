@@ -1,7 +1,8 @@
-"""Classical Runge-Kutta steps of x'' = stiffness (u(s) - x) - damping x' where the drive is known beforehand.
+"""Classical Runge-Kutta steps of x'' = stiffness (u(s) - x) - damping x' with a drive that is known beforehand.
 
-The system is linear, so the four stages collapse: a step is x+ = R x + g0 u(s) + g1 u(s + h/2) + g2 u(s + h) with
-matrices that depend on h only. That is the same arithmetic as the usual four evaluations, for all steps at once.
+The system is linear. So the four evaluations of a step become one equation,
+x+ = R x + g0 u(s) + g1 u(s + h/2) + g2 u(s + h), with matrices that depend on h only. The result is the same, and all
+steps can be computed at once.
 """
 
 import math
@@ -10,12 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dart_skill.movement.attractor import recur
+from dart_skill.movement._attractor import recur
 
 
 class Steps(NamedTuple):
-    """Ends and middles (2 m + 1,) of m steps, their length (a number, or (m,) when they differ), and how many of
-    them lead from one node to the next.
+    """m steps of integration.
+
+    stages (2 m + 1,): ends and middles of the steps; length: one number, or (m,) if they differ; per_node: number of
+    steps from one node to the next.
     """
 
     stages: np.ndarray
@@ -24,7 +27,7 @@ class Steps(NamedTuple):
 
 
 def divide(nodes: np.ndarray, longest: float) -> Steps:
-    """Steps from node to node (n,), as many as it takes for none to be longer than `longest`."""
+    """Steps from node to node (n,), with so many steps between two nodes that none is longer than `longest`."""
     if len(nodes) == 1:
         return Steps(nodes, longest, 1)
     gaps = nodes[1:] - nodes[:-1]
@@ -40,7 +43,7 @@ def divide(nodes: np.ndarray, longest: float) -> Steps:
 
 @lru_cache(maxsize=16)
 def _fractions(per_node: int) -> np.ndarray:
-    """Ends and middles of equal parts of one."""
+    """Ends and middles (2 per_node + 1,) of per_node equal parts of the interval from 0 to 1."""
     return np.arange(2 * per_node + 1) / (2 * per_node)
 
 
@@ -52,7 +55,7 @@ class StepGains(NamedTuple):
 
 
 def step_gains(length: float | np.ndarray, stiffness: float, damping: float) -> StepGains:
-    """Gains of one step length, or of m of them."""
+    """Gains for one step length, or for m of them."""
     h = np.asarray(length, dtype=float)[..., None, None]
     a = h * np.array([[0.0, 1.0], [-stiffness, -damping]])
     a2 = a @ a
@@ -64,13 +67,14 @@ def step_gains(length: float | np.ndarray, stiffness: float, damping: float) -> 
     return StepGains(eye + a + a2 / 2.0 + a3 / 6.0 + a2 @ a2 / 24.0, kicks)
 
 
-# Online execution asks for the same step again and again.
+# Online execution needs the same step length again and again.
 _gains_of_equal_steps = lru_cache(maxsize=64)(step_gains)
 
 
 def integrate(steps: Steps, stiffness: float, damping: float, state: np.ndarray, drive: np.ndarray) -> np.ndarray:
-    """Position and velocity (2, n, d) at the nodes, from the state (2, d) at the first, for a drive (2 m + 1, d) at
-    the stages.
+    """Position and velocity (2, n, d) at the n nodes.
+
+    state (2, d): position and velocity at the first node; drive (2 m + 1, d): at the stages.
     """
     if isinstance(steps.length, float):
         states = _integrate_equal(_gains_of_equal_steps(steps.length, stiffness, damping), state, drive)

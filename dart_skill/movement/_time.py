@@ -1,4 +1,4 @@
-"""Stamps: seconds, strictly increasing, sometimes equally spaced."""
+"""Checks of stamps: seconds, strictly increasing, and equally spaced where that is needed."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,7 +22,7 @@ def as_stamps(time: ArrayLike, n_samples: int | None = None, minimum: int = 1) -
 
 
 def uniform_step(time: np.ndarray) -> float:
-    """Step of at least two equally spaced stamps; spacing may vary by one part in 10^6 of it."""
+    """Step [s] of at least two equally spaced stamps (n,); ValueError if a step differs by more than 10^-6 of it."""
     step = (time[-1] - time[0]) / (len(time) - 1)
     worst = np.abs(np.diff(time) - step).max()
     if worst > 1e-6 * step:

@@ -1,16 +1,18 @@
-"""Search for parameters that earn a higher return, one trial at a time: PoWER (thesis 5.1, 5.2, 7.4), the multi-optima search with a
-mixture (5.3), and what they are measured against.
+"""Search for parameters that earn a higher return, one trial at a time.
+
+PoWER (thesis 5.1, 5.2, 7.4), the multi-optima search with a mixture (5.3), two searches for changing landscapes (`Niches`,
+`Sharpening`), and baselines for comparison.
 """
 
-from dart_skill.policy_search._exploration import with_constant_noise, with_proportional_noise
+from dart_skill.policy_search._baselines import CMAES, CrossEntropy, MonteCarlo, RandomRestarts
+from dart_skill.policy_search._exploration import PathLength, with_constant_noise, with_proportional_noise
+from dart_skill.policy_search._mixture_power import MixturePoWER, Readings
+from dart_skill.policy_search._niches import Niches
+from dart_skill.policy_search._power import PoWER
 from dart_skill.policy_search._primitive import PrimitivePoWER, PrimitiveTrial
 from dart_skill.policy_search._search import Search, Trial
+from dart_skill.policy_search._sharpening import Sharpening
 from dart_skill.policy_search._weights import return_weights
-from dart_skill.policy_search.baselines import CMAES, CrossEntropy, MonteCarlo, RandomRestarts
-from dart_skill.policy_search.mixture_power import MixturePoWER, Readings
-from dart_skill.policy_search.niches import Niches
-from dart_skill.policy_search.power import PoWER
-from dart_skill.policy_search.sharpening import Sharpening
 
 __all__ = [
     "CMAES",
@@ -18,6 +20,7 @@ __all__ = [
     "MixturePoWER",
     "MonteCarlo",
     "Niches",
+    "PathLength",
     "PoWER",
     "PrimitivePoWER",
     "PrimitiveTrial",

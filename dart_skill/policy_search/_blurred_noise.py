@@ -1,24 +1,28 @@
-"""A Gaussian process for a landscape seen through a blur that changes: white noise, blurred with a Gaussian of variance b per axis.
+"""A Gaussian process for a landscape that is seen through a changing blur: white noise, blurred by a Gaussian of variance b per axis.
 
     cov(f(x, b), f(x', b')) = A (2 c / (b + b'))^(d/2) exp(-|x - x'|^2 / (2 (b + b')))
 
-so all that was seen through any blur informs one hidden landscape, and what was seen broadly foretells what is seen sharply, with more
-doubt the sharper. Every sample obeys the heat equation df/db = laplacian(f) / 2. c is the blur at which the variance of the landscape is A.
-Constant mean, by generalised least squares; A is the one of highest likelihood. M. Gibbs, Bayesian Gaussian processes for regression and
-classification, 1997 (the covariance); J. Koenderink, The structure of images, 1984 (the heat equation).
+is the covariance of two values. So all values, seen through any blur, inform one hidden landscape. Values that were seen
+through a wide blur predict what is seen through a narrow one; the prediction is less certain the narrower the blur. Every
+sample of the process obeys the heat equation df/db = laplacian(f) / 2. c is the blur at which the variance of the landscape
+is A. The mean is constant, by generalised least squares. A has the highest likelihood. M. Gibbs, Bayesian Gaussian
+processes for regression and classification, 1997 (the covariance); J. Koenderink, The structure of images, 1984 (the heat
+equation).
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-JITTER = 1e-9  # of the variance; two trials at one place are no contradiction
+JITTER = 1e-9  # added to the variance, as a share of it, so that the covariance of two trials at one place can be inverted
 
 
 class BlurredNoise:
-    """Posterior after values (n,) at points (n, d), seen through blurs (n,), variances in the square of their unit.
+    """Posterior of the landscape.
 
-    error: variance of a value, over that of the landscape at its blur. The reference blur c is the last of `blurs`.
+    * points (n, d), values (n,): where values were seen.
+    * blurs (n,): variance per axis of the blur of each, in the squared unit of the points; the last one is c.
+    * error: variance of the error of a value, relative to the variance of the landscape at its blur.
     """
 
     def __init__(self, points: np.ndarray, blurs: np.ndarray, values: np.ndarray, error: float):
@@ -39,7 +43,10 @@ class BlurredNoise:
         )  # less a constant; the mean is integrated out
 
     def predict(self, places: np.ndarray, blur: float) -> tuple[np.ndarray, np.ndarray]:
-        """Mean (m,) and standard deviation (m,) at places (m, d), seen through that blur; the doubt about the constant mean counts."""
+        """Mean (m,) and standard deviation (m,) at places (m, d), seen through that blur.
+
+        The standard deviation includes the uncertainty of the constant mean.
+        """
         kernel = self._kernel(places, np.full(len(places), blur))
         whitened = kernel @ self._whiten.T
         prior = (self._reference / blur) ** (0.5 * places.shape[1])
@@ -47,7 +54,7 @@ class BlurredNoise:
         return self.mean + kernel @ self._scores, np.sqrt(self.variance * np.maximum(left, 1e-12 * prior))
 
     def _kernel(self, places: np.ndarray, blurs: np.ndarray) -> np.ndarray:
-        """Covariance (m, n) of places (m, d) through blurs (m,) with the points, over A."""
+        """Covariance (m, n), divided by A, of the points with places (m, d) seen through blurs (m,)."""
         both = blurs[:, None] + self._blurs
         return (2 * self._reference / both) ** (0.5 * places.shape[1]) * np.exp(-squared_distances(places, self._points) / (2 * both))
 

@@ -1,6 +1,6 @@
-"""How far to explore: the noise of section 5.2.1 added to the covariance (5.2), and a size that sets itself.
+"""Size of the exploration: the noise of section 5.2.1 that is added to the covariance (5.2), and an automatic size.
 
-Everything here is in units of the spread the search began with, so that "1" is that spread in each parameter.
+Everything here is in units of the spread at the start of the search, so "1" is that spread in each parameter.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ def with_constant_noise(variances: np.ndarray, minimum: float) -> np.ndarray:
 
 
 def with_proportional_noise(variances: np.ndarray, minimum: float) -> np.ndarray:
-    """Figure 5.3: as much in total as Sigma_0, shared out in proportion to the eigenvalues (d,); the shape is kept."""
+    """Figure 5.3: the same total noise as with Sigma_0, distributed in proportion to the eigenvalues (d,); the shape is kept."""
     total = variances.sum()
     share = variances / total if total > 0 else np.full(variances.shape, 1 / variances.size)
     return variances + variances.size * minimum**2 * share
@@ -26,24 +26,24 @@ NOISE = {"constant": with_constant_noise, "proportional": with_proportional_nois
 
 
 class PathLength:
-    """Size and shape of exploration from the path of recent updates (n,), each in standard deviations.
+    """Size and shape of exploration from the path of recent updates (n,), each in units of the standard deviations.
 
-    Updates that point the same way make a path longer than chance would, and the size grows; updates that cancel
-    out make it shorter, and it shrinks. The path also stretches the shape along itself. This is CMA-ES; constants
-    from N. Hansen, The CMA evolution strategy: a tutorial, 2016 (arXiv:1604.00772), faster for `diagonal`
-    covariances after R. Ros and N. Hansen, A simple modification in CMA-ES, PPSN X, 2008. PoWER may take it over since
-    (5.1) is the same weighted average (F. Stulp and O. Sigaud, Path integral policy improvement with covariance
-    matrix adaptation, ICML 2012).
+    If updates point in the same direction, the path is longer than by chance, and the size grows. If they cancel, the path
+    is shorter, and the size shrinks. The shape is also stretched along the path. This is the rule of CMA-ES, with the
+    constants of N. Hansen, The CMA evolution strategy: a tutorial, 2016 (arXiv:1604.00772). For `diagonal` covariances the
+    rates are higher (R. Ros and N. Hansen, A simple modification in CMA-ES, PPSN X, 2008). PoWER can use this rule because
+    (5.1) is the same weighted average (F. Stulp and O. Sigaud, Path integral policy improvement with covariance matrix
+    adaptation, ICML 2012).
     """
 
     def __init__(self, n: int, diagonal: bool):
         self.path, self.shape_path, self.diagonal = np.zeros(n), np.zeros(n), diagonal
 
     def advance(self, step: np.ndarray, moved: np.ndarray, effective: float, known: np.ndarray) -> float:
-        """Factor for the size after a step (n,), which without preference among trials is N(0, I).
+        """Factor for the size after a step (n,), which is N(0, I) distributed if all trials are equally good.
 
-        moved (n,): the step through the root of the shape. effective: number of trials that an average with their
-        weights is worth. known (n,): parameters that the returns say something about.
+        moved (n,): the step multiplied by the root of the shape. effective: effective number of trials, 1 / sum of the
+        squared weights. known (n,): mask of the parameters about which the returns say something.
         """
         n = int(known.sum())
         rate = (effective + 2) / (n + effective + 5)
@@ -55,7 +55,7 @@ class PathLength:
         return float(np.exp(rate / damping * (np.linalg.norm(self.path[known]) / expected - 1)))
 
     def shape_rates(self, effective: float) -> tuple[float, float]:
-        """Learning rates of the shape: of the path, and of the trials' own covariance (5.2)."""
+        """Learning rates of the shape: for the path, and for the weighted covariance of the trials (5.2)."""
         n = self.path.size
         faster = (n + 2) / 3 if self.diagonal else 1.0
         along_path = faster * 2 / ((n + 1.3) ** 2 + effective)

@@ -1,23 +1,22 @@
 """The policy of the multi-optima search, a Gaussian mixture over parameters (d,), and its update from trials (thesis (5.3)-(5.6)).
 
-As in PoWER's policy, a parameter is counted from where the search began, in units of the spread it began with.
+As in PoWER's policy, a parameter is measured from the start of the search, in units of the spread at the start.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from dart_skill.mixture import GaussianMixture
-from dart_skill.mixture._gaussian import symmetric
+from dart_skill.mixture import GaussianMixture, symmetric
 from dart_skill.policy_search._exploration import NOISE
 from dart_skill.policy_search._search import Settings
 
-DEAD_SHARE = 1e-6  # a component with less of all weight than this is dropped
-FLATTEST = 1e-10  # least variance of a component over its largest, so that its covariance can be inverted
+DEAD_SHARE = 1e-6  # a component with less than this share of all weight is dropped
+FLATTEST = 1e-10  # least variance of a component relative to its largest one, so that its covariance can be inverted
 
 
 class MixturePolicy:
-    """Components with priors (K,), means (K, d) and covariances (K, d, d), kept as variances (K, d) along axes (K, d, d)."""
+    """Components with priors (K,), means (K, d) and covariances (K, d, d), stored as variances (K, d) along axes (K, d, d)."""
 
     def __init__(self, start: np.ndarray, scale: np.ndarray, settings: Settings):
         d = start.size
@@ -32,7 +31,7 @@ class MixturePolicy:
 
     @property
     def components(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Priors, means and covariances, from where the search began."""
+        """Priors, means and covariances, relative to the start of the search."""
         return self.priors, self.means, self.covariances
 
     @property
@@ -42,7 +41,7 @@ class MixturePolicy:
         return GaussianMixture.from_parameters(self.priors, means, covariances)
 
     def draw(self, component: int, noise: np.ndarray) -> np.ndarray:
-        """Parameters (d,) from standard normal noise (d,) through one component."""
+        """Parameters (d,) of a trial of one component, from standard normal noise (d,)."""
         coloured = self.axes[component] @ (np.sqrt(self.variances[component]) * noise)
         return self.start + self.scale * (self.means[component] + coloured)
 
@@ -58,8 +57,9 @@ class MixturePolicy:
         return shares / shares.sum(axis=0)
 
     def update(self, points: np.ndarray, weights: np.ndarray) -> bool:
-        """(5.3)-(5.5) from points (n, d) relative to the start and weights (K, n), returns times responsibilities of the M best; whether
-        there was any weight. A component that gets none is dropped.
+        """(5.3)-(5.5) from points (n, d), relative to the start, and weights (K, n); returns whether there was any weight.
+
+        The weights are returns times responsibilities, of the M best. A component without weight is dropped.
         """
         mass = weights.sum(axis=1)
         alive = mass > DEAD_SHARE * mass.sum()
@@ -74,7 +74,7 @@ class MixturePolicy:
         return True
 
     def replace(self, priors: np.ndarray, means: np.ndarray, covariances: np.ndarray, noisy: bool) -> None:
-        """Other components, their covariances with exploration noise, or as they are but for its limits."""
+        """Set other components; noisy: with exploration noise added to their covariances. The limits hold in any case."""
         self.priors, self.means = priors / priors.sum(), means
         self._set_shapes(covariances, noisy)
 
@@ -89,7 +89,7 @@ class MixturePolicy:
         self.variances = np.maximum(variances, FLATTEST * variances.max(axis=1, keepdims=True))
 
     def judge(self, points: np.ndarray, returns: np.ndarray) -> None:
-        """Set the return that each component earns, from the returns (n,) of points (n, d) by its share in them."""
+        """Set the mean return of each component from the returns (n,) of points (n, d), weighted by its responsibilities."""
         shares = self.responsibilities(points)
         total = shares.sum(axis=1)
         self.returns = np.where(total > 0, shares @ returns / np.where(total > 0, total, 1.0), returns.min())

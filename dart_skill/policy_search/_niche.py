@@ -1,10 +1,11 @@
-"""One hill of a changing landscape: a quadratic model of the returns about its top, fitted to its own latest trials.
+"""One hill of a changing landscape: a quadratic model of the returns about its top, fitted to the hill's latest trials.
 
     y = a + s t + b'x + x'Hx / 2,    x = (place - centre) / radius,    t the age of the trial
 
-by least squares with weights that halve with every so many trials. The top is one Newton step away, no further than the model is trusted;
-the radius of trials grows while steps are long, and shrinks while they are short, so it is as small as drift and noise allow. Beyond
-`FULL_MODEL` parameters H is diagonal. G. Box and K. Wilson, On the experimental attainment of optimum conditions, JRSS B 1951.
+is fitted by least squares. The weight of a trial halves after as many newer trials as the model has coefficients. A Newton
+step of limited length goes to the top. The radius of the trials grows while the steps are long and shrinks while they are
+short. So it is as small as drift and noise allow. With more than `FULL_MODEL` parameters H is diagonal. G. Box and
+K. Wilson, On the experimental attainment of optimum conditions, JRSS B 1951.
 """
 
 from __future__ import annotations
@@ -13,20 +14,28 @@ from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
-FULL_MODEL = 10  # parameters up to which all products are modelled, with 66 coefficients
-RIDGE = 0.03  # weight of the prior (no slope, the last curvature) in trials: keeps a model of few trials well posed
+FULL_MODEL = 10  # up to so many parameters H is a full matrix; the model then has 66 coefficients
+RIDGE = 0.03  # weight, in trials, of the prior (slope zero, the last curvature), so that few trials give a well-posed fit
 LONGEST_STEP = 1.0  # [radii per root of the dimension]
-STILL = 0.1  # step at which the radius stays as it is, in the same unit
-SETTLED = 0.5  # step below which the top counts as found, in the same unit
+STILL = 0.1  # length of a step that leaves the radius unchanged, in the same unit
+SETTLED = 0.5  # the top counts as found if a step is shorter than this, in the same unit
 
 
 @dataclass
 class Niche:
-    """State of one hill. Places (d,) are in spreads from where the search began; trials are (number, place, return), by number.
+    """State of one hill. Places (d,) are relative to the start of the search, in units of the spread.
 
-    value, error: return of the model at the centre, its standard error; drop: what trials earn less on average; relative: value over the
-    common level of the landscape; last, clock: number and clock when last tried; burst: trials of this visit that are still to come;
-    surprises: trials in a row that earned far too little; visits: clock, relative value and error at the end of each visit.
+    * identity: number of the niche.
+    * centre (d,), radius: of its trials; hessian (d, d): H in units of the spread.
+    * value, error: return of the model at the centre, and its standard error.
+    * drop: how much less than `value` the trials earn on average.
+    * relative: value minus the common level of the landscape.
+    * last: number of the trial at which its last visit began; clock: of its last trial.
+    * burst: trials of the present visit that are still to come.
+    * surprises: number of trials in a row with a much lower return than expected.
+    * settled: whether the top is found.
+    * trials: (number, place, return, clock) of each, sorted by number.
+    * visits: (clock, relative value, error) at the end of each visit.
     """
 
     identity: int
@@ -50,11 +59,11 @@ class Niche:
 
     @property
     def known(self) -> bool:
-        """Whether there are trials enough for a slope."""
+        """Whether there are enough trials to fit a slope."""
         return len(self.trials) >= self.centre.size + 2
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """A place (d,), uniform in the ball whose covariance is radius^2."""
+        """A place (d,), uniform in the ball about the centre whose variance per axis is radius^2."""
         d = self.centre.size
         direction = rng.standard_normal(d)
         return self.centre + self.radius * np.sqrt(d + 2) * rng.random() ** (1 / d) * direction / np.linalg.norm(direction)
@@ -68,9 +77,10 @@ class Niche:
         limits: tuple[float, float],
         fits: bool = True,
     ) -> None:
-        """Learn from a trial, or only remember it until one `fits`.
+        """Add a trial, and fit the model if `fits`.
 
-        After two (times `repeats`) in a row that earned `alarm` less than expected, all older ones are forgotten.
+        After two trials in a row (times `repeats`) with returns lower than expected by more than `alarm`, all older trials
+        are forgotten. fading: change of the clock after which a trial counts 1/e; limits: of the radius.
         """
         surprised = self.known and trial[2] < self.value - 3 * self.drop - alarm
         self.surprises = self.surprises + 1 if surprised else 0
@@ -78,7 +88,7 @@ class Niche:
         self.trials.sort(key=lambda trial: trial[0])
         forgets = self.surprises == 2 * repeats
         self.trials = self.trials[-(self.surprises if forgets else 4 * n_coefficients(self.centre.size) * repeats) :]
-        # A single surprise may be an outlier, and is not fitted before a second one confirms it.
+        # A single surprise may be an outlier: it is fitted only after a second one confirms it.
         if not self.known:
             earned_here = [trial[2] for trial in self.trials]
             self.value = float(np.mean(earned_here) if repeats > 1 else np.max(earned_here))
@@ -97,7 +107,7 @@ class Niche:
         slope, hessian = _read(coefficients, d)
         curvatures, axes = np.linalg.eigh(hessian)
         step = _newton(slope, curvatures, axes)
-        # A top that no trial came near to is not believed.
+        # The value of a top cannot exceed the best recent return.
         self.value = min(float(coefficients[0] + slope @ step + 0.5 * step @ hessian @ step), float(earned[-recent:].max()))
         self.drop = 0.5 * float(np.maximum(-curvatures, 0).sum())
         self.hessian, self.centre = hessian / self.radius**2, self.centre + self.radius * step
@@ -117,7 +127,7 @@ class Niche:
 
 
 def n_coefficients(d: int) -> int:
-    """Of the model without its trend."""
+    """Number of coefficients of the model, without the trend s."""
     return 1 + d + (d * (d + 1) // 2 if d <= FULL_MODEL else d)
 
 
@@ -156,7 +166,7 @@ def _read(coefficients: np.ndarray, d: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _newton(slope: np.ndarray, curvatures: np.ndarray, axes: np.ndarray) -> np.ndarray:
-    """Step (d,) to the top; as far uphill as allowed where there is none."""
+    """Step (d,) to the top, of limited length; along axes without a maximum it goes uphill as far as allowed."""
     along, longest = axes.T @ slope, LONGEST_STEP * np.sqrt(len(slope))
     step = axes @ (along / np.maximum(np.maximum(-curvatures, np.abs(along) / longest), 1e-300))
     return step * min(1.0, longest / max(float(np.linalg.norm(step)), 1e-300))

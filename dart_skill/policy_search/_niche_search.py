@@ -1,4 +1,4 @@
-"""What searches that follow hills by niches (`_niche`) share."""
+"""The common base of searches that follow hills by niches (`_niche`)."""
 
 from __future__ import annotations
 
@@ -6,14 +6,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_vector
+from dart_skill.policy_search._baselines import VectorSearch
 from dart_skill.policy_search._search import Settings
-from dart_skill.policy_search.baselines import VectorSearch
 
 
 class NicheSearch(VectorSearch):
-    """Learns from every return as it comes. limits: smallest and largest radius of trials, as multiples of `spread`.
+    """A search that learns from every return at once. limits: smallest and largest radius of trials, relative to `spread`.
 
-    OPTIONS and MEMORY name what is saved as it is: attributes, less their underscore, which the constructor takes, and which it does not.
+    OPTIONS and MEMORY name attributes, without their underscore, that are saved as they are. OPTIONS are arguments of the
+    constructor, MEMORY are not.
     """
 
     OPTIONS: tuple[str, ...] = ()

@@ -1,7 +1,7 @@
 """The policy of PoWER, a Gaussian over parameters (d,), and its update from weighted trials: (5.1), (5.2), 5.2.1.
 
-Inside, a parameter is counted from where the search began, in units of the spread it began with. What units
-the parameters have then makes no difference.
+Inside, a parameter is measured from the start of the search, in units of the spread at the start. So the units of the
+parameters make no difference.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dart_skill.policy_search._search import Settings
 
 
 def as_spread(spread: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:
-    """Standard deviations of the given shape from one number or an array of that shape."""
+    """Standard deviations as an array of the given shape, from one number or an array of that shape."""
     spread = as_finite(spread, "spread")
     if spread.shape not in ((), shape):
         raise ValueError(f"spread must be one number or have shape {shape}, got {spread.shape}")
@@ -25,8 +25,10 @@ def as_spread(spread: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:
 
 
 class GaussianPolicy:
-    """N(start + scale * mean, size^2 scale shape scale), all (d,) but the shape (d, d), which is kept as its
-    variances (d,) along axes (d, d); with `diagonal` the axes are the parameters.
+    """The Gaussian N(start + scale * mean, size^2 scale shape scale).
+
+    start, scale and mean are (d,), size is a number, shape is (d, d). The shape is stored as variances (d,) along axes
+    (d, d). With `diagonal` the axes are those of the parameters.
     """
 
     def __init__(self, start: np.ndarray, scale: np.ndarray, settings: Settings, diagonal: bool):
@@ -54,8 +56,9 @@ class GaussianPolicy:
         return self.start + self.scale * (self.mean + self.size * self._coloured(noise))
 
     def update(self, noise: np.ndarray, tried: np.ndarray, weights: np.ndarray) -> None:
-        """From n explorations: the noise (n, d) they were drawn from, the parameters tried (n, d), and weights
-        (n, d), for each parameter summing to one, or zero when nothing is known about it.
+        """Update from n trials: the noise (n, d) they were drawn from, the parameters tried (n, d), and weights (n, d).
+
+        For each parameter the weights sum to one, or are all zero if the returns say nothing about it.
         """
         relative = (tried - self.start) / self.scale - self.mean
         if self._settings.exploration == "automatic":
@@ -65,13 +68,13 @@ class GaussianPolicy:
         self.mean = self.mean + (weights * relative).sum(axis=0)  # (5.1), (7.17)
 
     def _set_covariance(self, covariance: np.ndarray, known: np.ndarray) -> None:
-        """(5.2) with the noise of 5.2.1, added to the eigenvalues; parameters not known about keep theirs."""
+        """(5.2) with the noise of 5.2.1 added to the eigenvalues; only parameters in the mask known (d,) change."""
         variances, axes = self._decomposed(covariance)
         variances = NOISE[self._settings.exploration](variances, self._settings.minimum_exploration)
         self._set_shape(np.where(known, variances, self.variances), axes)
 
     def _adapt(self, noise: np.ndarray, weights: np.ndarray) -> None:
-        """Size and shape from the noise as it was drawn: also right for trials drawn before the last update."""
+        """Size and shape from the noise of the trials; this is right for trials drawn before the last update, too."""
         length = np.linalg.norm(weights, axis=0)
         known = length > 0
         step = (weights * noise).sum(axis=0) / np.where(known, length, 1.0)
@@ -88,7 +91,7 @@ class GaussianPolicy:
         self.variances, self.axes = np.clip(variances, low**2, high**2), axes
 
     def _coloured(self, noise: np.ndarray) -> np.ndarray:
-        """Noise (..., d) through the symmetric root of the shape."""
+        """Noise (..., d) multiplied by the symmetric square root of the shape."""
         if self.path.diagonal:
             return noise * np.sqrt(self.variances)
         return noise @ (self.axes * np.sqrt(self.variances)) @ self.axes.T

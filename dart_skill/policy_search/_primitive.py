@@ -1,8 +1,9 @@
 """PoWER on the weights of a movement primitive, with state-dependent exploration (thesis 7.4, (7.14)-(7.17)).
 
-The primitive's output is a = (theta + eps_t)' phi_t (7.14): noise on the weights, multiplied by the activations of
-the basis functions over time, so that what is explored is smooth and bound to a place in the movement. T. Rueckstiess,
-M. Felder and J. Schmidhuber, State-dependent exploration for policy gradient methods, ECML 2008.
+The output of the primitive is a = (theta + eps_t)' phi_t (7.14). The noise eps_t is added to the weights and multiplied
+by the activations of the basis functions over time. So the exploration is smooth, and each weight explores only its part
+of the movement. T. Rueckstiess, M. Felder and J. Schmidhuber, State-dependent exploration for policy gradient methods,
+ECML 2008.
 """
 
 from __future__ import annotations
@@ -15,37 +16,45 @@ from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_count, as_samples
 from dart_skill.policy_search._policy import GaussianPolicy, as_spread
+from dart_skill.policy_search._power import population, with_defaults
 from dart_skill.policy_search._search import Search, Settings, Told, Trial, read_returns
 from dart_skill.policy_search._weights import among_best, return_weights
-from dart_skill.policy_search.power import population, with_defaults
 
 CREDITS = ("activation", "uniform")
 
 
 @dataclass(frozen=True, eq=False)
 class PrimitiveTrial(Trial):
-    """A primitive to try: parameters (d,), d = n_basis n_dims, for `with_parameters` of a movement primitive, and the
-    output (n_steps, n_dims) of (7.14). With `hold`, parameters (n_stretches, d) that follow each other.
+    """A primitive to try.
+
+    parameters (d,), d = n_basis n_dims: for `with_parameters` of a movement primitive; output (n_steps, n_dims): (7.14). With
+    `hold` the parameters are (n_stretches, d), one row for each stretch of `hold` steps.
     """
 
     output: np.ndarray
 
 
 class PrimitivePoWER(Search):
-    """Search for weights (n_basis, n_dims) of a movement primitive with activations (n_steps, n_basis), from a
-    first guess and its `spread` (one number or (n_basis, n_dims)).
+    """Search for the weights of a movement primitive, by PoWER with state-dependent exploration (7.14)-(7.17).
 
-    A trial is told its rewards (n_steps,), which become returns to go (7.16), or one return, a number, which counts
-    for all steps alike.
-    hold: steps for which noise is kept; None for the whole trial (state-dependent exploration), 1 for new noise
-    at every step as in (7.15), which learns far slower and shakes an arm.
-    credit: how a basis shares in (7.17). "activation" weighs step t by phi_tb^2 / sum_j phi_tj^2, the diagonal of W
-    of Kober and Peters (2011) for equal variances, so that a basis learns from the returns to go while it is active; "uniform" is (7.17) as
-    printed, with weighting "returns" to the letter. Rewards along the whole movement are learned up to twice as fast with
-    "activation"; for a few via points, either and their sum are as good (benchmarks/power.py).
-    The best M are chosen by their whole return. The other options are those of `PoWER`, except that each weight has
-    a variance of its own and no covariance with others, and trials that are used again are S = 2 (4 + 3 log d). For the
-    full covariance, use `PoWER` on the parameters (d,).
+    The outcome of a trial is its rewards (n_steps,), which become returns to go (7.16), or one number, a return that counts
+    for all steps alike. The best M trials are chosen by their whole return. Each weight has a variance of its own and no
+    covariance with others; for the full covariance use `PoWER` on the parameters (d,), d = n_basis n_dims.
+
+    Parameters:
+
+    * weights (n_basis, n_dims): first guess.
+    * activations (n_steps, n_basis): of the primitive, phi of (7.14).
+    * spread: one number or (n_basis, n_dims). Standard deviations of the first trials.
+    * rng: numpy Generator.
+    * hold: int, number of steps with the same noise; default None: the whole trial (state-dependent exploration). 1 is new
+      noise at every step as in (7.15), which learns much more slowly and shakes an arm.
+    * credit: how steps count for a basis in (7.17). "activation" (default): step t counts phi_tb^2 / sum_j phi_tj^2, the
+      diagonal of W of Kober and Peters (2011) for equal variances, so that a basis learns from the returns to go while it is
+      active. "uniform": (7.17) as printed; with weighting "returns", literally. With rewards along the whole movement
+      "activation" learns up to twice as fast; for a few via points both are equally good (benchmarks/power.py).
+    * exploration, weighting, batch, best, latest, minimum_exploration, limits: as in `PoWER`, but latest is
+      2 (4 + 3 log d) by default if trials are used several times.
     """
 
     def __init__(
@@ -134,8 +143,9 @@ class PrimitivePoWER(Search):
         return True
 
     def _noise_weights(self, over_time: np.ndarray) -> np.ndarray:
-        """Weights (n_trials n_stretches, n_basis) of each noise in (7.17), from weights (n_trials, n_steps); for each
-        basis they sum to one, or are zero when nothing is known about it.
+        """Weights (n_trials n_stretches, n_basis) of each noise in (7.17), from weights (n_trials, n_steps).
+
+        For each basis they sum to one, or are all zero if the returns say nothing about it.
         """
         by_basis = over_time[:, :, None] * self._credits()
         weights = np.add.reduceat(by_basis, self._stretches, axis=1).reshape(-1, by_basis.shape[2])
@@ -143,7 +153,7 @@ class PrimitivePoWER(Search):
         return weights / np.where(total > 0, total, 1.0)
 
     def _credits(self) -> np.ndarray:
-        """Part (n_steps, n_basis) that each basis has in a step."""
+        """Credit (n_steps, n_basis) of each basis at each step."""
         if self._credit == "uniform":
             return np.ones(self._activations.shape)
         power = self._activations**2
@@ -177,8 +187,9 @@ def returns_to_go(rewards: np.ndarray) -> np.ndarray:
 
 
 def weights_over_time(to_go: np.ndarray, best: int, weighting: str) -> np.ndarray:
-    """Weights (n_trials, n_steps) from returns to go of that shape, for the `best` trials by whole return, which is the
-    first. A step after which all earn the same has none, save with "returns", which takes Q of (7.17) as it is.
+    """Weights (n_trials, n_steps) from returns to go of that shape, for the `best` trials by whole return, which comes first.
+
+    A step has no weight if all trials earn the same after it. With "returns" the weights are Q of (7.17) itself.
     """
     chosen = among_best(to_go[:, 0], best)
     if weighting == "returns":

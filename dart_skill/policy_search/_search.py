@@ -1,7 +1,7 @@
-"""What every search has in common: trials that are asked and told one at a time, in any order, and saving.
+"""The common base of all searches: `ask` for trials and `tell` their returns, one at a time and in any order; saving.
 
-Every `batch` returns the policy is updated from the best M of the latest S. A trial that failed (return NaN or
--inf) teaches nothing and is counted.
+After every `batch` returns the policy is updated from the best M of the latest S trials. A trial that failed (its return
+is NaN or -inf) is counted and not learned from.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ GENERATORS = ("PCG64", "PCG64DXSM", "MT19937", "Philox", "SFC64")
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """Parameters (d,) to try; `number` counts from 0."""
+    """A trial: its number, which counts from 0, and the parameters (d,) to try."""
 
     number: int
     parameters: np.ndarray
@@ -34,7 +34,7 @@ class Trial:
 
 @dataclass(frozen=True, eq=False)
 class Told:
-    """What is remembered of a trial: the noise it was drawn from, the parameters tried, and its return(s)."""
+    """A trial with its outcome: the noise that it was drawn from, the parameters tried, and its return or returns."""
 
     number: int
     noise: np.ndarray
@@ -44,7 +44,7 @@ class Told:
 
 @dataclass(frozen=True)
 class Settings:
-    """Choices of a search, checked; see `PoWER`."""
+    """Checked options of a search; `PoWER` explains them."""
 
     exploration: str
     weighting: str
@@ -74,7 +74,14 @@ class Settings:
 
 
 class Search(ABC):
-    """Ask and tell. A subclass draws trials, reads outcomes, and updates its policy from those told."""
+    """Base class with `ask` and `tell`. A subclass draws trials, checks outcomes, and updates its policy from them.
+
+    Attributes:
+
+    * n_asked, n_told, n_failed: numbers of trials that were drawn, that have a finite return, and that failed.
+    * n_updates: number of updates of the policy.
+    * best_return, best_trial: the highest return so far, -inf at first, and its trial, None at first.
+    """
 
     def __init__(self, settings: Settings, rng: np.random.Generator):
         if not isinstance(rng, np.random.Generator):
@@ -89,7 +96,7 @@ class Search(ABC):
     @property
     @abstractmethod
     def parameters(self) -> np.ndarray:
-        """The policy's best guess (d,)."""
+        """Best guess (d,) of the policy."""
 
     @property
     @abstractmethod
@@ -98,18 +105,18 @@ class Search(ABC):
 
     @abstractmethod
     def _draw(self) -> tuple[np.ndarray, np.ndarray]:
-        """Noise, and the parameters it makes."""
+        """Noise, and the parameters (d,) that it gives."""
 
     @abstractmethod
     def _present(self, number: int, tried: np.ndarray) -> Trial: ...
 
     @abstractmethod
     def _read(self, outcome: ArrayLike) -> np.ndarray:
-        """Checked return, or returns to go with the whole return first; NaN for a failed trial."""
+        """The checked return, or the returns to go, the first of which is the whole return; NaN for a failed trial."""
 
     @abstractmethod
     def _update(self, told: list[Told]) -> bool:
-        """Learn; whether there was anything to learn."""
+        """Update the policy from these trials; returns whether it changed."""
 
     @abstractmethod
     def _policy_state(self) -> dict: ...
@@ -119,7 +126,7 @@ class Search(ABC):
     def _from_policy_state(cls, state: dict, settings: Settings, rng: np.random.Generator) -> Search: ...
 
     def ask(self) -> Trial:
-        """Draw a trial. Several may be open at a time."""
+        """Draw a trial. Several trials may be open (asked and not yet told) at a time."""
         number, self.n_asked = self.n_asked, self.n_asked + 1
         noise, tried = self._draw()
         tried.setflags(write=False)
@@ -127,9 +134,10 @@ class Search(ABC):
         return self._present(number, tried)
 
     def tell(self, trial: Trial | int, outcome: ArrayLike) -> bool:
-        """Give the outcome of a trial, or of the trial of that number; whether the policy was updated.
+        """Give the outcome of a trial, or of the trial with that number; returns whether the policy was updated.
 
-        NaN and -inf say that the trial failed or was not run.
+        The outcome is a number, the return. NaN or -inf: the trial failed or was not run. ValueError for a trial that was
+        not asked or was told before.
         """
         number = self._find(trial)
         outcome = self._read(outcome)
@@ -144,7 +152,7 @@ class Search(ABC):
         return self._learn()
 
     def trials(self, n_trials: int | None = None, tolerance: float = 0.0) -> Iterator[Trial]:
-        """Trials to tell: n_trials of them, without end when None, until `exploration_size` is below `tolerance`."""
+        """Iterator over new trials: n_trials of them (None: no limit), until `exploration_size` is below `tolerance`."""
         tolerance = as_number(tolerance, "tolerance", strict=False)
         numbers = itertools.count() if n_trials is None else range(as_count(n_trials, "n_trials", 0))
         return (self.ask() for _ in itertools.takewhile(lambda _: self.exploration_size >= tolerance, numbers))
@@ -153,7 +161,7 @@ class Search(ABC):
         return self.trials()
 
     def maximise(self, return_function: Callable, n_trials: int, tolerance: float = 0.0) -> np.ndarray:
-        """Try n_trials times with return_function(parameters) at most; the policy's parameters (d,) in the end."""
+        """At most n_trials trials with return_function(parameters (d,)); returns the policy's parameters (d,) at the end."""
         for trial in self.trials(n_trials, tolerance):
             self.tell(trial, return_function(self._argument(trial)))
         return self.parameters
@@ -180,14 +188,15 @@ class Search(ABC):
         if self._fresh < self.settings.batch or len(self._told) < self.settings.best:
             return False
         self._fresh = 0
-        # By number, so that the order of telling makes no difference, not even to the last bit.
+        # Sorted by number, so that the order of telling does not change one bit of the result.
         changed = self._update(sorted(self._told, key=lambda told: told.number))
         self.n_updates += changed
         return changed
 
     def state(self) -> dict:
-        """All there is to know, as numbers, strings, lists and dicts for JSON; `from_state` goes on with the very
-        same trials.
+        """The whole state as numbers, strings, lists and dicts for JSON.
+
+        A search made from it by `from_state` continues with exactly the same trials.
         """
         best = self.best_trial
         return {
@@ -236,7 +245,7 @@ class Search(ABC):
 
 
 def read_returns(outcome: ArrayLike, shape: tuple[int, ...], weighting: str) -> np.ndarray:
-    """Return(s) of the given shape; NaN and -inf pass, for a failed trial."""
+    """The return, or returns, as an array of the given shape; NaN and -inf are allowed, for a failed trial."""
     try:
         values = np.array(outcome, dtype=float)
     except (TypeError, ValueError):
@@ -257,7 +266,7 @@ def _frozen(values) -> np.ndarray:
 
 
 def _plain(value):
-    """Nested dicts with lists for arrays and Python numbers for numpy's."""
+    """Nested dicts in which arrays are replaced by lists and numpy numbers by Python numbers."""
     if isinstance(value, dict):
         return {key: _plain(part) for key, part in value.items()}
     return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value

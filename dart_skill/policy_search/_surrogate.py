@@ -1,11 +1,12 @@
-"""A Gaussian process over all of a landscape that changes: what is known of places where nobody looked lately?
+"""A Gaussian process over a changing landscape: what is known of places that were not tried lately.
 
     k = (2 l m / (l^2 + m^2))^d exp(-r^2 / (l^2 + m^2)) exp(-|age difference|)
 
-between returns at distance r, seen when hills had lengths l and m: as hills sharpen, what was seen of broad ones tells less. That is the
-covariance of one noise blurred with l and with m (M. Gibbs, Bayesian Gaussian processes for regression and classification, 1997), squared
-in its first factor; the last one is from I. Bogunovic et al., Time-varying Gaussian process bandit optimization, AISTATS 2016. Constant
-mean and noise. All lengths in common, and noise, climb the likelihood by a step of a grid at a time.
+is the covariance of two returns at distance r that were seen when hills had the lengths l and m. So returns of broad hills
+tell less after the hills have sharpened. The first two factors are the covariance of one noise that is blurred with l and
+with m (M. Gibbs, Bayesian Gaussian processes for regression and classification, 1997), the first factor squared. The last
+factor is from I. Bogunovic et al., Time-varying Gaussian process bandit optimization, AISTATS 2016. Mean and noise are
+constant. A common factor of all lengths, and the noise, are on a grid; each fit moves at most one step up the likelihood.
 """
 
 from __future__ import annotations
@@ -13,16 +14,20 @@ from __future__ import annotations
 import numpy as np
 
 LENGTHS = 2.0 ** np.arange(-3.0, 1.5, 0.5)  # [spreads per root of the dimension]
-NOISES = 10.0 ** np.arange(-4, 2)  # variance of a return, over that of the landscape
-EXACT = 2  # largest index into these for returns without noise
-SURE = 0.25  # octaves by which lengths are expected to differ from what was told
-FIRST = (5, 1)  # indices into lengths and noises to begin with
+NOISES = 10.0 ** np.arange(-4, 2)  # variance of the noise of a return, relative to that of the landscape
+EXACT = 2  # largest index into NOISES for returns without noise
+SURE = 0.25  # standard deviation of the length about the one that was given [octaves]
+FIRST = (5, 1)  # first indices into LENGTHS and NOISES
 
 
 class Surrogate:
-    """Posterior after values (n,) at points (n, d), each the mean of so many trials (n,), `ages` (n,) lifetimes old.
+    """Posterior of the landscape.
 
-    lengths: of hills when these were seen (n,), and now: of hills now, in the unit of LENGTHS. exact: the returns are without noise.
+    * points (n, d), values (n,): where returns were seen, and their means.
+    * ages (n,): in lifetimes; counts (n,): number of trials of each mean.
+    * indices: of the last fit, into LENGTHS and NOISES.
+    * lengths (n,): of hills when the values were seen; now: of hills now; both in the unit of LENGTHS.
+    * exact: whether the returns are without noise.
     """
 
     def __init__(
@@ -56,13 +61,13 @@ class Surrogate:
         return self._mean + kernel @ self._scores, self.relief * np.sqrt(np.maximum(left, 1e-12))
 
     def _kernel(self, squares: np.ndarray, lengths: np.ndarray | float) -> np.ndarray:
-        """Of squared distances (m, n) from places with such lengths, (m, 1) or one for all, to the points; without age."""
+        """Kernel (m, n) without age, from squared distances (m, n); lengths: of hills at the m places, (m, 1) or one for all."""
         d = self._points.shape[1]
         both = np.square(lengths) + np.square(self._lengths)
         return (2 * lengths * self._lengths / both) ** d * np.exp(-squares * self._now**2 / (both * self.length**2))
 
     def _condition(self, indices: tuple[int, int]) -> float:
-        """Posterior with length and noise of these indices; its log likelihood with the best mean and variance, and a prior."""
+        """Compute the posterior for these indices; returns its log likelihood, with the best mean and variance, plus a log prior."""
         length, noise = float(LENGTHS[indices[0]]), float(NOISES[indices[1]])
         self.length, n = length * np.sqrt(self._points.shape[1]), len(self._values)
         covariance = self._kernel(self._squares, self._lengths[:, None]) * self._together

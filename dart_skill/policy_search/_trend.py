@@ -1,19 +1,20 @@
-"""Where the value of a hill is heading: a line through what was found at its visits, against the clock of the landscape.
+"""Forecast of the value of a hill: a line through the values at its visits, against the clock of the landscape.
 
     value(t) = v + s (t - last),    s ~ N(0, drift^2) before any visit,    a visit's variance = error^2 + (drift (last - t) / 2)^2
 
-so old visits count less, as lines bend; the slope ahead is uncertain by at least drift / 2. Bayesian linear regression.
+This is Bayesian linear regression. Old visits have a larger variance and count less, because the real curve is not a line.
+The standard deviation of the slope ahead is at least drift / 2.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-REMEMBERED = 8  # visits whose line is drawn
+REMEMBERED = 8  # number of latest visits through which the line is fitted
 
 
 def forecast(visits: list[tuple[float, float, float]], now: float, drift: float) -> tuple[float, float]:
-    """Value and its standard deviation at the time `now`, after visits of (clock, value, error)."""
+    """Value and its standard deviation at the time `now`; visits: (clock, value, error) of each, the latest last."""
     clocks, values, errors = np.array(visits, dtype=float).T
     before, bend = clocks - clocks[-1], 0.5 * drift
     weights = 1 / (np.square(errors) + np.square(bend * before) + 1e-12 * drift**2 + 1e-300)

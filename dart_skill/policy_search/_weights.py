@@ -1,15 +1,15 @@
-"""How returns become the weights of (5.1), (5.2) and (7.17).
+"""Weights of (5.1), (5.2) and (7.17) from the returns.
 
-PoWER takes returns for improper probabilities. Only "returns" does so to the letter; it needs returns that are
-not negative, and depends on where their zero lies. The others hold for any sign:
+PoWER treats returns as improper probabilities. Only "returns" does so literally. It needs returns that are not negative,
+and its result depends on where the zero of the returns is. The other two allow any sign:
 
     "returns"      w = r                                             unchanged by r -> a r, a > 0
     "exponential"  w = exp(-10 (r_max - r) / (r_max - r_min))        unchanged by r -> a r + b, a > 0
     "rank"         w = log(M + 1/2) - log(rank)                      unchanged by any increasing function of r
 
 "exponential" is the weighting of PI2 with its constant 10 (E. Theodorou, J. Buchli and S. Schaal, A generalized path
-integral control approach to reinforcement learning, JMLR 11, 2010), r_min the worst of the M best; "rank" that of
-CMA-ES (N. Hansen and A. Ostermeier, Evolutionary Computation 9(2), 2001).
+integral control approach to reinforcement learning, JMLR 11, 2010); r_min is the lowest return of the M best. "rank" is
+the weighting of CMA-ES (N. Hansen and A. Ostermeier, Evolutionary Computation 9(2), 2001).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_count, as_finite
 
-CONTRAST = 10.0  # "exponential": the worst of the best M weighs exp(-10) of the best
+CONTRAST = 10.0  # "exponential": the worst of the best M has exp(-10) times the weight of the best one
 
 
 def check_weighting(weighting: str) -> None:
@@ -28,11 +28,11 @@ def check_weighting(weighting: str) -> None:
 
 
 def return_weights(returns: ArrayLike, best: int, weighting: str = "rank") -> np.ndarray:
-    """Weights (n,) or (n, n_steps) of returns of that shape, zero beyond the `best` M of the n; over n they sum to one.
+    """Weights (n,) or (n, n_steps) from returns of that shape; they sum to one over the n trials.
 
-    Equal returns get equal weights, also across the limit of the best, so that the order of trials does not
-    matter. All zeros where there is nothing to prefer: "rank" and "exponential" when all returns are equal, "returns"
-    when all are zero.
+    Only the `best` M trials have a weight; the others have zero. Equal returns get equal weights, also if only some of them
+    are among the best M, so that the order of the trials does not matter. The weights are all zero if no trial is better
+    than another: with "rank" and "exponential" if all returns are equal, with "returns" if all are zero.
     """
     returns = as_finite(returns, "returns")
     if returns.ndim not in (1, 2):
@@ -49,7 +49,7 @@ def return_weights(returns: ArrayLike, best: int, weighting: str = "rank") -> np
 
 
 def among_best(returns: np.ndarray, best: int) -> np.ndarray:
-    """Part (n, ...) of each trial that is among the `best` M: 1 or 0, in between for equals that share the last places."""
+    """Whether each trial (n, ...) is among the `best` M: 1 or 0; a fraction for equal returns that share the last places."""
     greater, equal = _standing(returns)
     return np.clip(best - greater, 0, equal) / equal
 
@@ -82,12 +82,12 @@ def _differ(returns: np.ndarray) -> np.ndarray:
 
 
 def _scaled(returns: np.ndarray) -> np.ndarray:
-    """Returns within (-1, 1), so that sums and differences of them are finite."""
+    """Returns divided by the largest magnitude, so that their sums and differences are finite."""
     size = np.abs(returns).max(axis=0)
     return returns / np.where(size > 0, size, 1.0)
 
 
 def _standing(returns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """How many trials earned more than each, and how many the same, itself included."""
+    """For each trial, the number of trials with a higher return, and with the same return, itself included."""
     others, own = returns[None], returns[:, None]
     return (others > own).sum(axis=1), (others == own).sum(axis=1)

@@ -17,6 +17,7 @@ from rosbags.typesys.store import Typestore
 from dart_skill.checks import check_samples, check_unit_quaternions
 from dart_skill.constants import N_JOINTS
 from dart_skill.recording.bags import BagError, BagReader, header_content, message, pose_content, stamp_content, vector_content
+from dart_skill.world import the_world
 
 DEMONSTRATION_TYPE = "dart_skill_msgs/msg/Demonstration"
 DEMONSTRATION_TOPIC = "/demonstrations"
@@ -58,7 +59,7 @@ class Demonstration:
     motion_start: float = float("nan")
     motion_stop: float = float("nan")
     hand_opened: float = float("nan")
-    frame_id: str = "world"
+    frame_id: str = the_world().frame_id
     joint_names: tuple[str, ...] = ()
 
     def __post_init__(self):

@@ -1,1 +1,42 @@
 """The WAM: its description, its URDF, the controller's model of it, and the impedance law."""
+
+from dart_skill.robot._actuation import Actuation
+from dart_skill.robot._command import ArmState, Command, Grip, all_finite, check_command
+from dart_skill.robot._commander import STRETCHED, Commander, CommanderSettings, Mode, PlanRefused
+from dart_skill.robot._description import Ball, WamDescription, wam_description
+from dart_skill.robot._impedance import Impedance, PoseGains, Reference, attractor_acceleration, minimum_jerk, rotation_error
+from dart_skill.robot._model import ArmModel
+from dart_skill.robot._throw_plan import Gains, HandPath, ThrowPlan
+from dart_skill.robot._transforms import Transform, fixed_transforms, joint_transforms
+from dart_skill.robot._urdf import write_urdf
+
+__all__ = [
+    "Actuation",
+    "ArmModel",
+    "ArmState",
+    "Ball",
+    "Command",
+    "Commander",
+    "CommanderSettings",
+    "Gains",
+    "Grip",
+    "HandPath",
+    "Impedance",
+    "Mode",
+    "PlanRefused",
+    "PoseGains",
+    "Reference",
+    "STRETCHED",
+    "ThrowPlan",
+    "Transform",
+    "WamDescription",
+    "all_finite",
+    "attractor_acceleration",
+    "check_command",
+    "fixed_transforms",
+    "joint_transforms",
+    "minimum_jerk",
+    "rotation_error",
+    "wam_description",
+    "write_urdf",
+]

@@ -18,9 +18,9 @@ from std_msgs.msg import Header, String
 from std_srvs.srv import SetBool
 
 from dart_skill.recording import BagReader, BagWriter, definition, read_demonstrations, serialize, type_hash, types_for
-from dart_skill.recording.bags.recovery import recover
-from dart_skill.robot.throw_plan import same_plan
-from dart_skill.session.from_bag import learn_from_bag
+from dart_skill.recording.bags import recover
+from dart_skill.robot._throw_plan import same_plan
+from dart_skill.session import learn_from_bag
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.client.graph_client import GraphClient
 from dart_skill_nodes.comms import conversions

@@ -19,7 +19,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from dart_skill import cli, completion
+from dart_skill.cli._completion import commands_of
+from dart_skill.cli._main import _parser
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = {str(path.relative_to(ROOT)): path for path in (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))}
@@ -68,6 +69,7 @@ class Not:
 
 
 MAKE = Not("sets a workspace up first, or runs for minutes; what it starts has tests of its own, and the target is looked up")
+TESTS = Not("is about the tests themselves")
 FULL_ROS = Not("needs a full ROS installation; names and types are compared with docs/reference.md")
 NETWORK = Not("fetches packages from the network")
 CLUSTER = Not("needs a Dask cluster")
@@ -86,6 +88,10 @@ TYPED = {
     "make demo": MAKE,
     'make demo ARGS="--seed 3 --throws 20 --output my_run"': MAKE,
     "make test": MAKE,
+    "python3 -m pytest tests/unit/test_imports.py": TESTS,
+    'python3 -m pytest tests/unit -k "spring and damper" -n 2': TESTS,
+    "python3 -m pytest tests/integration/test_strangers.py -x": TESTS,
+    "python3 -m tests.reference.results tests/reference/results.json": TESTS,
     "make benchmark": MAKE,
     "make docs": MAKE,
     "source tools/env.sh": Run(then="command -v dart-skill ros2 && printenv ROS_AUTOMATIC_DISCOVERY_RANGE", says="LOCALHOST"),
@@ -234,7 +240,7 @@ PLACEHOLDERS = {"NUMBER": "7.1", "...": ""}
 
 # What the docs say
 
-VERBS = {parser.prog for parser in completion.commands_of(cli._parser(["darts"]))}
+VERBS = {parser.prog for parser in commands_of(_parser())}
 """Commands of `dart-skill` and their verbs."""
 
 
@@ -326,7 +332,7 @@ def parse(command: str):
     """The options of a `dart-skill` command as its parser understands them; a usage error fails the test."""
     words = shlex.split(as_typed(command, ""))[1:]
     try:
-        return cli._parser(words).parse_args(words)
+        return _parser().parse_args(words)
     except SystemExit as end:
         assert not end.code, f"'{command}' is no command"
 

@@ -12,7 +12,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
 from dart_skill.recording import BagReader
-from dart_skill.session.regions import targets_for
+from dart_skill.session import targets_for
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import LOOP

@@ -8,9 +8,8 @@ import pytest
 from dart_skill_msgs.msg import SimulationState
 from dart_skill_msgs.srv import PlaceBasket, PlanThrow, Reset
 
-from dart_skill.session.in_process import Session
-from dart_skill.session.regions import targets_for
-from dart_skill.skill.improve.practising import PractisingSkill
+from dart_skill.session import Session, targets_for
+from dart_skill.skill.improve import PractisingSkill
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.client.graph_client import GraphClient
 from dart_skill_nodes.comms import conversions

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from dart_skill.session.from_bag import learn_from_bag
+from dart_skill.session import learn_from_bag
 from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES
 from dart_skill_nodes.process.signals import ENDS_WITH
 

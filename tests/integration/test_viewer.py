@@ -14,9 +14,9 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.serialization import serialize_message
 from visualization_msgs.msg import Marker, MarkerArray
 
-from dart_skill.session.regions import targets_for
-from dart_skill.view import colours
-from dart_skill.view.scene import EYE, FIELD_OF_VIEW, LOOK_AT
+from dart_skill.session import targets_for
+from dart_skill.view import _colours as colours
+from dart_skill.view._scene import EYE, FIELD_OF_VIEW, LOOK_AT
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.latest_messages import poses_of
 from dart_skill_nodes.comms.markers import ellipsoids

@@ -19,11 +19,9 @@ from scipy.spatial.transform import Rotation
 
 from dart_skill.experiments import arm_darts, practice
 from dart_skill.recording import read_demonstrations
-from dart_skill.robot.throw_plan import ThrowPlan
-from dart_skill.session.in_process import Session
-from dart_skill.session.regions import targets_for
-from dart_skill.skill.learn.configuration import configuration
-from dart_skill.skill.learn.throwing import ThrowingSkill, Unreachable, learn
+from dart_skill.robot import ThrowPlan
+from dart_skill.session import Session, targets_for
+from dart_skill.skill.learn import ThrowingSkill, Unreachable, configuration, learn
 
 BAGS = Path(__file__).resolve().parents[2] / "bags"
 MODELS = ("default", "em", "two_frames", "thesis", "weighted", "autonomous", "shown_release")

@@ -8,10 +8,9 @@ from hypothesis import settings
 from scipy.spatial.transform import Rotation
 
 from dart_skill.flight import landing
-from dart_skill.robot.model import ArmModel
-from dart_skill.robot.throw_plan import Gains, HandPath, ThrowPlan
-from dart_skill.session.in_process import Session
-from dart_skill.simulation.plant import Plant, PlantSettings
+from dart_skill.robot import ArmModel, Gains, HandPath, ThrowPlan
+from dart_skill.session import Session
+from dart_skill.simulation import Plant, PlantSettings
 
 # The same examples in every run; HYPOTHESIS_PROFILE=explore looks for new ones.
 settings.register_profile("same", derandomize=True)

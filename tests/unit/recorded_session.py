@@ -16,9 +16,9 @@ from dart_skill.recording import (
     type_hash,
     typestore,
 )
-from dart_skill.robot.description import wam_description
-from dart_skill.session.in_process import Session
-from dart_skill.skill.learn.throwing import learn
+from dart_skill.robot import wam_description
+from dart_skill.session import Session
+from dart_skill.skill.learn import learn
 
 GIGA, LATENCY_NS = 1_000_000_000, 5_000_000
 TYPES = {

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from dart_skill.robot.actuation import STICTION_SPEED, Actuation
-from dart_skill.robot.description import wam_description
-from dart_skill.robot.model import ArmModel
+from dart_skill.robot import Actuation, ArmModel, wam_description
+from dart_skill.robot._actuation import STICTION_SPEED
 
 WAM = wam_description()
 MOTORS = WAM.motors

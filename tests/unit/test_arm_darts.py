@@ -8,25 +8,22 @@ from scipy.integrate import solve_ivp
 
 from dart_skill.cli import main
 from dart_skill.darts import as_target, score
-from dart_skill.experiments.arm_darts import Aimer, Dart, Run, darts_configuration, darts_session, run, spread_of, summarise, table, teach
+from dart_skill.experiments.arm_darts import Dart, Run, darts_configuration, darts_session, run, summarise, table, teach
 from dart_skill.experiments.pictures.arm_darts import draw_arm_darts, running
-from dart_skill.flight import DART, TENNIS_BALL, Ball, crossing, flight, landing
-from dart_skill.robot.command import Command, Grip
-from dart_skill.simulation.board import Board
-from dart_skill.simulation.teacher import Teacher
-from dart_skill.skill.improve.practising import PractisingSkill
-from dart_skill.skill.improve.steadiness import Steadiness
-from dart_skill.skill.learn.model_file import load_model, save_model
-from dart_skill.skill.learn.release import landing_if_late
-from dart_skill.skill.learn.throwing import Unreachable, learn
-from dart_skill.skill.observe.outcome import judge_flight
+from dart_skill.flight import DART, TENNIS_BALL, crossing, flight, landing
+from dart_skill.robot import Command, Grip
+from dart_skill.simulation import Board, Teacher
+from dart_skill.skill.improve import PractisingSkill
+from dart_skill.skill.improve._steadiness import Steadiness
+from dart_skill.skill.learn import Unreachable, landing_if_late, learn, load_model, save_model
+from dart_skill.skill.observe import judge_flight
 from dart_skill.surface import BASKETS, BOARD_DIAMETER, RIMS, BoardFace, game_at
 
 BOARD = Board()
 FACE = BOARD.face
 ASIDE = BoardFace((1.2, -1.9, 1.5))
 """A board that is not straight ahead."""
-VACUUM = Ball(drag_coefficient=0.0)
+VACUUM = replace(TENNIS_BALL, drag_coefficient=0.0)
 
 
 def throws_at(face, n, seed=0):
@@ -378,25 +375,6 @@ def test_blocks_say_what_the_darts_say(faked):
     assert second["sd_up_mm"] < first["sd_up_mm"] and second["release_shift_ms"] == -5.0
     assert (last["first"], last["last"], last["unseen"]) == (51, 61, 1)
     assert "throw 61: lost" in table(faked) and table(faked).count("T20") == 3
-
-
-def test_the_spread_about_the_aims_counts_a_bias_as_spread():
-    rng, aims = np.random.default_rng(8), np.repeat([[0.0, 103.0], [0.0, 0.0]], 40, axis=0)
-    hits = aims + rng.normal(0.0, [3.0, 8.0], (80, 2)) + [0.0, 5.0]
-    np.testing.assert_allclose(np.sqrt(np.diag(spread_of(hits, aims).covariance)), [3.0, np.hypot(8.0, 5.0)], rtol=0.2)
-
-
-def test_a_bed_that_the_arm_cannot_throw_at_is_left_alone():
-    aimer, rng = Aimer(), np.random.default_rng(10)
-    for _ in range(10):
-        aimer.tell(aimer.aim.point + rng.normal(0.0, 3.0, 2))
-    assert aimer.aim.bed == "T20"
-    aimer.cannot()
-    beds = [aimer.aim.bed]
-    for _ in range(10):
-        aimer.tell(aimer.aim.point + rng.normal(0.0, 3.0, 2))
-        beds.append(aimer.aim.bed)
-    assert "T20" not in beds and aimer.aim.expected_score > 30.0, beds
 
 
 def test_the_figure_is_written_twice_and_always_alike(faked, tmp_path):

@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from dart_skill.configuration import node_parameters
-from dart_skill.robot.command import ArmState, Command, Grip
-from dart_skill.robot.commander import Commander, CommanderSettings, Mode, PlanRefused
-from dart_skill.robot.model import ArmModel
-from dart_skill.robot.throw_plan import Gains, HandPath, same_plan
+from dart_skill.robot import ArmModel, ArmState, Command, Commander, CommanderSettings, Gains, Grip, HandPath, Mode, PlanRefused
+from dart_skill.robot._throw_plan import same_plan
 
 REST = np.array([0.0, -0.90, 0.0, -0.75, 0.0, -0.35, 0.0])
 MS = 1_000_000

@@ -155,7 +155,7 @@ def test_every_table_of_values_belongs_to_an_option():
 
 def test_names_are_those_of_the_library():
     from dart_skill.experiments import dart_search, landscapes, practice, thesis
-    from dart_skill.skill.improve import practising
+    from dart_skill.skill.improve import _practising as practising
     from dart_skill.skill.learn import configuration
 
     assert names.CONFIGURATIONS == tuple(configuration.CONFIGURATIONS)

@@ -7,20 +7,10 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from dart_skill.mixture import Gaussian
-from dart_skill.movement.frames import turn_matrix
-from dart_skill.skill.improve.correction import (
-    DIFFERENCES,
-    NOISES,
-    USUAL_DIFFERENCE,
-    USUAL_NOISE,
-    Correction,
-    CorrectionSettings,
-    polar,
-    repeatable_miss,
-)
-from dart_skill.skill.learn.configuration import configuration
-from dart_skill.skill.learn.release import landing_if_late
-from dart_skill.skill.learn.throwing import learn
+from dart_skill.movement import turn_matrix
+from dart_skill.skill.improve import CorrectionSettings
+from dart_skill.skill.improve._correction import DIFFERENCES, NOISES, USUAL_DIFFERENCE, USUAL_NOISE, Correction, polar, repeatable_miss
+from dart_skill.skill.learn import configuration, landing_if_late, learn
 
 
 def places(n, rng):

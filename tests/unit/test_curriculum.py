@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from dart_skill.skill.improve.curriculum import UNKNOWN, UNSEEN, Curriculum
+from dart_skill.skill.improve import Curriculum
+from dart_skill.skill.improve._curriculum import UNKNOWN, UNSEEN
 
 NEAR, FAR, LEFT = [1.5, 0.0, 0.4], [2.5, 0.0, 0.4], [1.4, 1.4, 0.4]
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dart_skill.movement import VelocityThreshold
-from dart_skill.skill.observe.cutting import ThrowLog, watched_until
+from dart_skill.skill.observe import ThrowLog, watched_until
 
 MS = 1_000_000
 START_NS = 5_000 * MS

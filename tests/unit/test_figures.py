@@ -18,11 +18,10 @@ from dart_skill.figures import (
     frame_views,
     read_recordings,
 )
-from dart_skill.figures.landings import along_across
+from dart_skill.figures._landings import along_across
 from dart_skill.recording import BagError, BagWriter, definition, serialize, typestore
-from dart_skill.session.summary import ThrowResult
-from dart_skill.skill.learn.configuration import configuration
-from dart_skill.skill.learn.throwing import learn
+from dart_skill.session import ThrowResult
+from dart_skill.skill.learn import configuration, learn
 
 SVG = "{http://www.w3.org/2000/svg}"
 POSE, COMMAND = "geometry_msgs/msg/PoseStamped", "dart_skill_msgs/msg/WamCommand"
@@ -205,7 +204,7 @@ def test_a_demonstration_that_the_bag_does_not_hold_is_named(taught_bag, demonst
 def test_the_components_seen_from_a_frame_have_the_moments_of_the_attractors_seen_from_it(demonstrations, name):
     """Whatever the responsibilities, an M step keeps the mean and the covariance of all samples."""
     skill = learn(demonstrations, configuration(name))
-    shares = skill.model_for(demonstrations[0].target).priors_
+    shares = skill.model_for(demonstrations[0].target).mixture_.priors_
     for view in frame_views(skill):
         samples = np.concatenate(view.attractors)
         mean = shares @ view.means

@@ -13,13 +13,13 @@ from scipy.spatial.transform import Rotation
 from dart_skill.recording import BagReader, Opening
 from dart_skill.recording.imports.mapping import OWN, PoseSource, parse_mapping
 from dart_skill.recording.imports.throw_recording import convert, read_recording
-from dart_skill.robot.throw_plan import same_plan
-from dart_skill.session.from_bag import find_throws, learn_from_bag
-from dart_skill.skill.improve.practising import PractisingSkill
-from dart_skill.skill.learn.model_file import load_model
+from dart_skill.robot._throw_plan import same_plan
+from dart_skill.session import find_throws, learn_from_bag
+from dart_skill.skill.improve import PractisingSkill
+from dart_skill.skill.learn import load_model
 from dart_skill.skill.learn_command import add_learn
-from dart_skill.skill.observe.cutting import ThrowLog
-from dart_skill.skill.observe.throw_finder import MEMORY_NS, ThrowFinder
+from dart_skill.skill.observe import ThrowFinder, ThrowLog
+from dart_skill.skill.observe._throw_finder import MEMORY_NS
 from tests.unit.recorded_session import THROWN_AT, recorded_bag, same
 
 BASKET = np.array([1.9, -0.1, 0.4])
@@ -264,7 +264,7 @@ def test_the_command_overwrites_nothing(tmp_path, recorded):
 
 @pytest.mark.parametrize("forgets_ns", [MEMORY_NS, 12_000_000_000])
 def test_throws_are_found_while_they_are_made(recorded, recording, forgets_ns, monkeypatch):
-    monkeypatch.setattr("dart_skill.skill.observe.throw_finder.MEMORY_NS", forgets_ns)
+    monkeypatch.setattr("dart_skill.skill.observe._throw_finder.MEMORY_NS", forgets_ns)
     log = ThrowLog()
     finder, found = ThrowFinder(log), []
     add = {"/vrpn_mocap/ball/pose": log.add_ball, "/vrpn_mocap/basket/pose": log.add_basket}

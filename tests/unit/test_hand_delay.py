@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dart_skill.skill.improve.hand_delay import USUAL, HandDelay, likely_late
+from dart_skill.skill.improve._hand_delay import USUAL, HandDelay, likely_late
 
 
 def test_expects_the_mean_of_what_it_saw():

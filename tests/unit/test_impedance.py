@@ -4,20 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dart_skill.robot.actuation import Actuation
-from dart_skill.robot.command import ArmState
-from dart_skill.robot.description import wam_description
-from dart_skill.robot.impedance import (
-    Impedance,
-    JointServo,
-    PoseGains,
-    Reference,
-    attractor_acceleration,
-    minimum_jerk,
-    rotation_error,
-    tracking_acceleration,
-)
-from dart_skill.robot.model import ArmModel, HandState
+from dart_skill.robot import Actuation, ArmModel, ArmState, minimum_jerk, rotation_error, wam_description
+from dart_skill.robot._impedance import Impedance, JointServo, PoseGains, Reference, attractor_acceleration, tracking_acceleration
+from dart_skill.robot._model import HandState
 
 WAM = wam_description()
 POSTURE = np.array([0.1, 0.6, 0.2, 0.9, 0.1, 0.5, 0.1])

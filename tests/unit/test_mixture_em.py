@@ -7,16 +7,9 @@ from hypothesis import strategies as st
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from dart_skill.mixture import GaussianMixture
-from dart_skill.mixture._expectation_maximisation import (
-    Parameters,
-    Settings,
-    _Run,
-    expectation,
-    expectation_maximisation,
-    maximisation,
-)
-from dart_skill.mixture._start import kmeans_start, one_hot, plus_plus_centres
+from dart_skill.mixture import GaussianMixture, Parameters, kmeans_start, maximisation
+from dart_skill.mixture._expectation_maximisation import Settings, _Run, expectation, expectation_maximisation
+from dart_skill.mixture._start import one_hot, plus_plus_centres
 
 
 def clusters(rng, n=150, centres=((0, 0), (6, 1), (-3, 7)), widths=(1.0, 0.5, 1.5)):

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import chi2
 
 from dart_skill.experiments.thesis import figure_5_5
-from dart_skill.mixture._spectroscopy import automatic_bandwidth, data_spectroscopy
+from dart_skill.mixture import automatic_bandwidth, data_spectroscopy
 
 CENTRES = np.array([[0.0, 0.0], [9.0, 0.0], [0.0, 9.0]])
 

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dart_skill.mixture import GaussianMixture
-from dart_skill.mixture._expectation_maximisation import Parameters, Settings, _Run, expectation, maximisation
+from dart_skill.mixture import GaussianMixture, Parameters, maximisation
+from dart_skill.mixture._expectation_maximisation import Settings, _Run, expectation
 from dart_skill.mixture._sweep import KEPT, LARGEST_LOSS, SLICE, Sweep
 
 FLOOR = 1e-6

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from dart_skill.experiments.thesis import figure_6_5
-from dart_skill.mixture import GaussianMixture
-from dart_skill.mixture._weighted_likelihood import mean_log_likelihood, resampled_mean_log_likelihood, stochastic_universal_sampling
+from dart_skill.mixture import GaussianMixture, mean_log_likelihood, resampled_mean_log_likelihood, stochastic_universal_sampling
 
 MIXTURE = GaussianMixture.from_parameters([0.3, 0.7], [[0.0, 1.0], [3.0, -1.0]], [np.eye(2), [[2.0, 0.5], [0.5, 1.0]]])
 

@@ -10,10 +10,8 @@ import numpy as np
 import pytest
 
 from dart_skill.recording import Demonstration
-from dart_skill.robot.throw_plan import same_plan
-from dart_skill.skill.learn.configuration import CONFIGURATIONS, DEFAULT
-from dart_skill.skill.learn.model_file import load_model, save_model
-from dart_skill.skill.learn.throwing import learn
+from dart_skill.robot._throw_plan import same_plan
+from dart_skill.skill.learn import CONFIGURATIONS, DEFAULT, learn, load_model, save_model
 
 BASKET = np.array([1.8, 0.1, 0.4])
 

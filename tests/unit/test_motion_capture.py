@@ -7,15 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dart_skill.configuration import node_parameters
-from dart_skill.simulation.motion_capture import (
-    BasketWalls,
-    Camera,
-    Frame,
-    LatencyQueue,
-    MotionCapture,
-    MotionCaptureConfig,
-    Sample,
-)
+from dart_skill.simulation import BasketWalls, Camera, Frame, LatencyQueue, MotionCapture, MotionCaptureConfig
+from dart_skill.simulation._motion_capture import Sample
 
 FRAME_NS = 10_000_000
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dart_skill.movement.alignment import check_alignment
+from dart_skill.movement import check_alignment
 
 CLOCK = np.linspace(-0.6, 0.5, 111)
 

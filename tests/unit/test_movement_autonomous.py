@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from dart_skill.mixture import regress
-from dart_skill.movement import TaskFrame, smooth_derivatives
-from dart_skill.movement.autonomous import AutonomousDSGMR, PhaseRule, lift
+from dart_skill.movement import AutonomousDSGMR, PhaseRule, TaskFrame, attractor_from_motion, smooth_derivatives
+from dart_skill.movement._autonomous import lift
 
 WORLD = [TaskFrame(np.eye(3), np.zeros(3))]
 STAMPS = np.linspace(-0.3, 1.3, 161)
@@ -144,6 +144,54 @@ def test_two_frames_bring_it_to_new_goals():
         assert np.linalg.norm(run.position[-1] - goal) < 0.03
 
 
+@pytest.mark.parametrize("partition", ["em", "time"])
+def test_attractors_that_are_known_are_not_computed_again(demonstrations, partition):
+    motions = [smooth_derivatives(STAMPS, path) for path in demonstrations]
+    known = [attractor_from_motion(*motion, 200.0) for motion in motions]
+    computed = AutonomousDSGMR(12, partition=partition).fit([STAMPS] * 8, motions, [WORLD] * 8)
+    given = AutonomousDSGMR(12, partition=partition).fit([STAMPS] * 8, [m[:2] for m in motions], [WORLD] * 8, attractors=known)
+    np.testing.assert_array_equal(given.mixture_.means_, computed.mixture_.means_)
+    np.testing.assert_array_equal(given.mixture_.covariances_, computed.mixture_.covariances_)
+
+
+def test_an_input_says_how_far_to_go():
+    rng, distances = np.random.default_rng(5), np.linspace(0.8, 1.4, 8)
+    motions = [smooth_derivatives(STAMPS, wind_up_and_reach(rng, (one, 0.0))) for one in distances]
+    frame = [TaskFrame(np.eye(4), np.zeros(4))]
+    model = AutonomousDSGMR(12, n_inputs=1, partition="time").fit([STAMPS] * 8, motions, [frame] * 8, inputs=[[one] for one in distances])
+    assert model.mixture_.n_dims == 8, "t, distance, x, x', y"
+    for distance in (0.9, 1.3):
+        run = model.reproduce(frame, [0.0, 0.0], [0.0, 0.0], duration=5.0, inputs=[distance])
+        assert np.linalg.norm(run.position[-1] - [distance, 0.0]) < 0.03
+
+
+def test_a_policy_may_be_worked_out_at_other_phases(model, policy):
+    phase = np.arange(-0.2, 1.2, 0.002)
+    other = model.policy(WORLD, phase=phase)
+    np.testing.assert_array_equal(other.phase, phase)
+    np.testing.assert_allclose(other.attractor(0.5), policy.attractor(0.5), atol=1e-3)
+    assert model.reproduce(WORLD, [0.0, 0.0], [0.0, 0.0], duration=3.0, phase=phase).phase[-1] == phase[-1]
+
+
+def test_a_frame_with_inputs_is_lifted_as_one_without():
+    angle = 0.3
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    matrix = np.eye(4)
+    matrix[2:, 2:] = turn
+    lifted = lift(TaskFrame(matrix, [0.0, 0.0, 0.5, 0.6]), 1)
+    plain = lift(TaskFrame(np.delete(np.delete(matrix, 1, 0), 1, 1), [0.0, 0.5, 0.6]))
+    np.testing.assert_array_equal(np.delete(np.delete(lifted.A, 1, 0), 1, 1), plain.A)
+    np.testing.assert_array_equal(np.delete(lifted.b, 1), plain.b)
+    np.testing.assert_array_equal(lifted.A[1], np.eye(8)[1])
+
+
+def test_a_frame_that_is_missing_is_no_factor(demonstrations):
+    motions = [smooth_derivatives(STAMPS, path) for path in demonstrations]
+    two = AutonomousDSGMR(12).fit([STAMPS] * 8, motions, [WORLD * 2] * 8)
+    alone = two.product([WORLD[0], None])
+    assert (np.linalg.det(alone.covariances_) > np.linalg.det(two.product(WORLD * 2).covariances_)).all()
+
+
 def test_bad_input_is_named(model, policy, demonstrations):
     with pytest.raises(ValueError, match="position must have length 2|position"):
         policy.advance(0.0, [0.0, 0.0, 0.0], [0.0, 0.0], 0.01)
@@ -157,6 +205,15 @@ def test_bad_input_is_named(model, policy, demonstrations):
         AutonomousDSGMR(3).policy(WORLD)
     with pytest.raises(ValueError, match="as many"):
         AutonomousDSGMR(3).fit([STAMPS], [], [WORLD])
+    path = demonstrations[0]
+    with pytest.raises(ValueError, match="position, velocity and acceleration, got 2 parts; or give its attractor"):
+        AutonomousDSGMR(3).fit([STAMPS], [(path, path)], [WORLD])
+    with pytest.raises(ValueError, match="attractors has 2 entries for 1 demonstrations"):
+        AutonomousDSGMR(3).fit([STAMPS], [(path, path)], [WORLD], attractors=[path, path])
+    with pytest.raises(ValueError, match="must be as long, got 161, 161, 160"):
+        AutonomousDSGMR(3).fit([STAMPS[1:]], [(path, path)], [WORLD], attractors=[path[1:]])
+    with pytest.raises(ValueError, match="equally spaced"):
+        model.policy(WORLD, phase=[0.0, 0.1, 0.3])
     mixed = np.eye(3)
     mixed[1, 0] = 0.5
     with pytest.raises(ValueError, match="mixes time"):

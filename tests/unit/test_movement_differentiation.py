@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dart_skill.movement import estimate_noise, smooth_derivatives
-from dart_skill.movement.differentiation import _shared_smoother
+from dart_skill.movement._differentiation import _shared_smoother
 
 NOISE = 1e-4
 
@@ -72,7 +72,7 @@ def test_pure_noise_around_rest_shrinks_as_a_quadratic_fit_predicts():
 
 def test_position_error_is_near_the_best_of_all_penalties(monkeypatch):
     """The chosen penalty costs at most 15 % over the one that an oracle would choose, on average."""
-    from dart_skill.movement import differentiation
+    from dart_skill.movement import _differentiation as differentiation
 
     chosen, oracle = [], []
     for seed in range(10):
@@ -90,7 +90,7 @@ def test_position_error_is_near_the_best_of_all_penalties(monkeypatch):
 
 def test_the_scatter_of_the_fit_is_that_of_a_linear_smoother():
     """For a fixed penalty the fit is S x, so its scatter is sigma sqrt(diag S S'): S from unit impulses."""
-    from dart_skill.movement.differentiation import _QuinticBasis
+    from dart_skill.movement._differentiation import _QuinticBasis
 
     n, penalty = 60, 300.0
     stamps = np.arange(float(n))

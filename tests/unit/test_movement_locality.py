@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dart_skill.movement.locality import choose_width, gaussian_weights, nearest_weights
+from dart_skill.movement import choose_width, gaussian_weights, nearest_weights
 
 TASKS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 2.0], [3.0, 4.0]])
 

@@ -7,7 +7,7 @@ import pytest
 from numpy.polynomial import Polynomial
 from scipy.integrate import solve_ivp
 
-from dart_skill.movement.primitives import DiscretePrimitive
+from dart_skill.movement import DiscretePrimitive
 
 DURATION = 1.6
 STAMPS = np.linspace(0.0, DURATION, 201)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dart_skill.movement.primitives import DiscretePrimitive, RhythmicPrimitive
+from dart_skill.movement import DiscretePrimitive, RhythmicPrimitive
 
 STAMPS = np.linspace(0.0, 1.0, 101)
 

@@ -10,7 +10,7 @@ from numpy.polynomial import Polynomial
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
-from dart_skill.movement.primitives import DiscretePrimitive
+from dart_skill.movement import DiscretePrimitive
 
 DURATION, STEP = 2.0, 0.005
 BLEND = Polynomial([0, 0, 0, 0, 0, 126, -420, 540, -315, 70])

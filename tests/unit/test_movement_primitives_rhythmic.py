@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from dart_skill.movement.primitives import RhythmicPrimitive
+from dart_skill.movement import RhythmicPrimitive
 
 PERIOD = 1.7
 STAMPS = np.linspace(0.0, 3 * PERIOD, 601)

@@ -5,8 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from dart_skill.movement import Motion
-from dart_skill.movement.stiffness import critical_damping_matrix, hold_to, stiffness_from_covariance
+from dart_skill.movement import Motion, critical_damping_matrix, hold_to, stiffness_from_covariance
 
 
 def covariances(rng, n=30):

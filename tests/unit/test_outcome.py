@@ -7,7 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dart_skill.flight import TENNIS_BALL, flight, landing
-from dart_skill.skill.observe.outcome import _slowest, find_flight, fit_release, judge_flight
+from dart_skill.skill.observe import find_flight, fit_release, judge_flight
+from dart_skill.skill.observe._outcome import _slowest
 
 GRIP = np.array([0.0, 0.0, 0.1135])
 SIGMA = 1e-4

@@ -11,12 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from dart_skill.configuration import node_parameters
 from dart_skill.flight import TENNIS_BALL, flight
-from dart_skill.robot.actuation import Actuation
-from dart_skill.robot.command import Command, Grip
-from dart_skill.robot.description import wam_description
-from dart_skill.robot.model import ArmModel
-from dart_skill.simulation.basket import Basket
-from dart_skill.simulation.plant import PlantSettings, PlantState, _connect
+from dart_skill.robot import Actuation, ArmModel, Command, Grip, wam_description
+from dart_skill.simulation import Basket, PlantSettings, PlantState
+from dart_skill.simulation._plant import _connect
 
 WAM = wam_description()
 STEP = 0.002

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from dart_skill.mixture._split_merge import SplitMerge
+from dart_skill.mixture import SplitMerge
 from dart_skill.policy_search import MixturePoWER, PoWER, Readings
 
 FIXED = Readings(structure="fixed")

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dart_skill.skill.improve.practice import Practice, PracticeSettings
-from dart_skill.skill.learn.configuration import DEFAULT
-from dart_skill.skill.learn.throwing import learn
+from dart_skill.skill.improve import PracticeSettings
+from dart_skill.skill.improve._practice import Practice
+from dart_skill.skill.learn import DEFAULT, learn
 
 
 def trial_like(demonstration, name, **changes):

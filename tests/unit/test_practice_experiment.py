@@ -9,10 +9,10 @@ import pytest
 from dart_skill.cli import main
 from dart_skill.experiments import practice
 from dart_skill.experiments.practice import CHANGES, Run, Task, changed, summarise, table
-from dart_skill.robot.throw_plan import same_plan
-from dart_skill.session.in_process import Session
-from dart_skill.simulation.plant import PlantSettings
-from dart_skill.skill.improve.practising import PractisingSkill
+from dart_skill.robot._throw_plan import same_plan
+from dart_skill.session import Session
+from dart_skill.simulation import PlantSettings
+from dart_skill.skill.improve import PractisingSkill
 
 BASKET = np.array([1.9, 0.2, 0.40])
 NAN = float("nan")

@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dart_skill.robot.throw_plan import same_plan
-from dart_skill.session.in_process import Session
-from dart_skill.skill.improve.correction import polar
-from dart_skill.skill.improve.practising import METHODS, PractisingSkill
-from dart_skill.skill.learn.release import landing_if_late
-from dart_skill.skill.learn.throwing import learn
+from dart_skill.robot._throw_plan import same_plan
+from dart_skill.session import Session
+from dart_skill.skill.improve import METHODS, PractisingSkill
+from dart_skill.skill.improve._correction import polar
+from dart_skill.skill.learn import landing_if_late, learn
 
 BASKETS = np.array([[1.85, 0.10, 0.4], [2.05, -0.30, 0.4], [1.75, 0.45, 0.4]])
 

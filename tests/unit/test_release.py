@@ -1,21 +1,22 @@
 """Where a ball comes down that leaves the hand at one instant or another: closed forms, polynomials, and flights simulated from there."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
-from dart_skill.flight import DART, TENNIS_BALL, Ball, crossing, landing
-from dart_skill.robot.commander import STRETCHED, CommanderSettings, PlanRefused, check_plan
-from dart_skill.robot.description import wam_description
-from dart_skill.robot.throw_plan import Gains, HandPath, ThrowPlan
-from dart_skill.skill.learn.configuration import SkillConfiguration, configuration
-from dart_skill.skill.learn.release import farthest, hits_along, landing_if_late, nearest_step, stretched_at, weights_at
-from dart_skill.skill.learn.throwing import EARLIEST, LATEST, learn
+from dart_skill.flight import DART, TENNIS_BALL, crossing, landing
+from dart_skill.robot import STRETCHED, CommanderSettings, Gains, HandPath, PlanRefused, ThrowPlan, wam_description
+from dart_skill.robot._commander import check_plan
+from dart_skill.skill.learn import SkillConfiguration, configuration, landing_if_late, learn
+from dart_skill.skill.learn._release import farthest, hits_along, nearest_step, stretched_at, weights_at
+from dart_skill.skill.learn._throwing import EARLIEST, LATEST
 from dart_skill.surface import BASKETS, RIMS, BoardFace, Game, game_at
 
-VACUUM = Game(Ball(drag_coefficient=0.0), RIMS)
+VACUUM = Game(replace(TENNIS_BALL, drag_coefficient=0.0), RIMS)
 GRIP = wam_description().hand.ball_centre
 RATE, LENGTH, SHOULDER, RIM = 3.0, 0.8, 1.4, 0.4
 """An arm that turns about the y axis through a shoulder above the base: rate [rad/s], length to the ball [m], heights [m]."""

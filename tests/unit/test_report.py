@@ -14,13 +14,12 @@ import pytest
 
 from dart_skill.cli import main
 from dart_skill.recording import BagWriter
-from dart_skill.report import write_page
-from dart_skill.report.curve import WINDOW, curve_figure, running_quartiles
-from dart_skill.report.page import page_of
-from dart_skill.report.pictures import embeddable, pictures
+from dart_skill.report import About, page_of, pictures, read_run, write_page
+from dart_skill.report._curve import WINDOW, curve_figure, running_quartiles
+from dart_skill.report._pictures import embeddable
+from dart_skill.report._run import machine, result_of, versions
 from dart_skill.report.report_command import page_beside
-from dart_skill.report.run import About, machine, read_run, result_of, versions
-from dart_skill.session.summary import ThrowResult
+from dart_skill.session import ThrowResult
 from dart_skill.view import ViewUnavailable
 
 BAGS = Path(__file__).parents[2] / "bags"
@@ -135,7 +134,7 @@ def test_without_viser_the_page_says_what_to_install(monkeypatch):
     def missing():
         raise ViewUnavailable("no viser")
 
-    monkeypatch.setattr("dart_skill.view.server.load_viser", missing)
+    monkeypatch.setattr("dart_skill.view._server.load_viser", missing)
     text = page_of(run_of("throws"), drawn_of("throws"))
     assert "<iframe" not in text and "pip install &#x27;viser" in text and len(text) > 100_000
 
@@ -176,8 +175,8 @@ def test_a_curve_needs_a_landing_and_marks_what_happened():
 
 
 def test_figures_are_written_beside_the_page(tmp_path, monkeypatch):
-    monkeypatch.setattr("dart_skill.report.run.read_run", lambda bag, about, results: replace(run_of("throws"), results=results))
-    monkeypatch.setattr("dart_skill.report.page._replay", lambda run: (None, "not now"))
+    monkeypatch.setattr("dart_skill.report._run.read_run", lambda bag, about, results: replace(run_of("throws"), results=results))
+    monkeypatch.setattr("dart_skill.report._page._replay", lambda run: (None, "not now"))
     written = write_page(BAGS / "throws", tmp_path / "new" / "page.html", results=[], figures=tmp_path / "new")
     assert {path.name for path in written} == {"page.html", "gaussians.svg", "gaussians.png"} and all(path.is_file() for path in written)
 
@@ -211,8 +210,8 @@ def test_the_page_lies_beside_the_bag():
 
 
 def test_the_command_writes_the_page_and_says_where(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("dart_skill.report.run.read_run", lambda bag, about: run_of("demonstrations"))
-    monkeypatch.setattr("dart_skill.report.page._replay", lambda run: (None, "not now"))
+    monkeypatch.setattr("dart_skill.report._run.read_run", lambda bag, about: run_of("demonstrations"))
+    monkeypatch.setattr("dart_skill.report._page._replay", lambda run: (None, "not now"))
     page = tmp_path / "page.html"
     assert main(["report", str(BAGS / "demonstrations"), "--output", str(page), "--json"]) == 0
     said = json.loads(capsys.readouterr().out)

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from dart_skill.robot.commander import CommanderSettings, Mode, PlanRefused
-from dart_skill.robot.throw_plan import same_plan
-from dart_skill.session.in_process import Session
-from dart_skill.skill.learn.throwing import learn
-from dart_skill.skill.observe.outcome import judge_flight
+from dart_skill.robot import CommanderSettings, Mode, PlanRefused
+from dart_skill.robot._throw_plan import same_plan
+from dart_skill.session import Session
+from dart_skill.skill.learn import learn
+from dart_skill.skill.observe import judge_flight
 
 BASKET = np.array([1.85, 0.15, 0.40])
 

@@ -5,7 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from dart_skill.session.summary import DemoSummary, ThrowResult, error_quantile, footer, table, write_summary
+from dart_skill.session import DemoSummary, ThrowResult, footer, table, write_summary
+from dart_skill.session._summary import error_quantile
 
 TARGET = (2.0, 0.0, 0.4)
 NAN = float("nan")

@@ -7,9 +7,8 @@ import pytest
 
 from dart_skill.configuration import node_parameters
 from dart_skill.flight import landing
-from dart_skill.robot.command import ArmState, Command, Grip
-from dart_skill.robot.model import ArmModel
-from dart_skill.simulation.teacher import Person, Phase, Swing, Teacher
+from dart_skill.robot import ArmModel, ArmState, Command, Grip
+from dart_skill.simulation import Person, Phase, Swing, Teacher
 
 READY = np.array([0.0, -0.90, 0.0, -0.75, 0.0, -0.35, 0.0])
 TARGET = np.array([1.9, 0.5, 0.4])

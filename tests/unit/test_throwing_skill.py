@@ -8,16 +8,26 @@ from scipy.spatial.transform import Rotation
 
 from dart_skill.flight import landing
 from dart_skill.recording import Demonstration
-from dart_skill.robot.commander import CommanderSettings, check_plan
-from dart_skill.robot.description import wam_description
-from dart_skill.robot.model import ArmModel
-from dart_skill.robot.throw_plan import same_plan
-from dart_skill.skill.learn.configuration import CONFIGURATIONS, DEFAULT, THESIS, SkillConfiguration, configuration
-from dart_skill.skill.learn.ellipsoids import component_ellipsoids
-from dart_skill.skill.learn.preparation import prepare
-from dart_skill.skill.learn.task_frames import frames_for
-from dart_skill.skill.learn.throwing import LEAST_DEMONSTRATIONS, REACH_MARGIN, SIDE_MARGIN, Unreachable, learn
-from dart_skill.skill.observe.outcome import fit_release
+from dart_skill.robot import ArmModel, CommanderSettings, wam_description
+from dart_skill.robot._commander import check_plan
+from dart_skill.robot._throw_plan import same_plan
+from dart_skill.skill.learn import (
+    CONFIGURATIONS,
+    DEFAULT,
+    LEAST_DEMONSTRATIONS,
+    SkillConfiguration,
+    Unreachable,
+    component_ellipsoids,
+    frames_for,
+    learn,
+    prepare,
+)
+from dart_skill.skill.learn import (
+    _configuration as configuration,
+)
+from dart_skill.skill.learn._configuration import THESIS
+from dart_skill.skill.learn._throwing import REACH_MARGIN, SIDE_MARGIN
+from dart_skill.skill.observe import fit_release
 
 NEW_BASKETS = [(1.75, 0.0, 0.4), (2.05, 0.45, 0.4), (1.6, -0.4, 0.4), (1.9, 0.2, 0.55)]
 
@@ -272,7 +282,7 @@ def test_the_width_is_the_one_that_predicts_left_out_demonstrations_best(demonst
         for i, throw in enumerate(skill.throws):
             others = learn([d for k, d in enumerate(demonstrations) if k != i], replace(configuration("weighted"), width=width))
             try:
-                squared.append(np.sum((others._course(throw.task).landing - throw.task)[:2] ** 2))
+                squared.append(np.sum((others._throw_for(throw.task).landing - throw.task)[:2] ** 2))
             except Unreachable:
                 squared.append(np.nan)
         errors.append(np.mean(squared))

@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dart_skill.robot.description import wam_description
-from dart_skill.robot.model import ArmModel
-from dart_skill.robot.transforms import fixed_transforms, joint_transforms
+from dart_skill.robot import ArmModel, fixed_transforms, joint_transforms, wam_description
 
 
 def test_the_chain_from_the_world_to_the_hand_is_forward_kinematics():

@@ -13,18 +13,16 @@ from websockets.exceptions import ConnectionClosed
 from dart_skill import view
 from dart_skill.mixture import GaussianMixture
 from dart_skill.recording import Demonstration
-from dart_skill.robot.description import wam_description
-from dart_skill.robot.model import ArmModel
-from dart_skill.robot.urdf import write_urdf
-from dart_skill.session.regions import Region
-from dart_skill.simulation.motion_capture import Camera
-from dart_skill.skill.learn.ellipsoids import component_ellipsoids
-from dart_skill.view import shapes
-from dart_skill.view.panel import MOST_LESSONS, curve_data
-from dart_skill.view.placing import nearest_in, on_plane, outline
-from dart_skill.view.server import is_own_page
-from dart_skill.view.trail import Trail, segments
-from dart_skill.view.urdf_shapes import read_links
+from dart_skill.robot import ArmModel, wam_description, write_urdf
+from dart_skill.session import Region
+from dart_skill.simulation import Camera
+from dart_skill.skill.learn import component_ellipsoids
+from dart_skill.view import _shapes as shapes
+from dart_skill.view._panel import MOST_LESSONS, curve_data
+from dart_skill.view._placing import nearest_in, on_plane, outline
+from dart_skill.view._server import is_own_page
+from dart_skill.view._trail import Trail, segments
+from dart_skill.view._urdf_shapes import read_links
 from tests.view_client import PageClient
 
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])

@@ -9,8 +9,8 @@ import pytest
 from pybullet_utils.bullet_client import BulletClient
 
 from dart_skill.configuration import load_yaml
-from dart_skill.robot.description import parse_description, symmetric, wam_description
-from dart_skill.robot.urdf import write_urdf
+from dart_skill.robot import wam_description, write_urdf
+from dart_skill.robot._description import parse_description, symmetric
 
 WAM = wam_description()
 
@@ -27,7 +27,7 @@ def load(urdf, folder):
 
 
 def test_link_inertials_in_dh_and_in_urdf_frames_are_the_same_bodies():
-    """p = (a, 0, d) + Rx c and I' = Rx I Rx' (wam_facts, 2.1)."""
+    """p = (a, 0, d) + Rx c and I' = Rx I Rx' (from the DH frame to the link frame of the URDF)."""
     for link, ((alpha, a, d), dh, urdf) in enumerate(zip(WAM.dh, WAM.links_dh, WAM.links_urdf, strict=True), start=1):
         assert dh.mass == urdf.mass
         np.testing.assert_allclose(np.array([a, 0, d]) + turn_x(alpha) @ dh.centre, urdf.centre, atol=1e-9, err_msg=f"link {link}")

@@ -6,9 +6,7 @@ import pytest
 from pybullet_utils.bullet_client import BulletClient
 from scipy.spatial.transform import Rotation
 
-from dart_skill.robot.description import wam_description
-from dart_skill.robot.model import ArmModel
-from dart_skill.robot.urdf import write_urdf
+from dart_skill.robot import ArmModel, wam_description, write_urdf
 
 WAM = wam_description()
 SHOULDER = WAM.mount_height + WAM.shoulder_height
@@ -133,7 +131,7 @@ def test_published_poses_of_the_tool_plate(posture, tool_plate):
 
 
 def test_largest_static_torques_with_hand_and_ball_are_the_published_ones():
-    """J2 40.2, J3 12.3, J4 10.5, J5 1.73, J6 1.74 Nm (wam_facts, 2.4), as maxima over all postures."""
+    """J2 40.2, J3 12.3, J4 10.5, J5 1.73, J6 1.74 Nm (libbarrett, wam7w.conf), as maxima over all postures."""
     model = ArmModel(ball_in_hand=True)
     torques = np.abs([model.gravity_torque(q) for q in np.random.default_rng(2).uniform(LOWER, UPPER, (6000, 7))]).max(axis=0)
     published = np.array([40.2, 12.3, 10.5, 1.73, 1.74])

@@ -26,7 +26,7 @@ def _arm_darts(options: argparse.Namespace) -> int:
 
     from dart_skill.experiments import arm_darts
     from dart_skill.experiments.pictures.arm_darts import draw_arm_darts
-    from dart_skill.simulation.board import Board
+    from dart_skill.simulation import Board
 
     distance, height = _board(options.board)
     with tqdm(total=options.throws, unit="throw", disable=None) as progress:

@@ -21,7 +21,7 @@ def add_to(experiments) -> None:
 
 def _throws(options: argparse.Namespace) -> int:
     from dart_skill.experiments import throws
-    from dart_skill.skill.learn.configuration import configuration
+    from dart_skill.skill.learn import configuration
 
     names = tuple(configuration(name).name for name in options.configurations.split(","))
     seeds = list(range(options.seeds))

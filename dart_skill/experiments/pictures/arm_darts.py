@@ -11,8 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dart_skill.darts import name_at
-from dart_skill.figures.board import draw_board
-from dart_skill.figures.style import BLACK, BLUE, GREY, LIGHT, ORANGE, VERMILION, house_style, quantity_colours, save
+from dart_skill.figures import BLACK, BLUE, GREY, LIGHT, ORANGE, VERMILION, draw_board, house_style, quantity_colours, save
 
 if TYPE_CHECKING:
     from dart_skill.experiments.arm_darts import Dart, Run

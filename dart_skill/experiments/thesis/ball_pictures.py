@@ -10,10 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from dart_skill.experiments.thesis.ball_throws import Angles, Trajectory
-from dart_skill.figures.style import BLACK, BLUE, GREEN, GREY, LIGHT, SKY, VERMILION, basket_from_above, quantity_colours, unit_along
-from dart_skill.movement.orientation import rotate
-from dart_skill.session.regions import REGION
-from dart_skill.skill.learn.preparation import RIM_RADIUS
+from dart_skill.figures import BLACK, BLUE, GREEN, GREY, LIGHT, RIM_RADIUS, SKY, VERMILION, basket_from_above, quantity_colours, unit_along
+from dart_skill.movement import rotate
+from dart_skill.session import REGION
 
 TRIAD = 0.09
 """Length of the axes of a gripper frame [m]."""

@@ -10,19 +10,13 @@ from functools import lru_cache
 
 import numpy as np
 
-from dart_skill.figures.recordings import Recording
+from dart_skill.figures import Recording
 from dart_skill.flight import flight, landing
-from dart_skill.movement import smooth_derivatives
-from dart_skill.movement.orientation import rotate
+from dart_skill.movement import rotate, smooth_derivatives
 from dart_skill.recording import Demonstration
-from dart_skill.robot.description import wam_description
-from dart_skill.robot.throw_plan import ThrowPlan
-from dart_skill.session.in_process import Session, Trial
-from dart_skill.session.regions import targets_for
-from dart_skill.skill.learn.configuration import configuration
-from dart_skill.skill.learn.preparation import PreparedThrow, prepare
-from dart_skill.skill.learn.task_frames import frames_for
-from dart_skill.skill.learn.throwing import ThrowingSkill, learn_prepared
+from dart_skill.robot import ThrowPlan, wam_description
+from dart_skill.session import Session, Trial, targets_for
+from dart_skill.skill.learn import PreparedThrow, ThrowingSkill, configuration, frames_for, learn_prepared, prepare
 
 N_DEMONSTRATIONS, N_NEW = 13, 10
 POSE_STEPS = 5

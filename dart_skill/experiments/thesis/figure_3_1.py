@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dart_skill.figures.style import BLUE, GREY, ORANGE, SKY, VERMILION, gaussian_ellipse, house_style, save
+from dart_skill.figures import BLUE, GREY, ORANGE, SKY, VERMILION, gaussian_ellipse, house_style, save
 from dart_skill.mixture import GaussianMixture, Selection, regress, select_by_bic
 
 TITLE = "Gaussian mixture model and regression on planar data"

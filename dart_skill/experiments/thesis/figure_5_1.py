@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dart_skill.figures.style import BLACK, GREEN, LIGHT, VERMILION, gaussian_ellipse, house_style, save
+from dart_skill.figures import BLACK, GREEN, LIGHT, VERMILION, gaussian_ellipse, house_style, save
 from dart_skill.policy_search import PoWER, return_weights
 
 TITLE = "One update of PoWER: samples, the best of them, new mean and covariance"

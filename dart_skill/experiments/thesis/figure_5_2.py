@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from dart_skill.figures.style import BLUE, LIGHT, VERMILION, gaussian_ellipse, house_style, save
+from dart_skill.figures import BLUE, LIGHT, VERMILION, gaussian_ellipse, house_style, save
 from dart_skill.policy_search import with_constant_noise
 
 TITLE = "Exploration noise, constant: the covariance becomes rounder"

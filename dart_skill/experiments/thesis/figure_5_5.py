@@ -15,9 +15,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from dart_skill.figures.style import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, gaussian_ellipse, house_style, save
-from dart_skill.mixture import GaussianMixture
-from dart_skill.mixture._spectroscopy import Spectroscopy, data_spectroscopy
+from dart_skill.figures import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, gaussian_ellipse, house_style, save
+from dart_skill.mixture import GaussianMixture, Spectroscopy, data_spectroscopy
 
 TITLE = "Data spectroscopy finds the groups of weighted points"
 N_POINTS, SAMPLED = 1000, 9.0 * np.eye(2)

@@ -16,8 +16,7 @@ from matplotlib.image import AxesImage
 
 from dart_skill.darts import HeatMap, expected_score, heat_map
 from dart_skill.experiments.dart_search import METHODS, SCHEDULES, SPREAD, START
-from dart_skill.figures.board import draw_board
-from dart_skill.figures.style import BLACK, gaussian_ellipse, house_style, quantity_colours, save
+from dart_skill.figures import BLACK, draw_board, gaussian_ellipse, house_style, quantity_colours, save
 from dart_skill.mixture import GaussianMixture
 
 TITLE = "The mixture's search over the board while the thrower gets better"

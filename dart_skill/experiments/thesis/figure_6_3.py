@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dart_skill.experiments.dart_search import BLOCK, Run, Task, run_tasks
-from dart_skill.figures.style import BLACK, BLUE, VERMILION, house_style, save
+from dart_skill.figures import BLACK, BLUE, VERMILION, house_style, save
 
 TITLE = "Number of Gaussians, and learning on against stopping half-way"
 N_SEEDS, STOP = 20, 1500

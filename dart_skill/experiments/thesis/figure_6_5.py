@@ -13,8 +13,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from dart_skill.experiments.thesis.figure_5_5 import MIXTURE, SAMPLED
-from dart_skill.figures.style import BLUE, VERMILION, house_style, save
-from dart_skill.mixture._weighted_likelihood import mean_log_likelihood, resampled_mean_log_likelihood
+from dart_skill.figures import BLUE, VERMILION, house_style, save
+from dart_skill.mixture import mean_log_likelihood, resampled_mean_log_likelihood
 
 TITLE = "Average log-likelihood of resampled data tends to that of weighted data"
 N_POINTS, FACTORS = 100, np.arange(1, 61)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from dart_skill.darts import OptimumPath, optimum_path
-from dart_skill.figures.board import draw_path
+from dart_skill.figures import draw_path
 
 TITLE = "The best aim over the thrower's standard deviation"
 LOWEST, HIGHEST = 1.0, 100.0

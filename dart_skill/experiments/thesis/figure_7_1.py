@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from dart_skill.figures.style import BLUE, GREY, LIGHT, PALE, VERMILION, house_style, save
+from dart_skill.figures import BLUE, GREY, LIGHT, PALE, VERMILION, house_style, save
 from dart_skill.movement import AutonomousDSGMR, Motion, TaskFrame, critical_damping, smooth_derivatives
 
 TITLE = "A finger on a ball is held: a clock and a state as what drives it"

@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dart_skill.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILION, gaussian_ellipse, house_style, save
+from dart_skill.figures import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILION, gaussian_ellipse, house_style, save
 from dart_skill.movement import DSGMR, Reproduction, TaskFrame
 
 TITLE = "Task-parameterised movement: two frames, and new places for them"

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dart_skill.experiments.thesis import dart_throws as darts
-from dart_skill.figures.style import BLACK, GREEN, GREY, LIGHT, VERMILION, gaussian_ellipse, house_style, save
+from dart_skill.figures import BLACK, GREEN, GREY, LIGHT, VERMILION, gaussian_ellipse, house_style, save
 from dart_skill.movement import DSGMR
 
 TITLE = "Dart throws, demonstrated and reproduced"

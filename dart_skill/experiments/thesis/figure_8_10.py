@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from dart_skill.experiments.thesis import ball_pictures, ball_throws, figure_8_8
 from dart_skill.experiments.thesis.ball_throws import FRAMES
 from dart_skill.experiments.thesis.figure_8_7 import spreads
-from dart_skill.figures.style import house_style, save
+from dart_skill.figures import house_style, save
 
 TITLE = "Angles of the hand in the chosen demonstrations, as two frames see them"
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from dart_skill.experiments.thesis import ball_throws
-from dart_skill.figures.synchronisation import demonstrated_motions, draw_synchronisation
+from dart_skill.figures import demonstrated_motions, draw_synchronisation
 
 TITLE = "Speed of the hand before and after synchronisation"
 

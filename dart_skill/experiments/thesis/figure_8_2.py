@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from dart_skill.experiments.thesis import dart_throws as darts
 from dart_skill.experiments.thesis.figure_8_1 import draw_board, draw_side
-from dart_skill.figures.style import house_style, save
+from dart_skill.figures import house_style, save
 
 TITLE = "Dart throws get better with every attempt"
 N_DEMONSTRATIONS, N_AIMS, N_ROUNDS = 8, 6, 3

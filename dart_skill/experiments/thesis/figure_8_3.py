@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dart_skill.experiments.thesis import dart_throws as darts
-from dart_skill.figures.style import BLUE, LIGHT, VERMILION, house_style, save
+from dart_skill.figures import BLUE, LIGHT, VERMILION, house_style, save
 
 TITLE = "The error of dart throws falls with experience"
 N_SEEDS, N_DEMONSTRATIONS, N_ATTEMPTS = 20, 8, 30

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from dart_skill.experiments.thesis import ball_pictures, ball_throws
-from dart_skill.figures.style import house_style, save
+from dart_skill.figures import house_style, save
 
 TITLE = "Demonstrated throws of the ball, and the global model's at a new basket"
 MODELS = {"thesis": "Global model of the thesis", "default": "Default of this package"}

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from dart_skill.experiments.thesis import ball_pictures, ball_throws
 from dart_skill.experiments.thesis.ball_throws import FRAMES, Angles
-from dart_skill.figures.style import house_style, save
+from dart_skill.figures import house_style, save
 
 TITLE = "Angles of the hand in all demonstrations, as two frames see them"
 

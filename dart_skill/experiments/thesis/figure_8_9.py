@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from dart_skill.experiments.thesis import ball_pictures, ball_throws, figure_8_8
-from dart_skill.figures.style import house_style, save
+from dart_skill.figures import house_style, save
 
 TITLE = "Local regression: chosen trajectories and the generated one"
 MODELS = ("thesis_local", "thesis", "default")

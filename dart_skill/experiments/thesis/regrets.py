@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dart_skill.experiments.dart_search import END, SCHEDULES, Run, Task, run_tasks, summarise, table_of
-from dart_skill.figures.style import BLUE, GREEN, LIGHT, VERMILION, house_style, save
+from dart_skill.figures import BLUE, GREEN, LIGHT, VERMILION, house_style, save
 
 TITLE = "Regrets of all methods, thesis's schedule and the extended one"
 N_SEEDS = 20

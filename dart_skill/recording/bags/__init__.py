@@ -1,7 +1,10 @@
-"""Bags of rosbag2 and their message types, read and written.
+"""Bags of rosbag2 and their message types: read, written, checked, recovered and played.
 
-What is done with whole bags stands in modules that are imported only for it: `check`, `description`, `recovery`, `playback`.
+What is done with whole bags is imported only then, so that each command of `dart-skill bag` starts as fast as it can.
 """
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from dart_skill.recording.bags.messages import (
     definition,
@@ -21,14 +24,32 @@ from dart_skill.recording.bags.messages import (
 from dart_skill.recording.bags.reader import BagError, BagMessage, BagReader, TopicInfo
 from dart_skill.recording.bags.writer import BagWriteError, BagWriter, qos_yaml
 
+if TYPE_CHECKING:
+    from dart_skill.recording.bags.check import Finding, check_bag, check_file
+    from dart_skill.recording.bags.description import describe
+    from dart_skill.recording.bags.playback import CLOCK_TOPIC, CLOCK_TYPE, Due, Pace, Playback, Selection, clock_message
+    from dart_skill.recording.bags.recovery import Recovery, recover
+
 __all__ = [
+    "CLOCK_TOPIC",
+    "CLOCK_TYPE",
     "BagError",
     "BagMessage",
     "BagReader",
     "BagWriteError",
     "BagWriter",
+    "Due",
+    "Finding",
+    "Pace",
+    "Playback",
+    "Recovery",
+    "Selection",
     "TopicInfo",
+    "check_bag",
+    "check_file",
+    "clock_message",
     "definition",
+    "describe",
     "deserialize",
     "header_content",
     "interface_folder",
@@ -36,6 +57,7 @@ __all__ = [
     "message",
     "pose_content",
     "qos_yaml",
+    "recover",
     "serialize",
     "stamp_content",
     "type_hash",
@@ -43,3 +65,18 @@ __all__ = [
     "typestore",
     "vector_content",
 ]
+
+_HOME = {
+    **dict.fromkeys(("Finding", "check_bag", "check_file"), "check"),
+    "describe": "description",
+    **dict.fromkeys(("CLOCK_TOPIC", "CLOCK_TYPE", "Due", "Pace", "Playback", "Selection", "clock_message"), "playback"),
+    **dict.fromkeys(("Recovery", "recover"), "recovery"),
+}
+
+
+def __getattr__(name: str) -> Any:
+    """A name of `__all__` from the module that has it (PEP 562)."""
+    if name in _HOME:
+        globals()[name] = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+        return globals()[name]
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

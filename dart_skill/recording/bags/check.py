@@ -16,8 +16,6 @@ from dart_skill.recording.bags._files import files_in, named_files, part_number
 from dart_skill.recording.bags._metadata import METADATA_FILE, is_plain_mcap, read_metadata_file
 from dart_skill.recording.bags.reader import BagError, BagReader
 
-__all__ = ["Finding", "check_bag", "check_file"]
-
 
 def check_bag(path: str | os.PathLike, types: Typestore | None = None) -> list[Finding]:
     """What is wrong with a bag, the worst first; empty if nothing is.

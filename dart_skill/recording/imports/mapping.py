@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from dart_skill.constants import N_JOINTS
 from dart_skill.recording.imports.pose_stream import IDENTITY, UP_AXES, RigidTransform
-from dart_skill.world import ROLES, pose_topic
+from dart_skill.world import ROLES, the_world
 
 TIME_UNITS = {"s": 1e9, "ms": 1e6, "us": 1e3, "ns": 1.0}
 LENGTH_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
@@ -114,12 +114,12 @@ class RecordingMapping:
     joints: SignalSource | None = None
     teacher: SignalSource | None = None
     command: SignalSource | None = None
-    frame: str = "world"
+    frame: str = the_world().frame_id
     optional: tuple[str, ...] = ()
 
 
 OWN = RecordingMapping(
-    {role: PoseSource(topic=pose_topic(role), frame="world") for role in ROLES},
+    {role: PoseSource(topic=topic, frame=the_world().frame_id) for role, topic in the_world().pose_topics().items()},
     SignalSource("/joint_states"),
     SignalSource("/wam/teacher_wrench"),
     SignalSource("/wam/command"),
@@ -148,7 +148,7 @@ def parse_mapping(content: Any, place: str = "mapping") -> RecordingMapping:
     shared.nothing_else()
     bodies = {role: _pose_source(part, axes) for role in ROLES if (part := values.section(role))}
     signals = {name: _signal_source(part, name) for name in ("joints", "teacher", "command") if (part := values.section(name))}
-    frame = values.text("frame", "world")
+    frame = values.text("frame", the_world().frame_id)
     values.nothing_else()
     if missing := [role for role in ROLES if role not in bodies]:
         raise MappingError(f"{place}: nothing says where the {missing[0]} is: add '{missing[0]}:' with topic, csv, motive or position")

@@ -36,7 +36,7 @@ from dart_skill.recording.imports._tables import read_motive, read_pose_table, r
 from dart_skill.recording.imports.mapping import LENGTH_UNITS, OWN, PoseSource, RecordingMapping, SignalSource
 from dart_skill.recording.imports.pose_faults import Fault, repair
 from dart_skill.recording.imports.pose_stream import IDENTITY, UP_AXES, PoseStream, RigidTransform, transformed, with_continuous_signs
-from dart_skill.world import ROLES, pose_topic
+from dart_skill.world import the_world
 
 POSE_TYPES = ("PoseStamped", "PoseWithCovarianceStamped", "PointStamped", "TransformStamped", "Odometry", "TFMessage")
 SIGNAL_TYPES = ("WamCommand", "Bool", "Empty")
@@ -76,7 +76,7 @@ class ThrowRecording:
     openings: tuple[Opening, ...]
     has_button: bool
     faults: tuple[Fault, ...]
-    frame_id: str = "world"
+    frame_id: str = the_world().frame_id
 
 
 def read_recording(source: str | os.PathLike, mapping: RecordingMapping | None = None) -> ThrowRecording:
@@ -304,10 +304,10 @@ def _messages(recording: ThrowRecording) -> Iterator[tuple[str, int, str, dict]]
     def header(stamp: int) -> dict:
         return header_content(stamp, recording.frame_id)
 
-    for role in ROLES:
+    for role, topic in the_world().pose_topics().items():
         stream = with_continuous_signs(recording.bodies[role])
         for stamp, p, q in zip(stream.stamp_ns.tolist(), stream.position.tolist(), stream.quaternion.tolist(), strict=True):
-            yield pose_topic(role), stamp, "geometry_msgs/msg/PoseStamped", {"header": header(stamp), "pose": pose_content(p, q)}
+            yield topic, stamp, "geometry_msgs/msg/PoseStamped", {"header": header(stamp), "pose": pose_content(p, q)}
     joints = recording.joints
     if joints is not None:
         for stamp, q, v in zip(joints.stamp_ns.tolist(), joints.position, joints.velocity, strict=True):

@@ -1,0 +1,14 @@
+"""A skill that learns from its own throws: what repeats in the misses, the delay of the hand, trials as demonstrations."""
+
+from dart_skill.skill.improve._correction import CorrectionSettings
+from dart_skill.skill.improve._curriculum import Curriculum
+from dart_skill.skill.improve._practice import PracticeSettings
+from dart_skill.skill.improve._practising import METHODS, PractisingSkill
+
+__all__ = [
+    "CorrectionSettings",
+    "Curriculum",
+    "METHODS",
+    "PracticeSettings",
+    "PractisingSkill",
+]

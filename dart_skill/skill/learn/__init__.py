@@ -1,0 +1,28 @@
+"""From demonstrations to a skill, and from a skill to the plan of a throw."""
+
+from dart_skill.skill.learn._configuration import CONFIGURATIONS, DEFAULT, SkillConfiguration, configuration
+from dart_skill.skill.learn._ellipsoids import component_ellipsoids
+from dart_skill.skill.learn._model_file import load_model, save_model
+from dart_skill.skill.learn._preparation import PreparedThrow, prepare
+from dart_skill.skill.learn._release import landing_if_late
+from dart_skill.skill.learn._task_frames import frames_for
+from dart_skill.skill.learn._throwing import LEAST_DEMONSTRATIONS, ThrowingSkill, Unreachable, learn, learn_prepared
+
+__all__ = [
+    "CONFIGURATIONS",
+    "DEFAULT",
+    "LEAST_DEMONSTRATIONS",
+    "PreparedThrow",
+    "SkillConfiguration",
+    "ThrowingSkill",
+    "Unreachable",
+    "component_ellipsoids",
+    "configuration",
+    "frames_for",
+    "landing_if_late",
+    "learn",
+    "learn_prepared",
+    "load_model",
+    "prepare",
+    "save_model",
+]

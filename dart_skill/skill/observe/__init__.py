@@ -1,0 +1,23 @@
+"""From what the sensors saw to a demonstration, and to what became of a throw."""
+
+from dart_skill.skill.observe._cutting import ARRIVAL_NS, RESET_NS, THRESHOLDS, ThrowLog, judged, watched_until
+from dart_skill.skill.observe._outcome import FreeFlight, Outcome, Release, find_flight, fit_release, judge_flight
+from dart_skill.skill.observe._throw_finder import FoundThrow, ThrowFinder, worlds
+
+__all__ = [
+    "ARRIVAL_NS",
+    "FoundThrow",
+    "FreeFlight",
+    "Outcome",
+    "RESET_NS",
+    "Release",
+    "THRESHOLDS",
+    "ThrowFinder",
+    "ThrowLog",
+    "find_flight",
+    "fit_release",
+    "judge_flight",
+    "judged",
+    "watched_until",
+    "worlds",
+]

@@ -8,7 +8,7 @@ from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 
-from dart_skill.simulation.motion_capture import Camera, MotionCaptureConfig
+from dart_skill.simulation import Camera, MotionCaptureConfig
 from dart_skill.view import Knob, NodeStatus
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.comms.coroutines import answer

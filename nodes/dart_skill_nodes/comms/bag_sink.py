@@ -9,8 +9,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from dart_skill.configuration import config_path
 from dart_skill.recording import BagWriter, definition, is_stamped, qos_yaml, type_hash, types_for
-from dart_skill.robot.description import wam_description
-from dart_skill.robot.urdf import write_urdf
+from dart_skill.robot import wam_description, write_urdf
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import WALL
 

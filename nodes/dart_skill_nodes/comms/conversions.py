@@ -14,9 +14,8 @@ from std_msgs.msg import Header
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
 from dart_skill.recording import Demonstration, demonstration_from_message, fill_demonstration_message
-from dart_skill.robot.command import ArmState, Command, Grip
-from dart_skill.robot.throw_plan import Gains, HandPath, ThrowPlan
-from dart_skill.skill.observe.outcome import Outcome, Release
+from dart_skill.robot import ArmState, Command, Gains, Grip, HandPath, ThrowPlan
+from dart_skill.skill.observe import Outcome, Release
 
 GIGA = 1_000_000_000
 NEW = {

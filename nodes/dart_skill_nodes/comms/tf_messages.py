@@ -11,9 +11,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from dart_skill.recording import serialize, types_for
-from dart_skill.robot.description import wam_description
-from dart_skill.robot.transforms import Transform, fixed_transforms, joint_transforms
-from dart_skill.robot.urdf import write_urdf
+from dart_skill.robot import Transform, fixed_transforms, joint_transforms, wam_description, write_urdf
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import LATCHED
 

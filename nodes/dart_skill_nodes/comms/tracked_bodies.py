@@ -6,7 +6,7 @@ from collections.abc import Callable
 from geometry_msgs.msg import PoseStamped
 from rclpy.serialization import deserialize_message
 
-from dart_skill.skill.observe.cutting import RESET_NS, ThrowLog
+from dart_skill.skill.observe import RESET_NS, ThrowLog
 from dart_skill_nodes.comms import conversions
 
 FRAME_NS = 10_000_000

@@ -19,7 +19,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import SetBool
 
 from dart_skill.recording import BagReader, TopicInfo, type_hash, types_for
-from dart_skill.recording.bags.playback import CLOCK_TOPIC, CLOCK_TYPE, Due, Pace, Playback, Selection
+from dart_skill.recording.bags import CLOCK_TOPIC, CLOCK_TYPE, Due, Pace, Playback, Selection
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.matching_qos import message_class
 from dart_skill_nodes.comms.qos import CLOCK

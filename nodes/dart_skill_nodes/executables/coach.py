@@ -10,9 +10,9 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.action import CancelResponse, GoalResponse
 from rclpy.node import Node
 
-from dart_skill.session.regions import Region
-from dart_skill.skill.improve.curriculum import Curriculum
-from dart_skill.skill.observe.cutting import ARRIVAL_NS
+from dart_skill.session import Region
+from dart_skill.skill.improve import Curriculum
+from dart_skill.skill.observe import ARRIVAL_NS
 from dart_skill.world import pose_topic
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.service_calls import PATIENCE, Recording, ServiceCalls

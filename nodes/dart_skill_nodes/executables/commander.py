@@ -19,9 +19,8 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
-from dart_skill.robot.command import ArmState
-from dart_skill.robot.commander import Commander, CommanderSettings, Mode, PlanRefused
-from dart_skill.skill.observe.cutting import ARRIVAL_NS
+from dart_skill.robot import ArmState, Commander, CommanderSettings, Mode, PlanRefused
+from dart_skill.skill.observe import ARRIVAL_NS
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.server_probe import ServerProbe
 from dart_skill_nodes.client.service_calls import Judge, ServiceCalls

@@ -19,8 +19,7 @@ from std_srvs.srv import Trigger
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import DEMONSTRATION_TOPIC, DEMONSTRATION_TYPE, Demonstration, demonstration_message, serialize, types_for
 from dart_skill.recording.grip_signal import OPEN, read_command
-from dart_skill.skill.observe.cutting import judged, watched_until
-from dart_skill.skill.observe.throw_finder import ThrowFinder
+from dart_skill.skill.observe import ThrowFinder, judged, watched_until
 from dart_skill.world import ROLES, pose_topic
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink

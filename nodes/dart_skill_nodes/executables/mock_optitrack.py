@@ -12,9 +12,8 @@ from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rosgraph_msgs.msg import Clock
 
 from dart_skill.configuration import node_parameters
-from dart_skill.robot.model import ArmModel
-from dart_skill.simulation.motion_capture import BasketWalls, LatencyQueue, MotionCapture
-from dart_skill.simulation.plant import PlantSettings
+from dart_skill.robot import ArmModel
+from dart_skill.simulation import BasketWalls, LatencyQueue, MotionCapture, PlantSettings
 from dart_skill.world import ROLES, pose_topic, world_parameters
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import CLOCK, FRAMES, POSES

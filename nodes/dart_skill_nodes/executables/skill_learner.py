@@ -13,12 +13,8 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from dart_skill.recording import BagError, read_demonstrations
-from dart_skill.skill.improve.practice import PracticeSettings
-from dart_skill.skill.improve.practising import PractisingSkill
-from dart_skill.skill.learn.configuration import configuration
-from dart_skill.skill.learn.ellipsoids import component_ellipsoids
-from dart_skill.skill.learn.model_file import load_model, save_model
-from dart_skill.skill.learn.throwing import Unreachable
+from dart_skill.skill.improve import PracticeSettings, PractisingSkill
+from dart_skill.skill.learn import Unreachable, component_ellipsoids, configuration, load_model, save_model
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import LATCHED
 from dart_skill_nodes.process.node_base import OK, WARN, Diagnostics, Parameter, declare, run

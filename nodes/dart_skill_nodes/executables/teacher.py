@@ -13,9 +13,9 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
 
-from dart_skill.robot.command import Command, Grip
-from dart_skill.simulation.teacher import Person, Phase, Teacher
-from dart_skill.skill.observe.cutting import ARRIVAL_NS
+from dart_skill.robot import Command, Grip
+from dart_skill.simulation import Person, Phase, Teacher
+from dart_skill.skill.observe import ARRIVAL_NS
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.service_calls import Judge, Recording, ServiceCalls
 from dart_skill_nodes.comms import conversions

@@ -17,9 +17,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
-from dart_skill.robot.description import wam_description
-from dart_skill.robot.urdf import write_urdf
-from dart_skill.simulation.plant import Plant, PlantSettings
+from dart_skill.robot import wam_description, write_urdf
+from dart_skill.simulation import Plant, PlantSettings
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import CLOCK, COMPLETE, FRAMES, LATCHED, LOOP, WALL
 from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Parameter, declare, run

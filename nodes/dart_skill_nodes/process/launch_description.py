@@ -9,8 +9,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from dart_skill.configuration import config_path
-from dart_skill.robot.description import wam_description
-from dart_skill.robot.urdf import write_urdf
+from dart_skill.robot import wam_description, write_urdf
 from dart_skill_nodes.process.graph_processes import LAYOUTS, parameters_of
 from launch import LaunchDescription
 

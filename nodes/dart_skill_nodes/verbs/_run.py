@@ -15,7 +15,7 @@ from dart_skill_nodes.process.discovery import choose_domain, stay_on_this_machi
 if TYPE_CHECKING:
     import numpy as np
 
-    from dart_skill.session.summary import ThrowResult
+    from dart_skill.session import ThrowResult
     from dart_skill_nodes.client.graph_client import GraphClient
 
 PATIENCE = 10.0
@@ -46,7 +46,7 @@ def baskets(options: argparse.Namespace, stream: int) -> "np.ndarray":
     """Centres of rims (n, 3) that the options name, or over the region; stream: of random numbers. ValueError for a wrong number."""
     import numpy as np
 
-    from dart_skill.session.regions import REGION
+    from dart_skill.session import REGION
 
     if options.at is not None:
         return np.array([options.at])
@@ -59,7 +59,7 @@ def teach(client: "GraphClient", seed: int, wanted: int) -> int:
     """Lessons until `wanted` throws were demonstrated, at new baskets for those that failed; how many throws it took."""
     import numpy as np
 
-    from dart_skill.session.regions import REGION, targets_for
+    from dart_skill.session import REGION, targets_for
 
     shown = attempts = 0
     targets = targets_for(seed, wanted, 0)[0]
@@ -78,7 +78,7 @@ def teach(client: "GraphClient", seed: int, wanted: int) -> int:
 
 def throw_all(client: "GraphClient", targets: Sequence["np.ndarray"]) -> list["ThrowResult"]:
     """One throw at each basket."""
-    from dart_skill.session.summary import ThrowResult
+    from dart_skill.session import ThrowResult
     from dart_skill_nodes.comms import conversions
 
     results = []

@@ -11,8 +11,8 @@ from dart_skill_nodes.verbs._options import add_run, asked, check_run
 from dart_skill_nodes.verbs._run import carried_out, parameter_texts, say, teach, throw_all
 
 if TYPE_CHECKING:
-    from dart_skill.report.folder import DemoSummary
-    from dart_skill.report.run import About
+    from dart_skill.report import About
+    from dart_skill.session import DemoSummary
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,8 +25,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Run the demo; returns the exit status."""
-    from dart_skill.report import PAGE
-    from dart_skill.report.folder import table, write_report
+    from dart_skill.report import PAGE, write_report
+    from dart_skill.session import table
 
     check_run(parser, options)
     summary = carried_out(run, options, "the demo")
@@ -47,9 +47,8 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
 
 def run(options: argparse.Namespace) -> "DemoSummary":
     """The whole job on a graph of its own."""
-    from dart_skill.report.folder import DemoSummary
-    from dart_skill.session.regions import targets_for
-    from dart_skill.simulation.plant import PlantSettings
+    from dart_skill.session import DemoSummary, targets_for
+    from dart_skill.simulation import PlantSettings
     from dart_skill_nodes.client.graph_client import GraphClient
 
     bag = options.output / "bag"
@@ -86,7 +85,7 @@ def run(options: argparse.Namespace) -> "DemoSummary":
 
 
 def _about(options: argparse.Namespace, parser: argparse.ArgumentParser, summary: "DemoSummary") -> "About":
-    from dart_skill.report.run import About
+    from dart_skill.report import About
 
     facts = {
         "Seed": str(options.seed),

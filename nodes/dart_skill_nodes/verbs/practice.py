@@ -64,7 +64,7 @@ def _report(feedback, before: int, messages: dict[int, str]) -> None:
 
 def run(options: argparse.Namespace) -> dict:
     """The whole job on a graph of its own."""
-    from dart_skill.simulation.changes import CHANGES as VALUES
+    from dart_skill.simulation import CHANGES as VALUES
     from dart_skill_nodes.client.graph_client import GraphClient
 
     extra = {"skill_learner": {"practice_method": options.method}} if options.method else {}
@@ -127,9 +127,8 @@ def table(summary: dict) -> str:
 
 def write_report(summary: dict, options: argparse.Namespace, asked_for: list[tuple]) -> None:
     """summary.json, and the page beside it."""
-    from dart_skill.report import PAGE, write_page
-    from dart_skill.report.run import About
-    from dart_skill.session.summary import ThrowResult
+    from dart_skill.report import PAGE, About, write_page
+    from dart_skill.session import ThrowResult
 
     (options.output / "summary.json").write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     changed = options.change != "none"

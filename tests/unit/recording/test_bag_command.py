@@ -17,7 +17,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 
 from dart_skill.cli import main
 from dart_skill.recording import BagReader, BagWriter, definition, qos_yaml, serialize, type_hash, typestore
-from dart_skill.recording.bags.check import check_bag
+from dart_skill.recording.bags import check_bag
 from dart_skill.recording.imports.mapping import parse_mapping
 
 POSE, TEXT = "geometry_msgs/msg/PoseStamped", "std_msgs/msg/String"

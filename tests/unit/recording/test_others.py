@@ -20,10 +20,8 @@ from rosbags.interfaces import Nodetype, Qos, QosDurability, QosHistory, QosLive
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 
 from dart_skill.recording import BagReader, BagWriter, definition, deserialize, qos_yaml, serialize, type_hash, typestore
-from dart_skill.recording.bags.playback import Playback, Selection
-from dart_skill.robot.description import wam_description
-from dart_skill.robot.transforms import fixed_transforms, joint_transforms
-from dart_skill.robot.urdf import write_urdf
+from dart_skill.recording.bags import Playback, Selection
+from dart_skill.robot import fixed_transforms, joint_transforms, wam_description, write_urdf
 
 POSE, TEXT, STATE, TF = "geometry_msgs/msg/PoseStamped", "std_msgs/msg/String", "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage"
 TYPES = typestore()

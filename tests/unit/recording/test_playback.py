@@ -5,7 +5,7 @@ import math
 import pytest
 
 from dart_skill.recording import BagReader, BagWriter, definition, deserialize, serialize, types_for
-from dart_skill.recording.bags.playback import CLOCK_TYPE, Pace, Playback, Selection, clock_message
+from dart_skill.recording.bags import CLOCK_TYPE, Pace, Playback, Selection, clock_message
 
 TEXT = "std_msgs/msg/String"
 SECOND = 1_000_000_000

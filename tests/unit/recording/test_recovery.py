@@ -12,9 +12,8 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from dart_skill.recording import BagError, BagReader, BagWriter, definition, qos_yaml, serialize, type_hash, typestore
+from dart_skill.recording.bags import check_bag, recover
 from dart_skill.recording.bags._files import part_number
-from dart_skill.recording.bags.check import check_bag
-from dart_skill.recording.bags.recovery import recover
 
 POINT, TEXT = "geometry_msgs/msg/PointStamped", "std_msgs/msg/String"
 START_NS, STEP_NS = 10**18, 10_000_000

@@ -8,9 +8,9 @@ import pytest
 from rosbags.rosbag2 import Reader
 
 from dart_skill.recording import BagReader, read_demonstrations
-from dart_skill.recording.bags.check import check_bag
+from dart_skill.recording.bags import check_bag
 from dart_skill.recording.imports.throw_recording import read_recording
-from dart_skill.session.from_bag import find_throws, learn_from_bag
+from dart_skill.session import find_throws, learn_from_bag
 from tests.unit.recorded_session import same
 
 BAGS = Path(__file__).parents[3] / "bags"

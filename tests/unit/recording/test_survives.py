@@ -15,10 +15,8 @@ import pytest
 from mcap.reader import make_reader
 
 from dart_skill.recording import BagError, BagReader
-from dart_skill.recording.bags import BagWriteError, BagWriter
+from dart_skill.recording.bags import BagWriteError, BagWriter, check_bag, recover
 from dart_skill.recording.bags import writer as bag_writer
-from dart_skill.recording.bags.check import check_bag
-from dart_skill.recording.bags.recovery import recover
 
 N_KILLS, SECOND_NS, STEP_NS, MOST_MESSAGES = 50, 1_000_000_000, 2_000_000, 6000
 DEFINITION = "float64 x\nfloat64 y\nfloat64 z\n"
@@ -183,7 +181,7 @@ def test_a_full_disk_leaves_a_bag_with_all_but_the_last_chunk(tmp_path):
     saved = Path("/dev/shm") / f"{os.getpid()}_saved"
     script = f'mount -t tmpfs -o size=300k none {tmp_path} && exec {sys.executable} -c "$0" {tmp_path}/bag {saved}'
     code = CHILD.format(folder=str(Path(__file__).parents[3]), code=errno.ENOSPC).replace("400_000", "40_000_000")
-    code += "import shutil\nfrom dart_skill.recording.bags.recovery import recover\n"
+    code += "import shutil\nfrom dart_skill.recording.bags import recover\n"
     code += "print(recover(bag.path, sys.argv[2]).messages['/a'])\nshutil.rmtree(sys.argv[2])\n"
     done = subprocess.run(["unshare", "-rm", "sh", "-c", script, code], capture_output=True, text=True, timeout=100)
     if done.returncode and ("unshare" in done.stderr or "mount" in done.stderr):

@@ -1,0 +1,171 @@
+"""Figure `execution`: one throw from the side. Where the attractor went, where the hand was expected and where the cameras saw it.
+
+All of it in the vertical plane through the base axis and the basket; the tracking error has all three dimensions.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from dart_skill.figures._recordings import Recording
+from dart_skill.figures._style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    LIGHT,
+    PURPLE,
+    SKY,
+    VERMILION,
+    basket_from_the_side,
+    house_style,
+    save,
+    unit_along,
+)
+from dart_skill.robot import ThrowPlan, wam_description
+from dart_skill.simulation import Basket
+
+SAME_BASKET = 0.02
+"""A recording belongs to a plan if its basket stood this near to the plan's target [m]."""
+FLIGHT_WATCHED = 1.0
+"""The ball is drawn so long after its release [s]."""
+FOLLOWED = 0.05
+"""The tracking error is drawn so long after the release [s]: from then on nothing depends on it."""
+
+
+@dataclass(frozen=True, eq=False)
+class ExecutedThrow:
+    """A plan and what the cameras saw of it, on the clock of the plan's path [s], frame world [m].
+
+    hand_time (n,), hand_position (n, 3): hand frame; ball_time (m,), ball_position (m, 3): the ball from its release on.
+    """
+
+    plan: ThrowPlan
+    hand_time: np.ndarray
+    hand_position: np.ndarray
+    ball_time: np.ndarray
+    ball_position: np.ndarray
+
+    def __post_init__(self):
+        for name, least in (("hand", 2), ("ball", 0)):
+            time, position = getattr(self, f"{name}_time"), getattr(self, f"{name}_position")
+            if len(time) < least or np.shape(position) != (len(time), 3):
+                raise ValueError(f"{name}: need time (n,) and position (n, 3), n >= {least}, got {np.shape(time)}, {np.shape(position)}")
+
+    @property
+    def tracking_error(self) -> np.ndarray:
+        """(n, 2): along the planned motion, positive ahead of the plan, and distance beside it [m]."""
+        path = self.plan.path
+        expected = _interpolated(self.hand_time, path.time, path.position)
+        velocity = _interpolated(self.hand_time, path.time, path.velocity[:, :3])
+        direction = velocity / np.maximum(np.linalg.norm(velocity, axis=1, keepdims=True), 1e-9)
+        error = self.hand_position - expected
+        along = np.einsum("ij,ij->i", error, direction)
+        return np.column_stack([along, np.linalg.norm(error - along[:, None] * direction, axis=1)])
+
+
+def executed_throw(recordings: Sequence[Recording], plan: ThrowPlan) -> ExecutedThrow:
+    """The last recording in which the arm threw at the plan's target; ValueError if there is none."""
+    found = [one for one in recordings if one.opened_ns is not None and _distance(one.basket, plan.target) < SAME_BASKET]
+    if not found:
+        place = plan.target.round(3).tolist()
+        raise ValueError(f"no recording of a throw at a basket at {place}: is /wam/command in the bag, and did it open the hand?")
+    recording, path = found[-1], plan.path
+    start_ns = _path_start(recording, plan)
+    hand_time, ball_time = ((stamps - start_ns) * 1e-9 for stamps in (recording.hand_stamps, recording.ball_stamps))
+    hand = (hand_time >= 0.0) & (hand_time <= path.duration)
+    ball = (ball_time >= plan.release) & (ball_time <= plan.release + FLIGHT_WATCHED)
+    return ExecutedThrow(plan, hand_time[hand], recording.hand_position[hand], ball_time[ball], recording.ball_position[ball])
+
+
+def draw_execution(throw: ExecutedThrow, folder: str | Path, basket: Basket | None = None) -> list[Path]:
+    """Write the figure; returns the paths. basket: its size, the one of the simulator by default."""
+    with house_style():
+        return save(execution_figure(throw, basket), folder, "execution")
+
+
+def execution_figure(throw: ExecutedThrow, basket: Basket | None = None) -> Figure:
+    """The figure itself, as `draw_execution` writes it."""
+    with house_style():
+        figure = Figure(figsize=(10.5, 4.6), layout="constrained")
+        side, error = figure.subplots(1, 2, width_ratios=[1.55, 1.0])
+        _draw_side(side, throw, basket or Basket())
+        _draw_error(error, throw)
+        entries = [sum(parts, []) for parts in zip(*(axes.get_legend_handles_labels() for axes in (side, error)), strict=True)]
+        figure.legend(*entries, loc="outside lower center", ncols=5)
+        return figure
+
+
+def _path_start(recording: Recording, plan: ThrowPlan) -> int:
+    """Stamp at which the plan's clock was 0: the hand is told to open with the first command that is due, so it is on their grid."""
+    latest = recording.opened_ns - round(plan.open_hand * 1e9) + 1
+    index = int(np.searchsorted(recording.command_stamps, latest, side="right")) - 1
+    return int(recording.command_stamps[max(index, 0)])
+
+
+def _draw_side(axes: Axes, throw: ExecutedThrow, basket: Basket) -> None:
+    plan = throw.plan
+    azimuth = float(np.arctan2(plan.target[1], plan.target[0]))
+    forward = unit_along(azimuth)
+
+    def seen(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return points[:, :2] @ forward, points[:, 2]
+
+    _draw_arm(axes)
+    basket_from_the_side(axes, float(plan.target[:2] @ forward), float(plan.target[2]), basket.radius, basket.depth)
+    axes.plot(*seen(plan.attractor_position), color=SKY, linestyle="--", linewidth=1.3, label="attractor", gid="attractor")
+    axes.plot(*seen(plan.path.position), color=BLACK, linewidth=3.2, alpha=0.3, label="hand, planned", gid="planned")
+    axes.plot(*seen(throw.hand_position), color=BLUE, linewidth=1.2, label="hand, seen", gid="hand")
+    if len(throw.ball_time):
+        axes.plot(*seen(throw.ball_position), ".", color=GREEN, markersize=3.5, label="ball, seen", gid="ball")
+    release = _interpolated(np.array([plan.release]), plan.path.time, plan.path.position)
+    axes.plot(*seen(release), "D", color=VERMILION, markeredgecolor=BLACK, markersize=5.5, label="release, planned", gid="release")
+    cross = {"color": PURPLE, "markersize": 8, "markeredgewidth": 2, "linestyle": "none"}
+    axes.plot(*seen(plan.predicted_landing[None]), "x", label="landing, planned", gid="predicted_landing", **cross)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("forward, in the plane of the throw [m]")
+    axes.set_ylabel("height [m]")
+    distance = np.hypot(plan.target[0], plan.target[1])
+    axes.set_title(f"Throw at a basket at {distance:.2f} m, {np.degrees(azimuth):+.0f}°")
+
+
+def _draw_arm(axes: Axes) -> None:
+    """The floor, the stand with the base axis, and the shoulder."""
+    description = wam_description()
+    shoulder = description.mount_height + description.shoulder_height
+    axes.axhline(0.0, color=LIGHT, linewidth=1.0, zorder=0)
+    axes.plot([0.0, 0.0], [0.0, shoulder], color=LIGHT, linewidth=4.0, solid_capstyle="butt", zorder=0, gid="arm")
+    axes.plot(0.0, shoulder, "o", color=GREY, markersize=6, zorder=0)
+    axes.annotate("shoulder", (0.0, shoulder), xytext=(8, -3), textcoords="offset points", color=GREY)
+
+
+def _draw_error(axes: Axes, throw: ExecutedThrow) -> None:
+    time = throw.hand_time - throw.plan.release
+    drawn = time <= FOLLOWED
+    along, beside = 1e3 * throw.tracking_error[drawn].T
+    time, total = time[drawn], np.hypot(along, beside)
+    axes.axhline(0.0, color=LIGHT, linewidth=0.8, zorder=0)
+    axes.axvline(0.0, color=VERMILION, linewidth=1.0, zorder=0)
+    axes.plot(time, total, color=BLACK, linewidth=1.8, label="error, total", gid="error_total")
+    axes.plot(time, along, color=BLUE, linewidth=1.2, label="along the motion, + ahead", gid="error_along")
+    axes.plot(time, beside, color=GREEN, linewidth=1.2, linestyle="--", label="beside it", gid="error_beside")
+    axes.margins(y=0.12)
+    axes.annotate("release", (0.0, 1.0), xycoords=("data", "axes fraction"), xytext=(-4, -10), textcoords="offset points",
+                  color=VERMILION, ha="right")  # fmt: skip
+    largest = total[time <= 0.0].max(initial=0.0)
+    axes.set_title(f"Tracking error of the hand: {np.interp(0.0, time, total):.1f} mm at the\nrelease, at most {largest:.1f} mm before it")
+    axes.set_xlabel("time since the planned release [s]")
+    axes.set_ylabel("hand seen minus planned [mm]")
+
+
+def _interpolated(at: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    return np.column_stack([np.interp(at, time, column) for column in values.T])
+
+
+def _distance(first: np.ndarray, second: np.ndarray) -> float:
+    distance = float(np.linalg.norm(first - second))
+    return distance if np.isfinite(distance) else float("inf")

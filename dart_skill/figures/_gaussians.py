@@ -1,0 +1,182 @@
+"""Figure `gaussians`: what was learned. Attractors of the demonstrations (7.20) and the mixture's components (7.21) in two frames.
+
+Two task frames: each shows its own Gaussians. One task frame, at the base and turned to the target: the other view is that of the
+target. Where the distance of the target is an input, a component is a joint Gaussian of distance and position, and what the target
+sees of it is exact, for rims of one height: position minus distance is linear in both. Otherwise the components are those for the
+median task.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from dart_skill.figures._style import BLACK, GREY, VERMILION, gaussian_ellipse, house_style, quantity_colours, save
+from dart_skill.movement import TaskFrame, azimuth_target_frame
+from dart_skill.skill.learn import PreparedThrow, ThrowingSkill, frames_for
+
+DEVIATIONS = 2.0
+NAMES = {
+    "thesis": ("base frame, axes of the world (8.2)", "target frame, first axis to the target (8.2), target at 0"),
+    "start": ("frame at the start of the hand, axes of the world (8.3)", "target frame, first axis to the target (8.2), target at 0"),
+    "azimuth": ("base frame, turned to the target", "the same, seen from the target (target at 0)"),
+    "azimuth_target": ("base frame, turned to the target", "target frame, turned likewise (target at 0)"),
+}
+WORLD_AXES, TURNED_AXES, POINTING_AXES = ("x", "y", "z"), ("forward", "left", "up"), ("towards the target", "left", "upwards across")
+AXES = {"thesis": (WORLD_AXES, POINTING_AXES), "start": (WORLD_AXES, POINTING_AXES)}
+PLANES = ((0, 2), (0, 1))
+"""Pairs of axes that are drawn: from the side and from above."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrameView:
+    """Attractors and components as one frame sees them [m].
+
+    axes: names of its three axes; attractors: (n_i, 3) per demonstration; releases (n, 3): attractor when the ball leaves the hand;
+    means (K, 3) and covariances (K, 3, 3) of position, times (K,) of the components [s].
+    """
+
+    name: str
+    axes: tuple[str, str, str]
+    attractors: tuple[np.ndarray, ...]
+    releases: np.ndarray
+    means: np.ndarray
+    covariances: np.ndarray
+    times: np.ndarray
+
+    def __post_init__(self):
+        k, n = len(self.times), len(self.attractors)
+        shapes = {"means": (k, 3), "covariances": (k, 3, 3), "releases": (n, 3)}
+        for field, shape in shapes.items():
+            if np.shape(getattr(self, field)) != shape:
+                raise ValueError(f"view '{self.name}': {field} has shape {np.shape(getattr(self, field))}; it must be {shape}")
+        if not k or not n:
+            raise ValueError(f"view '{self.name}' has {n} demonstrations and {k} components; it needs at least one of each")
+
+
+def frame_views(skill: ThrowingSkill) -> tuple[FrameView, FrameView]:
+    """The skill's demonstrations and components in two frames."""
+    task = median_task(skill)
+    model = skill.model_for(task).mixture_
+    names, axes = NAMES[skill.configuration.frames], AXES.get(skill.configuration.frames, (TURNED_AXES, TURNED_AXES))
+    if model.n_frames == 2:
+        gaussians = [(model.means_[frame], model.covariances_[frame]) for frame in range(2)]
+    else:
+        own = (model.means_[0], model.covariances_[0])
+        gaussians = [own, _from_the_target(*own, task, skill.configuration.distance_input)]
+    return tuple(_view(skill, frame, names[frame], axes[frame], *gaussians[frame]) for frame in range(2))
+
+
+def median_task(skill: ThrowingSkill) -> np.ndarray:
+    """The demonstrated task (3,) of median distance."""
+    throws = sorted(skill.throws, key=lambda throw: throw.distance)
+    return throws[len(throws) // 2].task
+
+
+def draw_gaussians(skill: ThrowingSkill, folder: str | Path) -> list[Path]:
+    """Write the figure; returns the paths."""
+    with house_style():
+        return save(gaussians_figure(skill), folder, "gaussians")
+
+
+def gaussians_figure(skill: ThrowingSkill) -> Figure:
+    """The figure itself, as `draw_gaussians` writes it."""
+    views = frame_views(skill)
+    times = np.concatenate([view.times for view in views])
+    shades = ScalarMappable(Normalize(times.min() - 1e-6, times.max() + 1e-6), quantity_colours())
+    with house_style():
+        ratios = _height_ratios(views)
+        figure = Figure(figsize=(10.5, 1.6 + 4.7 * sum(ratios)), layout="constrained")
+        grid = figure.subplots(2, 2, height_ratios=ratios)
+        for number, (column, view) in enumerate(zip(grid.T, views, strict=True), start=1):
+            for axes, plane, side in zip(column, PLANES, ("side", "above"), strict=True):
+                _draw_view(axes, view, plane, shades, f"frame{number}_{side}")
+            column[0].set_title(view.name)
+        instant = "release" if skill.configuration.alignment == "release" else "start of the motion"
+        figure.colorbar(shades, ax=grid, label=f"time of the component since the {instant} [s]", aspect=40, pad=0.02)
+        handles, labels = grid[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+        figure.suptitle(_headline(skill), x=0.01, ha="left")
+        return figure
+
+
+def _from_the_target(means, covariances, task: np.ndarray, distance_input: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Gaussians (K, m), (K, m, m) of the frame at the base as the target, straight ahead, sees them."""
+    matrix, offset = np.eye(means.shape[1]), np.zeros(means.shape[1])
+    first = _first_position(distance_input)
+    offset[first + 2] = -task[2]
+    if distance_input:
+        matrix[first, first - 1] = -1.0
+    else:
+        offset[first] = -np.hypot(task[0], task[1])
+    return means @ matrix.T + offset, matrix @ covariances @ matrix.T
+
+
+def _view(skill: ThrowingSkill, frame: int, name: str, axes: tuple[str, str, str], means, covariances) -> FrameView:
+    first = _first_position(skill.configuration.distance_input)
+    xyz = slice(first, first + 3)
+    start = np.median([throw.start for throw in skill.throws]) - 0.05
+    stop = np.median([throw.stop for throw in skill.throws]) + 0.05
+    attractors, releases = [], []
+    for throw in skill.throws:
+        A, b = _position_frame(skill, throw, frame)
+        seen = np.linalg.solve(A, (throw.attractor[:, :3] - b).T).T
+        attractors.append(seen[(throw.time >= start) & (throw.time <= stop)])
+        releases.append([np.interp(throw.release_time, throw.time, column) for column in seen.T])
+    return FrameView(name, axes, tuple(attractors), np.array(releases), means[:, xyz], covariances[:, xyz, xyz], means[:, 0])
+
+
+def _position_frame(skill: ThrowingSkill, throw: PreparedThrow, frame: int) -> tuple[np.ndarray, np.ndarray]:
+    """Axes (3, 3) and origin (3,) of a demonstration's frame."""
+    frames: list[TaskFrame] = frames_for(throw.task, throw.motion[0, :3], skill.configuration)
+    if frame < len(frames):
+        first = _first_position(skill.configuration.distance_input)
+    else:
+        frames, first = [*frames, azimuth_target_frame(throw.task, n_angles=0)], 1
+    xyz = slice(first, first + 3)
+    return frames[frame].A[xyz, xyz], frames[frame].b[xyz]
+
+
+def _first_position(distance_input: bool) -> int:
+    """Column of x among the features t, [distance,] x, y, z, alpha, beta."""
+    return 2 if distance_input else 1
+
+
+def _headline(skill: ThrowingSkill) -> str:
+    c, n = skill.configuration, len(skill.throws)
+    distance = f"a target at {np.hypot(*median_task(skill)[:2]):.2f} m"
+    which = ""
+    if c.nearest or c.width:
+        which = f", {f'the {c.nearest} nearest' if c.nearest else f'weights of width {c.width:g} m'} for {distance}"
+    elif c.frames == "azimuth" and not c.distance_input:
+        which = f"; right: components for {distance}"
+    return f"Configuration '{c.name}': {c.components} components as {DEVIATIONS:g}-sigma ellipses, n = {n} demonstrations{which}"
+
+
+def _height_ratios(views: tuple[FrameView, FrameView]) -> list[float]:
+    """Height over width of the rows, as the attractors need it."""
+    spans = [np.ptp(np.concatenate(view.attractors), axis=0) for view in views]
+    return [float(np.clip(max(span[up] / span[across] for span in spans), 0.4, 1.0)) for across, up in PLANES]
+
+
+def _draw_view(axes: Axes, view: FrameView, plane: tuple[int, int], shades: ScalarMappable, gid: str) -> None:
+    across, up = plane
+    for number, path in enumerate(view.attractors, start=1):
+        label = "attractor of a demonstration" if number == 1 else None
+        axes.plot(path[:, across], path[:, up], color=GREY, linewidth=0.7, gid=f"{gid}_attractor_{number}", label=label, zorder=2)
+    for number, (mean, covariance, time) in enumerate(zip(view.means, view.covariances, view.times, strict=True), start=1):
+        colour = shades.to_rgba(time)
+        look = {"facecolor": (*colour[:3], 0.15), "edgecolor": colour, "linewidth": 1.2, "zorder": 2.5, "gid": f"{gid}_component_{number}"}
+        axes.add_patch(gaussian_ellipse(mean[list(plane)], covariance[np.ix_(plane, plane)], DEVIATIONS, **look))
+    dots = {"linestyle": "none", "markersize": 4, "markeredgewidth": 0.6, "markeredgecolor": BLACK}
+    axes.plot(*view.means[:, plane].T, "o", color="white", label="mean of a component", gid=f"{gid}_means", zorder=3, **dots)
+    axes.plot(*view.releases[:, plane].T, "D", color=VERMILION, label="release", gid=f"{gid}_releases", zorder=3, **dots)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.xaxis.set_major_locator(MaxNLocator(6))
+    axes.set_xlabel(f"{view.axes[across]} [m]")
+    axes.set_ylabel(f"{view.axes[up]} [m]")

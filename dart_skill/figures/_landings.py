@@ -1,0 +1,90 @@
+"""Figure `landings`: where the balls came down on the plane of the rim, on the floor plan and relative to their baskets."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from dart_skill.figures._style import BLACK, BLUE, GREY, LIGHT, PALE, SKY, VERMILION, basket_from_above, house_style, save, unit_along
+from dart_skill.session import ThrowResult, footer
+from dart_skill.world import the_world
+
+RIM_RADIUS = the_world().basket_radius
+HALO = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8}
+
+
+def draw_landings(
+    throws: Sequence[ThrowResult], demonstrated: np.ndarray, folder: str | Path, rim_radius: float = RIM_RADIUS
+) -> list[Path]:
+    """Write the figure; returns the paths. demonstrated (n, >= 2): baskets of the demonstrations [m]."""
+    with house_style():
+        return save(landings_figure(throws, demonstrated, rim_radius), folder, "landings")
+
+
+def landings_figure(throws: Sequence[ThrowResult], demonstrated: np.ndarray, rim_radius: float = RIM_RADIUS) -> Figure:
+    """The figure itself, as `draw_landings` writes it."""
+    demonstrated = np.asarray(demonstrated, dtype=float)
+    demonstrated = demonstrated.reshape(-1, 3) if demonstrated.size == 0 else demonstrated
+    if demonstrated.ndim != 2 or demonstrated.shape[1] < 2 or not np.isfinite(demonstrated).all():
+        raise ValueError(f"demonstrated baskets have shape {demonstrated.shape} or are not finite; they must be (n, 3) metres")
+    if not throws and not len(demonstrated):
+        raise ValueError("no throws and no demonstrated baskets: there is nothing to draw")
+    with house_style():
+        figure = Figure(figsize=(10.5, 5.4), layout="constrained")
+        plan, misses = figure.subplots(1, 2)
+        _draw_plan(plan, throws, demonstrated, rim_radius)
+        _draw_misses(misses, throws, 100.0 * rim_radius)
+        handles, labels = plan.get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+        return figure
+
+
+def along_across(throw: ThrowResult) -> np.ndarray:
+    """Landing relative to the centre of the rim (2,) [m]: along the throw, + too far, and across it, + to the left."""
+    forward = unit_along(throw.azimuth)
+    miss = np.array(throw.landing[:2]) - throw.target[:2]
+    return np.array([miss @ forward, miss @ [-forward[1], forward[0]]])
+
+
+def _draw_plan(axes: Axes, throws: Sequence[ThrowResult], demonstrated: np.ndarray, radius: float) -> None:
+    axes.plot(0.0, 0.0, "s", color=BLACK, markersize=8, label="arm", gid="arm")
+    for number, centre in enumerate(demonstrated, start=1):
+        look = {"facecolor": "none", "edgecolor": GREY, "linestyle": "--", "label": "basket, demonstrated" if number == 1 else None}
+        basket_from_above(axes, centre, radius, gid=f"demonstrated_{number}", **look)
+    for number, throw in enumerate(throws, start=1):
+        look = {"facecolor": SKY, "edgecolor": BLUE, "alpha": 0.5, "label": "basket, thrown at" if number == 1 else None}
+        basket_from_above(axes, throw.target, radius, gid=f"thrown_{number}", **look)
+        beyond = throw.target[:2] + (radius + 0.08) * unit_along(throw.azimuth)
+        axes.text(*beyond, str(number), ha="center", va="center", bbox=HALO, zorder=4)
+    seen = [throw for throw in throws if throw.seen]
+    _draw_points(axes, seen, np.array([throw.landing[:2] for throw in seen]).reshape(-1, 2), "plan")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.autoscale_view()
+    axes.set_xlabel("x, front of the arm [m]")
+    axes.set_ylabel("y [m]")
+    axes.set_title(f"Floor plan: {len(demonstrated)} demonstrated baskets, {len(throws)} thrown at")
+
+
+def _draw_misses(axes: Axes, throws: Sequence[ThrowResult], radius_cm: float) -> None:
+    seen = [throw for throw in throws if throw.seen]
+    places = 100.0 * np.array([along_across(throw) for throw in seen]).reshape(-1, 2)[:, ::-1] * [-1.0, 1.0]
+    basket_from_above(axes, np.zeros(2), radius_cm, gid="rim", facecolor=PALE, edgecolor=BLUE, linewidth=1.5)
+    axes.axhline(0.0, color=LIGHT, linewidth=0.8)
+    axes.axvline(0.0, color=LIGHT, linewidth=0.8)
+    _draw_points(axes, seen, places, "relative")
+    limit = 1.12 * max(radius_cm, np.abs(places).max(initial=0.0))
+    axes.set(xlim=(-limit, limit), ylim=(-limit, limit), aspect="equal")
+    axes.set_xlabel("across the throw, + to the right [cm]")
+    axes.set_ylabel("along the throw, + too far [cm]")
+    axes.set_title(f"Landings relative to the centre of the rim, radius {radius_cm:g} cm\n{footer(throws)}")
+
+
+def _draw_points(axes: Axes, throws: Sequence[ThrowResult], places: np.ndarray, gid: str) -> None:
+    """Landings at places (n, 2), by what became of the ball."""
+    inside = np.array([throw.in_basket for throw in throws], dtype=bool)
+    look = {"linestyle": "none", "zorder": 3}
+    ring = {"color": BLACK, "markerfacecolor": "white", "markersize": 4.0}
+    axes.plot(*places[inside].T, "o", label="landing, in", gid=f"{gid}_in", **ring, **look)
+    axes.plot(*places[~inside].T, "X", color=VERMILION, markersize=6.5, label="landing, out", gid=f"{gid}_out", **look)

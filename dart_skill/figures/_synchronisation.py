@@ -1,0 +1,136 @@
+"""Figure `synchronisation`: speed of the hand in all demonstrations before and after synchronisation, as thesis figure 8.11.
+
+Left, the recordings as they are, each on the clock since its first pose: the teacher turns the arm, pauses, throws. Right, the motion
+between the velocity thresholds (8.4.3), all demonstrations aligned on the release of the ball.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+from dart_skill.figures._recordings import Recording
+from dart_skill.figures._style import BLACK, GREY, VERMILION, house_style, quantity_colours, save
+from dart_skill.movement import VelocityThreshold, speed
+from dart_skill.recording import Demonstration
+from dart_skill.robot import wam_description
+from dart_skill.skill.observe import THRESHOLDS, fit_release
+
+EVENTS = {"motion_start": ("o", "motion starts"), "release": ("D", "release"), "motion_stop": ("s", "motion stops")}
+
+
+@dataclass(frozen=True, eq=False)
+class DemonstratedMotion:
+    """Speed of the hand in the recording of one demonstration.
+
+    time (n,) [s] since the recording's first pose, speed (n,) [m/s]; motion_start, release and motion_stop on that clock; first,
+    last: times between which the demonstration was cut out; distance of the basket from the base axis [m].
+    """
+
+    name: str
+    distance: float
+    time: np.ndarray
+    speed: np.ndarray
+    first: float
+    last: float
+    motion_start: float
+    release: float
+    motion_stop: float
+
+    def __post_init__(self):
+        if np.shape(self.time) != np.shape(self.speed) or len(self.time) < 2:
+            raise ValueError(f"{self.name}: time {np.shape(self.time)} and speed {np.shape(self.speed)} must both be (n,), n >= 2")
+
+
+def demonstrated_motions(
+    recordings: Sequence[Recording], demonstrations: Sequence[Demonstration], thresholds: VelocityThreshold = THRESHOLDS
+) -> list[DemonstratedMotion]:
+    """The motion of each demonstration in the recording that it was cut from; ValueError names one that no recording holds."""
+    return [_motion(_recording_of(recordings, demonstration), demonstration, thresholds) for demonstration in demonstrations]
+
+
+def draw_synchronisation(
+    motions: Sequence[DemonstratedMotion], folder: str | Path, thresholds: VelocityThreshold = THRESHOLDS, name: str = "synchronisation"
+) -> list[Path]:
+    """Write the figure under a name; returns the paths."""
+    with house_style():
+        return save(synchronisation_figure(motions, thresholds), folder, name)
+
+
+def synchronisation_figure(motions: Sequence[DemonstratedMotion], thresholds: VelocityThreshold = THRESHOLDS) -> Figure:
+    """The figure itself, as `draw_synchronisation` writes it."""
+    if not motions:
+        raise ValueError("no demonstrations: the figure of the synchronisation needs at least one")
+    distances = [motion.distance for motion in motions]
+    shades = ScalarMappable(Normalize(min(distances) - 1e-6, max(distances) + 1e-6), quantity_colours())
+    with house_style():
+        figure = Figure(figsize=(10.5, 4.4), layout="constrained")
+        before, after = figure.subplots(1, 2, sharey=True)
+        for number, motion in enumerate(motions, start=1):
+            colour = shades.to_rgba(motion.distance)
+            kept = (motion.time >= motion.first) & (motion.time <= motion.last)
+            _curve(before, motion, np.ones(len(kept), dtype=bool), 0.0, f"before_{number}", colour)
+            _curve(after, motion, kept, motion.release, f"after_{number}", colour)
+        _describe(before, motions, thresholds, False)
+        _describe(after, motions, thresholds, True)
+        before.set_ylabel("speed of the hand [m/s]")
+        figure.colorbar(shades, ax=after, label="distance of the basket [m]", pad=0.02)
+        handles, labels = before.get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+        return figure
+
+
+def _recording_of(recordings: Sequence[Recording], demonstration: Demonstration) -> Recording:
+    for recording in recordings:
+        if recording.start_ns <= demonstration.stamp_ns <= recording.stop_ns:
+            return recording
+    raise ValueError(f"demonstration {demonstration.id} starts at {demonstration.stamp_ns} ns, where the bag holds no poses of the hand")
+
+
+def _motion(recording: Recording, demonstration: Demonstration, thresholds: VelocityThreshold) -> DemonstratedMotion:
+    d = demonstration
+    time = (recording.hand_stamps - recording.start_ns) * 1e-9
+    origin = (d.stamp_ns - recording.start_ns) * 1e-9
+    ball_centre = wam_description().hand.ball_centre
+    release = fit_release(d.ball_time, d.ball_position, d.hand_time, d.hand_position, d.hand_quaternion, ball_centre)
+    return DemonstratedMotion(
+        name=d.id,
+        distance=float(np.hypot(d.target[0], d.target[1])),
+        time=time,
+        speed=speed(time, recording.hand_position, thresholds.window),
+        first=origin + float(d.hand_time[0]),
+        last=origin + float(d.hand_time[-1]),
+        motion_start=origin + d.motion_start,
+        release=origin + release.time,
+        motion_stop=origin + d.motion_stop,
+    )
+
+
+def _curve(axes: Axes, motion: DemonstratedMotion, kept: np.ndarray, origin: float, gid: str, colour) -> None:
+    axes.plot(motion.time[kept] - origin, motion.speed[kept], color=colour, linewidth=1.1, gid=f"{gid}_curve")
+    for event, (marker, _) in EVENTS.items():
+        instant = getattr(motion, event)
+        place = (instant - origin, np.interp(instant, motion.time, motion.speed))
+        axes.plot(*place, marker, color=colour, markeredgecolor=BLACK, markersize=5, markeredgewidth=0.7, gid=f"{gid}_{event}")
+
+
+def _describe(axes: Axes, motions: Sequence[DemonstratedMotion], thresholds: VelocityThreshold, aligned: bool) -> None:
+    for marker, name in EVENTS.values():
+        axes.plot([], [], marker, color="white", markeredgecolor=BLACK, markersize=5.5, label=name)
+    axes.axhline(thresholds.start, color=VERMILION, linestyle="--", linewidth=1.0, label=f"start threshold, {thresholds.start:g} m/s")
+    axes.axhline(thresholds.stop, color=GREY, linestyle=":", linewidth=1.3, label=f"stop threshold, {thresholds.stop:g} m/s")
+    starts = np.array([motion.motion_start - (motion.release if aligned else 0.0) for motion in motions])
+    axes.set_title(f"{'After' if aligned else 'Before'} synchronisation, n = {len(motions)}\nmotion starts at {_spread(starts)}")
+    axes.set_xlabel(f"time since the {'release' if aligned else 'start of the recording'} [s]")
+    axes.set_ylim(bottom=0.0)
+
+
+def _spread(times: np.ndarray) -> str:
+    """Mean and, of two or more, standard deviation."""
+    spread = f" ± {times.std(ddof=1):.3f} s (mean ± s.d.)" if len(times) > 1 else " s"
+    return f"{times.mean():.3f}".replace("-", "\N{MINUS SIGN}") + spread

@@ -1,0 +1,82 @@
+"""What `DSGMR` and `AutonomousDSGMR` have in common: the gains of (7.19), further inputs of the regression beside time, and a
+task-parameterised mixture that is fitted by EM or with one component in each interval of time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dart_skill.checks import as_count, as_finite, as_number
+from dart_skill.movement._attractor import as_gains, critical_damping
+from dart_skill.movement._placement import FrameCourse
+from dart_skill.movement._task_parameterised import TaskParameterisedMixture
+from dart_skill.movement._time import as_stamps
+
+PARTITIONS = ("em", "time")
+
+
+class AttractorModel:
+    """Base class; the parameters are described in `DSGMR`."""
+
+    mixture_: TaskParameterisedMixture
+
+    def __init__(
+        self,
+        n_components: int,
+        stiffness: ArrayLike = 200.0,
+        damping: ArrayLike | None = None,
+        *,
+        n_inputs: int = 0,
+        partition: str = "em",
+        overlap: float = 0.7,
+        **mixture_options,
+    ):
+        if partition not in PARTITIONS:
+            raise ValueError(f"partition must be one of {PARTITIONS}, got {partition!r}")
+        self.stiffness = as_gains(stiffness, None, "stiffness", strict=True)
+        self.damping = critical_damping(self.stiffness) if damping is None else as_gains(damping, None, "damping", strict=False)
+        self.n_inputs, self.partition = as_count(n_inputs, "n_inputs", 0), partition
+        self.overlap = as_number(overlap, "overlap", 1e-3, strict=False)
+        self._mixture = TaskParameterisedMixture(n_components, **mixture_options)
+
+    def _learn(
+        self,
+        samples: Sequence[ArrayLike],
+        frames: Sequence[Sequence[FrameCourse]],
+        weights: Sequence | None,
+        rng: np.random.Generator | None,
+    ) -> None:
+        """Fit the mixture to features (n_i, m) of each demonstration."""
+        if self.partition == "time":
+            fitted = self._mixture.fit_in_time(samples, frames, weights, self.overlap)
+        else:
+            fitted = self._mixture.fit(samples, frames, weights, rng=rng)
+        self.mixture_ = self._with_outputs(fitted)
+
+    def _with_outputs(self, mixture: TaskParameterisedMixture) -> TaskParameterisedMixture:
+        """The mixture; ValueError if it has no columns besides time and the further inputs."""
+        if mixture.n_dims < self.n_inputs + 2:
+            raise ValueError(f"{mixture.n_dims} columns are too few for time, {self.n_inputs} further inputs (n_inputs) and an attractor")
+        return mixture
+
+    @property
+    def _fitted(self) -> TaskParameterisedMixture:
+        if not hasattr(self, "mixture_"):
+            raise ValueError(f"this {type(self).__name__} holds no model yet; call fit first")
+        return self.mixture_
+
+    def _with_inputs(self, time: ArrayLike, inputs: ArrayLike | None, n: int | None = None) -> np.ndarray:
+        """Stamps (n,) and further inputs, (q,) or (n, q), as columns (n, 1 + q)."""
+        time, q = as_stamps(time, n), self.n_inputs
+        given = as_finite([] if inputs is None else inputs, "inputs")
+        if given.shape == () and q == 1:
+            given = given[None]
+        if given.shape not in ((q,), (len(time), q)):
+            raise ValueError(
+                f"inputs beside time must have shape ({q},), or ({len(time)}, {q}) to change with it, got {given.shape}; "
+                "n_inputs says how many there are"
+            )
+        return np.column_stack([time, np.broadcast_to(given, (len(time), q))])

@@ -1,0 +1,351 @@
+"""Autonomous DS-GMR: the state of the robot drives the movement, not the clock (thesis chapter 9).
+
+An attractor y(x, x') that is regressed on the state alone can get stuck. Where the demonstrations rest before they move,
+it asks for no motion. Where a path comes near itself (wind-up and throw), it mixes both passes. Therefore the state acts
+through the phase s [s], the place of the robot along the movement. Regression of the mixture over [t, x, x', y] on t gives
+the state z(s) that belongs to a phase, with covariance R(s), and the attractor y(s). The state changes the phase by
+
+    s' = clip(1 + d / T, slowest, fastest),    d = z_s' R^-1 (z - z(s)) / (z_s' R^-1 z_s + 1 / w^2),    z_s = dz(s)/ds.
+
+d [s] is how far the state is ahead of the phase: it is the correction of an extended Kalman filter for s with standard
+deviation w. R contains the spread of the demonstrations and the uncertainty of the pace, so that a robot that is slow
+because it is held back is not taken to be at the end of the movement. Then (7.19) follows y(s).
+
+The system has no clock. If the robot is held back, the movement waits. If it is pushed ahead, the movement skips a part.
+It reaches the goal from every start: since s' >= slowest > 0, s reaches its end in finite time; from then on y is
+constant, and (7.19) with a constant attractor is a stable linear system.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dart_skill.checks import as_count, as_number, as_samples, as_vector
+from dart_skill.mixture import GaussianMixture, regress
+from dart_skill.movement._attractor import attractor_from_motion, discretise
+from dart_skill.movement._attractor_model import AttractorModel
+from dart_skill.movement._frames import TaskFrame
+from dart_skill.movement._time import as_stamps, uniform_step
+
+UNKNOWN_PACE = 1.0
+"""Standard deviation of the robot's pace, relative to the demonstrated one."""
+Push = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class StateDriven:
+    """A movement of an autonomous policy.
+
+    time (n,) [s]; phase (n,) [s]; attractor, position, velocity and acceleration (n, d), in the units of the movement.
+    """
+
+    time: np.ndarray
+    phase: np.ndarray
+    attractor: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+
+
+@dataclass(frozen=True)
+class PhaseRule:
+    """How the state changes the phase.
+
+    Parameters:
+
+    * slowest: float in (0, 1), default 0.05. Least rate s' of the phase; 1 is the demonstrated pace.
+    * fastest: float above 1, default 4. Largest rate of the phase.
+    * time_constant: float, default 0.05 [s]. T of the correction.
+    * deviation: float, default 0.05 [s]. w, standard deviation of the phase in the correction.
+    """
+
+    slowest: float = 0.05
+    fastest: float = 4.0
+    time_constant: float = 0.05
+    deviation: float = 0.05
+
+    def __post_init__(self):
+        for name in ("slowest", "fastest", "time_constant", "deviation"):
+            as_number(getattr(self, name), name)
+        if not self.slowest < 1.0 < self.fastest:
+            raise ValueError(f"slowest {self.slowest} and fastest {self.fastest} must lie on either side of 1, the demonstrated pace")
+
+
+class AutonomousDSGMR(AttractorModel):
+    """DS-GMR over d movement variables that is driven by the state (x, x') instead of a clock.
+
+    Parameters:
+
+    * n_components: int, number of components of the mixture.
+    * stiffness: one number or (d,), default 200 [1/s^2]. kp of (7.19).
+    * damping: one number or (d,) [1/s], default None: critical, 2 sqrt(kp).
+    * rule: PhaseRule, how the state changes the phase; default None: its defaults.
+    * n_inputs, partition, overlap: as in `DSGMR`.
+    * mixture_options: hyper-parameters of `TaskParameterisedMixture`.
+
+    Attribute after `fit`: mixture_, the fitted TaskParameterisedMixture over [t, u, x, x', y], where u are the further inputs.
+    """
+
+    def __init__(
+        self,
+        n_components: int,
+        stiffness: ArrayLike = 200.0,
+        damping: ArrayLike | None = None,
+        rule: PhaseRule | None = None,
+        *,
+        n_inputs: int = 0,
+        partition: str = "em",
+        overlap: float = 0.7,
+        **mixture_options,
+    ):
+        super().__init__(n_components, stiffness, damping, n_inputs=n_inputs, partition=partition, overlap=overlap, **mixture_options)
+        self.rule = rule or PhaseRule()
+
+    def fit(
+        self,
+        times: Sequence[ArrayLike],
+        motions: Sequence[Sequence[ArrayLike]],
+        frames: Sequence[Sequence[TaskFrame]],
+        weights: Sequence | None = None,
+        *,
+        attractors: Sequence[ArrayLike] | None = None,
+        inputs: Sequence[ArrayLike] | None = None,
+        rng: np.random.Generator | None = None,
+    ) -> AutonomousDSGMR:
+        """Learn from demonstrations; returns self.
+
+        Parameters:
+
+        * times: for each demonstration its stamps (n_i,) [s].
+        * motions: for each demonstration position, velocity and acceleration (n_i, d), as `smooth_derivatives` returns them.
+          The acceleration may be missing if attractors are given.
+        * frames: for each demonstration P frames of the features [t, u, y], as in `DSGMR.fit`.
+        * weights: as in `DSGMR.fit`.
+        * attractors: for each demonstration (n_i, d), default None: computed from the motions by (7.20).
+        * inputs: for each demonstration its further inputs u, (q,) or (n_i, q); default None: there are none.
+        * rng: as in `DSGMR.fit`.
+        """
+        if not len(times) == len(motions) == len(frames):
+            raise ValueError(f"times, motions and frames must be as many, got {len(times)}, {len(motions)} and {len(frames)}")
+        attractors = _one_each(attractors, len(times), "attractors")
+        inputs = _one_each(inputs, len(times), "inputs")
+        samples = [self._features(times[i], motions[i], attractors[i], inputs[i]) for i in range(len(times))]
+        self._learn(samples, [self._lifted(its_frames) for its_frames in frames], weights, rng)
+        self._ends = np.array([(np.min(time), np.max(time)) for time in times]).mean(0)
+        return self
+
+    def _features(self, time: ArrayLike, motion: Sequence[ArrayLike], attractor: ArrayLike | None, inputs: ArrayLike | None) -> np.ndarray:
+        """[t, u, x, x', y] (n, 1 + q + 3d)."""
+        if attractor is None:
+            if len(motion) != 3:
+                raise ValueError(f"a motion must hold position, velocity and acceleration, got {len(motion)} parts; or give its attractor")
+            attractor = attractor_from_motion(*motion, self.stiffness, self.damping)
+        attractor = as_samples(attractor, "attractor")
+        position = as_samples(motion[0], "position", attractor.shape[1])
+        velocity = as_samples(motion[1], "velocity", attractor.shape[1])
+        if not len(position) == len(velocity) == len(attractor):
+            raise ValueError(f"position, velocity and attractor must be as long, got {len(position)}, {len(velocity)}, {len(attractor)}")
+        return np.column_stack([self._with_inputs(time, inputs, len(attractor)), position, velocity, attractor])
+
+    def _lifted(self, frames: Sequence[TaskFrame | None]) -> list[TaskFrame | None]:
+        return [None if frame is None else lift(frame, self.n_inputs) for frame in frames]
+
+    def product(self, frames: Sequence[TaskFrame | None]) -> GaussianMixture:
+        """(7.21): the mixture over [t, u, x, x', y] in the world, for P new frames of the features [t, u, y]; None for a missing one."""
+        return self._fitted.product(self._lifted(frames))
+
+    def policy(
+        self,
+        frames: Sequence[TaskFrame | None],
+        resolution: int = 400,
+        *,
+        phase: ArrayLike | None = None,
+        inputs: ArrayLike | None = None,
+    ) -> AutonomousPolicy:
+        """The policy for new frames.
+
+        Parameters:
+
+        * frames: P frames of the features [t, u, y]; None for a frame that is missing.
+        * resolution: int, default 400. Number of phases at which the policy is computed beforehand.
+        * phase: (n,) [s], equally spaced, default None: `resolution` of them, from the start to the end of the demonstrations.
+        * inputs: the further inputs u, (q,) or one row for each phase (n, q); default None: there are none.
+        """
+        mixture = self.product(frames)
+        if phase is None:
+            phase = np.linspace(*self._ends, as_count(resolution, "resolution", 10))
+        phase = as_stamps(phase, minimum=2)
+        uniform_step(phase)  # or a ValueError
+        queries = self._with_inputs(phase, inputs)
+        n_inputs = queries.shape[1]
+        mean, covariance = regress(mixture, queries, np.arange(n_inputs), np.arange(n_inputs, mixture.n_dims))
+        d = (mixture.n_dims - n_inputs) // 3
+        state, spread = mean[:, : 2 * d], covariance[:, : 2 * d, : 2 * d]
+        return AutonomousPolicy(phase, state, spread, mean[:, 2 * d :], self.stiffness, self.damping, self.rule)
+
+    def reproduce(
+        self,
+        frames: Sequence[TaskFrame | None],
+        position0: ArrayLike,
+        velocity0: ArrayLike,
+        *,
+        step: float = 0.002,
+        duration: float,
+        push: Push | None = None,
+        phase: ArrayLike | None = None,
+        inputs: ArrayLike | None = None,
+    ) -> StateDriven:
+        """Movement in new frames from position0 and velocity0 (d,), for `duration` [s].
+
+        step and push as in `AutonomousPolicy.run`; phase and inputs as in `policy`.
+        """
+        policy = self.policy(frames, phase=phase, inputs=inputs)
+        return policy.run(position0, velocity0, step=step, duration=duration, push=push)
+
+
+def _one_each(given: Sequence | None, n: int, name: str) -> Sequence:
+    """One entry for each of n demonstrations: those given, or None for each."""
+    if given is None:
+        return [None] * n
+    if len(given) != n:
+        raise ValueError(f"{name} has {len(given)} entries for {n} demonstrations; give one for each")
+    return given
+
+
+class AutonomousPolicy:
+    """The policy for one situation, made by `AutonomousDSGMR.policy`.
+
+    `locate` finds the phase of a state, `advance` changes the phase over a step, and `attractor` gives y at a phase.
+
+    Parameters:
+
+    * phase (n,): equally spaced phases [s].
+    * state (n, 2d): position and velocity that belong to each phase.
+    * spread (n, 2d, 2d): covariance of the state.
+    * attractors (n, d): y at each phase.
+    * stiffness, damping: gains of (7.19), one number or (d,) [1/s^2, 1/s].
+    * rule: PhaseRule.
+    """
+
+    def __init__(
+        self,
+        phase: np.ndarray,
+        state: np.ndarray,
+        spread: np.ndarray,
+        attractors: np.ndarray,
+        stiffness: ArrayLike,
+        damping: ArrayLike,
+        rule: PhaseRule,
+    ):
+        self.phase, self.state, self.attractors, self.rule = phase, state, attractors, rule
+        d = attractors.shape[1]
+        self._kp, self._kv = np.broadcast_to(stiffness, d), np.broadcast_to(damping, d)
+        slower = np.hstack([np.zeros_like(attractors), UNKNOWN_PACE * state[:, d:]])
+        self._precision = np.linalg.inv(spread + slower[:, :, None] * slower[:, None])
+        slope = np.gradient(state, phase, axis=0)
+        weighted = np.einsum("nij,nj->ni", self._precision, slope)
+        self._gain = weighted / (np.einsum("ni,ni->n", weighted, slope) + rule.deviation**-2)[:, None]
+
+    @property
+    def goal(self) -> np.ndarray:
+        """Where the movement ends (d,)."""
+        return self.attractors[-1]
+
+    def locate(self, position: ArrayLike, velocity: ArrayLike) -> float:
+        """Phase [s] whose state is nearest to position and velocity (d,), by Mahalanobis distance; the earliest of equals."""
+        error = self._as_state(position, velocity) - self.state
+        return float(self.phase[np.argmin(np.einsum("ni,nij,nj->n", error, self._precision, error))])
+
+    def advance(self, phase: float, position: ArrayLike, velocity: ArrayLike, step: float) -> float:
+        """Phase [s] a `step` [s] later, for a robot with this position and velocity (d,)."""
+        return self._advanced(phase, self._as_state(position, velocity), as_number(step, "step"))
+
+    def attractor(self, phase: float) -> np.ndarray:
+        """Attractor (d,) at a phase [s]; constant before the start and after the end of the movement."""
+        return self._at(self.attractors, phase)
+
+    def acceleration(self, phase: float, position: ArrayLike, velocity: ArrayLike) -> np.ndarray:
+        """(7.19) at a phase: kp (y - x) - kv x' (d,)."""
+        state = self._as_state(position, velocity)
+        d = len(self._kp)
+        return self._kp * (self.attractor(phase) - state[:d]) - self._kv * state[d:]
+
+    def run(
+        self, position0: ArrayLike, velocity0: ArrayLike, *, step: float = 0.002, duration: float, push: Push | None = None
+    ) -> StateDriven:
+        """Movement of a unit mass (7.19) in place of the robot, from position0 and velocity0 (d,), for `duration` [s].
+
+        push: function of time, position and velocity that returns an acceleration (d,) from outside, in units of the
+        movement per s^2; it is constant over a step. Each step is exact for an attractor that is linear in between.
+        """
+        step, n_steps = as_number(step, "step"), round(as_number(duration, "duration") / as_number(step, "step"))
+        d = len(self._kp)
+        states, phases = np.empty((n_steps + 1, 2 * d)), np.empty(n_steps + 1)
+        states[0] = self._as_state(position0, velocity0)
+        phases[0] = self.locate(states[0, :d], states[0, d:])
+        pushes = np.zeros((n_steps + 1, d))
+        flow = _flow(step, self._kp, self._kv)
+        for k in range(n_steps):
+            if push is not None:
+                pushes[k] = as_vector(push(k * step, states[k, :d].copy(), states[k, d:].copy()), "push", d)
+            phases[k + 1] = self._advanced(phases[k], states[k], step)
+            now, later = (self.attractor(phase) + pushes[k] / self._kp for phase in phases[k : k + 2])
+            states[k + 1] = flow(states[k], now, later)
+        attractor = self._at(self.attractors, phases)
+        position, velocity = states[:, :d], states[:, d:]
+        acceleration = self._kp * (attractor - position) - self._kv * velocity + pushes
+        return StateDriven(step * np.arange(n_steps + 1), phases, attractor, position, velocity, acceleration)
+
+    def _as_state(self, position: ArrayLike, velocity: ArrayLike) -> np.ndarray:
+        d = len(self._kp)
+        return np.concatenate([as_vector(position, "position", d), as_vector(velocity, "velocity", d)])
+
+    def _advanced(self, phase: float, state: np.ndarray, step: float) -> float:
+        ahead = float(self._at(self._gain, phase) @ (state - self._at(self.state, phase)))
+        rate = min(max(1.0 + ahead / self.rule.time_constant, self.rule.slowest), self.rule.fastest)
+        return min(phase + rate * step, float(self.phase[-1]))
+
+    def _at(self, rows: np.ndarray, phase: float | np.ndarray) -> np.ndarray:
+        """Rows (n, ...) interpolated at a phase, or at many."""
+        place = np.clip((phase - self.phase[0]) / (self.phase[1] - self.phase[0]), 0.0, len(rows) - 1.0)
+        before = np.minimum(place.astype(int) if np.ndim(place) else int(place), len(rows) - 2)
+        share = (place - before)[..., None] if np.ndim(place) else place - before
+        return rows[before] + share * (rows[before + 1] - rows[before])
+
+
+def _flow(step: float, stiffness: np.ndarray, damping: np.ndarray) -> Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
+    """A function for one exact step of (7.19): from state (2d,), attractor (d,) now and one step later, linear in between."""
+    d = len(stiffness)
+    parts = [discretise(step, float(p), float(v)) for p, v in zip(stiffness, damping, strict=True)]
+    units = np.stack([np.ones(d), np.sqrt(stiffness)])
+    transition = np.stack([part[0] for part in parts])  # (d, 2, 2)
+    first, second = np.stack([part[1] for part in parts]).T, np.stack([part[2] for part in parts]).T  # (2, d)
+
+    def flow(state: np.ndarray, now: np.ndarray, later: np.ndarray) -> np.ndarray:
+        scaled = state.reshape(2, d) / units
+        moved = (transition @ scaled.T[..., None])[..., 0].T
+        return ((moved + first * now + second * later) * units).ravel()
+
+    return flow
+
+
+def lift(frame: TaskFrame, n_inputs: int = 0) -> TaskFrame:
+    """The frame of [t, u, x, x', y] that belongs to a frame of [t, u, y]: positions and attractors are shifted, velocities only turned.
+
+    n_inputs: number of further inputs u after time.
+    """
+    first = 1 + n_inputs
+    d, matrix, offset = frame.n_dims - first, as_samples(frame.A, "A"), frame.b
+    if np.any(matrix[:first, first:]) or np.any(matrix[first:, :first]) or np.any(matrix[0, 1:first]):
+        raise ValueError("a frame that mixes time or inputs with movement variables has no velocities: let them pass through")
+    lifted, moved = np.zeros((3 * d + first, 3 * d + first)), np.zeros(3 * d + first)
+    lifted[:first, :first], moved[:first] = matrix[:first, :first], offset[:first]
+    for block in range(3):
+        rows = slice(first + block * d, first + (block + 1) * d)
+        lifted[rows, rows] = matrix[first:, first:] / (matrix[0, 0] if block == 1 else 1.0)
+        moved[rows] = 0.0 if block == 1 else offset[first:]
+    return TaskFrame(lifted, moved)

@@ -1,0 +1,231 @@
+"""Position, velocity and acceleration from noisy samples: a smoothing spline of degree 5.
+
+The spline minimises  sum_i (x(t_i) - x_i)^2 / sigma^2 + lambda * integral x'''(t)^2 dt  over quintic splines with a knot at
+every second stamp. So gaps and irregular stamps need no special treatment. lambda minimises the unbiased estimate of the
+risk, RSS + 2 sigma^2 trace(H) (Mallows; Craven and Wahba 1978), for the noise sigma that is given or estimated. Without
+noise the fit is plain least squares, and exact on polynomials up to degree 5.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property, lru_cache
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+from numpy.typing import ArrayLike
+
+from dart_skill.checks import as_finite, as_samples
+from dart_skill.movement._time import as_stamps
+
+DEGREE = 5
+MIN_SAMPLES = 8
+# The risk is evaluated in windows of so many samples; the cost is cubic in this number and linear in the number of windows.
+RISK_WINDOW = 300
+# Stamps, in units of their mean interval, are rounded to so many decimals: the rest is rounding of the clock.
+DECIMALS = 10
+# lambda in units of the mean sample interval, per unit of noise variance.
+LOG_PENALTIES = np.linspace(-6.0, 12.0, 181)
+GAUSS_POINTS = np.polynomial.legendre.leggauss(3)
+
+
+class Motion(NamedTuple):
+    """Position, velocity and acceleration, each (n, d)."""
+
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+
+
+def smooth_derivatives(
+    time: ArrayLike,
+    samples: ArrayLike,
+    *,
+    noise: float | ArrayLike | None = None,
+    at: ArrayLike | None = None,
+) -> Motion:
+    """Position, velocity and acceleration (m, d) from noisy samples (n, d), n >= 8.
+
+    Parameters:
+
+    * time (n,): stamps [s], increasing, possibly irregular.
+    * samples (n, d).
+    * noise: standard deviation of the samples in their unit. One number (default None: estimated) if the columns are
+      coordinates of one vector: they are smoothed alike, so that a rotation of the axes rotates the result. One number per
+      column (d,) if the columns have different units.
+    * at (m,): stamps of the result, within those of the samples; default None: those of the samples.
+    """
+    samples = as_samples(samples, "samples")
+    time = as_stamps(time, len(samples), MIN_SAMPLES)
+    at = time if at is None else _within(as_finite(at, "at", 1), time)
+    levels, groups = _noise_levels(time, samples, noise)
+    interval = (time[-1] - time[0]) / (len(time) - 1)
+    stamps = (time - time[0]) / interval
+    smoother = _smoother_at(stamps)
+    basis = smoother.basis
+    # The quadratic trend is fitted separately: with a large penalty the system is ill-conditioned and would disturb it.
+    trend = quadratic_trend(stamps, samples)
+    coefficients = basis.fit(trend, 0.0)
+    rest = samples - trend
+    risk = smoother.risk(rest / np.where(levels > 0, levels, 1.0)) if levels.any() else None
+    for group in groups:
+        penalty = _best_penalty(risk[:, group]) if levels[group[0]] > 0 else 0.0
+        coefficients[:, group] += basis.fit(rest[:, group], penalty)
+    return Motion(*(basis.evaluate(coefficients, (at - time[0]) / interval, order) / interval**order for order in range(3)))
+
+
+def _within(at: np.ndarray, time: np.ndarray) -> np.ndarray:
+    slack = 1e-9 * (time[-1] - time[0])
+    if len(at) == 0 or at.min() < time[0] - slack or at.max() > time[-1] + slack:
+        span = f"{at.min()} to {at.max()}" if len(at) else "nothing"
+        raise ValueError(f"at spans {span}, the samples only {time[0]} to {time[-1]}; a spline cannot extrapolate")
+    return np.clip(at, time[0], time[-1])
+
+
+def _noise_levels(time, samples, noise):
+    """Noise per column (d,) and the groups of columns that share one penalty."""
+    n_dims = samples.shape[1]
+    level = estimate_noise(time, samples) if noise is None else as_finite(noise, "noise")
+    if level.shape not in ((), (n_dims,)) or level.min() < 0:
+        raise ValueError(f"noise must be one number or one per column ({n_dims}), not negative, got {level.tolist()}")
+    groups = [np.arange(n_dims)] if level.ndim == 0 else [np.array([dim]) for dim in range(n_dims)]
+    return np.broadcast_to(level, n_dims), groups
+
+
+def estimate_noise(time: ArrayLike, samples: ArrayLike) -> np.ndarray:
+    """Standard deviation of the noise in samples (n, d) at stamps (n,), one for all columns: a 0-d array.
+
+    It comes from combinations of seven neighbours that are zero on polynomials of degree 5 (divided differences, scaled to
+    unit norm): these contain only noise. Their median absolute value is not disturbed by a few bad samples.
+    """
+    samples = as_samples(samples, "samples")
+    time = as_stamps(time, len(samples), MIN_SAMPLES)
+    stamps = np.lib.stride_tricks.sliding_window_view(time, 7)
+    gaps = stamps[:, :, None] - stamps[:, None, :] + np.eye(7)
+    contrast = 1.0 / (gaps / (stamps[:, -1:] - stamps[:, :1])[:, :, None]).prod(axis=2)
+    contrast /= np.linalg.norm(contrast, axis=1, keepdims=True)
+    windows = np.lib.stride_tricks.sliding_window_view(samples, 7, axis=0)
+    return np.asarray(np.median(np.abs(np.einsum("nj,ndj->nd", contrast, windows))) / 0.6744897501960817)
+
+
+class _Smoother:
+    """The part of the penalised least squares fit that depends on the stamps only, and not on the samples."""
+
+    def __init__(self, stamps: np.ndarray):
+        self.basis = _QuinticBasis(stamps)
+
+    @cached_property
+    def _windows(self) -> list[_RiskWindow]:
+        stamps = self.basis.stamps
+        n_windows = max(1, round(len(stamps) / RISK_WINDOW))
+        return [_RiskWindow(self.basis if n_windows == 1 else _QuinticBasis(part)) for part in np.array_split(stamps, n_windows)]
+
+    def risk(self, samples: np.ndarray) -> np.ndarray:
+        """Estimated risk (n_penalties, d) of samples (n, d) with noise of standard deviation 1, up to a constant."""
+        parts = np.array_split(samples, len(self._windows))
+        return sum(window.risk(part) for window, part in zip(self._windows, parts, strict=True))
+
+
+def _smoother_at(stamps: np.ndarray) -> _Smoother:
+    """The smoother for stamps in units of their mean interval.
+
+    Short series with equal stamps share one, since the demonstrations of one camera system are often sampled alike.
+    """
+    stamps = np.round(stamps, DECIMALS)
+    return _shared_smoother(stamps.tobytes()) if len(stamps) <= RISK_WINDOW else _Smoother(stamps)
+
+
+@lru_cache(maxsize=32)
+def _shared_smoother(stamps: bytes) -> _Smoother:
+    return _Smoother(np.frombuffer(stamps))
+
+
+def _best_penalty(risk: np.ndarray) -> float:
+    """The lambda with the least risk (n_penalties, d), summed over the columns, which are smoothed alike."""
+    return float(10.0 ** LOG_PENALTIES[risk.sum(axis=1).argmin()])
+
+
+class _RiskWindow:
+    """The smoother for one window of stamps, in the basis in which it is diagonal."""
+
+    def __init__(self, basis: _QuinticBasis):
+        values, vectors = scipy.linalg.eigh(_lower(basis.roughness), _lower(basis.gram), check_finite=False)
+        self._stamps = basis.stamps
+        self._project = (basis.design @ vectors).T
+        self._kept = 1.0 / (1.0 + 10.0 ** LOG_PENALTIES[:, None] * np.maximum(values, 0.0))
+
+    def risk(self, samples: np.ndarray) -> np.ndarray:
+        """Residual sum of squares plus twice the trace of the smoother, up to constants: (n_penalties, d)."""
+        projected = self._project @ (samples - quadratic_trend(self._stamps, samples))
+        return np.square(1.0 - self._kept) @ np.square(projected) + 2.0 * self._kept.sum(axis=1)[:, None]
+
+
+def quadratic_trend(stamps: np.ndarray, samples: np.ndarray) -> np.ndarray:
+    """Values (n, d) of the quadratic polynomials that fit samples (n, d) best; the penalty does not act on them."""
+    powers = np.polynomial.legendre.legvander(2.0 * (stamps - stamps[0]) / (stamps[-1] - stamps[0]) - 1.0, 2)
+    orthonormal = np.linalg.qr(powers)[0]
+    return orthonormal @ (orthonormal.T @ samples)
+
+
+def _sum_of_squares(first: np.ndarray, rows: np.ndarray, n: int) -> np.ndarray:
+    """Bands (DEGREE + 1, n), from the main diagonal down, of the matrix that is the sum of r r' over vectors r of length n.
+
+    Each r is zero but for DEGREE + 1 entries, rows (p, DEGREE + 1), that begin at the index first (p,).
+    """
+    column, row = np.triu_indices(DEGREE + 1)
+    places = (row - column) * n + first[:, None] + column
+    return np.bincount(places.ravel(), (rows[:, column] * rows[:, row]).ravel(), (DEGREE + 1) * n).reshape(DEGREE + 1, n)
+
+
+def _lower(bands: np.ndarray) -> np.ndarray:
+    """Lower triangle (n, n) of the symmetric matrix with these bands."""
+    n = bands.shape[1]
+    matrix = np.zeros((n, n))
+    for offset, band in enumerate(bands[:n]):
+        matrix.ravel()[offset * n :: n + 1] = band[: n - offset]
+    return matrix
+
+
+class _QuinticBasis:
+    """B-splines of degree 5 with a knot at every second stamp.
+
+    design: matrix B at the stamps; gram, roughness: bands of B'B and of the integral of the squared third derivative.
+    """
+
+    def __init__(self, stamps: np.ndarray):
+        self.stamps = stamps
+        inner = stamps[2:-2:2] if len(stamps) >= 12 else stamps[:0]
+        self.knots = np.concatenate([np.repeat(stamps[0], DEGREE + 1), inner, np.repeat(stamps[-1], DEGREE + 1)])
+        self.n_functions = len(self.knots) - DEGREE - 1
+        self.design = scipy.interpolate.BSpline.design_matrix(stamps, self.knots, DEGREE)
+        self._transposed = self.design.T
+        self.gram = _sum_of_squares(*self._values(stamps, 0), self.n_functions)
+        self.roughness = self._roughness()
+
+    def _values(self, points: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray]:
+        """At points (p,): index (p,) of the first B-spline that is not zero there, and a derivative (p, DEGREE + 1) of these splines.
+
+        At each point DEGREE + 1 successive splines are not zero. So splines that are DEGREE + 1 apart can share one column
+        of coefficients, and one evaluation gives all values.
+        """
+        first = np.clip(np.searchsorted(self.knots, points, "right") - 1, DEGREE, self.n_functions - 1) - DEGREE
+        columns = np.eye(DEGREE + 1)[np.arange(self.n_functions) % (DEGREE + 1)]
+        places = (first[:, None] + np.arange(DEGREE + 1)) % (DEGREE + 1)
+        return first, np.take_along_axis(self.evaluate(columns, points, order), places, axis=1)
+
+    def _roughness(self) -> np.ndarray:
+        """integral B'''(t) B'''(t)' dt; three Gauss points are exact for the product of two quadratics."""
+        breaks = self.knots[DEGREE:-DEGREE]
+        nodes, weights = GAUSS_POINTS
+        half = 0.5 * np.diff(breaks)[:, None]
+        points = (0.5 * (breaks[1:] + breaks[:-1])[:, None] + half * nodes).ravel()
+        first, values = self._values(points, 3)
+        return _sum_of_squares(first, values * np.sqrt(half * weights).reshape(-1, 1), self.n_functions)
+
+    def fit(self, samples: np.ndarray, penalty: float) -> np.ndarray:
+        """Coefficients (m, d) of the penalised least squares fit."""
+        return scipy.linalg.solveh_banded(self.gram + penalty * self.roughness, self._transposed @ samples, lower=True, check_finite=False)
+
+    def evaluate(self, coefficients: np.ndarray, stamps: np.ndarray, order: int) -> np.ndarray:
+        """Derivative of the given order (n, d) at stamps (n,)."""
+        return scipy.interpolate.BSpline(self.knots, coefficients, DEGREE)(stamps, order)

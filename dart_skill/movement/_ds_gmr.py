@@ -1,0 +1,188 @@
+"""DS-GMR: a task-parameterised mixture of attractor trajectories, retrieved by regression on time and executed as a
+spring-damper (thesis 7.5).
+
+Demonstrations become attractors by (7.20). The attractors are encoded by (7.21), retrieved by (3.4) and (3.5), and
+followed by (7.19).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dart_skill.checks import as_number, as_samples
+from dart_skill.mixture import GaussianMixture
+from dart_skill.movement._attractor import attractor_from_motion, follow_attractor
+from dart_skill.movement._attractor_model import AttractorModel
+from dart_skill.movement._differentiation import smooth_derivatives
+from dart_skill.movement._placement import Frame, FrameCourse
+from dart_skill.movement._task_parameterised import TaskParameterisedMixture
+from dart_skill.movement._time import as_stamps, uniform_step
+
+SAME_STEP = 1e-6
+"""Largest relative difference between a given step and that of the stamps."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reproduction:
+    """A planned movement.
+
+    time (n,) [s]; attractor (n, d) with its covariance (n, d, d), or None if it was not asked for; position, velocity and
+    acceleration (n, d) of the motion that follows the attractor (7.19), in the units of the movement.
+    """
+
+    time: np.ndarray
+    attractor: np.ndarray
+    covariance: np.ndarray | None
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+
+
+class DSGMR(AttractorModel):
+    """Movement primitive over d movement variables that is driven by a clock.
+
+    The features are [t, u, y], with m = 1 + q + d columns: time, q further inputs such as the distance of a target, and the
+    attractor. Within a component the attractor is a linear function of time and the further inputs.
+
+    Parameters:
+
+    * n_components: int, number of components of the mixture.
+    * stiffness: one number or (d,), default 200 [1/s^2]. kp of (7.19).
+    * damping: one number or (d,) [1/s], default None: critical, 2 sqrt(kp). kv of (7.19).
+    * n_inputs: int, default 0. q, the number of further inputs.
+    * partition: "em" or "time", default "em". EM finds which samples belong to a component, or each component has its own
+      interval of time.
+    * overlap: float, default 0.7. Standard deviation of a component, relative to its interval; for partition "time".
+    * mixture_options: hyper-parameters of `TaskParameterisedMixture`. With partition "time" only covariance_floor is used.
+
+    Attribute after `fit`: mixture_, the fitted TaskParameterisedMixture over [t, u, y].
+    """
+
+    @classmethod
+    def from_mixture(
+        cls, mixture: TaskParameterisedMixture, stiffness: ArrayLike = 200.0, damping: ArrayLike | None = None, n_inputs: int = 0
+    ) -> DSGMR:
+        """Model around a mixture that is already fitted."""
+        model = cls(len(mixture.priors_), stiffness, damping, n_inputs=n_inputs)
+        model._mixture = model.mixture_ = model._with_outputs(mixture)
+        return model
+
+    def encode(
+        self,
+        time: ArrayLike,
+        positions: ArrayLike,
+        *,
+        noise: float | ArrayLike | None = None,
+        at: ArrayLike | None = None,
+        inputs: ArrayLike | None = None,
+    ) -> np.ndarray:
+        """Features [t, u, y] (n, m) of one demonstration, from noisy movement variables: the attractor is computed by (7.20).
+
+        Parameters:
+
+        * time: stamps (k,) of the samples [s].
+        * positions: movement variables (k, d).
+        * noise: standard deviation of the samples, as in `smooth_derivatives`; default None: estimated.
+        * at: stamps (n,) of the features [s], default None: those of the samples.
+        * inputs: the further inputs u, (q,) or (n, q); default None: there are none.
+        """
+        motion = smooth_derivatives(time, positions, noise=noise, at=at)
+        return self.features(time if at is None else at, attractor_from_motion(*motion, self.stiffness, self.damping), inputs)
+
+    def features(self, time: ArrayLike, attractor: ArrayLike, inputs: ArrayLike | None = None) -> np.ndarray:
+        """Features [t, u, y] (n, m) of an attractor (n, d) that was computed before, at stamps (n,) [s]; inputs as in `encode`."""
+        attractor = as_samples(attractor, "attractor")
+        return np.column_stack([self._with_inputs(time, inputs, len(attractor)), attractor])
+
+    def fit(
+        self,
+        attractors: Sequence[ArrayLike],
+        frames: Sequence[Sequence[FrameCourse]],
+        weights: Sequence | None = None,
+        *,
+        rng: np.random.Generator | None = None,
+    ) -> DSGMR:
+        """Learn from demonstrations; returns self.
+
+        Parameters:
+
+        * attractors: for each demonstration its features [t, u, y] (n_i, m), from `encode` or `features`.
+        * frames: for each demonstration P task frames of these features, as in `TaskParameterisedMixture.fit`.
+        * weights: for each demonstration one number or one per sample (n_i,): how much it counts (8.4.2). Default None: all
+          count alike.
+        * rng: random generator, only needed for the hyper-parameter start="kmeans".
+        """
+        self._learn(attractors, frames, weights, rng)
+        return self
+
+    def product(self, frames: Sequence[Frame | None]) -> GaussianMixture:
+        """(7.21): the mixture over [t, u, y] in the world, for P new frames; None for a missing one."""
+        return self._fitted.product(frames)
+
+    def retrieve(
+        self, frames: Sequence[FrameCourse], time: ArrayLike, inputs: ArrayLike | None = None, *, covariance: bool = True
+    ) -> tuple[np.ndarray, np.ndarray | None]:
+        """Mean (n, d) and covariance (n, d, d) of the attractor in new frames, by (3.4) and (3.5).
+
+        Parameters:
+
+        * frames: P task frames. A moving frame is a list with one frame for each stamp, a missing frame is None.
+        * time: stamps (n,) [s].
+        * inputs: the further inputs u, (q,) or (n, q); default None: there are none.
+        * covariance: bool, default True. If False, None is returned in its place, which saves time.
+        """
+        mixture, queries = self._fitted, self._with_inputs(time, inputs)
+        n_inputs = queries.shape[1]
+        return mixture.regress(frames, queries, np.arange(n_inputs), np.arange(n_inputs, mixture.n_dims), covariance)
+
+    def reproduce(
+        self,
+        frames: Sequence[FrameCourse],
+        time: ArrayLike,
+        position0: ArrayLike,
+        velocity0: ArrayLike,
+        push: ArrayLike | None = None,
+        *,
+        inputs: ArrayLike | None = None,
+        step: float | None = None,
+        covariance: bool = True,
+    ) -> Reproduction:
+        """Movement of a unit mass (7.19) in place of the robot, in new frames.
+
+        Parameters:
+
+        * frames, inputs, covariance: as in `retrieve`.
+        * time: equally spaced stamps (n,) [s], n >= 2.
+        * position0, velocity0: state (d,) at the first stamp.
+        * push: acceleration (n, d) from outside, in units of the movement per s^2, linear between the stamps; default None: none.
+        * step: float [s], default None: computed from the stamps. Give it if it is known exactly: stamps such as
+          `start + step * arange(n)` are rounded, so that their differences are not exactly `step`.
+        """
+        time = as_stamps(time, minimum=2)
+        attractor, spread = self.retrieve(frames, time, inputs, covariance=covariance)
+        motion = follow_attractor(self._pulled(attractor, push), _step(time, step), position0, velocity0, self.stiffness, self.damping)
+        return Reproduction(time, attractor, spread, *motion)
+
+    def _pulled(self, attractor: np.ndarray, push: ArrayLike | None) -> np.ndarray:
+        """The attractor (n, d) that has the effect of this one and the push together: the push shifts it by push / kp."""
+        if push is None:
+            return attractor
+        push = as_samples(push, "push", attractor.shape[1])
+        if len(push) != len(attractor):
+            raise ValueError(f"push must have {len(attractor)} rows, one per stamp, got {len(push)}")
+        return attractor + push / self.stiffness
+
+
+def _step(time: np.ndarray, given: float | None) -> float:
+    """Step of equally spaced stamps (n,) [s]: the given one, if the stamps agree with it."""
+    measured = uniform_step(time)
+    if given is None:
+        return measured
+    step = as_number(given, "step")
+    if abs(step - measured) > SAME_STEP * step:
+        raise ValueError(f"step is {step:g} s, but the stamps are {measured:g} s apart; leave it out, or give such stamps")
+    return step

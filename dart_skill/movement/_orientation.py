@@ -1,0 +1,183 @@
+"""Orientation of the hand as angle of attack alpha, side slip beta and roll (thesis 8.4.1), and the
+quaternion algebra around it.
+
+In a task frame (x towards the target, y horizontally left, z up) the hand's z axis points along
+    d = (cos(beta) cos(alpha), sin(beta), cos(beta) sin(alpha)),
+so alpha is the elevation in the throwing plane: 0 towards the target, 90 degrees straight up, more than that if the hand
+points backwards. beta is the deviation to the left. The whole rotation is
+    R = R_y(-alpha) R_z(beta) R_x(roll) R_y(90 deg).
+Its last factor turns the hand's z axis to x. So the identity quaternion has alpha = 90 degrees and beta = roll = 0. If
+|beta| < 90 degrees, the three angles are unique but for full turns of alpha and roll, and they vary continuously.
+Quaternions are rows x, y, z, w; angles are in radians.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy
+from numpy.typing import ArrayLike
+
+from dart_skill.checks import as_finite, as_samples
+from dart_skill.movement._time import as_stamps
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
+# A quarter turn about y.
+HAND_TO_POINTING = np.sqrt(0.5) * np.array([0.0, 1.0, 0.0, 1.0])
+
+
+def normalise(quaternions: ArrayLike) -> np.ndarray:
+    """Quaternions (n, 4) scaled to length 1; ValueError for one of length zero."""
+    quaternions = as_samples(quaternions, "quaternions", 4)
+    lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
+    if lengths.min() < 1e-6:
+        raise ValueError(f"quaternion {int(lengths.argmin())} has length {lengths.min():.3g}; it says no orientation")
+    return quaternions / lengths
+
+
+def make_continuous(quaternions: ArrayLike) -> np.ndarray:
+    """Unit quaternions (n, 4) with signs such that neighbours have a non-negative dot product; the first keeps its sign."""
+    quaternions = normalise(quaternions)
+    flips = np.einsum("ni,ni->n", quaternions[1:], quaternions[:-1]) < 0
+    signs = np.concatenate([[1.0], np.where(flips, -1.0, 1.0)]).cumprod()
+    return quaternions * signs[:, None]
+
+
+def multiply(left: ArrayLike, right: ArrayLike) -> np.ndarray:
+    """Hamilton products (n, 4) of unit quaternions (n, 4): the rotation by `right`, then by `left`.
+
+    One of them may have one row, which is then used for all rows of the other.
+    """
+    left, right = normalise(left), normalise(right)
+    if len(left) != len(right) and 1 not in (len(left), len(right)):
+        raise ValueError(f"cannot multiply {len(left)} quaternions by {len(right)}; give equally many, or one")
+    x1, y1, z1, w1 = left.T
+    x2, y2, z2, w2 = right.T
+    return np.stack(
+        [
+            w1 * x2 + x1 * w2 + y1 * z2 - z1 * y2,
+            w1 * y2 - x1 * z2 + y1 * w2 + z1 * x2,
+            w1 * z2 + x1 * y2 - y1 * x2 + z1 * w2,
+            w1 * w2 - x1 * x2 - y1 * y2 - z1 * z2,
+        ],
+        axis=1,
+    )
+
+
+def conjugate(quaternions: ArrayLike) -> np.ndarray:
+    """Inverse rotations (n, 4) of unit quaternions (n, 4)."""
+    return normalise(quaternions) * np.array([-1.0, -1.0, -1.0, 1.0])
+
+
+def rotate(quaternions: ArrayLike, vectors: ArrayLike) -> np.ndarray:
+    """Vectors (n, 3) rotated by quaternions (n, 4); one of them may have one row for all rows of the other."""
+    return _rotation(normalise(quaternions)).apply(as_samples(vectors, "vectors", 3))
+
+
+def to_matrices(quaternions: ArrayLike) -> np.ndarray:
+    """Rotation matrices (n, 3, 3)."""
+    return _rotation(normalise(quaternions)).as_matrix()
+
+
+def from_matrices(matrices: ArrayLike) -> np.ndarray:
+    """Unit quaternions (n, 4), with signs as in `make_continuous`, of rotation matrices (n, 3, 3)."""
+    matrices = as_finite(matrices, "matrices", 3)
+    if matrices.shape[1:] != (3, 3) or len(matrices) == 0:
+        raise ValueError(f"matrices must have shape (n, 3, 3), got {matrices.shape}")
+    error = np.abs(matrices @ np.swapaxes(matrices, 1, 2) - np.eye(3)).max(axis=(1, 2))
+    wrong = (error > 1e-6) | (np.linalg.det(matrices) < 0)
+    if wrong.any():
+        raise ValueError(f"matrix {int(wrong.argmax())} is not a rotation (orthogonal with determinant 1)")
+    return make_continuous(scipy.spatial.transform.Rotation.from_matrix(matrices).as_quat())
+
+
+def turn_about_z(quaternions: ArrayLike, angle: float) -> np.ndarray:
+    """Orientations (n, 4) turned by an angle [rad] about the vertical.
+
+    -azimuth turns from the world into a task frame, +azimuth back.
+    """
+    half = 0.5 * float(as_finite(angle, "angle", 0))
+    return multiply([[0.0, 0.0, np.sin(half), np.cos(half)]], quaternions)
+
+
+def pointing_angles(directions: ArrayLike) -> np.ndarray:
+    """(n, 2) alpha in (-pi, pi] and beta of directions (n, 3) of any length."""
+    directions = as_samples(directions, "directions", 3)
+    lengths = np.linalg.norm(directions, axis=1)
+    if lengths.min() == 0:
+        raise ValueError(f"direction {int(lengths.argmin())} has length zero; it points nowhere")
+    x, y, z = directions.T
+    return np.stack([np.arctan2(z, x), np.arctan2(y, np.hypot(x, z))], axis=1)
+
+
+def pointing_directions(angles: ArrayLike) -> np.ndarray:
+    """Unit vectors (n, 3) of angles whose first two columns are alpha and beta."""
+    angles = as_samples(angles, "angles")
+    if angles.shape[1] < 2:
+        raise ValueError(f"angles must have columns alpha and beta, got shape {angles.shape}")
+    alpha, beta = angles[:, 0], angles[:, 1]
+    return np.stack([np.cos(beta) * np.cos(alpha), np.sin(beta), np.cos(beta) * np.sin(alpha)], axis=1)
+
+
+def angles_from_quaternions(quaternions: ArrayLike, alpha_near: float = np.pi / 2, roll_near: float = 0.0) -> np.ndarray:
+    """Angles alpha, beta, roll (n, 3) [rad] of hand orientations (n, 4) in the task frame.
+
+    alpha and roll have no jumps along the sequence. The first alpha is within half a turn of `alpha_near`, the first roll
+    within half a turn of `roll_near`. So with the default all demonstrations get the same branch, even if the hand starts
+    pointing backwards and below the horizontal (alpha up to 270 degrees). Near |beta| = 90 degrees alpha and roll are
+    ill-defined.
+    """
+    x, y, z, w = normalise(quaternions).T
+    ahead = np.stack([x * z + w * y, y * z - w * x, 0.5 - x * x - y * y], axis=1)  # half the hand's z axis
+    side = np.stack([x * y - w * z, 0.5 - x * x - z * z, y * z + w * x], axis=1)  # half its y axis
+    alpha, beta = pointing_angles(ahead).T
+    # With roll = 0 the y axis would be `left`; roll turns it towards `up`, see R above.
+    left = np.stack([-np.sin(beta) * np.cos(alpha), np.cos(beta), -np.sin(beta) * np.sin(alpha)], axis=1)
+    up = np.stack([-np.sin(alpha), np.zeros_like(alpha), np.cos(alpha)], axis=1)
+    roll = np.arctan2(np.einsum("ni,ni->n", side, up), np.einsum("ni,ni->n", side, left))
+    return np.stack([_unwrap_near(alpha, alpha_near), beta, _unwrap_near(roll, roll_near)], axis=1)
+
+
+def quaternions_from_angles(angles: ArrayLike) -> np.ndarray:
+    """Unit quaternions (n, 4) in the task frame, with signs as in `make_continuous`, from alpha, beta, roll (n, 3) [rad]."""
+    alpha, beta, roll = as_samples(angles, "angles", 3).T
+    hand = _pointing_rotation(alpha, beta) * _turn("x", roll) * _rotation(HAND_TO_POINTING)
+    return make_continuous(hand.as_quat())
+
+
+def _pointing_rotation(alpha: np.ndarray, beta: np.ndarray) -> Rotation:
+    return _turn("y", -alpha) * _turn("z", beta)
+
+
+def _rotation(quaternions: np.ndarray) -> Rotation:
+    return scipy.spatial.transform.Rotation.from_quat(quaternions)
+
+
+def _turn(axis: str, angles: np.ndarray) -> Rotation:
+    return scipy.spatial.transform.Rotation.from_euler(axis, angles[:, None])
+
+
+def _unwrap_near(angles: np.ndarray, near: float) -> np.ndarray:
+    angles = np.unwrap(angles)
+    return angles - 2.0 * np.pi * np.round((angles[0] - near) / (2.0 * np.pi))
+
+
+def angular_velocity(time: ArrayLike, quaternions: ArrayLike) -> np.ndarray:
+    """Angular velocity (n, 3) [rad/s] of orientations (n, 4) at increasing stamps (n,) [s], in the frame of the orientations.
+
+    The mean rates between neighbours (logarithm of the relative rotation) are interpolated to the stamps. This is exact for
+    a constant rate, and of second order otherwise. Neighbours must be less than half a turn apart.
+    """
+    quaternions = normalise(quaternions)
+    time = as_stamps(time, len(quaternions), 2)
+    hand = _rotation(quaternions)
+    rates = (hand[1:] * hand[:-1].inv()).as_rotvec() / np.diff(time)[:, None]
+    if len(rates) == 1:
+        return np.repeat(rates, 2, axis=0)
+    middles = 0.5 * (time[1:] + time[:-1])
+    slopes = np.diff(rates, axis=0) / np.diff(middles)[:, None]
+    piece = np.clip(np.searchsorted(middles, time) - 1, 0, len(slopes) - 1)
+    return rates[piece] + slopes[piece] * (time - middles[piece])[:, None]

@@ -1,0 +1,192 @@
+"""Finding the motion in a recording by thresholds on the magnitude of the velocity (thesis 8.4.3, figure 8.11).
+
+Positions come at about 100 Hz, with noise, irregular stamps and gaps. The velocity along each axis is the median of the
+slopes between all pairs of samples in a window (Theil-Sen). It needs no equal spacing, and a single bad sample does not
+change it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dart_skill.checks import as_number, as_samples
+from dart_skill.movement._time import as_stamps
+
+
+def speed(time: ArrayLike, positions: ArrayLike, window: float = 0.07) -> np.ndarray:
+    """Magnitude (n,) of the velocity of positions (n, d) at stamps (n,) [s], from the samples within a window [s]."""
+    positions = as_samples(positions, "positions")
+    time = as_stamps(time, len(positions), 3)
+    half = max(1, round(as_number(window, "window") / float(np.median(np.diff(time)))) // 2)
+    half = min(half, (len(time) - 1) // 2)
+    index = np.arange(len(time))[:, None] + np.arange(-half, half + 1)
+    inside = (index >= 0) & (index < len(time))
+    first, second = np.triu_indices(2 * half + 1, 1)
+    index = np.clip(index, 0, len(time) - 1)
+    steps = time[index[:, second]] - time[index[:, first]]
+    steps = np.where(inside[:, first] & inside[:, second], steps, np.nan)
+    velocity = [np.nanmedian((axis[index[:, second]] - axis[index[:, first]]) / steps, axis=1) for axis in positions.T]
+    return np.linalg.norm(velocity, axis=0)
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One motion in a recording.
+
+    * motion_start, motion_stop [s]: crossings of the thresholds, interpolated between samples.
+    * start, stop [s]: the same with run-up and settling time, within the recording.
+    * first, last: indices of the first and last sample from start to stop; `samples` is the slice of them.
+    * peak_speed [m/s].
+    * largest_gap [s]: longest time between neighbouring samples from start to stop.
+    """
+
+    motion_start: float
+    motion_stop: float
+    start: float
+    stop: float
+    first: int
+    last: int
+    peak_speed: float
+    largest_gap: float
+
+    @property
+    def samples(self) -> slice:
+        return slice(self.first, self.last + 1)
+
+    @property
+    def duration(self) -> float:
+        """Time from motion_start to motion_stop, seconds."""
+        return self.motion_stop - self.motion_start
+
+    def contains(self, instant: float) -> bool:
+        """Whether an instant [s] is between start and stop, so within the margins, too."""
+        return self.start <= instant <= self.stop
+
+
+@dataclass(frozen=True)
+class VelocityThreshold:
+    """Segmentation by thresholds of the speed with hysteresis (thesis 8.4.3).
+
+    A motion that has already begun at the first sample has no start and is left out.
+
+    Parameters:
+
+    * start: float, default 0.3 [m/s]. A motion starts where the speed rises above it.
+    * stop: float, default 0.1 [m/s]. A motion stops where the speed falls below it.
+    * min_duration: float, default 0.2 [s]. Shorter motions are ignored.
+    * max_pause: float, default 0.15 [s]. A shorter rest does not end a motion, such as the turn between wind-up and throw.
+    * run_up: float, default 0.1 [s]. Margin before the start.
+    * settle: float, default 0.1 [s]. Margin after the stop.
+    * window: float, default 0.07 [s]. The speed is estimated from the samples within it.
+    """
+
+    start: float = 0.3
+    stop: float = 0.1
+    min_duration: float = 0.2
+    max_pause: float = 0.15
+    run_up: float = 0.1
+    settle: float = 0.1
+    window: float = 0.07
+
+    def __post_init__(self):
+        for name in ("start", "stop", "window"):
+            as_number(getattr(self, name), name)
+        for name in ("min_duration", "max_pause", "run_up", "settle"):
+            as_number(getattr(self, name), name, strict=False)
+        if self.stop > self.start:
+            raise ValueError(f"stop threshold {self.stop:g} m/s is above the start threshold {self.start:g} m/s; lower it")
+
+    def segment(self, time: ArrayLike, positions: ArrayLike) -> list[Segment]:
+        """Motions in positions (n, d) [m] at stamps (n,) [s], in order.
+
+        ValueError if nothing moved, or if the last motion does not stop within the recording.
+        """
+        positions = as_samples(positions, "positions")
+        time = as_stamps(time, len(positions), 3)
+        speeds = speed(time, positions, self.window)
+        spans = self._spans(time, speeds)
+        self._require_motion(time, speeds, spans)
+        return [self._segment(time, speeds, begin, end) for begin, end in spans]
+
+    def _spans(self, time: np.ndarray, speeds: np.ndarray) -> list[tuple[int, int]]:
+        """For each motion, indices of the first sample above `start` and of the first one below `stop` after it."""
+        spans = self._merge(time, _hysteresis(speeds, self.start, self.stop))
+        spans = [(begin, end) for begin, end in spans if begin > 0]
+        if spans and spans[-1][1] == len(time):
+            raise ValueError(
+                f"the motion that starts at {time[spans[-1][0]]:.3f} s never falls below {self.stop:g} m/s "
+                f"before the recording ends at {time[-1]:.3f} s "
+                f"(peak speed {speeds[spans[-1][0] :].max():.3g} m/s, last {speeds[-1]:.3g} m/s); "
+                "record longer or raise the stop threshold"
+            )
+        return [(begin, end) for begin, end in spans if time[end] - time[begin] >= self.min_duration]
+
+    def _merge(self, time: np.ndarray, spans: list[tuple[int, int]]) -> list[tuple[int, int]]:
+        """Spans, in which those that are less than max_pause apart are joined."""
+        merged = spans[:1]
+        for begin, end in spans[1:]:
+            if time[begin] - time[merged[-1][1]] < self.max_pause:
+                merged[-1] = (merged[-1][0], end)
+            else:
+                merged.append((begin, end))
+        return merged
+
+    def _require_motion(self, time: np.ndarray, speeds: np.ndarray, spans: list) -> None:
+        if spans:
+            return
+        peak = int(speeds.argmax())
+        seen = f"peak speed {speeds[peak]:.3g} m/s at {time[peak]:.3f} s, start threshold {self.start:g} m/s"
+        if speeds[peak] <= self.start:
+            raise ValueError(f"nothing moved between {time[0]:.3f} and {time[-1]:.3f} s: {seen}; lower the threshold or check the tracking")
+        raise ValueError(
+            f"no motion that starts after the first sample lasts {self.min_duration:g} s: {seen}; "
+            "start recording earlier or lower min_duration"
+        )
+
+    def _segment(self, time: np.ndarray, speeds: np.ndarray, begin: int, end: int) -> Segment:
+        motion_start = _crossing(time, speeds, begin, self.start)
+        motion_stop = _crossing(time, speeds, end, self.stop)
+        start, stop = max(motion_start - self.run_up, time[0]), min(motion_stop + self.settle, time[-1])
+        first, last = int(np.searchsorted(time, start)), int(np.searchsorted(time, stop, side="right")) - 1
+        return Segment(
+            motion_start,
+            motion_stop,
+            float(start),
+            float(stop),
+            first,
+            last,
+            float(speeds[begin:end].max()),
+            float(np.diff(time[first : last + 1]).max(initial=0.0)),
+        )
+
+
+def _hysteresis(speeds: np.ndarray, start: float, stop: float) -> list[tuple[int, int]]:
+    """Spans [begin, end) from a sample above `start` to the first one after it below `stop`; end = n if there is none."""
+    events = np.where(speeds > start, 1, np.where(speeds < stop, -1, 0))
+    decided = np.flatnonzero(events)
+    turns = decided[np.flatnonzero(np.diff(events[decided], prepend=-1))]
+    bounds = [int(i) for i in turns] + [len(speeds)] * (len(turns) % 2)
+    return list(zip(bounds[::2], bounds[1::2], strict=True))
+
+
+def _crossing(time: np.ndarray, speeds: np.ndarray, index: int, threshold: float) -> float:
+    """Stamp at which the speed passes the threshold between samples index - 1 and index."""
+    before, after = speeds[index - 1], speeds[index]
+    share = (threshold - before) / (after - before)
+    return float(time[index - 1] + share * (time[index] - time[index - 1]))
+
+
+def segment_containing(segments: Sequence[Segment], instant: float) -> Segment:
+    """The segment that contains an instant [s], such as a release; ValueError if there is none.
+
+    Where the margins of two segments overlap, it is the one whose motion contains the instant.
+    """
+    inside = [one for one in segments if one.contains(instant)]
+    if not inside:
+        spans = ", ".join(f"{one.start:.3f} to {one.stop:.3f}" for one in segments) or "none"
+        raise ValueError(f"no segment contains {instant:.3f} s; segments: {spans}")
+    return max(inside, key=lambda one: one.motion_start <= instant <= one.motion_stop)

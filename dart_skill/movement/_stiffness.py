@@ -1,0 +1,92 @@
+"""Time-varying stiffness from the covariance of a retrieved movement: stiff where the demonstrations agreed.
+
+A spring holds a unit mass against random pushes. The variance of the mass is then inverse to the stiffness of the spring
+(equipartition). So the stiffness along each principal axis of the covariance is c / variance, with one c for the whole
+movement. c is such that the axis and instant with the smallest variance get the largest stiffness that is allowed. Values
+below the least stiffness are raised to it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dart_skill.checks import as_covariances, as_finite, as_number, as_samples
+from dart_skill.movement._differentiation import Motion
+from dart_skill.movement._time import as_stamps, uniform_step
+
+
+def stiffness_from_covariance(covariance: ArrayLike, least: float, most: float) -> np.ndarray:
+    """Symmetric stiffness matrices (n, d, d) [1/s^2] with eigenvalues in [least, most], from covariances (n, d, d).
+
+    All d movement variables must have the same unit. Call it separately for metres and radians: their variances cannot
+    be compared.
+    """
+    covariance = as_covariances(covariance, "covariance", np.shape(covariance))
+    least, most = as_number(least, "least"), as_number(most, "most")
+    if least > most:
+        raise ValueError(f"the least stiffness, {least:g}, is above the largest, {most:g}")
+    variance, axes = np.linalg.eigh(covariance)
+    if variance.min() <= 0.0:
+        worst = int(np.argmin(variance.min(axis=1)))
+        raise ValueError(f"covariance {worst} has variance {variance.min():.3g} along one axis; it must be positive")
+    gains = np.clip(most * variance.min() / variance, least, most)
+    return np.einsum("nij,nj,nkj->nik", axes, gains, axes)
+
+
+def critical_damping_matrix(stiffness: ArrayLike) -> np.ndarray:
+    """2 K^(1/2) (n, d, d): critical damping along every principal axis of stiffness matrices (n, d, d)."""
+    gains, axes = np.linalg.eigh(as_finite(stiffness, "stiffness", 3))
+    if gains.min() < 0.0:
+        raise ValueError(f"stiffness has the eigenvalue {gains.min():.3g}; it must not be negative")
+    return np.einsum("nij,nj,nkj->nik", axes, 2.0 * np.sqrt(gains), axes)
+
+
+def hold_to(time: ArrayLike, motion: Motion, stiffness: ArrayLike, push: ArrayLike | None = None) -> Motion:
+    """Motion (n, d) of a unit mass that follows a reference motion with time-varying stiffness, and is pushed.
+
+    x'' = x''_ref + K (x_ref - x) + 2 K^(1/2) (x'_ref - x') + push. Without a push the result is the reference, whatever
+    the stiffness; the stiffness changes only the response to pushes.
+
+    Parameters:
+
+    * time (n,): equally spaced stamps [s], n at least 2.
+    * motion: the reference, (n, d).
+    * stiffness (n, d, d): K per unit mass [1/s^2], constant between the stamps.
+    * push (n, d): acceleration from outside, in units of the motion per s^2, constant between the stamps; default None, no push.
+    """
+    position = as_samples(motion.position, "position")
+    step = uniform_step(as_stamps(time, len(position), minimum=2))
+    stiffness = as_finite(stiffness, "stiffness", 3)
+    n, d = position.shape
+    if stiffness.shape != (n, d, d):
+        raise ValueError(f"stiffness must have shape ({n}, {d}, {d}), one matrix per stamp, got {stiffness.shape}")
+    push = np.zeros((n, d)) if push is None else as_samples(push, "push", d)
+    if len(push) != n:
+        raise ValueError(f"push must have {n} rows, one per stamp, got {len(push)}")
+    error = _respond(step, stiffness, push)
+    velocity = motion.velocity + error[:, d:]
+    damping = np.einsum("nij,nj->ni", critical_damping_matrix(stiffness), error[:, d:])
+    acceleration = motion.acceleration - np.einsum("nij,nj->ni", stiffness, error[:, :d]) - damping + push
+    return Motion(position + error[:, :d], velocity, acceleration)
+
+
+def _respond(step: float, stiffness: np.ndarray, push: np.ndarray) -> np.ndarray:
+    """Deviation from the reference and its rate (n, 2d), both zero at the first stamp.
+
+    Along an axis of stiffness k, w = sqrt(k), the critically damped response over a step h is exactly
+    e(h) = u + exp(-w h) ((e0 - u) + (e0' + w (e0 - u)) h) with u = push / k.
+    """
+    gains, axes = np.linalg.eigh(stiffness)
+    w = np.sqrt(np.maximum(gains, 1e-12))
+    decay = np.exp(-w * step)
+    error = np.zeros((len(push), 2 * push.shape[1]))
+    d = push.shape[1]
+    for k in range(len(push) - 1):
+        turn = axes[k]
+        e, rate, rest = turn.T @ error[k, :d], turn.T @ error[k, d:], (turn.T @ push[k]) / w[k] ** 2
+        slope = rate + w[k] * (e - rest)
+        later = rest + decay[k] * (e - rest + slope * step)
+        error[k + 1, :d] = turn @ later
+        error[k + 1, d:] = turn @ (decay[k] * (slope - w[k] * (e - rest + slope * step)))
+    return error

@@ -1,0 +1,319 @@
+"""Task-parameterised Gaussian mixture: thesis 7.5.2 and (7.21).
+
+Every demonstration is seen from P frames at once. EM shares the responsibilities between the frames (the
+density of a component is the product over frames, as in the tensor mixture of Calinon), so component k means
+the same part of the motion in each of them. For new frames each component is the product of its Gaussians
+mapped into the world.
+
+A frame (A, b) sees a point x of the world at C (x - b) with C = A^-1. It may move from sample to sample, be missing for a
+while or altogether, or see only some directions (`PartialFrame`); time, the first feature, is part of what every
+frame sees. A frame that is missing is no factor of the product, in learning as in (7.21).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dart_skill.checks import as_covariances, as_finite, as_number, as_samples, as_weights
+from dart_skill.mixture import (
+    DEAD_SHARE,
+    EMEstimator,
+    GaussianMixture,
+    Parameters,
+    Regression,
+    checked_priors,
+    cholesky,
+    column_scales,
+    expectation_at,
+    in_units,
+    kmeans_start,
+    maximisation,
+    n_free_parameters,
+    normalise_log,
+    regress_each,
+    sliced_start,
+    symmetric,
+)
+from dart_skill.movement._frames import TaskFrame
+from dart_skill.movement._placement import FrameCourse, PartialFrame, Situation, TaskSamples
+
+__all__ = ["PartialFrame", "TaskParameterisedMixture"]
+
+STARTS = ("time", "kmeans")
+# A column of a frame counts as no narrower than this share of what world deviations could put there.
+LEAST_SHARE = 1e-2
+# A direction of the world counts as seen when the frames tell it apart from the others by this share at least.
+LEAST_PIVOT = 1e-12
+
+
+def as_sample_weights(weights: Sequence | None, lengths: list[int]) -> np.ndarray:
+    """Weights of all samples in a row, from None, one number per demonstration, or one array (n_i,) per
+    demonstration.
+    """
+    if weights is None:
+        return np.ones(sum(lengths))
+    if len(weights) != len(lengths):
+        raise ValueError(f"weights has {len(weights)} entries for {len(lengths)} demonstrations")
+    full = [
+        np.full(n, w) if np.ndim(w) == 0 else as_finite(w, f"weights of demonstration {i}", 1)
+        for i, (w, n) in enumerate(zip(weights, lengths, strict=True))
+    ]
+    for i, (one, n) in enumerate(zip(full, lengths, strict=True)):
+        if len(one) != n:
+            raise ValueError(f"weights of demonstration {i} has length {len(one)}, its samples {n}")
+    return as_weights(np.concatenate(full), sum(lengths))
+
+
+def least_scales(taught: TaskSamples, weights: np.ndarray) -> list[np.ndarray]:
+    """Per frame (d_p,), least scales of the columns: a share of the deviations of the samples in the world, carried into the
+    frame without regard to their direction.
+
+    A floor that comes from these keeps a component usable that is flat in one frame (static attractors at the
+    target): turned into the world, the floor must stand out from the rounding errors of the other columns.
+    """
+    share = weights / weights.sum()
+    variance = share @ np.square(taught.world - share @ taught.world)
+    return [LEAST_SHARE * np.sqrt(placement.see_variance(variance, weights)) for placement in taught.placements]
+
+
+def shared_time(blocks: list[np.ndarray]) -> np.ndarray:
+    """(n,) time of all samples as the first frame that sees them has it."""
+    time = blocks[0][:, 0].copy()
+    for block in blocks[1:]:
+        time = np.where(np.isnan(time), block[:, 0], time)
+    return time
+
+
+class TaskParameterisedMixture(EMEstimator):
+    """Mixture of K components in P task frames over m features, of which column 0 is time.
+
+    start: "time" cuts the samples into K slices of equal weight along column 0 of the first frame that
+    sees them, and needs no generator; "kmeans" clusters the samples as seen from all frames. Other hyper-parameters as in
+    `EMEstimator`. Fitted: priors_ (K,), means_ (P, K, m), covariances_ (P, K, m, m), log_likelihood_ (summed
+    over samples and frames), n_iterations_, converged_. Where frames see different numbers of directions, means_ and
+    covariances_ are lists of P arrays (K, d_p) and (K, d_p, d_p).
+
+    Frames are given as P entries per demonstration: a TaskFrame or PartialFrame, a list of them with one for each
+    sample, or None, in the list too, where the frame is missing.
+    """
+
+    def __init__(
+        self,
+        n_components: int,
+        *,
+        start: str = "time",
+        covariance_floor: float = 1e-6,
+        tolerance: float = 1e-6,
+        max_iterations: int = 300,
+        n_starts: int = 1,
+    ):
+        if start not in STARTS:
+            raise ValueError(f"start must be one of {STARTS}, got {start!r}")
+        if start == "time" and n_starts != 1:
+            raise ValueError(f"start 'time' is always the same; n_starts {n_starts} needs start='kmeans'")
+        super().__init__(
+            n_components,
+            covariance_floor=covariance_floor,
+            tolerance=tolerance,
+            max_iterations=max_iterations,
+            n_starts=n_starts,
+        )
+        self.start = start
+
+    @classmethod
+    def from_parameters(cls, priors: ArrayLike, means: Sequence[ArrayLike], covariances: Sequence[ArrayLike]) -> TaskParameterisedMixture:
+        """Mixture with priors (K,), and per frame means (K, d_p) and positive definite covariances (K, d_p, d_p). The
+        features are as many as the largest d_p.
+        """
+        priors, n_components = checked_priors(priors), len(priors)
+        if len(means) == 0 or len(means) != len(covariances):
+            raise ValueError(f"means and covariances must be given for each of P >= 1 frames, got {len(means)} and {len(covariances)}")
+        means = [as_samples(mean, f"means of frame {j}") for j, mean in enumerate(means)]
+        for j, mean in enumerate(means):
+            if len(mean) != n_components:
+                raise ValueError(f"means of frame {j} must have shape ({n_components}, d), got {mean.shape}")
+        covariances = [
+            as_covariances(one, f"covariances of frame {j}", (*mean.shape, mean.shape[1]))
+            for j, (one, mean) in enumerate(zip(covariances, means, strict=True))
+        ]
+        mixture = cls(n_components)
+        mixture._set(Parameters(priors, means, covariances), max(mean.shape[1] for mean in means))
+        return mixture
+
+    def _set(self, parameters: Parameters, n_features: int) -> None:
+        self.priors_, self._n_features = parameters.priors, n_features
+        n_frames, n_components = len(parameters.means), len(parameters.priors)
+        # Filled up with zeros where a frame sees fewer directions: an equation 0 = 0 says nothing.
+        self._padded_means = np.zeros((n_frames, n_components, n_features))
+        self._whiteners = np.zeros((n_frames, n_components, n_features, n_features))
+        for j, (mean, covariance) in enumerate(zip(parameters.means, parameters.covariances, strict=True)):
+            d = mean.shape[1]
+            self._padded_means[j, :, :d] = mean
+            self._whiteners[j, :, :d, :d] = np.linalg.inv(cholesky(covariance, f"frame {j}: covariance of component"))
+        alike = len({mean.shape[1] for mean in parameters.means}) == 1
+        self.means_ = np.stack(parameters.means) if alike else parameters.means
+        self.covariances_ = np.stack(parameters.covariances) if alike else parameters.covariances
+
+    @property
+    def n_frames(self) -> int:
+        self._require_fitted()
+        return len(self.means_)
+
+    @property
+    def n_dims(self) -> int:
+        """Number of features m in the world."""
+        self._require_fitted()
+        return self._n_features
+
+    @property
+    def _dims_of_frames(self) -> list[int]:
+        self._require_fitted()
+        return [mean.shape[1] for mean in self.means_]
+
+    def fit(
+        self,
+        samples: Sequence[ArrayLike],
+        frames: Sequence[Sequence[FrameCourse]],
+        weights: Sequence | None = None,
+        *,
+        rng: np.random.Generator | None = None,
+    ) -> TaskParameterisedMixture:
+        """EM on demonstrations (n_i, m) in the world with P frames each; weights per demonstration, per
+        sample (a list of arrays), or None.
+        """
+        if self.start == "kmeans" and rng is None:
+            raise ValueError("start='kmeans' draws random centres: pass rng=numpy.random.default_rng(seed)")
+        taught, weights = _with_weight(samples, frames, weights)
+        blocks = taught.blocks
+        fitted = self._run(blocks, weights, self._starter(shared_time(blocks), rng), least_scales(taught, weights))
+        self._set(fitted, taught.world.shape[1])
+        return self
+
+    def _starter(self, time: np.ndarray, rng: np.random.Generator | None):
+        if self.start == "kmeans":
+            return lambda blocks, weights: kmeans_start(np.nan_to_num(np.hstack(blocks)), weights, self.n_components, rng)
+        return lambda blocks, weights: sliced_start(time, weights, self.n_components)
+
+    def fit_in_time(
+        self,
+        samples: Sequence[ArrayLike],
+        frames: Sequence[Sequence[FrameCourse]],
+        weights: Sequence | None = None,
+        overlap: float = 0.7,
+    ) -> TaskParameterisedMixture:
+        """Components at equal intervals of time whose responsibilities depend on time alone: one weighted M step.
+
+        No component can settle on a few demonstrations, as EM lets it when other inputs than time vary from one to
+        the next, and there is no local optimum. overlap: standard deviation of a component in units of the interval.
+        A component in a gap of the stamps, which nothing belongs to, is dropped.
+        """
+        taught, weights = _with_weight(samples, frames, weights)
+        blocks, overlap = taught.blocks, as_number(overlap, "overlap", 1e-3, strict=False)
+        counts = self._counts_in_time(shared_time(blocks), overlap) * weights[:, None]
+        counts = counts[:, counts.sum(0) > DEAD_SHARE * weights.mean()]
+        scales = [column_scales(*one) for one in zip(blocks, [weights] * len(blocks), least_scales(taught, weights), strict=True)]
+        scaled = [(block - centre) / scale for block, (centre, scale) in zip(blocks, scales, strict=True)]
+        self._set(in_units(maximisation(scaled, counts, self.covariance_floor), scales), taught.world.shape[1])
+        return self
+
+    def _counts_in_time(self, time: np.ndarray, overlap: float) -> np.ndarray:
+        """Responsibilities (n, K) of Gaussian windows in the middle of K equal intervals."""
+        interval = (time.max() - time.min()) / self.n_components
+        if interval <= 0:
+            raise ValueError(f"all samples have the time {time[0]:g}, there are no intervals; use fit, or give time in column 0")
+        centres = time.min() + interval * (0.5 + np.arange(self.n_components))
+        return normalise_log(-0.5 * np.square((time[:, None] - centres) / (overlap * interval)))[0]
+
+    def responsibilities(self, samples: Sequence[ArrayLike], frames: Sequence[Sequence[FrameCourse]]) -> list[np.ndarray]:
+        """Per demonstration, (n_i, K) posterior probability of each component."""
+        return self._per_demonstration(samples, frames, 0)
+
+    def log_density(self, samples: Sequence[ArrayLike], frames: Sequence[Sequence[FrameCourse]]) -> list[np.ndarray]:
+        """Per demonstration, (n_i,) log of the mixture density, a product over the frames that see the sample."""
+        return self._per_demonstration(samples, frames, 1)
+
+    def _per_demonstration(self, samples, frames, which: int) -> list[np.ndarray]:
+        seen = TaskSamples.of(samples, frames, self._dims_of_frames)
+        parameters = Parameters(self.priors_, list(self.means_), list(self.covariances_))
+        return seen.per_demonstration(expectation_at(seen.world, seen.blocks, parameters)[which])
+
+    @property
+    def n_parameters(self) -> int:
+        """Free parameters, for model selection."""
+        return len(self.priors_) - 1 + sum(n_free_parameters(len(self.priors_), d) for d in self._dims_of_frames)
+
+    def bic(
+        self,
+        samples: Sequence[ArrayLike],
+        frames: Sequence[Sequence[FrameCourse]],
+        weights: Sequence | None = None,
+    ) -> float:
+        """Bayesian information criterion, lower is better; the sum of the weights counts as sample number."""
+        log_density = self.log_density(samples, frames)
+        weights = as_sample_weights(weights, [len(one) for one in log_density])
+        return float(-2.0 * weights @ np.concatenate(log_density) + self.n_parameters * np.log(weights.sum()))
+
+    def product(self, frames: Sequence[TaskFrame | PartialFrame | None]) -> GaussianMixture:
+        """(7.21): the mixture in the world for new frames, P of them; None leaves a frame out of the product."""
+        mean, covariance = self._products(self._situation(frames, 1))
+        return GaussianMixture._made(self.priors_, mean[0], covariance[0])
+
+    def regress(
+        self,
+        frames: Sequence[FrameCourse],
+        inputs: ArrayLike,
+        input_dims: ArrayLike,
+        output_dims: ArrayLike,
+        covariance: bool = True,
+    ) -> tuple[np.ndarray, np.ndarray | None]:
+        """Mean (n, o) and covariance (n, o, o) of the output features in new frames, given inputs (n, i) of the input
+        features, as `mixture.regress`; a frame that moves is given by a list with one for each of the inputs. If covariance
+        is False, None is returned in its place, which saves time.
+        """
+        if not any(isinstance(course, Sequence) for course in frames):
+            regression = Regression(self.product(frames), input_dims, output_dims)
+            return regression(inputs) if covariance else (regression.mean(inputs), None)
+        inputs = as_samples(inputs, "inputs")
+        products = self._products(self._situation(frames, len(inputs)))
+        mean, spread = regress_each(self.priors_, *products, inputs, input_dims, output_dims)
+        return mean, spread if covariance else None
+
+    def _situation(self, frames: Sequence[FrameCourse], n: int) -> Situation:
+        return Situation.of(frames, n, self.n_dims, self._dims_of_frames)
+
+    def _products(self, situation: Situation) -> tuple[np.ndarray, np.ndarray]:
+        """(7.21) at n moments: means (n, K, m) and covariances (n, K, m, m) in the world.
+
+        A frame with covariance L L' says that L^-1 C (x - b) has mean L^-1 mu and covariance one. What all frames say is one
+        least-squares problem in x - about, solved by QR, so that no condition number is squared.
+        """
+        about = situation.middle(self._padded_means)
+        rows = self._whiteners @ situation.inverses[:, :, None]
+        right = rows @ (situation.b[:, :, None] - about[:, None])[..., None]
+        right += situation.seen[:, :, None, None, None] * (self._whiteners @ self._padded_means[..., None])
+        n, p, k, d, m = rows.shape
+        equations = np.concatenate([rows, right], axis=-1).swapaxes(1, 2).reshape(n, k, p * d, m + 1)
+        triangle = np.linalg.qr(equations, mode="r")
+        _require_determined(triangle[..., :m, :m])
+        root = np.linalg.inv(triangle[..., :m, :m])
+        mean = about + (root @ triangle[..., :m, m:])[..., 0]
+        return mean, symmetric(root @ np.swapaxes(root, -1, -2))
+
+
+def _with_weight(samples, frames, weights) -> tuple[TaskSamples, np.ndarray]:
+    """The samples that have weight, and their weights."""
+    taught = TaskSamples.of(samples, frames)
+    weights = as_sample_weights(weights, taught.lengths)
+    return taught.only(weights > 0), weights[weights > 0]
+
+
+def _require_determined(triangle: np.ndarray) -> None:
+    """ValueError unless the columns of upper triangles (..., m, m), one per feature of the world, are independent."""
+    pivots = np.diagonal(triangle, axis1=-2, axis2=-1)
+    found = np.square(pivots) > LEAST_PIVOT**2 * np.square(triangle).sum(-2)
+    if not found.all():
+        feature = int(np.argwhere(~found)[:, -1].min())
+        raise ValueError(f"the task frames that are there do not tell feature {feature} of the world; give a frame that sees it")

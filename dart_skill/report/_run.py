@@ -1,0 +1,176 @@
+"""What a report tells, gathered from a bag: throws that were guided, throws of the arm's own, the skill, and what was run."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dart_skill.figures import COMMAND, SAME_BASKET, Recording
+from dart_skill.recording import BagError, BagReader, Demonstration, read_command, read_demonstrations
+from dart_skill.recording.imports import ThrowRecording, fault_lines, read_recording
+from dart_skill.session import ThrowResult, find_throws
+from dart_skill.skill.learn import LEAST_DEMONSTRATIONS, ThrowingSkill, learn
+from dart_skill.skill.learn import configuration as configuration_of
+from dart_skill.skill.observe import FoundThrow, worlds
+
+PACKAGES = ("dart_skill", "numpy", "scipy", "matplotlib", "viser")
+"""Whose versions a report states."""
+MOST_TEXT = 100_000
+"""Characters of an attached parameter file that are shown."""
+
+
+@dataclass(frozen=True)
+class About:
+    """What somebody knows of a run beyond its bag. title: of the page; facts: name and text, in order; options: name, value and default;
+    parameters: texts of parameter files by name; configuration: of the skill, "" for the default; marks: what happened after so many
+    throws.
+    """
+
+    title: str = "Throws of a bag"
+    facts: Mapping[str, str] = field(default_factory=dict)
+    options: Sequence[tuple[str, Any, Any]] = ()
+    parameters: Mapping[str, str] = field(default_factory=dict)
+    configuration: str = ""
+    marks: Mapping[int, str] = field(default_factory=dict)
+
+    @property
+    def changed(self) -> list[tuple[str, Any, Any]]:
+        """The options that are not as they are by default."""
+        return [option for option in self.options if option[1] != option[2]]
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """Everything that the page is made of.
+
+    recording: the raw streams; guided, own: throws found in them, in order of time; results: one for each throw of the arm; shown: the
+    demonstrations; skill: learned from them, None if there are too few; command_stamps (n,) [ns]; notes: what is missing, and why.
+    """
+
+    bag: Path
+    about: About
+    recording: ThrowRecording
+    guided: tuple[FoundThrow, ...]
+    own: tuple[FoundThrow, ...]
+    results: tuple[ThrowResult, ...]
+    shown: tuple[Demonstration, ...]
+    skill: ThrowingSkill | None
+    command_stamps: np.ndarray
+    notes: tuple[str, ...] = ()
+
+    @property
+    def numbers(self) -> dict[int, int]:
+        """Number of the result, from 1 on, of each throw of the arm in the recording, by its index in `own`.
+
+        Both are in order of time; a throw that never came about is a result only.
+        """
+        found, numbers = 0, {}
+        cut = [k for k, throw in enumerate(self.own) if throw.demonstration is not None]
+        for number, result in enumerate(self.results, start=1):
+            if found < len(cut) and np.linalg.norm(np.subtract(self.own[cut[found]].demonstration.target, result.target)) < SAME_BASKET:
+                numbers[cut[found]] = number
+                found += 1
+        return numbers
+
+    @property
+    def recordings(self) -> list[Recording]:
+        """The stretches between two resets of the world, as the figures want them."""
+        return [_stretch(self, since, until) for since, until in worlds([self.recording.bodies["hand"].stamp_ns])]
+
+
+def read_run(bag: str | os.PathLike, about: About | None = None, results: Sequence[ThrowResult] | None = None) -> Run:
+    """Everything that a bag tells of a run; BagError says what is wrong with it.
+
+    about: what is known besides. results: of the arm's throws as they were judged in the run, which has those, too, that came to nothing;
+    by default they are judged again, by what the cameras saw.
+    """
+    bag = Path(bag)
+    described, stamps = _describe(bag, about or About())
+    recording = read_recording(bag)
+    throws = find_throws(recording)
+    guided, own = (tuple(throw for throw in throws if throw.taught == taught) for taught in (True, False))
+    shown = _published(bag) or tuple(throw.demonstration for throw in guided if throw.shows)
+    judged = tuple(result_of(throw) for throw in own if throw.demonstration is not None) if results is None else tuple(results)
+    skill, notes = _learned(shown, described.configuration)
+    notes += [f"could not be cut: {throw.reason}" for throw in throws if throw.demonstration is None]
+    return Run(bag, described, recording, guided, own, judged, shown, skill, stamps, (*notes, *fault_lines(recording.faults)))
+
+
+def result_of(throw: FoundThrow) -> ThrowResult:
+    """How a throw of a recording ended."""
+    outcome = throw.outcome
+    landing = tuple(outcome.landing.tolist()) if outcome.landing_seen else None
+    error = float(outcome.landing_error) if outcome.landing_seen else None
+    return ThrowResult(tuple(throw.demonstration.target.tolist()), landing, error, bool(outcome.in_basket), throw.reason)
+
+
+def versions() -> dict[str, str]:
+    """Of this package and of what it computes with; "not installed" where there is none."""
+    found = {"Python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            found[package] = "not installed"
+    return found
+
+
+def machine() -> str:
+    """Operating system, kind of processor and number of cores of this machine, without its name."""
+    try:
+        system = platform.freedesktop_os_release()["PRETTY_NAME"]
+    except (OSError, KeyError, AttributeError):
+        system = platform.system()
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return f"{system}, {platform.system()} {platform.release().split('-')[0]}, {platform.machine()}, {cores} cores"
+
+
+def _describe(bag: Path, about: About) -> tuple[About, np.ndarray]:
+    """What the bag says of itself added to what is known, and the stamps of the controller's commands (n,) [ns]."""
+    with BagReader(bag) as reader:
+        told = {name.capitalize(): text for name, text in reader.custom_data.items() if text.strip("{}[] ")}
+        size = sum(file.size for file in reader.files)
+        told["Bag"] = f"{bag.name}: {reader.message_count} messages on {len(reader.topics)} topics, {size / 1e6:.1f} MB"
+        told["Recorded time"] = f"{(reader.end_ns - reader.start_ns) * 1e-9:.1f} s on the clock of the recorder"
+        files = {item.name: item.data.decode("utf-8", "replace")[:MOST_TEXT] for item in reader.attachments() if "yaml" in item.media_type}
+        commands = reader.messages([COMMAND], decode=False) if COMMAND in reader.topics else ()
+        stamps = np.array([read_command(message.data)[0] for message in commands], dtype=np.int64)
+    facts, parameters = {**told, **about.facts}, {**files, **about.parameters}
+    return replace(about, facts=facts, parameters=parameters), np.unique(stamps)
+
+
+def _published(bag: Path) -> tuple[Demonstration, ...]:
+    """The demonstrations of the topic of that name; none without it."""
+    try:
+        return tuple(read_demonstrations(bag))
+    except BagError:
+        return ()
+
+
+def _learned(shown: Sequence[Demonstration], name: str) -> tuple[ThrowingSkill | None, list[str]]:
+    if len(shown) < LEAST_DEMONSTRATIONS:
+        return None, [f"{len(shown)} demonstrations are too few to learn from: no skill is shown"]
+    try:
+        return learn(list(shown), configuration_of(name)), []
+    except ValueError as error:
+        return None, [f"no skill is shown: {error}"]
+
+
+def _stretch(run: Run, since: int, until: int) -> Recording:
+    bodies, stamps = run.recording.bodies, run.command_stamps
+    parts = {name: (bodies[name].stamp_ns >= since) & (bodies[name].stamp_ns <= until) for name in ("hand", "ball", "basket")}
+    basket = bodies["basket"].position[parts["basket"]]
+    opened = [one.stamp_ns for one in run.recording.openings if since <= one.stamp_ns <= until and not one.taught]
+    return Recording(
+        *(values[parts[name]] for name in ("hand", "ball") for values in (bodies[name].stamp_ns, bodies[name].position)),
+        basket=np.median(basket, axis=0) if len(basket) else np.full(3, np.nan),
+        command_stamps=stamps[(stamps >= since) & (stamps <= until)],
+        opened_ns=opened[0] if opened else None,
+    )

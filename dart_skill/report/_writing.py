@@ -1,0 +1,43 @@
+"""Writing the page of a bag, and what a run of the main job leaves behind."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from dart_skill.report._page import page_of
+from dart_skill.report._pictures import pictures, save_pictures
+from dart_skill.report._run import About, read_run
+from dart_skill.session import DemoSummary, ThrowResult, write_summary
+
+PAGE = "report.html"
+
+
+def write_page(
+    bag: str | os.PathLike,
+    output: str | os.PathLike,
+    about: About | None = None,
+    results: Sequence[ThrowResult] | None = None,
+    figures: str | os.PathLike | None = None,
+) -> list[Path]:
+    """Write the page of a bag to the file `output`; returns the paths of everything that was written, the page first.
+
+    about: what is known of the run besides. results: of the arm's throws as the run judged them; judged again from the bag by default.
+    figures: a folder that gets every figure as SVG and PNG, too. BagError if the bag cannot be read; then nothing is written.
+    """
+    run = read_run(bag, about, results)
+    drawn = pictures(run)
+    page, output = page_of(run, drawn), Path(output)
+    output.parent.mkdir(parents=True, exist_ok=True)
+    output.write_text(page, encoding="utf-8", newline="\n")
+    return [output, *(save_pictures(drawn, figures) if figures is not None else ())]
+
+
+def write_report(summary: DemoSummary, bag: Path, output: Path, about: About | None = None) -> list[Path]:
+    """Write summary.json, the page and every picture into `output`; returns the paths. about: what the page says of the run besides.
+
+    The skill is learned again from the bag: the same demonstrations give the same plans to the last bit.
+    """
+    written = [write_summary(summary, output)]
+    return written + write_page(bag, Path(output) / PAGE, about, summary.throws, figures=output)

@@ -1,0 +1,336 @@
+"""From a plan to commands: one pure step per state of the arm.
+
+    HOLDING -> APPROACHING -> SETTLING -> THROWING -> FOLLOWING_THROUGH -> HOLDING,  any -> STOPPING -> HOLDING,  FREE
+
+In THROWING the hand is pulled by the plan's attractors (7.19) and towards the motion that they predict; between throws the joints
+are held. A limit that fires brings the arm to a damped stop and leaves its reason in `message`.
+"""
+
+import math
+from bisect import bisect_right
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from enum import Enum
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dart_skill.configuration import node_parameters
+from dart_skill.constants import N_JOINTS
+from dart_skill.robot._command import ArmState, Command, Grip, all_finite
+from dart_skill.robot._description import WamDescription, wam_description
+from dart_skill.robot._impedance import (
+    Impedance,
+    JointServo,
+    PoseGains,
+    Reference,
+    attractor_acceleration,
+    minimum_jerk,
+    rotation_error,
+    tracking_acceleration,
+)
+from dart_skill.robot._model import ArmModel, HandState
+from dart_skill.robot._throw_plan import ThrowPlan
+
+STRETCHED = 0.005
+"""Nearer than this to its full reach the arm cannot follow a plan: the elbow may turn over [m]."""
+
+LONGEST_STOP = 2.0
+"""An arm that still creeps after so long, because gravity is compensated badly, is held where it is [s]."""
+
+
+class Mode(Enum):
+    """What the commander is doing."""
+
+    HOLDING = "holding"
+    FREE = "free"
+    APPROACHING = "approaching"
+    SETTLING = "settling"
+    THROWING = "throwing"
+    FOLLOWING_THROUGH = "following_through"
+    STOPPING = "stopping"
+
+
+@dataclass(frozen=True)
+class CommanderSettings:
+    """Gains and limits; each is a parameter of the commander node, and its value stands in config/commander.yaml.
+
+    Parameters
+    ----------
+    tracking_stiffness, tracking_damping : pull towards the predicted motion on top of the attractor's, per unit mass [1/s^2], [1/s].
+    tracking_stiffness_rotation, tracking_damping_rotation : the same for orientation [1/s^2], [1/s].
+    friction_compensation : share of the identified joint friction, 0 to 1.
+    approach_speed : fastest joint on the way to the start of a throw [rad/s].
+    settle_speed, settle_time : the arm rests below this joint speed [rad/s], for so long before a throw [s].
+    settle_limit : the throw begins even if the arm does not rest for so long [s].
+    strongest_force, strongest_moment : the wrench is cut there [N], [N m].
+    fastest_hand : beyond it plans are refused and throws stopped [m/s].
+    farthest_error : distance of the hand from the plan at which a throw is stopped [m].
+    longest_gap : between two states of the arm; after a longer one the arm is held where it is found [s].
+    joint_margin : to the end of a joint's range, at which a throw is stopped [rad].
+    follow_time : the hand stays on the plan so long after the release [s]. Then joint damping brings the arm to rest: the plan beyond is of
+        no use to the ball and leads through the stretched arm.
+    """
+
+    tracking_stiffness: float
+    tracking_damping: float
+    tracking_stiffness_rotation: float
+    tracking_damping_rotation: float
+    friction_compensation: float
+    approach_speed: float
+    settle_speed: float
+    settle_time: float
+    settle_limit: float
+    strongest_force: float
+    strongest_moment: float
+    fastest_hand: float
+    farthest_error: float
+    longest_gap: float
+    joint_margin: float
+    follow_time: float
+
+    @classmethod
+    def from_parameters(cls, parameters: Mapping) -> "CommanderSettings":
+        """Settings from the parameters of the commander node."""
+        return cls(**{f.name: parameters[f.name] for f in fields(cls)})
+
+    @classmethod
+    def configured(cls, **changes: float) -> "CommanderSettings":
+        """Settings of config/commander.yaml, some of them changed; KeyError names what is no setting."""
+        if unknown := set(changes) - {f.name for f in fields(cls)}:
+            raise KeyError(f"{', '.join(sorted(unknown))}: no setting of the commander")
+        return cls.from_parameters({**node_parameters("commander.yaml", "commander"), **changes})
+
+
+class PlanRefused(ValueError):
+    """The plan cannot be thrown; the message says which value breaks which limit."""
+
+
+class Commander:
+    """Answers every state of the arm with one command."""
+
+    def __init__(self, settings: CommanderSettings | None = None, description: WamDescription | None = None):
+        self.settings = settings or CommanderSettings.configured()
+        self._description = description or wam_description()
+        share = self.settings.friction_compensation
+        self._lower, self._upper = self._description.of_joints("lower"), self._description.of_joints("upper")
+        self._loaded = Impedance(ArmModel(self._description, ball_in_hand=True), share)
+        self._empty = Impedance(ArmModel(self._description, ball_in_hand=False), share)
+        self._servo = JointServo(self._empty)
+        s = self.settings
+        self._tracking = PoseGains.of(
+            (s.tracking_stiffness, s.tracking_damping), (s.tracking_stiffness_rotation, s.tracking_damping_rotation)
+        )
+        self._mode, self.message = Mode.HOLDING, ""
+        self._hold, self._plan, self._opened, self._requested = None, None, False, None
+        self._entered_ns, self._last_ns = 0, None
+        self.time, self.tracking_error, self.reference = float("nan"), float("nan"), None
+        self.opened_ns = None
+
+    @property
+    def mode(self) -> Mode:
+        return self._mode
+
+    @property
+    def throwing(self) -> bool:
+        """Whether a throw is under way, from the approach to the end of the follow-through."""
+        return self._requested is not None or self._mode in (Mode.APPROACHING, Mode.SETTLING, Mode.THROWING, Mode.FOLLOWING_THROUGH)
+
+    def throw(self, plan: ThrowPlan) -> None:
+        """Begin a throw with the next state; PlanRefused if a limit forbids it."""
+        if self.throwing or self._mode == Mode.STOPPING:
+            raise PlanRefused("a throw is under way, or the arm has not come to rest: wait for it or stop it first")
+        check_plan(plan, self.settings, self._description)
+        self._requested, self.message, self.opened_ns = plan, "", None
+
+    def _begin_throw(self, state: ArmState) -> None:
+        plan, self._requested = self._requested, None
+        self._plan, self._references, self._opened = plan, _References(plan), False
+        self._start = state.position.copy()
+        way = np.abs(plan.start_posture - self._start).max()
+        self._approach = max(0.3, 1.875 * way / self.settings.approach_speed)
+        self._enter(Mode.APPROACHING, state)
+
+    def release_arm(self, free: bool) -> None:
+        """Leave the arm to gravity compensation alone, or hold it again where it is."""
+        if self.throwing:
+            raise PlanRefused("a throw is under way: stop it before the arm is released")
+        self._mode, self._hold = (Mode.FREE if free else Mode.HOLDING), None
+
+    def stop(self, reason: str) -> None:
+        """Bring the arm to a damped stop and hold it; `reason` is kept as the message."""
+        self.message, self._plan, self._requested = reason, None, None
+        self._mode, self._entered_ns = Mode.STOPPING, None
+
+    def step(self, state: ArmState) -> Command:
+        """The command that answers `state`."""
+        if not (all_finite(state.position) and all_finite(state.velocity)):
+            raise ValueError(f"joint state of {state.stamp_ns} ns is not finite: {state.position}, {state.velocity}")
+        self._notice_gap(state)
+        if self._requested is not None:
+            self._begin_throw(state)
+        if self._entered_ns is None:
+            self._entered_ns = state.stamp_ns
+        self.time = (state.stamp_ns - self._entered_ns) * 1e-9
+        return getattr(self, f"_{self._mode.value}")(state)
+
+    # one method per mode
+
+    def _holding(self, state: ArmState) -> Command:
+        if self._hold is None:
+            self._hold = state.position.copy()
+        zero = np.zeros(N_JOINTS)
+        return self._joint_command(state, self._hold, zero, zero)
+
+    def _free(self, state: ArmState) -> Command:
+        return Command(state.stamp_ns)
+
+    def _approaching(self, state: ArmState) -> Command:
+        if self.time >= self._approach:
+            self._enter(Mode.SETTLING, state)
+            self._quiet_ns = state.stamp_ns
+            return self._settling(state)
+        return self._joint_command(state, *minimum_jerk(self._start, self._plan.start_posture, self._approach, self.time))
+
+    def _settling(self, state: ArmState) -> Command:
+        if np.abs(state.velocity).max() > self.settings.settle_speed:
+            self._quiet_ns = state.stamp_ns
+        quiet = (state.stamp_ns - self._quiet_ns) * 1e-9
+        if quiet >= self.settings.settle_time or self.time >= self.settings.settle_limit:
+            self._enter(Mode.THROWING, state)
+            return self._throwing(state)
+        zero = np.zeros(N_JOINTS)
+        return self._joint_command(state, self._plan.start_posture, zero, zero)
+
+    def _throwing(self, state: ArmState) -> Command:
+        plan = self._plan
+        if self.time > min(plan.path.duration, plan.release + self.settings.follow_time):
+            self._enter(Mode.FOLLOWING_THROUGH, state)
+            return self._following_through(state)
+        impedance = self._empty if self._opened and self.time > plan.release else self._loaded
+        hand = impedance.model.hand_state(state.position, state.velocity)
+        reference = self._references.at(self.time)
+        self.reference, self.tracking_error = reference, math.dist(reference.position, hand.position)
+        if reason := self._limit_broken(state, hand):
+            self.stop(reason)
+            return self._stopping(state)
+        acceleration = attractor_acceleration(reference, hand, self._references.gains)
+        acceleration += tracking_acceleration(reference, hand, self._tracking)
+        posture = plan.start_posture.copy()
+        posture[[1, 3, 5]] = state.position[[1, 3, 5]]
+        wrench, torque = impedance.act(state.position, state.velocity, acceleration, posture)
+        return Command(state.stamp_ns, self._cut(wrench), torque, self._grip(state))
+
+    def _following_through(self, state: ArmState) -> Command:
+        return self._come_to_rest(state)
+
+    def _stopping(self, state: ArmState) -> Command:
+        return self._come_to_rest(state)
+
+    def _come_to_rest(self, state: ArmState) -> Command:
+        if np.abs(state.velocity).max() < 0.05 or self.time > LONGEST_STOP:
+            self._hold = None
+            self._enter(Mode.HOLDING, state)
+            return self._holding(state)
+        return Command(state.stamp_ns, joint_torque=self._servo.damp(state.velocity))
+
+    # helpers
+
+    def _notice_gap(self, state: ArmState) -> None:
+        """After a gap in the states, as when the world was reset, the arm is held where it is found; a free arm stays free."""
+        gap = 0.0 if self._last_ns is None else (state.stamp_ns - self._last_ns) * 1e-9
+        self._last_ns = state.stamp_ns
+        if 0.0 <= gap <= self.settings.longest_gap:
+            return
+        if self._mode in (Mode.APPROACHING, Mode.SETTLING, Mode.THROWING, Mode.FOLLOWING_THROUGH):
+            self.message = f"no state of the arm for {gap:.2f} s during a throw"
+        self._hold, self._plan = None, None
+        if self._mode != Mode.FREE:
+            self._mode = Mode.HOLDING
+
+    def _enter(self, mode: Mode, state: ArmState) -> None:
+        self._mode, self._entered_ns, self.time = mode, state.stamp_ns, 0.0
+
+    def _joint_command(self, state: ArmState, q, qd, qdd) -> Command:
+        torque = self._servo.torque(state.position, state.velocity, q, qd, qdd)
+        return Command(state.stamp_ns, joint_torque=torque)
+
+    def _grip(self, state: ArmState) -> Grip:
+        if self._opened or self.time < self._plan.open_hand - 1e-9:
+            return Grip.UNSPECIFIED
+        self._opened, self.opened_ns = True, state.stamp_ns
+        return Grip.OPEN
+
+    def _cut(self, wrench: np.ndarray) -> np.ndarray:
+        force, moment = math.sqrt(wrench[:3] @ wrench[:3]), math.sqrt(wrench[3:] @ wrench[3:])
+        most_force, most_moment = self.settings.strongest_force, self.settings.strongest_moment
+        if force <= most_force and moment <= most_moment:
+            return wrench
+        return np.repeat([min(1.0, most_force / max(1e-9, force)), min(1.0, most_moment / max(1e-9, moment))], 3) * wrench
+
+    def _limit_broken(self, state: ArmState, hand: HandState) -> str:
+        over = np.maximum(state.position - self._upper, self._lower - state.position)
+        if over.max() > -self.settings.joint_margin:
+            j = int(over.argmax())
+            return f"j{j + 1} is at {state.position[j]:.3f} rad, closer than {self.settings.joint_margin} rad to the end of its range"
+        speed = math.sqrt(hand.linear @ hand.linear)
+        if speed > self.settings.fastest_hand:
+            return f"the hand moves at {speed:.2f} m/s, faster than the limit of {self.settings.fastest_hand} m/s"
+        if self.tracking_error > self.settings.farthest_error and self.time < self._plan.release:
+            return f"the hand is {self.tracking_error:.3f} m from the plan, farther than the limit of {self.settings.farthest_error} m"
+        return ""
+
+
+def check_plan(plan: ThrowPlan, settings: CommanderSettings, description: WamDescription) -> None:
+    """PlanRefused, with the value and the limit, if the plan leaves the joints' range or the hand's speed limit."""
+    lower, upper = description.of_joints("lower"), description.of_joints("upper")
+    outside = (plan.start_posture < lower) | (plan.start_posture > upper)
+    if outside.any():
+        j = int(np.argmax(outside))
+        raise PlanRefused(f"the start posture has j{j + 1} at {plan.start_posture[j]:.2f} rad, outside {lower[j]} to {upper[j]}")
+    speed = float(np.linalg.norm(plan.path.velocity[:, :3], axis=1).max())
+    if speed > settings.fastest_hand:
+        raise PlanRefused(f"the plan moves the hand at {speed:.2f} m/s; the limit is {settings.fastest_hand} m/s: choose a nearer basket")
+    shoulder = np.array([0.0, 0.0, description.mount_height + description.shoulder_height])
+    reach = description.reach
+    swing = plan.path.position[plan.path.time <= plan.release]
+    farthest = float(np.linalg.norm(swing - shoulder, axis=1).max())
+    if farthest > reach - STRETCHED:
+        raise PlanRefused(f"the plan takes the hand {farthest:.3f} m from the shoulder; the arm is stretched at {reach:.3f} m")
+    model = ArmModel(description)
+    position, rotation = model.hand_pose(plan.start_posture)
+    offset = float(np.linalg.norm(position - plan.path.position[0]))
+    turn = float(np.linalg.norm(rotation_error(Rotation.from_quat(plan.path.quaternion[0]).as_matrix(), rotation)))
+    if offset > 0.05 or turn > 0.3:
+        raise PlanRefused(f"the start posture holds the hand {offset:.3f} m and {turn:.2f} rad from where the path begins")
+
+
+class _References:
+    """The plan as a function of time: linear between its instants, a share of the turn from each orientation to the next."""
+
+    def __init__(self, plan: ThrowPlan):
+        path, position, orientation = plan.path, plan.position_gains, plan.orientation_gains
+        self.gains = PoseGains.of((position.stiffness, position.damping), (orientation.stiffness, orientation.damping))
+        self._time = path.time.tolist()
+        self._linear = np.hstack([plan.attractor_position, path.position, path.velocity, path.acceleration])
+        turns = [Rotation.from_quat(quaternion) for quaternion in (plan.attractor_quaternion, path.quaternion)]
+        self._rotation = np.stack([turn.as_matrix() for turn in turns], axis=1)  # (n, 2, 3, 3)
+        # To the second order in the small angle between two instants: R + s K R + s^2 / 2 K K R.
+        angle = np.stack([(turn[1:] * turn[:-1].inv()).as_rotvec() for turn in turns], axis=1)
+        skew = _skew(angle)
+        self._first = skew @ self._rotation[:-1]
+        self._second = 0.5 * skew @ self._first
+
+    def at(self, time: float) -> Reference:
+        k = min(max(bisect_right(self._time, time) - 1, 0), len(self._time) - 2)
+        share = (time - self._time[k]) / (self._time[k + 1] - self._time[k])
+        row = self._linear[k] + share * (self._linear[k + 1] - self._linear[k])
+        attractor, rotation = self._rotation[k] + share * (self._first[k] + share * self._second[k])
+        return Reference(row[:3], attractor, row[3:6], rotation, row[6:12], row[12:18])
+
+
+def _skew(vectors: np.ndarray) -> np.ndarray:
+    """Matrices (..., 3, 3) whose product with b is the cross product of vectors (..., 3) and b."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    zero = np.zeros_like(x)
+    return np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), (0, 1), (-2, -1))

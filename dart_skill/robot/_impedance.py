@@ -1,0 +1,158 @@
+"""The impedance law: joint torques that make the hand move as a unit mass on springs and dampers would, thesis (7.19).
+
+The attractor's force acts on the hand's acceleration; the arm's own inertia in task space shapes it into a wrench, so that the law
+holds on the arm, not only on a point mass (Khatib, 1987). Position and orientation have an attractor each (8.4).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg.lapack import dposv, dsyev
+
+from dart_skill.robot._model import ArmModel, HandState
+
+LENGTHS = np.array([1.0, 1.0, 1.0, 0.18, 0.18, 0.18])
+"""Metres that a metre, or a radian, of the hand's motion counts for when directions are compared: 0.18 m from the wrist to the ball."""
+SLOW, WEAK = 0.02, 0.1
+"""Speed of a joint [rad/s], and torque that drives it in parts of its Coulomb friction, that tell in which direction friction acts."""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What the hand shall do at one instant, world axes.
+
+    attractor: position (3,) and rotation (3, 3) that pull; position, rotation, velocity (6,): the motion that is expected of the
+    pull; acceleration (6,) of that motion.
+    """
+
+    attractor_position: np.ndarray
+    attractor_rotation: np.ndarray
+    position: np.ndarray
+    rotation: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+
+
+def rotation_error(target: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """Rotation vector (3,) in world axes that turns `rotation` (3, 3) into `target` (3, 3) [rad]."""
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = (target @ rotation.T).tolist()
+    x, y, z = 0.5 * (zy - yz), 0.5 * (xz - zx), 0.5 * (yx - xy)
+    sine, cosine = math.sqrt(x * x + y * y + z * z), 0.5 * (xx + yy + zz - 1.0)
+    if sine < 1e-9 and cosine < 0.0:  # half a turn: its axis is an eigenvector, either way round
+        column = np.array([[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]]) + np.eye(3)
+        axis = column[:, np.argmax(np.diag(column))]
+        return math.pi * axis / math.sqrt(axis @ axis)
+    scale = 1.0 if sine < 1e-9 else math.atan2(sine, cosine) / sine
+    return np.array([scale * x, scale * y, scale * z])
+
+
+def pose_error(position: np.ndarray, rotation: np.ndarray, hand: HandState) -> np.ndarray:
+    """What the hand lacks to a pose (6,): way [m] over rotation vector [rad], world axes."""
+    return np.concatenate([position - hand.position, rotation_error(rotation, hand.rotation)])
+
+
+@dataclass(frozen=True)
+class PoseGains:
+    """Spring and damper of the hand per unit mass: stiffness (6,) [1/s^2] and damping (6,) [1/s], linear over angular."""
+
+    stiffness: np.ndarray
+    damping: np.ndarray
+
+    @classmethod
+    def of(cls, position: tuple[float, float], orientation: tuple[float, float]) -> "PoseGains":
+        """From (stiffness, damping) of the position and of the orientation."""
+        return cls(*np.repeat([position, orientation], 3, axis=0).T)
+
+
+class Impedance:
+    """Wrench and joint torques for a wanted acceleration of the hand, by the controller's model of the arm.
+
+    friction_compensation is the share of the identified joint friction that is fed forward; null_stiffness and null_damping
+    [1/s^2, 1/s] hold the posture in the arm's free motion. least_mobility [1/kg]: a direction in which the hand is harder to accelerate
+    than this (a shoulder or a wrist that is straight: axes in line) is left to the posture by and by, the less mobile the more.
+    """
+
+    def __init__(
+        self,
+        model: ArmModel,
+        friction_compensation: float = 0.8,
+        null_stiffness: float = 60.0,
+        null_damping: float = 12.0,
+        least_mobility: float = 0.08,
+    ):
+        self.model = model
+        self._coulomb = friction_compensation * model.description.of_joints("coulomb_friction")
+        self._viscous = friction_compensation * model.description.of_joints("viscous_friction")
+        self._weak_drive = WEAK * model.description.of_joints("coulomb_friction")
+        self._null_stiffness = null_stiffness
+        self._null_damping = null_damping
+        self._least_mobility = least_mobility
+
+    def friction_torque(self, qd: np.ndarray, drive: np.ndarray | float = 0.0) -> np.ndarray:
+        """The share of joint friction that is compensated (7,) [N m]; smooth through zero speed.
+
+        Where a joint stands still, the torque (7,) [N m] that drives it stands in for its speed: friction holds up just that. Without, the
+        rolls of upper arm and forearm stick or slip with the distance of the basket, and the ball goes up to 2 cm to one side or the other.
+        """
+        return self._coulomb * np.tanh(qd / SLOW + drive / self._weak_drive) + self._viscous * qd
+
+    def act(self, q: np.ndarray, qd: np.ndarray, acceleration: np.ndarray, posture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Wrench (6,) and additional joint torque (7,) that accelerate the hand by `acceleration` (6,), posture (7,) in the null space."""
+        jacobian, inertia = self.model.jacobian(q), self.model.mass_matrix(q)
+        scaled = LENGTHS[:, None] * jacobian
+        mobility, directions, _ = dsyev(scaled @ dposv(inertia, scaled.T)[1])
+        free = self._null_stiffness * (posture - q) - self._null_damping * qd
+        # One factorisation for both: the wrench, and the part of the free motion that would move the hand.
+        wanted = LENGTHS * np.array([acceleration - self.model.jacobian_drift(q, qd), jacobian @ free])
+        share = np.minimum(mobility / self._least_mobility, 1.0) ** 2
+        wrench, disturbing = LENGTHS * (((wanted @ directions) * (share / mobility)) @ directions.T)
+        null_torque = inertia @ free - jacobian.T @ disturbing
+        friction = self.friction_torque(qd, jacobian.T @ wrench + null_torque)
+        return wrench, self.model.coriolis_torque(q, qd) + friction + null_torque
+
+
+def attractor_acceleration(reference: Reference, hand: HandState, gains: PoseGains) -> np.ndarray:
+    """(7.19) for position and orientation: k (y - x) - d v, linear over angular (6,)."""
+    error = pose_error(reference.attractor_position, reference.attractor_rotation, hand)
+    return gains.stiffness * error - gains.damping * hand.velocity
+
+
+def tracking_acceleration(reference: Reference, hand: HandState, gains: PoseGains) -> np.ndarray:
+    """A second pull, towards the motion that (7.19) predicts: zero as long as the arm does what was predicted (6,)."""
+    error = pose_error(reference.position, reference.rotation, hand)
+    return gains.stiffness * error + gains.damping * (reference.velocity - hand.velocity)
+
+
+class JointServo:
+    """Joint-space spring-damper with the model's inertia fed forward: moves and holds the arm between throws.
+
+    PoseGains and torque limits are those of Barrett's own position controller (libbarrett, wam7w.conf; docs/sources.md).
+    """
+
+    STIFFNESS = np.array([900.0, 2500.0, 600.0, 500.0, 50.0, 50.0, 8.0])
+    DAMPING = np.array([10.0, 20.0, 5.0, 2.0, 0.5, 0.5, 0.05])
+    LIMIT = np.array([25.0, 20.0, 15.0, 15.0, 5.0, 5.0, 5.0])
+
+    def __init__(self, impedance: Impedance):
+        self._impedance = impedance
+
+    def torque(self, q, qd, q_wanted, qd_wanted, qdd_wanted) -> np.ndarray:
+        """Joint torque (7,) [N m] towards a wanted joint motion, gravity excluded."""
+        feedback = self.STIFFNESS * (q_wanted - q) + self.DAMPING * (qd_wanted - qd)
+        torque = np.minimum(np.maximum(feedback, -self.LIMIT), self.LIMIT) + self._impedance.friction_torque(qd_wanted)
+        return torque + self._impedance.model.mass_matrix(q) @ qdd_wanted if qdd_wanted.any() else torque
+
+    def damp(self, qd: np.ndarray) -> np.ndarray:
+        """Torque (7,) that brings the arm to a damped stop [N m]."""
+        return np.clip(-2.0 * self.DAMPING * qd, -2.0 * self.LIMIT, 2.0 * self.LIMIT)
+
+
+def minimum_jerk(start: np.ndarray, end: np.ndarray, duration: float, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Position, velocity and acceleration of the rest-to-rest motion of least jerk from start to end (n,) at `time` [s]."""
+    s = min(max(time / duration, 0.0), 1.0)
+    way = end - start
+    position = start + way * (10 - 15 * s + 6 * s * s) * s**3
+    velocity = way * (30 * s**2 * (1 - s) ** 2) / duration
+    acceleration = way * (60 * s * (1 - s) * (1 - 2 * s)) / duration**2
+    return position, velocity, acceleration

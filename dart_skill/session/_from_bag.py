@@ -1,0 +1,169 @@
+"""Learning from a recording alone: throws are found in the raw streams, cut as the recorder cuts them, and learned from.
+
+A throw is found by the command that opens the hand; in recordings where nobody kept it, by a motion of the hand (thesis 8.4.3) out of which
+the ball flies. A throw that a person guided and that went into the basket is a demonstration; the arm's own throws and misses can be
+learned from too, as what they are: throws at where the ball came down (8.2).
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from dart_skill.movement import Segment, VelocityThreshold
+from dart_skill.recording import Demonstration, Opening, read_demonstrations
+from dart_skill.recording.imports import Fault, RecordingMapping, ThrowRecording, read_recording
+from dart_skill.robot import wam_description
+from dart_skill.skill.improve import PractisingSkill
+from dart_skill.skill.learn import LEAST_DEMONSTRATIONS, SkillConfiguration, prepare
+from dart_skill.skill.learn import configuration as configuration_of
+from dart_skill.skill.observe import THRESHOLDS, FoundThrow, ThrowFinder, ThrowLog, fit_release, worlds
+
+FLIGHT_NS = 1_000_000_000
+"""A ball that was thrown in a motion of the hand flies within this time after it."""
+
+
+@dataclass(frozen=True)
+class LearnReport:
+    """What was found in a recording and what became of it. raw: throws were found in the streams, not read from /demonstrations."""
+
+    source: str
+    raw: bool
+    throws: tuple[FoundThrow, ...] = ()
+    faults: tuple[Fault, ...] = field(default=(), repr=False)
+
+    @property
+    def learned_from(self) -> tuple[Demonstration, ...]:
+        """The demonstrations that the skill was learned from."""
+        return tuple(throw.demonstration for throw in self.throws if not throw.reason)
+
+
+def learn_from_bag(
+    path: str | os.PathLike,
+    mapping: RecordingMapping | None = None,
+    configuration: str = "default",
+    *,
+    raw: bool = True,
+    with_throws: bool = False,
+    method: str = "residual",
+    thresholds: VelocityThreshold = THRESHOLDS,
+) -> tuple[PractisingSkill, LearnReport]:
+    """The skill that a recording teaches, as the learner node would learn it, and what was found.
+
+    mapping: where everything is, for recordings that are not ours. raw: from the streams; else from the topic /demonstrations, as the
+    recorder cut them. with_throws: also from misses and from the arm's own throws. ValueError if there is too little to learn from.
+    """
+    chosen = configuration_of(configuration)
+    if raw:
+        recording = read_recording(path, mapping)
+        throws = [_judged(throw, with_throws, chosen) for throw in find_throws(recording, thresholds)]
+        report = LearnReport(recording.source, True, tuple(throws), recording.faults)
+    else:
+        shown = [FoundThrow(_instant(one), True, one) for one in read_demonstrations(path)]
+        report = LearnReport(os.path.basename(os.fspath(path)), False, tuple(shown))
+    if len(report.learned_from) < LEAST_DEMONSTRATIONS:
+        raise ValueError(_too_few(report, recording if raw else None))
+    return PractisingSkill(list(report.learned_from), chosen, method), report
+
+
+def find_throws(recording: ThrowRecording, thresholds: VelocityThreshold = THRESHOLDS) -> list[FoundThrow]:
+    """Every throw of a recording, in order of time. Demonstrations of our own bags are those that the recorder published, to the last bit:
+    what it calls demonstration_1, demonstration_2, ... are the guided throws into the basket.
+    """
+    finder, found = ThrowFinder(_filled(recording), thresholds), []
+    for since, until in _worlds(recording):
+        for opening in _openings(recording, since, until, thresholds):
+            found += finder.find(opening, recording.has_button)
+    return found
+
+
+def _judged(throw: FoundThrow, with_throws: bool, chosen: SkillConfiguration) -> FoundThrow:
+    """The throw with the reason why it is not learned from, if there is one."""
+    reason = throw.reason
+    if not reason and not with_throws:
+        reason = "" if throw.taught else "thrown by the arm itself"
+        reason = reason or ("" if throw.outcome.in_basket else "missed the basket")
+    if not reason:
+        try:
+            prepare(throw.demonstration, chosen)
+        except ValueError as error:
+            reason = str(error)
+    return replace(throw, reason=reason)
+
+
+def _too_few(report: LearnReport, recording: ThrowRecording | None) -> str:
+    learned, seen = len(report.learned_from), len(report.throws)
+    reasons = sorted({throw.reason for throw in report.throws if throw.reason})
+    text = f"{report.source}: {learned} demonstrations among {seen} throws are too few: at least {LEAST_DEMONSTRATIONS} are needed"
+    if not seen:
+        reasons.append("the ball flies out of no motion of the hand: are roles, up axis, units and the frame of the hand right?")
+    if recording is not None and recording.joints is None:
+        reasons.append("the arm's joint angles were not recorded: a mapping may name them under 'joints'")
+    return "; ".join([text, *reasons])
+
+
+def _instant(one: Demonstration) -> int:
+    since = one.hand_opened if np.isfinite(one.hand_opened) else one.motion_start
+    return one.stamp_ns + round(1e9 * float(np.nan_to_num(since)))
+
+
+# finding throws
+
+
+def _openings(recording: ThrowRecording, since: int, until: int, thresholds: VelocityThreshold) -> list[Opening]:
+    """When the hand was told to open between two stamps, or if nobody kept that, when the ball left it."""
+    if recording.has_button:
+        return [one for one in recording.openings if since <= one.stamp_ns <= until]
+    return _releases(recording, since, until, thresholds)
+
+
+def _worlds(recording: ThrowRecording) -> list[tuple[int, int]]:
+    streams = [body.stamp_ns for body in recording.bodies.values()]
+    return worlds([*streams, recording.joints.stamp_ns] if recording.joints else streams)
+
+
+def _filled(recording: ThrowRecording) -> ThrowLog:
+    """A log of everything that was recorded."""
+    log = ThrowLog()
+    for role, add in (("hand", log.add_hand), ("ball", log.add_ball), ("basket", log.add_basket)):
+        body = recording.bodies[role]
+        for stamp, position, quaternion in zip(body.stamp_ns.tolist(), body.position, body.quaternion, strict=True):
+            add(stamp, *((position, quaternion) if role == "hand" else (position,)))
+    joints = recording.joints
+    for k, stamp in enumerate([] if joints is None else joints.stamp_ns.tolist()):
+        log.add_joints(stamp, joints.position[k], joints.velocity[k])
+    return log
+
+
+def _between(stamps: np.ndarray, since: int, until: int) -> np.ndarray:
+    return np.flatnonzero((stamps >= since) & (stamps <= until))
+
+
+def _releases(recording: ThrowRecording, since: int, until: int, thresholds: VelocityThreshold) -> list[Opening]:
+    """When the ball left the hand, for each motion of the hand out of which it flew."""
+    hand = recording.bodies["hand"]
+    rows = _between(hand.stamp_ns, since, until)
+    if len(rows) < 10:
+        return []
+    origin = int(hand.stamp_ns[rows[0]])
+    try:
+        motions = thresholds.segment(1e-9 * (hand.stamp_ns[rows] - origin), hand.position[rows])
+    except ValueError:
+        return []  # nothing moved, or nothing that begins and ends here
+    releases = [release for motion in motions if (release := _release_in(recording, origin, motion)) is not None]
+    return [Opening(stamp, True) for stamp in releases]
+
+
+def _release_in(recording: ThrowRecording, origin: int, motion: Segment) -> int | None:
+    first, last = origin + round(1e9 * motion.start), origin + round(1e9 * motion.stop)
+    hand, ball = recording.bodies["hand"], recording.bodies["ball"]
+    h, b = _between(hand.stamp_ns, first, last), _between(ball.stamp_ns, first, last + FLIGHT_NS)
+    times = [1e-9 * (stream.stamp_ns[rows] - origin) for stream, rows in ((hand, h), (ball, b))]
+    try:
+        grip = wam_description().hand.ball_centre
+        release = fit_release(times[1], ball.position[b], times[0], hand.position[h], hand.quaternion[h], grip)
+    except ValueError:
+        return None
+    return origin + round(1e9 * release.time) if motion.contains(release.time) else None

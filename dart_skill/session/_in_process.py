@@ -1,0 +1,186 @@
+"""The whole graph in one process, without ROS: the same steps in the same order as the nodes take, bit for bit.
+
+Batches of experiments run on it, and a test compares it with the nodes over DDS.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dart_skill.configuration import node_parameters
+from dart_skill.recording import Demonstration
+from dart_skill.robot import ArmModel, ArmState, Command, Commander, CommanderSettings, Mode, ThrowPlan
+from dart_skill.simulation import (
+    BasketWalls,
+    Frame,
+    LatencyQueue,
+    MotionCapture,
+    Person,
+    Phase,
+    Plant,
+    PlantSettings,
+    PlantState,
+    Swing,
+    Teacher,
+)
+from dart_skill.skill.observe import ARRIVAL_NS, Outcome, ThrowLog, judge_flight
+from dart_skill.surface import game_at
+from dart_skill.world import the_world
+
+LONGEST_THROW = 15.0
+RESTING = (Mode.HOLDING, Mode.STOPPING)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One throw: what the cameras made of it, the throw as a demonstration, and the simulator's own word on it: whether the ball is in the
+    basket, or the dart in the board.
+    """
+
+    outcome: Outcome
+    demonstration: Demonstration
+    ball_was_in: bool
+    message: str = ""
+    states: list[PlantState] = field(default_factory=list, repr=False)
+
+
+class Session:
+    """Simulator, motion capture, teacher, recorder and commander, stepped together.
+
+    With a board in the plant's settings darts are thrown, targets are points of the board, and it is the board that the cameras track as
+    basket.
+    """
+
+    def __init__(
+        self,
+        seed: int = 0,
+        plant: PlantSettings | None = None,
+        commander: CommanderSettings | None = None,
+        person: Person | None = None,
+        swing: Swing | None = None,
+        keep_states: bool = False,
+    ):
+        settings = plant or PlantSettings.from_parameters(node_parameters("wam_simulator.yaml", "wam_simulator"))
+        self.plant = Plant(settings, seed)
+        self.capture = MotionCapture(node_parameters("optitrack.yaml", "mock_optitrack"), seed)
+        self._game = game_at(() if settings.board is None else settings.board.position)
+        person = person or Person.from_parameters(node_parameters("teacher.yaml", "teacher"))
+        self.teacher = Teacher(seed, swing, person, game=self._game)
+        limits = commander or CommanderSettings.configured()
+        self.commander = Commander(limits, self.plant.description_of_load)
+        self._kinematics = ArmModel()
+        self._exposed, self._log, self._keep = [], ThrowLog(), keep_states
+        self._frame_steps = round(1e9 / self.capture.config.rate / self.plant.settings.step_ns)
+        self.steps = 0
+
+    def close(self) -> None:
+        """Release PyBullet."""
+        self.plant.close()
+
+    def teach(self, target: np.ndarray, attempts: int = 5) -> list[Trial]:
+        """Guided throws at one basket until one goes in, or the attempts are used up."""
+        trials = []
+        for attempt in range(attempts):
+            trials.append(self._guided_throw(np.asarray(target, dtype=float), correct=attempt > 0))
+            outcome = trials[-1].outcome
+            if outcome.in_basket:
+                break
+            if outcome.landing_seen:
+                self.teacher.learn_from(outcome.landing)
+        self.plant.reset()
+        return trials
+
+    def throw(self, plan: ThrowPlan) -> Trial:
+        """One planned throw."""
+        arm = self._begin(plan.target)
+        self.commander.throw(plan)
+
+        def step(arm: ArmState) -> tuple[Command, None]:
+            return self.commander.step(arm), None
+
+        return self._run(arm, plan.target, step, lambda: self.commander.mode in RESTING, "throw")
+
+    def _guided_throw(self, target: np.ndarray, correct: bool) -> Trial:
+        self.commander.release_arm(True)
+        arm = self._begin(target, guided=True)
+        self.teacher.begin(target, arm, correct)
+
+        def step(arm: ArmState) -> tuple[Command, Command]:
+            return self.commander.step(arm), self.teacher.step(arm)
+
+        trial = self._run(arm, target, step, lambda: self.teacher.phase == Phase.WATCHING, "demonstration")
+        self.commander.release_arm(False)
+        return trial
+
+    def _begin(self, target: np.ndarray, guided: bool = False) -> ArmState:
+        """Reset, and the first step: as in the graph, it is answered before anybody is told to do anything."""
+        self._log.clear()
+        self._exposed.clear()
+        self.plant.reset(target)
+        arm = self._sense()
+        self.plant.step(self.commander.step(arm), Command(arm.stamp_ns) if guided else None)
+        return self._sense()
+
+    def _run(self, arm: ArmState, target: np.ndarray, step, moved_through, kind: str) -> Trial:
+        states, over_ns = [], None
+        begun = arm.stamp_ns
+        while over_ns is None or arm.stamp_ns < over_ns:
+            if self._keep:
+                states.append(self.plant.state)
+            command, push = step(arm)
+            for answer in (command, push):
+                if answer is not None and answer.grip == 2:
+                    self._log.add_opening(answer.stamp_ns)
+            self.plant.step(command, push)
+            arm = self._sense()
+            self.steps += 1
+            if over_ns is None and moved_through():
+                opened = self._log.opened_ns or arm.stamp_ns
+                over_ns = max(arm.stamp_ns, opened + the_world().watch_ns)
+            if (arm.stamp_ns - begun) * 1e-9 > LONGEST_THROW:
+                break
+        return self._trial(target, states, kind, over_ns or arm.stamp_ns)
+
+    def _sense(self) -> ArmState:
+        """What the arm's own sensors say now; the cameras expose a frame when it is time."""
+        arm = self.plant.arm_state
+        self._log.add_joints(arm.stamp_ns, arm.position, arm.velocity)
+        if self.plant.step_count % self._frame_steps == 0:
+            self._exposed.append(self.plant.state)
+        return arm
+
+    def _look_back(self, now_ns: int) -> None:
+        """Log what the cameras have delivered by now: nobody looks at it before a throw is over, and many frames at once take less time."""
+        queue = LatencyQueue()
+        queue.push(self.capture.observe_frames(self._exposed[0].episode, [self._frame(state) for state in self._exposed]))
+        for sample in queue.due(now_ns):
+            if sample.name == "hand":
+                self._log.add_hand(sample.stamp_ns, sample.position, sample.quaternion)
+            elif sample.name == "ball":
+                self._log.add_ball(sample.stamp_ns, sample.position)
+            else:
+                self._log.add_basket(sample.stamp_ns, sample.position)
+
+    def _frame(self, state: PlantState) -> Frame:
+        bodies = {
+            "hand": (state.hand_position, state.hand_quaternion),
+            "ball": (state.ball_position, state.ball_quaternion),
+            "basket": (state.basket, np.array([0.0, 0.0, 0.0, 1.0])),
+        }
+        basket, board, number = self.plant.settings.basket, self.plant.settings.board, state.step // self._frame_steps
+        capsules = self._kinematics.link_capsules(state.position, self.plant.settings.base_turn)
+        if board is None:
+            return Frame(state.stamp_ns, bodies, capsules, BasketWalls(state.basket, basket.radius, basket.depth), number)
+        capsules = tuple(np.concatenate(parts) for parts in zip(capsules, board.capsules, strict=True))
+        return Frame(state.stamp_ns, bodies, capsules, number=number)
+
+    def _trial(self, target: np.ndarray, states: list[PlantState], kind: str, over_ns: int) -> Trial:
+        state = self.plant.state
+        self._look_back(state.stamp_ns)
+        if self._log.opened_ns is None and self.commander.message:
+            raise ValueError(f"the throw was stopped: {self.commander.message}")
+        until_ns = over_ns - ARRIVAL_NS
+        demonstration = self._log.cut(f"{kind}_{state.episode}", until_ns)
+        seen, game = self._log.ball_between(self._log.opened_ns, until_ns), self._game
+        outcome = judge_flight(*seen, target, self.plant.settings.basket.radius, game.projectile, surface=game.surface)
+        return Trial(outcome, demonstration, state.ball_in_basket, self.commander.message, states)

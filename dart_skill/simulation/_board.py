@@ -1,0 +1,54 @@
+"""The dart board, and the dart as a body in the hand. What meets the board's face sticks there, seen by the cameras like a ball is."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from dart_skill import flight
+from dart_skill.robot import Ball
+from dart_skill.surface import BOARD_DIAMETER, BoardFace
+
+DART = Ball(
+    mass=flight.DART.mass,
+    diameter=flight.DART.diameter,
+    restitution=0.1,
+    drag_coefficient=flight.DART.drag_coefficient,
+    inertia=2e-5,
+)
+"""A dart as the simulator holds and throws it. Inertia: of a rod with its mass and a length of 10 cm [kg m^2]."""
+
+
+@dataclass(frozen=True)
+class Board:
+    """A round board that faces the arm's base axis; its position is the bull's centre on the face.
+
+    The default is regulation: the bull 1.73 m above the floor, 2.37 m from where the thrower stands, which is the arm's base axis.
+    thickness [m]: of what the cameras cannot see through.
+    """
+
+    position: tuple[float, float, float] = (2.37, 0.0, 1.73)
+    thickness: float = 0.038
+
+    @cached_property
+    def face(self) -> BoardFace:
+        return BoardFace(self.position)
+
+    def hit(self, before: np.ndarray, after: np.ndarray) -> np.ndarray | None:
+        """Where a dart that moved from one point (3,) to another met the face of the board (3,), if it did."""
+        face = self.face
+        first, last = (face.distance - point @ face.normal for point in (before, after))
+        if not first > 0.0 >= last:
+            return None
+        point = before + first / (first - last) * (after - before)
+        return point if face.holds(point) else None
+
+    @cached_property
+    def capsules(self) -> tuple[np.ndarray, np.ndarray]:
+        """The board as upright rods behind its face: ends (c, 2, 3) and radii (c,), to hide things from cameras."""
+        face, radius = self.face, 0.5 * self.thickness
+        aside = np.arange(-5, 6) * self.thickness
+        half = np.sqrt(np.maximum((0.5 * BOARD_DIAMETER) ** 2 - aside**2, 0.0)) - radius
+        middle = np.array(self.position) + radius * face.normal + aside[:, None] * face.axes[:, 1]
+        up = half[:, None] * face.axes[:, 0]
+        return np.stack([middle - up, middle + up], axis=1), np.full(len(aside), radius)

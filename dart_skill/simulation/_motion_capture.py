@@ -1,0 +1,446 @@
+"""Motion capture: what an OptiTrack system reports of bodies whose true poses are given.
+
+A body is tracked in a frame when enough cameras have it in their field of view and a free line of
+sight past the arm and the walls of the basket. What is tracked gets noise, a calibration error that
+stays the same for a run, a latency with jitter, and dropouts; a lost body is not reported at all.
+The values in config/optitrack.yaml have their sources in docs/sources.md.
+
+The module knows no robot: the arm is a set of capsules, given with every frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera at `position` (3,) that looks at `look_at` (3,), its image upright, in the world frame [m].
+
+    half_angles: (2,) of the field of view, horizontal and vertical [rad]; range: of sight [m].
+    """
+
+    position: np.ndarray
+    look_at: np.ndarray
+    half_angles: tuple[float, float] = (np.deg2rad(28.0), np.deg2rad(23.0))
+    range: float = 12.0
+
+    def __post_init__(self):
+        for name in ("position", "look_at"):
+            object.__setattr__(self, name, _vector(f"camera {name}", getattr(self, name), 3))
+        axis = self.look_at - self.position
+        if np.linalg.norm(axis[:2]) < 1e-6:
+            raise ValueError(f"camera at {self.position} looks straight up or down: move look_at sideways")
+        if len(self.half_angles) != 2 or not all(0.0 < angle < np.pi / 2 for angle in self.half_angles):
+            raise ValueError(f"half_angles = {self.half_angles}: give two angles between 0 and pi/2 rad")
+        if not (np.isfinite(self.range) and self.range > 0.0):
+            raise ValueError(f"range = {self.range}: give the range of the camera in metres")
+
+    @property
+    def axes(self) -> np.ndarray:
+        """(3, 3) right, down and viewing direction as rows, unit vectors in the world frame."""
+        forward = self.look_at - self.position
+        forward = forward / np.linalg.norm(forward)
+        right = np.cross(forward, [0.0, 0.0, 1.0])
+        right = right / np.linalg.norm(right)
+        return np.stack([right, np.cross(forward, right), forward])
+
+
+@dataclass(frozen=True)
+class MotionCaptureConfig:
+    """Cameras and errors of a motion-capture system. Times in seconds, lengths in metres."""
+
+    cameras: tuple[Camera, ...]
+    bodies: tuple[str, ...] = ("hand", "ball", "basket")
+    rate: float = 100.0  # frames per second
+    min_cameras: int = 2  # that must see a body
+    clearance: float = 0.1  # what is nearer to a body than this does not hide it
+    noise: float = 1e-4  # standard deviation of a coordinate
+    marker_spread: float = 0.1  # distance of a body's markers: orientation noise is noise / spread [rad]
+    calibration_error: float = 2e-4  # length of the offset of each body, drawn once for a run
+    latency: float = 5e-3  # from the exposure to the message
+    latency_jitter: float = 4e-4  # mean of an exponential delay on top of it
+    dropout_rate: float = 0.05  # dropouts of a body per second
+    dropout_frames: tuple[int, int] = (1, 10)  # shortest and longest dropout
+
+    def __post_init__(self):
+        for name in ("cameras", "bodies", "dropout_frames"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+        self._check_numbers()
+        if not self.cameras or not 1 <= self.min_cameras <= len(self.cameras):
+            raise ValueError(f"min_cameras = {self.min_cameras} of {len(self.cameras)} cameras: need 1 to all of them")
+        if len(set(self.bodies)) != len(self.bodies) or not self.bodies:
+            raise ValueError(f"bodies = {self.bodies}: give at least one name, each once")
+        if len(self.dropout_frames) != 2 or not 1 <= self.dropout_frames[0] <= self.dropout_frames[1]:
+            raise ValueError(f"dropout_frames = {self.dropout_frames}: give shortest and longest, at least 1 frame")
+
+    def _check_numbers(self):
+        positive = ("rate", "marker_spread")
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if isinstance(value, tuple) or item.name == "min_cameras":
+                continue
+            if not np.isfinite(value) or value < 0.0 or (value == 0.0 and item.name in positive):
+                raise ValueError(f"motion capture: {item.name} = {value} is out of range")
+
+    @classmethod
+    def from_parameters(cls, parameters: Mapping) -> MotionCaptureConfig:
+        """Configuration from the parameters of the node `mock_optitrack` (config/optitrack.yaml).
+
+        `camera_names` lists the cameras and their order; each has `cameras.<name>.position` and `.look_at`,
+        nested or with dots in the keys. `half_angles_deg` and `range` hold for all. Unknown keys belong to
+        the node: ignored.
+        """
+        half_angles = tuple(np.deg2rad(parameters.get("half_angles_deg", (28.0, 23.0))))
+        distance = float(parameters.get("range", 12.0))
+        cameras = [
+            Camera(
+                _lookup(parameters, f"cameras.{name}.position"),
+                _lookup(parameters, f"cameras.{name}.look_at"),
+                half_angles,
+                distance,
+            )
+            for name in _lookup(parameters, "camera_names")
+        ]
+        own = {item.name for item in fields(cls)} - {"cameras"}
+        return cls(cameras=tuple(cameras), **{key: value for key, value in parameters.items() if key in own})
+
+
+@dataclass(frozen=True)
+class BasketWalls:
+    """Opaque wall of a basket: upright cylinder that hangs `depth` below its rim's centre (3,) [m]."""
+
+    rim: np.ndarray
+    radius: float
+    depth: float
+
+    def __post_init__(self):
+        object.__setattr__(self, "rim", _vector("rim of the basket", self.rim, 3))
+        if not (self.radius > 0.0 and self.depth > 0.0):
+            raise ValueError(f"basket: radius {self.radius} and depth {self.depth} must be positive")
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A reported pose. stamp_ns: of the exposure; publish_ns: when the message leaves the driver."""
+
+    name: str
+    stamp_ns: int
+    publish_ns: int
+    position: np.ndarray  # (3,) [m], world frame
+    quaternion: np.ndarray  # (4,) x, y, z, w
+
+
+NO_CAPSULES = (np.empty((0, 2, 3)), np.empty(0))
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The true world at one exposure: what the arguments of `MotionCapture.observe` of the same names say."""
+
+    stamp_ns: int
+    bodies: Mapping[str, tuple[np.ndarray, np.ndarray]]
+    capsules: tuple[np.ndarray, np.ndarray] = NO_CAPSULES
+    basket: BasketWalls | None = None
+    number: int | None = None
+
+
+class MotionCapture:
+    """The whole system. Same seed, episodes and frames: same samples, whatever was visible before.
+
+    config: MotionCaptureConfig, or the parameters that make one.
+    """
+
+    def __init__(self, config: MotionCaptureConfig | Mapping, seed: int):
+        if not isinstance(config, MotionCaptureConfig):
+            config = MotionCaptureConfig.from_parameters(config)
+        self.config = config
+        self.seed = int(seed)
+        self._view = _View(config.cameras, config.clearance)
+        self._offsets = _calibration_offsets(config, np.random.default_rng([self.seed]))
+        self._episode: int | None = None
+
+    def observe(
+        self,
+        stamp_ns: int,
+        episode: int,
+        bodies: Mapping[str, tuple[np.ndarray, np.ndarray]],
+        capsules: tuple[np.ndarray, np.ndarray] = NO_CAPSULES,
+        basket: BasketWalls | None = None,
+        number: int | None = None,
+    ) -> list[Sample]:
+        """Samples of the frame exposed at `stamp_ns`, in the order of `config.bodies`, without lost bodies.
+
+        bodies: name -> (position (3,), quaternion (4,) x, y, z, w) in the world frame; one that is
+        configured but not given is not there. capsules: end points (c, 2, 3) and radii (c,) of the arm [m].
+        number: of the frame in its episode, so that one that never came changes nothing in those after it; None: the one after the last.
+        Randomness starts anew from (seed, episode) when the episode changes, and every frame takes the same
+        number of draws.
+        """
+        return self.observe_frames(episode, [Frame(stamp_ns, bodies, capsules, basket, number)])
+
+    def observe_frames(self, episode: int, frames: Sequence[Frame]) -> list[Sample]:
+        """The samples that `observe` gives of one frame after the other, at a tenth of its cost per frame.
+
+        Every frame has the same bodies, as many capsules, and a basket if another one has.
+        """
+        if episode != self._episode:
+            self.begin(episode)
+        draws = self._draw([frame.number for frame in frames])
+        present = self._present(frames)
+        if not present:
+            return []
+        position, quaternion = _check_poses(present, [[frame.bodies[name] for name in present] for frame in frames])
+        counts = self._view.count(position, *_check_capsules([frame.capsules for frame in frames]), _walls(frames))
+        rows = np.array([self.config.bodies.index(name) for name in present])
+        tracked = (counts >= self.config.min_cameras) & ~draws.dropped[:, rows]
+        position, quaternion = self._measure(rows, position, quaternion, draws.noise[:, rows])
+        stamps = [int(frame.stamp_ns) for frame in frames]
+        return [
+            Sample(present[i], stamps[k], stamps[k] + draws.latency_ns[k], position[k, i], quaternion[k, i])
+            for k, i in np.argwhere(tracked).tolist()
+        ]
+
+    def begin(self, episode: int) -> None:
+        """Start an episode, or the same one anew: `observe` does it when the episode changes, a caller whose time jumped back by itself."""
+        self._episode = episode
+        self._rng = np.random.default_rng([self.seed, int(episode)])
+        self._frames_drawn = 0
+        self._lost_until = np.zeros(len(self.config.bodies), dtype=int)  # frame at which the dropout of each body is over
+
+    def visible_cameras(
+        self,
+        points: np.ndarray,
+        capsules: tuple[np.ndarray, np.ndarray] = NO_CAPSULES,
+        basket: BasketWalls | None = None,
+    ) -> np.ndarray:
+        """How many cameras see each of the points (n, 3): integers (n,)."""
+        frame = Frame(0, {}, capsules, basket)
+        return self._view.count(np.asarray(points, dtype=float)[None], *_check_capsules([capsules]), _walls([frame]))[0]
+
+    def _draw(self, numbers):
+        """Every random number of frames, whoever needs it, those of frames that never came too; also notes the dropouts."""
+        rows = self._since_the_last(numbers)
+        n_frames, n_bodies, rng, config = (rows[-1] + 1 if rows else 0), len(self.config.bodies), self._rng, self.config
+        noise, chance = np.empty((n_frames, n_bodies, 6)), np.empty((n_frames, n_bodies))
+        lengths, delay = np.empty((n_frames, n_bodies), dtype=int), np.empty(n_frames)
+        for k in range(n_frames):
+            rng.standard_normal(out=noise[k])
+            rng.random(out=chance[k])
+            lengths[k] = rng.integers(config.dropout_frames[0], config.dropout_frames[1] + 1, size=n_bodies)
+            delay[k] = rng.exponential()
+        frame = self._frames_drawn + np.arange(n_frames)[:, None]
+        until = np.where(chance < config.dropout_rate / config.rate, frame + lengths, 0)
+        until = np.maximum.accumulate(np.vstack([self._lost_until, until]))
+        self._frames_drawn, self._lost_until = self._frames_drawn + n_frames, until[-1]
+        latency = np.rint(1e9 * (config.latency + config.latency_jitter * delay[rows]))
+        return _Draws(noise[rows], (until[1:] > frame)[rows], latency.astype(int).tolist())
+
+    def _since_the_last(self, numbers):
+        """How many frames after the next one each is; ValueError for a frame that was there already."""
+        rows, following = [], 0
+        for number in numbers:
+            row = following if number is None else number - self._frames_drawn
+            if row < following:
+                last = self._frames_drawn + following - 1
+                raise ValueError(f"frame {number} of the episode comes after frame {last}: give them in order")
+            rows.append(row)
+            following = row + 1
+        return rows
+
+    def _present(self, frames):
+        """Names of the configured bodies that the frames show."""
+        unknown = {name for frame in frames for name in frame.bodies} - set(self.config.bodies)
+        if unknown:
+            raise ValueError(f"unknown body {sorted(unknown)}: configured are {list(self.config.bodies)}")
+        if any(frame.bodies.keys() != frames[0].bodies.keys() for frame in frames):
+            raise ValueError("frames with different bodies: observe them one by one")
+        return [name for name in self.config.bodies if frames and name in frames[0].bodies]
+
+    def _measure(self, rows, position, quaternion, noise):
+        """What the cameras make of true poses (f, n, 3), (f, n, 4) of the bodies `rows` (n,): calibration error and noise (f, n, 6)."""
+        noise = self.config.noise * noise
+        offset = _rotate(quaternion, self._offsets[rows])
+        tilt = _small_rotations(noise[..., 3:] / self.config.marker_spread)
+        return position + offset + noise[..., :3], _multiply(tilt, quaternion)
+
+
+@dataclass
+class LatencyQueue:
+    """Samples on their way from the cameras to the network: holds each until its time has come."""
+
+    _waiting: list[Sample] = field(default_factory=list)
+
+    def push(self, samples: list[Sample]) -> None:
+        """Take samples in, as `MotionCapture.observe` returns them."""
+        self._waiting.extend(samples)
+
+    def due(self, now_ns: int) -> list[Sample]:
+        """Hand out, in order of publication, what is published at or before `now_ns`."""
+        ready = sorted((s for s in self._waiting if s.publish_ns <= now_ns), key=lambda s: s.publish_ns)
+        self._waiting = [s for s in self._waiting if s.publish_ns > now_ns]
+        return ready
+
+    def clear(self) -> None:
+        """Forget what is on its way, as when time jumps back."""
+        self._waiting.clear()
+
+
+@dataclass(frozen=True)
+class _Draws:
+    noise: np.ndarray  # (n_frames, n_bodies, 6)
+    dropped: np.ndarray  # (n_frames, n_bodies) bool
+    latency_ns: list[int]  # n_frames
+
+
+class _View:
+    """Lines of sight of all cameras at once."""
+
+    def __init__(self, cameras, clearance):
+        self.position = np.stack([camera.position for camera in cameras])
+        self.axes = np.stack([camera.axes for camera in cameras])
+        self.tangents = np.tan([camera.half_angles for camera in cameras])
+        self.range = np.array([camera.range for camera in cameras])
+        self.clearance = clearance
+
+    def count(self, points, ends, radii, walls):
+        """Cameras (f, n) that see each point (f, n, 3), past the capsules and the basket of its frame."""
+        ray = points[:, :, None] - self.position  # (f, n, cameras, 3)
+        distance = np.sqrt(np.einsum("fnci,fnci->fnc", ray, ray))
+        right, down, depth = np.einsum("cij,fncj->ifnc", self.axes, ray)
+        seen = (np.abs(right) <= self.tangents[:, 0] * depth) & (np.abs(down) <= self.tangents[:, 1] * depth)
+        seen &= (depth > 0.0) & (distance <= self.range)
+        # A line of sight ends `clearance` before the body, so that neither its holder nor itself hides it.
+        shorten = np.maximum(0.0, 1.0 - self.clearance / np.maximum(distance, 1e-9))
+        seen &= ~_hidden_by_capsules(self.position, shorten[..., None] * ray, ends, radii)
+        if walls is not None:
+            seen &= ~_hidden_by_walls(self.position, ray, *(part[:, None, None] for part in walls))
+        return np.sum(seen, axis=-1)
+
+
+def _hidden_by_capsules(start, ray, ends, radii):
+    """Whether segments start + s ray, s in [0, 1], pass through a capsule of their frame: (f, n, k).
+
+    start (k, 3), ray (f, n, k, 3), ends (f, c, 2, 3), radii (f, c). Every product below is (f, n, k, c) or broadcasts to it.
+    """
+    axis = ends[:, :, 1] - ends[:, :, 0]  # (f, c, 3)
+    offset = start[:, None] - ends[:, None, :, 0]  # (f, k, c, 3)
+    length, thick = np.einsum("fnki,fnki->fnk", ray, ray)[..., None], np.einsum("fci,fci->fc", axis, axis)[:, None, None]
+    along, across = ray @ axis.swapaxes(1, 2)[:, None], np.einsum("fkci,fci->fkc", offset, axis)[:, None]
+    behind = (offset @ ray.transpose(0, 2, 3, 1)).transpose(0, 3, 1, 2)
+    # Closest points of two segments: minimise over the ray, clamp, over the axis, clamp, over the ray again.
+    det = length * thick - along**2
+    s = _unit_interval((along * across - behind * thick) * (det > 1e-12), np.maximum(det, 1e-12))
+    t = _unit_interval(along * s + across, np.maximum(thick, 1e-12))
+    s = _unit_interval(along * t - behind, np.maximum(length, 1e-12))
+    apart = np.einsum("fkci,fkci->fkc", offset, offset)[:, None]
+    gap = apart + s * (s * length + 2.0 * behind) + t * (t * thick - 2.0 * (across + s * along))  # |offset + s ray - t axis|^2
+    return (gap < radii[:, None, None] ** 2).any(axis=-1)
+
+
+def _unit_interval(numerator, denominator):
+    return np.minimum(np.maximum(numerator / denominator, 0.0), 1.0)
+
+
+def _hidden_by_walls(start, ray, rim, radius, depth):
+    """Whether segments start + ray (..., 3) pass through the side of a cylinder below its rim: (..., 3), (...), (...)."""
+    offset, flat = start[..., :2] - rim[..., :2], ray[..., :2]
+    a = np.maximum(np.einsum("...i,...i->...", flat, flat), 1e-12)
+    b = np.einsum("...i,...i->...", offset, flat)
+    c = np.einsum("...i,...i->...", offset, offset) - radius**2
+    discriminant = b**2 - a * c  # negative: the line misses the cylinder
+    root = np.sqrt(np.maximum(discriminant, 0.0))
+    crossings = (np.stack([-root, root]) - b) / a
+    height = start[..., 2] + crossings * ray[..., 2]
+    low, high = rim[..., 2] - depth, rim[..., 2] - 1e-9
+    through = (crossings > 0.0) & (crossings < 1.0) & (height > low) & (height < high)
+    return through.any(axis=0) & (discriminant >= 0.0)
+
+
+def _calibration_offsets(config, rng):
+    """(n_bodies, 3) in the body frames, of the configured length and random direction."""
+    direction = rng.standard_normal((len(config.bodies), 3))
+    return config.calibration_error * direction / np.linalg.norm(direction, axis=1, keepdims=True)
+
+
+def _small_rotations(vectors):
+    """Quaternions (..., 4) of rotation vectors (..., 3)."""
+    half = 0.5 * np.sqrt(np.einsum("...i,...i->...", vectors, vectors))[..., None]
+    return np.concatenate([0.5 * np.sinc(half / np.pi) * vectors, np.cos(half)], axis=-1)
+
+
+def _multiply(p, q):
+    """Products (..., 4) of quaternions (..., 4)."""
+    (a, b, c, d), (e, f, g, h) = np.moveaxis(p, -1, 0), np.moveaxis(q, -1, 0)
+    rows = [d * e + a * h + b * g - c * f, d * f - a * g + b * h + c * e, d * g + a * f - b * e + c * h, d * h - a * e - b * f - c * g]
+    return np.stack(rows, axis=-1)
+
+
+def _rotate(q, vectors):
+    """Vectors (..., 3) turned by quaternions (..., 4)."""
+    (x, y, z, w), (a, b, c) = np.moveaxis(q, -1, 0), np.moveaxis(vectors, -1, 0)
+    u, v, n = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+    return np.stack([a + w * u + y * n - z * v, b + w * v + z * u - x * n, c + w * n + x * v - y * u], axis=-1)
+
+
+def _check_poses(names, poses):
+    """Positions (f, n, 3) and unit quaternions (f, n, 4); ValueError names the first body whose pose is not one."""
+    for frame in poses:
+        for name, (position, quaternion) in zip(names, frame, strict=True):
+            for kind, value, size in (("position", position, 3), ("quaternion", quaternion, 4)):
+                if np.shape(value) != (size,):
+                    raise ValueError(f"{kind} of {name} must be a finite ({size},) array, got {value}")
+    position = np.array([[position for position, _ in frame] for frame in poses], dtype=float)
+    quaternion = np.array([[quaternion for _, quaternion in frame] for frame in poses], dtype=float)
+    norm = np.sqrt(np.einsum("fni,fni->fn", quaternion, quaternion))
+    wrong = ~(np.isfinite(position).all(axis=-1) & (np.abs(norm - 1.0) <= 1e-3))
+    if wrong.any():
+        k, i = np.argwhere(wrong)[0]
+        for kind, value in (("position", position[k, i]), ("quaternion", quaternion[k, i])):
+            if not np.isfinite(value).all():
+                raise ValueError(f"{kind} of {names[i]} must be a finite ({len(value)},) array, got {value}")
+        raise ValueError(f"quaternion of {names[i]} has norm {norm[k, i]:.4f}, not 1")
+    return position, quaternion / norm[..., None]
+
+
+def _check_capsules(capsules):
+    """End points (f, c, 2, 3) and radii (f, c) of the capsules of every frame."""
+    for ends, radii in capsules:
+        if np.ndim(radii) != 1 or np.shape(ends) != (len(radii), 2, 3) or len(radii) != len(capsules[0][1]):
+            raise ValueError(f"capsules: need end points (c, 2, 3) and radii (c,), got {np.shape(ends)} and {np.shape(radii)}")
+    ends, radii = (np.array(part, dtype=float) for part in zip(*capsules, strict=True))
+    if not (np.all(np.isfinite(ends)) and np.all(radii > 0.0)):
+        raise ValueError("capsules: end points must be finite and radii positive")
+    return ends, radii
+
+
+def _walls(frames):
+    """Centres of the rims (f, 3), radii (f,) and depths (f,) of the frames' baskets; None if there are none."""
+    baskets = [frame.basket for frame in frames if frame.basket is not None]
+    if not baskets:
+        return None
+    if len(baskets) < len(frames):
+        raise ValueError("frames with and without a basket: observe them one by one")
+    return tuple(np.array([getattr(basket, name) for basket in baskets]) for name in ("rim", "radius", "depth"))
+
+
+def _vector(name, value, size):
+    value = np.asarray(value, dtype=float)
+    if value.shape != (size,) or not np.all(np.isfinite(value)):
+        raise ValueError(f"{name} must be a finite ({size},) vector, got {value}")
+    return value
+
+
+def _lookup(parameters, key):
+    """A parameter by its dotted name, from nested or flat dictionaries."""
+    if key in parameters:
+        return parameters[key]
+    value = parameters
+    for part in key.split("."):
+        if not isinstance(value, Mapping) or part not in value:
+            raise ValueError(f"motion capture: parameter '{key}' is missing")
+        value = value[part]
+    return value

@@ -1,0 +1,514 @@
+"""The WAM, a tennis ball and a basket in PyBullet: one pure step from a command to the next state.
+
+The plant is honest: it has the torque and speed limits of the motors, rotor inertia, friction, a gravity compensation with an error, a hand
+that takes time to open, and a ball with drag (docs/sources.md has the numbers). PyBullet has no field for rotor inertia, so the step
+computes the acceleration that the arm with rotors would have and asks PyBullet for the torque that gives it.
+"""
+
+import os
+import sys
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pybullet
+from pybullet_utils.bullet_client import BulletClient
+
+from dart_skill.constants import AIR_DENSITY, N_JOINTS
+from dart_skill.robot import Actuation, ArmState, Ball, Command, Grip, WamDescription, check_command, wam_description, write_urdf
+from dart_skill.simulation._basket import Basket, basket_urdf
+from dart_skill.simulation._board import DART, Board
+
+HAND_LINK_INDEX = N_JOINTS
+JOINTS = list(range(N_JOINTS))
+ZEROS = [0.0] * N_JOINTS
+
+
+@dataclass(frozen=True)
+class PlantSettings:
+    """How the stand-in differs from a perfect arm; each value is a parameter of the simulator node.
+
+    Parameters
+    ----------
+    step_ns : control period [ns].
+    reset_ns : how far a reset moves the clock on, so that everybody notices the gap [ns].
+    start_posture : joint angles after a reset (7,) [rad].
+    gravity_error : share of the gravity torque that compensation misses; calibrated arms show 5 % (docs/sources.md).
+    friction_scale, motor_scale : factors on the joint friction, and on what the motors can do.
+    base_turn : the arm's base stands turned about the vertical, and nobody told the controller [rad].
+    hand_delay, hand_spread : mean and standard deviation of the time from the command to the ball being free [s].
+    hand_clearance : a ball that is farther from the hand than this after the release can touch it again [m].
+    basket : where balls are thrown.
+    ball_mass_scale : factor on the mass of the ball.
+    board : where there is one, darts are thrown at it, and there is no basket.
+    """
+
+    step_ns: int = 2_000_000
+    reset_ns: int = 1_000_000_000
+    start_posture: tuple[float, ...] = (0.0,) * N_JOINTS
+    gravity_error: float = 0.05
+    friction_scale: float = 1.0
+    motor_scale: float = 1.0
+    base_turn: float = 0.0
+    hand_delay: float = 0.030
+    hand_spread: float = 0.004
+    hand_clearance: float = 0.10
+    basket: Basket = Basket()
+    ball_mass_scale: float = 1.0
+    board: Board | None = None
+
+    @property
+    def step(self) -> float:
+        return self.step_ns * 1e-9
+
+    @classmethod
+    def from_parameters(cls, parameters: Mapping) -> "PlantSettings":
+        """Settings from the parameters of the simulator node; ValueError names a value that makes no sense."""
+        basket = Basket(
+            position=tuple(parameters["basket_position"]),
+            radius=parameters["basket_radius"],
+            depth=parameters["basket_depth"],
+            restitution=parameters["basket_restitution"],
+        )
+        posture = tuple(float(angle) for angle in parameters["start_posture"])
+        if len(posture) != N_JOINTS or not np.isfinite(posture).all():
+            raise ValueError(f"start_posture {posture} is not {N_JOINTS} finite angles")
+        own = ("gravity_error", "friction_scale", "motor_scale", "base_turn", "hand_delay", "hand_spread", "ball_mass_scale")
+        return cls(start_posture=posture, basket=basket, **{name: parameters[name] for name in own})
+
+
+@dataclass(frozen=True)
+class PlantState:
+    """Everything about the world at one instant, in world axes; for sensor models and for judging, never for learning."""
+
+    stamp_ns: int
+    episode: int
+    step: int
+    position: np.ndarray
+    velocity: np.ndarray
+    effort: np.ndarray
+    hand_position: np.ndarray
+    hand_quaternion: np.ndarray
+    ball_position: np.ndarray
+    ball_quaternion: np.ndarray
+    ball_velocity: np.ndarray
+    ball_held: bool
+    basket: np.ndarray
+    ball_in_basket: bool
+
+    @property
+    def arm(self) -> ArmState:
+        """What the arm's own encoders see of it."""
+        return ArmState(self.stamp_ns, self.position, self.velocity)
+
+
+class Plant:
+    """The simulated world. `reset` begins an episode, `step` advances it by one control period.
+
+    Everything random comes from (seed, episode), so an episode does not depend on how long the one before it went on.
+    """
+
+    def __init__(self, settings: PlantSettings | None = None, seed: int = 0, description: WamDescription | None = None):
+        self.settings = settings or PlantSettings()
+        self.description = description or wam_description()
+        self._seed = seed
+        self._actuation = Actuation(self.description, self.settings.friction_scale, self.settings.motor_scale)
+        self._reflected = self.description.motors.reflected_inertia
+        self._urdf = _unseen(write_urdf(self.description))
+        self._world = _connect()
+        self._empty_arm = _DynamicsOnly(self.description, ball_in_hand=False)
+        self._loaded_arm = _DynamicsOnly(self._with_its_ball(), ball_in_hand=True)
+        self._basket = self._place_of_target()
+        self._changed: PlantSettings | None = None
+        self._episode = 0
+        self._stamp_ns = 0
+        self.reset()
+
+    def _with_its_ball(self) -> WamDescription:
+        """The description with the mass that the ball really has here."""
+        ball, scale = self._projectile, self.settings.ball_mass_scale
+        return replace(self.description, ball=replace(ball, mass=scale * ball.mass, inertia=scale * ball.inertia))
+
+    @property
+    def description_of_load(self) -> WamDescription:
+        """The arm with what its user knows to be in its hand: a ball, or a dart where there is a board."""
+        return self.description if self.settings.board is None else replace(self.description, ball=DART)
+
+    @property
+    def _projectile(self) -> Ball:
+        return self.description.ball if self.settings.board is None else DART
+
+    def _place_of_target(self) -> np.ndarray:
+        return np.array((self.settings.board or self.settings.basket).position)
+
+    def close(self) -> None:
+        """Disconnect from PyBullet."""
+        for client in (self._world, self._empty_arm.client, self._loaded_arm.client):
+            client.disconnect()
+
+    def reset(self, basket: np.ndarray | None = None) -> PlantState:
+        """Arm at rest in its start posture, ball in the hand; the world is built anew, time goes on. A board stays where it hangs."""
+        self._basket = self._basket if basket is None else _checked_basket(basket)
+        self._apply_change()
+        if self.settings.board is not None:
+            self._basket = self._place_of_target()
+        self._episode += 1
+        self._stamp_ns += self.settings.reset_ns
+        self._step_count = 0
+        self._rng = np.random.default_rng([self._seed, self._episode])
+        self._build_world()
+        self._grip_ball()
+        self._effort = np.zeros(N_JOINTS)
+        self._observe()
+        return self.state
+
+    def change(self, settings: PlantSettings) -> None:
+        """From the next reset on the plant is as `settings` say: worn joints, another ball, a base that was pushed. Time and seed stay."""
+        if (settings.step_ns, settings.reset_ns) != (self.settings.step_ns, self.settings.reset_ns):
+            raise ValueError("step_ns and reset_ns cannot change while a plant runs: make a new one")
+        if (settings.board is None) != (self.settings.board is None):
+            raise ValueError("a board cannot take the place of the basket while a plant runs: make a new one")
+        self._changed = settings
+
+    def _apply_change(self) -> None:
+        if self._changed is None:
+            return
+        self.settings, self._changed = self._changed, None
+        self._actuation = Actuation(self.description, self.settings.friction_scale, self.settings.motor_scale)
+        self._loaded_arm.client.disconnect()
+        self._loaded_arm = _DynamicsOnly(self._with_its_ball(), ball_in_hand=True)
+
+    def place_basket(self, position: np.ndarray) -> None:
+        """Put the basket, centre of its rim at position (3,), without touching anything else."""
+        if self.settings.board is not None:
+            raise ValueError("there is a board and no basket to place: change the settings to hang it elsewhere")
+        self._basket = _checked_basket(position)
+        self._world.resetBasePositionAndOrientation(self._basket_body, list(self._basket), [0, 0, 0, 1])
+
+    def step(self, command: Command, push: Command | None = None) -> None:
+        """Advance by one control period under the controller's command and, if somebody guides the arm, their push.
+
+        Both must answer the present state. The push acts on the arm from outside: no motor limits apply to it.
+        """
+        answers = [answer for answer in (command, push) if answer is not None]
+        for answer in answers:
+            check_command(answer, self._stamp_ns)
+        for answer in answers:
+            self._obey_grip(answer.grip)
+        self._let_go_when_due()
+        self._drive(command, push)
+        self._act_on_ball()
+        self._world.stepSimulation()
+        self._stamp_ns += self.settings.step_ns
+        self._step_count += 1
+        before = self._ball_position
+        self._observe()
+        if self.settings.board is not None and self._held is None and not self._stuck:
+            self._stick_to_the_board(np.array(before))
+
+    # the arm
+
+    def _drive(self, command: Command, push: Command | None) -> None:
+        q, velocity = self._q, self._velocity
+        asked = command.joint_torque + self._in_joints(q, command.wrench)
+        asked += (1.0 - self.settings.gravity_error) * self._empty_arm.bias(q, ZEROS)
+        self._effort = self._actuation.deliverable(asked, velocity)
+        outside = 0.0 if push is None else push.joint_torque + self._in_joints(q, push.wrench)
+        arm = self._loaded_arm if self._held is not None else self._empty_arm
+        inertia, bias = arm.inertia(q), arm.bias(q, self._qd)
+        net = self._effort + outside - bias
+        acceleration = self._actuation.acceleration(inertia + self._reflected, net, velocity, self.settings.step)
+        torque = inertia @ acceleration + bias
+        self._world.setJointMotorControlArray(self._arm, JOINTS, pybullet.TORQUE_CONTROL, forces=torque.tolist())
+
+    def _in_joints(self, q: list[float], wrench: np.ndarray) -> np.ndarray | float:
+        """A wrench at the hand as joint torques (7,); nothing for none, which spares the Jacobian of an arm that is held."""
+        return self._empty_arm.jacobian(q).T @ wrench if wrench.any() else 0.0
+
+    # the hand and the ball
+
+    def _obey_grip(self, grip: Grip) -> None:
+        if grip == Grip.CLOSE:
+            self.close_hand()
+        if grip == Grip.OPEN and self._held is not None and self._free_at is None:
+            delay = self.settings.hand_delay + self.settings.hand_spread * self._rng.standard_normal()
+            self._free_at = self._stamp_ns + max(0, round(delay / self.settings.step)) * self.settings.step_ns
+
+    def close_hand(self) -> bool:
+        """Close the hand; whether it now holds the ball: only if it was never let go, or has not left the hand yet."""
+        self._free_at = None
+        return self._held is not None
+
+    def braking(self) -> Command:
+        """The command of an arm whose controller is silent: motors shorted, a damped stop, as Barrett's safety system does it."""
+        return Command(self._stamp_ns, joint_torque=self._actuation.braking(self._velocity))
+
+    def open_hand(self) -> None:
+        """Begin to open the hand, as a command with Grip.OPEN does."""
+        self._obey_grip(Grip.OPEN)
+
+    def _let_go_when_due(self) -> None:
+        self._just_freed = self._free_at is not None and self._stamp_ns >= self._free_at
+        if self._just_freed:
+            self._world.removeConstraint(self._held)
+            self._held, self._free_at = None, None
+
+    def _act_on_ball(self) -> None:
+        """Drag; and half the gravity in the first free step, which makes PyBullet's Euler steps a leapfrog, exact for a parabola."""
+        if self._held is not None or self._stuck:
+            return
+        ball = self._projectile
+        velocity = np.array(self._ball_velocity)
+        area = np.pi * ball.radius**2
+        force = -0.5 * AIR_DENSITY * ball.drag_coefficient * area * np.linalg.norm(velocity) * velocity
+        if self._just_freed:
+            force[2] += 0.5 * self._ball_mass * self.description.gravity
+        self._world.applyExternalForce(self._ball, -1, force.tolist(), list(self._ball_position), pybullet.WORLD_FRAME)
+        self._touch_when_clear()
+
+    def _stick_to_the_board(self, before: np.ndarray) -> None:
+        """A dart that has met the board in the last step stays where it met it."""
+        point = self.settings.board.hit(before, np.array(self._ball_position))
+        if point is None:
+            return
+        self._world.resetBasePositionAndOrientation(self._ball, point.tolist(), self._ball_quaternion)
+        self._world.resetBaseVelocity(self._ball, [0, 0, 0], [0, 0, 0])
+        self._world.changeDynamics(self._ball, -1, mass=0)
+        self._stuck = True
+        self._observe()
+
+    def _touch_when_clear(self) -> None:
+        """The open fingers are not modelled: the hand can touch the ball again once it is a hand's breadth away."""
+        if self._touchable:
+            return
+        grip = self._hand_position + _rotate(self._hand_quaternion, self.description.hand.ball_centre)
+        if np.linalg.norm(np.array(self._ball_position) - grip) > self.settings.hand_clearance:
+            self._set_touchable(True)
+
+    def _set_touchable(self, touchable: bool) -> None:
+        for link in range(4, HAND_LINK_INDEX + 1):
+            self._world.setCollisionFilterPair(self._ball, self._arm, -1, link, int(touchable))
+        self._touchable = touchable
+
+    def _grip_ball(self) -> None:
+        hand = self._world.getLinkState(self._arm, HAND_LINK_INDEX, computeForwardKinematics=1)
+        centre = self.description.hand.ball_centre
+        position = np.array(hand[4]) + _rotate(np.array(hand[5]), centre)
+        self._world.resetBasePositionAndOrientation(self._ball, position.tolist(), hand[5])
+        offset, turn = _in_principal_axes(hand, centre)
+        self._held = self._world.createConstraint(
+            self._arm, HAND_LINK_INDEX, self._ball, -1, pybullet.JOINT_FIXED, [0, 0, 0], offset, [0, 0, 0], turn
+        )
+        self._free_at, self._just_freed, self._stuck = None, False, False
+        self._set_touchable(False)
+
+    # the world
+
+    def _build_world(self) -> None:
+        world = self._world
+        world.resetSimulation()
+        world.setGravity(0, 0, -self.description.gravity)
+        # Without contactERP=0 a bounce gains up to 10 % of its speed: Bullet pushes bodies apart that met between two steps.
+        world.setPhysicsEngineParameter(fixedTimeStep=self.settings.step, deterministicOverlappingPairs=1, contactERP=0.0)
+        self._arm = _load_arm(world, self._urdf, self.description.mount_height, self.settings.base_turn)
+        world.setJointMotorControlArray(self._arm, JOINTS, pybullet.VELOCITY_CONTROL, forces=ZEROS)
+        for joint, angle in zip(JOINTS, self.settings.start_posture, strict=True):
+            world.resetJointState(self._arm, joint, angle, 0.0)
+        _floor(world)
+        if self.settings.board is None:
+            self._basket_body = _load_urdf(world, _unseen(basket_urdf(self.settings.basket)), self._basket.tolist())
+            world.changeDynamics(self._basket_body, -1, restitution=self.settings.basket.restitution, lateralFriction=0.5)
+        self._ball_mass = self._projectile.mass * self.settings.ball_mass_scale
+        self._ball = _ball_body(world, self._projectile, self._ball_mass)
+
+    def _observe(self) -> None:
+        joints = self._world.getJointStates(self._arm, JOINTS)
+        self._q, self._qd = [joint[0] for joint in joints], [joint[1] for joint in joints]
+        self._position, self._velocity = np.array(self._q), np.array(self._qd)
+        hand = self._world.getLinkState(self._arm, HAND_LINK_INDEX, computeForwardKinematics=1)
+        self._hand_position, self._hand_quaternion = np.array(hand[4]), np.array(hand[5])
+        self._ball_position, self._ball_quaternion = self._world.getBasePositionAndOrientation(self._ball)
+        self._ball_velocity = self._world.getBaseVelocity(self._ball)[0]
+
+    @property
+    def state_stamp_ns(self) -> int:
+        """Stamp of the present state."""
+        return self._stamp_ns
+
+    @property
+    def step_count(self) -> int:
+        """Steps since the last reset."""
+        return self._step_count
+
+    @property
+    def joint_position(self) -> list[float]:
+        """Joint angles now [rad]."""
+        return self._q
+
+    @property
+    def joint_velocity(self) -> list[float]:
+        """Joint velocities now [rad/s]."""
+        return self._qd
+
+    @property
+    def joint_effort(self) -> np.ndarray:
+        """Torque that reached the joints in the last step (7,) [N m]."""
+        return self._effort
+
+    @property
+    def hand_position(self) -> np.ndarray:
+        """Origin of the hand frame (3,) [m]."""
+        return self._hand_position
+
+    @property
+    def hand_quaternion(self) -> np.ndarray:
+        """Orientation of the hand frame (4,)."""
+        return self._hand_quaternion
+
+    @property
+    def arm_state(self) -> ArmState:
+        """The part of the present state that the arm's own sensors tell."""
+        return ArmState(self._stamp_ns, self._position, self._velocity)
+
+    @property
+    def state(self) -> PlantState:
+        """The present state."""
+        ball = np.array(self._ball_position)
+        return PlantState(
+            stamp_ns=self._stamp_ns,
+            episode=self._episode,
+            step=self._step_count,
+            position=self._position,
+            velocity=self._velocity,
+            effort=self._effort,
+            hand_position=self._hand_position,
+            hand_quaternion=self._hand_quaternion,
+            ball_position=ball,
+            ball_quaternion=np.array(self._ball_quaternion),
+            ball_velocity=np.array(self._ball_velocity),
+            ball_held=self._held is not None,
+            basket=self._basket,
+            ball_in_basket=self._stuck if self.settings.board is not None else self.settings.basket.holds(ball, self._basket),
+        )
+
+
+class _DynamicsOnly:
+    """A copy of the arm that is never stepped: PyBullet's inverse dynamics, mass matrix and Jacobian, with or without the ball."""
+
+    def __init__(self, description: WamDescription, ball_in_hand: bool):
+        self.client = _connect()
+        self.client.setGravity(0, 0, -description.gravity)
+        urdf = write_urdf(description, ball_in_hand, shapes=False)
+        self._body = _load_arm(self.client, urdf, description.mount_height)
+
+    def inertia(self, q: list[float]) -> np.ndarray:
+        return np.array(self.client.calculateMassMatrix(self._body, q))
+
+    def bias(self, q: list[float], qd: list[float]) -> np.ndarray:
+        """Torque at zero acceleration (7,): gravity and Coriolis terms."""
+        return np.array(self.client.calculateInverseDynamics(self._body, q, qd, ZEROS))
+
+    def jacobian(self, q: list[float]) -> np.ndarray:
+        """Linear over angular velocity of the hand frame's origin (6, 7)."""
+        linear, angular = self.client.calculateJacobian(self._body, HAND_LINK_INDEX, [0, 0, 0], q, ZEROS, ZEROS)
+        return np.vstack([linear, angular])
+
+
+class _Client(BulletClient):
+    """BulletClient looks every function up, and wraps it, at each call; this one remembers."""
+
+    # What BulletClient's destructor asks for, even when an interrupt (Ctrl-C) ended the constructor before there was a connection.
+    _client = -1
+    _pid = -1
+
+    def __getattr__(self, name: str):
+        function = super().__getattr__(name)
+        self.__dict__[name] = function
+        return function
+
+
+def _connect() -> BulletClient:
+    """A physics server in this process. PyBullet greets on standard output, which belongs to results: it goes to standard error."""
+    sys.stdout.flush()
+    results = os.dup(1)
+    os.dup2(2, 1)
+    try:
+        return _Client(pybullet.DIRECT)
+    finally:
+        os.dup2(results, 1)
+        os.close(results)
+
+
+def _load_arm(client: BulletClient, urdf: str, mount_height: float, turn: float = 0.0) -> int:
+    body = _load_urdf(client, urdf, [0, 0, mount_height], turn)
+    for link in range(-1, client.getNumJoints(body)):
+        client.changeDynamics(body, link, linearDamping=0, angularDamping=0, jointDamping=0, restitution=0.3)
+    return body
+
+
+def _load_urdf(client: BulletClient, urdf: str, position: list[float], turn: float = 0.0) -> int:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "body.urdf"
+        path.write_text(urdf, encoding="utf-8")
+        upright = [0.0, 0.0, float(np.sin(turn / 2)), float(np.cos(turn / 2))]
+        return client.loadURDF(str(path), position, upright, useFixedBase=True, flags=pybullet.URDF_USE_INERTIA_FROM_FILE)
+
+
+def _unseen(urdf: str) -> str:
+    """The same bodies with a small box as the only visible shape of a link.
+
+    PyBullet makes a mesh of every visible shape, or of every collision shape where none is visible, which takes ten times as long as
+    all the rest of loading; nobody looks.
+    """
+    robot = ElementTree.fromstring(urdf)
+    for link in robot.findall("link"):
+        for visual in link.findall("visual"):
+            link.remove(visual)
+        geometry = ElementTree.SubElement(ElementTree.SubElement(link, "visual"), "geometry")
+        ElementTree.SubElement(geometry, "box", size="0.01 0.01 0.01")
+    return ElementTree.tostring(robot, encoding="unicode")
+
+
+def _in_principal_axes(link_state: tuple, point: np.ndarray) -> tuple[list[float], list[float]]:
+    """A point of a link, and the link's axes, in the frame that PyBullet measures from: centre of mass, principal axes."""
+    centre, turn = np.array(link_state[2]), np.array(link_state[3])
+    back = np.array([-turn[0], -turn[1], -turn[2], turn[3]])
+    return _rotate(back, point - centre).tolist(), back.tolist()
+
+
+def _floor(world: BulletClient) -> None:
+    shape = world.createCollisionShape(pybullet.GEOM_PLANE)
+    body = world.createMultiBody(0, shape, _small_box(world))
+    world.changeDynamics(body, -1, restitution=1.0, lateralFriction=0.7)
+
+
+def _small_box(world: BulletClient) -> int:
+    """A visible shape that takes little time, see `_unseen`."""
+    return world.createVisualShape(pybullet.GEOM_BOX, halfExtents=[0.005] * 3)
+
+
+def _ball_body(world: BulletClient, ball: Ball, mass: float) -> int:
+    shape = world.createCollisionShape(pybullet.GEOM_SPHERE, radius=ball.radius)
+    body = world.createMultiBody(mass, shape, _small_box(world))
+    inertia = [ball.inertia * mass / ball.mass] * 3
+    world.changeDynamics(
+        body, -1, restitution=ball.restitution, linearDamping=0, angularDamping=0, rollingFriction=1e-3,
+        localInertiaDiagonal=inertia, ccdSweptSphereRadius=ball.radius / 2,
+    )  # fmt: skip
+    return body
+
+
+def _checked_basket(position: np.ndarray) -> np.ndarray:
+    position = np.array(position, dtype=float)
+    if position.shape != (3,) or not np.isfinite(position).all():
+        raise ValueError(f"basket position {position} is not three finite numbers: give the centre of the rim in metres")
+    return position
+
+
+def _rotate(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """The vector (3,) turned by the quaternion (x, y, z, w)."""
+    axis, w = quaternion[:3], quaternion[3]
+    return vector + 2.0 * np.cross(axis, np.cross(axis, vector) + w * vector)

@@ -1,0 +1,297 @@
+"""A person who guides the arm through throws: pushes the hand and the elbow of a gravity-compensated arm, and never sets a joint.
+
+The person has a swing in mind: turn the arm to the basket, pause, swing it over the top in about 0.7 s, let go, follow through.
+How fast the swing has to be comes from the flight of the ball; how well a person does it, from docs/throwing_study.md: release point
+1.5 cm, duration 4 %, speed 0.8 %, a trembling hand. A throw that misses is tried again, corrected by what was seen.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from enum import Enum
+
+import numpy as np
+from scipy.optimize import brentq
+
+from dart_skill.constants import N_JOINTS
+from dart_skill.robot import ArmModel, ArmState, Command, Grip, minimum_jerk, rotation_error
+from dart_skill.surface import BASKETS, RIMS, Game
+
+SWING_JOINTS = (1, 3, 5)
+"""J2, J4 and J6 move the hand in the vertical plane of the throw."""
+
+
+@dataclass(frozen=True)
+class Swing:
+    """The throw that the teacher has in mind, as angles of J2, J4 and J6 [rad]: cocked, at the release, and the rates there per
+    unit of speed [rad/s]; duration to the release and of the follow-through [s].
+
+    A speed of 1 turns J2 at its no-load speed. At the release the elbow is bent so far that the hand is 4.5 cm inside the arm's
+    reach, three standard deviations of a person's release point: a path through the stretched arm can turn the elbow over.
+    """
+
+    cocked: tuple[float, float, float] = (-1.00, -0.75, -0.60)
+    release: tuple[float, float, float] = (-0.05, -0.42, -0.10)
+    rates: tuple[float, float, float] = (3.548, 3.6, 7.0)
+    duration: float = 0.70
+    follow_through: float = 0.45
+
+
+@dataclass(frozen=True)
+class Person:
+    """How a person differs from the swing in mind, and how firmly they hold the arm.
+
+    Standard deviations of the release point [m], of duration and speed (shares), of the direction [rad]; tremble: force [N]
+    around `tremble_rate` [Hz]; pause: shortest and longest wait before the swing [s]; stiffness [N/m, N m/rad] and damping
+    [N s/m, N m s/rad] of the grip of the hand and, firm_elbow [N/m, N s/m], of the other hand at the elbow.
+    """
+
+    release_point: float = 0.015
+    duration: float = 0.04
+    speed: float = 0.008
+    direction: float = 0.006
+    timing: float = 0.005
+    expected_hand_delay: float = 0.030
+    tremble: float = 0.5
+    tremble_rate: float = 9.0
+    pause: tuple[float, float] = (0.2, 0.6)
+    firm_hand: tuple[float, float] = (5000.0, 300.0)
+    firm_wrist: tuple[float, float] = (25.0, 0.5)
+    firm_elbow: tuple[float, float] = (2000.0, 80.0)
+    strongest_push: float = 150.0
+    strongest_twist: float = 12.0
+
+    @classmethod
+    def from_parameters(cls, parameters: Mapping) -> "Person":
+        """A person from the parameters of the teacher node."""
+        values = {f.name: parameters[f.name] for f in fields(cls)}
+        return cls(**{name: tuple(v) if isinstance(v, list | tuple) else v for name, v in values.items()})
+
+
+class Phase(Enum):
+    """What the teacher is doing."""
+
+    IDLE = "idle"
+    TURNING = "turning"
+    PAUSING = "pausing"
+    THROWING = "throwing"
+    WATCHING = "watching"
+
+
+@dataclass
+class _Motion:
+    """A swing worked out in joint angles, with the instants of its phases since the beginning of the guidance [s]."""
+
+    initial: np.ndarray
+    cocked: np.ndarray
+    release: np.ndarray
+    rates: np.ndarray
+    turn: float
+    start: float
+    to_release: float
+    follow_through: float
+    open_at: float
+    offset: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+
+class Teacher:
+    """Guides one throw at a time: `begin` with a target, then `step` once per state until the phase is WATCHING.
+
+    game: what is thrown at what. `learn_from(landing)` corrects the next throw at the same target, as a person does who saw where the
+    ball went.
+    """
+
+    def __init__(self, seed: int = 0, swing: Swing | None = None, person: Person | None = None, step: float = 0.002, game: Game = BASKETS):
+        self.swing, self.person, self._step, self._game = swing or Swing(), person or Person(), step, game
+        self._model = ArmModel(ball_in_hand=True)
+        self._seed, self._throws = seed, 0
+        self._phase, self._motion = Phase.IDLE, None
+        self._correction = np.zeros(2)
+
+    @property
+    def phase(self) -> Phase:
+        return self._phase
+
+    def begin(self, target: np.ndarray, state: ArmState, correction: bool = False) -> None:
+        """Prepare a throw at `target` (3,); correction=False forgets what was learned at it before.
+
+        ValueError, and nothing has changed, for a target out of reach.
+        """
+        target, learned = self.check(target, correction)
+        self._throws += 1
+        self._rng = np.random.default_rng([self._seed, self._throws])
+        self._correction, self._target = learned, target
+        self._started_ns = state.stamp_ns
+        self._motion = self._prepare(state)
+        self._tremble, self._opened = np.zeros(6), False
+        self._phase = Phase.TURNING
+
+    def check(self, target: np.ndarray, correction: bool = False) -> tuple[np.ndarray, np.ndarray]:
+        """The target (3,), and what was learned at it (2,); ValueError for one out of reach."""
+        target, learned = self._checked(target), self._correction if correction else np.zeros(2)
+        self._speed_for(self._reach(target) + learned[0], target)
+        return target, learned
+
+    def learn_from(self, landed: np.ndarray) -> None:
+        """Aim the next throw against the miss: landed (3,) is where the ball was seen to come down."""
+        if not np.isfinite(landed[:2]).all():
+            raise ValueError(f"nobody saw where the ball landed ({landed}): there is nothing to learn from it")
+        along, across = self._game.surface.miss(landed - self._target, self._target)
+        self._correction = self._correction - 0.8 * np.array([along, across / np.hypot(*self._target[:2])])
+
+    def step(self, state: ArmState) -> Command:
+        """The push that answers one state: a wrench at the hand, a force at the elbow as joint torque, and the hand's button."""
+        if self._motion is None:
+            raise ValueError("the teacher has no throw in mind: begin one")
+        time = (state.stamp_ns - self._started_ns) * 1e-9
+        self._phase = self._phase_at(time)
+        q, qd, qdd = self._wanted(time)
+        wrench = self._push_hand(state, q, qd) + self._tremor()
+        elbow = self._push_elbow(state, q)
+        return Command(state.stamp_ns, wrench, elbow, self._button(time))
+
+    # the swing in mind
+
+    def _checked(self, target: np.ndarray) -> np.ndarray:
+        target = np.array(target, dtype=float)
+        if target.shape != (3,) or not np.isfinite(target).all():
+            raise ValueError(f"target {target} is not three finite numbers: give the centre of the rim in metres")
+        base, azimuth = self._model.description.joints[0], float(np.arctan2(target[1], target[0]))
+        if not base.lower < azimuth < base.upper:
+            what = self._game.surface.what
+            raise ValueError(f"a {what} at {azimuth:.2f} rad is behind the arm: place it between {base.lower} and {base.upper} rad")
+        return target
+
+    def _prepare(self, state: ArmState) -> _Motion:
+        person, swing, rng = self.person, self.swing, self._rng
+        azimuth = np.arctan2(self._target[1], self._target[0]) + self._correction[1]
+        azimuth += person.direction * rng.standard_normal()
+        speed = self._speed_for(self._reach(self._target) + self._correction[0], self._target)
+        speed *= 1.0 + person.speed * rng.standard_normal()
+        duration = swing.duration * (1.0 + person.duration * rng.standard_normal())
+        turn = max(0.6, 1.6 * abs(azimuth - state.position[0]))
+        start = turn + rng.uniform(*person.pause)
+        release = start + duration
+        open_at = release - person.expected_hand_delay + person.timing * rng.standard_normal()
+        return _Motion(
+            initial=state.position.copy(),
+            cocked=_posture(azimuth, swing.cocked),
+            release=_posture(azimuth, swing.release),
+            rates=_posture(0.0, speed * np.array(swing.rates)),
+            turn=turn,
+            start=start,
+            to_release=duration,
+            follow_through=swing.follow_through,
+            open_at=open_at,
+            offset=person.release_point * rng.standard_normal(3),
+        )
+
+    def _reach(self, target: np.ndarray) -> float:
+        return float(self._game.surface.coordinates(target)[0])
+
+    def _speed_for(self, reach: float, target: np.ndarray) -> float:
+        """Share of the joints' no-load speed whose ball gets to `reach` [m] on the surface of the target (3,)."""
+        surface = self._game.surface
+
+        def miss(speed: float) -> float:
+            position, velocity = self._ball_at_release(speed)
+            reached = surface.reached(position, velocity, target, self._game.projectile)
+            return reached - reach if np.isfinite(reached) else -reach  # too slow to rise above the rim
+
+        low, high = 0.05, 1.0
+        where = f"{reach:.2f} m, {target[2]:.2f} m high," if surface is RIMS else surface.far(reach)
+        out_of_reach = f"a {surface.what} at {where} is out of the teacher's reach"
+        if miss(low) > 0 or miss(high) < 0:
+            nearest, farthest = miss(low) + reach, miss(high) + reach
+            raise ValueError(f"{out_of_reach}: place it between {nearest:.2f} and {surface.far(farthest)}")
+        speed = brentq(miss, low, high, xtol=1e-4)
+        if abs(miss(speed)) > 0.05:
+            raise ValueError(f"{out_of_reach}: place it lower or farther away")
+        return speed
+
+    def _ball_at_release(self, speed: float) -> tuple[np.ndarray, np.ndarray]:
+        q = _posture(0.0, self.swing.release)
+        hand = self._model.hand_state(q, _posture(0.0, speed * np.array(self.swing.rates)))
+        arm = hand.rotation @ self._model.description.hand.ball_centre
+        return hand.position + arm, hand.linear + np.cross(hand.angular, arm)
+
+    def _phase_at(self, time: float) -> Phase:
+        motion = self._motion
+        if time < motion.turn:
+            return Phase.TURNING
+        if time < motion.start:
+            return Phase.PAUSING
+        if time < motion.start + motion.to_release + motion.follow_through:
+            return Phase.THROWING
+        return Phase.WATCHING
+
+    def _wanted(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Joint angles, velocities and accelerations of the swing in mind, whose hand path the person follows."""
+        motion = self._motion
+        if time < motion.start:
+            return minimum_jerk(motion.initial, motion.cocked, motion.turn, time)
+        since = time - motion.start
+        if since < motion.to_release:
+            return _quintic(motion.cocked, np.zeros(N_JOINTS), motion.release, motion.rates, motion.to_release, since)
+        since = min(since - motion.to_release, motion.follow_through)
+        end = motion.release + 0.5 * motion.follow_through * motion.rates
+        return _quintic(motion.release, motion.rates, end, np.zeros(N_JOINTS), motion.follow_through, since)
+
+    # the hands
+
+    def _push_hand(self, state: ArmState, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+        wanted, actual = self._model.hand_state(q, qd), self._model.hand_state(state.position, state.velocity)
+        (k, d), (kr, dr) = self.person.firm_hand, self.person.firm_wrist
+        force = k * (wanted.position + self._wander(state.stamp_ns) - actual.position) + d * (wanted.linear - actual.linear)
+        twist = kr * rotation_error(wanted.rotation, actual.rotation) + dr * (wanted.angular - actual.angular)
+        return np.concatenate([_at_most(force, self.person.strongest_push), _at_most(twist, self.person.strongest_twist)])
+
+    def _wander(self, stamp_ns: int) -> np.ndarray:
+        """How far the hand strays from the path in mind: grows smoothly through the swing, the most around the release (3,) [m]."""
+        motion = self._motion
+        since = (stamp_ns - self._started_ns) * 1e-9 - motion.start
+        share = np.clip(since / motion.to_release, 0.0, 1.0) - np.clip((since - motion.to_release) / motion.follow_through, 0.0, 1.0)
+        return motion.offset * share**2 * (3 - 2 * share)
+
+    def _push_elbow(self, state: ArmState, q: np.ndarray) -> np.ndarray:
+        """The other hand keeps the elbow in the plane of the throw: force at the elbow as joint torque (7,)."""
+        k, d = self.person.firm_elbow
+        wanted, _ = self._model.elbow(q)
+        actual, jacobian = self._model.elbow(state.position)
+        force = k * (wanted - actual) - d * (jacobian @ state.velocity)
+        across = np.array([-np.sin(q[0]), np.cos(q[0]), 0.0])
+        return jacobian.T @ (_at_most(force @ across * across, self.person.strongest_push))
+
+    def _tremor(self) -> np.ndarray:
+        """Band-limited noise of a trembling hand (6,): force only."""
+        share = np.exp(-2 * np.pi * self.person.tremble_rate * self._step)
+        kick = np.sqrt(1 - share**2) * self.person.tremble * self._rng.standard_normal(3)
+        self._tremble = share * self._tremble + np.concatenate([kick, np.zeros(3)])
+        return self._tremble
+
+    def _button(self, time: float) -> Grip:
+        if self._opened or time < self._motion.open_at:
+            return Grip.UNSPECIFIED
+        self._opened = True
+        return Grip.OPEN
+
+
+def _posture(azimuth: float, swing: tuple | np.ndarray) -> np.ndarray:
+    q = np.zeros(N_JOINTS)
+    q[0], q[list(SWING_JOINTS)] = azimuth, swing
+    return q
+
+
+def _at_most(vector: np.ndarray, limit: float) -> np.ndarray:
+    length = float(np.linalg.norm(vector))
+    return vector if length <= limit else vector * (limit / length)
+
+
+def _quintic(start, start_rate, end, end_rate, duration: float, time: float):
+    """Position, velocity, acceleration at `time` of the quintic with given ends and no acceleration there."""
+    s = time / duration
+    v0, v1, way = start_rate * duration, end_rate * duration, end - start
+    c3, c4, c5 = 10 * way - 6 * v0 - 4 * v1, -15 * way + 8 * v0 + 7 * v1, 6 * way - 3 * v0 - 3 * v1
+    position = start + s * (v0 + s**2 * (c3 + s * (c4 + s * c5)))
+    velocity = (v0 + s**2 * (3 * c3 + s * (4 * c4 + s * 5 * c5))) / duration
+    acceleration = s * (6 * c3 + s * (12 * c4 + s * 20 * c5)) / duration**2
+    return position, velocity, acceleration

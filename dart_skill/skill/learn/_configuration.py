@@ -1,0 +1,129 @@
+"""Named configurations of the throwing skill: which frames, how many components, how demonstrations are aligned and weighted.
+
+`thesis` is what chapter 8 describes; `default` is what throws best here. docs/skill.md holds the comparison.
+"""
+
+from dataclasses import dataclass, field, replace
+
+from dart_skill.surface import Game, game_at
+
+FRAMES = ("thesis", "start", "azimuth", "azimuth_target")
+ALIGNMENTS = ("start", "release")
+PARTITIONS = ("time", "em")
+DRIVES = ("time", "state")
+RELEASES = ("shown", "farthest")
+
+
+@dataclass(frozen=True)
+class SkillConfiguration:
+    """How demonstrations become a model and a model becomes a plan.
+
+    Parameters:
+
+    * name: str, default "default".
+    * frames: task frames, default "azimuth". "thesis": those of (8.2). "start": those of (8.3). "azimuth": one frame at the base,
+      turned to the target's azimuth. "azimuth_target": that frame and one at the target.
+    * components: int, default 16. `n_components` of the DS-GMR.
+    * partition: "time" or "em", default "time". `partition` of the DS-GMR.
+    * distance_input: bool, default True. Whether the distance of the target is an input of the regression besides time.
+    * alignment: "release" or "start", default "release". Instant that all demonstrations share: the release of the ball or the
+      start of the motion.
+    * relabel: bool, default True. Whether the task parameter of a demonstration is where its ball landed, and not where the
+      basket stood.
+    * width: float, default 0 [m]. Demonstrations are weighted by a Gaussian of this width of the distance between their target
+      and the new one (8.4.2); 0: all count alike.
+    * widths: floats [m], default none. The width is chosen among these by cross-validation.
+    * nearest: int, default 0. Number of the nearest demonstrations that are used (8.4.2); 0: all.
+    * solve_aim: bool, default True. Whether the task parameter is changed until the plan's predicted landing is on the target.
+    * stiffness: float, default 200 [1/s^2]. kp of (7.19), with critical damping.
+    * step: float, default 0.004 [s]. Of the plan.
+    * noise: float, default 1e-4 [m]. Standard deviation of the measured positions.
+    * drive: "time" or "state", default "time". What drives the movement: a clock (`DSGMR`), or the state of the arm
+      (`AutonomousDSGMR`, chapter 9).
+    * release: "farthest" or "shown", default "farthest". Release where the ball flies farthest, which depends least on the
+      instant at which the hand opens, or as demonstrated.
+    * board: (x, y, z) [m], default empty. Position of the bull of a board for darts; empty for balls and baskets.
+    """
+
+    name: str = "default"
+    frames: str = "azimuth"
+    components: int = 16
+    partition: str = "time"
+    distance_input: bool = True
+    alignment: str = "release"
+    relabel: bool = True
+    width: float = 0.0
+    widths: tuple[float, ...] = ()
+    nearest: int = 0
+    solve_aim: bool = True
+    stiffness: float = 200.0
+    step: float = 0.004
+    noise: float = 1e-4
+    drive: str = "time"
+    release: str = "farthest"
+    board: tuple[float, ...] = field(default=(), repr=False)  # left out of a model's name, which its tasks decide anyway
+
+    def __post_init__(self):
+        if self.frames not in FRAMES:
+            raise ValueError(f"frames '{self.frames}' is unknown: choose one of {', '.join(FRAMES)}")
+        if self.alignment not in ALIGNMENTS:
+            raise ValueError(f"alignment '{self.alignment}' is unknown: choose one of {', '.join(ALIGNMENTS)}")
+        if self.partition not in PARTITIONS:
+            raise ValueError(f"partition '{self.partition}' is unknown: choose one of {', '.join(PARTITIONS)}")
+        if self.drive not in DRIVES:
+            raise ValueError(f"drive '{self.drive}' is unknown: choose one of {', '.join(DRIVES)}")
+        if self.release not in RELEASES:
+            raise ValueError(f"release '{self.release}' is unknown: choose one of {', '.join(RELEASES)}")
+        for name, least in (("components", 1), ("width", 0.0), ("nearest", 0), ("stiffness", 1e-6), ("step", 1e-4)):
+            if not getattr(self, name) >= least:
+                raise ValueError(f"{name} is {getattr(self, name)}; it must be at least {least}")
+        object.__setattr__(self, "widths", tuple(float(width) for width in self.widths))
+        if not all(width > 0.0 for width in self.widths):
+            raise ValueError(f"widths are {self.widths}; all must be positive")
+
+        object.__setattr__(self, "board", tuple(float(value) for value in self.board))
+        game_at(self.board)
+
+    @property
+    def game(self) -> Game:
+        """What is thrown at what."""
+        return game_at(self.board)
+
+    @property
+    def turns(self) -> bool:
+        """Whether the frames turn with the target's azimuth."""
+        return self.frames.startswith("azimuth")
+
+    def angle_azimuth(self, azimuth: float) -> float:
+        """Azimuth of the axes in which alpha and beta are measured [rad]: the thesis measures them in the world's."""
+        return azimuth if self.turns else 0.0
+
+
+DEFAULT = SkillConfiguration()
+THESIS = SkillConfiguration(
+    "thesis", "start", 3, partition="em", distance_input=False, alignment="start", relabel=False, solve_aim=False, release="shown"
+)
+CONFIGURATIONS = {
+    one.name: one
+    for one in (
+        DEFAULT,
+        THESIS,
+        replace(THESIS, name="thesis_local", nearest=3),
+        replace(DEFAULT, name="em", components=12, partition="em"),
+        # An average of neighbours cannot aim nearer than what was shown, which the farthest release asks for.
+        replace(DEFAULT, name="weighted", distance_input=False, width=0.25, release="shown"),
+        replace(DEFAULT, name="cross_validated", distance_input=False, widths=(0.06, 0.1, 0.15, 0.25, 0.5), release="shown"),
+        replace(DEFAULT, name="autonomous", drive="state"),
+        replace(DEFAULT, name="shown_release", release="shown"),
+        replace(DEFAULT, name="two_frames", distance_input=False, frames="azimuth_target"),
+    )
+}
+
+
+def configuration(name: str = "") -> SkillConfiguration:
+    """The configuration of that name, the default one for an empty name; ValueError lists the names there are."""
+    if not name:
+        return DEFAULT
+    if name not in CONFIGURATIONS:
+        raise ValueError(f"no configuration '{name}': choose one of {', '.join(sorted(CONFIGURATIONS))}")
+    return CONFIGURATIONS[name]

@@ -1,0 +1,90 @@
+"""A planned movement of the hand, in the features of the model and in the world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dart_skill.checks import to_the_nanosecond
+from dart_skill.movement import Reproduction, StateDriven, quaternions_from_angles, turn_about_z, turn_matrix
+from dart_skill.robot import HandPath
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """A movement for one task parameter.
+
+    The features are x, y, z [m] in the world and alpha, beta [rad] in axes turned by an azimuth (8.4.1).
+
+    Parameters:
+
+    * time: (n,) [s].
+    * attractor, position: (n, 5), in the features.
+    * velocity, acceleration: (n, 5), in the features per s and per s^2.
+    * azimuth: float [rad], by which the axes of the angles are turned about z.
+    * roll: float [rad], the third angle, constant during the movement.
+    """
+
+    time: np.ndarray
+    attractor: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    azimuth: float
+    roll: float
+
+    @classmethod
+    def of(cls, movement: Reproduction | StateDriven, azimuth: float, roll: float) -> Course:
+        """The course of a movement that DS-GMR made."""
+        return cls(movement.time, movement.attractor, movement.position, movement.velocity, movement.acceleration, azimuth, roll)
+
+    def part(self, start: int, stop: int) -> Course:
+        """The course between two indices."""
+        return replace(
+            self,
+            time=self.time[start:stop],
+            attractor=self.attractor[start:stop],
+            position=self.position[start:stop],
+            velocity=self.velocity[start:stop],
+            acceleration=self.acceleration[start:stop],
+        )
+
+    @property
+    def hand_quaternion(self) -> np.ndarray:
+        """Orientation (n, 4) of the hand in the world."""
+        return self._quaternions(self.position[:, 3:])
+
+    @property
+    def attractor_quaternion(self) -> np.ndarray:
+        """Orientation (n, 4) of the attractor in the world."""
+        return self._quaternions(self.attractor[:, 3:])
+
+    @property
+    def hand_velocity(self) -> np.ndarray:
+        """Velocity (n, 6) of the hand in the world, linear [m/s] over angular [rad/s]."""
+        return np.hstack([self.velocity[:, :3], self._angular_velocity])
+
+    @property
+    def hand_path(self) -> HandPath:
+        """The motion of the hand frame in the world; its clock starts at 0."""
+        return HandPath(
+            time=to_the_nanosecond(self.time - self.time[0]),
+            position=self.position[:, :3],
+            quaternion=self.hand_quaternion,
+            velocity=self.hand_velocity,
+            acceleration=np.hstack([self.acceleration[:, :3], np.gradient(self._angular_velocity, self.time, axis=0)]),
+        )
+
+    def _quaternions(self, angles: np.ndarray) -> np.ndarray:
+        """World orientations (n, 4) of alpha, beta (n, 2)."""
+        rolled = np.column_stack([angles, np.full(len(angles), self.roll)])
+        return turn_about_z(quaternions_from_angles(rolled), self.azimuth)
+
+    @property
+    def _angular_velocity(self) -> np.ndarray:
+        """In world axes (n, 3): of R_z(azimuth) R_y(-alpha) R_z(beta), from alpha and the rates of alpha and beta."""
+        alpha, rates = self.position[:, 3], self.velocity[:, 3:]
+        axis_beta = np.column_stack([-np.sin(alpha), np.zeros(len(alpha)), np.cos(alpha)])
+        turned = rates[:, 1:] * axis_beta - np.outer(rates[:, 0], [0.0, 1.0, 0.0])
+        return turned @ turn_matrix(self.azimuth).T

@@ -1,0 +1,151 @@
+"""From what the sensors saw of one guided throw to the numbers that learning needs: release, landing, attractors in features.
+
+Features are t, x, y, z, alpha, beta (8.4.1), with t = 0 at the instant that all demonstrations share, and, where the configuration
+says so, the distance of the target after t. Attractors come from (7.20).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dart_skill.movement import angles_from_quaternions, attractor_from_motion, smooth_derivatives, turn_about_z, turn_matrix
+from dart_skill.recording import Demonstration
+from dart_skill.robot import wam_description
+from dart_skill.skill.learn._configuration import SkillConfiguration
+from dart_skill.skill.observe import FreeFlight, Release, find_flight, fit_release, judge_flight
+from dart_skill.world import the_world
+
+RATE = 100.0
+"""Rate at which demonstrations are resampled [Hz]: that of the motion capture."""
+NOISE_OF_FEATURES = np.array([1, 1, 1, 10, 10])
+"""Noise of x, y, z, alpha, beta, relative to the noise of the position: 10 rad for 1 m."""
+
+
+@dataclass(frozen=True)
+class PreparedThrow:
+    """A demonstration ready to be learned.
+
+    The features are x, y, z [m] in the world and alpha, beta [rad] in the axes of the configuration (8.4.1).
+
+    Parameters:
+
+    * id: str, of the demonstration.
+    * task: task parameter (3,) [m]: where the ball came down on the plane of the rim (a dart: where it met the board), or where
+      the basket stood.
+    * azimuth: float [rad], of the task.
+    * reach: float [m], distance of the task from the base axis, or its height on the board.
+    * time: (n,) [s], 0 at the instant that all demonstrations share.
+    * motion: (n, 5), the features.
+    * velocity: (n, 5), the features per s.
+    * attractor: (n, 5), computed from the motion by (7.20).
+    * start_pose: (6,) [m, rad], x, y, z, alpha, beta, roll of the hand at rest, all in axes turned by the azimuth.
+    * start, stop: float [s], start and stop of the motion, on the clock of `time`.
+    * release: Release, where hand and ball part, on the clock of the demonstration.
+    * release_time: float [s], the release on the clock of `time`.
+    * start_posture: (7,) [rad], joints before the motion, J1 relative to the azimuth.
+    * hand_delay: float [s], time from the command to the release; nan if the command was not seen.
+    """
+
+    id: str
+    task: np.ndarray
+    azimuth: float
+    reach: float
+    time: np.ndarray
+    motion: np.ndarray
+    velocity: np.ndarray
+    attractor: np.ndarray
+    start_pose: np.ndarray
+    start: float
+    stop: float
+    release: Release
+    release_time: float
+    start_posture: np.ndarray
+    hand_delay: float
+
+    @property
+    def distance(self) -> float:
+        """Horizontal distance of the task from the base axis [m]."""
+        return float(np.hypot(self.task[0], self.task[1]))
+
+    def between(self, first: float, last: float) -> PreparedThrow:
+        """The same throw with only the samples from `first` to `last` [s]."""
+        kept = (self.time >= first) & (self.time <= last)
+        return replace(self, time=self.time[kept], motion=self.motion[kept], velocity=self.velocity[kept], attractor=self.attractor[kept])
+
+
+def prepare(demonstration: Demonstration, configuration: SkillConfiguration) -> PreparedThrow:
+    """One demonstration as numbers to learn from; ValueError names the demonstration and what is wrong with it."""
+    try:
+        return _prepare(demonstration, configuration)
+    except ValueError as error:
+        raise ValueError(f"demonstration {demonstration.id}: {error}") from error
+
+
+def _prepare(demonstration: Demonstration, configuration: SkillConfiguration) -> PreparedThrow:
+    d = demonstration
+    ball, surface = configuration.game.projectile, configuration.game.surface
+    free = find_flight(d.ball_time, d.ball_position, ball) if len(d.ball_time) else None
+    grip = wam_description().hand.ball_centre
+    release = fit_release(d.ball_time, d.ball_position, d.hand_time, d.hand_position, d.hand_quaternion, grip, ball, free=free)
+    task = _task(d, configuration, free)
+    azimuth = float(np.arctan2(task[1], task[0]))
+    turned = angles_from_quaternions(turn_about_z(d.hand_quaternion, -azimuth))
+    angles = turned if configuration.turns else angles_from_quaternions(d.hand_quaternion)
+    shared = release.time if configuration.alignment == "release" else d.motion_start
+    clock = d.hand_time - shared
+    grid = np.arange(np.ceil(clock[0] * RATE), np.floor(clock[-1] * RATE) + 1) / RATE
+    features = np.column_stack([d.hand_position, angles[:, :2]])
+    motion = smooth_derivatives(clock, features, noise=NOISE_OF_FEATURES * configuration.noise, at=grid)
+    return PreparedThrow(
+        id=d.id,
+        task=task,
+        azimuth=azimuth,
+        reach=float(surface.coordinates(task)[0]),
+        time=grid,
+        motion=motion.position,
+        velocity=motion.velocity,
+        attractor=attractor_from_motion(*motion, configuration.stiffness),
+        start_pose=_start_pose(d, azimuth, turned),
+        start=float(d.motion_start - shared),
+        stop=float(d.motion_stop - shared),
+        release=release,
+        release_time=float(release.time - shared),
+        start_posture=_start_posture(d, azimuth),
+        hand_delay=float(release.time - d.hand_opened),
+    )
+
+
+def _start_pose(demonstration: Demonstration, azimuth: float, angles: np.ndarray) -> np.ndarray:
+    """Hand pose at rest before the motion (6,), in axes turned by the azimuth, as the angles (n, 3) are: x, y, z, alpha, beta, roll."""
+    d = demonstration
+    at_rest = _or_first(d.hand_time <= d.motion_start - 0.05)
+    position = d.hand_position[at_rest] @ turn_matrix(azimuth)
+    return np.median(np.hstack([position, angles[at_rest]]), axis=0)
+
+
+def _start_posture(demonstration: Demonstration, azimuth: float) -> np.ndarray:
+    """Joints before the motion (7,), J1 relative to the azimuth."""
+    d = demonstration
+    posture = np.median(d.joint_position[_or_first(d.joint_time <= d.motion_start)], axis=0)
+    posture[0] -= azimuth
+    return posture
+
+
+def _or_first(kept: np.ndarray) -> np.ndarray:
+    """Mask (n,) of the samples that are kept; only the first one if no other is."""
+    if kept.any():
+        return kept
+    return np.arange(len(kept)) == 0
+
+
+def _task(demonstration: Demonstration, configuration: SkillConfiguration, free: FreeFlight | None) -> np.ndarray:
+    """Where the ball came down (3,), or where the basket stood."""
+    if not configuration.relabel:
+        return demonstration.target
+    d, game, radius = demonstration, configuration.game, the_world().basket_radius
+    outcome = judge_flight(d.ball_time, d.ball_position, d.target, radius, game.projectile, free=free, surface=game.surface)
+    if not outcome.landing_seen:
+        raise ValueError("nobody saw where the ball landed; learn without relabelling, or track the ball to the rim")
+    return outcome.landing

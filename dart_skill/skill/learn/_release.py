@@ -1,0 +1,82 @@
+"""Where a ball comes down that leaves the path of the hand at one instant or another.
+
+Flights begin at the steps of the path; between three steps a parabola in time tells where the others end. The reach grows with the instant
+of the release while the hand gains speed, and falls again when it points too low: a ball that is let go where it flies farthest comes down,
+to first order, at the same place if the hand opens a little early or late.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dart_skill.movement import rotate
+from dart_skill.robot import STRETCHED, ThrowPlan, wam_description
+from dart_skill.surface import BASKETS, Game
+
+
+def hits_along(position: np.ndarray, quaternion: np.ndarray, velocity: np.ndarray, target: np.ndarray, game: Game) -> np.ndarray:
+    """Where balls meet the surface of a target (n, 3), nan if never, that leave a hand with position (n, 3), quaternion (n, 4) and velocity
+    (n, 6), linear over angular.
+    """
+    arm = rotate(quaternion, wam_description().hand.ball_centre[None])
+    speed = velocity[:, :3] + np.cross(velocity[:, 3:], arm)
+    return game.surface.crossing(position + arm, speed, target, game.projectile).position
+
+
+def weights_at(time: np.ndarray, k: np.ndarray, when: np.ndarray) -> np.ndarray:
+    """Weights (..., 3) of the steps k - 1, k and k + 1 of time (n,) in the parabola through them, at instants (...)."""
+    before, here, after = time[k - 1], time[k], time[k + 1]
+    return np.stack(
+        [
+            (when - here) * (when - after) / ((before - here) * (before - after)),
+            (when - before) * (when - after) / ((here - before) * (here - after)),
+            (when - before) * (when - here) / ((after - before) * (after - here)),
+        ],
+        axis=-1,
+    )
+
+
+def nearest_step(time: np.ndarray, when: np.ndarray) -> np.ndarray:
+    """The step of time (n,), but for the first and the last, that is nearest to instants (...)."""
+    return np.clip(np.searchsorted(0.5 * (time[1:] + time[:-1]), when), 1, len(time) - 2)
+
+
+def landing_if_late(plan: ThrowPlan, late: ArrayLike, game: Game = BASKETS) -> np.ndarray:
+    """Where the ball comes down (..., 3) on the plane of the rim, or meets the board, if the hand follows the plan and the ball leaves it
+    so late (...) [s]; one that leaves it before or after the path counts as leaving at its end.
+    """
+    path = plan.path
+    when = np.clip(plan.release + np.asarray(late, dtype=float), path.time[0], path.time[-1])
+    k = nearest_step(path.time, when)
+    steps = slice(k.min() - 1, k.max() + 2)
+    hits = hits_along(path.position[steps], path.quaternion[steps], path.velocity[steps], plan.target, game)
+    three = (k - steps.start)[..., None] + np.arange(-1, 2)
+    return np.einsum("...i,...ij->...j", weights_at(path.time, k, when), hits[three])
+
+
+def farthest(reach: np.ndarray) -> tuple[int, float]:
+    """Where a reach (n,), nan where there is none, is largest: its step, but for the first and the last, and how many steps, at most one,
+    the top of the parabola through its neighbours comes after it.
+    """
+    reach = np.nan_to_num(reach, nan=-np.inf)
+    k = int(np.clip(reach.argmax(), 1, len(reach) - 2))
+    before, here, after = reach[k - 1 : k + 2]
+    if not np.isfinite(before + here + after):
+        return k, 0.0
+    bend = before + after - 2.0 * here
+    top = 0.5 * (before - after) / bend if bend < 0.0 else np.sign(after - before)
+    return k, float(np.clip(top, -1.0, 1.0))
+
+
+def stretched_at(time: np.ndarray, position: np.ndarray) -> float:
+    """The first instant of time (n,) at which a hand with position (n, 3) is too far from the shoulder for the arm; infinite if there is
+    none.
+    """
+    arm = wam_description()
+    shoulder = np.array([0.0, 0.0, arm.mount_height + arm.shoulder_height])
+    over = np.linalg.norm(position - shoulder, axis=1) - (arm.reach - STRETCHED)
+    k = int(np.argmax(over >= 0.0))
+    if over[k] < 0.0:
+        return np.inf
+    return float(time[0] if k == 0 else np.interp(0.0, over[k - 1 : k + 1], time[k - 1 : k + 1]))

@@ -1,0 +1,42 @@
+"""Which task frames a configuration uses for one task, in the features that it learns."""
+
+import numpy as np
+
+from dart_skill.movement import (
+    TaskFrame,
+    azimuth_frame,
+    azimuth_of,
+    azimuth_target_frame,
+    base_frame,
+    pointing_at,
+    start_frame,
+    target_frame,
+)
+from dart_skill.skill.learn._configuration import SkillConfiguration
+
+
+def frames_for(task: np.ndarray, start: np.ndarray, configuration: SkillConfiguration) -> list[TaskFrame]:
+    """Task frames of the features t, [distance,] x, y, z, alpha, beta for one task: thesis (8.2), (8.3), or turned ones.
+
+    Parameters:
+
+    * task: task parameter (3,) [m].
+    * start: position of the hand before it moves, x, y, z [m]; further entries are ignored.
+    * configuration: which frames, and whether the distance of the target is an input.
+    """
+    start = start[:3]
+    if configuration.frames in ("thesis", "start"):
+        first = base_frame() if configuration.frames == "thesis" else start_frame(start)
+        frames = [first, target_frame(task, pointing_at(task, start))]
+    else:
+        frames = [azimuth_frame(azimuth_of(task))]
+        if configuration.frames == "azimuth_target":
+            frames.append(azimuth_target_frame(task))
+    return [_with_distance(frame) for frame in frames] if configuration.distance_input else frames
+
+
+def _with_distance(frame: TaskFrame) -> TaskFrame:
+    """The frame with one more input after time, the distance of the target, which passes through."""
+    A = np.insert(np.insert(frame.A, 1, 0.0, axis=0), 1, 0.0, axis=1)
+    A[1, 1] = 1.0
+    return TaskFrame(A, np.insert(frame.b, 1, 0.0))

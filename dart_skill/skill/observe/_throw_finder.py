@@ -1,0 +1,115 @@
+"""Throws found in what the sensors see, while they see it or later: a hand that was told to open, and the motion that it opened in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dart_skill.movement import VelocityThreshold
+from dart_skill.recording import Demonstration, GripSignal, Opening
+from dart_skill.skill.observe._cutting import RESET_NS, THRESHOLDS, ThrowLog, watched_until
+from dart_skill.skill.observe._outcome import Outcome, judge_flight
+from dart_skill.world import the_world
+
+MEMORY_NS = 60_000_000_000
+"""What was seen longer before the present belongs to no throw any more."""
+
+
+@dataclass(frozen=True)
+class FoundThrow:
+    """A throw in a recording. stamp_ns: when the hand was told to open, or the ball left it; taught: a person guided it.
+
+    demonstration, outcome: None if it could not be cut out; reason: why it is not learned from, empty if it is.
+    """
+
+    stamp_ns: int
+    taught: bool
+    demonstration: Demonstration | None = None
+    outcome: Outcome | None = None
+    reason: str = ""
+
+    @property
+    def shows(self) -> bool:
+        """Whether it is a demonstration: a person guided it, and it went into the basket."""
+        return self.demonstration is not None and self.taught and bool(self.outcome.in_basket)
+
+
+class ThrowFinder:
+    """Finds throws while they are made, in a log that somebody fills: tell of every command, then ask for the throws that were watched to
+    their end. demonstrations: how many there were; the next one is called demonstration_<that + 1>.
+    """
+
+    def __init__(self, log: ThrowLog, thresholds: VelocityThreshold = THRESHOLDS):
+        self._log, self._thresholds, self.demonstrations = log, thresholds, 0
+        self._teacher, self._controller = GripSignal(), GripSignal()
+        self._openings: list[tuple[int, bool]] = []
+        self._since = 0
+
+    def add_command(self, data: bytes, guiding: bool) -> None:
+        """A serialised WamCommand, of the person who guides the arm or of its controller."""
+        signal = self._teacher if guiding else self._controller
+        if signal.take_command(data):
+            self._openings.append((signal.openings.pop(), guiding))
+
+    def until(self, arrived_ns: int) -> list[FoundThrow]:
+        """The throws that were watched to their end when everything up to a stamp has come [ns], in order of time."""
+        self._openings.sort()
+        found = []
+        while self._openings and watched_until(self._openings[0][0]) <= arrived_ns:
+            stamp, guiding = self._openings.pop(0)
+            found += self.find(Opening(stamp, guiding or self._teacher.pushed_before(stamp)))
+        self._forget_before(min([arrived_ns, *(stamp for stamp, _ in self._openings)]) - MEMORY_NS)
+        return found
+
+    def find(self, opening: Opening, has_button: bool = True) -> list[FoundThrow]:
+        """The throw in which the hand was told to open, or without a button let go of the ball; none if that was told again before the
+        throw was over. Openings come in order of time.
+        """
+        if opening.stamp_ns < self._since:
+            return []
+        until = watched_until(opening.stamp_ns)
+        since = max(self._since, world_of(opening.stamp_ns, self._log.stamps()))
+        log = self._log.part(since, until)
+        (log.add_opening if has_button else log.add_release)(opening.stamp_ns)
+        throw = cut_throw(log, opening, self._thresholds)
+        if throw.demonstration is not None:
+            self._since = until + 1
+        if throw.shows:
+            self.demonstrations += 1
+            throw = replace(throw, demonstration=replace(throw.demonstration, id=f"demonstration_{self.demonstrations}"))
+        return [throw]
+
+    def _forget_before(self, stamp_ns: int) -> None:
+        self._log.forget_before(stamp_ns)
+        self._teacher.forget_before(stamp_ns)
+
+
+def cut_throw(log: ThrowLog, opening: Opening, thresholds: VelocityThreshold = THRESHOLDS) -> FoundThrow:
+    """The throw of a log in which the hand was opened once, and how it ended; its reason says why nothing could be cut."""
+    until = watched_until(opening.stamp_ns)
+    kind = "miss" if opening.taught else "throw"
+    try:
+        one = log.cut(f"{kind}_{opening.stamp_ns}", until, thresholds)
+        outcome = judge_flight(*log.ball_between(opening.stamp_ns, until), one.target, the_world().basket_radius)
+    except ValueError as error:
+        return FoundThrow(opening.stamp_ns, opening.taught, reason=str(error))
+    return FoundThrow(opening.stamp_ns, opening.taught, one, outcome)
+
+
+def worlds(streams: Iterable[np.ndarray]) -> list[tuple[int, int]]:
+    """First and last stamp [ns] of each stretch in which something was seen all the time, of the stamps (n,) of several sensors: a reset
+    sets the clock on.
+    """
+    stamps = np.unique(np.concatenate([np.asarray(stream, dtype=np.int64) for stream in streams]))
+    if not len(stamps):
+        return []
+    breaks = np.flatnonzero(np.diff(stamps) > RESET_NS)
+    first, last = stamps[np.concatenate([[0], breaks + 1])], stamps[np.concatenate([breaks, [len(stamps) - 1]])]
+    return list(zip(first.tolist(), last.tolist(), strict=True))
+
+
+def world_of(stamp_ns: int, streams: Iterable[np.ndarray]) -> int:
+    """First stamp [ns] of the stretch in which an instant is, 0 if it is in none."""
+    return next((first for first, last in worlds(streams) if first <= stamp_ns <= last), 0)

@@ -1,0 +1,242 @@
+"""The controls beside the scene: buttons and sliders become requests, and what goes on is told in words and in a learning curve."""
+
+from __future__ import annotations
+
+import html
+import importlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from dart_skill.skill.learn import CONFIGURATIONS, DEFAULT
+from dart_skill.view import _colours as colours
+from dart_skill.view._scene import GROUPS, Scene
+
+LEVELS = ("ok", "warning", "error", "stale")
+"""Of a node's status, as diagnostic_msgs numbers them."""
+LEVEL_COLOURS = (colours.GREEN, colours.ORANGE, colours.VERMILION, colours.GREY)
+UNHEARD = "none has been heard yet"
+LONGEST_CURVE = 2000
+"""Throws that the learning curve holds."""
+WHOLE_STEPS = (1, 2, 5, 10, 20, 50, 100, 200, 500)
+"""Between marks of the axis that counts throws."""
+MOST_LESSONS, MOST_THROWS = 30, 50
+"""Demonstrations, and own throws, that one click asks for; a page may say anything, so what it says is cut there."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """What somebody asked for with a control: "teach", "learn", "throw", "practice", "stop", "place_basket" or "set", and its details."""
+
+    what: str
+    values: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Knob:
+    """A number of a node that can be changed while it runs."""
+
+    name: str
+    description: str
+    low: float
+    high: float
+    value: float
+
+
+@dataclass(frozen=True)
+class NodeStatus:
+    """What a node says of itself; level: index into LEVELS."""
+
+    name: str
+    level: int
+    message: str
+
+
+class Panel:
+    """The controls of one page. `ask` is called in the server's threads with each Request: hand over to your own."""
+
+    def __init__(self, server: Any, scene: Scene, ask: Callable[[Request], None]):
+        self._gui, self._scene, self._ask = server.gui, scene, ask
+        self._shown_nodes: tuple[NodeStatus, ...] = ()
+        self._knobs: dict[tuple[str, str], Any] = {}
+        self._errors: list[tuple[float, bool]] = []
+        self._says = self._gui.add_html("")
+        self._stop = self._button("Stop", lambda: Request("stop"), colours.VERMILION)
+        tabs = self._gui.add_tab_group()
+        with tabs.add_tab("Run"):
+            self._add_learning()
+            self._add_throwing()
+            self._add_curve()
+            self._legend = self._gui.add_html("")
+        self._show_tab, self._switches = tabs.add_tab("Show"), set()
+        for group, label in GROUPS.items():
+            self._add_switch(group, label)
+        with tabs.add_tab("Nodes"):
+            self._nodes = self._gui.add_html(_words(UNHEARD))
+        with tabs.add_tab("Arm"):
+            self._arm = self._gui.add_folder("What is different about the arm")
+            with self._arm:
+                self._no_knobs = self._gui.add_html(_words("no node has numbers that can be changed while it runs"))
+        scene.on_basket_dragged(lambda place, done: ask(Request("place_basket", {"place": place, "done": done})))
+        self.show_legend()
+        self.say("drag the basket, teach some throws, learn, throw")
+
+    # what it tells
+
+    def say(self, text: str, is_error: bool = False) -> None:
+        """A line about what goes on."""
+        self._says.content = _words(text, colours.VERMILION if is_error else colours.BLACK)
+
+    def set_busy(self, busy: bool) -> None:
+        """While something is carried out, nothing else can be asked for but to stop it."""
+        for button in self._starting:
+            button.disabled = busy
+
+    def show_nodes(self, nodes: Sequence[NodeStatus]) -> None:
+        """One line per node, sorted by name."""
+        nodes = tuple(sorted(nodes, key=lambda node: node.name))
+        if nodes != self._shown_nodes:
+            self._shown_nodes = nodes
+            self._nodes.content = "".join(_node_line(node) for node in nodes) or _words(UNHEARD)
+
+    def show_legend(self) -> None:
+        """Which colour is what, with a switch for each of several groups of Gaussians; call it when there is a new one."""
+        shown = self._scene.gaussian_colours
+        for group in shown if len(shown) > 1 else ():
+            self._add_switch(group, group)
+        groups = {f"Gaussians: {group}" if len(shown) > 1 else "Gaussians": colour for group, colour in shown.items()}
+        swatches = "".join(_swatch(*kind) for kind in (LEGEND | groups).items())
+        self._legend.content = f"<div style='columns:2;padding:0.5em 0.8em'>{swatches}</div>"
+
+    def add_throw(self, error: float, in_basket: bool) -> None:
+        """A point of the learning curve: landing error [m], nan if the landing was not seen, and whether the ball went in."""
+        self._errors.append((100.0 * float(error), bool(in_basket)))
+        del self._errors[:-LONGEST_CURVE]
+        self._curve.scales = _scales(self._errors)
+        self._curve.data, self._curve.visible = curve_data(self._errors), True
+
+    def add_knobs(self, node: str, knobs: Sequence[Knob]) -> None:
+        """Numbers of a node that can be changed; those that are there already get the new values."""
+        self._no_knobs.visible = self._no_knobs.visible and not knobs
+        with self._arm:
+            for knob in knobs:
+                if (node, knob.name) in self._knobs:
+                    self._knobs[node, knob.name].value = knob.value
+                else:
+                    self._knobs[node, knob.name] = self._add_knob(node, knob)
+
+    # what it is made of
+
+    def _add_learning(self) -> None:
+        with self._gui.add_folder("Teach and learn"):
+            self._lessons = self._gui.add_slider(
+                "Demonstrations", 1, MOST_LESSONS, 1, 13, hint="throws that a person guides by hand, at new baskets"
+            )
+            teach = self._button("Teach", lambda: Request("teach", {"demonstrations": _count(self._lessons.value, MOST_LESSONS)}))
+            names = tuple(CONFIGURATIONS)
+            self._configuration = self._gui.add_dropdown(
+                "Model", names, initial_value=DEFAULT.name, hint="configuration of the skill, see docs/skill.md"
+            )
+            learn = self._button("Learn", lambda: Request("learn", {"configuration": self._configuration.value}))
+        self._starting = [teach, learn]
+
+    def _add_throwing(self) -> None:
+        with self._gui.add_folder("Throw and practise"):
+            throw = self._button("Throw", lambda: Request("throw"), colours.BLUE)
+            self._throws = self._gui.add_slider("Own throws", 1, MOST_THROWS, 1, 10, hint="each of them is learned from")
+            self._follow = self._gui.add_checkbox(
+                "Only here", False, hint="practise at the basket that is there, else where throws are worst"
+            )
+            practise = self._button("Practise", self._practice)
+        self._starting += [throw, practise]
+
+    def _practice(self) -> Request:
+        return Request("practice", {"throws": _count(self._throws.value, MOST_THROWS), "follow_basket": bool(self._follow.value)})
+
+    def _button(self, label: str, request: Callable[[], Request], colour: tuple[int, int, int] | None = None) -> Any:
+        button = self._gui.add_button(label, color=colour)
+        button.on_click(lambda _: self._ask(request()))
+        return button
+
+    def _add_curve(self) -> None:
+        uplot = importlib.import_module("viser.uplot")
+        point = {"show": True, "size": 6}
+        of_kind = (("in the basket", colours.BLUE), ("missed", colours.VERMILION))
+        series = [uplot.Series(label="throw")]
+        for label, colour in of_kind:
+            stroke = colours.hexadecimal(colour)
+            series.append(uplot.Series(label=label, stroke=stroke, width=0, points={**point, "stroke": stroke, "fill": stroke}))
+        axes = (uplot.Axis(label="own throw", incrs=WHOLE_STEPS), uplot.Axis(label="error [cm]"))
+        none = [(np.nan, True)]
+        self._curve = self._gui.add_uplot(
+            curve_data(none), tuple(series), scales=_scales(none), axes=axes, height=180, padding=(8, 16, 0, 0), visible=False
+        )
+
+    def _add_switch(self, group: str, label: str) -> None:
+        if group in self._switches:
+            return
+        self._switches.add(group)
+        with self._show_tab:
+            box = self._gui.add_checkbox(label, True)
+        box.on_update(lambda event: self._scene.show(group, bool(event.target.value)))
+
+    def _add_knob(self, node: str, knob: Knob) -> Any:
+        number = self._gui.add_number(
+            knob.name.replace("_", " "), knob.value, min=knob.low, max=knob.high, step=_step(knob), hint=knob.description
+        )
+        number.on_update(lambda event: self._changed(event, node, knob.name))
+        return number
+
+    def _changed(self, event: Any, node: str, name: str) -> None:
+        if event.client is not None:  # not by `add_knobs`
+            self._ask(Request("set", {"node": node, "name": name, "value": float(event.target.value)}))
+
+
+def curve_data(errors: Sequence[tuple[float, bool]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Number of the throw, error of those that went in, error of those that did not (n,) each, nan in the other one."""
+    values, inside = np.array([error for error, _ in errors], dtype=float), np.array([inside for _, inside in errors], dtype=bool)
+    return np.arange(1.0, len(values) + 1.0), np.where(inside, values, np.nan), np.where(inside, np.nan, values)
+
+
+def _count(value: float, most: int) -> int:
+    return int(min(max(value, 1), most))
+
+
+def _step(knob: Knob) -> float:
+    """A hundredth of the range, as a power of ten."""
+    return float(10.0 ** np.floor(np.log10(max(knob.high - knob.low, 1e-9) / 100.0)))
+
+
+def _words(text: str, colour: tuple[int, int, int] = colours.GREY) -> str:
+    return f"<div style='padding:0.4em 0.8em;font-size:0.85em;color:{colours.hexadecimal(colour)}'>{html.escape(text)}</div>"
+
+
+def _scales(errors: Sequence[tuple[float, bool]]) -> dict[str, Any]:
+    """From zero to a little above the largest error: the page's own choice stumbles over what was not seen."""
+    seen = [error for error, _ in errors if np.isfinite(error)]
+    return {"x": {"time": False}, "y": {"auto": False, "min": 0.0, "max": 1.1 * max([1.0, *seen])}}
+
+
+LEGEND = {
+    "ball": colours.BALL,
+    "hand's path": colours.EXECUTED,
+    "attractor": colours.ATTRACTOR,
+    "demonstrations": colours.DEMONSTRATION,
+    "basket": colours.BASKET,
+}
+
+
+def _swatch(label: str, colour: tuple[int, int, int]) -> str:
+    square = f"display:inline-block;width:0.8em;height:0.8em;margin-right:0.5em;background:{colours.hexadecimal(colour)}"
+    return f"<div style='font-size:0.8em;line-height:1.5;break-inside:avoid'><span style='{square}'></span>{html.escape(label)}</div>"
+
+
+def _node_line(node: NodeStatus) -> str:
+    level = min(max(node.level, 0), len(LEVELS) - 1)
+    dot = f"<span title='{LEVELS[level]}' style='color:{colours.hexadecimal(LEVEL_COLOURS[level])}'>&#9679;</span>"
+    word = "" if level == 0 else f"{LEVELS[level]}: "
+    return (
+        f"<div style='padding:0.1em 0.8em;font-size:0.8em'>{dot} <b>{html.escape(node.name)}</b> {html.escape(word + node.message)}</div>"
+    )

@@ -1,0 +1,293 @@
+"""What is seen: arm, hand, ball, basket, cameras, demonstrations, Gaussians, attractor and paths, in a viser scene.
+
+Positions are in metres in the world, whose origin is on the floor below the arm's base; quaternions are x, y, z, w. Methods take arrays,
+from wherever they come: a running graph, a bag, a test.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dart_skill.checks import check_unit_quaternions
+from dart_skill.recording import Demonstration
+from dart_skill.robot import WamDescription, joint_transforms, wam_description, write_urdf
+from dart_skill.session import REGION, Region
+from dart_skill.simulation import Basket, Camera
+from dart_skill.view import _colours as colours
+from dart_skill.view._placing import nearest_in, on_plane, outline
+from dart_skill.view._shapes import Mesh, bucket, circle, pyramid, sphere
+from dart_skill.view._trail import Trail, segments
+from dart_skill.view._urdf_shapes import read_links
+
+EYE, LOOK_AT, FIELD_OF_VIEW = np.array([1.9, -5.4, 2.5]), np.array([1.9, 0.0, 1.1]), float(np.deg2rad(50.0))
+"""Where the page looks from and to at first [m], and its vertical angle [rad]."""
+CAMERA_SIZE = 0.18
+"""Length of the pyramid that stands for a camera [m]."""
+STILL_ANGLE, STILL, STILL_TURN = 2e-3, 2e-3, 1e-2
+"""Joint angles [rad], positions [m] and quaternions that differ by less from what is shown are not sent: less than a pixel."""
+GROUPS = {"gaussians": "Gaussians", "demonstrations": "demonstrations", "cameras": "cameras", "paths": "paths"}
+"""What can be switched off: the node of the scene, and what a reader calls it."""
+
+
+class Scene:
+    """The things of one arm in `server`, a viser.ViserServer (see `open_server`). What has not been seen yet is not shown."""
+
+    def __init__(self, server: Any, description: WamDescription | None = None, region: Region = REGION, basket: Basket | None = None):
+        self._server, self._scene = server, server.scene
+        self._description, self.region, self._basket_shape = description or wam_description(), region, basket or Basket()
+        self._links: dict[str, Any] = {}
+        self._gaussians: dict[str, Any] = {}
+        self._trails = {"ball": Trail(), "hand": Trail(), "attractor": Trail()}
+        self._grip = np.zeros(3)
+        self._light()
+        self._add_ground()
+        self._add_arm()
+        self._add_bodies()
+        self._add_paths()
+
+    # what moves
+
+    def move_arm(self, position: np.ndarray) -> None:
+        """Joint angles (7,) [rad]."""
+        transforms = joint_transforms(self._description, position)
+        angles = np.asarray(position, dtype=float)
+        moved = np.abs(angles - self._angles) > STILL_ANGLE
+        self._angles = np.where(moved, angles, self._angles)
+        for transform, has_moved in zip(transforms, moved, strict=True):
+            if has_moved:
+                self._links[transform.child].wxyz = _wxyz(transform.quaternion)
+
+    def move_hand(self, position: np.ndarray, quaternion: np.ndarray) -> None:
+        """The hand as it is tracked: position (3,) and quaternion (4,)."""
+        position = _array("hand", position, 3)
+        wxyz = _wxyz(check_unit_quaternions("hand", np.asarray(quaternion, dtype=float)[None], 1)[0])
+        if _place(self._hand, position) or np.abs(wxyz - self._hand.wxyz).max() > STILL_TURN:
+            self._hand.wxyz = wxyz
+
+    def move_ball(self, position: np.ndarray) -> None:
+        """Its centre (3,)."""
+        _place(self._ball, _array("ball", position, 3))
+
+    def move_basket(self, position: np.ndarray) -> None:
+        """The centre of its rim (3,) as it is seen."""
+        position = _array("basket", position, 3)
+        if not _place(self._basket, position):
+            return
+        self._label.position, self._label.visible = position + [0.0, 0.0, 0.12], True
+        self._label.text = in_words(position)
+        if not self._wanted.visible:
+            self._wanted.position = position
+
+    def move_attractor(self, position: np.ndarray) -> None:
+        """Where the spring pulls the hand (3,)."""
+        _place(self._attractor, _array("attractor", position, 3))
+
+    def extend_path(self, name: str, points: np.ndarray) -> None:
+        """Add points (n, 3) to the path of "ball", "hand" or "attractor". A jump, as of a world that is reset, begins it anew."""
+        if self._trail(name).extend(_array(f"path of the {name}", points, -1, 3)):
+            self._paths[name].points = self._trails[name].segments
+
+    def clear_path(self, name: str) -> None:
+        """Forget the path of "ball", "hand" or "attractor"."""
+        self._trail(name).clear()
+        self._paths[name].points = np.empty((0, 2, 3))
+
+    # what is learned
+
+    def show_gaussians(self, group: str, centres: np.ndarray, quaternions: np.ndarray, diameters: np.ndarray) -> None:
+        """Ellipsoids: centres (K, 3), quaternions (K, 4) of their axes, diameters (K, 3) along these; they replace those of the group.
+
+        group: of which task frame they are, or of their product; each has a colour of its own, in the order of their first coming.
+        """
+        centres, diameters = _array(group, centres, -1, 3), _array(group, diameters, -1, 3)
+        if len(diameters) != len(centres) or np.any(diameters < 0.0):
+            raise ValueError(f"{group}: {len(centres)} centres need as many diameters, none of them negative")
+        quaternions = check_unit_quaternions(group, quaternions, len(centres))
+        if group in self._gaussians:
+            self._gaussians.pop(group).remove()
+        if not len(centres):
+            return
+        number = self._numbers.setdefault(group, len(self._numbers))
+        self._gaussians[group] = self._scene.add_batched_meshes_simple(
+            f"/gaussians/{group}", *_parts(self._ellipsoid), _wxyz(quaternions), centres, batched_scales=diameters.astype(np.float32),
+            batched_colors=colours.GAUSSIANS[number % len(colours.GAUSSIANS)], opacity=0.35, lod="off", cast_shadow=False,
+            receive_shadow=False, visible=group not in self._hidden,
+        )  # fmt: skip
+
+    def hide_gaussians(self, groups: Iterable[str]) -> None:
+        """Groups that are no more."""
+        for group in groups:
+            self._gaussians.pop(group).remove()
+
+    @property
+    def gaussian_colours(self) -> dict[str, tuple[int, int, int]]:
+        """Of the groups that are shown."""
+        return {group: colours.GAUSSIANS[self._numbers[group] % len(colours.GAUSSIANS)] for group in self._gaussians}
+
+    def show_demonstrations(self, demonstrations: Sequence[Demonstration]) -> None:
+        """The hand's way in each, and where each ball was aimed; they replace those that were shown."""
+        self._curves.points = _in_one([segments(one.hand_position) for one in demonstrations])
+        targets = np.array([one.target for one in demonstrations]).reshape(-1, 3)
+        self._targets.points = targets.astype(np.float32)
+
+    def show_cameras(self, cameras: Sequence[Camera]) -> None:
+        """Where the cameras of the motion capture stand and look; they replace those that were shown."""
+        if self._cameras is not None:
+            self._cameras.remove()
+            self._cameras = None
+        if not cameras:
+            return
+        axes = np.array([camera.axes.T for camera in cameras])
+        self._cameras = self._scene.add_batched_meshes_simple(
+            "/cameras/all", *_parts(pyramid(cameras[0].half_angles, CAMERA_SIZE)), _wxyz(Rotation.from_matrix(axes).as_quat()),
+            np.array([camera.position for camera in cameras]), batched_colors=colours.CAMERA, opacity=0.5, flat_shading=True,
+            lod="off", side="double", cast_shadow=False, receive_shadow=False,
+        )  # fmt: skip
+
+    # what somebody does
+
+    def on_basket_dragged(self, callback: Callable[[np.ndarray, bool], None]) -> None:
+        """Call with the place (3,) in the region that is nearest to where the mouse drags the basket, and whether it was let go there.
+
+        The callback runs in the server's thread: hand over to your own.
+        """
+
+        async def dragged(event: Any) -> None:
+            if event.phase == "start":
+                self._grip = np.array(event.start_position) - self._basket.position
+            eye, pointer = np.array(event.client.camera.position), np.array(event.end_position)
+            under_pointer = on_plane(eye, pointer, self._basket.position[2] + self._grip[2])
+            if under_pointer is not None:
+                self._wanted.position = nearest_in(self.region, under_pointer - self._grip)
+            self._wanted.visible = event.phase != "end"
+            callback(self._wanted.position.copy(), event.phase == "end")
+
+        self._basket.on_drag(dragged)
+
+    def show(self, group: str, visible: bool) -> None:
+        """Switch one of `GROUPS`, or a group of Gaussians that has been shown, on or off."""
+        if group in GROUPS:
+            self._groups[group].visible = visible
+        elif group in self._numbers:
+            (self._hidden.discard if visible else self._hidden.add)(group)
+            if group in self._gaussians:
+                self._gaussians[group].visible = visible
+        else:
+            raise ValueError(f"there is no group '{group}' to show: choose one of {', '.join([*GROUPS, *self._numbers])}")
+
+    # what is in the scene
+
+    def _light(self) -> None:
+        # Without image-based light and shadows a machine without a graphics card draws ten times as many pictures a second.
+        self._scene.configure_environment_map(None)
+        self._scene.configure_default_lights(enabled=False, cast_shadow=False)
+        self._scene.add_light_hemisphere("/light/sky", sky_color=(255, 255, 255), ground_color=(150, 150, 150), intensity=1.6)
+        self._scene.add_light_directional("/light/lamp", intensity=1.6, cast_shadow=False, position=(1.0, -3.0, 4.0))
+        camera = self._server.initial_camera
+        camera.position, camera.look_at, camera.fov = EYE, LOOK_AT, FIELD_OF_VIEW
+
+    def _add_ground(self) -> None:
+        self._groups = {name: self._scene.add_frame(f"/{name}", show_axes=False) for name in GROUPS}
+        self._scene.add_grid(
+            "/ground/floor", 8.0, 6.0, cell_size=0.5, position=(1.0, 0.0, 0.0), cell_color=(232, 232, 232), section_color=(210, 210, 210),
+            shadow_opacity=0.0,
+        )  # fmt: skip
+        edge = segments(outline(self.region)) + [0.0, 0.0, 0.005]
+        self._scene.add_line_segments("/ground/region", edge, colours.REGION, thickness=2.0, thickness_units="screen")
+
+    def _add_arm(self) -> None:
+        self._angles = np.full(len(self._description.joints), np.inf)  # so that every joint moves at first
+        paths = {"": "/arm"}
+        self._scene.add_frame("/arm", show_axes=False, position=(0.0, 0.0, self._description.mount_height))
+        for link in read_links(write_urdf(self._description)):
+            path = paths[link.name] = f"{paths[link.parent]}/{link.name}"
+            place = {"position": link.translation, "wxyz": _wxyz(link.quaternion)}
+            self._links[link.name] = self._scene.add_frame(path, show_axes=False, **place)
+            if link.mesh is not None:
+                colour = colours.HAND if link.name.startswith("bhand") else colours.ARM
+                self._add_mesh(f"{path}/shape", link.mesh, colour)
+        height = self._description.mount_height
+        self._scene.add_cylinder("/ground/mount", 0.12, height, color=colours.LIGHT, position=(0.0, 0.0, height / 2), cast_shadow=False)
+
+    def _add_bodies(self) -> None:
+        radius, shape = self._description.ball.radius, self._basket_shape
+        self._hand = self._scene.add_frame("/hand", axes_length=0.12, axes_radius=0.006, origin_radius=0.0, visible=False)
+        self._ball = self._add_mesh("/ball", sphere(radius), colours.BALL, visible=False)
+        self._basket = self._add_mesh(
+            "/basket", bucket(shape.radius, shape.depth, shape.wall), colours.BASKET, visible=False, side="double", opacity=0.85
+        )
+        self._label = self._scene.add_label("/basket_label", "", visible=False, anchor="bottom-center")
+        self._wanted = self._scene.add_line_segments(
+            "/basket_wanted",
+            segments(circle(shape.radius + shape.wall)),
+            colours.BASKET,
+            thickness=3.0,
+            thickness_units="screen",
+            visible=False,
+        )
+        self._attractor = self._add_mesh("/paths/attractor_now", sphere(0.025), colours.ATTRACTOR, visible=False)
+        self._ellipsoid = sphere(0.5, 16)
+        self._numbers: dict[str, int] = {}
+        self._hidden: set[str] = set()
+        self._cameras = None
+
+    def _add_paths(self) -> None:
+        of_path = {"ball": colours.BALL, "hand": colours.EXECUTED, "attractor": colours.ATTRACTOR}
+        self._paths = {name: self._add_lines(f"/paths/{name}", colour, 3.0) for name, colour in of_path.items()}
+        self._curves = self._add_lines("/demonstrations/hand", colours.DEMONSTRATION, 1.5)
+        self._targets = self._scene.add_point_cloud(
+            "/demonstrations/targets", np.empty((0, 3)), colours.DEMONSTRATION, point_size=0.04, point_shape="diamond"
+        )
+
+    def _add_lines(self, name: str, colour: tuple[int, int, int], thickness: float) -> Any:
+        return self._scene.add_line_segments(name, np.empty((0, 2, 3)), colour, thickness=thickness, thickness_units="screen")
+
+    def _add_mesh(self, name: str, mesh: Mesh, colour: tuple[int, int, int], **options: Any) -> Any:
+        return self._scene.add_mesh_simple(name, *_parts(mesh), color=colour, cast_shadow=False, receive_shadow=False, **options)
+
+    def _trail(self, name: str) -> Trail:
+        if name not in self._trails:
+            raise ValueError(f"there is no path of a '{name}': choose one of {', '.join(self._trails)}")
+        return self._trails[name]
+
+
+def in_words(place: np.ndarray) -> str:
+    """Where a basket (3,) stands."""
+    return f"{np.hypot(place[0], place[1]):.2f} m, {np.rad2deg(np.arctan2(place[1], place[0])):+.0f}°"
+
+
+def _array(what: str, values: np.ndarray, *shape: int) -> np.ndarray:
+    """Finite numbers of a shape, in which -1 stands for any length; ValueError says what they are instead."""
+    values = np.asarray(values, dtype=float)
+    fits = values.ndim == len(shape) and all(wanted in (-1, n) for wanted, n in zip(shape, values.shape, strict=True))
+    if not fits:
+        wanted = ", ".join("n" if n < 0 else str(n) for n in shape)
+        raise ValueError(f"{what}: give an array ({wanted}{',' if len(shape) == 1 else ''}) in metres, got {values.shape}")
+    if not np.all(np.isfinite(values)):
+        raise ValueError(f"{what}: {values} is not finite: leave out what was not seen")
+    return values
+
+
+def _place(node: Any, position: np.ndarray) -> bool:
+    """Show a node at a position (3,); whether that changes anything that is worth sending."""
+    if node.visible and np.abs(position - node.position).max() < STILL:
+        return False
+    node.position, node.visible = position, True
+    return True
+
+
+def _wxyz(quaternion: np.ndarray) -> np.ndarray:
+    """Quaternions (..., 4) x, y, z, w in viser's order."""
+    return quaternion[..., [3, 0, 1, 2]]
+
+
+def _parts(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    return mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32)
+
+
+def _in_one(curves: Sequence[np.ndarray]) -> np.ndarray:
+    return np.concatenate(curves) if curves else np.empty((0, 2, 3))

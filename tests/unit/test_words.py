@@ -1,0 +1,105 @@
+"""What can be checked about the words by a machine: short paragraphs, wrapped lines, and no citation of a file that is not here."""
+
+import ast
+import io
+import re
+import tokenize
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+MADE_BY_A_TOOL = "reference.md"
+PAGES = [ROOT / "README.md", *(page for page in sorted((ROOT / "docs").glob("*.md")) if page.name != MADE_BY_A_TOOL)]
+LONGEST_PARAGRAPH, LONGEST_LINE = 250, 120
+ITEM = re.compile(r" *([*+-]|\d+\.) ")
+CITED = re.compile(r"[\w./*-]*\w\.(?:md|yaml)\b|\bwam_facts\b|\bfacts \d|\(facts\)|\berrata\b")
+"""A name that ends as a page or a parameter file does, and the notes that were cited without an ending."""
+OF_THE_USER = {"thursday.yaml"}
+"""Files of the user's own in examples."""
+
+
+def prose(text: str) -> list[list[str]]:
+    """Paragraphs of Markdown as lists of lines, each item of a list by itself; headings, tables and blocks of code are left out."""
+    text = re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL)
+    paragraphs: list[list[str]] = [[]]
+    for line in text.splitlines():
+        if not line.strip() or line.startswith(("#", "|", "    ")):
+            paragraphs.append([])
+        elif ITEM.match(line):
+            paragraphs.append([line])
+        else:
+            paragraphs[-1].append(line)
+    return [paragraph for paragraph in paragraphs if paragraph]
+
+
+def test_paragraphs_and_items_are_told_apart():
+    text = "# Head\n\none\ntwo\n* three\n  four\n  * five\n\n    code\n\n| a |\n|---|\n\n```text\ncode\n```\n1. six\n"
+    assert prose(text) == [["one", "two"], ["* three", "  four"], ["  * five"], ["1. six"]]
+
+
+def test_no_paragraph_of_the_readme_is_long():
+    paragraphs = [" ".join(line.strip() for line in paragraph) for paragraph in prose(PAGES[0].read_text(encoding="utf-8"))]
+    long = {len(paragraph): paragraph for paragraph in paragraphs if len(paragraph) > LONGEST_PARAGRAPH}
+    assert not long, f"over {LONGEST_PARAGRAPH} characters; split it or make a list of it: {long}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_lines_of_prose_are_wrapped(page):
+    lines = [line for paragraph in prose(page.read_text(encoding="utf-8")) for line in paragraph]
+    long = [line for line in lines if len(line) > LONGEST_LINE]
+    assert not long, f"{page.name}: wrap at {LONGEST_LINE} characters: {long}"
+
+
+# --- citations ---
+
+
+def files_of_the_repository() -> set[str]:
+    """Paths of pages and parameter files, without what set-up, builds and runs have made."""
+    made = {".venv", ".venv-benchmark", ".venv-rerun", "build", "install", "log"}
+    found = (path.relative_to(ROOT) for ending in ("md", "yaml") for path in ROOT.rglob(f"*.{ending}"))
+    return {path.as_posix() for path in found if path.parts[0] not in made}
+
+
+FILES = files_of_the_repository()
+
+
+def missing(text: str) -> set[str]:
+    """What a text cites and is in no folder of the repository."""
+    cited = {re.sub(r"^(\.{0,2}/)+", "", name) for name in CITED.findall(text)} - OF_THE_USER
+    return {name for name in cited if "*" not in name and not any(file == name or file.endswith(f"/{name}") for file in FILES)}
+
+
+def comments_and_docstrings(source: str) -> str:
+    """What a module says about itself: comments, and strings that stand alone as a statement."""
+    tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+    comments = [token.string for token in tokens if token.type == tokenize.COMMENT]
+    alone = (node.value for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant))
+    return "\n".join([*comments, *(constant.value for constant in alone if isinstance(constant.value, str))])
+
+
+def test_a_file_that_is_not_here_is_noticed():
+    assert missing("[a](../config/wam.yaml), docs/skill.md, skill.md, `config/*.yaml`") == set()
+    assert missing("see nowhere.md, docs/wam.yaml, facts 6.1") == {"nowhere.md", "docs/wam.yaml", "facts 6"}
+    assert comments_and_docstrings('"""One."""\nname = "two"  # three\n"""Four."""\n').split() == ["#", "three", "One.", "Four."]
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "docs" / MADE_BY_A_TOOL], ids=lambda page: page.name)
+def test_every_file_that_a_page_cites_is_here(page):
+    assert not missing(page.read_text(encoding="utf-8")), "give the fact itself with its published source: docs/sources.md"
+
+
+def cited_by_the_code() -> dict[str, list[str]]:
+    """What is cited and is not here, and the modules that cite it."""
+    found: dict[str, list[str]] = {}
+    for folder in ("dart_skill", "nodes", "launch", "tools", "tests", "benchmarks", "docs"):
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            names = set() if path == Path(__file__) else missing(comments_and_docstrings(path.read_text(encoding="utf-8")))
+            for name in names:
+                found.setdefault(name, []).append(path.relative_to(ROOT).as_posix())
+    return found
+
+
+def test_every_file_that_the_code_cites_is_here():
+    found = cited_by_the_code()
+    assert not found, f"give the fact itself with its published source instead: {found}"
