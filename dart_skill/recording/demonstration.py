@@ -71,25 +71,33 @@ class Demonstration:
         target = np.asarray(self.target, dtype=float)
         if target.shape != (3,) or not np.all(np.isfinite(target)):
             raise ValueError(f"{name}: target must be a finite (3,) point, got {self.target}")
-        hand = check_samples(f"{name}, hand", self.hand_time, self.hand_position, least=2)
-        quaternion = check_unit_quaternions(f"{name}, hand", self.hand_quaternion, len(hand[0]))
-        ball = check_samples(f"{name}, ball", self.ball_time, self.ball_position, least=0)
-        joint = check_samples(f"{name}, joints", self.joint_time, self.joint_position, least=0, width=N_JOINTS)
+        hand_time, hand_position = check_samples(f"{name}, hand", self.hand_time, self.hand_position, least=2)
+        ball_time, ball_position = check_samples(f"{name}, ball", self.ball_time, self.ball_position, least=0)
+        joint_time, joint_position = check_samples(f"{name}, joints", self.joint_time, self.joint_position, least=0, width=N_JOINTS)
         _, velocity = check_samples(f"{name}, joint velocity", self.joint_time, self.joint_velocity, least=0, width=N_JOINTS)
-        self._set_arrays(target, *hand, quaternion, *ball, *joint, velocity)
+        self._set_arrays(
+            target=target,
+            hand_time=hand_time,
+            hand_position=hand_position,
+            hand_quaternion=check_unit_quaternions(f"{name}, hand", self.hand_quaternion, len(hand_time)),
+            ball_time=ball_time,
+            ball_position=ball_position,
+            joint_time=joint_time,
+            joint_position=joint_position,
+            joint_velocity=velocity,
+        )
+        object.__setattr__(self, "stamp_ns", int(self.stamp_ns))
+        object.__setattr__(self, "joint_names", tuple(self.joint_names))
         self._check_events(name)
 
     def __repr__(self) -> str:
         return f"Demonstration({self.id!r}, {len(self.hand_time)} poses, {len(self.ball_time)} of the ball)"
 
-    def _set_arrays(self, *arrays):
-        names = ("target", "hand_time", "hand_position", "hand_quaternion", "ball_time", "ball_position")
-        for name, array in zip((*names, "joint_time", "joint_position", "joint_velocity"), arrays, strict=True):
+    def _set_arrays(self, **arrays: np.ndarray) -> None:
+        for name, array in arrays.items():
             array = array.copy()
             array.setflags(write=False)
             object.__setattr__(self, name, array)
-        object.__setattr__(self, "stamp_ns", int(self.stamp_ns))
-        object.__setattr__(self, "joint_names", tuple(self.joint_names))
 
     def _check_events(self, name):
         for event in ("motion_start", "motion_stop", "hand_opened"):

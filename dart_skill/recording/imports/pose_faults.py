@@ -15,6 +15,7 @@ from itertools import combinations
 import numpy as np
 from scipy.ndimage import median_filter
 
+from dart_skill.constants import GRAVITY
 from dart_skill.recording.imports.pose_stream import PoseStream
 
 INFORMATION = ("gap",)
@@ -31,7 +32,7 @@ FARTHEST_JUMP, LARGEST_TURN = 0.01, 0.1  # smaller deviations of a lone sample a
 JUMP = 6.0  # ... and neither are those of fewer usual steps
 CLOSE = 0.02  # of bodies so close to each other nobody can tell which is which [m]
 FASTEST = 8.0  # a path with faster steps is broken [m/s]
-GRAVITY, NEAR_GRAVITY = 9.81, 2.5  # of a body in free flight, and what drag may make of it [m/s^2]
+NEAR_GRAVITY = 2.5  # what drag may make of the acceleration of a body in free flight [m/s^2]
 FLYING_FRAMES = 9  # over which a free flight is recognised
 SURE_FRAMES = 5  # of free flight by which one body must surpass the other to be told from it
 

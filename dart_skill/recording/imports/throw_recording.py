@@ -9,19 +9,31 @@ from __future__ import annotations
 import json
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dart_skill.recording.bags.messages import definition, deserialize, serialize, type_hash, typestore
-from dart_skill.recording.bags.reader import BagError, BagMessage, BagReader
-from dart_skill.recording.bags.writer import BagWriter, qos_yaml
+from dart_skill.constants import N_JOINTS
+from dart_skill.recording.bags import (
+    BagError,
+    BagMessage,
+    BagReader,
+    BagWriter,
+    definition,
+    deserialize,
+    header_content,
+    pose_content,
+    qos_yaml,
+    serialize,
+    type_hash,
+    typestore,
+)
 from dart_skill.recording.grip_signal import GIGA, OPEN, GripSignal, Opening
 from dart_skill.recording.imports._tables import read_motive, read_pose_table, read_table
-from dart_skill.recording.imports.mapping import LENGTH_UNITS, N_JOINTS, OWN, PoseSource, RecordingMapping, SignalSource
+from dart_skill.recording.imports.mapping import LENGTH_UNITS, OWN, PoseSource, RecordingMapping, SignalSource
 from dart_skill.recording.imports.pose_faults import Fault, repair
 from dart_skill.recording.imports.pose_stream import IDENTITY, UP_AXES, PoseStream, RigidTransform, transformed, with_continuous_signs
 from dart_skill.world import the_world
@@ -32,7 +44,12 @@ SIGNAL_TYPES = ("WamCommand", "Bool", "Empty")
 
 @dataclass(frozen=True, eq=False)
 class JointStream:
-    """The arm's own sensors: stamp_ns (n,), position (n, 7) [rad], velocity (n, 7) [rad/s], in the order of recording."""
+    """The arm's own sensors, in the order of recording.
+
+    stamp_ns: (n,).
+    position, velocity: (n, 7) [rad], (n, 7) [rad/s].
+    names: of the joints; may be empty.
+    """
 
     stamp_ns: np.ndarray
     position: np.ndarray
@@ -63,7 +80,10 @@ class ThrowRecording:
 
 
 def read_recording(source: str | os.PathLike, mapping: RecordingMapping | None = None) -> ThrowRecording:
-    """Everything that a mapping names, of a bag or of a folder with CSV files; our own bags need no mapping.
+    """Everything that a mapping names, without the faults that can be repaired.
+
+    source: bag, or folder with CSV files.
+    mapping: None for bags of our own.
 
     ValueError says what is missing, in which file and line, and BagError what is wrong with a bag.
     """
@@ -84,10 +104,12 @@ def read_recording(source: str | os.PathLike, mapping: RecordingMapping | None =
 
 
 def convert(source: str | os.PathLike, output: str | os.PathLike, mapping: RecordingMapping | None = None) -> ThrowRecording:
-    """Write what a mapping names of a recording as a bag in our layout: our topics, `world` axes, Z up, quaternions of continuous sign.
+    """Write a recording as a bag in our layout: our topics, `world` axes, Z up, quaternions of continuous sign; returns what was read.
 
-    output: a folder that does not exist yet. Where it came from and what was wrong with it stands in the bag's custom data. Returns what
-    was read.
+    source, mapping: as for `read_recording`.
+    output: folder of the bag, which must not exist.
+
+    Where it came from and what was wrong with it stands in the bag's custom data.
     """
     recording = read_recording(source, mapping)
     types = typestore()
@@ -276,24 +298,21 @@ def _openings(mapping: RecordingMapping, taken: dict, folder: Path) -> tuple[Ope
 # writing
 
 
-def _messages(recording: ThrowRecording) -> Iterable[tuple[str, int, str, dict]]:
+def _messages(recording: ThrowRecording) -> Iterator[tuple[str, int, str, dict]]:
     """Topic, stamp [ns], type and content of each message of a recording."""
+
+    def header(stamp: int) -> dict:
+        return header_content(stamp, recording.frame_id)
+
     for role, topic in the_world().pose_topics().items():
         stream = with_continuous_signs(recording.bodies[role])
         for stamp, p, q in zip(stream.stamp_ns.tolist(), stream.position.tolist(), stream.quaternion.tolist(), strict=True):
-            pose = {"position": dict(zip("xyz", p, strict=True)), "orientation": dict(zip("xyzw", q, strict=True))}
-            yield topic, stamp, "geometry_msgs/msg/PoseStamped", {"header": _header(stamp, recording), "pose": pose}
+            yield topic, stamp, "geometry_msgs/msg/PoseStamped", {"header": header(stamp), "pose": pose_content(p, q)}
     joints = recording.joints
     if joints is not None:
         for stamp, q, v in zip(joints.stamp_ns.tolist(), joints.position, joints.velocity, strict=True):
-            content = {"header": _header(stamp, recording), "name": list(joints.names), "position": q, "velocity": v}
+            content = {"header": header(stamp), "name": list(joints.names), "position": q, "velocity": v}
             yield "/joint_states", stamp, "sensor_msgs/msg/JointState", content
     for opening in recording.openings:
         topic = "/wam/teacher_wrench" if opening.taught else "/wam/command"
-        content = {"header": _header(opening.stamp_ns, recording), "grip": OPEN}
-        yield topic, opening.stamp_ns, "dart_skill_msgs/msg/WamCommand", content
-
-
-def _header(stamp: int, recording: ThrowRecording) -> dict:
-    sec, nanosec = divmod(stamp, GIGA)
-    return {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": recording.frame_id}
+        yield topic, opening.stamp_ns, "dart_skill_msgs/msg/WamCommand", {"header": header(opening.stamp_ns), "grip": OPEN}
