@@ -20,8 +20,8 @@ import pytest
 import yaml
 
 from dart_skill import cli, completion
+from tests.paths import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 PAGES = {str(path.relative_to(ROOT)): path for path in (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))}
 PROGRAMS = (
     "dart-skill", "ros2", "make", "python3", "python", "source", "export", "colcon", "rosdep", "rviz2", "foxglove", "rerun", "pip", "dask",

@@ -31,8 +31,8 @@ from dart_skill.view.rerun_bag import (
     url_of_page,
     write_layouts,
 )
+from tests.paths import BAGS
 
-BAGS = Path(__file__).parents[2] / "bags"
 POSE, TEXT = "geometry_msgs/msg/PoseStamped", "std_msgs/msg/String"
 
 

@@ -20,7 +20,7 @@ from dart_skill.skill.learn import load_model
 from dart_skill.skill.learn_command import add_learn
 from dart_skill.skill.observe import ThrowFinder, ThrowLog
 from dart_skill.skill.observe._throw_finder import MEMORY_NS
-from tests.unit.recorded_session import THROWN_AT, recorded_bag, same
+from tests.recorded_session import THROWN_AT, recorded_bag, same
 
 BASKET = np.array([1.9, -0.1, 0.4])
 ROLES = ("hand", "ball", "basket")
