@@ -127,7 +127,7 @@ def tracking_acceleration(reference: Reference, hand: HandState, gains: PoseGain
 class JointServo:
     """Joint-space spring-damper with the model's inertia fed forward: moves and holds the arm between throws.
 
-    PoseGains and torque limits are those of Barrett's own position controller (wam_facts, section 3).
+    PoseGains and torque limits are those of Barrett's own position controller (libbarrett, wam7w.conf; docs/sources.md).
     """
 
     STIFFNESS = np.array([900.0, 2500.0, 600.0, 500.0, 50.0, 50.0, 8.0])

@@ -1,6 +1,6 @@
 """The controller's model of the arm: kinematics and dynamics by Pinocchio, built from the DH table.
 
-It shares numbers with the URDF but no code and no frames: a mistake in either shows up as a tracking error (design.md, section 5).
+It shares numbers with the URDF but no code and no frames: a mistake in either shows up as a tracking error.
 Frames: joint i's frame is the URDF's link frame; `hand` is bhand_base (DH frame 7); positions are in the world, whose origin is on
 the floor below the base axis.
 """

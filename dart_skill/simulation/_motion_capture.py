@@ -3,7 +3,7 @@
 A body is tracked in a frame when enough cameras have it in their field of view and a free line of
 sight past the arm and the walls of the basket. What is tracked gets noise, a calibration error that
 stays the same for a run, a latency with jitter, and dropouts; a lost body is not reported at all.
-Default values: facts/wam_facts.md section 5 (noise, latency, dropouts of 1 to 10 frames).
+The values in config/optitrack.yaml have their sources in docs/sources.md.
 
 The module knows no robot: the arm is a set of capsules, given with every frame.
 """

@@ -1,8 +1,8 @@
 """The WAM, a tennis ball and a basket in PyBullet: one pure step from a command to the next state.
 
-The plant is honest (design.md, section 5): torque and speed limits of the motors, rotor inertia, friction, a gravity
-compensation with an error, a hand that takes time to open, a ball with drag. PyBullet has no field for rotor inertia, so the step
-computes the acceleration that the arm with rotors would have and asks PyBullet for the torque that gives it (wam_facts, 2.6).
+The plant is honest: it has the torque and speed limits of the motors, rotor inertia, friction, a gravity compensation with an error, a hand
+that takes time to open, and a ball with drag (docs/sources.md has the numbers). PyBullet has no field for rotor inertia, so the step
+computes the acceleration that the arm with rotors would have and asks PyBullet for the torque that gives it.
 """
 
 import os
@@ -31,12 +31,19 @@ ZEROS = [0.0] * N_JOINTS
 class PlantSettings:
     """How the stand-in differs from a perfect arm; each value is a parameter of the simulator node.
 
-    reset_ns: how far a reset moves the clock on, so that everybody notices the gap; start_posture (7,) [rad];
-    gravity_error: share of the gravity torque that compensation misses (5 % is what calibrated arms
-    show, wam_facts 2.4); hand_delay and hand_spread: mean and standard deviation of the time from the command to the ball being
-    free [s] (throwing_study.md); friction_scale multiplies joint friction, motor_scale what the motors can do; base_turn [rad]: the
-    arm's base stands turned about the vertical, and nobody told the controller; board: where there is one, darts are thrown at it, and
-    there is no basket.
+    Parameters
+    ----------
+    step_ns : control period [ns].
+    reset_ns : how far a reset moves the clock on, so that everybody notices the gap [ns].
+    start_posture : joint angles after a reset (7,) [rad].
+    gravity_error : share of the gravity torque that compensation misses; calibrated arms show 5 % (docs/sources.md).
+    friction_scale, motor_scale : factors on the joint friction, and on what the motors can do.
+    base_turn : the arm's base stands turned about the vertical, and nobody told the controller [rad].
+    hand_delay, hand_spread : mean and standard deviation of the time from the command to the ball being free [s].
+    hand_clearance : a ball that is farther from the hand than this after the release can touch it again [m].
+    basket : where balls are thrown.
+    ball_mass_scale : factor on the mass of the ball.
+    board : where there is one, darts are thrown at it, and there is no basket.
     """
 
     step_ns: int = 2_000_000
@@ -236,7 +243,7 @@ class Plant:
         return self._held is not None
 
     def braking(self) -> Command:
-        """The command of an arm whose controller is silent: motors shorted, a damped stop (wam_facts, section 3)."""
+        """The command of an arm whose controller is silent: motors shorted, a damped stop, as Barrett's safety system does it."""
         return Command(self._stamp_ns, joint_torque=self._actuation.braking(self._velocity))
 
     def open_hand(self) -> None:

@@ -1,7 +1,7 @@
 """A person who guides the arm through throws: pushes the hand and the elbow of a gravity-compensated arm, and never sets a joint.
 
 The person has a swing in mind: turn the arm to the basket, pause, swing it over the top in about 0.7 s, let go, follow through.
-How fast the swing has to be comes from the flight of the ball; how well a person does it, from throwing_study.md: release point
+How fast the swing has to be comes from the flight of the ball; how well a person does it, from docs/throwing_study.md: release point
 1.5 cm, duration 4 %, speed 0.8 %, a trembling hand. A throw that misses is tried again, corrected by what was seen.
 """
 

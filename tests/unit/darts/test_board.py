@@ -56,7 +56,7 @@ def test_scores_keep_the_shape_of_the_points():
 
 
 def test_mean_score_of_uniform_throws_is_the_published_one(rng):
-    """12.82 on average (facts); the exact value follows from the areas of the rings."""
+    """12.82 on average (Tibshirani, Price and Taylor, 2011); the exact value follows from the areas of the rings."""
     areas = np.diff(np.concatenate([[0.0], RADII**2])) / RADII[-1] ** 2
     exact = areas @ [50.0, 25.0, 10.5, 31.5, 10.5, 21.0]
     assert exact == pytest.approx(12.82, abs=0.005)

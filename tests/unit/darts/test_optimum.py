@@ -99,7 +99,7 @@ def path():
 
 
 def test_the_best_aim_jumps_once_from_treble_twenty_to_treble_nineteen(path):
-    """The published 16.4 mm hangs on the grid (errata); without one it is 16.907 mm."""
+    """The published 16.4 mm depends on the grid of the map; without one it is 16.907 mm."""
     (jump,) = path.jumps
     assert jump.sigma == pytest.approx(16.9069, abs=1e-3)
     assert (jump.below.bed, jump.above.bed) == ("T20", "T19")

@@ -66,7 +66,7 @@ def test_a_merger_is_that_of_the_mixture():
 
 
 def test_the_thesis_s_split_by_hand():
-    """alpha = beta = 1/2, u^2 = 3/4: means -+ sqrt(3)/2 a, both covariances Sigma - 3/4 a a' (errata)."""
+    """alpha = beta = 1/2, u^2 = 3/4: means -+ sqrt(3)/2 a, both covariances Sigma - 3/4 a a'; (5.9) of the thesis has a wrong sign."""
     mixture = GaussianMixture.from_parameters([1.0], [[1.0, 2.0]], [[[1.0, 0.0], [0.0, 16.0]]])
     halved = split(mixture, 0)
     np.testing.assert_allclose(halved.priors_, 0.5)

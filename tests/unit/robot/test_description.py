@@ -27,7 +27,7 @@ def load(urdf, folder):
 
 
 def test_link_inertials_in_dh_and_in_urdf_frames_are_the_same_bodies():
-    """p = (a, 0, d) + Rx c and I' = Rx I Rx' (wam_facts, 2.1)."""
+    """p = (a, 0, d) + Rx c and I' = Rx I Rx' (from the DH frame to the link frame of the URDF)."""
     for link, ((alpha, a, d), dh, urdf) in enumerate(zip(WAM.dh, WAM.links_dh, WAM.links_urdf, strict=True), start=1):
         assert dh.mass == urdf.mass
         np.testing.assert_allclose(np.array([a, 0, d]) + turn_x(alpha) @ dh.centre, urdf.centre, atol=1e-9, err_msg=f"link {link}")

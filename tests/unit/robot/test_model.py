@@ -131,7 +131,7 @@ def test_published_poses_of_the_tool_plate(posture, tool_plate):
 
 
 def test_largest_static_torques_with_hand_and_ball_are_the_published_ones():
-    """J2 40.2, J3 12.3, J4 10.5, J5 1.73, J6 1.74 Nm (wam_facts, 2.4), as maxima over all postures."""
+    """J2 40.2, J3 12.3, J4 10.5, J5 1.73, J6 1.74 Nm (libbarrett, wam7w.conf), as maxima over all postures."""
     model = ArmModel(ball_in_hand=True)
     torques = np.abs([model.gravity_torque(q) for q in np.random.default_rng(2).uniform(LOWER, UPPER, (6000, 7))]).max(axis=0)
     published = np.array([40.2, 12.3, 10.5, 1.73, 1.74])
