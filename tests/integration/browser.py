@@ -1,6 +1,7 @@
 """A headless Chromium for tests, driven through the DevTools protocol over the websockets package that viser brings."""
 
 import base64
+import functools
 import io
 import json
 import os
@@ -12,6 +13,7 @@ import urllib.request
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 OPTIONS = (
@@ -22,9 +24,20 @@ OPTIONS = (
 SIZE = (1280, 800)
 
 
+@functools.lru_cache(maxsize=1)
 def find_chromium():
     """Path of a Chromium on this machine, named by $CHROMIUM or found on PATH; None if there is none."""
-    return os.environ.get("CHROMIUM") or next((path for name in NAMES if (path := shutil.which(name))), None)
+    return os.environ.get("CHROMIUM") or next((path for name in NAMES if (path := shutil.which(name)) and _runs(path)), None)
+
+
+def _runs(path):
+    """Whether it is a browser; on Ubuntu the command may be there only to say that a snap is wanted."""
+    return subprocess.run([path, "--version"], capture_output=True).returncode == 0
+
+
+needs_chromium = pytest.mark.skipif(
+    find_chromium() is None, reason="no Chromium: `apt-get install chromium` as root on Debian, or name another one in $CHROMIUM"
+)
 
 
 class Page:

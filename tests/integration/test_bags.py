@@ -26,7 +26,7 @@ from dart_skill_nodes.client.graph_client import GraphClient
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.raw_batches import RawBatches
 from dart_skill_nodes.process.graph_processes import Graph
-from tests.unit.recorded_session import recorded_bag, same
+from tests.recorded_session import recorded_bag, same
 
 from .conftest import Diagnoses, wait_for
 

@@ -6,6 +6,8 @@ import subprocess
 
 import pytest
 
+from tests.paths import CONFIG
+
 FIELDS = {
     "seed",
     "bag",
@@ -74,7 +76,7 @@ def test_a_job_that_fails_says_why_and_ends_with_status_1(tmp_path):
     config = tmp_path / "config"
     config.mkdir()
     for name in ("wam.yaml", "optitrack.yaml", "commander.yaml", "teacher.yaml", "demonstration_recorder.yaml", "skill_learner.yaml"):
-        source = os.path.join(os.path.dirname(__file__), "..", "..", "config", name)
+        source = CONFIG / name
         (config / name).write_text(open(source).read())
     (config / "wam_simulator.yaml").write_text("wam_simulator:\n  ros__parameters:\n    start_posture: [0.0]\n")
     environment = {**os.environ, "DART_SKILL_CONFIG": str(config)}

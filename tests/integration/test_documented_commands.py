@@ -21,8 +21,8 @@ import yaml
 
 from dart_skill.cli._completion import commands_of
 from dart_skill.cli._main import _parser
+from tests.paths import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 PAGES = {str(path.relative_to(ROOT)): path for path in (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))}
 PROGRAMS = (
     "dart-skill", "ros2", "make", "python3", "python", "source", "export", "colcon", "rosdep", "rviz2", "foxglove", "rerun", "pip", "dask",
@@ -79,8 +79,9 @@ NODES = Elsewhere("integration/test_executables.py::test_starts_with_ros2_run_an
 PRACTICE = Elsewhere("integration/test_practice.py::test_the_practice_command_changes_the_arm_on_the_way_and_reports_every_throw")
 REPLAY = Elsewhere("integration/test_up.py::test_a_recording_is_replayed_into_a_model")
 BY_HAND = Elsewhere("integration/test_bags.py::test_a_bag_teaches_through_the_nodes_what_it_teaches_without")
-FOREIGN = Elsewhere("unit/test_from_bag.py::test_the_command_reads_a_laboratory_and_its_faults")
-VIEW = Elsewhere("unit/test_rerun_view.py::test_every_file_of_a_split_bag_is_opened_with_a_layout_of_its_own")
+FOREIGN = Elsewhere("unit/session/test_from_bag.py::test_the_command_reads_a_laboratory_and_its_faults")
+REPORT = Elsewhere("unit/report/test_page.py::test_the_command_writes_the_page_and_says_where")
+VIEW = Elsewhere("unit/view/test_rerun.py::test_every_file_of_a_split_bag_is_opened_with_a_layout_of_its_own")
 
 TYPED = {
     # set up
@@ -88,7 +89,7 @@ TYPED = {
     "make demo": MAKE,
     'make demo ARGS="--seed 3 --throws 20 --output my_run"': MAKE,
     "make test": MAKE,
-    "python3 -m pytest tests/unit/test_imports.py": TESTS,
+    "python3 -m pytest tests/unit/repository/test_imports.py": TESTS,
     'python3 -m pytest tests/unit -k "spring and damper" -n 2': TESTS,
     "python3 -m pytest tests/integration/test_strangers.py -x": TESTS,
     "python3 -m tests.reference.results tests/reference/results.json": TESTS,
@@ -142,7 +143,7 @@ TYPED = {
     "dart-skill bag info bags/demonstrations": Run(says=r"/demonstrations +dart_skill_msgs/msg/Demonstration +13 "),
     "dart-skill learn bags/demonstrations": Run(says="learned from 13 of 13 throws", leaves="demonstrations_model.npz"),
     "dart-skill report bags/throws": Run(says="20 throws of the arm", leaves="bags/throws_report.html"),
-    "dart-skill report bags/throws --output throws.html": Elsewhere("unit/test_report.py::test_the_command_writes_the_page_and_says_where"),
+    "dart-skill report bags/throws --output throws.html": REPORT,
     "dart-skill bag play bags/throws": Run("--rate 0 --duration 5", says="playing bags/throws"),
     "dart-skill bag info monday": Run(says=r"/clock +rosgraph_msgs/msg/Clock"),
     "dart-skill bag check monday": Run(says="nothing is wrong with it"),
@@ -164,7 +165,7 @@ TYPED = {
     # Rerun
     "dart-skill view --install bags/throws": NETWORK,
     "dart-skill view bags/throws": VIEW,
-    "dart-skill view bags/throws --web": Elsewhere("unit/test_rerun_view.py::test_web_prints_the_address_of_the_page"),
+    "dart-skill view bags/throws --web": Elsewhere("unit/view/test_rerun.py::test_web_prints_the_address_of_the_page"),
     "python3 -m venv ~/rerun && ~/rerun/bin/pip install rerun-sdk==0.41.0": NETWORK,
     "~/rerun/bin/rerun monday/monday_0.mcap": RERUN,
     "DART_SKILL_RERUN=~/rerun/bin/rerun python3 -m pytest tests/unit/recording/test_others.py": RERUN,
@@ -188,7 +189,7 @@ TYPED = {
     "dart-skill experiment throws --seeds 10": Run("--seeds 1 --throws 1 --demonstrations 3", says="default +[01]/1 "),
     "dart-skill experiment throws --seeds 10 "
     "--configurations default,shown_release,em,two_frames,autonomous,weighted,cross_validated,thesis,thesis_local": Elsewhere(
-        "unit/test_cli.py::test_the_throws_experiment_gives_one_row_per_throw_as_json"
+        "unit/cli/test_usage.py::test_the_throws_experiment_gives_one_row_per_throw_as_json"
     ),
     "dart-skill experiment repeatability --throws 50": Run("--throws 1", says="1.60 +1 "),
     "dart-skill experiment basket --models default,autonomous,weighted,thesis,thesis_local,shown_release --figure figures": Run(
@@ -203,17 +204,17 @@ TYPED = {
         "--throws 1 --tested-after 0,1 --tests 1 --seeds 1", says="residual"
     ),
     "dart-skill experiment practice --methods residual --throws 50 --tested-after 0,10,20,50 --again 16 --seeds 20": Elsewhere(
-        "unit/test_practice_experiment.py::test_the_floor_is_what_one_plan_scatters_and_is_measured_when_all_else_is_done"
+        "unit/experiments/test_practice.py::test_the_floor_is_what_one_plan_scatters_and_is_measured_when_all_else_is_done"
     ),
     "dart-skill experiment practice --methods none,residual,both,bootstrap,power --changes friction --throws 12 --tested-after 0,12": Run(
         "--methods none --throws 0 --tested-after 0 --tests 1 --seeds 1 --demonstrations 3", says="none +3 "
     ),
     "dart-skill experiment practice --methods residual,both,bootstrap,power --demonstrations 3 --throws 20 --tested-after 0,20": Elsewhere(
-        "unit/test_practice_experiment.py::test_rows_of_methods_demonstrations_and_changes_are_kept_apart"
+        "unit/experiments/test_practice.py::test_rows_of_methods_demonstrations_and_changes_are_kept_apart"
     ),
     "dart-skill experiment practice --changes slower_hand,friction,base_turned,heavier_ball,weaker_motors --throws 10 "
     "--tested-after 0,1,2,5,10 --tests 4 --seeds 20": Elsewhere(
-        "unit/test_practice_experiment.py::test_the_command_prints_the_table_and_draws_a_figure_per_change"
+        "unit/experiments/test_practice.py::test_the_command_prints_the_table_and_draws_a_figure_per_change"
     ),
     "dart-skill experiment darts --seed 0 --throws 300 --output figures": Run(
         "--throws 2 --demonstrations 3", says="throws +across", leaves="figures/*.svg"
@@ -222,15 +223,15 @@ TYPED = {
         "--landscapes vanishing_peak --methods power --seeds 1", says="power", leaves="landscapes.jsonl"
     ),
     "dart-skill experiment landscapes --methods niches --results landscapes.jsonl": Elsewhere(
-        "unit/test_landscapes.py::test_landscapes_on_the_command_line"
+        "unit/experiments/test_landscapes.py::test_landscapes_on_the_command_line"
     ),
     "dart-skill experiment figure NUMBER": Run(says="figure 7.1", leaves="figures/*.svg"),
     "dart-skill experiment figure regrets": Elsewhere(
-        "unit/test_thesis_figures.py::test_the_picture_of_regrets_comes_with_its_table_and_runs_are_not_run_again"
+        "unit/experiments/test_thesis.py::test_the_picture_of_regrets_comes_with_its_table_and_runs_are_not_run_again"
     ),
     **dict.fromkeys(
         (f"dart-skill experiment figure {number}" for number in ("3.1", "6.6", "7.4", "8.6", "8.11")),
-        Elsewhere("unit/test_thesis_figures.py::test_the_same_seed_gives_the_same_bytes_and_the_units_are_on_the_axes"),
+        Elsewhere("unit/experiments/test_thesis.py::test_the_same_seed_gives_the_same_bytes_and_the_units_are_on_the_axes"),
     ),
 }
 """How each command of the docs is run; comments are left out, lines that go on joined."""

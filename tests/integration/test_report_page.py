@@ -1,17 +1,13 @@
 """The page of a bag in a real browser, from a file: the replay plays, and no request leaves the page. Skipped without a Chromium."""
 
-from pathlib import Path
-
 import numpy as np
-import pytest
 
 from dart_skill.report import write_page
-from tests.integration.browser import Page, find_chromium
+from tests.integration.browser import Page, needs_chromium
+from tests.paths import BAGS
 
-BAG = Path(__file__).parents[2] / "bags" / "throws"
+BAG = BAGS / "throws"
 ARM, BALL, BASKET = np.array([200, 200, 205]), np.array([213, 94, 0]), np.array([0, 114, 178])
-
-pytestmark = pytest.mark.skipif(find_chromium() is None, reason="needs a Chromium on PATH, or named by $CHROMIUM")
 
 
 def near(pixels, colour, within=45):
@@ -19,9 +15,8 @@ def near(pixels, colour, within=45):
     return int((np.abs(pixels.astype(int) - colour).max(axis=2) < within).sum())
 
 
+@needs_chromium
 def test_the_page_stands_alone_and_its_replay_moves(tmp_path):
-    pytest.importorskip("viser")
-    pytest.importorskip("websockets")
     path = tmp_path / "page with space.html"
     write_page(BAG, path)
     with Page(tmp_path, path.as_uri()) as page:

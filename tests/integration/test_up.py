@@ -13,8 +13,9 @@ import pytest
 from dart_skill.session import learn_from_bag
 from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES
 from dart_skill_nodes.process.signals import ENDS_WITH
+from tests.paths import BAGS
 
-BAG = Path(__file__).parents[2] / "bags" / "demonstrations"
+BAG = BAGS / "demonstrations"
 PATIENCE = 200.0
 
 

@@ -21,7 +21,7 @@ from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.latest_messages import poses_of
 from dart_skill_nodes.comms.markers import ellipsoids
 from dart_skill_nodes.process.node_base import make_executor
-from tests.integration.browser import SIZE, Page, find_chromium
+from tests.integration.browser import SIZE, Page, needs_chromium
 from tests.integration.conftest import wait_for
 from tests.view_client import PageClient
 
@@ -217,7 +217,7 @@ def front_of(basket):
     return basket + np.column_stack([np.tile(RADIUS * towards, (7, 1)), heights])
 
 
-@pytest.mark.skipif(find_chromium() is None, reason="no Chromium on this machine: install one, or name it in $CHROMIUM")
+@needs_chromium
 def test_in_a_browser_the_basket_is_dragged_and_a_click_throws(start, tmp_path):
     client, truth, url = start()
     for target in targets_for(0, 2, 0)[0]:

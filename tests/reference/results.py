@@ -22,8 +22,8 @@ from dart_skill.recording import read_demonstrations
 from dart_skill.robot import ThrowPlan
 from dart_skill.session import Session, targets_for
 from dart_skill.skill.learn import ThrowingSkill, Unreachable, configuration, learn
+from tests.paths import BAGS
 
-BAGS = Path(__file__).resolve().parents[2] / "bags"
 MODELS = ("default", "em", "two_frames", "thesis", "weighted", "autonomous", "shown_release")
 SHOWN, THROWN = 5, 2
 

@@ -1,7 +1,6 @@
 """Recordings from elsewhere: whatever its topics, files, axes and units are called, the same poses come out."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,9 +13,10 @@ from dart_skill.recording import BagError, BagReader, BagWriter, definition, qos
 from dart_skill.recording.imports.mapping import OWN, MappingError, load_mapping, parse_mapping
 from dart_skill.recording.imports.pose_stream import PoseStream, RigidTransform, transformed, with_continuous_signs
 from dart_skill.recording.imports.throw_recording import convert, read_recording
-from tests.unit.recorded_session import header, recorded_bag
+from tests.paths import CONFIG
+from tests.recorded_session import header, recorded_bag
 
-EXAMPLE = Path(__file__).resolve().parents[3] / "config" / "recordings" / "example.yaml"
+EXAMPLE = CONFIG / "recordings" / "example.yaml"
 ROLES = ("hand", "ball", "basket")
 N = 200
 START_NS = 1_700_000_000_123_456_789

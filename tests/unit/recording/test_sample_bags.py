@@ -1,7 +1,6 @@
 """The bags in bags/: whole, readable by others, small, and teaching what they were recorded to teach."""
 
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,9 +10,9 @@ from dart_skill.recording import BagReader, read_demonstrations
 from dart_skill.recording.bags import check_bag
 from dart_skill.recording.imports.throw_recording import read_recording
 from dart_skill.session import find_throws, learn_from_bag
-from tests.unit.recorded_session import same
+from tests.paths import BAGS
+from tests.recorded_session import same
 
-BAGS = Path(__file__).parents[3] / "bags"
 NAMES = ("demonstrations", "throws")
 
 

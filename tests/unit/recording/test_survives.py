@@ -17,6 +17,7 @@ from mcap.reader import make_reader
 from dart_skill.recording import BagError, BagReader
 from dart_skill.recording.bags import BagWriteError, BagWriter, check_bag, recover
 from dart_skill.recording.bags import writer as bag_writer
+from tests.paths import ROOT
 
 N_KILLS, SECOND_NS, STEP_NS, MOST_MESSAGES = 50, 1_000_000_000, 2_000_000, 6000
 DEFINITION = "float64 x\nfloat64 y\nfloat64 z\n"
@@ -166,7 +167,7 @@ print(n_taken, str(error).split("; ")[1].split()[0])
 
 
 def test_a_file_that_may_not_grow_leaves_a_bag_with_all_but_the_last_chunk(tmp_path):
-    code = CHILD.format(folder=str(Path(__file__).parents[3]), code=errno.EFBIG)
+    code = CHILD.format(folder=str(ROOT), code=errno.EFBIG)
     done = subprocess.run([sys.executable, "-c", code, str(tmp_path / "bag")], capture_output=True, text=True, timeout=100)
     assert done.returncode == 0, done.stderr
     n_taken, n_safe = map(int, done.stdout.split())
@@ -180,7 +181,7 @@ def test_a_full_disk_leaves_a_bag_with_all_but_the_last_chunk(tmp_path):
     """On a file system of 300 kB of our own, where the system lets us have one."""
     saved = Path("/dev/shm") / f"{os.getpid()}_saved"
     script = f'mount -t tmpfs -o size=300k none {tmp_path} && exec {sys.executable} -c "$0" {tmp_path}/bag {saved}'
-    code = CHILD.format(folder=str(Path(__file__).parents[3]), code=errno.ENOSPC).replace("400_000", "40_000_000")
+    code = CHILD.format(folder=str(ROOT), code=errno.ENOSPC).replace("400_000", "40_000_000")
     code += "import shutil\nfrom dart_skill.recording.bags import recover\n"
     code += "print(recover(bag.path, sys.argv[2]).messages['/a'])\nshutil.rmtree(sys.argv[2])\n"
     done = subprocess.run(["unshare", "-rm", "sh", "-c", script, code], capture_output=True, text=True, timeout=100)

@@ -7,8 +7,8 @@ import json
 import numpy as np
 import pytest
 
+from dart_skill.cli.darts import add_to
 from dart_skill.darts import estimate_from_scores, local_optima
-from dart_skill.darts.command_line import add_commands
 
 FIFTY = """12 16 19 3 17 1 25 19 17 50 18 1 3 17 2 2 13 18 16 2 25 5 5 1 5
 4 17 25 25 50 3 7 17 17 3 3 3 7 11 10 25 1 19 15 4 1 5 12 17 16""".split()
@@ -20,7 +20,7 @@ def run(capsys):
 
     def call(*arguments):
         parser = argparse.ArgumentParser(prog="dart-skill")
-        add_commands(parser.add_subparsers(required=True))
+        add_to(parser.add_subparsers(required=True))
         options = parser.parse_args(["darts", *map(str, arguments)])
         status = options.run(options)
         printed = capsys.readouterr().out

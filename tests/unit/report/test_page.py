@@ -13,16 +13,16 @@ import numpy as np
 import pytest
 
 from dart_skill.cli import main
+from dart_skill.cli.report import page_beside
 from dart_skill.recording import BagWriter
 from dart_skill.report import About, page_of, pictures, read_run, write_page
 from dart_skill.report._curve import WINDOW, curve_figure, running_quartiles
 from dart_skill.report._pictures import embeddable
 from dart_skill.report._run import machine, result_of, versions
-from dart_skill.report.report_command import page_beside
 from dart_skill.session import ThrowResult
 from dart_skill.view import ViewUnavailable
+from tests.paths import BAGS
 
-BAGS = Path(__file__).parents[2] / "bags"
 ADDRESSES = ("src", "href", "xlink:href", "action", "data", "poster", "srcset")
 
 

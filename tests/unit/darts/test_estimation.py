@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from dart_skill.darts import BED_NAMES, BED_SCORES, RADII, Spread, as_target, bed_at, estimate_from_points, estimate_from_scores, score
-from tests.unit import darts_reference as reference
+from tests.unit.darts import reference
 
 AUTHOR_2 = """12 16 19 3 17 1 25 19 17 50 18 1 3 17 2 2 13 18 16 2 25 5 5 1 5
 4 17 25 25 50 3 7 17 17 3 3 3 7 11 10 25 1 19 15 4 1 5 12 17 16

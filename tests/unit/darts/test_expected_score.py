@@ -20,7 +20,7 @@ from dart_skill.darts import (
 )
 from dart_skill.darts._exact import bed_moments
 from dart_skill.darts._heat_map import cell_means
-from tests.unit import darts_reference as reference
+from tests.unit.darts import reference
 
 AIMS = np.array([[0.0, 0.0], [0.0, 103.0], [-35.0, -99.0], [60.3, -140.2], [0.0, 99.0], [150.0, 90.0], [-250.0, 30.0]])
 SLANTED = np.array([[500.0, -160.0], [-160.0, 120.0]])

@@ -10,6 +10,7 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
+from dart_skill.cli.learn import add_to
 from dart_skill.recording import BagReader, Opening
 from dart_skill.recording.imports.mapping import OWN, PoseSource, parse_mapping
 from dart_skill.recording.imports.throw_recording import convert, read_recording
@@ -17,10 +18,9 @@ from dart_skill.robot._throw_plan import same_plan
 from dart_skill.session import find_throws, learn_from_bag
 from dart_skill.skill.improve import PractisingSkill
 from dart_skill.skill.learn import load_model
-from dart_skill.skill.learn_command import add_learn
 from dart_skill.skill.observe import ThrowFinder, ThrowLog
 from dart_skill.skill.observe._throw_finder import MEMORY_NS
-from tests.unit.recorded_session import THROWN_AT, recorded_bag, same
+from tests.recorded_session import THROWN_AT, recorded_bag, same
 
 BASKET = np.array([1.9, -0.1, 0.4])
 ROLES = ("hand", "ball", "basket")
@@ -205,7 +205,7 @@ def test_a_converted_recording_teaches_what_the_recording_does(tmp_path, recorde
 
 def run(arguments):
     parser = argparse.ArgumentParser()
-    add_learn(parser.add_subparsers())
+    add_to(parser.add_subparsers())
     options = parser.parse_args(["learn", *map(str, arguments)])
     return options.run(options)
 

@@ -32,8 +32,8 @@ from dart_skill.view.rerun_bag import (
     write_layouts,
 )
 from dart_skill.world import the_world
+from tests.paths import BAGS
 
-BAGS = Path(__file__).parents[2] / "bags"
 POSE, TEXT = "geometry_msgs/msg/PoseStamped", "std_msgs/msg/String"
 
 

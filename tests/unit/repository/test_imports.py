@@ -2,11 +2,11 @@
 
 import ast
 from functools import cache
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+from tests.paths import ROOT
+
 SOURCES = {"dart_skill": ROOT / "dart_skill", "dart_skill_nodes": ROOT / "nodes" / "dart_skill_nodes"}
 LAYERS = (
     {"constants", "configuration"},

@@ -13,10 +13,10 @@ import pytest
 from dart_skill import cli
 from dart_skill.cli import _completion as completion
 from dart_skill.cli import _main, names
+from tests.paths import ROOT
 
 pytest.importorskip("dart_skill_nodes", reason="its options are completed, too")
 
-ROOT = Path(__file__).resolve().parents[2]
 GLUE = ROOT / "tools" / "completion.bash"
 PRESS_TAB = """
 . "$1"; shift

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dart_skill.darts import Spread, as_target, best_aim, expected_score, local_optima, optimum_path
-from tests.unit import darts_reference as reference
+from tests.unit.darts import reference
 
 SLANTED = Spread([[500.0, -160.0], [-160.0, 120.0]], [10.0, -20.0])
 COMPASS = np.array([[np.cos(a), np.sin(a)] for a in np.arange(8) * np.pi / 4])

@@ -12,9 +12,8 @@ from urllib.parse import urlsplit
 import pytest
 
 from dart_skill.experiments.thesis import FIGURES
+from tests.paths import DOCS, ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
-DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 ON_THIS_MACHINE = ("127.0.0.1", "localhost")

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+from tests.paths import ROOT
+
 MADE_BY_A_TOOL = "reference.md"
 PAGES = [ROOT / "README.md", *(page for page in sorted((ROOT / "docs").glob("*.md")) if page.name != MADE_BY_A_TOOL)]
 LONGEST_PARAGRAPH, LONGEST_LINE = 250, 120

@@ -7,7 +7,6 @@ import re
 import shlex
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +18,7 @@ from dart_skill.cli import main
 from dart_skill.recording import BagReader, BagWriter, definition, qos_yaml, serialize, type_hash, typestore
 from dart_skill.recording.bags import check_bag
 from dart_skill.recording.imports.mapping import parse_mapping
+from tests.paths import DOCS
 
 POSE, TEXT = "geometry_msgs/msg/PoseStamped", "std_msgs/msg/String"
 TYPES = typestore()
@@ -394,7 +394,7 @@ def test_convert_writes_our_topics_and_reports_faults(tmp_path, call):
 
 
 def test_the_mapping_in_the_documentation_is_one():
-    page = (Path(__file__).resolve().parents[3] / "docs" / "bags.md").read_text(encoding="utf-8")
+    page = (DOCS / "bags.md").read_text(encoding="utf-8")
     (block,) = re.findall(r"\n\n((?:    .*\n)*    hand: .*\n(?:    .*\n)*)", page)
     mapping = parse_mapping(yaml.safe_load(block))
     assert mapping.bodies["hand"].motive == "take_001.csv" and mapping.joints.table.delimiter == ";"

@@ -2,11 +2,11 @@
 
 import json
 import re
-from pathlib import Path
 
 import yaml
 
-ROOT = Path(__file__).parents[2]
+from tests.paths import ROOT
+
 VIEWERS = ROOT / "config" / "viewers"
 POSES = {f"/vrpn_mocap/{body}/pose" for body in ("hand", "ball", "basket")}
 PUBLISHED = {"/robot_description", "/joint_states", "/diagnostics", *POSES}
