@@ -100,11 +100,11 @@ class Demonstration:
             object.__setattr__(self, name, array)
 
     def _check_events(self, name):
-        for event in ("motion_start", "motion_stop", "hand_opened"):
-            value = float(getattr(self, event))
-            if np.isinf(value):
-                raise ValueError(f"{name}: {event} = {value}: give seconds, or nan if unknown")
-            object.__setattr__(self, event, value)
+        events = {"motion_start": self.motion_start, "motion_stop": self.motion_stop, "hand_opened": self.hand_opened}
+        for event, seconds in events.items():
+            if np.isinf(seconds):
+                raise ValueError(f"{name}: {event} = {seconds}: give seconds, or nan if unknown")
+            object.__setattr__(self, event, float(seconds))
         if self.motion_stop < self.motion_start:
             raise ValueError(f"{name}: motion_stop {self.motion_stop} s lies before motion_start {self.motion_start} s")
         if self.joint_names and len(self.joint_names) != N_JOINTS:

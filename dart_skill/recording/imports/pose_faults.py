@@ -426,16 +426,21 @@ def _exchanged(streams: tuple, pieces: tuple, spans: list[_Span], margin: int) -
         return streams
     given, kept = [], []
     for stream, piece in zip(streams, pieces, strict=True):
-        parts = [span.parts(stream.stamp_ns, piece, margin) for span in spans]
-        inside = np.any([part[0] for part in parts], axis=0)
+        inside, unclear = np.zeros((2, len(stream)), dtype=bool)
+        for span in spans:
+            its, doubtful = span.parts(stream.stamp_ns, piece, margin)
+            inside |= its
+            unclear |= doubtful
         given.append(stream.take(inside))
-        kept.append(stream.take(~inside & ~np.any([part[1] for part in parts], axis=0)))
+        kept.append(stream.take(~inside & ~unclear))
     return _joined(kept[0], given[1]), _joined(kept[1], given[0])
 
 
 def _joined(stream: PoseStream, more: PoseStream) -> PoseStream:
-    columns = {name: np.concatenate([getattr(stream, name), getattr(more, name)]) for name in ("stamp_ns", "position", "quaternion")}
-    return replace(stream, **columns).take(np.argsort(columns["stamp_ns"], kind="stable"))
+    stamps = np.concatenate([stream.stamp_ns, more.stamp_ns])
+    position = np.concatenate([stream.position, more.position])
+    quaternion = np.concatenate([stream.quaternion, more.quaternion])
+    return replace(stream, stamp_ns=stamps, position=position, quaternion=quaternion).take(np.argsort(stamps, kind="stable"))
 
 
 def _matched(one: np.ndarray, other: np.ndarray, tolerance: int) -> tuple[np.ndarray, np.ndarray]:

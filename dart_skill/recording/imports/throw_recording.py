@@ -257,20 +257,23 @@ def _joints(where: SignalSource | None, states: list | None, folder: Path) -> Jo
         names = where.names
     else:
         stamps = np.array([s.header.stamp.sec * GIGA + s.header.stamp.nanosec for s in states], dtype=np.int64)
-        names = where.names or (tuple(states[0].name) if states else ())
-        position, velocity = (_joint_columns(states, field, where) for field in ("position", "velocity"))
+        known = list(states[0].name) if states else []
+        names = where.names or tuple(known)
+        position = _joint_columns([state.position for state in states], "position", where, known)
+        velocity = _joint_columns([state.velocity for state in states], "velocity", where, known)
     if not velocity.size and len(stamps) > 1:
         velocity = np.gradient(position, 1e-9 * (stamps - stamps[0]), axis=0)
     return JointStream(stamps + where.shift_ns, position, velocity.reshape(-1, N_JOINTS), names)
 
 
-def _joint_columns(states: list, field: str, where: SignalSource) -> np.ndarray:
-    """(n, 7) of a field of joint states, by the names of the mapping if it has any; (0, 7) if the field was not recorded."""
-    rows = [getattr(state, field) for state in states]
+def _joint_columns(rows: list, field: str, where: SignalSource, known: list[str]) -> np.ndarray:
+    """(n, 7) of a field of joint states; (0, 7) if velocities were not recorded.
+
+    where: names the joints that are meant, in their order; `known` those that were recorded.
+    """
     if field == "velocity" and not any(len(row) for row in rows):
         return np.empty((0, N_JOINTS))
-    if where.names and states:
-        known = list(states[0].name)
+    if where.names and rows:
         if missing := [name for name in where.names if name not in known]:
             raise ValueError(f"{where.topic}: no joint '{missing[0]}', only {known}")
         order = [known.index(name) for name in where.names]
