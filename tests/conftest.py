@@ -1,10 +1,13 @@
-"""Keeps the ROS graphs of test runs apart: from the network, and from every other run on this machine."""
+"""Keeps the ROS graphs of test runs apart: from the network, and from every other run on this machine; and what all tests share."""
 
 import os
 import socket
 
+import pytest
+
 FIRST_LOCK_PORT = 7200  # domain d is taken by whoever holds UDP port 7200 + d; DDS uses ports from 7400 on
 DOMAINS = range(1, 101)
+WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
 
 
 def is_free(port: int) -> bool:
@@ -20,10 +23,11 @@ def is_free(port: int) -> bool:
 def take_domain(start: int) -> tuple[int, socket.socket]:
     """Takes a ROS domain that nobody uses; it is held until the socket is closed.
 
-    A domain's participants have the UDP ports from 7400 + 250 d on, whichever program they belong to.
+    A domain's participants have the UDP ports from 7400 + 250 d on, whichever program they belong to. The nodes of a graph that take turns
+    share the core that its domain names: workers side by side prefer domains of different cores.
     """
-    for offset in range(len(DOMAINS)):
-        domain = DOMAINS[(start + offset) % len(DOMAINS)]
+    from_start = [DOMAINS[(start + offset) % len(DOMAINS)] for offset in range(len(DOMAINS))]
+    for domain in sorted(from_start, key=lambda domain: (domain - WORKER) % (os.cpu_count() or 1) != 0):
         lock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             lock.bind(("127.0.0.1", FIRST_LOCK_PORT + domain))
@@ -40,3 +44,11 @@ def take_domain(start: int) -> tuple[int, socket.socket]:
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 ROS_DOMAIN, _domain_lock = take_domain(os.getpid())
 os.environ["ROS_DOMAIN_ID"] = str(ROS_DOMAIN)
+
+
+@pytest.fixture(scope="session")
+def recorded_session(tmp_path_factory):
+    """A bag with three guided throws and one of the arm's own: its path, the guided trials, the own trial."""
+    from tests.recorded_session import record  # costs imports that most tests do without
+
+    return record(tmp_path_factory.mktemp("recorded_session"))

@@ -1,7 +1,6 @@
 """A session that writes what its sensors see as a bag, message for message as the graph's recorder does. Needs no ROS."""
 
 from dataclasses import dataclass, field, fields, replace
-from functools import lru_cache
 
 import numpy as np
 
@@ -103,8 +102,7 @@ TAUGHT = np.array([[1.80, -0.60, 0.40], [2.00, 0.10, 0.40], [2.15, 0.70, 0.40]])
 THROWN_AT = np.array([1.95, 0.15, 0.40])
 
 
-@lru_cache(maxsize=1)
-def recorded_bag(folder):
+def record(folder):
     """A bag with three guided throws and one of the arm's own: its path, the guided trials, the own trial."""
     session = RecordedSession(seed=3)
     taught = [session.teach(target, attempts=1)[0] for target in TAUGHT]

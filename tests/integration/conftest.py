@@ -1,19 +1,33 @@
 """The real nodes as processes over real DDS, on a ROS domain of this test run's own (tests/conftest.py)."""
 
+import time
+from contextlib import contextmanager
+
+import numpy as np
 import pytest
 import rclpy
+from dart_skill_msgs.msg import WamCommand
+from dart_skill_msgs.srv import PlanThrow
 from diagnostic_msgs.msg import DiagnosticArray
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
 
 from dart_skill_nodes.client.graph_client import GraphClient
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.qos import LOOP
 from dart_skill_nodes.process.graph_processes import Graph
+
+RUNNING = []
+"""Folders of the graphs that are there now, with their logs."""
 
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_makereport(item, call):
     """A failed test shows what its nodes said."""
     report = (yield).get_result()
-    if report.failed and "tmp_path" in item.funcargs:
-        for log in sorted(item.funcargs["tmp_path"].rglob("*.log")):
+    if report.failed:
+        folders = {*RUNNING, *([item.funcargs["tmp_path"]] if "tmp_path" in item.funcargs else [])}
+        for log in sorted({log for folder in folders for log in folder.rglob("*.log")}):
             report.sections.append((f"end of {log.name}", log.read_text(encoding="utf-8", errors="replace")[-2000:]))
 
 
@@ -24,24 +38,58 @@ def ros():
     rclpy.try_shutdown()
 
 
-@pytest.fixture
-def make_graph(ros, tmp_path):
-    """Starts layouts of the graph with a coach for each; everything is ended after the test."""
+@contextmanager
+def graphs(folder):
+    """A function that starts layouts of the graph with a client for each; everything is ended afterwards.
+
+    The demonstrations of the n-th are recorded to `bag_n` in the folder. Two that are there at once must have no node in common.
+    """
     started = []
 
-    def make(layout="composed", seed=0, extra=None):
-        graph = Graph(tmp_path / f"logs_{len(started)}")
+    def make(layout="composed", seed=0, extra=None, remappings=None):
+        graph = Graph(folder / f"logs_{len(started)}", remappings or {})
         client = GraphClient(graph.dead, name=f"coach_{len(started)}")
         started.append((graph, client))
         if layout is not None:
-            graph.start_all(layout, seed, tmp_path / f"bag_{len(started)}", extra)
+            graph.start_all(layout, seed, folder / f"bag_{len(started)}", extra)
             client.wait_until_ready()
         return graph, client
 
-    yield make
-    for graph, client in started:
-        client.close()
-        graph.stop()
+    RUNNING.append(folder)
+    try:
+        yield make
+    finally:
+        for graph, client in started:
+            client.close()
+            graph.stop()
+        RUNNING.remove(folder)
+
+
+@pytest.fixture
+def make_graph(ros, tmp_path):
+    """Starts layouts of the graph for one test."""
+    with graphs(tmp_path) as make:
+        yield make
+
+
+@pytest.fixture(scope="module")
+def make_shared_graph(ros, tmp_path_factory):
+    """Starts layouts of the graph for all tests of a module: each leaves it as it found it, and none starts one of its own meanwhile."""
+    with graphs(tmp_path_factory.mktemp("shared")) as make:
+        yield make
+
+
+def teach_and_learn(client, targets):
+    """One lesson for each target (n, 3), and a model of all."""
+    for target in targets:
+        lesson = client.teach(target)
+        assert lesson.success, lesson.message
+    return client.learn()
+
+
+def plan_request(target):
+    """What the learner is asked for a plan with."""
+    return PlanThrow.Request(header=Header(frame_id="world"), target=conversions.point(target))
 
 
 class Diagnoses:
@@ -58,9 +106,53 @@ class Diagnoses:
 
 def wait_for(client, condition, limit=60.0, what="the condition"):
     """Spin until the condition holds; the test fails with its name when it never does."""
-    import time
-
     until = time.monotonic() + limit
     while not condition():
         assert time.monotonic() < until, f"{what} did not come true in {limit:.0f} s"
         client.spin()
+
+
+def wait_for_end(graph, client, executable):
+    """The process of an executable, when it has ended by itself."""
+    process = graph.processes.pop(executable)
+    wait_for(client, lambda: process.poll() is not None, what=f"the end of {executable}")
+    return process
+
+
+class Joints:
+    """The newest joint state."""
+
+    def __init__(self, client):
+        self.message, self.count = None, 0
+        client.node.create_subscription(JointState, "/joint_states", self._take, LOOP)
+
+    def _take(self, message):
+        self.message, self.count = message, self.count + 1
+
+    @property
+    def newest_ns(self):
+        return conversions.stamp_ns(self.message.header.stamp)
+
+    @property
+    def fastest(self):
+        return np.abs(self.message.velocity).max()
+
+
+def answer(state, command, frame="world", **fields):
+    """Publish a command for the newest state, as the commander does."""
+    message = WamCommand(**fields)
+    message.header.stamp, message.header.frame_id = state.message.header.stamp, frame
+    command.publish(message)
+
+
+def begin_slow_throw(client, joints, target):
+    """A throw that is under way, with time to interfere: the arm moves. Future of its result, and the goal's handle."""
+    client.set_parameters("/wam_simulator", {"speed_factor": 0.4})
+    result, handle = client.start_throw(target)
+
+    def moves():
+        assert not result.done(), result.result().result.message
+        return joints.message is not None and joints.fastest > 0.3
+
+    wait_for(client, moves, what="the arm moves")
+    return result, handle

@@ -9,12 +9,11 @@ import time
 import numpy as np
 import pytest
 from dart_skill_msgs.srv import PlanThrow, Step
-from geometry_msgs.msg import Point
 from mcap_ros2.reader import read_ros2_messages
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rosbags.rosbag2 import StoragePlugin, Writer
-from std_msgs.msg import Header, String
+from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
 from dart_skill.recording import BagReader, BagWriter, definition, read_demonstrations, serialize, type_hash, types_for
@@ -22,15 +21,13 @@ from dart_skill.recording.bags import recover
 from dart_skill.robot._throw_plan import same_plan
 from dart_skill.session import learn_from_bag
 from dart_skill_nodes.client.failures import GraphFailure
-from dart_skill_nodes.client.graph_client import GraphClient
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.raw_batches import RawBatches
-from dart_skill_nodes.process.graph_processes import Graph
-from tests.recorded_session import recorded_bag, same
+from tests.recorded_session import same
 
-from .conftest import Diagnoses, wait_for
+from .conftest import Diagnoses, graphs, plan_request, wait_for, wait_for_end
 
-TARGET = Point(x=1.9, y=-0.1, z=0.4)
+TARGET = np.array([1.9, -0.1, 0.4])
 TEXT, POSE = "std_msgs/msg/String", "geometry_msgs/msg/PoseStamped"
 POSES = [f"/vrpn_mocap/{body}/pose" for body in ("hand", "ball", "basket")]
 STEPPED = {"/joint_states": 2_000_000, "/wam/command": 2_000_000, "/wam/tool_pose": 2_000_000} | dict.fromkeys(POSES, 10_000_000)
@@ -64,9 +61,8 @@ class Listener:
 def recorded(ros, tmp_path_factory):
     """A bag of everything that a graph said for some thousand steps."""
     folder = tmp_path_factory.mktemp("recorded")
-    with Graph(folder / "logs") as graph:
-        client = GraphClient(graph.dead, name="witness")
-        graph.start_all("composed", 0, folder / "demonstrations", {"composed": {"dropout_rate": 0.0}})
+    with graphs(folder) as make:
+        graph, client = make("composed", 0, {"composed": {"dropout_rate": 0.0}})
         graph.start("recorder", {"bag": str(folder / "bag"), "use_sim_time": True, "notes": "[seed=0]"})
         diagnoses = Diagnoses(client)
         # Each topic is recorded from when it was discovered, the last one long after the first on a busy machine.
@@ -75,7 +71,6 @@ def recorded(ros, tmp_path_factory):
         wait_for(client, lambda: all(int(counts().get(topic, 0)) > count for topic, count in wanted.items()), what="4000 recorded states")
         lost = {k: v for k, v in diagnoses.values["recorder"].items() if "lost" in k}
         assert set(lost) <= {"lost", "/clock lost"}, lost
-        client.close()
     return folder / "bag"
 
 
@@ -127,8 +122,7 @@ def test_a_bag_plays_as_it_was_recorded(recorded, make_graph):
     graph, client = make_graph(None)
     listener = Listener(client, STEPPED)
     graph.start("bag_player", {"bag": str(recorded), "rate": 4.0, "awaited": f"[{','.join(STEPPED)}]"})
-    player = graph.processes.pop("bag_player")
-    wait_for(client, lambda: player.poll() is not None, what="the end of the bag")
+    player = wait_for_end(graph, client, "bag_player")
     client.spin()
     listener.close()
     assert player.returncode == 0
@@ -167,23 +161,22 @@ def test_the_clock_of_a_bag_is_played_and_made_where_it_has_none(recorded, make_
 
 
 @pytest.mark.parametrize("rate", [5.0, 0.0])
-def test_a_bag_teaches_through_the_nodes_what_it_teaches_without(make_graph, tmp_path, rate):
+def test_a_bag_teaches_through_the_nodes_what_it_teaches_without(make_graph, recorded_session, tmp_path, rate):
     """From raw poses to a model, at any rate: to the last bit."""
-    bag, taught, _ = recorded_bag(tmp_path)
+    bag, taught, _ = recorded_session
     graph, client = make_graph(None)
     graph.start("skill_learner")
     graph.start("demonstration_recorder", {"bag": str(tmp_path / "again"), "automatic": True})
     inputs = ["/joint_states", "/wam/command", "/wam/teacher_wrench", *POSES]
     played = {"topics": f"[{','.join(inputs)}]", "awaited": f"[{','.join(inputs)}]", "clock_rate": 0.0}
     graph.start("bag_player", {"bag": str(bag), "rate": rate, **played})
-    player = graph.processes.pop("bag_player")
-    wait_for(client, lambda: player.poll() is not None, what="the end of the bag")
+    wait_for_end(graph, client, "bag_player")
     learned = client.learn(at_least=len(taught))
     expected, report = learn_from_bag(bag)
     assert (learned.demonstrations, learned.model_id) == (len(taught), expected.skill.model_id)
     ask = client.node.create_client(PlanThrow, "/skill_learner/plan_throw")
-    plan = client.call(ask, PlanThrow.Request(header=Header(frame_id="world"), target=TARGET)).plan
-    assert same_plan(conversions.plan(plan), expected.plan(conversions.vector(TARGET)))
+    plan = client.call(ask, plan_request(TARGET)).plan
+    assert same_plan(conversions.plan(plan), expected.plan(TARGET))
     graph.stop()
     for one, other in zip(read_demonstrations(tmp_path / "again"), report.learned_from, strict=True):
         assert same(one, other) == []
@@ -236,8 +229,7 @@ def test_playing_begins_when_every_awaited_topic_is_heard(tmp_path, make_graph):
     wait_for(client, lambda: diagnoses.of.get("bag_player") == waits, what="the player waits for the other topic")
     assert first.count == 0
     second = Listener(client, ["/sung"])
-    player = graph.processes.pop("bag_player")
-    wait_for(client, lambda: player.poll() is not None, what="the end of the bag")
+    wait_for_end(graph, client, "bag_player")
     second.close()
     first.close()
     assert numbers(first) == numbers(second, "/sung") == list(range(100))
@@ -266,8 +258,7 @@ def test_bags_of_others_and_bags_without_metadata_play(texts, tmp_path, make_gra
         graph, client = make_graph(None)
         listener = Listener(client, ["/said"])
         graph.start("bag_player", {"bag": str(bag), "rate": 10.0, "awaited": "[/said]"})
-        player = graph.processes.pop("bag_player")
-        wait_for(client, lambda player=player: player.poll() is not None, what="the end of the bag")
+        wait_for_end(graph, client, "bag_player")
         assert numbers(listener) == list(range(100)), bag
         listener.close()
 
@@ -284,8 +275,7 @@ def test_bags_of_others_and_bags_without_metadata_play(texts, tmp_path, make_gra
 def test_a_bag_that_cannot_be_played_ends_the_player_with_a_reason(texts, make_graph, tmp_path, wanted, complaint):
     graph, client = make_graph(None)
     graph.start("bag_player", {"bag": str(texts), **wanted})
-    player = graph.processes.pop("bag_player")
-    wait_for(client, lambda: player.poll() is not None, what="the end of the player")
+    player = wait_for_end(graph, client, "bag_player")
     assert player.returncode == 1
     log = (graph.logs / "bag_player.log").read_text()
     assert complaint in log and "Traceback" not in log
@@ -381,8 +371,7 @@ def test_a_full_disk_stops_the_recording_not_the_graph(make_graph, tmp_path):
 def test_a_recorder_that_cannot_start_says_why(make_graph, tmp_path):
     graph, client = make_graph(None)
     graph.start("recorder", {"bag": str(tmp_path), "topics": "['(']"})
-    recorder = graph.processes.pop("recorder")
-    wait_for(client, lambda: recorder.poll() is not None, what="the end of the recorder")
+    wait_for_end(graph, client, "recorder")
     assert "not configured: missing ), unterminated subpattern" in (graph.logs / "recorder.log").read_text()
 
 

@@ -13,9 +13,9 @@ from dart_skill.robot._throw_plan import same_plan
 from dart_skill.session import Session, targets_for
 from dart_skill.skill.learn import learn
 from dart_skill_nodes.client.failures import GraphFailure
-from dart_skill_nodes.client.graph_client import GraphClient
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.process.graph_processes import Graph
+
+from .conftest import graphs, plan_request
 
 SEED, SHOWN = 0, 3
 TO_DEMONSTRATE, TO_THROW = targets_for(SEED, SHOWN, 2)
@@ -43,13 +43,10 @@ def in_process():
 def over_dds(ros, tmp_path_factory):
     """The same job with every node a process of its own."""
     folder = tmp_path_factory.mktemp("over_dds")
-    with Graph(folder / "logs") as graph:
-        client = GraphClient(graph.dead, name="coach_over_dds")
-        graph.start_all("processes", SEED, folder / "bag")
-        client.wait_until_ready()
+    with graphs(folder) as make:
+        _, client = make("processes", SEED)
         done = _job(client)
-        client.close()
-    return {**done, "bag": folder / "bag"}
+    return {**done, "bag": folder / "bag_1"}
 
 
 def _job(client, throws=2):
@@ -92,68 +89,55 @@ def test_a_busy_machine_changes_no_bit(make_graph, in_process):
     np.testing.assert_array_equal(landings, in_process["landings"])
 
 
-def test_the_bag_alone_gives_the_same_plan_in_a_fresh_process(over_dds, ros, tmp_path):
-    with Graph(tmp_path / "logs") as graph:
-        client = GraphClient(graph.dead, name="coach_of_the_bag")
+@pytest.fixture
+def fresh_learner(make_graph):
+    """Starts a learner in a fresh process, after the end of the one before; gives a function that calls a service of its by name."""
+    kinds = {"learn": Learn, "plan_throw": PlanThrow, "save": ModelFile, "load": ModelFile, "add_trial": AddTrial}
+    started = []
+
+    def start():
+        for graph in started:
+            graph.stop()
+        graph, client = make_graph(None)
+        started.append(graph)
         graph.start("skill_learner")
-        learner = client.node.create_client(Learn, "/skill_learner/learn")
-        planner = client.node.create_client(PlanThrow, "/skill_learner/plan_throw")
-        learned = client.call(learner, Learn.Request(bag=str(over_dds["bag"])))
-        request = PlanThrow.Request(target=conversions.point(TO_THROW[0]))
-        request.header.frame_id = "world"
-        planned = client.call(planner, request)
-        client.close()
-    assert learned.model_id == over_dds["learned"].model_id
-    assert planned.plan == over_dds["throws"][0].plan
-
-
-def test_a_saved_model_loads_in_a_fresh_learner_and_plans_the_same(over_dds, ros, tmp_path):
-    path = str(tmp_path / "model.npz")
-    request = PlanThrow.Request(target=conversions.point(TO_THROW[0]))
-    request.header.frame_id = "world"
-    plans = []
-    for first in (True, False):
-        with Graph(tmp_path / "logs") as graph:
-            client = GraphClient(graph.dead, name=f"coach_of_the_file_{first}")
-            graph.start("skill_learner")
-            names = {"learn": Learn, "plan_throw": PlanThrow, "save": ModelFile, "load": ModelFile}
-            clients = {n: client.node.create_client(kind, f"/skill_learner/{n}") for n, kind in names.items()}
-            if first:
-                client.call(clients["learn"], Learn.Request(bag=str(over_dds["bag"])))
-                client.call(clients["save"], ModelFile.Request(path=path))
-            else:
-                client.call(clients["load"], ModelFile.Request(path=path))
-            plans.append(client.call(clients["plan_throw"], request).plan)
-            client.close()
-    assert plans[0] == plans[1]
-
-
-def test_a_trial_is_added_to_what_is_learned_and_a_strange_one_is_kept_out(over_dds, ros, tmp_path):
-    shown = read_demonstrations(over_dds["bag"])
-    request = PlanThrow.Request(target=conversions.point(TO_THROW[0]))
-    request.header.frame_id = "world"
-    with Graph(tmp_path / "logs") as graph:
-        client = GraphClient(graph.dead, name="coach_of_trials")
-        graph.start("skill_learner")
-        kinds = {"learn": Learn, "plan_throw": PlanThrow, "add_trial": AddTrial}
         clients = {name: client.node.create_client(kind, f"/skill_learner/{name}") for name, kind in kinds.items()}
+        return lambda service, request: client.call(clients[service], request)
 
-        def add(one):
-            trial = AddTrial.Request(trial=conversions.demonstration_msg(one))
-            return client.call(clients["add_trial"], trial)
+    return start
 
-        with pytest.raises(GraphFailure, match="nothing is learned yet"):
-            add(shown[0])
-        client.call(clients["learn"], Learn.Request(bag=str(over_dds["bag"])))
-        before = client.call(clients["plan_throw"], request).plan
-        with pytest.raises(GraphFailure, match="already"):
-            add(shown[0])
-        with pytest.raises(GraphFailure, match="did not start in this hand"):
-            add(replace(shown[0], id="elsewhere", hand_position=shown[0].hand_position + [0.0, 0.0, 0.5]))
-        assert client.call(clients["plan_throw"], request).plan == before, "what is kept out changes nothing"
-        assert add(replace(shown[0], id="trial_1")).demonstrations == SHOWN + 1
-        assert client.call(clients["plan_throw"], request).plan.model_id != before.model_id
-        client.close()
+
+def test_the_bag_alone_gives_the_same_plan_in_a_fresh_process_and_in_one_that_loads_its_model(over_dds, fresh_learner, tmp_path):
+    ask, model = fresh_learner(), ModelFile.Request(path=str(tmp_path / "model.npz"))
+    learned = ask("learn", Learn.Request(bag=str(over_dds["bag"])))
+    assert learned.model_id == over_dds["learned"].model_id
+    assert ask("plan_throw", plan_request(TO_THROW[0])).plan == over_dds["throws"][0].plan
+    ask("save", model)
+    ask = fresh_learner()
+    ask("load", model)
+    assert ask("plan_throw", plan_request(TO_THROW[0])).plan == over_dds["throws"][0].plan
+
+
+def test_a_trial_is_added_to_what_is_learned_and_a_strange_one_is_kept_out(over_dds, fresh_learner):
+    shown, ask = read_demonstrations(over_dds["bag"]), fresh_learner()
+
+    def add(one):
+        return ask("add_trial", AddTrial.Request(trial=conversions.demonstration_msg(one)))
+
+    def plan():
+        return ask("plan_throw", plan_request(TO_THROW[0])).plan
+
+    with pytest.raises(GraphFailure, match="nothing is learned yet"):
+        add(shown[0])
+    ask("learn", Learn.Request(bag=str(over_dds["bag"])))
+    before = plan()
+    with pytest.raises(GraphFailure, match="already"):
+        add(shown[0])
+    with pytest.raises(GraphFailure, match="did not start in this hand"):
+        add(replace(shown[0], id="elsewhere", hand_position=shown[0].hand_position + [0.0, 0.0, 0.5]))
+    assert plan() == before, "what is kept out changes nothing"
+    assert add(replace(shown[0], id="trial_1")).demonstrations == SHOWN + 1
+    assert plan().model_id != before.model_id
 
 
 def test_the_bag_holds_what_the_sensors_saw_and_opens_without_ros(over_dds):

@@ -6,16 +6,13 @@ import subprocess
 import numpy as np
 import pytest
 from dart_skill_msgs.msg import SimulationState
-from dart_skill_msgs.srv import PlaceBasket, PlanThrow, Reset
+from dart_skill_msgs.srv import PlanThrow
 
 from dart_skill.session import Session, targets_for
 from dart_skill.skill.improve import PractisingSkill
-from dart_skill_nodes.client.failures import GraphFailure
-from dart_skill_nodes.client.graph_client import GraphClient
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.process.graph_processes import Graph
 
-from .conftest import wait_for
+from .conftest import graphs, plan_request, teach_and_learn
 
 SEED, SHOWN = 4, 3
 TO_DEMONSTRATE, TO_PRACTISE = targets_for(SEED, SHOWN, 3)
@@ -46,21 +43,15 @@ class Liar:
 @pytest.fixture(scope="module")
 def practised(ros, tmp_path_factory):
     """Three lessons, three practised throws and a plan, by the nodes; nobody but the cameras and the simulator has the truth."""
-    folder = tmp_path_factory.mktemp("practice")
-    with Graph(folder / "logs", {name: HIDDEN for name in ("wam_simulator", "mock_optitrack")}) as graph:
-        client = GraphClient(graph.dead, name="client_of_practice")
+    with graphs(tmp_path_factory.mktemp("practice")) as make:
+        graph, client = make(None, remappings={name: HIDDEN for name in ("wam_simulator", "mock_optitrack")})
         liar = Liar(client)
-        graph.start_all("processes", SEED, folder / "bag", {"skill_learner": {"practice_method": "both"}})
+        graph.start_all("processes", SEED, tmp_path_factory.mktemp("bag") / "bag", {"skill_learner": {"practice_method": "both"}})
         client.wait_until_ready()
-        for target in TO_DEMONSTRATE:
-            assert client.teach(target).success
-        client.learn()
+        teach_and_learn(client, TO_DEMONSTRATE)
         phases = []
         result = client.practise(targets=TO_PRACTISE, on_feedback=lambda feedback: phases.append((feedback.number, feedback.phase)))
-        request = PlanThrow.Request(target=conversions.point(NEW))
-        request.header.frame_id = "world"
-        plan = client.call(client.node.create_client(PlanThrow, "/skill_learner/plan_throw"), request).plan
-        client.close()
+        plan = client.call(client.node.create_client(PlanThrow, "/skill_learner/plan_throw"), plan_request(NEW)).plan
     assert liar.told > 10
     return {"result": result, "phases": phases, "plan": plan}
 
@@ -94,67 +85,6 @@ def test_landings_and_what_was_learned_are_those_of_the_session_to_the_last_bit(
     plan = conversions.plan(practised["plan"])
     for part in ("aim", "predicted_landing", "attractor_position"):
         np.testing.assert_array_equal(getattr(plan, part), getattr(in_process["plan"], part), part)
-
-
-def test_the_coach_chooses_baskets_by_itself_and_cannot_be_asked_twice(make_graph):
-    graph, client = make_graph("composed", 1)
-    for target in targets_for(1, 2, 0)[0]:
-        assert client.teach(target).success
-    client.learn()
-    said = []
-    result = client.practise(2, on_feedback=lambda feedback: said.append(feedback.phase))
-    assert result.success and result.thrown == 2, result.message
-    distances = [np.hypot(outcome.target.x, outcome.target.y) for outcome in result.outcomes]
-    assert all(1.5 <= distance <= 2.5 for distance in distances)
-    assert said == ["resetting", "throwing", "learning", "done"] * 2
-
-
-def test_throws_follow_a_basket_that_somebody_moves_while_the_arm_returns(make_graph):
-    graph, client = make_graph("composed", 1)
-    for target in targets_for(1, 2, 0)[0]:
-        assert client.teach(target).success
-    client.learn()
-    places = [np.array([1.8, 0.1, 0.4]), np.array([2.0, -0.3, 0.4])]
-    move = client.node.create_client(PlaceBasket, "/simulation/place_basket")
-    client.call(move, PlaceBasket.Request(position=conversions.point(places[0])))
-
-    def on_feedback(feedback):
-        if (feedback.number, feedback.phase) == (1, "learning"):
-            move.call_async(PlaceBasket.Request(position=conversions.point(places[1])))
-
-    result = client.practise(2, follow_basket=True, on_feedback=on_feedback)
-    assert result.thrown == 2, result.message
-    aimed = np.array([conversions.vector(outcome.target) for outcome in result.outcomes])
-    np.testing.assert_allclose(aimed, places, atol=0.003)
-    assert [outcome.in_basket for outcome in result.outcomes] == [True, True]
-
-
-def test_the_simulated_arm_changes_with_the_next_reset(make_graph):
-    _, client = make_graph("composed")
-    seen = []
-    client.node.create_subscription(SimulationState, "/simulation/state", seen.append, 10)
-    reset = client.node.create_client(Reset, "/simulation/reset")
-
-    def hand():
-        episode = client.call(reset, Reset.Request(paused=True)).episode
-        wait_for(client, lambda: seen and seen[-1].episode == episode, what="the state after the reset")
-        return conversions.vector(seen[-1].hand.position), seen[-1].base_turn
-
-    straight, turn = hand()
-    assert turn == 0.0
-    client.set_parameters("/wam_simulator", {"base_turn": 0.1})
-    turned, turn = hand()
-    assert turn == 0.1
-    azimuths = [np.arctan2(position[1], position[0]) for position in (straight, turned)]
-    assert np.angle(np.exp(1j * (azimuths[1] - azimuths[0]))) == pytest.approx(0.1, abs=1e-6)
-    with pytest.raises(GraphFailure, match="does not take base_turn = 5.0"):
-        client.set_parameters("/wam_simulator", {"base_turn": 5.0})
-
-
-def test_practice_before_anything_is_learned_says_so(make_graph):
-    _, client = make_graph("composed")
-    result = client.practise(3)
-    assert not result.success and "nothing is learned yet" in result.message
 
 
 def test_the_practice_command_changes_the_arm_on_the_way_and_reports_every_throw(tmp_path):

@@ -13,12 +13,10 @@ from std_srvs.srv import SetBool, Trigger
 
 from dart_skill.session import targets_for
 from dart_skill_nodes.client.failures import GraphFailure
-from dart_skill_nodes.client.graph_client import GraphClient
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import LOOP
-from dart_skill_nodes.process.graph_processes import Graph
 
-from .conftest import wait_for
+from .conftest import teach_and_learn, wait_for
 
 SHOWN = targets_for(0, 2, 2)[0]
 TARGET = (SHOWN[0] + SHOWN[1]) / 2
@@ -61,16 +59,10 @@ class Stranger:
 
 
 @pytest.fixture(scope="module")
-def graph(ros, tmp_path_factory):
-    with Graph(tmp_path_factory.mktemp("strangers") / "logs") as graph:
-        graph.client = GraphClient(graph.dead, name="coach_of_strangers")
-        graph.start_all("composed", 0, graph.logs.parent / "bag")
-        graph.client.wait_until_ready()
-        for target in SHOWN:
-            assert graph.client.teach(target).success
-        graph.client.learn()
-        yield graph
-        graph.client.close()
+def graph(make_shared_graph):
+    graph, graph.client = make_shared_graph()
+    teach_and_learn(graph.client, SHOWN)
+    return graph
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from dart_skill.recording.imports.mapping import OWN, MappingError, load_mapping
 from dart_skill.recording.imports.pose_stream import PoseStream, RigidTransform, transformed, with_continuous_signs
 from dart_skill.recording.imports.throw_recording import convert, read_recording
 from tests.paths import CONFIG
-from tests.recorded_session import header, recorded_bag
+from tests.recorded_session import header
 
 EXAMPLE = CONFIG / "recordings" / "example.yaml"
 ROLES = ("hand", "ball", "basket")
@@ -25,8 +25,8 @@ TO_WORLD = {"position": [0.1, -0.25, 0.02], "roll_pitch_yaw_deg": [0.0, 0.0, 90.
 
 
 @pytest.fixture(scope="session")
-def own_bag(tmp_path_factory):
-    return recorded_bag(tmp_path_factory.getbasetemp())[0]
+def own_bag(recorded_session):
+    return recorded_session[0]
 
 
 @pytest.fixture(scope="module")

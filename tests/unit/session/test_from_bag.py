@@ -20,27 +20,21 @@ from dart_skill.skill.improve import PractisingSkill
 from dart_skill.skill.learn import load_model
 from dart_skill.skill.observe import ThrowFinder, ThrowLog
 from dart_skill.skill.observe._throw_finder import MEMORY_NS
-from tests.recorded_session import THROWN_AT, recorded_bag, same
+from tests.recorded_session import THROWN_AT, same
 
 BASKET = np.array([1.9, -0.1, 0.4])
 ROLES = ("hand", "ball", "basket")
 
 
-@pytest.fixture(scope="session")
-def recorded(tmp_path_factory):
-    """A bag, its guided trials, and the arm's own trial."""
-    return recorded_bag(tmp_path_factory.getbasetemp())
+@pytest.fixture(scope="module")
+def recording(recorded_session):
+    return read_recording(recorded_session[0])
 
 
 @pytest.fixture(scope="module")
-def recording(recorded):
-    return read_recording(recorded[0])
-
-
-@pytest.fixture(scope="module")
-def shown(recorded):
+def shown(recorded_session):
     """The demonstrations as they were recorded."""
-    return [replace(trial.demonstration, id=f"demonstration_{k}") for k, trial in enumerate(recorded[1], start=1)]
+    return [replace(trial.demonstration, id=f"demonstration_{k}") for k, trial in enumerate(recorded_session[1], start=1)]
 
 
 @pytest.fixture(scope="module")
@@ -61,8 +55,8 @@ def apart(plan, other):
 # finding throws
 
 
-def test_every_throw_is_found_to_the_last_bit(recorded, recording, shown):
-    _, taught, own = recorded
+def test_every_throw_is_found_to_the_last_bit(recorded_session, recording, shown):
+    _, taught, own = recorded_session
     throws = find_throws(recording)
     assert [throw.taught for throw in throws] == [True] * len(taught) + [False]
     for throw, trial in zip(throws, [*taught, own], strict=True):
@@ -90,9 +84,9 @@ def test_an_opening_without_a_throw_says_why(recording):
         assert same(one.demonstration, other.demonstration) == []
 
 
-def test_without_a_button_the_ball_tells_when_it_left_the_hand(recorded, recording):
+def test_without_a_button_the_ball_tells_when_it_left_the_hand(recorded_session, recording):
     throws = find_throws(replace(recording, openings=(), has_button=False))
-    trials = [*recorded[1], recorded[2]]
+    trials = [*recorded_session[1], recorded_session[2]]
     assert len(throws) == len(trials)
     for throw, trial in zip(throws, trials, strict=True):
         one, known = throw.demonstration, trial.demonstration
@@ -106,48 +100,48 @@ def test_without_a_button_the_ball_tells_when_it_left_the_hand(recorded, recordi
 # learning
 
 
-def test_the_skill_is_that_of_the_recorded_demonstrations(recorded, expected):
-    raw, report = learn_from_bag(recorded[0])
-    told, other = learn_from_bag(recorded[0], raw=False)
+def test_the_skill_is_that_of_the_recorded_demonstrations(recorded_session, expected):
+    raw, report = learn_from_bag(recorded_session[0])
+    told, other = learn_from_bag(recorded_session[0], raw=False)
     assert same_plan(raw.plan(BASKET), expected) and same_plan(told.plan(BASKET), expected)
     assert raw.skill.model_id == told.skill.model_id
     assert [one.id for one in report.learned_from] == [one.id for one in other.learned_from] == [f"demonstration_{k}" for k in (1, 2, 3)]
     assert [throw.reason for throw in report.throws] == ["", "", "", "thrown by the arm itself"]
 
 
-def test_the_arms_own_throws_are_learned_from_if_asked(recorded):
-    skill, report = learn_from_bag(recorded[0], with_throws=True)
+def test_the_arms_own_throws_are_learned_from_if_asked(recorded_session):
+    skill, report = learn_from_bag(recorded_session[0], with_throws=True)
     assert len(report.learned_from) == 4 and len(skill.practice.demonstrations) == 4
     np.testing.assert_allclose(report.learned_from[-1].target, THROWN_AT, atol=1e-3)
 
 
-def test_misses_are_left_out_unless_asked_for(recorded, expected):
+def test_misses_are_left_out_unless_asked_for(recorded_session, expected):
     """With the basket said to stand elsewhere each throw is a miss; where the balls came down is the same, and so is what is learned."""
     elsewhere = replace(OWN, bodies={**OWN.bodies, "basket": PoseSource(fixed=(2.0, 1.0, 0.4))})
     with pytest.raises(ValueError, match="0 demonstrations among 4 throws are too few: at least 2 are needed; missed the basket"):
-        learn_from_bag(recorded[0], elsewhere)
-    skill, report = learn_from_bag(recorded[0], elsewhere, with_throws=True)
+        learn_from_bag(recorded_session[0], elsewhere)
+    skill, report = learn_from_bag(recorded_session[0], elsewhere, with_throws=True)
     assert [one.id.split("_")[0] for one in report.learned_from] == ["miss", "miss", "miss", "throw"]
 
 
-def test_a_recording_without_joints_says_what_is_missing(recorded):
+def test_a_recording_without_joints_says_what_is_missing(recorded_session):
     with pytest.raises(ValueError, match="the arm's joint angles were not recorded: a mapping may name them under 'joints'"):
-        learn_from_bag(recorded[0], replace(OWN, joints=None))
+        learn_from_bag(recorded_session[0], replace(OWN, joints=None))
 
 
-def test_bodies_with_exchanged_names_teach_the_same(recorded, expected):
+def test_bodies_with_exchanged_names_teach_the_same(recorded_session, expected):
     hand, ball = OWN.bodies["hand"], OWN.bodies["ball"]
     exchanged = replace(OWN, bodies={**OWN.bodies, "hand": ball, "ball": hand})
-    skill, report = learn_from_bag(recorded[0], exchanged)
+    skill, report = learn_from_bag(recorded_session[0], exchanged)
     swaps = [fault for fault in report.faults if fault.kind == "swap"]
     assert swaps and all(fault.repaired for fault in swaps) and not [f for f in report.faults if f.kind not in ("swap", "gap")]
     assert apart(skill.plan(BASKET), expected) < (1e-3, 1e-3)
 
 
-def test_axes_that_are_wrong_say_where_to_look(recorded):
+def test_axes_that_are_wrong_say_where_to_look(recorded_session):
     flat = replace(OWN, bodies={role: replace(where, up="y") for role, where in OWN.bodies.items()}, teacher=None, command=None)
     with pytest.raises(ValueError, match="0 demonstrations among 0 throws.*roles, up axis, units"):
-        learn_from_bag(recorded[0], flat)
+        learn_from_bag(recorded_session[0], flat)
 
 
 # from another laboratory
@@ -175,26 +169,26 @@ def write_laboratory(folder, recording, rng, jitter_ns=0):
     return mapping
 
 
-def test_a_laboratory_with_other_axes_units_and_no_button_teaches_the_same(tmp_path, recording, recorded, expected):
+def test_a_laboratory_with_other_axes_units_and_no_button_teaches_the_same(tmp_path, recording, recorded_session, expected):
     guided = replace(recording, bodies={role: body for role, body in recording.bodies.items()})
     mapping = write_laboratory(tmp_path, guided, np.random.default_rng(0))
     skill, report = learn_from_bag(tmp_path, parse_mapping(mapping))
     assert len(report.learned_from) == 4, "nobody knows who threw, so that all are shown"
-    same_throws, _ = learn_from_bag(recorded[0], with_throws=True)
+    same_throws, _ = learn_from_bag(recorded_session[0], with_throws=True)
     assert apart(skill.plan(BASKET), same_throws.plan(BASKET)) < (1e-5, 1e-5)
 
 
-def test_stamps_of_receipt_teach_the_same_to_millimetres(tmp_path, recording, recorded):
+def test_stamps_of_receipt_teach_the_same_to_millimetres(tmp_path, recording, recorded_session):
     mapping = write_laboratory(tmp_path, recording, np.random.default_rng(0), jitter_ns=500_000)
     skill, report = learn_from_bag(tmp_path, parse_mapping(mapping))
     jitter = [fault for fault in report.faults if fault.kind == "jitter"]
     assert {fault.body for fault in jitter} == set(ROLES) and all(fault.repaired for fault in jitter)
-    same_throws, _ = learn_from_bag(recorded[0], with_throws=True)
+    same_throws, _ = learn_from_bag(recorded_session[0], with_throws=True)
     assert max(apart(skill.plan(BASKET), same_throws.plan(BASKET))) < 5e-3
 
 
-def test_a_converted_recording_teaches_what_the_recording_does(tmp_path, recorded, expected):
-    convert(recorded[0], tmp_path / "ours")
+def test_a_converted_recording_teaches_what_the_recording_does(tmp_path, recorded_session, expected):
+    convert(recorded_session[0], tmp_path / "ours")
     skill, report = learn_from_bag(tmp_path / "ours")
     assert len(report.learned_from) == 3
     np.testing.assert_allclose(skill.plan(BASKET).attractor_position, expected.attractor_position, atol=1e-9)
@@ -210,9 +204,9 @@ def run(arguments):
     return options.run(options)
 
 
-def test_the_command_says_what_was_found_and_where_the_model_is(tmp_path, recorded, expected, capsys):
+def test_the_command_says_what_was_found_and_where_the_model_is(tmp_path, recorded_session, expected, capsys):
     model = tmp_path / "model.npz"
-    assert run([recorded[0], "--output", model]) == 0
+    assert run([recorded_session[0], "--output", model]) == 0
     said = capsys.readouterr().out
     assert said.count(": guided, basket at (") == 3 and "demonstration_3" in said and "own, basket at" in said
     assert "left out: thrown by the arm itself" in said and "learned from 3 of 4 throws with 'default'; the hand opens" in said
@@ -222,8 +216,8 @@ def test_the_command_says_what_was_found_and_where_the_model_is(tmp_path, record
     assert same_plan(PractisingSkill(demonstrations, configuration).plan(BASKET), expected)
 
 
-def test_the_command_says_it_as_json(tmp_path, recorded, capsys):
-    assert run([recorded[0], "--json", "--with-throws", "--output", tmp_path / "model.npz"]) == 0
+def test_the_command_says_it_as_json(tmp_path, recorded_session, capsys):
+    assert run([recorded_session[0], "--json", "--with-throws", "--output", tmp_path / "model.npz"]) == 0
     said = json.loads(capsys.readouterr().out)
     assert len(said["learned_from"]) == 4 and said["raw"] and said["configuration"] == "default"
     assert [throw["taught"] for throw in said["throws"]] == [True, True, True, False]
@@ -231,13 +225,13 @@ def test_the_command_says_it_as_json(tmp_path, recorded, capsys):
     assert {fault["kind"] for fault in said["faults"]} <= {"gap"}
 
 
-def test_the_command_takes_the_topic_of_demonstrations(tmp_path, recorded, capsys):
-    assert run([recorded[0], "--demonstrations-topic", "--output", tmp_path / "one.npz"]) == 0
+def test_the_command_takes_the_topic_of_demonstrations(tmp_path, recorded_session, capsys):
+    assert run([recorded_session[0], "--demonstrations-topic", "--output", tmp_path / "one.npz"]) == 0
     assert "learned from 3 of 3 throws" in capsys.readouterr().out
     with pytest.raises(ValueError, match="leave out --mapping and --with-throws"):
-        run([recorded[0], "--demonstrations-topic", "--with-throws", "--output", tmp_path / "two.npz"])
+        run([recorded_session[0], "--demonstrations-topic", "--with-throws", "--output", tmp_path / "two.npz"])
     with pytest.raises(ValueError, match="--at-least waits for demonstrations on a graph that runs"):
-        run([recorded[0], "--at-least", "13", "--output", tmp_path / "two.npz"])
+        run([recorded_session[0], "--at-least", "13", "--output", tmp_path / "two.npz"])
 
 
 def test_the_command_reads_a_laboratory_and_its_faults(tmp_path, recording, capsys):
@@ -251,11 +245,11 @@ def test_the_command_reads_a_laboratory_and_its_faults(tmp_path, recording, caps
     assert "hand was not seen" in said and "learned from 4 of 4 throws with 'default'\n" in said
 
 
-def test_the_command_overwrites_nothing(tmp_path, recorded):
+def test_the_command_overwrites_nothing(tmp_path, recorded_session):
     model = tmp_path / "model.npz"
     model.write_text("precious")
     with pytest.raises(ValueError, match="exists already: name another file with --output"):
-        run([recorded[0], "--output", model])
+        run([recorded_session[0], "--output", model])
     assert model.read_text() == "precious"
 
 
@@ -263,12 +257,12 @@ def test_the_command_overwrites_nothing(tmp_path, recorded):
 
 
 @pytest.mark.parametrize("forgets_ns", [MEMORY_NS, 12_000_000_000])
-def test_throws_are_found_while_they_are_made(recorded, recording, forgets_ns, monkeypatch):
+def test_throws_are_found_while_they_are_made(recorded_session, recording, forgets_ns, monkeypatch):
     monkeypatch.setattr("dart_skill.skill.observe._throw_finder.MEMORY_NS", forgets_ns)
     log = ThrowLog()
     finder, found = ThrowFinder(log), []
     add = {"/vrpn_mocap/ball/pose": log.add_ball, "/vrpn_mocap/basket/pose": log.add_basket}
-    with BagReader(recorded[0]) as raw, BagReader(recorded[0]) as bag:
+    with BagReader(recorded_session[0]) as raw, BagReader(recorded_session[0]) as bag:
         for message, serialised in zip(bag.messages(), raw.messages(decode=False), strict=True):
             topic, content = message.topic, message.data
             if topic in ("/wam/command", "/wam/teacher_wrench"):

@@ -1,0 +1,144 @@
+"""One graph for many: what it refuses before it has learned, and what it does, and stops, afterwards."""
+
+import signal
+import time
+
+import numpy as np
+import pytest
+from dart_skill_msgs.msg import SimulationState
+from dart_skill_msgs.srv import Learn, PlaceBasket, Reset
+
+from dart_skill.session import targets_for
+from dart_skill_nodes.client.failures import GraphFailure
+from dart_skill_nodes.comms import conversions
+
+from .conftest import Joints, begin_slow_throw, teach_and_learn, wait_for
+
+SEED = 1
+SHOWN, (TARGET,) = targets_for(SEED, 2, 1)
+BETWEEN = (SHOWN[0] + SHOWN[1]) / 2
+
+
+@pytest.fixture(scope="module")
+def graph(make_shared_graph):
+    """The graph and its client."""
+    return make_shared_graph("composed", SEED)
+
+
+@pytest.fixture(scope="module")
+def taught(graph):
+    """The same, from when it has learned on: what needs a graph that has not stands above."""
+    teach_and_learn(graph[1], SHOWN)
+    return graph
+
+
+@pytest.fixture
+def client(taught):
+    """Its client; afterwards the simulator is as fast as it can again, and the model that of the lessons."""
+    yield taught[1]
+    taught[1].set_parameters("/wam_simulator", {"speed_factor": 0.0})
+    taught[1].learn()
+
+
+def test_before_anything_is_learned_throws_and_practice_say_so(graph):
+    refused, practised = graph[1].throw(TARGET), graph[1].practise(3)
+    assert refused.code == 2 and "nothing is learned" in refused.message
+    assert not practised.success and "nothing is learned yet" in practised.message
+
+
+def test_the_simulated_arm_changes_with_the_next_reset(graph):
+    _, client = graph
+    seen = []
+    watching = client.node.create_subscription(SimulationState, "/simulation/state", seen.append, 10)
+    reset = client.node.create_client(Reset, "/simulation/reset")
+
+    def hand():
+        episode = client.call(reset, Reset.Request(paused=True)).episode
+        wait_for(client, lambda: seen and seen[-1].episode == episode, what="the state after the reset")
+        return conversions.vector(seen[-1].hand.position), seen[-1].base_turn
+
+    straight, turn = hand()
+    assert turn == 0.0
+    client.set_parameters("/wam_simulator", {"base_turn": 0.1})
+    turned, turn = hand()
+    assert turn == 0.1
+    azimuths = [np.arctan2(position[1], position[0]) for position in (straight, turned)]
+    assert np.angle(np.exp(1j * (azimuths[1] - azimuths[0]))) == pytest.approx(0.1, abs=1e-6)
+    with pytest.raises(GraphFailure, match="does not take base_turn = 5.0"):
+        client.set_parameters("/wam_simulator", {"base_turn": 5.0})
+    client.set_parameters("/wam_simulator", {"base_turn": 0.0})
+    assert hand()[1] == 0.0
+    client.node.destroy_subscription(watching)
+
+
+def test_the_coach_chooses_baskets_by_itself(client):
+    said = []
+    result = client.practise(2, on_feedback=lambda feedback: said.append(feedback.phase))
+    assert result.success and result.thrown == 2, result.message
+    distances = [np.hypot(outcome.target.x, outcome.target.y) for outcome in result.outcomes]
+    assert all(1.5 <= distance <= 2.5 for distance in distances)
+    assert said == ["resetting", "throwing", "learning", "done"] * 2
+
+
+def test_throws_follow_a_basket_that_somebody_moves_while_the_arm_returns(client):
+    places = [np.array([1.8, 0.1, 0.4]), np.array([2.0, -0.3, 0.4])]
+    move = client.node.create_client(PlaceBasket, "/simulation/place_basket")
+    client.call(move, PlaceBasket.Request(position=conversions.point(places[0])))
+
+    def on_feedback(feedback):
+        if (feedback.number, feedback.phase) == (1, "learning"):
+            move.call_async(PlaceBasket.Request(position=conversions.point(places[1])))
+
+    result = client.practise(2, follow_basket=True, on_feedback=on_feedback)
+    assert result.thrown == 2, result.message
+    aimed = np.array([conversions.vector(outcome.target) for outcome in result.outcomes])
+    np.testing.assert_allclose(aimed, places, atol=0.003)
+    assert [outcome.in_basket for outcome in result.outcomes] == [True, True]
+
+
+def test_throws_that_cannot_be_are_refused_with_a_reason(client):
+    far = client.throw(np.array([6.0, 0.0, 0.4]))
+    assert far.code == 2 and "6.00 m" in far.message
+    behind = client.throw(np.array([-2.0, 0.1, 0.4]))
+    assert behind.code == 2 and "degrees" in behind.message
+
+
+def test_a_cancelled_throw_stops_the_arm(client):
+    joints = Joints(client)
+    result, handle = begin_slow_throw(client, joints, BETWEEN)
+    client.wait(handle.cancel_goal_async(), "the cancellation")
+    response = client.wait(result, "the throw")
+    assert response.status == 5, "GoalStatus.STATUS_CANCELED"
+    assert response.result.message == "cancelled"
+    wait_for(client, lambda: joints.fastest < 0.05, what="the arm comes to rest")
+
+
+def test_a_learner_that_learns_and_a_commander_that_is_held_up_stop_no_throw(taught, client):
+    """Both are alive, and silent for longer than the commander waits for a learner."""
+    learner = client.node.create_client(Learn, "/skill_learner/learn")
+    client.reach(learner)
+    result, _ = begin_slow_throw(client, Joints(client), BETWEEN)
+    learned = learner.call_async(Learn.Request(configuration="em"))
+    composed = taught[0].processes["composed"]
+    composed.send_signal(signal.SIGSTOP)
+    until = time.monotonic() + 2.5
+    while time.monotonic() < until:
+        client.spin()
+    composed.send_signal(signal.SIGCONT)
+    outcome = client.wait(result, "the throw").result
+    assert outcome.code == 1, outcome.message
+    assert client.wait(learned, "learning").success
+
+
+def test_a_learner_that_dies_during_a_throw_stops_the_arm_and_is_named(taught):
+    """The last test of this graph: it has no learner any more."""
+    graph, client = taught
+    joints = Joints(client)
+    result, _ = begin_slow_throw(client, joints, BETWEEN)
+    learner = graph.processes.pop("skill_learner")
+    learner.kill()
+    learner.wait()
+    outcome = client.wait(result, "the throw").result
+    assert outcome.code == 3, outcome.message
+    assert "skill_learner" in outcome.message
+    wait_for(client, lambda: joints.fastest < 0.05, what="the arm comes to rest")

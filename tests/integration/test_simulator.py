@@ -1,0 +1,118 @@
+"""The simulator with a commander that this test plays: it waits, names who is silent, and takes no nonsense."""
+
+import numpy as np
+import pytest
+from dart_skill_msgs.msg import SimulationState, WamCommand
+from dart_skill_msgs.srv import PlaceBasket, Reset, Step
+from geometry_msgs.msg import Point
+from std_srvs.srv import SetBool, Trigger
+
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.qos import LOOP
+
+from .conftest import Diagnoses, Joints, answer, wait_for
+
+
+@pytest.fixture(scope="module")
+def alone(make_shared_graph):
+    """The simulator alone, and a publisher: these tests play the commander."""
+    graph, client = make_shared_graph(None)
+    graph.start("wam_simulator", {"answer_timeout": 0.5})
+    state, command = Joints(client), client.node.create_publisher(WamCommand, "/wam/command", LOOP)
+    wait_for(client, lambda: state.message is not None and command.get_subscription_count(), what="the first state")
+    return client, state, command
+
+
+@pytest.fixture
+def simulator(alone):
+    """Client, newest state and publisher, in a world that runs from its beginning."""
+    client, state, _ = alone
+    stamp = client.call(client.node.create_client(Reset, "/simulation/reset"), Reset.Request()).stamp
+    wait_for(client, lambda: state.newest_ns == conversions.stamp_ns(stamp), what="the state after the reset")
+    return alone
+
+
+def test_lockstep_waits_for_the_answer_and_names_who_is_silent(simulator):
+    client, state, command = simulator
+    said = Diagnoses(client)
+    before = state.newest_ns
+    wait_for(client, lambda: "commander" in said.of.get("wam_simulator", ""), what="the simulator says who is silent")
+    assert state.newest_ns == before, "time stood still"
+
+    def steps():
+        if state.newest_ns == before:
+            answer(state, command)
+        return state.newest_ns == before + 2_000_000
+
+    wait_for(client, steps, what="the next state")
+
+
+def test_nonsense_on_the_command_topic_moves_nothing(simulator):
+    client, state, command = simulator
+    said, before = Diagnoses(client), state.newest_ns
+
+    def names(word, **fields):
+        """Publish again and again: a message is lost while publisher and subscriber still find each other."""
+        answer(state, command, **fields)
+        return word in said.of.get("wam_simulator", "")
+
+    nan = np.full(7, np.nan)
+    wait_for(client, lambda: names("finite", joint_torque=nan), what="NaN is named")
+    wait_for(client, lambda: names("moon", frame="moon"), what="the wrong frame is named")
+    assert state.newest_ns == before
+    assert np.isfinite(state.message.position).all()
+
+
+def test_a_second_commander_is_reported(simulator):
+    client, _, _ = simulator
+    said = Diagnoses(client)
+    second = client.node.create_publisher(WamCommand, "/wam/command", LOOP)
+    wait_for(client, lambda: "nodes publish /wam/command" in said.of.get("wam_simulator", ""), what="the report")
+    client.node.destroy_publisher(second)
+
+
+def test_pause_step_and_reset(simulator):
+    client, state, command = simulator
+    pause = client.node.create_client(SetBool, "/simulation/pause")
+    step = client.node.create_client(Step, "/simulation/step")
+    reset = client.node.create_client(Reset, "/simulation/reset")
+    client.call(pause, SetBool.Request(data=True))
+    first = state.newest_ns
+    answered = set()
+
+    def keep_answering():
+        if state.newest_ns not in answered:
+            answered.add(state.newest_ns)
+            answer(state, command)
+        return False
+
+    for _ in range(3):
+        keep_answering()
+        client.spin()
+    assert state.newest_ns == first, "paused"
+    ends = conversions.stamp_ns(client.call(step, Step.Request(steps=7)).stamp)
+    wait_for(client, lambda: keep_answering() or state.newest_ns == ends, what="seven steps")
+    assert ends == first + 7 * 2_000_000
+    again = client.call(reset, Reset.Request(paused=True))
+    assert conversions.stamp_ns(again.stamp) == ends + 1_000_000_000, "time goes on over a reset"
+
+
+def test_the_basket_is_placed_and_the_hand_obeys_its_services(simulator):
+    client, state, command = simulator
+    truth = []
+    client.node.create_subscription(SimulationState, "/simulation/state", truth.append, 10)
+    basket = client.node.create_client(PlaceBasket, "/simulation/place_basket")
+    opener = client.node.create_client(Trigger, "/bhand/open_grasp")
+    client.call(basket, PlaceBasket.Request(position=Point(x=1.8, y=0.3, z=0.4)))
+    client.call(opener, Trigger.Request())
+    answered = set()
+
+    def let_go():
+        if state.newest_ns not in answered:
+            answered.add(state.newest_ns)
+            answer(state, command)
+        return truth and truth[-1].ball_state == SimulationState.BALL_FREE
+
+    wait_for(client, let_go, what="the hand lets go")
+    assert truth[-1].basket.position == Point(x=1.8, y=0.3, z=0.4)
+    assert truth[-1].step * 0.002 > 0.01, "the hand takes time to open"
