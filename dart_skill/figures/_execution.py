@@ -50,7 +50,7 @@ class ExecutedThrow:
     ball_time: np.ndarray
     ball_position: np.ndarray
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name, least in (("hand", 2), ("ball", 0)):
             time, position = getattr(self, f"{name}_time"), getattr(self, f"{name}_position")
             if len(time) < least or np.shape(position) != (len(time), 3):

@@ -49,7 +49,7 @@ class FrameView:
     covariances: np.ndarray
     times: np.ndarray
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         k, n = len(self.times), len(self.attractors)
         shapes = {"means": (k, 3), "covariances": (k, 3, 3), "releases": (n, 3)}
         for field, shape in shapes.items():

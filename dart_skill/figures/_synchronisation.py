@@ -42,7 +42,7 @@ class DemonstratedMotion:
     release: float
     motion_stop: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if np.shape(self.time) != np.shape(self.speed) or len(self.time) < 2:
             raise ValueError(f"{self.name}: time {np.shape(self.time)} and speed {np.shape(self.speed)} must both be (n,), n >= 2")
 

@@ -61,7 +61,7 @@ class Demonstration:
     frame_id: str = "world"
     joint_names: tuple[str, ...] = ()
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not self.id or not isinstance(self.id, str):
             raise ValueError(f"id of a demonstration must be a non-empty text, got {self.id!r}")
         if int(self.stamp_ns) != self.stamp_ns or self.stamp_ns < 0:
@@ -81,7 +81,7 @@ class Demonstration:
     def __repr__(self) -> str:
         return f"Demonstration({self.id!r}, {len(self.hand_time)} poses, {len(self.ball_time)} of the ball)"
 
-    def _set_arrays(self, *arrays):
+    def _set_arrays(self, *arrays) -> None:
         names = ("target", "hand_time", "hand_position", "hand_quaternion", "ball_time", "ball_position")
         for name, array in zip((*names, "joint_time", "joint_position", "joint_velocity"), arrays, strict=True):
             array = array.copy()
@@ -90,7 +90,7 @@ class Demonstration:
         object.__setattr__(self, "stamp_ns", int(self.stamp_ns))
         object.__setattr__(self, "joint_names", tuple(self.joint_names))
 
-    def _check_events(self, name):
+    def _check_events(self, name) -> None:
         for event in ("motion_start", "motion_stop", "hand_opened"):
             value = float(getattr(self, event))
             if np.isinf(value):

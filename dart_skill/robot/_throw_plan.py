@@ -14,7 +14,7 @@ class Gains:
     stiffness: float
     damping: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not (np.isfinite([self.stiffness, self.damping]).all() and self.stiffness > 0 and self.damping > 0):
             raise ValueError(f"stiffness {self.stiffness} and damping {self.damping} must be finite and positive")
 
@@ -33,7 +33,7 @@ class HandPath:
     velocity: np.ndarray
     acceleration: np.ndarray
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         n = len(self.time)
         shapes = {"time": (n,), "position": (n, 3), "quaternion": (n, 4), "velocity": (n, 6), "acceleration": (n, 6)}
         for name, shape in shapes.items():
@@ -73,7 +73,7 @@ class ThrowPlan:
     start_posture: np.ndarray
     model_id: str = ""
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         n = len(self.path.time)
         shapes = {"target": (3,), "aim": (3,), "predicted_landing": (3,), "attractor_position": (n, 3),
                   "attractor_quaternion": (n, 4), "start_posture": (N_JOINTS,)}  # fmt: skip

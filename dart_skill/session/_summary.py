@@ -27,7 +27,7 @@ class ThrowResult:
     in_basket: bool
     message: str = ""
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         target = _point("target", self.target)
         if target is None:
             raise ValueError(f"target {self.target} is not finite: give the centre of the rim in metres")
@@ -83,7 +83,7 @@ class DemoSummary:
     attempts: int | None = None
     layout: str = ""
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, "bag", str(self.bag))
         object.__setattr__(self, "throws", tuple(self.throws))
         if self.seed < 0 or self.demonstrations < 0:

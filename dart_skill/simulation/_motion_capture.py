@@ -28,7 +28,7 @@ class Camera:
     half_angles: tuple[float, float] = (np.deg2rad(28.0), np.deg2rad(23.0))
     range: float = 12.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("position", "look_at"):
             object.__setattr__(self, name, _vector(f"camera {name}", getattr(self, name), 3))
         axis = self.look_at - self.position
@@ -66,7 +66,7 @@ class MotionCaptureConfig:
     dropout_rate: float = 0.05  # dropouts of a body per second
     dropout_frames: tuple[int, int] = (1, 10)  # shortest and longest dropout
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("cameras", "bodies", "dropout_frames"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
         self._check_numbers()
@@ -77,7 +77,7 @@ class MotionCaptureConfig:
         if len(self.dropout_frames) != 2 or not 1 <= self.dropout_frames[0] <= self.dropout_frames[1]:
             raise ValueError(f"dropout_frames = {self.dropout_frames}: give shortest and longest, at least 1 frame")
 
-    def _check_numbers(self):
+    def _check_numbers(self) -> None:
         positive = ("rate", "marker_spread")
         for item in fields(self):
             value = getattr(self, item.name)
@@ -117,7 +117,7 @@ class BasketWalls:
     radius: float
     depth: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, "rim", _vector("rim of the basket", self.rim, 3))
         if not (self.radius > 0.0 and self.depth > 0.0):
             raise ValueError(f"basket: radius {self.radius} and depth {self.depth} must be positive")
@@ -299,7 +299,7 @@ class _Draws:
 class _View:
     """Lines of sight of all cameras at once."""
 
-    def __init__(self, cameras, clearance):
+    def __init__(self, cameras, clearance) -> None:
         self.position = np.stack([camera.position for camera in cameras])
         self.axes = np.stack([camera.axes for camera in cameras])
         self.tangents = np.tan([camera.half_angles for camera in cameras])

@@ -243,7 +243,7 @@ class BagWriter:
     def __exit__(self, *_exception) -> None:
         self.close()
 
-    def _check_writable(self):
+    def _check_writable(self) -> None:
         if self._failure is not None or self._closed:
             raise self._refusal()
 
@@ -278,7 +278,7 @@ class BagWriter:
         except OSError as error:
             raise self._stopped(error) from error
 
-    def _turn(self, topic, log_time_ns):
+    def _turn(self, topic, log_time_ns) -> None:
         """What is due before the message of this log time: a flush, or the next file."""
         if log_time_ns < 0:
             raise ValueError(_bad_times(topic, log_time_ns))
@@ -299,14 +299,14 @@ class BagWriter:
         if self._max_duration_ns:
             self._due_ns = min(self._due_ns, self._file_first_ns + self._max_duration_ns)
 
-    def _chunk_ended(self):
+    def _chunk_ended(self) -> None:
         """Whether another chunk, with its index and the file's end, would be more than a file may hold."""
         texts = sum(len(text) for item in self.custom_data.items() for text in item)
         room = 3 * self._chunk_size // 2 + 1000 * len(self._topics) + texts + self._file.summary_size
         if self._max_bytes and self._file.position + room > self._max_bytes:
             self._full, self._due_ns = True, 0
 
-    def _next_file(self):
+    def _next_file(self) -> None:
         stream = self._file.stream
         self._finish_file()
         self._sync.request(stream, close=True)
@@ -315,14 +315,14 @@ class BagWriter:
         for topic in self._topics.values():
             topic.channel = self._channel(topic)
 
-    def _open_file(self):
+    def _open_file(self) -> None:
         """Begin the next file, with the metadata record that rosbag2 writes at opening."""
         file = McapFile(self.path / f"{self.path.name}_{len(self._finished)}.mcap", chunk_size=self._chunk_size)
         self._file, self._schemas = file, {}
         self._full, self._file_first_ns, self._synced_bytes = False, None, 0
         self._file.add_metadata(RECORD_NAME, record_values(self._metadata([self._file_metadata()])))
 
-    def _finish_file(self):
+    def _finish_file(self) -> None:
         """End the file; the metadata record that rosbag2 writes at closing lets it tell what it holds by itself."""
         self._file.end_chunk()
         self._file.add_metadata(RECORD_NAME, record_values(self._metadata([self._file_metadata()])))

@@ -46,7 +46,7 @@ class CorrectionSettings:
     farthest: float = 0.5
     memory: int = 200
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         values = np.array([self.offset, *self.lengths, *self.turns, self.surprise, *self.apart, self.farthest, self.memory], dtype=float)
         if not (self.lengths and self.turns and np.isfinite(values).all() and (values > 0).all()):
             raise ValueError(f"correction: {self} must hold finite positive numbers only, and at least one length and one turn")

@@ -24,7 +24,7 @@ GIVEN_UP = 20.0
 class Curriculum:
     """Remembers the errors of throws at places (distance [m], azimuth [rad])."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._places, self._squares, self._weights = np.empty((0, 2)), np.empty(0), np.empty(0)
         self._odd: np.ndarray | None = None
 

@@ -30,7 +30,7 @@ class PracticeSettings:
     tolerance: float = 0.005
     tail: float = 0.05
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.capacity < 0:
             raise ValueError(f"capacity is {self.capacity}; it must be 0, for no limit, or positive")
         if self.forget not in FORGETTING:
