@@ -7,6 +7,7 @@ between the velocity thresholds (8.4.3), all demonstrations aligned on the relea
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -111,7 +112,7 @@ def _motion(recording: Recording, demonstration: Demonstration, thresholds: Velo
     )
 
 
-def _curve(axes: Axes, motion: DemonstratedMotion, kept: np.ndarray, origin: float, gid: str, colour) -> None:
+def _curve(axes: Axes, motion: DemonstratedMotion, kept: np.ndarray, origin: float, gid: str, colour: Any) -> None:
     axes.plot(motion.time[kept] - origin, motion.speed[kept], color=colour, linewidth=1.1, gid=f"{gid}_curve")
     for event, (marker, _) in EVENTS.items():
         instant = getattr(motion, event)

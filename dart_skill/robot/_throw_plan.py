@@ -1,6 +1,7 @@
 """A planned throw: where the attractor goes, where the hand is expected, when the ball leaves it."""
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -100,7 +101,7 @@ def same_plan(first: ThrowPlan, second: ThrowPlan) -> bool:
     return all(_equal(getattr(first, f.name), getattr(second, f.name)) for f in fields(ThrowPlan) if f.name != "model_id")
 
 
-def _equal(first, second) -> bool:
+def _equal(first: Any, second: Any) -> bool:
     if isinstance(first, HandPath):
         return all(_equal(getattr(first, f.name), getattr(second, f.name)) for f in fields(HandPath))
     return bool(np.array_equal(first, second)) if isinstance(first, np.ndarray) else first == second

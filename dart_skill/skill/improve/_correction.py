@@ -126,7 +126,8 @@ class Correction:
         if not len(self._places):
             return np.zeros_like(places), np.full_like(places, self.settings.offset)
         columns = [self._predict(places, axis) for axis in range(2)]
-        return tuple(np.stack(part, axis=1) for part in zip(*columns, strict=True))
+        mean, deviation = (np.stack(part, axis=1) for part in zip(*columns, strict=True))
+        return mean, deviation
 
     def shifted(self, target: np.ndarray) -> np.ndarray:
         """The point (3,) to plan for so that the ball comes down on the target (3,)."""

@@ -78,7 +78,7 @@ class Practice:
     def add(self, trial: Demonstration) -> Verdict:
         """Judge a trial and remember it if it will do; its task is where it landed, not where it was aimed."""
         reason, prepared = self._judge(trial)
-        if reason:
+        if reason or prepared is None:
             self.kept_out[trial.id] = reason
             return Verdict(False, reason)
         self._tried.append(trial)
