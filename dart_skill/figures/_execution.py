@@ -71,12 +71,12 @@ class ExecutedThrow:
 
 def executed_throw(recordings: Sequence[Recording], plan: ThrowPlan) -> ExecutedThrow:
     """The last recording in which the arm threw at the plan's target; ValueError if there is none."""
-    found = [one for one in recordings if one.opened_ns is not None and _distance(one.basket, plan.target) < SAME_BASKET]
+    found = [(one, one.opened_ns) for one in recordings if one.opened_ns is not None and _distance(one.basket, plan.target) < SAME_BASKET]
     if not found:
         place = plan.target.round(3).tolist()
         raise ValueError(f"no recording of a throw at a basket at {place}: is /wam/command in the bag, and did it open the hand?")
-    recording, path = found[-1], plan.path
-    start_ns = _path_start(recording, plan)
+    (recording, opened_ns), path = found[-1], plan.path
+    start_ns = _path_start(recording, opened_ns, plan)
     hand_time, ball_time = ((stamps - start_ns) * 1e-9 for stamps in (recording.hand_stamps, recording.ball_stamps))
     hand = (hand_time >= 0.0) & (hand_time <= path.duration)
     ball = (ball_time >= plan.release) & (ball_time <= plan.release + FLIGHT_WATCHED)

@@ -73,7 +73,7 @@ def synchronisation_figure(motions: Sequence[DemonstratedMotion], thresholds: Ve
         figure = Figure(figsize=(10.5, 4.4), layout="constrained")
         before, after = figure.subplots(1, 2, sharey=True)
         for number, motion in enumerate(motions, start=1):
-            colour = shades.to_rgba(motion.distance)
+            colour = shades.to_rgba(np.asarray(motion.distance))
             kept = (motion.time >= motion.first) & (motion.time <= motion.last)
             _curve(before, motion, np.ones(len(kept), dtype=bool), 0.0, f"before_{number}", colour)
             _curve(after, motion, kept, motion.release, f"after_{number}", colour)

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.patches import Circle
 
-from dart_skill.darts import RADII, SECTORS, Aim, LegPolicy, OptimumPath, Spread, SpreadEstimate, direction, heat_map, local_optima
+from dart_skill.darts import RADII, SECTORS, Aim, Jump, LegPolicy, OptimumPath, Spread, SpreadEstimate, direction, heat_map, local_optima
 from dart_skill.figures._style import BLACK, BLUE, GREY, LIGHT, PALE, VERMILION, house_style, quantity_colours, save
 
 NUMBERS_AT, LIMIT = 185.0, 196.0

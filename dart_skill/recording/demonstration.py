@@ -7,7 +7,7 @@ well as on those that are decoded without ROS.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -81,7 +81,7 @@ class Demonstration:
     def __repr__(self) -> str:
         return f"Demonstration({self.id!r}, {len(self.hand_time)} poses, {len(self.ball_time)} of the ball)"
 
-    def _set_arrays(self, *arrays) -> None:
+    def _set_arrays(self, *arrays: np.ndarray) -> None:
         names = ("target", "hand_time", "hand_position", "hand_quaternion", "ball_time", "ball_position")
         for name, array in zip((*names, "joint_time", "joint_position", "joint_velocity"), arrays, strict=True):
             array = array.copy()
@@ -90,7 +90,7 @@ class Demonstration:
         object.__setattr__(self, "stamp_ns", int(self.stamp_ns))
         object.__setattr__(self, "joint_names", tuple(self.joint_names))
 
-    def _check_events(self, name) -> None:
+    def _check_events(self, name: str) -> None:
         for event in ("motion_start", "motion_stop", "hand_opened"):
             value = float(getattr(self, event))
             if np.isinf(value):
@@ -122,7 +122,7 @@ def demonstration_from_message(msg: Any) -> Demonstration:
     return Demonstration(
         id=msg.id,
         stamp_ns=origin,
-        target=_vector(msg.target),
+        target=np.array(_vector(msg.target)),
         hand_time=_times(hand, origin),
         hand_position=_rows([_vector(item.pose.position) for item in hand], 3),
         hand_quaternion=_rows([[*_vector(item.pose.orientation), item.pose.orientation.w] for item in hand], 4),
@@ -192,25 +192,25 @@ def _filled(msg: Any, content: dict[str, Any], new: Callable[[str], Any]) -> Any
     return msg
 
 
-def _stamp(stamp) -> int:
+def _stamp(stamp: Any) -> int:
     return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
-def _event(stamp, origin) -> float:
+def _event(stamp: Any, origin: int) -> float:
     """Seconds after the origin; nan for a zero stamp."""
     nanoseconds = _stamp(stamp)
     return (nanoseconds - origin) * 1e-9 if nanoseconds else float("nan")
 
 
-def _times(items, origin) -> np.ndarray:
+def _times(items: Iterable[Any], origin: int) -> np.ndarray:
     return np.array([_stamp(item.header.stamp) - origin for item in items], dtype=np.int64) * 1e-9
 
 
-def _vector(item) -> list[float]:
+def _vector(item: Any) -> list[float]:
     return [item.x, item.y, item.z]
 
 
-def _rows(rows, width) -> np.ndarray:
+def _rows(rows: Sequence[Sequence[float]], width: int) -> np.ndarray:
     wrong = [index for index, row in enumerate(rows) if len(row) != width]
     if wrong:
         raise ValueError(f"sample {wrong[0]} has {len(rows[wrong[0]])} values, need {width}")

@@ -36,6 +36,9 @@ GROUPS = {"gaussians": "Gaussians", "demonstrations": "demonstrations", "cameras
 class Scene:
     """The things of one arm in `server`, a viser.ViserServer (see `open_server`). What has not been seen yet is not shown."""
 
+    _angles: np.ndarray  # of the joints, as they are drawn
+    _cameras: Any
+
     def __init__(self, server: Any, description: WamDescription | None = None, region: Region = REGION, basket: Basket | None = None):
         self._server, self._scene = server, server.scene
         self._description, self.region, self._basket_shape = description or wam_description(), region, basket or Basket()

@@ -19,7 +19,7 @@ class DiskSync:
     on_error: called in the thread with the OSError of a sync, once; nothing is synced after it.
     """
 
-    def __init__(self, on_error: Callable[[OSError], None]):
+    def __init__(self, on_error: Callable[[OSError], object]):
         self._on_error, self._failed = on_error, False
         self._thread = ThreadPoolExecutor(1, "bag sync")
         self._waiting: set[FileIO] = set()

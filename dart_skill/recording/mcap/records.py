@@ -6,11 +6,10 @@ A record is taken only if its content agrees with its length to the byte. Whatev
 from __future__ import annotations
 
 import struct
-from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from zlib import crc32
 
 import lz4.frame
@@ -38,7 +37,7 @@ MAGIC = b"\x89MCAP0\r\n"
 FOOTER_LENGTH = 9 + 20 + len(MAGIC)
 RECORD = struct.Struct("<BQ")
 """Opcode and length, with which every record begins."""
-CLASSES = {
+CLASSES: dict[int, Any] = {
     Opcode.HEADER: Header,
     Opcode.FOOTER: Footer,
     Opcode.SCHEMA: Schema,
@@ -210,7 +209,8 @@ def messages_of(raw: bytes, cut_off: bool = False) -> Iterator[Message]:
     """The messages among the records of a chunk; DamagedError and cut_off as for `records_of`."""
     for opcode, begin, end in records_of(raw, cut_off):
         if opcode == Opcode.MESSAGE:
-            yield Message(begin - RECORD.size, *_MESSAGE_HEAD.unpack_from(raw, begin), raw[begin + _MESSAGE_HEAD.size : end])
+            channel, sequence, log_time, publish_time = _MESSAGE_HEAD.unpack_from(raw, begin)
+            yield Message(begin - RECORD.size, channel, sequence, log_time, publish_time, raw[begin + _MESSAGE_HEAD.size : end])
 
 
 def parse_header(data: bytes | memoryview) -> tuple[Header, int]:
@@ -222,7 +222,9 @@ def parse_header(data: bytes | memoryview) -> tuple[Header, int]:
     end = 17 + struct.unpack_from("<Q", data, 9)[0]
     if end > len(data):
         raise DamagedError("the file ends within its header")
-    return parse(Opcode.HEADER, data[17:end]), end
+    header = parse(Opcode.HEADER, data[17:end])
+    assert isinstance(header, Header)
+    return header, end
 
 
 def read_summary(data: memoryview) -> Summary | None:
@@ -233,19 +235,18 @@ def read_summary(data: memoryview) -> Summary | None:
     end = len(data) - FOOTER_LENGTH
     if footer.summary_crc and crc32(data[footer.summary_start : end + 25]) != footer.summary_crc:
         raise DamagedError("the summary's CRC does not fit its content")
-    content, found = data[footer.summary_start : end], defaultdict(list)
-    for opcode, begin, stop in records_of(content):
-        if opcode in CLASSES:
-            found[opcode].append(parse(opcode, content[begin:stop]))
+    content = data[footer.summary_start : end]
+    found = [parse(opcode, content[begin:stop]) for opcode, begin, stop in records_of(content) if opcode in CLASSES]
+    statistics = [record for record in found if isinstance(record, Statistics)]
     return Summary(
         footer.summary_start,
         bool(footer.summary_crc),
-        {schema.id: schema for schema in found[Opcode.SCHEMA]},
-        {channel.id: channel for channel in found[Opcode.CHANNEL]},
-        found[Opcode.CHUNK_INDEX],
-        found[Opcode.ATTACHMENT_INDEX],
-        found[Opcode.METADATA_INDEX],
-        found[Opcode.STATISTICS][-1] if found[Opcode.STATISTICS] else None,
+        {schema.id: schema for schema in found if isinstance(schema, Schema)},
+        {channel.id: channel for channel in found if isinstance(channel, Channel)},
+        [index for index in found if isinstance(index, ChunkIndex)],
+        [index for index in found if isinstance(index, AttachmentIndex)],
+        [index for index in found if isinstance(index, MetadataIndex)],
+        statistics[-1] if statistics else None,
     )
 
 
@@ -255,12 +256,13 @@ def _footer(data: memoryview) -> Footer:
     if RECORD.unpack_from(data, len(data) - FOOTER_LENGTH) != (Opcode.FOOTER, 20):
         raise DamagedError("the footer is damaged")
     footer = parse(Opcode.FOOTER, data[-28:-8])
+    assert isinstance(footer, Footer)
     if footer.summary_start and not 8 < footer.summary_start <= len(data) - FOOTER_LENGTH:
         raise DamagedError("the footer points to no summary")
     return footer
 
 
-def _whole_blocks(decompressor, data: memoryview) -> bytes:
+def _whole_blocks(decompressor: Any, data: memoryview) -> bytes:
     """What a decompressor gives before the end or the damage of its input."""
     parts = []
     try:

@@ -84,8 +84,10 @@ class Definitions:
 
     def add(self, record: Schema | Channel) -> None:
         """The first to come stays."""
-        kept = self.schemas if isinstance(record, Schema) else self.channels
-        kept.setdefault(record.id, record)
+        if isinstance(record, Schema):
+            self.schemas.setdefault(record.id, record)
+        else:
+            self.channels.setdefault(record.id, record)
 
 
 @contextmanager
@@ -132,7 +134,8 @@ def read_definitions(data: memoryview, summary: Summary | None = None) -> Defini
     """Schemas and channels of a file: best those of the summary, then those in chunks with a CRC, then the others."""
     if summary is not None and summary.has_crc and summary.channels:
         return Definitions(dict(summary.schemas), dict(summary.channels))
-    found, loose = Definitions(), []
+    found = Definitions()
+    loose: list[Schema | Channel] = []
     for item in walk(data, summary):
         if isinstance(item, Damage):
             continue
@@ -145,7 +148,9 @@ def read_definitions(data: memoryview, summary: Summary | None = None) -> Defini
                     else:
                         loose.append(record)
         elif item.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            loose.append(item.parsed())
+            definition = item.parsed()
+            assert isinstance(definition, Schema | Channel)
+            loose.append(definition)
     for record in loose:
         found.add(record)
     return found
@@ -155,7 +160,9 @@ def _definitions_in(raw: bytes) -> Iterator[Schema | Channel]:
     """Of a chunk's records; DamagedError."""
     for opcode, begin, end in records_of(raw):
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            yield parse(opcode, raw[begin:end])
+            definition = parse(opcode, raw[begin:end])
+            assert isinstance(definition, Schema | Channel)
+            yield definition
 
 
 def _known_places(summary: Summary) -> list[int]:
