@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import operator
+from typing import overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -90,7 +91,7 @@ def as_count(value: int, name: str, minimum: int = 1) -> int:
     return count
 
 
-def as_number(value: float, name: str, minimum: float = 0.0, strict: bool = True) -> float:
+def as_number(value: ArrayLike, name: str, minimum: float = 0.0, strict: bool = True) -> float:
     """Finite scalar above `minimum`, or equal to it when not strict."""
     number = float(as_finite(value, name, 0))
     if number < minimum or (strict and number == minimum):
@@ -157,6 +158,16 @@ def check_unit_quaternions(name: str, quaternion: np.ndarray, n_samples: int) ->
     return np.where(np.abs(norm - 1.0) < 1e-12, quaternion, quaternion / norm)
 
 
-def to_the_nanosecond(seconds):
+@overload
+def to_the_nanosecond(seconds: float) -> float: ...
+
+
+@overload
+def to_the_nanosecond(seconds: np.ndarray) -> np.ndarray: ...
+
+
+def to_the_nanosecond(seconds: float | np.ndarray) -> float | np.ndarray:
     """Seconds as stamps can say them, so that data are the same before and after they were a message; numbers or arrays."""
-    return np.round(np.asarray(seconds) * 1e9) * 1e-9 if np.ndim(seconds) else round(seconds * 1e9) * 1e-9
+    if isinstance(seconds, np.ndarray):
+        return np.round(seconds * 1e9) * 1e-9
+    return round(seconds * 1e9) * 1e-9

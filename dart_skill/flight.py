@@ -8,6 +8,7 @@ takes no more than a hundredth of the speed, and of at most 100 ms: for a tennis
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -33,7 +34,7 @@ class Ball:
     air_density: float = AIR_DENSITY
     gravity: float = GRAVITY
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
             positive = field.name not in ("drag_coefficient", "air_density")
@@ -101,7 +102,7 @@ class FlightFit:
         """Position and velocity (2, 3) at one absolute time [s]."""
         if time == self.time:
             return np.stack([self.position, self.velocity])
-        return np.concatenate(self.at([time]))
+        return np.concatenate(self.at(np.array([time])))
 
 
 def acceleration(velocity: np.ndarray, ball: Ball = TENNIS_BALL) -> np.ndarray:
@@ -151,7 +152,14 @@ def crossing(position: np.ndarray, velocity: np.ndarray, normal: np.ndarray, off
     return _crossing(position, velocity, time, lambda point: offset - point @ normal, lambda speed: -(speed @ normal), ball)
 
 
-def _crossing(position, velocity, time, before, rate, ball) -> Landing:
+def _crossing(
+    position: np.ndarray,
+    velocity: np.ndarray,
+    time: np.ndarray,
+    before: Callable[[np.ndarray], np.ndarray],
+    rate: Callable[[np.ndarray], np.ndarray],
+    ball: Ball,
+) -> Landing:
     """Newton's iteration on how far a ball is before a plane, which changes at a rate, from the time (...) of the flight in vacuum."""
     possible = time >= 0.0
     time = np.where(possible, time, 0.0)
@@ -219,7 +227,9 @@ def fit_flights(
     return state[:, 0], state[:, 1], np.linalg.norm(misfit, axis=-1)
 
 
-def _fit_with_sensitivity(state, time, position, ball, accuracy):
+def _fit_with_sensitivity(
+    state: np.ndarray, time: np.ndarray, position: np.ndarray, ball: Ball, accuracy: float
+) -> tuple[np.ndarray, np.ndarray]:
     """State (1, 2, 3) and misfits (1, n) of a single flight: the method of Gauss and Newton with one sensitivity for all repetitions.
 
     A change of the state by c leaves an error of about k t c^2: where that is small enough, the flight moves as its sensitivity says.
@@ -272,7 +282,7 @@ def _states(position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.
     return position, velocity
 
 
-def _integrate(position, velocity, time, ball):
+def _integrate(position: np.ndarray, velocity: np.ndarray, time: np.ndarray, ball: Ball) -> tuple[np.ndarray, np.ndarray]:
     """States (..., 3) over times (...), broadcast against each other: as many equal steps as the longest of them needs."""
     fastest = np.sqrt(np.max(np.einsum("...i,...i->...", velocity, velocity), initial=0.0))
     longest_step = min(MAX_STEP, MAX_LOSS / max(ball.drag * fastest, 1e-12))
@@ -280,7 +290,7 @@ def _integrate(position, velocity, time, ball):
     return _steps(position, velocity, time / n_steps, n_steps, ball)
 
 
-def _steps(position, velocity, step, n_steps, ball):
+def _steps(position: np.ndarray, velocity: np.ndarray, step: np.ndarray, n_steps: int, ball: Ball) -> tuple[np.ndarray, np.ndarray]:
     """States (..., 3) after n_steps steps of lengths (...), broadcast against each other.
 
     In between, the axes are reversed: numpy is twice as fast on three long rows as on many rows of three.
@@ -292,7 +302,9 @@ def _steps(position, velocity, step, n_steps, ball):
     return np.ascontiguousarray(position.T), np.ascontiguousarray(velocity.T)
 
 
-def _runge_kutta(position, velocity, step, half, sixth, drag, gravity):
+def _runge_kutta(
+    position: np.ndarray, velocity: np.ndarray, step: np.ndarray, half: np.ndarray, sixth: np.ndarray, drag: float, gravity: float
+) -> tuple[np.ndarray, np.ndarray]:
     """One step (...), given with its half and sixth, of states (3, ...)."""
     a1 = _acceleration(velocity, drag, gravity)
     a2 = _acceleration(velocity + half * a1, drag, gravity)
@@ -303,7 +315,7 @@ def _runge_kutta(position, velocity, step, half, sixth, drag, gravity):
     return position, velocity + sixth * (a1 + 2.0 * middle + a4)
 
 
-def _acceleration(velocity, drag, gravity):
+def _acceleration(velocity: np.ndarray, drag: float, gravity: float) -> np.ndarray:
     """Of a velocity (3, ...)."""
     speed = np.sqrt(np.add.reduce(velocity * velocity))
     speed *= -drag

@@ -71,7 +71,7 @@ class BoardFace:
 
     what = "target"
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         bull = tuple(float(value) for value in self.bull)
         if len(bull) != 3 or not np.isfinite(bull).all() or np.hypot(*bull[:2]) < 0.1:
             raise ValueError(f"bull {self.bull} must be three finite numbers, at least 0.1 m from the base axis")
@@ -164,7 +164,7 @@ BASKETS = Game(TENNIS_BALL, RIMS)
 
 
 @lru_cache(maxsize=8)
-def game_at(bull: tuple[float, ...] = ()) -> Game:
+def game_at(bull: tuple[float, float, float] | tuple[()] = ()) -> Game:
     """Darts at the board with this bull (x, y, z) [m]; balls and baskets if there is none."""
     return Game(DART, BoardFace(bull)) if bull else BASKETS
 

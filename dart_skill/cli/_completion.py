@@ -11,11 +11,12 @@ import importlib
 import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from dart_skill.cli import names
 
 BAG_SUFFIXES = (".mcap", ".db3")
-LISTS = {
+LISTS: dict[str, dict[str, Sequence[str]]] = {
     "experiment throws": {"configurations": names.CONFIGURATIONS},
     "experiment basket": {"models": names.CONFIGURATIONS},
     "experiment practice": {"methods": names.PRACTICE_METHODS, "changes": names.CHANGES},
@@ -24,7 +25,7 @@ LISTS = {
     "darts search": {"methods": names.SEARCHES, "schedules": names.SCHEDULES},
 }
 """Options that take names separated by commas, by command."""
-WORDS = {"configuration": names.CONFIGURATIONS, "number": ("list", "all", *names.FIGURES)}
+WORDS: dict[str, Sequence[str]] = {"configuration": names.CONFIGURATIONS, "number": ("list", "all", *names.FIGURES)}
 """Options and arguments that take one name, and have no choices in their parser because they say more than that about a wrong one."""
 
 
@@ -61,7 +62,7 @@ def commands_of(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentPa
 
 def complete_with(action: argparse.Action, command: str) -> None:
     """Give an option or argument what completes its value: names, or paths of the kind that its metavar tells; choices do by themselves."""
-    completer = None
+    completer: Callable[..., Sequence[str]] | None = None
     if action.choices is not None or action.nargs == 0:
         return
     if action.dest in LISTS.get(command, {}):
@@ -75,7 +76,7 @@ def complete_with(action: argparse.Action, command: str) -> None:
     elif action.type is Path or action.metavar == "FILE":
         completer = _paths(None)
     if completer is not None:
-        action.completer = completer
+        action.completer = completer  # type: ignore[attr-defined]  # where argcomplete looks for it
 
 
 def _verbs(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
@@ -93,7 +94,7 @@ def _takes_words(parser: argparse.ArgumentParser) -> bool:
     return any(not action.option_strings for action in parser._actions)
 
 
-def _nothing(**_) -> tuple[str, ...]:
+def _nothing(**_: Any) -> tuple[str, ...]:
     """A number, say: not the files of the folder, which are the shell's guess."""
     return ()
 
@@ -103,7 +104,7 @@ def _one_of(known: Sequence[str]) -> Callable[..., Sequence[str]]:
 
 
 def _separated_by_commas(known: Sequence[str]) -> Callable[..., list[str]]:
-    def complete(prefix: str, **_) -> list[str]:
+    def complete(prefix: str, **_: Any) -> list[str]:
         given = prefix.split(",")[:-1]
         return [",".join([*given, name]) for name in known if name not in given]
 
@@ -113,7 +114,7 @@ def _separated_by_commas(known: Sequence[str]) -> Callable[..., list[str]]:
 def _paths(suffixes: tuple[str, ...] | None) -> Callable[..., list[str]]:
     """Folders, and files with one of the suffixes; all files for None. A hidden one only after its dot."""
 
-    def complete(prefix: str, **_) -> list[str]:
+    def complete(prefix: str, **_: Any) -> list[str]:
         folder, begun = os.path.split(prefix)
         found = []
         try:

@@ -10,14 +10,19 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from datetime import datetime, timezone
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from dart_skill.cli import graph_verbs
+
+if TYPE_CHECKING:
+    from dart_skill.recording.bags import Recovery
+    from dart_skill.recording.imports import ThrowRecording
 
 LONG_AGO_NS = 10**17
 """Log times before it (March 1973) are those of a simulation."""
 
 
-def add_to(commands) -> None:
+def add_to(commands: argparse._SubParsersAction) -> None:
     """Add `bag` with its verbs to the commands of `dart-skill`."""
     bag = commands.add_parser("bag", help="what is in a recording, whether it is whole; recover, convert, play it")
     verbs = bag.add_subparsers(title="verbs", required=True, metavar="VERB")
@@ -28,14 +33,14 @@ def add_to(commands) -> None:
     graph_verbs.add_to(verbs, "play")
 
 
-def _add_info(verbs) -> None:
+def _add_info(verbs: argparse._SubParsersAction) -> None:
     parser = verbs.add_parser("info", help="size, time, topics, types, quality of service")
     _add_bags(parser)
     parser.add_argument("--json", action="store_true", help="an object instead of text, or a list of them for several bags")
     parser.set_defaults(run=_info)
 
 
-def _add_check(verbs) -> None:
+def _add_check(verbs: argparse._SubParsersAction) -> None:
     parser = verbs.add_parser("check", help="read every byte and decode every message; exit status 1 if something is wrong")
     _add_bags(parser)
     parser.add_argument(
@@ -50,7 +55,7 @@ def _add_check(verbs) -> None:
     parser.set_defaults(run=_check)
 
 
-def _add_recover(verbs) -> None:
+def _add_recover(verbs: argparse._SubParsersAction) -> None:
     parser = verbs.add_parser("recover", help="a new bag of what can be read of a damaged one, which is not changed")
     parser.add_argument("bag", metavar="BAG", type=Path, help="bag folder, with or without metadata.yaml, or .mcap file")
     _add_new_bag(parser, "recovered")
@@ -58,7 +63,7 @@ def _add_recover(verbs) -> None:
     parser.set_defaults(run=_recover)
 
 
-def _add_convert(verbs) -> None:
+def _add_convert(verbs: argparse._SubParsersAction) -> None:
     parser = verbs.add_parser("convert", help="poses of another laboratory as a bag with our topics, axes and units")
     parser.add_argument("source", metavar="SOURCE", type=Path, help="bag, or a folder with CSV files")
     parser.add_argument("--mapping", metavar="FILE", type=Path, help="names topics, columns, axes, units (config/recordings/example.yaml)")
@@ -235,7 +240,7 @@ def _output(options: argparse.Namespace, source: Path, ending: str) -> Path:
     return options.output or Path(f"{source.resolve().stem}_{ending}")
 
 
-def _recovery_text(result) -> str:
+def _recovery_text(result: Recovery) -> str:
     kept = sum(result.messages.values())
     lines = [str(place) for place in result.places] + [f"repaired: {text}" for text in result.repairs]
     lines.append(f"{kept} messages on {len(result.messages)} topics kept" + _between(result.start_ns, result.end_ns))
@@ -248,10 +253,10 @@ def _recovery_text(result) -> str:
 
 
 def _between(start_ns: int | None, end_ns: int | None) -> str:
-    return "" if start_ns is None else f", from {_instant(start_ns)} to {_instant(end_ns)}"
+    return "" if start_ns is None or end_ns is None else f", from {_instant(start_ns)} to {_instant(end_ns)}"
 
 
-def _loss_text(result) -> str:
+def _loss_text(result: Recovery) -> str:
     """What was lost, as far as anybody knows."""
     unseen = "what the recorder had not handed over when it stopped leaves no trace"
     if result.is_complete and not result.places:
@@ -263,7 +268,7 @@ def _loss_text(result) -> str:
     return f"lost: {lost}{chunks}; {unseen}"
 
 
-def _recovery_json(result) -> dict:
+def _recovery_json(result: Recovery) -> dict:
     plain = asdict(result) | {"path": str(result.path), "is_complete": result.is_complete, "lost_bytes": result.lost_bytes}
     return plain | {"message_count": sum(result.messages.values())}
 
@@ -282,7 +287,7 @@ def _convert(options: argparse.Namespace) -> int:
     return 0
 
 
-def _converted_text(recording, output: Path) -> str:
+def _converted_text(recording: ThrowRecording, output: Path) -> str:
     from dart_skill.recording.imports import fault_lines
 
     poses = ", ".join(f"{len(stream)} poses of the {role}" for role, stream in recording.bodies.items())
@@ -292,7 +297,7 @@ def _converted_text(recording, output: Path) -> str:
     return "\n".join([*lines, f"next: dart-skill learn {shlex.quote(str(output))}"])
 
 
-def _converted_json(recording, output: Path) -> dict:
+def _converted_json(recording: ThrowRecording, output: Path) -> dict:
     return {
         "source": recording.source,
         "path": str(output),

@@ -5,14 +5,22 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
 
 from dart_skill.cli.experiment import search
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from dart_skill.darts import Aim, HeatMap, LegPolicy, LikelihoodRatio, Spread, SpreadByTarget, SpreadEstimate
 
 HIGHEST_CHECKOUT = 170
 """Highest score from which three darts can finish."""
 
 
-def add_to(commands) -> None:
+def add_to(commands: argparse._SubParsersAction) -> None:
     """Add `darts` with its verbs to the commands of `dart-skill`."""
     darts = commands.add_parser("darts", help="where to aim on a dart board, for a thrower's spread or from scores")
     verbs = darts.add_subparsers(required=True, metavar="VERB")
@@ -23,7 +31,7 @@ def add_to(commands) -> None:
     search.add_to(verbs)
 
 
-def _add_heatmap(verbs) -> None:
+def _add_heatmap(verbs: argparse._SubParsersAction) -> None:
     heatmap = verbs.add_parser("heatmap", help="the expected score of every aim, as a picture")
     _add_spread(heatmap, required=True)
     heatmap.add_argument("--spacing", type=float, default=1.0, metavar="MM", help="of the grid (default 1)")
@@ -32,7 +40,7 @@ def _add_heatmap(verbs) -> None:
     heatmap.set_defaults(run=_heatmap)
 
 
-def _add_aim(verbs) -> None:
+def _add_aim(verbs: argparse._SubParsersAction) -> None:
     aim = verbs.add_parser("aim", help="the best aim and all local optima for a sigma, or its jumps over a range of sigmas")
     _add_spread(aim, required=False)
     aim.add_argument("--from", dest="lowest", type=float, metavar="A", help="smallest sigma [mm] of a range")
@@ -41,7 +49,7 @@ def _add_aim(verbs) -> None:
     aim.set_defaults(run=_aim, usage_error=aim.error)
 
 
-def _add_estimate(verbs) -> None:
+def _add_estimate(verbs: argparse._SubParsersAction) -> None:
     estimate = verbs.add_parser("estimate", help="a thrower's spread from the scores of single darts, and where to aim with it")
     estimate.add_argument(
         "scores",
@@ -59,7 +67,7 @@ def _add_estimate(verbs) -> None:
     estimate.set_defaults(run=_estimate)
 
 
-def _add_leg(verbs) -> None:
+def _add_leg(verbs: argparse._SubParsersAction) -> None:
     leg = verbs.add_parser("501", help="where to aim with what remains, to finish a leg on a double")
     _add_spread(leg, required=False)
     leg.add_argument(
@@ -87,12 +95,14 @@ def _add_output(parser: argparse.ArgumentParser, default: str | None = None) -> 
     parser.add_argument("--json", action="store_true", help="JSON instead of text")
 
 
-def _spread(options: argparse.Namespace):
+def _spread(options: argparse.Namespace) -> Spread | None:
+    import numpy as np
+
     from dart_skill.darts import Spread
 
     if options.covariance is not None:
         xx, xy, yy = options.covariance
-        return Spread([[xx, xy], [xy, yy]], options.bias)
+        return Spread(np.array([[xx, xy], [xy, yy]]), options.bias)
     return Spread.isotropic(options.sigma, options.bias) if options.sigma is not None else None
 
 
@@ -101,6 +111,7 @@ def _heatmap(options: argparse.Namespace) -> int:
     from dart_skill.figures import draw_heat_map
 
     spread = _spread(options)
+    assert spread is not None  # the parser asks for one
     best = best_aim(spread)
     paths = draw_heat_map(spread, options.output, spacing=options.spacing)
     if options.csv:
@@ -110,7 +121,7 @@ def _heatmap(options: argparse.Namespace) -> int:
     return 0
 
 
-def _write_csv(heat, path: str) -> None:
+def _write_csv(heat: HeatMap, path: str) -> None:
     import numpy as np
 
     x, y = np.meshgrid(heat.x, heat.y)
@@ -121,16 +132,21 @@ def _write_csv(heat, path: str) -> None:
 def _aim(options: argparse.Namespace) -> int:
     from dart_skill.darts import local_optima
 
+    usage_error: Callable[[str], NoReturn] = options.usage_error
     ranged = options.lowest is not None or options.highest is not None
     if ranged and (options.lowest is None or options.highest is None or options.sigma is not None):
-        options.usage_error("a range needs both --from and --to, and no --sigma")
+        usage_error("a range needs both --from and --to, and no --sigma")
     if ranged:
         return _aim_over(options)
     spread = _spread(options)
     if spread is None:
-        options.usage_error("one of --sigma, --covariance, or --from with --to is needed")
+        usage_error("one of --sigma, --covariance, or --from with --to is needed")
     optima = local_optima(spread)
-    paths = _draw(options, "draw_heat_map", spread, options.output, "aim")
+    paths: list[str] = []
+    if options.output is not None:
+        from dart_skill.figures import draw_heat_map
+
+        paths = _texts(draw_heat_map(spread, options.output, "aim"))
     result = {**_spread_fields(spread), **_aim_fields(optima[0]), "local_optima": [_aim_fields(aim) for aim in optima], "paths": paths}
     others = [f"  {_sentence(aim)}" for aim in optima[1:]]
     _show(
@@ -144,7 +160,11 @@ def _aim_over(options: argparse.Namespace) -> int:
 
     shape = _spread(options) or Spread.isotropic(1.0, options.bias)
     path = optimum_path(options.lowest, options.highest, shape)
-    paths = _draw(options, "draw_path", path, options.output)
+    paths: list[str] = []
+    if options.output is not None:
+        from dart_skill.figures.board import draw_path
+
+        paths = _texts(draw_path(path, options.output))
     jumps = [{"sigma_mm": jump.sigma, "below": _aim_fields(jump.below), "above": _aim_fields(jump.above)} for jump in path.jumps]
     rows = [
         {"sigma_mm": float(sigma), "x_mm": float(point[0]), "y_mm": float(point[1]), "expected_score": float(value)}
@@ -163,7 +183,11 @@ def _estimate(options: argparse.Namespace) -> int:
     scores = [token for text in options.scores for token in (sys.stdin.read() if text == "-" else text).replace(",", " ").split()]
     estimate = estimate_from_scores(scores, _target(options.aim), model=options.model, bias=options.with_bias, misses=misses)
     interval, isotropy, best = estimate.confidence_interval(), estimate.isotropy_test(), best_aim(estimate.spread)
-    paths = _draw(options, "draw_estimate", estimate, best, options.output)
+    paths: list[str] = []
+    if options.output is not None:
+        from dart_skill.figures.board import draw_estimate
+
+        paths = _texts(draw_estimate(estimate, best, options.output))
     result = {
         **_spread_fields(estimate.spread),
         "ci95_mm": [_finite_or_none(end) for end in interval],
@@ -179,7 +203,7 @@ def _estimate(options: argparse.Namespace) -> int:
     return 0
 
 
-def _estimate_lines(estimate, interval: tuple[float, float], isotropy) -> list[str]:
+def _estimate_lines(estimate: SpreadEstimate, interval: tuple[float, float], isotropy: LikelihoodRatio) -> list[str]:
     lines = [f"sigma = {estimate.sigma:.1f} mm, 95 % interval {interval[0]:.1f} to {interval[1]:.1f} mm, from {estimate.n_throws} darts"]
     if estimate.model == "general":
         narrow, wide = estimate.spread.deviations
@@ -196,7 +220,7 @@ def _leg(options: argparse.Namespace) -> int:
 
     from dart_skill.darts import checkout_table, professional, solve_leg
 
-    spread = _spread(options)
+    spread: Spread | SpreadByTarget | None = _spread(options)
     if (spread is None) == (options.professional is None):
         options.usage_error("one of --sigma, --covariance or --professional is needed")
     if spread is None:
@@ -208,14 +232,18 @@ def _leg(options: argparse.Namespace) -> int:
     chances = np.zeros((policy.start + 1, 3))
     chances[: HIGHEST_CHECKOUT + 1] = checkout_table(spread, HIGHEST_CHECKOUT).probability[: policy.start + 1]
     rows = [_state_fields(policy, chances, *state) for state in states]
-    paths = _draw(options, "draw_leg", policy, options.output)
+    paths: list[str] = []
+    if options.output is not None:
+        from dart_skill.figures.board import draw_leg
+
+        paths = _texts(draw_leg(policy, options.output))
     summary = {"start": policy.start, "objective": policy.objective, f"expected_{policy.objective}": float(policy.expected[-1])}
     head = f"{policy.expected[-1]:.3f} {policy.objective} on average from {policy.start}"
     _show(options, {**summary, "aims": rows, "paths": paths}, "\n".join([head, *_leg_table(rows, policy.objective), *paths[1:]]))
     return 0
 
 
-def _state_fields(policy, chances, remaining: int, darts: int, turn_start: int) -> dict:
+def _state_fields(policy: LegPolicy, chances: np.ndarray, remaining: int, darts: int, turn_start: int) -> dict:
     point = policy.best_aim(remaining, darts, turn_start)
     fields = {"remaining": remaining, "darts_left": darts, "turn_start": turn_start, "bed": policy.target(remaining, darts, turn_start)}
     fields |= {"x_mm": float(point[0]), "y_mm": float(point[1]), "best_chance_to_finish": float(chances[remaining, darts - 1])}
@@ -234,7 +262,7 @@ def _leg_table(rows: list[dict], objective: str) -> list[str]:
     return lines
 
 
-def _target(text: str):
+def _target(text: str) -> str | list[float]:
     parts = text.split(",")
     if len(parts) != 2:
         return text
@@ -244,28 +272,19 @@ def _target(text: str):
         raise ValueError(f"aim {text!r} is neither a bed such as T20 nor x,y in mm such as 0,103") from None
 
 
-def _draw(options: argparse.Namespace, function: str, *arguments) -> list[str]:
-    """Draw a picture by one of the functions of `pictures`; returns its paths, an empty list without --output."""
-    if options.output is None:
-        return []
-    from dart_skill.figures import board as pictures
-
-    return _texts(getattr(pictures, function)(*arguments))
-
-
-def _texts(paths) -> list[str]:
+def _texts(paths: Sequence[Path]) -> list[str]:
     return [str(path) for path in paths]
 
 
-def _spread_fields(spread) -> dict:
+def _spread_fields(spread: Spread) -> dict:
     return {"sigma_mm": spread.sigma, "covariance_mm2": spread.covariance.tolist(), "bias_mm": spread.bias.tolist()}
 
 
-def _aim_fields(aim) -> dict:
+def _aim_fields(aim: Aim) -> dict:
     return {"x_mm": float(aim.point[0]), "y_mm": float(aim.point[1]), "expected_score": float(aim.expected_score), "bed": aim.bed}
 
 
-def _sentence(aim) -> str:
+def _sentence(aim: Aim) -> str:
     return f"{aim.bed} at x = {aim.point[0]:.1f}, y = {aim.point[1]:.1f} mm, {aim.expected_score:.3f} points per dart"
 
 

@@ -20,7 +20,7 @@ HELP = {
 }
 
 
-def add_to(commands, name: str) -> None:
+def add_to(commands: argparse._SubParsersAction, name: str) -> None:
     """Add a verb with its options; where the nodes are not installed, one that takes anything, and says so when it runs."""
     parser = commands.add_parser(name, help=HELP[name])
     try:

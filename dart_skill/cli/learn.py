@@ -6,11 +6,17 @@ import argparse
 import json
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from dart_skill.cli import graph_verbs
 
+if TYPE_CHECKING:
+    from dart_skill.session import LearnReport
+    from dart_skill.skill.improve import PractisingSkill
+    from dart_skill.skill.observe import FoundThrow
 
-def add_to(commands) -> None:
+
+def add_to(commands: argparse._SubParsersAction) -> None:
     """Add `learn` to the commands of `dart-skill`."""
     parser = commands.add_parser("learn", help="a model from a recording alone, or on a graph that runs, from what it was shown")
     text = "rosbag2 folder, .mcap or .db3 file, or a folder with CSV files; none: the learner of the graph that runs learns"
@@ -65,7 +71,7 @@ def _refuse_what_needs_a_bag(options: argparse.Namespace) -> None:
             raise ValueError(f"{name} is for learning from a BAG: name one, or leave it out")
 
 
-def _as_text(skill, report, output: Path) -> str:
+def _as_text(skill: PractisingSkill, report: LearnReport, output: Path) -> str:
     from dart_skill.recording.imports import fault_lines
 
     lines = [*fault_lines(report.faults), *(_throw_line(number, throw) for number, throw in enumerate(report.throws, start=1))]
@@ -81,7 +87,7 @@ def _as_text(skill, report, output: Path) -> str:
     return "\n".join(lines)
 
 
-def _throw_line(number: int, throw) -> str:
+def _throw_line(number: int, throw: FoundThrow) -> str:
     who = "guided" if throw.taught else "own"
     place, name = "", f"throw {number}"
     if throw.demonstration is not None:
@@ -98,7 +104,7 @@ def _seconds(stamp_ns: int) -> str:
     return f"{stamp_ns * 1e-9:10.3f}"
 
 
-def _as_json(skill, report, output: Path) -> dict:
+def _as_json(skill: PractisingSkill, report: LearnReport, output: Path) -> dict:
     return {
         "source": report.source,
         "raw": report.raw,
@@ -111,15 +117,14 @@ def _as_json(skill, report, output: Path) -> dict:
     }
 
 
-def _throw_json(throw) -> dict:
+def _throw_json(throw: FoundThrow) -> dict:
     outcome, one = throw.outcome, throw.demonstration
-    seen = outcome is not None and outcome.landing_seen
     return {
         "stamp_ns": throw.stamp_ns,
         "id": None if one is None else one.id,
         "taught": throw.taught,
         "target": None if one is None else one.target.tolist(),
         "in_basket": None if outcome is None else bool(outcome.in_basket),
-        "landing_error": float(outcome.landing_error) if seen else None,
+        "landing_error": float(outcome.landing_error) if outcome is not None and outcome.landing_seen else None,
         "left_out": throw.reason or None,
     }

@@ -6,9 +6,13 @@ import argparse
 import json
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dart_skill.report import Run
 
 
-def add_to(commands) -> None:
+def add_to(commands: argparse._SubParsersAction) -> None:
     """Add `report` to the commands of `dart-skill`."""
     parser = commands.add_parser("report", help="one HTML page of a bag: tables, figures, and a replay in three dimensions")
     parser.add_argument("bag", metavar="BAG", type=Path, help="rosbag2 folder or .mcap file, or the folder in which a run left its bag")
@@ -44,7 +48,7 @@ def _report(options: argparse.Namespace) -> int:
     return 0
 
 
-def _as_json(run, output: Path) -> dict:
+def _as_json(run: Run, output: Path) -> dict:
     return {
         "bag": os.fspath(run.bag),
         "report": os.fspath(output),
@@ -54,7 +58,7 @@ def _as_json(run, output: Path) -> dict:
     }
 
 
-def _as_text(run, output: Path) -> str:
+def _as_text(run: Run, output: Path) -> str:
     from dart_skill.session import footer
 
     lines = [f"{len(run.shown)} demonstrations, {len(run.results)} throws of the arm: {footer(run.results)}"]

@@ -11,9 +11,13 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dart_skill.view.rerun_bag import BagLayout
 
 
-def add_to(commands) -> None:
+def add_to(commands: argparse._SubParsersAction) -> None:
     """Add `view` to the commands of `dart-skill`."""
     parser = commands.add_parser("view", help="a bag in Rerun: the arm, the ball, and plots over time")
     parser.add_argument("bag", metavar="BAG", type=Path, nargs="?", help="rosbag2 folder or .mcap file")
@@ -75,7 +79,7 @@ def _shown(options: argparse.Namespace) -> int:
         return run_to_the_end(command, rerun_bag.quiet_environment(Path(scratch) / "settings", rerun))
 
 
-def _say(options: argparse.Namespace, shown, layouts: Sequence[Path], command: Sequence[str], url: str | None) -> None:
+def _say(options: argparse.Namespace, shown: BagLayout, layouts: Sequence[Path], command: Sequence[str], url: str | None) -> None:
     if options.json:
         lists = {"files": list(map(str, shown.files)), "layouts": list(map(str, layouts)), "command": list(command)}
         print(json.dumps({"bag": os.fspath(options.bag), **lists, "url": url}, indent=1), flush=True)

@@ -140,10 +140,10 @@ def parse_score_list(scores: Sequence[str | int]) -> tuple[np.ndarray, np.ndarra
     if len(scores) == 0:
         raise ValueError("scores is empty; list the score of each dart, e.g. 20 5 1 T20 0")
     masks = np.array([_parse_one(value, index) for index, value in enumerate(scores)])
-    return masks, ~masks.any(axis=1)
+    return masks, ~np.any(masks, axis=1)
 
 
-def _parse_one(value: str | int | float | None, index: int) -> np.ndarray:
+def _parse_one(value: str | int | None, index: int) -> np.ndarray:
     if value is None or str(value).strip().lower() in ("x", "bounce"):
         return np.zeros(N_BEDS, dtype=bool)
     try:

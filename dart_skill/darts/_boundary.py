@@ -8,6 +8,7 @@ quadrature of the smooth fields of the Gaussian is exact to round-off.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -60,7 +61,7 @@ def _boundary(half_octaves: int) -> Boundary:
     return Boundary(*arrays)
 
 
-def _arcs(spread: float):
+def _arcs(spread: float) -> Iterator[tuple[np.ndarray, np.ndarray, int, int]]:
     for ring, radius in enumerate(RADII):
         parameter, weight = _panels(radius * SECTOR_ANGLE, spread)
         for sector in range(20):
@@ -68,7 +69,7 @@ def _arcs(spread: float):
             yield radius * outward, outward * weight[:, None], int(bed_of(ring, sector)), int(bed_of(ring + 1, sector))
 
 
-def _rays(spread: float):
+def _rays(spread: float) -> Iterator[tuple[np.ndarray, np.ndarray, int, int]]:
     for ring in range(2, 6):
         near, far = RADII[ring - 1], RADII[ring]
         parameter, weight = _panels(far - near, spread)

@@ -190,8 +190,8 @@ def _fit(throws: Throws, model: str, with_bias: bool) -> SpreadEstimate:
         starts = [Spread.isotropic(sigma) for sigma in STARTS]
     else:
         simple = _fit(throws, "isotropic", with_bias).spread
-        shapes = [[1, 0, 0, 1], [4, 0, 0, 1], [1, 0, 0, 4], [2.5, 1.5, 1.5, 2.5], [2.5, -1.5, -1.5, 2.5]]
-        starts = [Spread(np.reshape(shape, (2, 2)), simple.bias).scaled_to(simple.sigma) for shape in shapes]
+        shapes = [[1.0, 0.0, 0.0, 1.0], [4.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 4.0], [2.5, 1.5, 1.5, 2.5], [2.5, -1.5, -1.5, 2.5]]
+        starts = [Spread(np.array(shape).reshape(2, 2), simple.bias).scaled_to(simple.sigma) for shape in shapes]
     ends = [_em(throws, start, model, with_bias, tolerance=ROUGHLY) for start in _possible(starts, throws)]
     spread, log_likelihood = _em(throws, max(ends, key=lambda end: end[1])[0], model, with_bias)
     return SpreadEstimate(spread, log_likelihood, model, with_bias, throws)
@@ -257,8 +257,8 @@ def _spread_at(coordinates: np.ndarray, unit: float) -> Spread | None:
 
 def _maximise(expected: Expectation, spread: Spread, model: str, with_bias: bool, sigma: float | None) -> Spread:
     """M-step."""
-    shift = expected.first / expected.count if with_bias else np.zeros(2)
-    covariance = expected.second / expected.count - np.outer(shift, shift)
+    shift = expected.first / expected.n_throws if with_bias else np.zeros(2)
+    covariance = expected.second / expected.n_throws - np.outer(shift, shift)
     variances, axes = np.linalg.eigh(0.5 * (covariance + covariance.T))
     variances = np.maximum(variances, 1e-12)
     if model == "isotropic":

@@ -136,6 +136,6 @@ def _density(exponent: np.ndarray, spread: Spread) -> np.ndarray:
     return np.exp(-exponent) / (2.0 * np.pi * spread.sigma**2)
 
 
-def _chunks(n_aims: int, n_nodes: int):
+def _chunks(n_aims: int, n_nodes: int) -> list[slice]:
     size = max(1, CHUNK // n_nodes)
     return [slice(start, start + size) for start in range(0, n_aims, size)]

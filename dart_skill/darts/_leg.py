@@ -10,6 +10,7 @@ below 0.003 turns from 501 (measured with a quarter of the distance).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -34,6 +35,14 @@ HIGHEST_START = 1001
 _OUTCOMES, _OUTCOME_OF_BED = np.unique(2 * BED_SCORES + BED_IS_DOUBLE, return_inverse=True)
 POINTS, IS_DOUBLE = _OUTCOMES // 2, _OUTCOMES % 2 == 1
 """The distinct results of a dart (63,): its points, and whether it is a double."""
+
+
+Which = Callable[[np.ndarray], np.ndarray]
+"""From aims (n, 2) to the index (n,) of the spread of each."""
+Choices = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""For 0, 1 and 2 darts that are used: the chosen aim by the score before the turn, and by what has been scored since."""
+Settled = tuple[list[np.ndarray], list[np.ndarray]]
+"""Values and choices (start + 1,) with two darts left and with one, where they do not depend on the score before the turn."""
 
 
 class Candidates(NamedTuple):
@@ -194,7 +203,7 @@ def _impacts(policy: LegPolicy, choice: np.ndarray, rng: np.random.Generator) ->
     return policy.aims[choice] + biases[which] + np.einsum("nij,nj->ni", factors[which], rng.standard_normal((len(choice), 2)))
 
 
-def _spreads_of(spread: Spread | SpreadByTarget | float | ArrayLike):
+def _spreads_of(spread: Spread | SpreadByTarget | float | ArrayLike) -> tuple[tuple[Spread, ...], Which]:
     """The spreads of a thrower, and a function from aims (n, 2) to the index (n,) of the spread of each."""
     if isinstance(spread, SpreadByTarget):
         return spread.all_spreads, spread.which
@@ -217,7 +226,7 @@ def _grid_distance(spreads: tuple[Spread, ...]) -> float:
     return max(GRID, GRID_PER_SPREAD * min(spread.deviations[0] for spread in spreads))
 
 
-def candidates_at(aims: np.ndarray, spreads: tuple[Spread, ...], which) -> Candidates:
+def candidates_at(aims: np.ndarray, spreads: tuple[Spread, ...], which: Which) -> Candidates:
     index = which(aims)
     beds = np.empty((len(aims), len(BED_SCORES)))
     for number, spread in enumerate(spreads):
@@ -233,10 +242,11 @@ def _finer(aims: np.ndarray, choices: tuple[np.ndarray, ...], distance: float) -
     return np.unique(around.round(6), axis=0)
 
 
-def _solve(candidates: Candidates, start: int, objective: str) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+def _solve(candidates: Candidates, start: int, objective: str) -> tuple[np.ndarray, Choices]:
     expected = np.full(start + 1, np.nan)
     expected[0] = 0.0
-    choices = tuple(np.full((start + 1, 1 + LARGEST_SCORE * used), -1) for used in range(3))
+    first, second, third = (np.full((start + 1, 1 + LARGEST_SCORE * used), -1) for used in range(3))
+    choices = (first, second, third)
     settled = [np.full(start + 1, np.nan), np.full(start + 1, np.nan)], [np.full(start + 1, -1), np.full(start + 1, -1)]
     for score in range(2, start + 1):
         expected[score] = _solve_turn(score, candidates, expected, choices, settled, objective)
@@ -244,7 +254,7 @@ def _solve(candidates: Candidates, start: int, objective: str) -> tuple[np.ndarr
     return expected, choices
 
 
-def _solve_turn(score: int, candidates: Candidates, expected: np.ndarray, choices, settled, objective: str) -> float:
+def _solve_turn(score: int, candidates: Candidates, expected: np.ndarray, choices: Choices, settled: Settled, objective: str) -> float:
     """V(score) by policy iteration; the choices of this turn are written into `choices`."""
     guess = expected[score - 1] if score > 2 else 20.0
     for _ in range(MAX_ROUNDS):
@@ -256,7 +266,9 @@ def _solve_turn(score: int, candidates: Candidates, expected: np.ndarray, choice
     return value
 
 
-def _turn(score: int, guess: float, candidates: Candidates, expected: np.ndarray, choices, settled, objective: str) -> _Dart:
+def _turn(
+    score: int, guess: float, candidates: Candidates, expected: np.ndarray, choices: Choices, settled: Settled, objective: str
+) -> _Dart:
     """Best actions of one turn from a score, if V(score) is `guess`: last dart first; returns those of the first dart."""
     fixed, returning = expected[: score + 1].copy(), np.zeros(score + 1)
     fixed[score], returning[score] = 0.0, 1.0
@@ -283,7 +295,7 @@ def _is_settled(remaining: np.ndarray, score: int, used: int) -> np.ndarray:
     return (remaining >= 2 + LARGEST_SCORE * (3 - used)) & (remaining < score)
 
 
-def _settle(score: int, candidates: Candidates, expected: np.ndarray, settled, objective: str) -> None:
+def _settle(score: int, candidates: Candidates, expected: np.ndarray, settled: Settled, objective: str) -> None:
     """Compute values and choices with one and two darts left at this score, for turns that started at higher scores."""
     values, choices = settled
     after = expected[: score + 1]

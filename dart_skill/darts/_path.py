@@ -84,6 +84,7 @@ def _jumps_between(low: float, below: Aim, high: float, above: Aim, shape: Sprea
     if sigma is None:
         return _halves(low, below, high, above, shape)
     left, right = _follow(below.point, low, sigma, shape), _follow(above.point, high, sigma, shape)
+    assert left is not None and right is not None  # or there would be no tie
     best = best_aim(shape.scaled_to(sigma))
     if best.expected_score - max(left.expected_score, right.expected_score) > TIE:
         return _jumps_between(low, below, sigma, best, shape) + _jumps_between(sigma, best, high, above, shape)
@@ -109,6 +110,7 @@ def _tie(low: float, below: Aim, high: float, above: Aim, shape: Spread) -> floa
 
     def advantage(sigma: float) -> float:
         from_below, from_above = _follow(below.point, low, sigma, shape), _follow(above.point, high, sigma, shape)
+        assert from_below is not None and from_above is not None  # neither ends between the two sigmas
         return from_below.expected_score - from_above.expected_score
 
     if advantage(low) < 0.0 or advantage(high) > 0.0:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dart_skill.darts._board import BED_SCORES, POSSIBLE_SCORES, place_of
 from dart_skill.darts._exact import bed_probabilities
@@ -51,7 +52,7 @@ def table() -> Table:
 class SigmaBelief:
     """Probability distribution of sigma and its rate of change, and the aim with the highest expected score under it."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._known = table()
         self.sigmas = self._known.sigmas
         self._belief = np.full((len(RATES), N_SIGMAS), 1.0 / (len(RATES) * N_SIGMAS))
@@ -73,7 +74,7 @@ class SigmaBelief:
         """The isotropic spread with this sigma."""
         return Spread.isotropic(self.sigma)
 
-    def tell(self, score: int) -> bool:
+    def tell(self, score: int | ArrayLike) -> bool:
         """Learn from the score of the dart that was thrown at the aim chosen last; returns whether the aim must be chosen again."""
         place = np.flatnonzero(np.asarray(POSSIBLE_SCORES) == score)
         if place.size == 0:

@@ -28,7 +28,7 @@ class Spread:
     covariance: np.ndarray
     bias: np.ndarray = field(default_factory=lambda: np.zeros(2))
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         covariance = as_covariances(self.covariance, "covariance", (2, 2))
         bias = as_vector(self.bias, "bias", 2)
         variances = np.linalg.eigvalsh(covariance)
@@ -46,7 +46,7 @@ class Spread:
     @classmethod
     def isotropic(cls, sigma: float, bias: ArrayLike = (0.0, 0.0)) -> Spread:
         """The same standard deviation sigma [mm] in every direction."""
-        return cls(_as_sigma(sigma) ** 2 * np.eye(2), bias)
+        return cls(_as_sigma(sigma) ** 2 * np.eye(2), as_vector(bias, "bias", 2))
 
     @property
     def sigma(self) -> float:
@@ -89,7 +89,7 @@ class SpreadByTarget:
     doubles: Spread
     DOUBLES_FROM = 150.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         targets = as_points(self.targets, "targets")
         if targets.ndim != 2 or len(targets) != len(self.spreads) or len(targets) == 0:
             raise ValueError(f"one spread per target is needed, got targets of shape {targets.shape} and {len(self.spreads)} spreads")
@@ -109,7 +109,9 @@ def as_spread(value: Spread | float | ArrayLike) -> Spread:
     """A Spread from a Spread, a sigma [mm], or a covariance (2, 2) [mm^2]."""
     if isinstance(value, Spread):
         return value
-    return Spread.isotropic(value) if np.ndim(value) == 0 else Spread(value)
+    if np.ndim(value) == 0:
+        return Spread.isotropic(np.asarray(value).item())
+    return Spread(as_covariances(value, "covariance", (2, 2)))
 
 
 def _as_sigma(value: float) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.darts._board import MISS, N_BEDS, as_points, as_target, parse_score_list
-from dart_skill.darts._exact import bed_moments
+from dart_skill.darts._exact import BedMoments, bed_moments
 from dart_skill.darts._spread import Spread
 
 MISSES = ("counted", "unrecorded")
@@ -21,12 +21,12 @@ RESOLVED = 1e-12
 class Expectation(NamedTuple):
     """Result of the E-step.
 
-    log_likelihood; count: expected number of throws; first (2,) [mm], second (2, 2) [mm^2]: expected sums of x - m and of
+    log_likelihood; n_throws: their expected number; first (2,) [mm], second (2, 2) [mm^2]: expected sums of x - m and of
     (x - m)(x - m)' over them.
     """
 
     log_likelihood: float
-    count: float
+    n_throws: float
     first: np.ndarray
     second: np.ndarray
 
@@ -66,7 +66,12 @@ class Throws:
         parts = [_expect_beds(group, spread, self.misses) for group in self.groups]
         if len(self.offsets):
             parts += _expect_points(self.offsets, self.point_aims, spread, self.misses)
-        return Expectation(*(sum(column) for column in zip(*parts, strict=True)))
+        return Expectation(
+            sum(part.log_likelihood for part in parts),
+            sum(part.n_throws for part in parts),
+            sum((part.first for part in parts), np.zeros(2)),
+            sum((part.second for part in parts), np.zeros((2, 2))),
+        )
 
 
 def throws_from_scores(scores: Sequence[str | int], aims: str | ArrayLike, misses: str) -> Throws:
@@ -128,13 +133,13 @@ def _expect_beds(group: _Group, spread: Spread, misses: str) -> Expectation:
     return seen if misses == "counted" else _with_unseen(seen, beds)
 
 
-def _with_unseen(seen: Expectation, beds) -> Expectation:
+def _with_unseen(seen: Expectation, beds: BedMoments) -> Expectation:
     """Adds the misses that were not recorded: for n recorded throws their expected number is n p / (1 - p)."""
     missed = beds.probability[MISS]
-    per_bed = seen.count / (1.0 - missed)
+    per_bed = seen.n_throws / (1.0 - missed)
     return Expectation(
-        seen.log_likelihood - seen.count * float(np.log1p(-missed)),
-        seen.count + per_bed * missed,
+        seen.log_likelihood - seen.n_throws * float(np.log1p(-missed)),
+        seen.n_throws + per_bed * missed,
         seen.first + per_bed * beds.first[MISS],
         seen.second + per_bed * beds.second[MISS],
     )
@@ -151,6 +156,6 @@ def _expect_points(offsets: np.ndarray, aims: np.ndarray, spread: Spread, misses
     nothing = Expectation(0.0, 0.0, np.zeros(2), np.zeros((2, 2)))
     parts = [seen]
     for aim, count in zip(*np.unique(aims, axis=0, return_counts=True), strict=True):
-        parts.append(_with_unseen(nothing._replace(count=float(count)), bed_moments(aim + spread.bias, spread.covariance)))
-        parts[-1] = parts[-1]._replace(count=parts[-1].count - float(count))
+        parts.append(_with_unseen(nothing._replace(n_throws=float(count)), bed_moments(aim + spread.bias, spread.covariance)))
+        parts[-1] = parts[-1]._replace(n_throws=parts[-1].n_throws - float(count))
     return parts

@@ -32,7 +32,7 @@ class Task:
     demonstrations: int = 13
     throws: int = 40
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in self.models:
             configuration(name)
         if self.demonstrations < 2 or self.throws < 1:

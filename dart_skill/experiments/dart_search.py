@@ -60,7 +60,7 @@ class Darts:
 class _Informed:
     """The model-based agent in the clothes of a search: it throws where it thinks best."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._agent, self._n = ModelBasedAgent(), 0
 
     @property
@@ -111,7 +111,7 @@ class Task:
     reward: str = "expected"
     stop_after: int = 0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name, choices in (("method", METHODS), ("schedule", {**SCHEDULES, **LANDSCAPES}), ("reward", REWARDS)):
             if getattr(self, name) not in choices:
                 raise ValueError(f"there is no {name} '{getattr(self, name)}': choose one of {', '.join(choices)}")

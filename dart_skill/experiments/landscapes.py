@@ -56,7 +56,7 @@ class StagedLandscape:
     changes: tuple[int, ...]
     n_trials: int = N_TRIALS
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         ends = (0, *self.changes, self.n_trials)
         if len(self.stages) != len(self.changes) + 1 or any(first >= second for first, second in itertools.pairwise(ends)):
             needed = f"{len(self.stages) - 1} changes that rise within 1 to {self.n_trials - 1}"

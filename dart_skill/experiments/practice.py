@@ -43,7 +43,7 @@ class Task:
     tests: int = 10
     again: int = 0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name, choices in (("method", METHODS), ("change", CHANGES)):
             if getattr(self, name) not in choices:
                 raise ValueError(f"there is no {name} '{getattr(self, name)}': choose one of {', '.join(choices)}")

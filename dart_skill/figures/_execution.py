@@ -6,6 +6,7 @@ All of it in the vertical plane through the base axis and the basket; the tracki
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -50,7 +51,7 @@ class ExecutedThrow:
     ball_time: np.ndarray
     ball_position: np.ndarray
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name, least in (("hand", 2), ("ball", 0)):
             time, position = getattr(self, f"{name}_time"), getattr(self, f"{name}_position")
             if len(time) < least or np.shape(position) != (len(time), 3):
@@ -70,12 +71,12 @@ class ExecutedThrow:
 
 def executed_throw(recordings: Sequence[Recording], plan: ThrowPlan) -> ExecutedThrow:
     """The last recording in which the arm threw at the plan's target; ValueError if there is none."""
-    found = [one for one in recordings if one.opened_ns is not None and _distance(one.basket, plan.target) < SAME_BASKET]
+    found = [(one, one.opened_ns) for one in recordings if one.opened_ns is not None and _distance(one.basket, plan.target) < SAME_BASKET]
     if not found:
         place = plan.target.round(3).tolist()
         raise ValueError(f"no recording of a throw at a basket at {place}: is /wam/command in the bag, and did it open the hand?")
-    recording, path = found[-1], plan.path
-    start_ns = _path_start(recording, plan)
+    (recording, opened_ns), path = found[-1], plan.path
+    start_ns = _path_start(recording, opened_ns, plan)
     hand_time, ball_time = ((stamps - start_ns) * 1e-9 for stamps in (recording.hand_stamps, recording.ball_stamps))
     hand = (hand_time >= 0.0) & (hand_time <= path.duration)
     ball = (ball_time >= plan.release) & (ball_time <= plan.release + FLIGHT_WATCHED)
@@ -95,14 +96,14 @@ def execution_figure(throw: ExecutedThrow, basket: Basket | None = None) -> Figu
         side, error = figure.subplots(1, 2, width_ratios=[1.55, 1.0])
         _draw_side(side, throw, basket or Basket())
         _draw_error(error, throw)
-        entries = [sum(parts, []) for parts in zip(*(axes.get_legend_handles_labels() for axes in (side, error)), strict=True)]
-        figure.legend(*entries, loc="outside lower center", ncols=5)
+        (handles, labels), (more, others) = (axes.get_legend_handles_labels() for axes in (side, error))
+        figure.legend([*handles, *more], [*labels, *others], loc="outside lower center", ncols=5)
         return figure
 
 
-def _path_start(recording: Recording, plan: ThrowPlan) -> int:
+def _path_start(recording: Recording, opened_ns: int, plan: ThrowPlan) -> int:
     """Stamp at which the plan's clock was 0: the hand is told to open with the first command that is due, so it is on their grid."""
-    latest = recording.opened_ns - round(plan.open_hand * 1e9) + 1
+    latest = opened_ns - round(plan.open_hand * 1e9) + 1
     index = int(np.searchsorted(recording.command_stamps, latest, side="right")) - 1
     return int(recording.command_stamps[max(index, 0)])
 
@@ -124,7 +125,7 @@ def _draw_side(axes: Axes, throw: ExecutedThrow, basket: Basket) -> None:
         axes.plot(*seen(throw.ball_position), ".", color=GREEN, markersize=3.5, label="ball, seen", gid="ball")
     release = _interpolated(np.array([plan.release]), plan.path.time, plan.path.position)
     axes.plot(*seen(release), "D", color=VERMILION, markeredgecolor=BLACK, markersize=5.5, label="release, planned", gid="release")
-    cross = {"color": PURPLE, "markersize": 8, "markeredgewidth": 2, "linestyle": "none"}
+    cross: dict[str, Any] = {"color": PURPLE, "markersize": 8, "markeredgewidth": 2, "linestyle": "none"}
     axes.plot(*seen(plan.predicted_landing[None]), "x", label="landing, planned", gid="predicted_landing", **cross)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("forward, in the plane of the throw [m]")

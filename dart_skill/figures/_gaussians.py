@@ -8,6 +8,7 @@ median task.
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -49,7 +50,7 @@ class FrameView:
     covariances: np.ndarray
     times: np.ndarray
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         k, n = len(self.times), len(self.attractors)
         shapes = {"means": (k, 3), "covariances": (k, 3, 3), "releases": (n, 3)}
         for field, shape in shapes.items():
@@ -69,7 +70,8 @@ def frame_views(skill: ThrowingSkill) -> tuple[FrameView, FrameView]:
     else:
         own = (model.means_[0], model.covariances_[0])
         gaussians = [own, _from_the_target(*own, task, skill.configuration.distance_input)]
-    return tuple(_view(skill, frame, names[frame], axes[frame], *gaussians[frame]) for frame in range(2))
+    first, second = (_view(skill, frame, names[frame], axes[frame], *gaussians[frame]) for frame in range(2))
+    return first, second
 
 
 def median_task(skill: ThrowingSkill) -> np.ndarray:
@@ -105,7 +107,7 @@ def gaussians_figure(skill: ThrowingSkill) -> Figure:
         return figure
 
 
-def _from_the_target(means, covariances, task: np.ndarray, distance_input: bool) -> tuple[np.ndarray, np.ndarray]:
+def _from_the_target(means: np.ndarray, covariances: np.ndarray, task: np.ndarray, distance_input: bool) -> tuple[np.ndarray, np.ndarray]:
     """Gaussians (K, m), (K, m, m) of the frame at the base as the target, straight ahead, sees them."""
     matrix, offset = np.eye(means.shape[1]), np.zeros(means.shape[1])
     first = _first_position(distance_input)
@@ -117,7 +119,7 @@ def _from_the_target(means, covariances, task: np.ndarray, distance_input: bool)
     return means @ matrix.T + offset, matrix @ covariances @ matrix.T
 
 
-def _view(skill: ThrowingSkill, frame: int, name: str, axes: tuple[str, str, str], means, covariances) -> FrameView:
+def _view(skill: ThrowingSkill, frame: int, name: str, axes: tuple[str, str, str], means: np.ndarray, covariances: np.ndarray) -> FrameView:
     first = _first_position(skill.configuration.distance_input)
     xyz = slice(first, first + 3)
     start = np.median([throw.start for throw in skill.throws]) - 0.05
@@ -173,7 +175,7 @@ def _draw_view(axes: Axes, view: FrameView, plane: tuple[int, int], shades: Scal
         colour = shades.to_rgba(time)
         look = {"facecolor": (*colour[:3], 0.15), "edgecolor": colour, "linewidth": 1.2, "zorder": 2.5, "gid": f"{gid}_component_{number}"}
         axes.add_patch(gaussian_ellipse(mean[list(plane)], covariance[np.ix_(plane, plane)], DEVIATIONS, **look))
-    dots = {"linestyle": "none", "markersize": 4, "markeredgewidth": 0.6, "markeredgecolor": BLACK}
+    dots: dict[str, Any] = {"linestyle": "none", "markersize": 4, "markeredgewidth": 0.6, "markeredgecolor": BLACK}
     axes.plot(*view.means[:, plane].T, "o", color="white", label="mean of a component", gid=f"{gid}_means", zorder=3, **dots)
     axes.plot(*view.releases[:, plane].T, "D", color=VERMILION, label="release", gid=f"{gid}_releases", zorder=3, **dots)
     axes.set_aspect("equal", adjustable="datalim")

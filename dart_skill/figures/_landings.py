@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -44,6 +45,8 @@ def landings_figure(throws: Sequence[ThrowResult], demonstrated: np.ndarray, rim
 def along_across(throw: ThrowResult) -> np.ndarray:
     """Landing relative to the centre of the rim (2,) [m]: along the throw, + too far, and across it, + to the left."""
     forward = unit_along(throw.azimuth)
+    if throw.landing is None:
+        raise ValueError(f"nobody saw where the throw at {throw.target} landed: there is no miss")
     miss = np.array(throw.landing[:2]) - throw.target[:2]
     return np.array([miss @ forward, miss @ [-forward[1], forward[0]]])
 
@@ -51,15 +54,20 @@ def along_across(throw: ThrowResult) -> np.ndarray:
 def _draw_plan(axes: Axes, throws: Sequence[ThrowResult], demonstrated: np.ndarray, radius: float) -> None:
     axes.plot(0.0, 0.0, "s", color=BLACK, markersize=8, label="arm", gid="arm")
     for number, centre in enumerate(demonstrated, start=1):
-        look = {"facecolor": "none", "edgecolor": GREY, "linestyle": "--", "label": "basket, demonstrated" if number == 1 else None}
+        look: dict[str, Any] = {
+            "facecolor": "none",
+            "edgecolor": GREY,
+            "linestyle": "--",
+            "label": "basket, demonstrated" if number == 1 else None,
+        }
         basket_from_above(axes, centre, radius, gid=f"demonstrated_{number}", **look)
     for number, throw in enumerate(throws, start=1):
         look = {"facecolor": SKY, "edgecolor": BLUE, "alpha": 0.5, "label": "basket, thrown at" if number == 1 else None}
         basket_from_above(axes, throw.target, radius, gid=f"thrown_{number}", **look)
         beyond = throw.target[:2] + (radius + 0.08) * unit_along(throw.azimuth)
-        axes.text(*beyond, str(number), ha="center", va="center", bbox=HALO, zorder=4)
+        axes.text(beyond[0], beyond[1], str(number), ha="center", va="center", bbox=HALO, zorder=4)
     seen = [throw for throw in throws if throw.seen]
-    _draw_points(axes, seen, np.array([throw.landing[:2] for throw in seen]).reshape(-1, 2), "plan")
+    _draw_points(axes, seen, np.array([throw.landing for throw in seen]).reshape(-1, 3)[:, :2], "plan")
     axes.set_aspect("equal", adjustable="datalim")
     axes.autoscale_view()
     axes.set_xlabel("x, front of the arm [m]")
@@ -84,7 +92,7 @@ def _draw_misses(axes: Axes, throws: Sequence[ThrowResult], radius_cm: float) ->
 def _draw_points(axes: Axes, throws: Sequence[ThrowResult], places: np.ndarray, gid: str) -> None:
     """Landings at places (n, 2), by what became of the ball."""
     inside = np.array([throw.in_basket for throw in throws], dtype=bool)
-    look = {"linestyle": "none", "zorder": 3}
-    ring = {"color": BLACK, "markerfacecolor": "white", "markersize": 4.0}
+    look: dict[str, Any] = {"linestyle": "none", "zorder": 3}
+    ring: dict[str, Any] = {"color": BLACK, "markerfacecolor": "white", "markersize": 4.0}
     axes.plot(*places[inside].T, "o", label="landing, in", gid=f"{gid}_in", **ring, **look)
     axes.plot(*places[~inside].T, "X", color=VERMILION, markersize=6.5, label="landing, out", gid=f"{gid}_out", **look)

@@ -6,6 +6,7 @@ A reset leaves a gap in the stamps of the hand's poses, much longer than any dro
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +18,10 @@ GAP = 0.5
 """Shortest gap between two recordings [s]. Dropouts last a tenth of a second; resets take one second."""
 HAND, BALL, BASKET = the_world().pose_topics().values()
 COMMAND = "/wam/command"
+
+
+Stamped = tuple[np.ndarray, np.ndarray]
+"""Stamps (n,) [ns], and a row of numbers for each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +65,7 @@ def read_recordings(bag_path: str | os.PathLike) -> list[Recording]:
     return [_recording(hand, ball, basket, commands, start_ns, stop_ns) for start_ns, stop_ns in zip(bounds[:-1], bounds[1:], strict=True)]
 
 
-def _recording(hand, ball, basket, commands, start_ns: int, stop_ns: int) -> Recording:
+def _recording(hand: Stamped, ball: Stamped, basket: Stamped, commands: Stamped, start_ns: int, stop_ns: int) -> Recording:
     stamps, opened = _between(commands, start_ns, stop_ns)
     _, places = _between(basket, start_ns, stop_ns)
     return Recording(
@@ -78,13 +83,13 @@ def _bounds(stamps: np.ndarray) -> list[int]:
     return [int(stamps[0]), *(int(stamp) for stamp in stamps[first]), int(stamps[-1]) + 1]
 
 
-def _between(series: tuple[np.ndarray, np.ndarray], start_ns: int, stop_ns: int) -> tuple[np.ndarray, np.ndarray]:
+def _between(series: Stamped, start_ns: int, stop_ns: int) -> Stamped:
     stamps, rows = series
     kept = slice(*np.searchsorted(stamps, [start_ns, stop_ns]))
     return stamps[kept], rows[kept]
 
 
-def _poses(bag: BagReader, topic: str) -> tuple[np.ndarray, np.ndarray]:
+def _poses(bag: BagReader, topic: str) -> Stamped:
     """Stamps (n,) and positions (n, 3) of a body, in order, without repeated stamps and values that are not finite."""
     points = ((item, item.data.pose.position) for item in _messages(bag, topic))
     stamps, rows = _ordered(((_stamp(item.data), (point.x, point.y, point.z)) for item, point in points), 3)
@@ -92,7 +97,7 @@ def _poses(bag: BagReader, topic: str) -> tuple[np.ndarray, np.ndarray]:
     return stamps[finite], rows[finite]
 
 
-def _commands(bag: BagReader) -> tuple[np.ndarray, np.ndarray]:
+def _commands(bag: BagReader) -> Stamped:
     """Stamps (n,) of the commands, and which of them told the hand to open (n,)."""
     stamps, opened = _ordered(((_stamp(item.data), (item.data.grip == Grip.OPEN,)) for item in _messages(bag, COMMAND)), 1)
     return stamps, opened[:, 0] > 0.0
@@ -102,12 +107,12 @@ def _messages(bag: BagReader, topic: str) -> Iterable:
     return bag.messages([topic]) if topic in bag.topics else ()
 
 
-def _ordered(items: Iterable[tuple[int, tuple]], width: int) -> tuple[np.ndarray, np.ndarray]:
+def _ordered(items: Iterable[tuple[int, tuple]], width: int) -> Stamped:
     items = list(items)
     stamps, first = np.unique(np.array([stamp for stamp, _ in items], dtype=np.int64), return_index=True)
     rows = np.array([row for _, row in items], dtype=float).reshape(-1, width)
     return stamps, rows[first]
 
 
-def _stamp(message) -> int:
+def _stamp(message: Any) -> int:
     return int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)

@@ -4,9 +4,10 @@ Colours: Okabe and Ito, Color Universal Design (2008), for kinds; viridis for qu
 """
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import matplotlib.style
@@ -67,9 +68,11 @@ def svg_text(figure: Figure) -> str:
         return text.getvalue()
 
 
-def basket_from_above(axes: Axes, centre: np.ndarray, radius: float, **look) -> Circle:
+def basket_from_above(axes: Axes, centre: np.ndarray | Sequence[float], radius: float, **look: Any) -> Circle:
     """The free opening of a basket to scale, seen from above; centre (>= 2,) and radius in the units of the axes."""
-    return axes.add_patch(Circle((float(centre[0]), float(centre[1])), radius, **look))
+    circle = Circle((float(centre[0]), float(centre[1])), radius, **look)
+    axes.add_patch(circle)
+    return circle
 
 
 def basket_from_the_side(axes: Axes, along: float, rim: float, radius: float, depth: float) -> None:
@@ -81,12 +84,12 @@ def basket_from_the_side(axes: Axes, along: float, rim: float, radius: float, de
     axes.plot([along - radius, along + radius], [rim, rim], color=ORANGE, linewidth=2.2, label="basket")
 
 
-def gaussian_ellipse(mean: np.ndarray, covariance: np.ndarray, deviations: float, **look) -> Ellipse:
+def gaussian_ellipse(mean: np.ndarray, covariance: np.ndarray, deviations: float, **look: Any) -> Ellipse:
     """Contour of a planar Gaussian, mean (2,) and covariance (2, 2), at so many standard deviations."""
     values, vectors = np.linalg.eigh(covariance)
     width, height = 2 * deviations * np.sqrt(np.maximum(values, 0.0))
     angle = float(np.degrees(np.arctan2(vectors[1, 0], vectors[0, 0])))
-    return Ellipse(tuple(mean), width, height, angle=angle, **look)
+    return Ellipse((mean[0], mean[1]), width, height, angle=angle, **look)
 
 
 def unit_along(azimuth: float) -> np.ndarray:

@@ -7,6 +7,7 @@ between the velocity thresholds (8.4.3), all demonstrations aligned on the relea
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -46,7 +47,7 @@ class DemonstratedMotion:
     release: float
     motion_stop: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if np.shape(self.time) != np.shape(self.speed) or len(self.time) < 2:
             raise ValueError(f"{self.name}: time {np.shape(self.time)} and speed {np.shape(self.speed)} must both be (n,), n >= 2")
 
@@ -76,7 +77,7 @@ def synchronisation_figure(motions: Sequence[DemonstratedMotion], thresholds: Ve
         figure = Figure(figsize=(10.5, 4.4), layout="constrained")
         before, after = figure.subplots(1, 2, sharey=True)
         for number, motion in enumerate(motions, start=1):
-            colour = shades.to_rgba(motion.distance)
+            colour = shades.to_rgba(np.asarray(motion.distance))
             kept = (motion.time >= motion.first) & (motion.time <= motion.last)
             _curve(before, motion, np.ones(len(kept), dtype=bool), 0.0, f"before_{number}", colour)
             _curve(after, motion, kept, motion.release, f"after_{number}", colour)
@@ -115,7 +116,7 @@ def _motion(recording: Recording, demonstration: Demonstration, thresholds: Velo
     )
 
 
-def _curve(axes: Axes, motion: DemonstratedMotion, kept: np.ndarray, origin: float, gid: str, colour) -> None:
+def _curve(axes: Axes, motion: DemonstratedMotion, kept: np.ndarray, origin: float, gid: str, colour: Any) -> None:
     axes.plot(motion.time[kept] - origin, motion.speed[kept], color=colour, linewidth=1.1, gid=f"{gid}_curve")
     for event, (marker, _) in EVENTS.items():
         instant = getattr(motion, event)

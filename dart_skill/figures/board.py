@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from matplotlib.patches import Circle
 
-from dart_skill.darts import RADII, SECTORS, Aim, LegPolicy, OptimumPath, Spread, SpreadEstimate, direction, heat_map, local_optima
+from dart_skill.darts import RADII, SECTORS, Aim, Jump, LegPolicy, OptimumPath, Spread, SpreadEstimate, direction, heat_map, local_optima
 from dart_skill.figures._style import BLACK, BLUE, GREY, LIGHT, PALE, VERMILION, house_style, quantity_colours, save
 
 NUMBERS_AT, LIMIT = 185.0, 196.0
@@ -34,9 +36,8 @@ def draw_path(path: OptimumPath, folder: str | Path, name: str = "best_aim_over_
         figure = Figure(figsize=(10.5, 5.0), layout="constrained")
         board, scores = figure.subplots(1, 2, width_ratios=(1.15, 1.0))
         draw_board(board, aims=path.aims)
-        image = None
         for piece in path.pieces:
-            look = {"c": path.sigmas[piece], "vmin": path.sigmas[0], "vmax": path.sigmas[-1], "cmap": quantity_colours()}
+            look: dict[str, Any] = {"c": path.sigmas[piece], "vmin": path.sigmas[0], "vmax": path.sigmas[-1], "cmap": quantity_colours()}
             board.plot(*path.aims[piece].T, color=GREY, linewidth=0.8, zorder=2)
             image = board.scatter(*path.aims[piece].T, s=12, zorder=3, **look)
             scores.plot(path.sigmas[piece], path.expected_scores[piece], color=BLUE)
@@ -92,12 +93,13 @@ def draw_board(axes: Axes, colour: str = LIGHT, aims: np.ndarray | None = None) 
         axes.add_patch(Circle((0.0, 0.0), radius, facecolor="none", edgecolor=colour, linewidth=0.7))
     for sector, number in enumerate(SECTORS):
         axes.plot(*np.outer(direction(sector + 0.5), RADII[[1, -1]]), color=colour, linewidth=0.7, zorder=1)
-        axes.text(*(NUMBERS_AT * direction(sector)), str(number), ha="center", va="center", color=GREY, fontsize=8.5)
+        x, y = NUMBERS_AT * direction(sector)
+        axes.text(x, y, str(number), ha="center", va="center", color=GREY, fontsize=8.5)
     axes.set(xlim=(-limit, limit), ylim=(-limit, limit), aspect="equal")
     axes.axis("off")
 
 
-def _heat(axes: Axes, spread: Spread, optima: list[Aim], spacing: float):
+def _heat(axes: Axes, spread: Spread, optima: list[Aim], spacing: float) -> AxesImage:
     heat = heat_map(spread, spacing)
     values = np.where(np.hypot(heat.x, heat.y[:, None]) <= RADII[-1], heat.expected_score, np.nan)
     edge = heat.x[-1] + 0.5 * spacing
@@ -107,15 +109,17 @@ def _heat(axes: Axes, spread: Spread, optima: list[Aim], spacing: float):
         axes.plot(*optimum.point, "o", color="white", markeredgecolor=BLACK, markersize=5)
     axes.plot(*optima[0].point, "P", color=VERMILION, markeredgecolor="white", markersize=10)
     beside = optima[0].point + [0.0, 14.0 if optima[0].point[1] < 0 else -14.0]
-    axes.text(*beside, f"{optima[0].bed}: {optima[0].expected_score:.2f}", ha="center", va="center", bbox=HALO)
+    axes.text(beside[0], beside[1], f"{optima[0].bed}: {optima[0].expected_score:.2f}", ha="center", va="center", bbox=HALO)
     return image
 
 
-def _mark_jump(board: Axes, scores: Axes, jump) -> None:
+def _mark_jump(board: Axes, scores: Axes, jump: Jump) -> None:
     for aim, side in ((jump.below, "<"), (jump.above, ">")):
         board.plot(*aim.point, "o", markerfacecolor="none", markeredgecolor=VERMILION, markersize=9, zorder=4)
         place = aim.point + [14.0, 0.0]
-        board.text(*place, f"{aim.bed}, sigma {side} {jump.sigma:.2f}", color=VERMILION, va="center", fontsize=8.5, bbox=HALO, zorder=5)
+        board.text(
+            place[0], place[1], f"{aim.bed}, sigma {side} {jump.sigma:.2f}", color=VERMILION, va="center", fontsize=8.5, bbox=HALO, zorder=5
+        )
     scores.axvline(jump.sigma, color=VERMILION, linewidth=0.9)
     label = f" {jump.sigma:.2f} mm: {jump.below.bed} to {jump.above.bed}"
     scores.text(jump.sigma, 0.97, label, transform=scores.get_xaxis_transform(), color=VERMILION, va="top")

@@ -12,9 +12,11 @@ The M step is the maximum under this constraint, so the likelihood still rises w
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dart_skill.checks import LARGEST_LEARNABLE, require_near
 from dart_skill.mixture._gaussian import LOG_2PI, cholesky, raise_to_floor, symmetric
@@ -32,6 +34,12 @@ class Parameters:
     @property
     def n_components(self) -> int:
         return len(self.priors)
+
+
+Start = Parameters | Callable[[list[np.ndarray], np.ndarray], np.ndarray]
+"""Where EM starts: at parameters in the units of the data, or at responsibilities (n, K) that a function makes of blocks and weights."""
+Scales = list[tuple[np.ndarray, np.ndarray]]
+"""For each block the centre and the scale (d,) of its columns."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +77,7 @@ def log_densities(block: np.ndarray, means: np.ndarray, covariances: np.ndarray)
 def joint_log_densities(blocks: list[np.ndarray], parameters: Parameters) -> np.ndarray:
     """(n, K) log of the prior times the product of the densities in all blocks."""
     terms = [log_densities(*one) for one in zip(blocks, parameters.means, parameters.covariances, strict=True)]
-    return sum(terms) + np.log(parameters.priors)
+    return sum(terms, np.zeros(())) + np.log(parameters.priors)
 
 
 def normalise_log(log_values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -123,7 +131,7 @@ def _moments(block: np.ndarray, counts: np.ndarray, floor: float) -> tuple[np.nd
     return means, raise_to_floor(symmetric(covariances), floor)
 
 
-def column_scales(block: np.ndarray, weights: np.ndarray, least: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def column_scales(block: np.ndarray, weights: np.ndarray, least: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """Weighted mean and standard deviation (d,) of the columns, the latter at least `least`.
 
     For a constant column its magnitude, or 1 for zeros, replaces the standard deviation.
@@ -143,7 +151,7 @@ def column_scales(block: np.ndarray, weights: np.ndarray, least: np.ndarray) -> 
     return centre, scale
 
 
-def _revive(blocks, counts, log_density, dead, floor) -> Parameters:
+def _revive(blocks: list[np.ndarray], counts: np.ndarray, log_density: np.ndarray, dead: np.ndarray, floor: float) -> Parameters:
     """M step in which each dead component moves to a badly explained sample and gets the covariance of all data."""
     worst = np.argsort(log_density, kind="stable")[: len(dead)]
     weight = counts.sum(1, keepdims=True)
@@ -160,7 +168,7 @@ def _revive(blocks, counts, log_density, dead, floor) -> Parameters:
 class _Run:
     """One EM run on standardised blocks. A dead component is revived; after n_components revivals it is dropped."""
 
-    def __init__(self, blocks, weights, settings, n_components):
+    def __init__(self, blocks: list[np.ndarray], weights: np.ndarray, settings: Settings, n_components: int) -> None:
         self.blocks, self.weights, self.settings = blocks, weights, settings
         self.revivals_left, self.least_mass = n_components, DEAD_SHARE * weights.mean()
 
@@ -212,7 +220,9 @@ def _from_white(sweep: Sweep, priors: np.ndarray, components: list[Components]) 
     return Parameters(priors, [means for means, _ in pairs], [covariances for _, covariances in pairs])
 
 
-def expectation_maximisation(blocks: list[np.ndarray], weights: np.ndarray, start, settings: Settings, least_scales=None) -> Fit:
+def expectation_maximisation(
+    blocks: list[np.ndarray], weights: np.ndarray, start: Start, settings: Settings, least_scales: Sequence[ArrayLike] | None = None
+) -> Fit:
     """EM on blocks (n, d_p) with weights (n,), in the units of the data; samples with weight zero are ignored.
 
     start: Parameters in the units of the data, or a function that gets the standardised blocks and the weights and
@@ -239,19 +249,26 @@ def expectation_maximisation(blocks: list[np.ndarray], weights: np.ndarray, star
     return replace(fit, parameters=in_units(fit.parameters, scales), log_likelihood=fit.log_likelihood - float(log_volume))
 
 
-def _standardised(parameters: Parameters, scales, floor: float) -> Parameters:
+def _standardised(parameters: Parameters, scales: Scales, floor: float) -> Parameters:
     means = [(means - centre) / scale for means, (centre, scale) in zip(parameters.means, scales, strict=True)]
     covariances = [matrices / np.outer(scale, scale) for matrices, (_, scale) in zip(parameters.covariances, scales, strict=True)]
     return Parameters(parameters.priors, means, [raise_to_floor(one, floor) for one in covariances])
 
 
-def in_units(parameters: Parameters, scales) -> Parameters:
+def in_units(parameters: Parameters, scales: Scales) -> Parameters:
     means = [means * scale + centre for means, (centre, scale) in zip(parameters.means, scales, strict=True)]
     covariances = [matrices * np.outer(scale, scale) for matrices, (_, scale) in zip(parameters.covariances, scales, strict=True)]
     return Parameters(parameters.priors, means, covariances)
 
 
-def best_fit(blocks: list[np.ndarray], weights: np.ndarray, start, settings: Settings, n_starts: int, least_scales=None) -> Fit:
+def best_fit(
+    blocks: list[np.ndarray],
+    weights: np.ndarray,
+    start: Start,
+    settings: Settings,
+    n_starts: int,
+    least_scales: Sequence[ArrayLike] | None = None,
+) -> Fit:
     """The most likely of n_starts EM runs, the first of equals; from given parameters there is only one run."""
     n_starts = 1 if isinstance(start, Parameters) else n_starts
     fits = [expectation_maximisation(blocks, weights, start, settings, least_scales) for _ in range(n_starts)]

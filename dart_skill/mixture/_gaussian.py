@@ -108,7 +108,9 @@ def raise_to_floor(covariances: np.ndarray, floor: float) -> np.ndarray:
         return symmetric(raised)
 
 
-def product_of_two(mean1, covariance1, mean2, covariance2):
+def product_of_two(
+    mean1: np.ndarray, covariance1: np.ndarray, mean2: np.ndarray, covariance2: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(3.8) for stacks: mean, covariance and log constant N(mu1; mu2, S1 + S2).
 
     The gain S1 (S1 + S2)^-1 needs the inverse of the sum only. So one of the two covariances may be singular.
@@ -150,7 +152,7 @@ class Gaussian:
     mean: np.ndarray
     covariance: np.ndarray
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         mean = as_vector(self.mean, "mean")
         if mean.size == 0:
             raise ValueError("mean is empty; a Gaussian has at least one dimension")
@@ -219,7 +221,8 @@ def linear_combination(gaussians: Sequence[Gaussian], matrices: Sequence[ArrayLi
     if len({term.n_dims for term in terms}) > 1:
         raise ValueError(f"matrices must have equally many rows, got {[term.n_dims for term in terms]}")
     offset = np.zeros(terms[0].n_dims) if offset is None else as_vector(offset, "offset", terms[0].n_dims)
-    return Gaussian(sum(term.mean for term in terms) + offset, sum(term.covariance for term in terms))
+    nothing = np.zeros(())
+    return Gaussian(sum((term.mean for term in terms), nothing) + offset, sum((term.covariance for term in terms), nothing))
 
 
 def product(gaussians: Sequence[Gaussian]) -> tuple[Gaussian, float]:

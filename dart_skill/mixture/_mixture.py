@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_count, as_covariances, as_dims, as_finite, as_learnable, as_number, as_samples, as_vector, as_weights
-from dart_skill.mixture._expectation_maximisation import Parameters, Settings, best_fit, expectation_at, normalise_log
+from dart_skill.mixture._expectation_maximisation import Parameters, Settings, Start, best_fit, expectation_at, normalise_log
 from dart_skill.mixture._gaussian import Gaussian, cholesky, log_determinants, moments, product_of_two, split_dims, square_root
 from dart_skill.mixture._start import kmeans_start
 
@@ -83,7 +83,9 @@ class EMEstimator:
         self.max_iterations = as_count(max_iterations, "max_iterations")
         self.n_starts = as_count(n_starts, "n_starts")
 
-    def _run(self, blocks: list[np.ndarray], weights: np.ndarray, start, least_scales=None) -> Parameters:
+    def _run(
+        self, blocks: list[np.ndarray], weights: np.ndarray, start: Start, least_scales: Sequence[ArrayLike] | None = None
+    ) -> Parameters:
         require_enough(int((weights > 0).sum()), self.n_components)
         settings = Settings(self.covariance_floor, self.tolerance, self.max_iterations)
         fit = best_fit(blocks, weights, start, settings, self.n_starts, least_scales)
@@ -155,11 +157,12 @@ class GaussianMixture(EMEstimator):
         self._set(fitted.priors, fitted.means[0], fitted.covariances[0])
         return self
 
-    def _starter(self, n_dims: int, rng: np.random.Generator | None, start: GaussianMixture | None):
+    def _starter(self, n_dims: int, rng: np.random.Generator | None, start: GaussianMixture | None) -> Start:
         if (rng is None) == (start is None):
             raise ValueError("fit needs rng=numpy.random.default_rng(seed) for a random start, or start=mixture, and not both")
-        if start is None:
+        if rng is not None:
             return lambda blocks, mass: kmeans_start(blocks[0], mass, self.n_components, rng)
+        assert start is not None
         if (start.n_dims, len(start.priors_)) != (n_dims, self.n_components):
             raise ValueError(
                 f"start has {len(start.priors_)} components in {start.n_dims} dimensions, needed are {self.n_components} in {n_dims}"

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -48,7 +49,7 @@ def select_by_bic(
     weights: ArrayLike | None = None,
     *,
     rng: np.random.Generator,
-    **options,
+    **options: Any,
 ) -> Selection:
     """Fit a mixture with each number of components to samples (n, d) with weights (n,), and score it by BIC.
 
@@ -69,7 +70,7 @@ def select_by_cross_validation(
     groups: ArrayLike | None = None,
     n_folds: int = 5,
     rng: np.random.Generator,
-    **options,
+    **options: Any,
 ) -> Selection:
     """Score each number of components by the weighted mean of the negative log density of samples that were left out.
 
@@ -115,6 +116,8 @@ def _folds(groups: np.ndarray, n_folds: int, rng: np.random.Generator) -> np.nda
     return (rng.permutation(len(labels)) % n_folds)[members.ravel()]
 
 
-def _left_out_score(samples, weights, left_out: np.ndarray, n_components: int, rng: np.random.Generator, options: dict) -> float:
+def _left_out_score(
+    samples: np.ndarray, weights: np.ndarray, left_out: np.ndarray, n_components: int, rng: np.random.Generator, options: dict
+) -> float:
     mixture = GaussianMixture(int(n_components), **options).fit(samples[~left_out], weights[~left_out], rng=rng)
     return float(-np.average(mixture.log_density(samples[left_out]), weights=weights[left_out]))

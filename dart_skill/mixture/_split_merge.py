@@ -12,6 +12,7 @@ covariances (c, k, d, d).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +25,16 @@ HALF_WAY = float(np.sqrt(0.75))
 
 Components = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Priors, means and covariances."""
+
+
+class Adaptation(NamedTuple):
+    """What one round of split and merge made of components; the other fields are those of `Adapted`."""
+
+    components: Components
+    split: int | None
+    merged: tuple[int, int] | None
+    split_gain: float
+    merge_loss: float
 
 
 @dataclass(frozen=True)
@@ -54,7 +65,7 @@ class SplitMerge:
     refine: int = 0
     covariance_floor: float = 1e-6
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("split_threshold", "merge_threshold"):
             as_number(getattr(self, name), name, strict=False)
         as_count(self.n_axes, "n_axes")
@@ -93,7 +104,7 @@ def split(mixture: GaussianMixture, index: int, axis: int = 0, rule: SplitMerge 
     _require_below(index, "index", n_components)
     _require_below(axis, "axis", n_dims)
     candidates = split_candidates(_components(mixture), rule or SplitMerge(), as_count(axis, "axis", 0) + 1)
-    return _mixture(tuple(part[axis * n_components + index] for part in candidates))
+    return _mixture(_candidate(candidates, axis * n_components + index))
 
 
 def split_and_merge(
@@ -105,22 +116,25 @@ def split_and_merge(
     """
     samples = as_samples(samples, "samples", mixture.n_dims)
     weights = as_weights(weights, len(samples))
-    components, *what = adapt(_components(mixture), samples, weights, rule or SplitMerge())
-    return Adapted(_mixture(components), *what)
+    adapted = adapt(_components(mixture), samples, weights, rule or SplitMerge())
+    return Adapted(_mixture(adapted.components), *adapted[1:])
 
 
-def adapt(components: Components, samples: np.ndarray, weights: np.ndarray, rule: SplitMerge, most: int | None = None):
-    """`split_and_merge` on arrays that have been checked, up to `most` components: the components, then the other fields of `Adapted`."""
+def adapt(components: Components, samples: np.ndarray, weights: np.ndarray, rule: SplitMerge, most: int | None = None) -> Adaptation:
+    """`split_and_merge` on arrays that have been checked, up to `most` components."""
     weights = weights / weights.sum() if rule.normalise else weights
-    split_one, merged, merge_loss, split_gain = None, None, np.inf, -np.inf
+    split_one: int | None = None
+    merged: tuple[int, int] | None = None
+    merge_loss, split_gain = np.inf, -np.inf
     n_components = len(components[0])
-    present = _judged(tuple(part[None] for part in components), samples, weights, rule)[1][0]
+    priors, means, covariances = components
+    present = _judged((priors[None], means[None], covariances[None]), samples, weights, rule)[1][0]
     if most is None or n_components < most:
         candidates, likelihoods = _judged(split_candidates(components, rule, rule.n_axes), samples, weights, rule)
         best = int(likelihoods.argmax())
         split_gain = float(likelihoods[best] - present)
         if split_gain > rule.split_threshold:
-            components, present = tuple(part[best] for part in candidates), likelihoods[best]
+            components, present = _candidate(candidates, best), likelihoods[best]
             split_one = best % n_components
     if len(components[0]) > 1:
         pairs = np.stack(np.triu_indices(len(components[0]), 1), axis=1)
@@ -128,8 +142,14 @@ def adapt(components: Components, samples: np.ndarray, weights: np.ndarray, rule
         best = int(likelihoods.argmax())
         merge_loss = float(present - likelihoods[best])
         if merge_loss < rule.merge_threshold:
-            components, merged = tuple(part[best] for part in candidates), tuple(pairs[best].tolist())
-    return components, split_one, merged, split_gain, merge_loss
+            first, second = pairs[best].tolist()
+            components, merged = _candidate(candidates, best), (first, second)
+    return Adaptation(components, split_one, merged, split_gain, merge_loss)
+
+
+def _candidate(candidates: Components, index: int) -> Components:
+    priors, means, covariances = candidates
+    return priors[index], means[index], covariances[index]
 
 
 def split_candidates(components: Components, rule: SplitMerge, n_axes: int) -> Components:
@@ -145,10 +165,10 @@ def split_candidates(components: Components, rule: SplitMerge, n_axes: int) -> C
         tiled = np.repeat(part[None], len(where), axis=0)
         tiled[where, which] = one
         parts.append(np.concatenate([tiled, other[:, None]], axis=1))
-    return tuple(parts)
+    return parts[0], parts[1], parts[2]
 
 
-def _halves(priors, means, covariances, rule: SplitMerge, n_axes: int) -> tuple[Components, Components]:
+def _halves(priors: np.ndarray, means: np.ndarray, covariances: np.ndarray, rule: SplitMerge, n_axes: int) -> tuple[Components, Components]:
     """The two parts into which each component would be split, axis by axis: (n_axes k, ...) each."""
     variances, axes = np.linalg.eigh(covariances)
     # a = sqrt(lambda) v (n_axes, k, d), the longest first.
@@ -163,7 +183,7 @@ def _halves(priors, means, covariances, rule: SplitMerge, n_axes: int) -> tuple[
     return _flat(first, along.shape), _flat(second, along.shape)
 
 
-def _flat(parts, shape: tuple[int, int, int]) -> Components:
+def _flat(parts: Components, shape: tuple[int, int, int]) -> Components:
     """Parts with leading axes (n_axes, k), or (k,) for the priors, as (n_axes k, ...)."""
     n_axes, n_components, d = shape
     return np.tile(parts[0], n_axes), parts[1].reshape(-1, d), parts[2].reshape(-1, d, d)

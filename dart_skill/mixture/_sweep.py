@@ -180,11 +180,14 @@ class Sweep:
         """E step, and the sums of the M step that follows."""
         parts = zip(self.blocks, components, strict=True)
         loss = np.finfo(float).eps * max(block.reach * one.largest_precision for block, one in parts)
-        return (self._by_products if loss <= LARGEST_LOSS else self._by_deviations)(np.log(priors), components)
+        if loss <= LARGEST_LOSS:
+            return self._by_products(np.log(priors), components)
+        return self._by_deviations(np.log(priors), components)
 
     def maximise(self, sums: Sums) -> list[Components]:
         """M step; no component may have a total count of zero."""
-        return [block.maximise(*one) for block, *one in zip(self.blocks, sums.origins, sums.products, strict=True)]
+        parts = zip(self.blocks, sums.origins, sums.products, strict=True)
+        return [block.maximise(origin, products) for block, origin, products in parts]
 
     def _by_products(self, log_priors: np.ndarray, components: list[Components]) -> Sums:
         parts = [block.coefficients(one) for block, one in zip(self.blocks, components, strict=True)]
@@ -204,16 +207,17 @@ class Sweep:
         parts = list(zip(self.blocks, components, strict=True))
         for span in self.spans:
             deviations = [block.deviations(one, span) for block, one in parts]
-            counts = sum(block.log_densities(*one) for block, *one in zip(self.blocks, components, deviations, strict=True))
+            terms = [block.log_densities(one, deviation) for (block, one), deviation in zip(parts, deviations, strict=True)]
+            counts = sum(terms, np.zeros(()))
             counts += log_priors[:, None]
             log_density[span] = to_counts(counts, self.weights[span])
             mass += counts.sum(1)
-            for square, one in zip(squares, deviations, strict=True):
-                square += (one * counts[:, None, :]) @ np.swapaxes(one, 1, 2)
+            for square, deviation in zip(squares, deviations, strict=True):
+                square += (deviation * counts[:, None, :]) @ np.swapaxes(deviation, 1, 2)
         return Sums(mass, log_density, [one.means for one in components], squares)
 
 
-def to_counts(log_values: np.ndarray, weights: np.ndarray) -> np.ndarray:
+def to_counts(log_values: np.ndarray, weights: np.ndarray | float) -> np.ndarray:
     """Turn logs of prior times density (K, n) into counts (responsibilities times weights), in place.
 
     Returns the log density (n,) of the mixture.

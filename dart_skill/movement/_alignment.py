@@ -85,7 +85,7 @@ def check_alignment(
     return [_judged(i, clocks, paths, curves, tasks, grid, usual, shifts, largest_deviation, largest_lag) for i in range(n)]
 
 
-def _checked(times, positions) -> tuple[list[np.ndarray], list[np.ndarray]]:
+def _checked(times: Sequence[ArrayLike], positions: Sequence[ArrayLike]) -> tuple[list[np.ndarray], list[np.ndarray]]:
     if len(times) != len(positions) or len(times) < 4:
         raise ValueError(f"at least 4 demonstrations with a clock each are needed, got {len(positions)} and {len(times)} clocks")
     paths = [as_samples(path, f"positions of demonstration {i}") for i, path in enumerate(positions)]
@@ -121,7 +121,18 @@ def _robust_intercept(design: np.ndarray, values: np.ndarray, rounds: int = 5) -
     return solution[0]
 
 
-def _judged(i, clocks, paths, curves, tasks, grid, usual, shifts, largest_deviation, largest_lag) -> Fit:
+def _judged(
+    i: int,
+    clocks: list[np.ndarray],
+    paths: list[np.ndarray],
+    curves: np.ndarray,
+    tasks: np.ndarray,
+    grid: np.ndarray,
+    usual: np.ndarray,
+    shifts: np.ndarray,
+    largest_deviation: float,
+    largest_lag: float,
+) -> Fit:
     wanted = _prediction(curves, tasks, i)
 
     def deviation(shift: float) -> float:

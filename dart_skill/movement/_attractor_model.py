@@ -4,14 +4,14 @@ task-parameterised mixture that is fitted by EM or with one component in each in
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_count, as_finite, as_number
 from dart_skill.movement._attractor import as_gains, critical_damping
-from dart_skill.movement._placement import FrameCourse
+from dart_skill.movement._placement import Frames, Samples, Weights
 from dart_skill.movement._task_parameterised import TaskParameterisedMixture
 from dart_skill.movement._time import as_stamps
 
@@ -32,8 +32,8 @@ class AttractorModel:
         n_inputs: int = 0,
         partition: str = "em",
         overlap: float = 0.7,
-        **mixture_options,
-    ):
+        **mixture_options: Any,
+    ) -> None:
         if partition not in PARTITIONS:
             raise ValueError(f"partition must be one of {PARTITIONS}, got {partition!r}")
         self.stiffness = as_gains(stiffness, None, "stiffness", strict=True)
@@ -44,9 +44,9 @@ class AttractorModel:
 
     def _learn(
         self,
-        samples: Sequence[ArrayLike],
-        frames: Sequence[Sequence[FrameCourse]],
-        weights: Sequence | None,
+        samples: Samples,
+        frames: Frames,
+        weights: Weights,
         rng: np.random.Generator | None,
     ) -> None:
         """Fit the mixture to features (n_i, m) of each demonstration."""

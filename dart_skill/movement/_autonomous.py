@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,6 +30,7 @@ from dart_skill.mixture import GaussianMixture, regress
 from dart_skill.movement._attractor import attractor_from_motion, discretise
 from dart_skill.movement._attractor_model import AttractorModel
 from dart_skill.movement._frames import TaskFrame
+from dart_skill.movement._placement import Weights
 from dart_skill.movement._time import as_stamps, uniform_step
 
 UNKNOWN_PACE = 1.0
@@ -69,7 +71,7 @@ class PhaseRule:
     time_constant: float = 0.05
     deviation: float = 0.05
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("slowest", "fastest", "time_constant", "deviation"):
             as_number(getattr(self, name), name)
         if not self.slowest < 1.0 < self.fastest:
@@ -101,8 +103,8 @@ class AutonomousDSGMR(AttractorModel):
         n_inputs: int = 0,
         partition: str = "em",
         overlap: float = 0.7,
-        **mixture_options,
-    ):
+        **mixture_options: Any,
+    ) -> None:
         super().__init__(n_components, stiffness, damping, n_inputs=n_inputs, partition=partition, overlap=overlap, **mixture_options)
         self.rule = rule or PhaseRule()
 
@@ -111,7 +113,7 @@ class AutonomousDSGMR(AttractorModel):
         times: Sequence[ArrayLike],
         motions: Sequence[Sequence[ArrayLike]],
         frames: Sequence[Sequence[TaskFrame]],
-        weights: Sequence | None = None,
+        weights: Weights = None,
         *,
         attractors: Sequence[ArrayLike] | None = None,
         inputs: Sequence[ArrayLike] | None = None,
@@ -144,7 +146,8 @@ class AutonomousDSGMR(AttractorModel):
         if attractor is None:
             if len(motion) != 3:
                 raise ValueError(f"a motion must hold position, velocity and acceleration, got {len(motion)} parts; or give its attractor")
-            attractor = attractor_from_motion(*motion, self.stiffness, self.damping)
+            position, velocity, acceleration = motion
+            attractor = attractor_from_motion(position, velocity, acceleration, self.stiffness, self.damping)
         attractor = as_samples(attractor, "attractor")
         position = as_samples(motion[0], "position", attractor.shape[1])
         velocity = as_samples(motion[1], "velocity", attractor.shape[1])
@@ -178,7 +181,8 @@ class AutonomousDSGMR(AttractorModel):
         """
         mixture = self.product(frames)
         if phase is None:
-            phase = np.linspace(*self._ends, as_count(resolution, "resolution", 10))
+            first, last = self._ends
+            phase = np.linspace(first, last, as_count(resolution, "resolution", 10))
         phase = as_stamps(phase, minimum=2)
         uniform_step(phase)  # or a ValueError
         queries = self._with_inputs(phase, inputs)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,7 +26,14 @@ class Demonstration(NamedTuple):
     weights: np.ndarray
 
 
-def as_demonstrations(time, position, velocity, acceleration, weights, noise) -> list[Demonstration]:
+def as_demonstrations(
+    time: ArrayLike,
+    position: ArrayLike,
+    velocity: ArrayLike | None,
+    acceleration: ArrayLike | None,
+    weights: ArrayLike | None,
+    noise: ArrayLike | None,
+) -> list[Demonstration]:
     """Checked demonstrations, without those of weight zero.
 
     The input is one demonstration, time (n,) and position (n, d), or sequences with an entry for each demonstration.
@@ -49,7 +57,14 @@ def shares(demonstrations: list[Demonstration]) -> np.ndarray:
     return weights / weights.sum()
 
 
-def _as_several(time, position, velocity, acceleration, weights, noise) -> list[Demonstration]:
+def _as_several(
+    time: ArrayLike,
+    position: Sequence[ArrayLike],
+    velocity: ArrayLike | None,
+    acceleration: ArrayLike | None,
+    weights: ArrayLike | None,
+    noise: np.ndarray | None,
+) -> list[Demonstration]:
     named = [("time", time), ("velocity", velocity), ("acceleration", acceleration), ("weights", weights)]
     columns = [_per_demonstration(name, value, len(position)) for name, value in named]
     several = [
@@ -62,7 +77,7 @@ def _as_several(time, position, velocity, acceleration, weights, noise) -> list[
     return several
 
 
-def _are_several(position) -> bool:
+def _are_several(position: ArrayLike) -> TypeGuard[Sequence[ArrayLike]]:
     if isinstance(position, np.ndarray):
         return position.ndim == 3 and len(position) > 0
     try:
@@ -71,7 +86,7 @@ def _are_several(position) -> bool:
         return False
 
 
-def _per_demonstration(name: str, value, count: int):
+def _per_demonstration(name: str, value: Any, count: int) -> Sequence[Any]:
     if value is None:
         return [None] * count
     if not hasattr(value, "__len__") or len(value) != count:
@@ -79,7 +94,15 @@ def _per_demonstration(name: str, value, count: int):
     return value
 
 
-def _as_demonstration(time, position, velocity, acceleration, weights, noise, place: str) -> Demonstration:
+def _as_demonstration(
+    time: ArrayLike,
+    position: ArrayLike,
+    velocity: ArrayLike | None,
+    acceleration: ArrayLike | None,
+    weights: ArrayLike | None,
+    noise: np.ndarray | None,
+    place: str,
+) -> Demonstration:
     position = as_samples(position, f"position{place}")
     try:
         time = as_stamps(time, len(position), 2)
@@ -88,12 +111,12 @@ def _as_demonstration(time, position, velocity, acceleration, weights, noise, pl
     shape = position.shape
     velocity = _like_position(velocity, shape, f"velocity{place}")
     acceleration = _like_position(acceleration, shape, f"acceleration{place}")
-    time = time - time[0]
-    motion = complete(time, position, velocity, acceleration, noise)
-    return Demonstration(time, motion, _as_sample_weights(weights, len(time), f"weights{place}"))
+    elapsed: np.ndarray = time - time[0]
+    motion = complete(elapsed, position, velocity, acceleration, noise)
+    return Demonstration(elapsed, motion, _as_sample_weights(weights, len(elapsed), f"weights{place}"))
 
 
-def _as_sample_weights(weights, n_samples: int, name: str) -> np.ndarray:
+def _as_sample_weights(weights: ArrayLike | None, n_samples: int, name: str) -> np.ndarray:
     """One weight for the demonstration or one per sample, as (n_samples,)."""
     weights = as_finite(1.0 if weights is None else weights, name)
     if weights.shape not in ((), (n_samples,)):
@@ -112,7 +135,13 @@ def _like_position(value: ArrayLike | None, shape: tuple[int, int], name: str) -
     return value
 
 
-def complete(time, position, velocity=None, acceleration=None, noise=None) -> Motion:
+def complete(
+    time: np.ndarray,
+    position: np.ndarray,
+    velocity: np.ndarray | None = None,
+    acceleration: np.ndarray | None = None,
+    noise: np.ndarray | None = None,
+) -> Motion:
     """Motion (n, d) in which missing derivatives are computed.
 
     A recorded velocity is differentiated by differences. Positions alone are differentiated by differences if they are

@@ -69,7 +69,7 @@ def smooth_derivatives(
     rest = samples - trend
     risk = smoother.risk(rest / np.where(levels > 0, levels, 1.0)) if levels.any() else None
     for group in groups:
-        penalty = _best_penalty(risk[:, group]) if levels[group[0]] > 0 else 0.0
+        penalty = _best_penalty(risk[:, group]) if risk is not None and levels[group[0]] > 0 else 0.0
         coefficients[:, group] += basis.fit(rest[:, group], penalty)
     return Motion(*(basis.evaluate(coefficients, (at - time[0]) / interval, order) / interval**order for order in range(3)))
 
@@ -82,7 +82,7 @@ def _within(at: np.ndarray, time: np.ndarray) -> np.ndarray:
     return np.clip(at, time[0], time[-1])
 
 
-def _noise_levels(time, samples, noise):
+def _noise_levels(time: np.ndarray, samples: np.ndarray, noise: ArrayLike | None) -> tuple[np.ndarray, list[np.ndarray]]:
     """Noise per column (d,) and the groups of columns that share one penalty."""
     n_dims = samples.shape[1]
     level = estimate_noise(time, samples) if noise is None else as_finite(noise, "noise")
@@ -123,7 +123,7 @@ class _Smoother:
     def risk(self, samples: np.ndarray) -> np.ndarray:
         """Estimated risk (n_penalties, d) of samples (n, d) with noise of standard deviation 1, up to a constant."""
         parts = np.array_split(samples, len(self._windows))
-        return sum(window.risk(part) for window, part in zip(self._windows, parts, strict=True))
+        return sum((window.risk(part) for window, part in zip(self._windows, parts, strict=True)), np.zeros(()))
 
 
 def _smoother_at(stamps: np.ndarray) -> _Smoother:

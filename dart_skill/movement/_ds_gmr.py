@@ -18,7 +18,7 @@ from dart_skill.mixture import GaussianMixture
 from dart_skill.movement._attractor import attractor_from_motion, follow_attractor
 from dart_skill.movement._attractor_model import AttractorModel
 from dart_skill.movement._differentiation import smooth_derivatives
-from dart_skill.movement._placement import Frame, FrameCourse
+from dart_skill.movement._placement import Frame, FrameCourse, Weights
 from dart_skill.movement._task_parameterised import TaskParameterisedMixture
 from dart_skill.movement._time import as_stamps, uniform_step
 
@@ -102,7 +102,7 @@ class DSGMR(AttractorModel):
         self,
         attractors: Sequence[ArrayLike],
         frames: Sequence[Sequence[FrameCourse]],
-        weights: Sequence | None = None,
+        weights: Weights = None,
         *,
         rng: np.random.Generator | None = None,
     ) -> DSGMR:

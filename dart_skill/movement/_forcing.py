@@ -64,6 +64,9 @@ class PeriodicKernels:
         return np.exp(exponent, out=exponent)
 
 
+Kernels = GaussianKernels | PeriodicKernels
+
+
 def _rows(second: np.ndarray, third: np.ndarray) -> np.ndarray:
     """Columns 1, second and third as one array (n, 3); np.stack would be too slow for online steps."""
     columns = np.empty((3, len(second)))

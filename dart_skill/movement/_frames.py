@@ -31,7 +31,7 @@ class TaskFrame:
     A: np.ndarray
     b: np.ndarray
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         matrix = as_samples(self.A, "A")
         if matrix.shape[0] != matrix.shape[1]:
             raise ValueError(f"A must be square, got shape {matrix.shape}")

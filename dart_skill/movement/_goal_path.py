@@ -3,7 +3,11 @@
 A spring-damper that is pulled by this attractor follows the path.
 """
 
+from typing import TypeVar
+
 import numpy as np
+
+Number = TypeVar("Number", float, np.ndarray)
 
 # The blend is s^5 times this polynomial, lowest power first: its first four derivatives are zero at s = 0 and s = 1.
 BLEND = [126.0, -420.0, 540.0, -315.0, 70.0]
@@ -35,7 +39,7 @@ class BlendAttractor:
         return _polynomial(np.clip(progress, 0.0, 1.0), 3, self._coefficients)
 
 
-def _polynomial(s: float | np.ndarray, power: int, coefficients: list[float]) -> float | np.ndarray:
+def _polynomial(s: Number, power: int, coefficients: list[float]) -> Number:
     """s^power (c_0 + c_1 s + ...) by Horner's rule."""
     value = coefficients[-1] * s
     for coefficient in coefficients[-2:0:-1]:

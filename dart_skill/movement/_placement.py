@@ -30,7 +30,7 @@ class PartialFrame:
     A: np.ndarray
     b: np.ndarray
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         matrix = as_samples(self.A, "A")
         lengths = np.linalg.norm(matrix, axis=0)
         if lengths.min() == 0 or np.linalg.matrix_rank(matrix / lengths) < matrix.shape[1]:
@@ -47,6 +47,12 @@ class PartialFrame:
 Frame = TaskFrame | PartialFrame
 FrameCourse = Frame | Sequence[Frame | None] | None
 """A frame during a demonstration: one for the whole of it, or one for each sample; None where it is missing."""
+Samples = Sequence[ArrayLike]
+"""(n_i, m) of each demonstration."""
+Frames = Sequence[Sequence[FrameCourse]]
+"""P frames for each demonstration."""
+Weights = Sequence[ArrayLike] | np.ndarray | None
+"""One number for each demonstration, or one array (n_i,) for each; None if all samples count alike."""
 
 
 def invert(matrices: np.ndarray) -> np.ndarray:
@@ -155,21 +161,21 @@ class TaskSamples:
     lengths: list[int]
 
     @classmethod
-    def of(cls, samples: Sequence[ArrayLike], frames: Sequence[Sequence[FrameCourse]], n_dims: Sequence[int] | None = None) -> TaskSamples:
+    def of(cls, samples: Samples, frames: Frames, n_dims: Sequence[int] | None = None) -> TaskSamples:
         """From samples (n_i, m) and P frames for each demonstration, checked; n_dims (P,): number of directions of each frame."""
         if len(samples) == 0 or len(samples) != len(frames):
             raise ValueError(f"one list of frames per demonstration is needed, got {len(frames)} for {len(samples)}")
-        samples = [as_learnable(one, f"samples of demonstration {i}") for i, one in enumerate(samples)]
-        for i, one in enumerate(samples):
-            if one.shape[1] != samples[0].shape[1]:
-                raise ValueError(f"demonstration {i} has {one.shape[1]} columns, the first has {samples[0].shape[1]}")
-        lengths = [len(one) for one in samples]
-        placements = _as_placements(frames, lengths, samples[0].shape[1], n_dims)
+        worlds = [as_learnable(one, f"samples of demonstration {i}") for i, one in enumerate(samples)]
+        for i, world in enumerate(worlds):
+            if world.shape[1] != worlds[0].shape[1]:
+                raise ValueError(f"demonstration {i} has {world.shape[1]} columns, the first has {worlds[0].shape[1]}")
+        lengths = [len(world) for world in worlds]
+        placements = _as_placements(frames, lengths, worlds[0].shape[1], n_dims)
         unseen = ~np.any([placement.seen for placement in placements], axis=0)
         if unseen.any():
             i, row = _locate(int(unseen.argmax()), lengths)
             raise ValueError(f"sample {row} of demonstration {i} is seen by no task frame; leave it out or give a frame")
-        return cls(np.concatenate(samples), placements, lengths)
+        return cls(np.concatenate(worlds), placements, lengths)
 
     def only(self, kept: np.ndarray) -> TaskSamples:
         """The samples of the mask kept (n,); each frame must be present in some of them."""
@@ -197,19 +203,18 @@ def _locate(sample: int, lengths: list[int]) -> tuple[int, int]:
     return i, sample - sum(lengths[:i])
 
 
-def _as_placements(
-    frames: Sequence[Sequence[FrameCourse]], lengths: list[int], n_features: int, n_dims: Sequence[int] | None
-) -> list[Placement]:
+def _as_placements(frames: Frames, lengths: list[int], n_features: int, n_dims: Sequence[int] | None) -> list[Placement]:
     """Placement of each of the P frames; lengths: number of samples of each demonstration."""
     n_frames = len(frames[0]) if n_dims is None else len(n_dims)
     for i, its_frames in enumerate(frames):
         _require_count(its_frames, n_frames, f"demonstration {i}")
-    wanted = [None] * n_frames if n_dims is None else n_dims
+    wanted: Sequence[int | None] = [None] * n_frames if n_dims is None else n_dims
     return [_as_placement(j, [its_frames[j] for its_frames in frames], lengths, n_features, wanted[j]) for j in range(n_frames)]
 
 
 def _as_placement(j: int, courses: list[FrameCourse], lengths: list[int], n_features: int, n_dims: int | None) -> Placement:
-    frames, place = [], []
+    frames: list[Frame] = []
+    place: list[np.ndarray] = []
     for i, (course, length) in enumerate(zip(courses, lengths, strict=True)):
         course = _as_frames(course, length, f"task frame {j} of demonstration {i}", n_features)
         there = np.array([frame is not None for frame in course])

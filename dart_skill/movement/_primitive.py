@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from copy import copy
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from dart_skill.checks import as_finite, as_number, as_vector
 from dart_skill.movement._demonstrations import Demonstration
 from dart_skill.movement._differentiation import Motion
-from dart_skill.movement._forcing import REGRESSIONS, normalised, transformation
+from dart_skill.movement._forcing import REGRESSIONS, Kernels, normalised, transformation
 from dart_skill.movement._runge_kutta import divide, integrate
 from dart_skill.movement._time import as_stamps
 
@@ -75,6 +75,9 @@ class Clock(NamedTuple):
     change: float | np.ndarray
 
 
+AnyPrimitive = TypeVar("AnyPrimitive", bound="Primitive")
+
+
 class Primitive:
     """Base of both kinds. A subclass has `fit`, `begin` and `step`.
 
@@ -82,7 +85,9 @@ class Primitive:
     and goal (1).
     """
 
-    def __init__(self, kernels, n_basis: int, stiffness: float, regression: str):
+    weights_: np.ndarray
+
+    def __init__(self, kernels: Kernels, n_basis: int, stiffness: float, regression: str) -> None:
         if regression not in REGRESSIONS:
             raise ValueError(f"regression must be one of {sorted(REGRESSIONS)}, got {regression!r}")
         self.n_basis, self.regression = n_basis, regression
@@ -92,6 +97,16 @@ class Primitive:
         self._kernels = kernels
         # Longer steps are subdivided, to at most half a time constant of the spring and half the distance of two kernels.
         self._max_step = 0.5 / max(self._frequency, n_basis)
+
+    def begin(self) -> PrimitiveState:
+        """State at the start of the movement, as demonstrated."""
+        raise NotImplementedError
+
+    def _gate(self, progress: np.ndarray) -> np.ndarray:
+        raise NotImplementedError
+
+    def _goal_path(self, progress: np.ndarray) -> np.ndarray:
+        raise NotImplementedError
 
     @property
     def n_dims(self) -> int:
@@ -103,7 +118,7 @@ class Primitive:
         """theta of (7.10) as one vector (n_basis * d,), kernel by kernel; a copy."""
         return self._fitted().weights_.ravel().copy()
 
-    def with_parameters(self, parameters: ArrayLike):
+    def with_parameters(self: AnyPrimitive, parameters: ArrayLike) -> AnyPrimitive:
         """A copy of this primitive with other parameters (n_basis * d,); for the search of (7.14)-(7.17)."""
         other = copy(self._fitted())
         other.weights_ = as_vector(parameters, "parameters", self.weights_.size).reshape(self.weights_.shape)
@@ -126,16 +141,16 @@ class Primitive:
         period).
         """
         state = self.begin() if state is None else self._as_state(state)
-        times = self._as_times(times, state.wanted.duration)
-        clock = self._clock(state, (times - times[0])[:, None], 1.0)
-        return Trajectory(times, *_timed(clock, *self._follow(state, clock.made[:, 0], None)))
+        stamps = self._as_times(times, state.wanted.duration)
+        clock = self._clock(state, (stamps - stamps[0])[:, None], 1.0)
+        return Trajectory(stamps, *_timed(clock, *self._follow(state, np.asarray(clock.made)[:, 0], None)))
 
-    def _fitted(self):
+    def _fitted(self: AnyPrimitive) -> AnyPrimitive:
         if not hasattr(self, "weights_"):
             raise ValueError(f"this {type(self).__name__} holds no weights yet; call fit first")
         return self
 
-    def _learn(self, demonstrations: list[Demonstration], starts, goals, durations) -> None:
+    def _learn(self, demonstrations: list[Demonstration], starts: np.ndarray, goals: np.ndarray, durations: np.ndarray) -> None:
         """Weights from all demonstrations by (7.12), then (7.13) or its joint form."""
         executions = list(zip(demonstrations, starts, goals, durations, strict=True))
         progress = np.concatenate([demo.time / duration for demo, _, _, duration in executions])
@@ -165,8 +180,8 @@ class Primitive:
         nodes = np.array([0.0, clock.made]) if dt else np.zeros(1)
         position, velocity, acceleration = _timed(clock, *(rows[-1] for rows in self._follow(state, nodes, push)))
         goal, amplitude = self._settled(state, clock.made)
-        progress = self._wrapped(state.progress + clock.made)
-        return PrimitiveState(position, velocity, acceleration, progress, clock.pace, goal, amplitude, state.wanted)
+        progress = self._wrapped(state.progress + float(clock.made))
+        return PrimitiveState(position, velocity, acceleration, progress, float(clock.pace), goal, amplitude, state.wanted)
 
     def _clock(self, state: PrimitiveState, elapsed: float | np.ndarray, share: float) -> Clock:
         """Progress and pace after so many seconds: the pace approaches a share of the wanted one."""
@@ -198,7 +213,9 @@ class Primitive:
         lag = _exp(-self._frequency * made)
         return wanted.goal + lag * (state.goal - wanted.goal), wanted.amplitude + lag * (state.amplitude - wanted.amplitude)
 
-    def _advance(self, state: PrimitiveState, dt: float, coupling, tracking_error, tolerance) -> PrimitiveState:
+    def _advance(
+        self, state: PrimitiveState, dt: float, coupling: ArrayLike | None, tracking_error: ArrayLike | None, tolerance: float
+    ) -> PrimitiveState:
         push = None if coupling is None else as_vector(coupling, "coupling", self.n_dims)
         share = 1.0
         if tracking_error is not None:
@@ -206,7 +223,9 @@ class Primitive:
             share = max(1.0 / (1.0 + error * error), MIN_SHARE)
         return self._after(state, as_number(dt, "dt"), share, push)
 
-    def _with_wishes(self, state: PrimitiveState, goal, duration, amplitude, names: tuple[str, str]) -> PrimitiveState:
+    def _with_wishes(
+        self, state: PrimitiveState, goal: ArrayLike | None, duration: float | None, amplitude: ArrayLike | None, names: tuple[str, str]
+    ) -> PrimitiveState:
         """The state with new wanted values from now on; names: of goal and duration, for error messages."""
         wanted = self._as_state(state).wanted
         if goal is None and duration is None and amplitude is None:

@@ -92,7 +92,7 @@ class VelocityThreshold:
     settle: float = 0.1
     window: float = 0.07
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("start", "stop", "window"):
             as_number(getattr(self, name), name)
         for name in ("min_duration", "max_pause", "run_up", "settle"):

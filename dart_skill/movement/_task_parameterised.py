@@ -12,7 +12,7 @@ frame sees. A frame that is missing is no factor of the product, in learning as 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -38,7 +38,7 @@ from dart_skill.mixture import (
     symmetric,
 )
 from dart_skill.movement._frames import TaskFrame
-from dart_skill.movement._placement import FrameCourse, PartialFrame, Situation, TaskSamples
+from dart_skill.movement._placement import FrameCourse, Frames, PartialFrame, Samples, Situation, TaskSamples, Weights
 
 __all__ = ["PartialFrame", "TaskParameterisedMixture"]
 
@@ -49,7 +49,7 @@ LEAST_SHARE = 1e-2
 LEAST_PIVOT = 1e-12
 
 
-def as_sample_weights(weights: Sequence | None, lengths: list[int]) -> np.ndarray:
+def as_sample_weights(weights: Weights, lengths: list[int]) -> np.ndarray:
     """Weights of all samples in a row, from None, one number per demonstration, or one array (n_i,) per
     demonstration.
     """
@@ -131,16 +131,16 @@ class TaskParameterisedMixture(EMEstimator):
         priors, n_components = checked_priors(priors), len(priors)
         if len(means) == 0 or len(means) != len(covariances):
             raise ValueError(f"means and covariances must be given for each of P >= 1 frames, got {len(means)} and {len(covariances)}")
-        means = [as_samples(mean, f"means of frame {j}") for j, mean in enumerate(means)]
-        for j, mean in enumerate(means):
+        centres = [as_samples(mean, f"means of frame {j}") for j, mean in enumerate(means)]
+        for j, mean in enumerate(centres):
             if len(mean) != n_components:
                 raise ValueError(f"means of frame {j} must have shape ({n_components}, d), got {mean.shape}")
-        covariances = [
+        spreads = [
             as_covariances(one, f"covariances of frame {j}", (*mean.shape, mean.shape[1]))
-            for j, (one, mean) in enumerate(zip(covariances, means, strict=True))
+            for j, (one, mean) in enumerate(zip(covariances, centres, strict=True))
         ]
         mixture = cls(n_components)
-        mixture._set(Parameters(priors, means, covariances), max(mean.shape[1] for mean in means))
+        mixture._set(Parameters(priors, centres, spreads), max(mean.shape[1] for mean in centres))
         return mixture
 
     def _set(self, parameters: Parameters, n_features: int) -> None:
@@ -175,9 +175,9 @@ class TaskParameterisedMixture(EMEstimator):
 
     def fit(
         self,
-        samples: Sequence[ArrayLike],
-        frames: Sequence[Sequence[FrameCourse]],
-        weights: Sequence | None = None,
+        samples: Samples,
+        frames: Frames,
+        weights: Weights = None,
         *,
         rng: np.random.Generator | None = None,
     ) -> TaskParameterisedMixture:
@@ -192,16 +192,17 @@ class TaskParameterisedMixture(EMEstimator):
         self._set(fitted, taught.world.shape[1])
         return self
 
-    def _starter(self, time: np.ndarray, rng: np.random.Generator | None):
+    def _starter(self, time: np.ndarray, rng: np.random.Generator | None) -> Callable[[list[np.ndarray], np.ndarray], np.ndarray]:
         if self.start == "kmeans":
+            assert rng is not None  # or `fit` would have complained
             return lambda blocks, weights: kmeans_start(np.nan_to_num(np.hstack(blocks)), weights, self.n_components, rng)
         return lambda blocks, weights: sliced_start(time, weights, self.n_components)
 
     def fit_in_time(
         self,
-        samples: Sequence[ArrayLike],
-        frames: Sequence[Sequence[FrameCourse]],
-        weights: Sequence | None = None,
+        samples: Samples,
+        frames: Frames,
+        weights: Weights = None,
         overlap: float = 0.7,
     ) -> TaskParameterisedMixture:
         """Components at equal intervals of time whose responsibilities depend on time alone: one weighted M step.
@@ -227,15 +228,15 @@ class TaskParameterisedMixture(EMEstimator):
         centres = time.min() + interval * (0.5 + np.arange(self.n_components))
         return normalise_log(-0.5 * np.square((time[:, None] - centres) / (overlap * interval)))[0]
 
-    def responsibilities(self, samples: Sequence[ArrayLike], frames: Sequence[Sequence[FrameCourse]]) -> list[np.ndarray]:
+    def responsibilities(self, samples: Samples, frames: Frames) -> list[np.ndarray]:
         """Per demonstration, (n_i, K) posterior probability of each component."""
         return self._per_demonstration(samples, frames, 0)
 
-    def log_density(self, samples: Sequence[ArrayLike], frames: Sequence[Sequence[FrameCourse]]) -> list[np.ndarray]:
+    def log_density(self, samples: Samples, frames: Frames) -> list[np.ndarray]:
         """Per demonstration, (n_i,) log of the mixture density, a product over the frames that see the sample."""
         return self._per_demonstration(samples, frames, 1)
 
-    def _per_demonstration(self, samples, frames, which: int) -> list[np.ndarray]:
+    def _per_demonstration(self, samples: Samples, frames: Frames, which: int) -> list[np.ndarray]:
         seen = TaskSamples.of(samples, frames, self._dims_of_frames)
         parameters = Parameters(self.priors_, list(self.means_), list(self.covariances_))
         return seen.per_demonstration(expectation_at(seen.world, seen.blocks, parameters)[which])
@@ -247,9 +248,9 @@ class TaskParameterisedMixture(EMEstimator):
 
     def bic(
         self,
-        samples: Sequence[ArrayLike],
-        frames: Sequence[Sequence[FrameCourse]],
-        weights: Sequence | None = None,
+        samples: Samples,
+        frames: Frames,
+        weights: Weights = None,
     ) -> float:
         """Bayesian information criterion, lower is better; the sum of the weights counts as sample number."""
         log_density = self.log_density(samples, frames)
@@ -273,8 +274,9 @@ class TaskParameterisedMixture(EMEstimator):
         features, as `mixture.regress`; a frame that moves is given by a list with one for each of the inputs. If covariance
         is False, None is returned in its place, which saves time.
         """
-        if not any(isinstance(course, Sequence) for course in frames):
-            regression = Regression(self.product(frames), input_dims, output_dims)
+        still = [course for course in frames if not isinstance(course, Sequence)]
+        if len(still) == len(frames):
+            regression = Regression(self.product(still), input_dims, output_dims)
             return regression(inputs) if covariance else (regression.mean(inputs), None)
         inputs = as_samples(inputs, "inputs")
         products = self._products(self._situation(frames, len(inputs)))
@@ -296,14 +298,14 @@ class TaskParameterisedMixture(EMEstimator):
         right += situation.seen[:, :, None, None, None] * (self._whiteners @ self._padded_means[..., None])
         n, p, k, d, m = rows.shape
         equations = np.concatenate([rows, right], axis=-1).swapaxes(1, 2).reshape(n, k, p * d, m + 1)
-        triangle = np.linalg.qr(equations, mode="r")
+        triangle = np.asarray(np.linalg.qr(equations, mode="r"))  # an array; the types of numpy know of Q and R only
         _require_determined(triangle[..., :m, :m])
         root = np.linalg.inv(triangle[..., :m, :m])
         mean = about + (root @ triangle[..., :m, m:])[..., 0]
         return mean, symmetric(root @ np.swapaxes(root, -1, -2))
 
 
-def _with_weight(samples, frames, weights) -> tuple[TaskSamples, np.ndarray]:
+def _with_weight(samples: Samples, frames: Frames, weights: Weights) -> tuple[TaskSamples, np.ndarray]:
     """The samples that have weight, and their weights."""
     taught = TaskSamples.of(samples, frames)
     weights = as_sample_weights(weights, taught.lengths)

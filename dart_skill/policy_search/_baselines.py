@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import importlib
 import warnings
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -122,8 +124,15 @@ class CrossEntropy(VectorSearch):
 
     @classmethod
     def _from_policy_state(cls, state: dict, settings: Settings, rng: np.random.Generator) -> CrossEntropy:
-        options = {"batch": settings.batch, "best": settings.best, "minimum_exploration": settings.minimum_exploration}
-        search = cls(state["start"], state["scale"], rng=rng, smoothing=state["smoothing"], **options)
+        search = cls(
+            state["start"],
+            state["scale"],
+            rng=rng,
+            batch=settings.batch,
+            best=settings.best,
+            smoothing=state["smoothing"],
+            minimum_exploration=settings.minimum_exploration,
+        )
         search._policy.restore(state)
         return search
 
@@ -152,8 +161,8 @@ class RandomRestarts(PoWER):
         restart_below: float = 0.05,
         longest_run: int = 500,
         reach: float = 1.0,
-        **options,
-    ):
+        **options: Any,
+    ) -> None:
         super().__init__(parameters, spread, rng=rng, **options)
         self._origin = self._policy.start.copy()
         self._restart_below = as_number(restart_below, "restart_below", strict=False)
@@ -170,7 +179,9 @@ class RandomRestarts(PoWER):
     @property
     def parameters(self) -> np.ndarray:
         """Mean (d,) of the best run, finished or not."""
-        place, value = max(self._found, key=lambda found: found[1], default=(None, -np.inf))
+        if not self._found:
+            return self._policy.parameters
+        place, value = max(self._found, key=lambda found: found[1])
         return place.copy() if value > self._present_return else self._policy.parameters
 
     def _draw(self) -> tuple[np.ndarray, np.ndarray]:
@@ -313,7 +324,8 @@ class CMAES(VectorSearch):
         self._begin()
 
     def _begin(self) -> None:
-        self._first_state, self._history = self._rng.bit_generator.state, []
+        self._first_state = self._rng.bit_generator.state
+        self._history: list[list[Any]] = []
         options = {"popsize": self.settings.batch, "verbose": -9, "seed": np.nan, "minstd": self.settings.minimum_exploration}
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about plots, and one dimension
@@ -344,8 +356,8 @@ class CMAES(VectorSearch):
 
     @classmethod
     def _from_policy_state(cls, state: dict, settings: Settings, rng: np.random.Generator) -> CMAES:
-        options = {"batch": settings.batch, "minimum_exploration": settings.minimum_exploration}
-        search = cls(state["start"], state["scale"], rng=rng, **options)
+        minimum = settings.minimum_exploration
+        search = cls(state["start"], state["scale"], rng=rng, batch=settings.batch, minimum_exploration=minimum)
         search._rng = _restored_generator(state["first_state"])
         search._begin()
         search._history = list(state["history"])
@@ -369,7 +381,7 @@ class CMAES(VectorSearch):
         return asked
 
 
-def _cma():
+def _cma() -> ModuleType:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about plots

@@ -90,7 +90,7 @@ class Readings:
     bandwidth: float | None = None
     rule: SplitMerge = field(default_factory=lambda: SplitMerge(refine=2))
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name, choices in CHOICES.items():
             if getattr(self, name) not in choices:
                 raise ValueError(f"{name} must be one of {choices}, got {getattr(self, name)!r}")
@@ -233,9 +233,9 @@ class MixturePoWER(Search):
     def _adapt(self, points: np.ndarray, weights: np.ndarray) -> None:
         policy = self._policy
         if self.readings.structure == "split_and_merge":
-            components, split, merged, *_ = adapt(policy.components, points, weights, self._rule, self.readings.most)
-            if split is not None or merged is not None:
-                policy.replace(*components, noisy=False)
+            adapted = adapt(policy.components, points, weights, self._rule, self.readings.most)
+            if adapted.split is not None or adapted.merged is not None:
+                policy.replace(*adapted.components, noisy=False)
         elif self.readings.structure == "spectroscopy":
             groups = data_spectroscopy(points, weights, bandwidth=self.readings.bandwidth)
             if groups.n_groups != self.n_components and groups.n_groups <= self.readings.most:

@@ -54,7 +54,7 @@ class Niche:
     trials: list[tuple[int, np.ndarray, float, float]] = field(default_factory=list)
     visits: list[tuple[float, float, float]] = field(default_factory=list)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         self.centre, self.hessian = np.array(self.centre, dtype=float), np.array(self.hessian, dtype=float)
 
     @property

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_vector
 from dart_skill.policy_search._baselines import VectorSearch
 from dart_skill.policy_search._search import Settings
+
+AnyNicheSearch = TypeVar("AnyNicheSearch", bound="NicheSearch")
 
 
 class NicheSearch(VectorSearch):
@@ -37,7 +41,7 @@ class NicheSearch(VectorSearch):
         }
 
     @classmethod
-    def _from_policy_state(cls, state: dict, settings: Settings, rng: np.random.Generator) -> NicheSearch:
+    def _from_policy_state(cls: type[AnyNicheSearch], state: dict, settings: Settings, rng: np.random.Generator) -> AnyNicheSearch:
         search = cls(state["start"], state["scale"], rng=rng, limits=settings.limits, **state["options"])
         for name in cls.MEMORY:
             setattr(search, f"_{name}", state["memory"][name])

@@ -73,6 +73,8 @@ class Niches(NicheSearch):
     OPTIONS = ("drift", "scouting", "waiting", "most", "clearing", "reach", "optimism", "fading", "repeats")
     MEMORY = ("main", "founded", "level", "clock", "change", "mark", "relief", "purse", "next_scout", "turns", "length")
 
+    _mark: float | None
+
     def __init__(
         self,
         parameters: ArrayLike,
@@ -174,7 +176,7 @@ class Niches(NicheSearch):
         return max(self._best().relative - niche.relative, 0.0)
 
     def _best(self) -> Niche:
-        return self._niche(self._main)
+        return next(one for one in self._niches if one.identity == self._main)
 
     def _niche(self, identity: int) -> Niche | None:
         return next((one for one in self._niches if one.identity == identity), None)

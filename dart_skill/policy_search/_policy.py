@@ -64,7 +64,7 @@ class GaussianPolicy:
         if self._settings.exploration == "automatic":
             self._adapt(noise, weights)
         elif self._settings.exploration != "fixed":
-            self._set_covariance(self._weighted_covariance(relative, weights), weights.any(axis=0))
+            self._set_covariance(self._weighted_covariance(relative, weights), np.any(weights, axis=0))
         self.mean = self.mean + (weights * relative).sum(axis=0)  # (5.1), (7.17)
 
     def _set_covariance(self, covariance: np.ndarray, known: np.ndarray) -> None:

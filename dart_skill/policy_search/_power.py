@@ -12,6 +12,8 @@ noise (5.2, 5.2.1). J. Kober and J. Peters, Policy search for motor primitives i
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -23,7 +25,17 @@ from dart_skill.policy_search._weights import return_weights
 SMALLEST, LARGEST = 1e-8, 1e4  # limits of the exploration, relative to the spread at the start
 
 
-def with_defaults(d: int, exploration: str, weighting: str, batch, best, latest, minimum_exploration, limits, usual: int) -> Settings:
+def with_defaults(
+    d: int,
+    exploration: str,
+    weighting: str,
+    batch: int | None,
+    best: int | None,
+    latest: int | None,
+    minimum_exploration: float,
+    limits: tuple[float, float] | None,
+    usual: int,
+) -> Settings:
     """Settings in which batch, best, latest and limits have their defaults if they are None.
 
     usual: default of `latest` for the modes that use trials several times. Twice or half of the defaults works as well:
@@ -42,12 +54,16 @@ def with_defaults(d: int, exploration: str, weighting: str, batch, best, latest,
     minimum = as_number(minimum_exploration, "minimum_exploration", strict=False)
     if limits is None:
         limits = (max(minimum, SMALLEST) if exploration == "proportional" else SMALLEST, LARGEST)
-    return Settings(exploration, weighting, batch, best, latest, minimum, tuple(as_vector(limits, "limits", 2).tolist()))
+    low, high = as_vector(limits, "limits", 2).tolist()
+    return Settings(exploration, weighting, batch, best, latest, minimum, (low, high))
 
 
 def population(d: int) -> int:
     """Number of trials between updates for d parameters, as in CMA-ES."""
     return 4 + int(3 * np.log(d))
+
+
+AnyPoWER = TypeVar("AnyPoWER", bound="PoWER")
 
 
 class PoWER(Search):
@@ -136,7 +152,7 @@ class PoWER(Search):
         return self._policy.state()
 
     @classmethod
-    def _from_policy_state(cls, state: dict, settings: Settings, rng: np.random.Generator) -> PoWER:
+    def _from_policy_state(cls: type[AnyPoWER], state: dict, settings: Settings, rng: np.random.Generator) -> AnyPoWER:
         search = cls(state["start"], state["scale"], rng=rng, **vars(settings))
         search._policy.restore(state)
         return search

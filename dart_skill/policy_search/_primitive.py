@@ -112,7 +112,8 @@ class PrimitivePoWER(Search):
         """As `PoWER.maximise`, with return_function(output (n_steps, n_dims)) giving rewards (n_steps,) or a number."""
         return super().maximise(return_function, n_trials, tolerance)
 
-    def _argument(self, trial: PrimitiveTrial) -> np.ndarray:
+    def _argument(self, trial: Trial) -> np.ndarray:
+        assert isinstance(trial, PrimitiveTrial)
         return trial.output
 
     def _draw(self) -> tuple[np.ndarray, np.ndarray]:

@@ -13,6 +13,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -54,7 +55,7 @@ class Settings:
     minimum_exploration: float
     limits: tuple[float, float]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.exploration not in EXPLORATIONS:
             raise ValueError(f"exploration must be one of {EXPLORATIONS}, got {self.exploration!r}")
         check_weighting(self.weighting)
@@ -71,6 +72,9 @@ class Settings:
         low, high = (as_number(limit, "limits") for limit in self.limits)
         if not low < 1.0 < high:
             raise ValueError(f"limits must lie on both sides of 1, the spread at the start, got {(low, high)}")
+
+
+AnySearch = TypeVar("AnySearch", bound="Search")
 
 
 class Search(ABC):
@@ -91,7 +95,8 @@ class Search(ABC):
         self._told: deque[Told] = deque(maxlen=settings.latest)
         self._fresh = 0
         self.n_asked = self.n_told = self.n_failed = self.n_updates = 0
-        self.best_return, self.best_trial = -np.inf, None
+        self.best_return = -np.inf
+        self.best_trial: Trial | None = None
 
     @property
     @abstractmethod
@@ -123,7 +128,7 @@ class Search(ABC):
 
     @classmethod
     @abstractmethod
-    def _from_policy_state(cls, state: dict, settings: Settings, rng: np.random.Generator) -> Search: ...
+    def _from_policy_state(cls: type[AnySearch], state: dict, settings: Settings, rng: np.random.Generator) -> AnySearch: ...
 
     def ask(self) -> Trial:
         """Draw a trial. Several trials may be open (asked and not yet told) at a time."""
@@ -211,7 +216,7 @@ class Search(ABC):
         }
 
     @classmethod
-    def from_state(cls, state: dict) -> Search:
+    def from_state(cls: type[AnySearch], state: dict) -> AnySearch:
         """A search as it was when `state()` was called."""
         kind = state.get("kind") if isinstance(state, dict) else type(state).__name__
         if kind != cls.__name__:
@@ -229,7 +234,7 @@ class Search(ABC):
         Path(path).write_text(json.dumps(self.state(), allow_nan=False), encoding="utf-8")
 
     @classmethod
-    def load(cls, path: str | Path) -> Search:
+    def load(cls: type[AnySearch], path: str | Path) -> AnySearch:
         """A search as it was saved."""
         return cls.from_state(json.loads(Path(path).read_text(encoding="utf-8")))
 
@@ -259,13 +264,13 @@ def read_returns(outcome: ArrayLike, shape: tuple[int, ...], weighting: str) -> 
     return values
 
 
-def _frozen(values) -> np.ndarray:
+def _frozen(values: ArrayLike) -> np.ndarray:
     array = np.array(values, dtype=float)
     array.setflags(write=False)
     return array
 
 
-def _plain(value):
+def _plain(value: Any) -> Any:
     """Nested dicts in which arrays are replaced by lists and numpy numbers by Python numbers."""
     if isinstance(value, dict):
         return {key: _plain(part) for key, part in value.items()}

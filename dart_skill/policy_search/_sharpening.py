@@ -25,6 +25,8 @@ and overtake each other.
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -44,6 +46,9 @@ FIRST_RADIUS = 0.3  # radius of trials about a new top, in lengths of the blur; 
 LARGEST_RADIUS = 0.4  # largest radius of trials about a top, in lengths of the blur
 ERRORS = 10.0 ** np.arange(-7.0, -2.9, 0.5)  # variance of the error of a value, relative to that of the landscape
 FIRST_ERROR = 4  # first index into ERRORS
+
+
+Number = TypeVar("Number", float, np.ndarray)
 
 
 class Sharpening(NicheSearch):
@@ -71,6 +76,10 @@ class Sharpening(NicheSearch):
 
     OPTIONS = ("optimism", "insurance", "grain", "every", "clearing", "reach")
     MEMORY = ("founded", "blur", "rate", "marked", "top", "seen", "error", "new", "highest", "purse")
+
+    _highest: float | None
+    _top: tuple[float, float] | None
+    _process: BlurredNoise | None
 
     def __init__(
         self,
@@ -123,7 +132,7 @@ class Sharpening(NicheSearch):
         value, trace = self._top
         return self._blur + 2 * (self._niche.value - value) / trace
 
-    def _seen_through(self, variance: float | np.ndarray) -> float | np.ndarray:
+    def _seen_through(self, variance: Number) -> Number:
         """Variance of the blur for the process: not below zero, plus that of the grain."""
         return np.maximum(variance, 0.0) + self._grain**2
 

@@ -7,7 +7,7 @@ well as on those that are decoded without ROS.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -62,7 +62,7 @@ class Demonstration:
     frame_id: str = the_world().frame_id
     joint_names: tuple[str, ...] = ()
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not self.id or not isinstance(self.id, str):
             raise ValueError(f"id of a demonstration must be a non-empty text, got {self.id!r}")
         if int(self.stamp_ns) != self.stamp_ns or self.stamp_ns < 0:
@@ -99,7 +99,7 @@ class Demonstration:
             array.setflags(write=False)
             object.__setattr__(self, name, array)
 
-    def _check_events(self, name):
+    def _check_events(self, name: str) -> None:
         events = {"motion_start": self.motion_start, "motion_stop": self.motion_stop, "hand_opened": self.hand_opened}
         for event, seconds in events.items():
             if np.isinf(seconds):
@@ -131,7 +131,7 @@ def demonstration_from_message(msg: Any) -> Demonstration:
     return Demonstration(
         id=msg.id,
         stamp_ns=origin,
-        target=_vector(msg.target),
+        target=np.array(_vector(msg.target)),
         hand_time=_times(hand, origin),
         hand_position=_rows([_vector(item.pose.position) for item in hand], 3),
         hand_quaternion=_rows([[*_vector(item.pose.orientation), item.pose.orientation.w] for item in hand], 4),
@@ -201,25 +201,25 @@ def _filled(msg: Any, content: dict[str, Any], new: Callable[[str], Any]) -> Any
     return msg
 
 
-def _stamp(stamp) -> int:
+def _stamp(stamp: Any) -> int:
     return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
-def _event(stamp, origin) -> float:
+def _event(stamp: Any, origin: int) -> float:
     """Seconds after the origin; nan for a zero stamp."""
     nanoseconds = _stamp(stamp)
     return (nanoseconds - origin) * 1e-9 if nanoseconds else float("nan")
 
 
-def _times(items, origin) -> np.ndarray:
+def _times(items: Iterable[Any], origin: int) -> np.ndarray:
     return np.array([_stamp(item.header.stamp) - origin for item in items], dtype=np.int64) * 1e-9
 
 
-def _vector(item) -> list[float]:
+def _vector(item: Any) -> list[float]:
     return [item.x, item.y, item.z]
 
 
-def _rows(rows, width) -> np.ndarray:
+def _rows(rows: Sequence[Sequence[float]], width: int) -> np.ndarray:
     wrong = [index for index, row in enumerate(rows) if len(row) != width]
     if wrong:
         raise ValueError(f"sample {wrong[0]} has {len(rows[wrong[0]])} values, need {width}")

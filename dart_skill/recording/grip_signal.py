@@ -30,7 +30,7 @@ class Opening:
 class GripSignal:
     """Instants at which the hand was told to open, and at which somebody pushed the arm, in order of time [ns]."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.openings: list[int] = []
         self.pushes: list[int] = []
         self._pressed, self._open_ns = False, -HELD_NS - 1

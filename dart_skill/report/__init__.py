@@ -3,10 +3,11 @@
 from dart_skill.report._page import page_of
 from dart_skill.report._pictures import pictures
 from dart_skill.report._replay import play
-from dart_skill.report._run import About, read_run
+from dart_skill.report._run import About, Run, read_run
 from dart_skill.report._writing import PAGE, write_page, write_report
 
 __all__ = [
+    "Run",
     "About",
     "PAGE",
     "page_of",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -22,7 +23,7 @@ def curve_figure(throws: Sequence[ThrowResult], marks: Mapping[int, str] | None 
 
     marks: what happened after so many throws.
     """
-    errors = np.array([100.0 * throw.error_m if throw.seen else np.nan for throw in throws])
+    errors = np.array([np.nan if throw.error_m is None else 100.0 * throw.error_m for throw in throws])
     if not np.isfinite(errors).any():
         raise ValueError("no landing was seen: there is no error to draw")
     with house_style():
@@ -45,7 +46,7 @@ def curve_figure(throws: Sequence[ThrowResult], marks: Mapping[int, str] | None 
         )
         for after, what in (marks or {}).items():
             axes.axvline(after + 0.5, color=GREY, linestyle=":", linewidth=1.2)
-            place = {"xycoords": ("data", "axes fraction"), "xytext": (4, -10), "textcoords": "offset points"}
+            place: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "xytext": (4, -10), "textcoords": "offset points"}
             axes.annotate(what.replace("_", " "), (after + 0.5, 1.0), color=GREY, **place)
         axes.xaxis.set_major_locator(MaxNLocator(12, integer=True))
         axes.grid(axis="y", color=LIGHT, linewidth=0.5)
@@ -77,5 +78,5 @@ def _draw_throws(axes: Axes, numbers: np.ndarray, errors: np.ndarray, inside: np
         axes.plot(numbers[~inside], errors[~inside], "X", color=VERMILION, markersize=6.5, linestyle="none", label="out")
     unseen = numbers[np.isnan(errors)]
     if len(unseen):
-        look = {"color": GREY, "markersize": 6, "linestyle": "none", "clip_on": False}
+        look: dict[str, Any] = {"color": GREY, "markersize": 6, "linestyle": "none", "clip_on": False}
         axes.plot(unseen, np.zeros(len(unseen)), "|", label="landing not seen", **look)

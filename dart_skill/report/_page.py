@@ -145,15 +145,16 @@ def _throws_section(run: Run, replay: Replay | None) -> str:
 
 
 def _demonstrations_section(run: Run, replay: Replay | None) -> str:
-    guided = [(number, throw) for number, throw in enumerate(run.guided) if throw.demonstration is not None]
     rows, notes = [], []
-    for number, throw in guided:
+    for number, throw in enumerate(run.guided):
+        if throw.demonstration is None:
+            continue
         start = f"{replay.starts[number]:.1f}" if replay and number in replay.starts else ""
         rows.append([_text(throw.demonstration.id), *_result_cells(result_of(throw)), start])
         notes.append(_message(throw.reason or ("" if throw.shows else "a miss: no demonstration")))
     if rows:
         return f"<h2>Guided throws</h2>{_table([*_HEAD, 'replay [s]'], rows, notes)}"
-    rows = [[_text(one.id), *_target_cells(one.target)] for one in run.shown]
+    rows = [[_text(one.id), *_target_cells(one.target.tolist())] for one in run.shown]
     table = _table(_HEAD[:6], rows, [""] * len(rows)) if rows else _none("There are none in this bag.")
     return f"<h2>Demonstrations</h2>{table}"
 
@@ -168,8 +169,8 @@ def _target_cells(target: Sequence[float]) -> list[str]:
 
 
 def _result_cells(throw: ThrowResult) -> list[str]:
-    landing = [_minus(f"{value:.3f}") for value in throw.landing[:2]] if throw.seen else ["not seen", "-"]
-    error = f"{100 * throw.error_m:.1f}" if throw.seen else "-"
+    landing = [_minus(f"{value:.3f}") for value in throw.landing[:2]] if throw.landing is not None else ["not seen", "-"]
+    error = "-" if throw.error_m is None else f"{100 * throw.error_m:.1f}"
     return [*_target_cells(throw.target), *landing, error, "in" if throw.in_basket else '<span class="out">out</span>']
 
 

@@ -64,7 +64,8 @@ def make_replay(
             scene.show_gaussians("gaussians", *map(np.array, zip(*gaussians, strict=True)))
         label = server.scene.add_label("/throw", "", position=ABOVE, anchor="bottom-center")
         serializer = server.get_scene_serializer()
-        starts, seconds = {}, 0.0
+        starts: dict[int, float] = {}
+        seconds = 0.0
         for number, throw in enumerate(throws):
             if throw.demonstration is None or len(starts) == MOST_THROWS:
                 continue
@@ -80,6 +81,7 @@ def make_replay(
 def in_a_line(name: str, throw: FoundThrow) -> str:
     """Which throw it is and how it ended."""
     outcome = throw.outcome
+    assert outcome is not None  # a throw that was cut was judged
     error = f", {100 * outcome.landing_error:.1f} cm from the centre" if outcome.landing_seen else ""
     return f"{name}: {'in' if outcome.in_basket else 'out'}{error}"
 
@@ -90,6 +92,7 @@ def play(scene: Scene, timeline: Any, recording: ThrowRecording, throw: FoundThr
     timeline: its `insert_sleep` is called with the time [s] that each picture stands: of viser's serialiser, or of a camera.
     """
     one = throw.demonstration
+    assert one is not None  # only what was cut can be shown
     first = one.stamp_ns + round(1e9 * (one.motion_start - LEAD))
     frames = np.arange(first, throw.stamp_ns + round(1e9 * FOLLOWED), round(1e9 * frame))
     scene.move_basket(one.target)
@@ -97,17 +100,18 @@ def play(scene: Scene, timeline: Any, recording: ThrowRecording, throw: FoundThr
         scene.clear_path(path)
     hand, ball = recording.bodies["hand"], recording.bodies["ball"]
     where = {"hand": _rows_at(hand.stamp_ns, frames), "ball": _rows_at(ball.stamp_ns, frames)}
-    joints = None if recording.joints is None else _rows_at(recording.joints.stamp_ns, frames)
+    joints = recording.joints
+    at_joints = np.full(len(frames), -1) if joints is None else _rows_at(joints.stamp_ns, frames)
     for k in range(len(frames)):
-        if joints is not None and joints[k] >= 0:
-            scene.move_arm(recording.joints.position[joints[k]])
+        if joints is not None and at_joints[k] >= 0:
+            scene.move_arm(joints.position[at_joints[k]])
         _move_bodies(scene, hand, ball, where["hand"][k], where["ball"][k], with_path=frames[k] >= throw.stamp_ns - 400_000_000)
         timeline.insert_sleep(frame)
     timeline.insert_sleep(PAUSE)
     return len(frames) * frame + PAUSE
 
 
-def _move_bodies(scene, hand: PoseStream, ball: PoseStream, at_hand: int, at_ball: int, with_path: bool) -> None:
+def _move_bodies(scene: Scene, hand: PoseStream, ball: PoseStream, at_hand: int, at_ball: int, with_path: bool) -> None:
     if at_hand >= 0:
         scene.move_hand(hand.position[at_hand], hand.quaternion[at_hand])
         if with_path:

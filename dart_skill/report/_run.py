@@ -84,10 +84,10 @@ class Run:
         Both are in order of time; a throw that never came about is a result only.
         """
         found, numbers = 0, {}
-        cut = [k for k, throw in enumerate(self.own) if throw.demonstration is not None]
+        cut = [(k, throw.demonstration.target) for k, throw in enumerate(self.own) if throw.demonstration is not None]
         for number, result in enumerate(self.results, start=1):
-            if found < len(cut) and np.linalg.norm(np.subtract(self.own[cut[found]].demonstration.target, result.target)) < SAME_BASKET:
-                numbers[cut[found]] = number
+            if found < len(cut) and np.linalg.norm(np.subtract(cut[found][1], result.target)) < SAME_BASKET:
+                numbers[cut[found][0]] = number
                 found += 1
         return numbers
 
@@ -108,7 +108,7 @@ def read_run(bag: str | os.PathLike, about: About | None = None, results: Sequen
     recording = read_recording(bag)
     throws = find_throws(recording)
     guided, own = (tuple(throw for throw in throws if throw.taught == taught) for taught in (True, False))
-    shown = _published(bag) or tuple(throw.demonstration for throw in guided if throw.shows)
+    shown = _published(bag) or tuple(throw.demonstration for throw in guided if throw.demonstration is not None and throw.shows)
     judged = tuple(result_of(throw) for throw in own if throw.demonstration is not None) if results is None else tuple(results)
     skill, notes = _learned(shown, described.configuration)
     notes += [f"could not be cut: {throw.reason}" for throw in throws if throw.demonstration is None]
@@ -117,10 +117,16 @@ def read_run(bag: str | os.PathLike, about: About | None = None, results: Sequen
 
 def result_of(throw: FoundThrow) -> ThrowResult:
     """How a throw of a recording ended."""
-    outcome = throw.outcome
-    landing = tuple(outcome.landing.tolist()) if outcome.landing_seen else None
+    one, outcome = throw.demonstration, throw.outcome
+    assert one is not None and outcome is not None  # a throw that was cut was judged
+    landing = _point(outcome.landing) if outcome.landing_seen else None
     error = float(outcome.landing_error) if outcome.landing_seen else None
-    return ThrowResult(tuple(throw.demonstration.target.tolist()), landing, error, bool(outcome.in_basket), throw.reason)
+    return ThrowResult(_point(one.target), landing, error, bool(outcome.in_basket), throw.reason)
+
+
+def _point(values: np.ndarray) -> tuple[float, float, float]:
+    x, y, z = values.tolist()
+    return x, y, z
 
 
 def versions() -> dict[str, str]:
@@ -180,8 +186,12 @@ def _stretch(run: Run, since: int, until: int) -> Recording:
     parts = {name: (bodies[name].stamp_ns >= since) & (bodies[name].stamp_ns <= until) for name in ("hand", "ball", "basket")}
     basket = bodies["basket"].position[parts["basket"]]
     opened = [one.stamp_ns for one in run.recording.openings if since <= one.stamp_ns <= until and not one.taught]
+    hand, ball = bodies["hand"], bodies["ball"]
     return Recording(
-        *(values[parts[name]] for name in ("hand", "ball") for values in (bodies[name].stamp_ns, bodies[name].position)),
+        hand.stamp_ns[parts["hand"]],
+        hand.position[parts["hand"]],
+        ball.stamp_ns[parts["ball"]],
+        ball.position[parts["ball"]],
         basket=np.median(basket, axis=0) if len(basket) else np.full(3, np.nan),
         command_stamps=stamps[(stamps >= since) & (stamps <= until)],
         opened_ns=opened[0] if opened else None,

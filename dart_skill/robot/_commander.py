@@ -8,7 +8,7 @@ are held. A limit that fires brings the arm to a damped stop and leaves its reas
 
 import math
 from bisect import bisect_right
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from enum import Enum
 
@@ -107,6 +107,10 @@ class PlanRefused(ValueError):
 class Commander:
     """Answers every state of the arm with one command."""
 
+    _plan: ThrowPlan  # of the last throw, like the two below: only the modes of a throw ask for them
+    _references: "_References"
+    _start: np.ndarray
+
     def __init__(self, settings: CommanderSettings | None = None, description: WamDescription | None = None):
         self.settings = settings or CommanderSettings.configured()
         self._description = description or wam_description()
@@ -120,10 +124,14 @@ class Commander:
             (s.tracking_stiffness, s.tracking_damping), (s.tracking_stiffness_rotation, s.tracking_damping_rotation)
         )
         self._mode, self.message = Mode.HOLDING, ""
-        self._hold, self._plan, self._opened, self._requested = None, None, False, None
-        self._entered_ns, self._last_ns = 0, None
-        self.time, self.tracking_error, self.reference = float("nan"), float("nan"), None
-        self.opened_ns = None
+        self._hold: np.ndarray | None = None
+        self._requested: ThrowPlan | None = None
+        self._opened = False
+        self._entered_ns: int | None = 0
+        self._last_ns: int | None = None
+        self.time, self.tracking_error = float("nan"), float("nan")
+        self.reference: Reference | None = None
+        self.opened_ns: int | None = None
 
     @property
     def mode(self) -> Mode:
@@ -141,8 +149,8 @@ class Commander:
         check_plan(plan, self.settings, self._description)
         self._requested, self.message, self.opened_ns = plan, "", None
 
-    def _begin_throw(self, state: ArmState) -> None:
-        plan, self._requested = self._requested, None
+    def _begin_throw(self, plan: ThrowPlan, state: ArmState) -> None:
+        self._requested = None
         self._plan, self._references, self._opened = plan, _References(plan), False
         self._start = state.position.copy()
         way = np.abs(plan.start_posture - self._start).max()
@@ -157,7 +165,7 @@ class Commander:
 
     def stop(self, reason: str) -> None:
         """Bring the arm to a damped stop and hold it; `reason` is kept as the message."""
-        self.message, self._plan, self._requested = reason, None, None
+        self.message, self._requested = reason, None
         self._mode, self._entered_ns = Mode.STOPPING, None
 
     def step(self, state: ArmState) -> Command:
@@ -166,11 +174,11 @@ class Commander:
             raise ValueError(f"joint state of {state.stamp_ns} ns is not finite: {state.position}, {state.velocity}")
         self._notice_gap(state)
         if self._requested is not None:
-            self._begin_throw(state)
+            self._begin_throw(self._requested, state)
         if self._entered_ns is None:
             self._entered_ns = state.stamp_ns
         self.time = (state.stamp_ns - self._entered_ns) * 1e-9
-        return getattr(self, f"_{self._mode.value}")(state)
+        return self._ANSWERS[self._mode](self, state)
 
     # one method per mode
 
@@ -232,6 +240,16 @@ class Commander:
             return self._holding(state)
         return Command(state.stamp_ns, joint_torque=self._servo.damp(state.velocity))
 
+    _ANSWERS: Mapping[Mode, Callable[["Commander", ArmState], Command]] = {
+        Mode.HOLDING: _holding,
+        Mode.FREE: _free,
+        Mode.APPROACHING: _approaching,
+        Mode.SETTLING: _settling,
+        Mode.THROWING: _throwing,
+        Mode.FOLLOWING_THROUGH: _following_through,
+        Mode.STOPPING: _stopping,
+    }
+
     # helpers
 
     def _notice_gap(self, state: ArmState) -> None:
@@ -242,14 +260,14 @@ class Commander:
             return
         if self._mode in (Mode.APPROACHING, Mode.SETTLING, Mode.THROWING, Mode.FOLLOWING_THROUGH):
             self.message = f"no state of the arm for {gap:.2f} s during a throw"
-        self._hold, self._plan = None, None
+        self._hold = None
         if self._mode != Mode.FREE:
             self._mode = Mode.HOLDING
 
     def _enter(self, mode: Mode, state: ArmState) -> None:
         self._mode, self._entered_ns, self.time = mode, state.stamp_ns, 0.0
 
-    def _joint_command(self, state: ArmState, q, qd, qdd) -> Command:
+    def _joint_command(self, state: ArmState, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> Command:
         torque = self._servo.torque(state.position, state.velocity, q, qd, qdd)
         return Command(state.stamp_ns, joint_torque=torque)
 

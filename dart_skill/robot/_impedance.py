@@ -138,7 +138,7 @@ class JointServo:
     def __init__(self, impedance: Impedance):
         self._impedance = impedance
 
-    def torque(self, q, qd, q_wanted, qd_wanted, qdd_wanted) -> np.ndarray:
+    def torque(self, q: np.ndarray, qd: np.ndarray, q_wanted: np.ndarray, qd_wanted: np.ndarray, qdd_wanted: np.ndarray) -> np.ndarray:
         """Joint torque (7,) [N m] towards a wanted joint motion, gravity excluded."""
         feedback = self.STIFFNESS * (q_wanted - q) + self.DAMPING * (qd_wanted - qd)
         torque = np.minimum(np.maximum(feedback, -self.LIMIT), self.LIMIT) + self._impedance.friction_torque(qd_wanted)

@@ -1,6 +1,7 @@
 """A planned throw: where the attractor goes, where the hand is expected, when the ball leaves it."""
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,7 @@ class Gains:
     stiffness: float
     damping: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not (np.isfinite([self.stiffness, self.damping]).all() and self.stiffness > 0 and self.damping > 0):
             raise ValueError(f"stiffness {self.stiffness} and damping {self.damping} must be finite and positive")
 
@@ -33,7 +34,7 @@ class HandPath:
     velocity: np.ndarray
     acceleration: np.ndarray
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         n = len(self.time)
         shapes = {"time": (n,), "position": (n, 3), "quaternion": (n, 4), "velocity": (n, 6), "acceleration": (n, 6)}
         for name, shape in shapes.items():
@@ -79,7 +80,7 @@ class ThrowPlan:
     start_posture: np.ndarray
     model_id: str = ""
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         n = len(self.path.time)
         shapes = {"target": (3,), "aim": (3,), "predicted_landing": (3,), "attractor_position": (n, 3),
                   "attractor_quaternion": (n, 4), "start_posture": (N_JOINTS,)}  # fmt: skip
@@ -106,7 +107,7 @@ def same_plan(first: ThrowPlan, second: ThrowPlan) -> bool:
     return all(_equal(getattr(first, f.name), getattr(second, f.name)) for f in fields(ThrowPlan) if f.name != "model_id")
 
 
-def _equal(first, second) -> bool:
+def _equal(first: Any, second: Any) -> bool:
     if isinstance(first, HandPath):
         return all(_equal(getattr(first, f.name), getattr(second, f.name)) for f in fields(HandPath))
     return bool(np.array_equal(first, second)) if isinstance(first, np.ndarray) else first == second

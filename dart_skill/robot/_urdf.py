@@ -1,5 +1,6 @@
 """The WAM as a URDF: written from the description, primitive shapes for what is seen and collides."""
 
+from collections.abc import Iterable
 from xml.etree import ElementTree
 
 import numpy as np
@@ -35,24 +36,24 @@ def _massless() -> Inertial:
     return Inertial(1e-9, np.zeros(3), 1e-12 * np.eye(3))
 
 
-def _text(values) -> str:
+def _text(values: Iterable[float]) -> str:
     return " ".join(repr(float(value)) for value in values)
 
 
-def _link(robot, name: str, inertial: Inertial, description: WamDescription, shapes: bool) -> None:
+def _link(robot: ElementTree.Element, name: str, inertial: Inertial, description: WamDescription, shapes: bool) -> None:
     link = ElementTree.SubElement(robot, "link", name=name)
     element = ElementTree.SubElement(link, "inertial")
     ElementTree.SubElement(element, "origin", xyz=_text(inertial.centre), rpy="0 0 0")
     ElementTree.SubElement(element, "mass", value=repr(float(inertial.mass)))
     tensor = inertial.inertia
     names = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
-    ElementTree.SubElement(element, "inertia", **{key: repr(float(tensor[ij])) for key, ij in names.items()})
+    ElementTree.SubElement(element, "inertia", {key: repr(float(tensor[ij])) for key, ij in names.items()})
     for capsule in description.capsules if shapes else ():
         if capsule.link == name:
             _shape(link, capsule)
 
 
-def _shape(link, capsule: Capsule) -> None:
+def _shape(link: ElementTree.Element, capsule: Capsule) -> None:
     """A capsule as URDF has it: a cylinder between two spheres."""
     centre, axis = (capsule.start + capsule.end) / 2, capsule.end - capsule.start
     length = float(np.linalg.norm(axis))
@@ -62,10 +63,10 @@ def _shape(link, capsule: Capsule) -> None:
         _geometry(link, kind, centre, _tilt(axis), "cylinder", radius=repr(capsule.radius), length=repr(length))
 
 
-def _geometry(link, kind: str, xyz, rpy, shape: str, **sizes: str) -> None:
+def _geometry(link: ElementTree.Element, kind: str, xyz: Iterable[float], rpy: Iterable[float], shape: str, **sizes: str) -> None:
     element = ElementTree.SubElement(link, kind)
     ElementTree.SubElement(element, "origin", xyz=_text(xyz), rpy=_text(rpy))
-    ElementTree.SubElement(ElementTree.SubElement(element, "geometry"), shape, **sizes)
+    ElementTree.SubElement(ElementTree.SubElement(element, "geometry"), shape, sizes)
 
 
 def _tilt(axis: np.ndarray) -> tuple[float, float, float]:
@@ -74,19 +75,19 @@ def _tilt(axis: np.ndarray) -> tuple[float, float, float]:
     return 0.0, float(np.arctan2(np.hypot(x, y), z)), float(np.arctan2(y, x))
 
 
-def _revolute(robot, joint: Joint) -> None:
+def _revolute(robot: ElementTree.Element, joint: Joint) -> None:
     element = ElementTree.SubElement(robot, "joint", name=joint.name, type="revolute")
     ElementTree.SubElement(element, "parent", link=joint.parent)
     ElementTree.SubElement(element, "child", link=joint.child)
     ElementTree.SubElement(element, "origin", xyz=_text(joint.xyz), rpy=_text((joint.roll, 0.0, 0.0)))
     ElementTree.SubElement(element, "axis", xyz="0 0 1")
     limits = {"lower": joint.lower, "upper": joint.upper, "effort": joint.peak_torque, "velocity": joint.no_load_speed}
-    ElementTree.SubElement(element, "limit", **{key: repr(float(value)) for key, value in limits.items()})
+    ElementTree.SubElement(element, "limit", {key: repr(float(value)) for key, value in limits.items()})
     friction = {"damping": joint.viscous_friction, "friction": joint.coulomb_friction}
-    ElementTree.SubElement(element, "dynamics", **{key: repr(float(value)) for key, value in friction.items()})
+    ElementTree.SubElement(element, "dynamics", {key: repr(float(value)) for key, value in friction.items()})
 
 
-def _fixed(robot, name: str, parent: str, child: str, xyz: np.ndarray) -> None:
+def _fixed(robot: ElementTree.Element, name: str, parent: str, child: str, xyz: np.ndarray) -> None:
     element = ElementTree.SubElement(robot, "joint", name=name, type="fixed")
     ElementTree.SubElement(element, "parent", link=parent)
     ElementTree.SubElement(element, "child", link=child)

@@ -43,7 +43,7 @@ class LearnReport:
     @property
     def learned_from(self) -> tuple[Demonstration, ...]:
         """The demonstrations that the skill was learned from."""
-        return tuple(throw.demonstration for throw in self.throws if not throw.reason)
+        return tuple(throw.demonstration for throw in self.throws if throw.demonstration is not None and not throw.reason)
 
 
 def learn_from_bag(
@@ -87,13 +87,15 @@ def find_throws(recording: ThrowRecording, thresholds: VelocityThreshold = THRES
 
 def _judged(throw: FoundThrow, with_throws: bool, chosen: SkillConfiguration) -> FoundThrow:
     """The throw with the reason why it is not learned from, if there is one."""
-    reason = throw.reason
-    if not reason and not with_throws:
+    one, outcome, reason = throw.demonstration, throw.outcome, ""
+    if throw.reason or one is None or outcome is None:
+        return throw
+    if not with_throws:
         reason = "" if throw.taught else "thrown by the arm itself"
-        reason = reason or ("" if throw.outcome.in_basket else "missed the basket")
+        reason = reason or ("" if outcome.in_basket else "missed the basket")
     if not reason:
         try:
-            prepare(throw.demonstration, chosen)
+            prepare(one, chosen)
         except ValueError as error:
             reason = str(error)
     return replace(throw, reason=reason)
@@ -138,8 +140,9 @@ def _filled(recording: ThrowRecording) -> ThrowLog:
         for stamp, position, quaternion in zip(body.stamp_ns.tolist(), body.position, body.quaternion, strict=True):
             add(stamp, *((position, quaternion) if role == "hand" else (position,)))
     joints = recording.joints
-    for k, stamp in enumerate([] if joints is None else joints.stamp_ns.tolist()):
-        log.add_joints(stamp, joints.position[k], joints.velocity[k])
+    if joints is not None:
+        for k, stamp in enumerate(joints.stamp_ns.tolist()):
+            log.add_joints(stamp, joints.position[k], joints.velocity[k])
     return log
 
 

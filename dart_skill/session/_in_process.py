@@ -3,13 +3,14 @@
 Batches of experiments run on it, and a test compares it with the nodes over DDS.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from dart_skill.configuration import node_parameters
 from dart_skill.recording import Demonstration
-from dart_skill.robot import ArmModel, ArmState, Command, Commander, CommanderSettings, Mode, ThrowPlan
+from dart_skill.robot import ArmModel, ArmState, Command, Commander, CommanderSettings, Grip, Mode, ThrowPlan
 from dart_skill.simulation import (
     BasketWalls,
     Frame,
@@ -29,6 +30,8 @@ from dart_skill.world import the_world
 
 LONGEST_THROW = 15.0
 RESTING = (Mode.HOLDING, Mode.STOPPING)
+Step = Callable[[ArmState], tuple[Command, Command | None]]
+"""From a state to the command of the controller and, if somebody guides the arm, their push."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,8 @@ class Session:
         limits = commander or CommanderSettings.configured()
         self.commander = Commander(limits, self.plant.description_of_load)
         self._kinematics = ArmModel()
-        self._exposed, self._log, self._keep = [], ThrowLog(), keep_states
+        self._exposed: list[PlantState] = []
+        self._log, self._keep = ThrowLog(), keep_states
         self._frame_steps = round(1e9 / self.capture.config.rate / self.plant.settings.step_ns)
         self.steps = 0
 
@@ -127,15 +131,16 @@ class Session:
         self.plant.step(self.commander.step(arm), Command(arm.stamp_ns) if guided else None)
         return self._sense()
 
-    def _run(self, arm: ArmState, target: np.ndarray, step, moved_through, kind: str) -> Trial:
-        states, over_ns = [], None
+    def _run(self, arm: ArmState, target: np.ndarray, step: Step, moved_through: Callable[[], bool], kind: str) -> Trial:
+        states: list[PlantState] = []
+        over_ns: int | None = None
         begun = arm.stamp_ns
         while over_ns is None or arm.stamp_ns < over_ns:
             if self._keep:
                 states.append(self.plant.state)
             command, push = step(arm)
             for answer in (command, push):
-                if answer is not None and answer.grip == 2:
+                if answer is not None and answer.grip == Grip.OPEN:
                     self._log.add_opening(answer.stamp_ns)
             self.plant.step(command, push)
             arm = self._sense()
@@ -177,8 +182,8 @@ class Session:
         capsules = self._kinematics.link_capsules(state.position, self.plant.settings.base_turn)
         if board is None:
             return Frame(state.stamp_ns, bodies, capsules, BasketWalls(state.basket, basket.radius, basket.depth), number)
-        capsules = tuple(np.concatenate(parts) for parts in zip(capsules, board.capsules, strict=True))
-        return Frame(state.stamp_ns, bodies, capsules, number=number)
+        ends, radii = (np.concatenate(parts) for parts in zip(capsules, board.capsules, strict=True))
+        return Frame(state.stamp_ns, bodies, (ends, radii), number=number)
 
     def _trial(self, target: np.ndarray, states: list[PlantState], kind: str, over_ns: int) -> Trial:
         state = self.plant.state
@@ -187,6 +192,7 @@ class Session:
             raise ValueError(f"the throw was stopped: {self.commander.message}")
         until_ns = over_ns - ARRIVAL_NS
         demonstration = self._log.cut(f"{kind}_{state.episode}", until_ns)
+        assert self._log.opened_ns is not None  # or there would have been nothing to cut
         seen, game = self._log.ball_between(self._log.opened_ns, until_ns), self._game
         outcome = judge_flight(*seen, target, self.plant.settings.basket.radius, game.projectile, surface=game.surface)
         return Trial(outcome, demonstration, state.ball_in_basket, self.commander.message, states)

@@ -27,14 +27,14 @@ class ThrowResult:
     in_basket: bool
     message: str = ""
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         target = _point("target", self.target)
         if target is None:
             raise ValueError(f"target {self.target} is not finite: give the centre of the rim in metres")
         landing, error = _point("landing", self.landing), _number(self.error_m)
         if (landing is None) != (error is None):
             raise ValueError(f"landing {self.landing} and error_m {self.error_m}: give both, or None for both if nobody saw it")
-        if error is not None and (error < 0.0 or abs(error - math.dist(target[:2], landing[:2])) > 1e-3):
+        if error is not None and landing is not None and (error < 0.0 or abs(error - math.dist(target[:2], landing[:2])) > 1e-3):
             raise ValueError(f"error_m is {error}; the landing {landing} is {math.dist(target[:2], landing[:2]):.4f} m from the target")
         for name, value in (("target", target), ("landing", landing), ("error_m", error), ("in_basket", bool(self.in_basket))):
             object.__setattr__(self, name, value)
@@ -90,7 +90,7 @@ class DemoSummary:
     attempts: int | None = None
     layout: str = ""
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, "bag", str(self.bag))
         object.__setattr__(self, "throws", tuple(self.throws))
         if self.seed < 0 or self.demonstrations < 0:
@@ -138,7 +138,7 @@ class DemoSummary:
 
 def error_quantile(throws: Sequence[ThrowResult], share: float) -> float | None:
     """Landing error [m] that a share of the throws whose landing was seen stays below; None if none was seen."""
-    errors = [throw.error_m for throw in throws if throw.seen]
+    errors = [throw.error_m for throw in throws if throw.error_m is not None]
     return float(np.quantile(errors, share)) if errors else None
 
 
@@ -180,7 +180,7 @@ def write_summary(summary: DemoSummary, folder: Path) -> Path:
 def _row(number: int, throw: ThrowResult) -> list[str]:
     target = [f"{value:.3f}" for value in throw.target]
     place = [f"{math.degrees(throw.azimuth):+.1f}", f"{throw.distance:.2f}"]
-    landing = [f"{value:.3f}" for value in throw.landing[:2]] if throw.seen else ["not seen", "-"]
+    landing = [f"{value:.3f}" for value in throw.landing[:2]] if throw.landing is not None else ["not seen", "-"]
     return [str(number), *target, *place, *landing, _cm(throw.error_m), "in" if throw.in_basket else "out"]
 
 
@@ -194,7 +194,8 @@ def _point(name: str, value: Sequence[float] | None) -> tuple[float, float, floa
         return None
     if np.shape(value) != (3,):
         raise ValueError(f"{name} has shape {np.shape(value)}; it must be three numbers x, y, z in metres")
-    point = tuple(float(x) for x in value)
+    x, y, z = (float(number) for number in value)
+    point = (x, y, z)
     return point if all(map(math.isfinite, point)) else None
 
 

@@ -1,5 +1,6 @@
 """The basket: a real body with a floor, walls and a rim. The ball is in, or it is not."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from xml.etree import ElementTree
 
@@ -61,9 +62,9 @@ def basket_urdf(basket: Basket) -> str:
     return ElementTree.tostring(robot, encoding="unicode")
 
 
-def _part(link, xyz, rpy, shape: str, **sizes: str) -> None:
+def _part(link: ElementTree.Element, xyz: Iterable[float], rpy: Iterable[float], shape: str, **sizes: str) -> None:
     for kind in ("visual", "collision"):
         element = ElementTree.SubElement(link, kind)
         text = {"xyz": " ".join(repr(float(v)) for v in xyz), "rpy": " ".join(repr(float(v)) for v in rpy)}
-        ElementTree.SubElement(element, "origin", **text)
-        ElementTree.SubElement(ElementTree.SubElement(element, "geometry"), shape, **sizes)
+        ElementTree.SubElement(element, "origin", text)
+        ElementTree.SubElement(ElementTree.SubElement(element, "geometry"), shape, sizes)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from dart_skill.simulation._plant import PlantSettings
 
-CHANGES: dict[str, dict[str, float]] = {
+CHANGES: dict[str, dict[str, Any]] = {
     "none": {},
     "heavier_ball": {"ball_mass_scale": 2.0},
     "friction": {"friction_scale": 2.0},

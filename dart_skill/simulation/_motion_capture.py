@@ -12,8 +12,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,7 @@ class Camera:
     half_angles: tuple[float, float] = (np.deg2rad(28.0), np.deg2rad(23.0))
     range: float = 12.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("position", "look_at"):
             object.__setattr__(self, name, _vector(f"camera {name}", getattr(self, name), 3))
         axis = self.look_at - self.position
@@ -79,7 +81,7 @@ class MotionCaptureConfig:
     dropout_rate: float = 0.05  # dropouts of a body per second
     dropout_frames: tuple[int, int] = (1, 10)  # shortest and longest dropout
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("cameras", "bodies", "dropout_frames"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
         self._check_numbers()
@@ -90,7 +92,7 @@ class MotionCaptureConfig:
         if len(self.dropout_frames) != 2 or not 1 <= self.dropout_frames[0] <= self.dropout_frames[1]:
             raise ValueError(f"dropout_frames = {self.dropout_frames}: give shortest and longest, at least 1 frame")
 
-    def _check_numbers(self):
+    def _check_numbers(self) -> None:
         positive = ("rate", "marker_spread")
         for item in fields(self):
             value = getattr(self, item.name)
@@ -122,6 +124,12 @@ class MotionCaptureConfig:
         return cls(cameras=tuple(cameras), **{key: value for key, value in parameters.items() if key in own})
 
 
+Pose = tuple[np.ndarray, np.ndarray]
+"""Position (3,) and quaternion (4,) x, y, z, w."""
+Walls = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Centres of the rims (f, 3), radii (f,) and depths (f,) of the baskets of f frames."""
+
+
 @dataclass(frozen=True)
 class BasketWalls:
     """Opaque wall of a basket: upright cylinder that hangs `depth` below its rim's centre (3,) [m]."""
@@ -130,7 +138,7 @@ class BasketWalls:
     radius: float
     depth: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, "rim", _vector("rim of the basket", self.rim, 3))
         if not (self.radius > 0.0 and self.depth > 0.0):
             raise ValueError(f"basket: radius {self.radius} and depth {self.depth} must be positive")
@@ -214,7 +222,8 @@ class MotionCapture:
         if not present:
             return []
         position, quaternion = _check_poses(present, [[frame.bodies[name] for name in present] for frame in frames])
-        counts = self._view.count(position, *_check_capsules([frame.capsules for frame in frames]), _walls(frames))
+        ends, radii = _check_capsules([frame.capsules for frame in frames])
+        counts = self._view.count(position, ends, radii, _walls(frames))
         rows = np.array([self.config.bodies.index(name) for name in present])
         tracked = (counts >= self.config.min_cameras) & ~draws.dropped[:, rows]
         position, quaternion = self._measure(rows, position, quaternion, draws.noise[:, rows])
@@ -239,9 +248,10 @@ class MotionCapture:
     ) -> np.ndarray:
         """How many cameras see each of the points (n, 3): integers (n,)."""
         frame = Frame(0, {}, capsules, basket)
-        return self._view.count(np.asarray(points, dtype=float)[None], *_check_capsules([capsules]), _walls([frame]))[0]
+        ends, radii = _check_capsules([capsules])
+        return self._view.count(np.asarray(points, dtype=float)[None], ends, radii, _walls([frame]))[0]
 
-    def _draw(self, numbers):
+    def _draw(self, numbers: Sequence[int | None]) -> _Draws:
         """Every random number of frames, whoever needs it, those of frames that never came too; also notes the dropouts."""
         rows = self._since_the_last(numbers)
         n_frames, n_bodies, rng, config = (rows[-1] + 1 if rows else 0), len(self.config.bodies), self._rng, self.config
@@ -259,7 +269,7 @@ class MotionCapture:
         latency = np.rint(1e9 * (config.latency + config.latency_jitter * delay[rows]))
         return _Draws(noise[rows], (until[1:] > frame)[rows], latency.astype(int).tolist())
 
-    def _since_the_last(self, numbers):
+    def _since_the_last(self, numbers: Sequence[int | None]) -> list[int]:
         """How many frames after the next one each is; ValueError for a frame that was there already."""
         rows, following = [], 0
         for number in numbers:
@@ -271,7 +281,7 @@ class MotionCapture:
             following = row + 1
         return rows
 
-    def _present(self, frames):
+    def _present(self, frames: Sequence[Frame]) -> list[str]:
         """Names of the configured bodies that the frames show."""
         unknown = {name for frame in frames for name in frame.bodies} - set(self.config.bodies)
         if unknown:
@@ -280,7 +290,7 @@ class MotionCapture:
             raise ValueError("frames with different bodies: observe them one by one")
         return [name for name in self.config.bodies if frames and name in frames[0].bodies]
 
-    def _measure(self, rows, position, quaternion, noise):
+    def _measure(self, rows: np.ndarray, position: np.ndarray, quaternion: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What the cameras make of true poses (f, n, 3), (f, n, 4) of the bodies `rows` (n,): calibration error and noise (f, n, 6)."""
         noise = self.config.noise * noise
         offset = _rotate(quaternion, self._offsets[rows])
@@ -319,14 +329,14 @@ class _Draws:
 class _View:
     """Lines of sight of all cameras at once."""
 
-    def __init__(self, cameras, clearance):
+    def __init__(self, cameras: Sequence[Camera], clearance: float) -> None:
         self.position = np.stack([camera.position for camera in cameras])
         self.axes = np.stack([camera.axes for camera in cameras])
         self.tangents = np.tan([camera.half_angles for camera in cameras])
         self.range = np.array([camera.range for camera in cameras])
         self.clearance = clearance
 
-    def count(self, points, ends, radii, walls):
+    def count(self, points: np.ndarray, ends: np.ndarray, radii: np.ndarray, walls: Walls | None) -> np.ndarray:
         """Cameras (f, n) that see each point (f, n, 3), past the capsules and the basket of its frame."""
         ray = points[:, :, None] - self.position  # (f, n, cameras, 3)
         distance = np.sqrt(np.einsum("fnci,fnci->fnc", ray, ray))
@@ -341,7 +351,7 @@ class _View:
         return np.sum(seen, axis=-1)
 
 
-def _hidden_by_capsules(start, ray, ends, radii):
+def _hidden_by_capsules(start: np.ndarray, ray: np.ndarray, ends: np.ndarray, radii: np.ndarray) -> np.ndarray:
     """Whether segments start + s ray, s in [0, 1], pass through a capsule of their frame: (f, n, k).
 
     start (k, 3), ray (f, n, k, 3), ends (f, c, 2, 3), radii (f, c). Every product below is (f, n, k, c) or broadcasts to it.
@@ -361,11 +371,11 @@ def _hidden_by_capsules(start, ray, ends, radii):
     return (gap < radii[:, None, None] ** 2).any(axis=-1)
 
 
-def _unit_interval(numerator, denominator):
+def _unit_interval(numerator: np.ndarray, denominator: np.ndarray) -> np.ndarray:
     return np.minimum(np.maximum(numerator / denominator, 0.0), 1.0)
 
 
-def _hidden_by_walls(start, ray, rim, radius, depth):
+def _hidden_by_walls(start: np.ndarray, ray: np.ndarray, rim: np.ndarray, radius: np.ndarray, depth: np.ndarray) -> np.ndarray:
     """Whether segments start + ray (..., 3) pass through the side of a cylinder below its rim: (..., 3), (...), (...)."""
     offset, flat = start[..., :2] - rim[..., :2], ray[..., :2]
     a = np.maximum(np.einsum("...i,...i->...", flat, flat), 1e-12)
@@ -380,33 +390,33 @@ def _hidden_by_walls(start, ray, rim, radius, depth):
     return through.any(axis=0) & (discriminant >= 0.0)
 
 
-def _calibration_offsets(config, rng):
+def _calibration_offsets(config: MotionCaptureConfig, rng: np.random.Generator) -> np.ndarray:
     """(n_bodies, 3) in the body frames, of the configured length and random direction."""
     direction = rng.standard_normal((len(config.bodies), 3))
     return config.calibration_error * direction / np.linalg.norm(direction, axis=1, keepdims=True)
 
 
-def _small_rotations(vectors):
+def _small_rotations(vectors: np.ndarray) -> np.ndarray:
     """Quaternions (..., 4) of rotation vectors (..., 3)."""
     half = 0.5 * np.sqrt(np.einsum("...i,...i->...", vectors, vectors))[..., None]
     return np.concatenate([0.5 * np.sinc(half / np.pi) * vectors, np.cos(half)], axis=-1)
 
 
-def _multiply(p, q):
+def _multiply(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Products (..., 4) of quaternions (..., 4)."""
     (a, b, c, d), (e, f, g, h) = np.moveaxis(p, -1, 0), np.moveaxis(q, -1, 0)
     rows = [d * e + a * h + b * g - c * f, d * f - a * g + b * h + c * e, d * g + a * f - b * e + c * h, d * h - a * e - b * f - c * g]
     return np.stack(rows, axis=-1)
 
 
-def _rotate(q, vectors):
+def _rotate(q: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Vectors (..., 3) turned by quaternions (..., 4)."""
     (x, y, z, w), (a, b, c) = np.moveaxis(q, -1, 0), np.moveaxis(vectors, -1, 0)
     u, v, n = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
     return np.stack([a + w * u + y * n - z * v, b + w * v + z * u - x * n, c + w * n + x * v - y * u], axis=-1)
 
 
-def _check_poses(names, poses):
+def _check_poses(names: Sequence[str], poses: Sequence[Sequence[Pose]]) -> tuple[np.ndarray, np.ndarray]:
     """Positions (f, n, 3) and unit quaternions (f, n, 4); ValueError names the first body whose pose is not one."""
     for frame in poses:
         for name, (position, quaternion) in zip(names, frame, strict=True):
@@ -426,7 +436,7 @@ def _check_poses(names, poses):
     return position, quaternion / norm[..., None]
 
 
-def _check_capsules(capsules):
+def _check_capsules(capsules: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
     """End points (f, c, 2, 3) and radii (f, c) of the capsules of every frame."""
     for ends, radii in capsules:
         if np.ndim(radii) != 1 or np.shape(ends) != (len(radii), 2, 3) or len(radii) != len(capsules[0][1]):
@@ -437,24 +447,25 @@ def _check_capsules(capsules):
     return ends, radii
 
 
-def _walls(frames):
+def _walls(frames: Sequence[Frame]) -> Walls | None:
     """Centres of the rims (f, 3), radii (f,) and depths (f,) of the frames' baskets; None if there are none."""
     baskets = [frame.basket for frame in frames if frame.basket is not None]
     if not baskets:
         return None
     if len(baskets) < len(frames):
         raise ValueError("frames with and without a basket: observe them one by one")
-    return tuple(np.array([getattr(basket, name) for basket in baskets]) for name in ("rim", "radius", "depth"))
+    rims = np.array([basket.rim for basket in baskets])
+    return rims, np.array([basket.radius for basket in baskets]), np.array([basket.depth for basket in baskets])
 
 
-def _vector(name, value, size):
+def _vector(name: str, value: ArrayLike, size: int) -> np.ndarray:
     value = np.asarray(value, dtype=float)
     if value.shape != (size,) or not np.all(np.isfinite(value)):
         raise ValueError(f"{name} must be a finite ({size},) vector, got {value}")
     return value
 
 
-def _lookup(parameters, key):
+def _lookup(parameters: Mapping[str, Any], key: str) -> Any:
     """A parameter by its dotted name, from nested or flat dictionaries."""
     if key in parameters:
         return parameters[key]

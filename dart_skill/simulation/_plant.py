@@ -11,6 +11,7 @@ import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -130,6 +131,8 @@ class Plant:
         self._loaded_arm = _DynamicsOnly(self._with_its_ball(), ball_in_hand=True)
         self._basket = self._place_of_target()
         self._changed: PlantSettings | None = None
+        self._held: int | None = None  # the constraint between hand and ball
+        self._free_at: int | None = None  # the stamp at which the hand will have opened [ns]
         self._episode = 0
         self._stamp_ns = 0
         self.reset()
@@ -214,7 +217,7 @@ class Plant:
         before = self._ball_position
         self._observe()
         if self.settings.board is not None and self._held is None and not self._stuck:
-            self._stick_to_the_board(np.array(before))
+            self._stick_to_the_board(self.settings.board, np.array(before))
 
     # the arm
 
@@ -276,9 +279,9 @@ class Plant:
         self._world.applyExternalForce(self._ball, -1, force.tolist(), list(self._ball_position), pybullet.WORLD_FRAME)
         self._touch_when_clear()
 
-    def _stick_to_the_board(self, before: np.ndarray) -> None:
+    def _stick_to_the_board(self, board: Board, before: np.ndarray) -> None:
         """A dart that has met the board in the last step stays where it met it."""
-        point = self.settings.board.hit(before, np.array(self._ball_position))
+        point = board.hit(before, np.array(self._ball_position))
         if point is None:
             return
         self._world.resetBasePositionAndOrientation(self._ball, point.tolist(), self._ball_quaternion)
@@ -431,7 +434,7 @@ class _Client(BulletClient):
     _client = -1
     _pid = -1
 
-    def __getattr__(self, name: str):
+    def __getattr__(self, name: str) -> Any:
         function = super().__getattr__(name)
         self.__dict__[name] = function
         return function

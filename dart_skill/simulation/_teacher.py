@@ -8,6 +8,7 @@ How fast the swing has to be comes from the flight of the ball; how well a perso
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from enum import Enum
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
@@ -77,8 +78,10 @@ class Person:
     @classmethod
     def from_parameters(cls, parameters: Mapping) -> "Person":
         """A person from the parameters of the teacher node."""
-        values = {f.name: parameters[f.name] for f in fields(cls)}
-        return cls(**{name: tuple(v) if isinstance(v, list | tuple) else v for name, v in values.items()})
+        values: dict[str, Any] = {f.name: parameters[f.name] for f in fields(cls)}
+        for name, value in values.items():
+            values[name] = tuple(value) if isinstance(value, list | tuple) else value
+        return cls(**values)
 
 
 class Phase(Enum):
@@ -114,11 +117,13 @@ class Teacher:
     ball went.
     """
 
+    _motion: _Motion  # from the first throw on
+
     def __init__(self, seed: int = 0, swing: Swing | None = None, person: Person | None = None, step: float = 0.002, game: Game = BASKETS):
         self.swing, self.person, self._step, self._game = swing or Swing(), person or Person(), step, game
         self._model = ArmModel(ball_in_hand=True)
         self._seed, self._throws = seed, 0
-        self._phase, self._motion = Phase.IDLE, None
+        self._phase = Phase.IDLE
         self._correction = np.zeros(2)
 
     @property
@@ -154,7 +159,7 @@ class Teacher:
 
     def step(self, state: ArmState) -> Command:
         """The push that answers one state: a wrench at the hand, a force at the elbow as joint torque, and the hand's button."""
-        if self._motion is None:
+        if self._phase is Phase.IDLE:
             raise ValueError("the teacher has no throw in mind: begin one")
         time = (state.stamp_ns - self._started_ns) * 1e-9
         self._phase = self._phase_at(time)
@@ -300,7 +305,9 @@ def _at_most(vector: np.ndarray, limit: float) -> np.ndarray:
     return vector if length <= limit else vector * (limit / length)
 
 
-def _quintic(start, start_rate, end, end_rate, duration: float, time: float):
+def _quintic(
+    start: np.ndarray, start_rate: np.ndarray, end: np.ndarray, end_rate: np.ndarray, duration: float, time: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Position, velocity, acceleration at `time` of the quintic with given ends and no acceleration there."""
     s = time / duration
     v0, v1, way = start_rate * duration, end_rate * duration, end - start

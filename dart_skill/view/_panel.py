@@ -75,7 +75,8 @@ class Panel:
             self._add_throwing()
             self._add_curve()
             self._legend = self._gui.add_html("")
-        self._show_tab, self._switches = tabs.add_tab("Show"), set()
+        self._show_tab = tabs.add_tab("Show")
+        self._switches: set[str] = set()
         for group, label in GROUPS.items():
             self._add_switch(group, label)
         with tabs.add_tab("Nodes"):

@@ -42,6 +42,9 @@ class Scene:
     * basket: its shape, default that of config/world.yaml.
     """
 
+    _angles: np.ndarray  # of the joints, as they are drawn
+    _cameras: Any
+
     def __init__(self, server: Any, description: WamDescription | None = None, region: Region = REGION, basket: Basket | None = None):
         self._server, self._scene = server, server.scene
         self._description, self.region, self._basket_shape = description or wam_description(), region, basket or Basket()

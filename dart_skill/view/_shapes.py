@@ -74,7 +74,7 @@ def bucket(radius: float, depth: float, wall: float, sides: int = 2 * SIDES) -> 
     """A basket: upright and open at the top, the centre of its rim at the origin; radius: of the free opening."""
     outer, floor = radius + wall, -depth - wall
     profile = [(0.0, floor), (outer, floor), (outer, 0.0), (radius, 0.0), (radius, -depth), (0.0, -depth)]
-    rings = [_lathe(*zip(start, end, strict=True), sides) for start, end in zip(profile, profile[1:], strict=False)]
+    rings = [_lathe((start[0], end[0]), (start[1], end[1]), sides) for start, end in zip(profile, profile[1:], strict=False)]
     return joined(rings)
 
 

@@ -28,8 +28,8 @@ class UrdfLink:
 def read_links(urdf: str) -> list[UrdfLink]:
     """The links of a URDF text, parents first; ValueError for a shape or a tree that is not understood."""
     robot = ElementTree.fromstring(urdf)
-    joints = {joint.find("child").get("link"): joint for joint in robot.findall("joint")}
-    links = [_link(element, joints.get(element.get("name"))) for element in robot.findall("link")]
+    joints = {_asked(_child(joint, "child"), "link"): joint for joint in robot.findall("joint")}
+    links = [_link(element, joints.get(_asked(element, "name"))) for element in robot.findall("link")]
     placed: dict[str, UrdfLink] = {}
     while len(placed) < len(links):
         ready = [link for link in links if link.name not in placed and link.parent in {"", *placed}]
@@ -41,14 +41,15 @@ def read_links(urdf: str) -> list[UrdfLink]:
 
 
 def _link(element: ElementTree.Element, joint: ElementTree.Element | None) -> UrdfLink:
-    meshes = [_visual(visual, element.get("name")) for visual in element.findall("visual")]
-    parent = "" if joint is None else joint.find("parent").get("link")
+    name = _asked(element, "name")
+    meshes = [_visual(visual, name) for visual in element.findall("visual")]
+    parent = "" if joint is None else _asked(_child(joint, "parent"), "link")
     translation, rotation = _origin(joint)
-    return UrdfLink(element.get("name"), parent, translation, rotation.as_quat(), joined(meshes) if meshes else None)
+    return UrdfLink(name, parent, translation, rotation.as_quat(), joined(meshes) if meshes else None)
 
 
 def _visual(visual: ElementTree.Element, link: str) -> Mesh:
-    shape = visual.find("geometry")[0]
+    shape = _child(visual, "geometry")[0]
     if shape.tag not in SHAPES:
         raise ValueError(f"link {link}: a <{shape.tag}> is not drawn, only {', '.join(SHAPES)}")
     translation, rotation = _origin(visual)
@@ -63,8 +64,22 @@ def _origin(element: ElementTree.Element | None) -> tuple[np.ndarray, Rotation]:
     return xyz, Rotation.from_euler("xyz", rpy)
 
 
+def _child(element: ElementTree.Element, tag: str) -> ElementTree.Element:
+    found = element.find(tag)
+    if found is None:
+        raise ValueError(f"a <{element.tag}> of the URDF lacks its <{tag}>")
+    return found
+
+
+def _asked(element: ElementTree.Element, attribute: str) -> str:
+    value = element.get(attribute)
+    if value is None:
+        raise ValueError(f"a <{element.tag}> of the URDF lacks its {attribute}")
+    return value
+
+
 SHAPES: dict[str, Callable[[ElementTree.Element], Mesh]] = {
-    "sphere": lambda shape: sphere(float(shape.get("radius"))),
-    "cylinder": lambda shape: cylinder(float(shape.get("radius")), float(shape.get("length"))),
-    "box": lambda shape: box(np.array(shape.get("size").split(), dtype=float)),
+    "sphere": lambda shape: sphere(float(_asked(shape, "radius"))),
+    "cylinder": lambda shape: cylinder(float(_asked(shape, "radius")), float(_asked(shape, "length"))),
+    "box": lambda shape: box(np.array(_asked(shape, "size").split(), dtype=float)),
 }

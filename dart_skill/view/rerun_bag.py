@@ -191,5 +191,5 @@ def _root(reader: BagReader) -> str | None:
         robot = ElementTree.fromstring(next(reader.messages(["/robot_description"])).data.data)
     except ElementTree.ParseError:
         return None
-    children = {joint.find("child").get("link") for joint in robot.findall("joint") if joint.find("child") is not None}
+    children = {child.get("link") for child in robot.findall("joint/child")}
     return next((name for link in robot.findall("link") if (name := link.get("name")) not in children), None)

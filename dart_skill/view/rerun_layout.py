@@ -15,6 +15,7 @@ Keys, of which what is null is left out:
 import json
 import sys
 from importlib import import_module
+from typing import Any
 
 rr, rrb, encodings = map(import_module, ("rerun", "rerun.blueprint", "rerun.blueprint.encodings"))
 
@@ -23,7 +24,7 @@ TIMELINE = "message_log_time"
 """All topics are on it."""
 
 
-def scene(about):
+def scene(about: dict[str, Any]) -> Any:
     """The arm with ball and basket in space."""
     drawn = {}
     if about.get("ball"):
@@ -44,12 +45,12 @@ def scene(about):
     )
 
 
-def joint_plot(about, field, name):
+def joint_plot(about: dict[str, Any], field: str, name: str) -> Any:
     """One quantity of every joint over time."""
     return rrb.TimeSeriesView(name=name, origin=f"{about['joints']}/{field}", plot_legend=rrb.PlotLegend(visible=False))
 
 
-def height_plot(topic, name):
+def height_plot(topic: str, name: str) -> Any:
     """Third coordinate of a pose over time; the legend switches the others on."""
     position = encodings.VisualizerComponentMapping(
         "Scalars:scalars", encodings.ComponentSourceKind.SourceComponent, source_component="InstancePoses3D:translations", selector=".[]"
@@ -59,7 +60,7 @@ def height_plot(topic, name):
     return rrb.TimeSeriesView(name=f"{name} [m]", origin=topic, contents=[f"+ {topic}"], overrides=drawn)
 
 
-def layout(about):
+def layout(about: dict[str, Any]) -> Any:
     """What is seen of a bag, by what is in it."""
     plots = []
     if about.get("joints"):

@@ -3,12 +3,14 @@
 Nothing else imports `dart_skill.experiments`.
 """
 
+import argparse
+
 from dart_skill.cli.experiment import basket, darts, figure, landscapes, practice, repeatability, search, throws
 
 EXPERIMENTS = (throws, basket, practice, darts, repeatability, search, landscapes, figure)
 
 
-def add_to(commands) -> None:
+def add_to(commands: argparse._SubParsersAction) -> None:
     """Add `experiment` with all its verbs to the commands of `dart-skill`."""
     parser = commands.add_parser("experiment", help="repeat what the documentation quotes")
     experiments = parser.add_subparsers(required=True, metavar="EXPERIMENT")

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 
-def add_to(experiments) -> None:
+def add_to(experiments: argparse._SubParsersAction) -> None:
     """Add `basket` to the experiments of `dart-skill experiment`."""
     parser = experiments.add_parser("basket", help="no practice, baskets all around, several ways to learn: a table, and maps")
     parser.add_argument("--models", default="default", metavar="NAMES", help="configurations, separated by commas (default: default)")

@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 
 
-def add_to(experiments) -> None:
+def add_to(experiments: argparse._SubParsersAction) -> None:
     """Add `darts` to the experiments of `dart-skill experiment`."""
     parser = experiments.add_parser("darts", help="darts by the arm: spread, aim and score over many throws, as a table and a figure")
     parser.add_argument("--seed", type=int, default=0)

@@ -6,7 +6,7 @@ import argparse
 import json
 
 
-def add_to(experiments) -> None:
+def add_to(experiments: argparse._SubParsersAction) -> None:
     """Add `figure` to the experiments of `dart-skill experiment`."""
     figure = experiments.add_parser("figure", help="a figure of the thesis, computed anew")
     figure.add_argument("number", help="3.1, 7.1, ..., regrets; 'list' says which there are, 'all' draws every one")

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import argparse
+
 from dart_skill.cli.experiment.search import add_runs
 
 METHODS = "power,power_constant,power_proportional,cem,cma,cma_default,mixture,restarts,monte_carlo,niches"
 
 
-def add_to(experiments) -> None:
+def add_to(experiments: argparse._SubParsersAction) -> None:
     """Add `landscapes` to the experiments of `dart-skill experiment`."""
     parser = experiments.add_parser("landscapes", help="the same searches on other landscapes that change, as a table of regrets")
     parser.add_argument(

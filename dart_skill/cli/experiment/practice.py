@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 
-def add_to(experiments) -> None:
+def add_to(experiments: argparse._SubParsersAction) -> None:
     """Add `practice` to the experiments of `dart-skill experiment`."""
     parser = experiments.add_parser("practice", help="own throws in process, for several seeds and methods, as a table of errors")
     parser.add_argument("--methods", default="residual,bootstrap,both,power,none", help="separated by commas (default: all)")

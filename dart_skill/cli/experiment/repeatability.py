@@ -6,7 +6,7 @@ import argparse
 import json
 
 
-def add_to(experiments) -> None:
+def add_to(experiments: argparse._SubParsersAction) -> None:
     """Add `repeatability` to the experiments of `dart-skill experiment`."""
     again = experiments.add_parser("repeatability", help="one plan thrown again and again: the floor of the error")
     again.add_argument("--seed", type=int, default=0)

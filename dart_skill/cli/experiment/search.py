@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 
 
-def add_to(verbs) -> None:
+def add_to(verbs: argparse._SubParsersAction) -> None:
     """Add `search` to the verbs of `dart-skill darts` and `dart-skill experiment`."""
     parser = verbs.add_parser("search", help="learn where to aim by throwing while the thrower gets better, as a table of regrets")
     parser.add_argument(

@@ -7,7 +7,7 @@ import json
 from dataclasses import asdict
 
 
-def add_to(experiments) -> None:
+def add_to(experiments: argparse._SubParsersAction) -> None:
     """Add `throws` to the experiments of `dart-skill experiment`."""
     throws = experiments.add_parser("throws", help="the main job for several seeds, in process, as a table")
     throws.add_argument("--seeds", type=int, default=10, help="seeds 0 to N - 1 (default 10)")

@@ -44,7 +44,7 @@ class Cells:
     median: np.ndarray
     refused: np.ndarray
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         shape = (len(AZIMUTHS) - 1, len(DISTANCES) - 1)
         for name in ("throws", "inside", "median", "refused"):
             if np.shape(getattr(self, name)) != shape:

@@ -18,7 +18,7 @@ class DiskSync:
     on_error: called in the thread with the OSError of a sync, once; nothing is synced after it.
     """
 
-    def __init__(self, on_error: Callable[[OSError], None]):
+    def __init__(self, on_error: Callable[[OSError], object]):
         from concurrent.futures import ThreadPoolExecutor  # takes longer to import than all of bags, and who reads needs none
 
         self._on_error, self._failed = on_error, False

@@ -8,7 +8,7 @@ from pathlib import Path
 from zlib import crc32
 
 from mcap.opcode import Opcode
-from mcap.records import Channel, Schema, Statistics
+from mcap.records import Channel, DataEnd, Header, Schema, Statistics
 from rosbags.typesys.store import Typestore
 
 from dart_skill.recording.bags.messages import deserialize
@@ -161,12 +161,16 @@ class FileCheck:
         elif found.opcode == Opcode.HEADER:
             self._header(found)
         elif found.opcode == Opcode.DATA_END:
-            crc = found.parsed().data_section_crc
+            last = found.parsed()
+            assert isinstance(last, DataEnd)
+            crc = last.data_section_crc
             if crc and crc != crc32(data[: found.offset]):
                 self._add("error", "the CRC of all before the summary does not fit: something in there has changed", RECOVER)
 
     def _header(self, found: Record) -> None:
-        profile = found.parsed().profile
+        header = found.parsed()
+        assert isinstance(header, Header)
+        profile = header.profile
         if profile != "ros2":
             self._add("warning", f"its profile is '{profile}', not 'ros2': other tools may not take it for a ROS 2 bag", REWRITE)
 
@@ -231,7 +235,8 @@ class FileCheck:
             self._n_jumps += 1
             self._largest_jump_ns = max(self._largest_jump_ns, self._last_ns - now_ns)
         self._last_ns = now_ns
-        self.start_ns, self.end_ns = min(self.start_ns, now_ns), max(self.end_ns, now_ns)
+        self.start_ns = now_ns if self.start_ns is None else min(self.start_ns, now_ns)
+        self.end_ns = now_ns if self.end_ns is None else max(self.end_ns, now_ns)
 
     def _topic_findings(self) -> None:
         for topic in self._topics.values():

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -157,13 +158,16 @@ def _topic(topic: TopicMetadata) -> dict:
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
-class _NoAliases(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):
+_Dumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+
+
+class _NoAliases(_Dumper):
     """yaml-cpp, which rosbag2 reads with, knows anchors, but people who read the file do not expect them."""
 
-    def ignore_aliases(self, data):
+    def ignore_aliases(self, data: Any) -> bool:
         return True
 
 
-def dump(content) -> str:
+def dump(content: Any) -> str:
     """YAML text."""
     return yaml.dump(content, Dumper=_NoAliases, sort_keys=False)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from pathlib import Path, PurePath
+from typing import Any
 
 from rosbags.typesys.store import Typestore
 
@@ -108,10 +109,11 @@ def _metadata_pairs(metadata: dict, checked: list[FileCheck]) -> dict[str, tuple
     """What metadata.yaml says and what is so, by name."""
     counts: Counter = sum((check.counts for check in checked), Counter())
     types = {name: type_name for check in checked for name, type_name in check.topic_types.items()}
-    pairs = {"all messages": (metadata["message_count"], sum(counts.values()))}
+    pairs: dict[str, tuple[Any, Any]] = {"all messages": (metadata["message_count"], sum(counts.values()))}
     filled = [check for check in checked if check.counts]
     if filled:
-        start, end = min(check.start_ns for check in filled), max(check.end_ns for check in filled)
+        start = min(check.start_ns for check in filled if check.start_ns is not None)
+        end = max(check.end_ns for check in filled if check.end_ns is not None)
         pairs["the time of the first message"] = (metadata["starting_time"]["nanoseconds_since_epoch"], start)
         pairs["the duration"] = (metadata["duration"]["nanoseconds"], end - start)
     for item in metadata["topics_with_message_count"]:
@@ -126,7 +128,7 @@ def _metadata_pairs(metadata: dict, checked: list[FileCheck]) -> dict[str, tuple
         check = by_name.get(PurePath(item["path"]).name)
         if check is not None:
             pairs[f"messages in {check.path.name}"] = (item["message_count"], sum(check.counts.values()))
-            if check.counts:
+            if check.start_ns is not None and check.end_ns is not None:
                 times = (item["starting_time"]["nanoseconds_since_epoch"], item["duration"]["nanoseconds"])
                 pairs[f"start and duration of {check.path.name}"] = (times, (check.start_ns, check.end_ns - check.start_ns))
     return pairs
@@ -134,7 +136,8 @@ def _metadata_pairs(metadata: dict, checked: list[FileCheck]) -> dict[str, tuple
 
 def _one_bag_findings(path: Path, checked: list[FileCheck]) -> list[Finding]:
     """Signs that the files of a folder are of different bags."""
-    findings, types = [], {}
+    findings: list[Finding] = []
+    types: dict[str, str] = {}
     if len(stems := sorted({part_number(check.path)[0] for check in checked})) > 1:
         message = f"its files have different names ({', '.join(stems)}): they may be of different bags"
         findings.append(Finding("warning", path.name, message, "give each bag a folder of its own"))
@@ -145,7 +148,7 @@ def _one_bag_findings(path: Path, checked: list[FileCheck]) -> list[Finding]:
                 findings.append(Finding("error", check.path.name, message, "give each bag a folder of its own"))
     filled = [check for check in checked if check.counts]
     for before, after in zip(filled, filled[1:], strict=False):
-        if after.start_ns < before.end_ns:
+        if after.start_ns is not None and before.end_ns is not None and after.start_ns < before.end_ns:
             message = f"it begins before {before.path.name} ends: the files are of different bags, or log time jumped back"
             findings.append(Finding("warning", after.path.name, message))
     return findings

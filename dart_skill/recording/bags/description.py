@@ -43,7 +43,7 @@ def _file(file: BagFile) -> dict:
         "size_bytes": file.size,
         "message_count": file.count,
         "start_ns": file.start_ns,
-        "duration_ns": None if file.start_ns is None else file.end_ns - file.start_ns,
+        "duration_ns": None if file.start_ns is None or file.end_ns is None else file.end_ns - file.start_ns,
         "library": file.library,
     }
 

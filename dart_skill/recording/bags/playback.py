@@ -54,7 +54,7 @@ class Selection:
     loop: bool = False
     clock_rate: float = 100.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not (math.isfinite(self.start) and self.start >= 0.0):
             raise ValueError(f"start = {self.start}: give seconds after the bag's first message, not negative")
         if not self.duration > 0.0:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePath
 
 from mcap.records import Attachment
-from rosbags.interfaces import MessageDefinitionFormat
+from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinitionFormat
 from rosbags.rosbag2 import Reader
 from rosbags.rosbag2.metadata import parse_qos
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
@@ -143,7 +143,7 @@ class BagReader:
     def __enter__(self) -> BagReader:
         return self
 
-    def __exit__(self, *_exception) -> None:
+    def __exit__(self, *_exception: object) -> None:
         self.close()
 
     def _check_open(self) -> None:
@@ -273,8 +273,8 @@ class _RosbagsSource:
                 one.msgtype,
                 sum(other.msgcount for other in reader.connections if other.topic == one.topic),
                 one.digest,
-                tuple(one.ext.offered_qos_profiles),
-                one.ext.serialization_format,
+                tuple(_ext(one).offered_qos_profiles),
+                _ext(one).serialization_format,
             )
             for one in reader.connections
         }
@@ -289,7 +289,11 @@ class _RosbagsSource:
         told = {PurePath(item["path"]).name: _told_extent(item) for item in self.metadata.get("files") or []}
         unknown = whole if len(files) == 1 else (None, None, None)
         compression = self.metadata.get("compression_format", "")
-        return [BagFile(file, file.stat().st_size, *told.get(file.name, unknown), compression=compression) for file in files]
+        described = []
+        for file in files:
+            count, start_ns, end_ns = told.get(file.name, unknown)
+            described.append(BagFile(file, file.stat().st_size, count, start_ns, end_ns, compression=compression))
+        return described
 
     def definitions(self) -> Iterator[tuple[str, str, str]]:
         """Type name, schema encoding and definition text of each type."""
@@ -396,8 +400,13 @@ def _types_in(name: str, encoding: str, text: str) -> dict:
     return found
 
 
+def _ext(connection: Connection) -> ConnectionExtRosbag2:
+    assert isinstance(connection.ext, ConnectionExtRosbag2)
+    return connection.ext
+
+
 @contextmanager
-def _explained(path: Path):
+def _explained(path: Path) -> Iterator[None]:
     """Whatever a reader makes of foreign bytes becomes a BagError that names the bag."""
     try:
         yield

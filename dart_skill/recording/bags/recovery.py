@@ -16,7 +16,7 @@ from pathlib import Path
 from zlib import crc32
 
 from mcap.opcode import Opcode
-from mcap.records import Channel, Metadata, Schema
+from mcap.records import Attachment, Channel, Metadata, Schema
 
 from dart_skill.recording.bags._disk_sync import sync_folder
 from dart_skill.recording.bags._files import files_in, named_files, part_number
@@ -225,8 +225,8 @@ class _Recovery:
             repairs=tuple(self.repairs),
             unverified=self.unverified,
             lost_chunks=self.lost_chunks,
-            start_ns=min((file.start_ns for file in filled), default=None),
-            end_ns=max((file.end_ns for file in filled), default=None),
+            start_ns=min((file.start_ns for file in filled if file.start_ns is not None), default=None),
+            end_ns=max((file.end_ns for file in filled if file.end_ns is not None), default=None),
             n_attachments=self.n_attachments,
             custom_data=self.custom_data,
         )
@@ -314,7 +314,7 @@ class _FileRecovery:
         elif found.opcode == Opcode.ATTACHMENT:
             self._attachment(found)
         elif found.opcode == Opcode.METADATA:
-            self._metadata(found.parsed())
+            self._metadata(found)
         elif found.opcode == Opcode.DATA_END:
             self.in_summary = True
         elif found.opcode > 0x0F:
@@ -381,10 +381,13 @@ class _FileRecovery:
         except DamagedError as error:
             self._lose(found.offset, found.end, f"{error}; the attachment is left out", 0)
             return
+        assert isinstance(attachment, Attachment)
         self.out.add_attachment(attachment.name, attachment.media_type, attachment.data, attachment.create_time, attachment.log_time)
         self.bag.n_attachments += 1
 
-    def _metadata(self, record: Metadata) -> None:
+    def _metadata(self, found: Record) -> None:
+        record = found.parsed()
+        assert isinstance(record, Metadata)
         if record.name != RECORD_NAME:
             self.out.add_metadata(record.name, record.metadata)
             return

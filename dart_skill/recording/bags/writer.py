@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import os
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -126,7 +126,7 @@ class BagWriter:
         self._file: McapFile | None = None  # none between two files
         self._flushed_ns = self._due_ns = 0  # log times: of the last flush, and when the next thing is due
         self._file_first_ns: int | None = None
-        self._failure: tuple | None = None
+        self._failure: tuple[int | None, str, str] | None = None
         self._closed, self._full, self._synced_bytes = False, False, 0
         try:
             self.path.mkdir(parents=True)
@@ -136,7 +136,13 @@ class BagWriter:
         with self._explained():
             self._open_file()
         self._sync = DiskSync(self._stopped)
-        self._sync.request(self._file.stream)
+        self._sync.request(self._current.stream)
+
+    @property
+    def _current(self) -> McapFile:
+        """The file that is open."""
+        assert self._file is not None
+        return self._file
 
     @property
     def file(self) -> Path:
@@ -190,8 +196,11 @@ class BagWriter:
             cdr_bytes = memoryview(cdr_bytes).tobytes()
         if len(cdr_bytes) < 4:
             raise ValueError(f"{topic}: {len(cdr_bytes)} bytes: a CDR message has at least its 4-byte header")
+        file = self._file
+        if file is None or entry.channel is None:
+            raise self._refusal(topic)
         try:
-            if self._file.add_message(entry.channel, entry.count & 0xFFFFFFFF, log_time_ns, publish_time_ns, cdr_bytes):
+            if file.add_message(entry.channel, entry.count & 0xFFFFFFFF, log_time_ns, publish_time_ns, cdr_bytes):
                 self._chunk_ended()
         except struct.error:
             raise ValueError(_bad_times(topic, log_time_ns, publish_time_ns)) from None
@@ -204,7 +213,7 @@ class BagWriter:
         self._check_writable()
         data = data.encode() if isinstance(data, str) else bytes(data)
         with self._explained():
-            self._file.add_attachment(name, media_type, data, time_ns, time_ns)
+            self._current.add_attachment(name, media_type, data, time_ns, time_ns)
 
     def note(self, name: str, text: str) -> None:
         """Add to the custom data, or replace what it says by that name; until the bag is closed."""
@@ -219,11 +228,11 @@ class BagWriter:
         """
         self._check_writable()
         with self._explained():
-            if self._file.end_chunk():
+            if self._current.end_chunk():
                 self._chunk_ended()
-        if self._file.position > self._synced_bytes:
-            self._synced_bytes = self._file.position
-            self._sync.request(self._file.stream)
+        if self._current.position > self._synced_bytes:
+            self._synced_bytes = self._current.position
+            self._sync.request(self._current.stream)
         if to_disk:
             self._sync.wait()
             self._check_writable()
@@ -234,7 +243,7 @@ class BagWriter:
             return
         self._closed, self._writable = True, {}
         failed_before = self._failure is not None
-        if failed_before:
+        if self._failure is not None:
             self.custom_data["writing_stopped"] = self._failure[1]
         stream = self._file.stream if self._file is not None else None
         try:
@@ -256,10 +265,10 @@ class BagWriter:
     def __enter__(self) -> BagWriter:
         return self
 
-    def __exit__(self, *_exception) -> None:
+    def __exit__(self, *_exception: object) -> None:
         self.close()
 
-    def _check_writable(self):
+    def _check_writable(self) -> None:
         if self._failure is not None or self._closed:
             raise self._refusal()
 
@@ -286,7 +295,7 @@ class BagWriter:
         return BagWriteError(*self._failure)
 
     @contextmanager
-    def _explained(self):
+    def _explained(self) -> Iterator[None]:
         try:
             yield
         except BagWriteError:
@@ -294,7 +303,7 @@ class BagWriter:
         except OSError as error:
             raise self._stopped(error) from error
 
-    def _turn(self, topic, log_time_ns):
+    def _turn(self, topic: str, log_time_ns: int) -> None:
         """What is due before the message of this log time: a flush, or the next file."""
         if log_time_ns < 0:
             raise ValueError(_bad_times(topic, log_time_ns))
@@ -315,35 +324,37 @@ class BagWriter:
         if self._max_duration_ns:
             self._due_ns = min(self._due_ns, self._file_first_ns + self._max_duration_ns)
 
-    def _chunk_ended(self):
+    def _chunk_ended(self) -> None:
         """Whether another chunk, with its index and the file's end, would be more than a file may hold."""
         texts = sum(len(text) for item in self.custom_data.items() for text in item)
-        room = 3 * self._chunk_size // 2 + 1000 * len(self._topics) + texts + self._file.summary_size
-        if self._max_bytes and self._file.position + room > self._max_bytes:
+        room = 3 * self._chunk_size // 2 + 1000 * len(self._topics) + texts + self._current.summary_size
+        if self._max_bytes and self._current.position + room > self._max_bytes:
             self._full, self._due_ns = True, 0
 
-    def _next_file(self):
-        stream = self._file.stream
+    def _next_file(self) -> None:
+        stream = self._current.stream
         self._finish_file()
         self._sync.request(stream, close=True)
         self._open_file()
-        self._sync.request(self._file.stream)
+        self._sync.request(self._current.stream)
         for topic in self._topics.values():
             topic.channel = self._channel(topic)
 
-    def _open_file(self):
+    def _open_file(self) -> None:
         """Begin the next file, with the metadata record that rosbag2 writes at opening."""
         file = McapFile(self.path / f"{self.path.name}_{len(self._finished)}.mcap", chunk_size=self._chunk_size)
-        self._file, self._schemas = file, {}
+        self._file = file
+        self._schemas: dict[str, int] = {}
         self._full, self._file_first_ns, self._synced_bytes = False, None, 0
-        self._file.add_metadata(RECORD_NAME, record_values(self._metadata([FileMetadata.of(self._file)])))
+        file.add_metadata(RECORD_NAME, record_values(self._metadata([FileMetadata.of(file)])))
 
-    def _finish_file(self):
+    def _finish_file(self) -> None:
         """End the file; the metadata record that rosbag2 writes at closing lets it tell what it holds by itself."""
-        self._file.end_chunk()
-        self._file.add_metadata(RECORD_NAME, record_values(self._metadata([FileMetadata.of(self._file)])))
-        self._file.finish()
-        self._finished.append(FileMetadata.of(self._file))
+        file = self._current
+        file.end_chunk()
+        file.add_metadata(RECORD_NAME, record_values(self._metadata([FileMetadata.of(file)])))
+        file.finish()
+        self._finished.append(FileMetadata.of(file))
         for topic in self._topics.values():
             topic.finished += topic.saved
             topic.channel = None
@@ -353,9 +364,9 @@ class BagWriter:
         """The topic's channel in the current file."""
         if topic.type_name not in self._schemas:
             definition = self._types[topic.type_name].encode()
-            self._schemas[topic.type_name] = self._file.add_schema(topic.type_name, "ros2msg", definition)
+            self._schemas[topic.type_name] = self._current.add_schema(topic.type_name, "ros2msg", definition)
         metadata = {"offered_qos_profiles": topic.qos_text, "topic_type_hash": topic.type_hash}
-        return self._file.add_channel(topic.name, "cdr", self._schemas[topic.type_name], metadata)
+        return self._current.add_channel(topic.name, "cdr", self._schemas[topic.type_name], metadata)
 
     def _metadata(self, files: list[FileMetadata], in_file: bool = True) -> dict:
         """Metadata of the current file by itself, or of the whole bag."""

@@ -86,7 +86,7 @@ class _CsvFile:
                 lines = enumerate(csv.reader(stream, delimiter=delimiter), 1)
                 self.lines = [_Line(number, cells) for number, cells in lines if any(map(str.strip, cells))]
         except OSError as error:
-            raise self.error(error.strerror) from error
+            raise self.error(error.strerror or str(error)) from error
         except (UnicodeDecodeError, csv.Error) as error:
             raise self.error(f"no CSV file: {error}") from error
         if not self.lines:

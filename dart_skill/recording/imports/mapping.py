@@ -152,7 +152,7 @@ def parse_mapping(content: Any, place: str = "mapping") -> RecordingMapping:
     values.nothing_else()
     if missing := [role for role in ROLES if role not in bodies]:
         raise MappingError(f"{place}: nothing says where the {missing[0]} is: add '{missing[0]}:' with topic, csv, motive or position")
-    return RecordingMapping(bodies, **signals, frame=frame)
+    return RecordingMapping(bodies, signals.get("joints"), signals.get("teacher"), signals.get("command"), frame=frame)
 
 
 class _Section:
@@ -161,7 +161,8 @@ class _Section:
     def __init__(self, content: Any, place: str):
         if not isinstance(content, Mapping):
             raise MappingError(f"{place}: need keys and values, got {content!r}")
-        self.place, self._left, self._asked = place, dict(content), []
+        self.place, self._left = place, dict(content)
+        self._asked: list[str] = []
 
     def has(self, key: str) -> bool:
         """Whether a key is there that nobody has asked for yet."""

@@ -66,7 +66,9 @@ class Fault:
 
 def fault_lines(faults: Iterable[Fault]) -> list[str]:
     """A line for each fault, and for each body how often it was not seen."""
-    faults, gaps, missing = list(faults), Counter(), Counter()
+    faults = list(faults)
+    gaps: Counter[str] = Counter()
+    missing: Counter[str] = Counter()
     for fault in (fault for fault in faults if fault.is_information):
         gaps[fault.body] += 1
         missing[fault.body] += fault.count
@@ -392,7 +394,9 @@ def _runs_of_both(stamps: np.ndarray, one: np.ndarray, other: np.ndarray) -> lis
     return _stretches((np.diff(stamps) * 1e-9 > PAUSE) & (np.diff(one) > 0) & (np.diff(other) > 0))
 
 
-def _which_is_wrong(one: str, other: str, a: np.ndarray, b: np.ndarray, stamps: np.ndarray, period: float, crossed: np.ndarray):
+def _which_is_wrong(
+    one: str, other: str, a: np.ndarray, b: np.ndarray, stamps: np.ndarray, period: float, crossed: np.ndarray
+) -> tuple[np.ndarray, bool, str]:
     """Frames (n,) of a run that bear the wrong names, whether that is sure, and what tells."""
     if "ball" in (one, other):
         ball, body = (b, a) if other == "ball" else (a, b)

@@ -29,7 +29,7 @@ class RigidTransform:
     position: np.ndarray = field(default_factory=lambda: np.zeros(3))
     quaternion: np.ndarray = field(default_factory=lambda: np.array(IDENTITY))
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         position, quaternion = (np.asarray(value, dtype=float) for value in (self.position, self.quaternion))
         if position.shape != (3,) or not np.isfinite(position).all():
             raise ValueError(f"position is {self.position}: give three finite numbers in metres")
@@ -56,7 +56,7 @@ class PoseStream:
     quaternion: np.ndarray
     frame_id: str = the_world().frame_id
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         stamps = np.asarray(self.stamp_ns, dtype=np.int64)
         position, quaternion = np.asarray(self.position, dtype=float), np.asarray(self.quaternion, dtype=float)
         if stamps.ndim != 1 or position.shape != (len(stamps), 3) or quaternion.shape != (len(stamps), 4):

@@ -177,6 +177,7 @@ def _collector(role: str, where: PoseSource | SignalSource, type_name: str, bag:
     if role in ("teacher", "command"):
         signal = GripSignal()
         return signal, lambda message: _take_signal(signal, name, message, decoded)
+    assert isinstance(where, PoseSource)  # as every body has
     poses = _Poses([], [])
     return poses, lambda message: _take_poses(poses, role, where, name, message, decoded)
 
@@ -234,7 +235,9 @@ def _body(role: str, where: PoseSource, taken: dict, folder: Path, frame: str) -
     else:
         stamps, position, quaternion = read_motive(folder, where.motive, where.body)
     if not len(stamps):
-        raise ValueError(f"{where.topic or where.motive or where.table.file}: no pose of the {role}: was it tracked?")
+        raise ValueError(
+            f"{where.topic or where.motive or (where.table.file if where.table else '')}: no pose of the {role}: was it tracked?"
+        )
     stream = PoseStream(role, stamps + where.shift_ns, position, quaternion, frame)
     if where.is_plain:
         return stream
@@ -248,13 +251,15 @@ def _resting(role: str, position: tuple, stamps: np.ndarray, frame: str) -> Pose
 
 
 def _joints(where: SignalSource | None, states: list | None, folder: Path) -> JointStream | None:
-    if where is None or (where.table is None and states is None):
+    if where is None:
         return None
     if where.table is not None:
         columns = read_table(folder, where.table)
         seen = np.isfinite(columns["position"]).all(axis=1)
         stamps, position, velocity = columns["time"][seen], columns["position"][seen], columns["velocity"][seen]
         names = where.names
+    elif states is None:
+        return None
     else:
         stamps = np.array([s.header.stamp.sec * GIGA + s.header.stamp.nanosec for s in states], dtype=np.int64)
         known = list(states[0].name) if states else []
@@ -289,7 +294,9 @@ def _openings(mapping: RecordingMapping, taken: dict, folder: Path) -> tuple[Ope
         if where is None or (where.topic and name not in taken):
             continue
         signal = taken[name] if where.topic else None
-        stamps = signal.openings if signal else read_table(folder, where.table)["time"].tolist()
+        stamps = signal.openings if signal else []
+        if signal is None and where.table is not None:
+            stamps = read_table(folder, where.table)["time"].tolist()
         if name == "teacher" and signal:
             pushes, pushed_late = signal, where.shift_ns
         for stamp in stamps:

@@ -9,6 +9,7 @@ import heapq
 import struct
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -84,11 +85,13 @@ class McapInput:
 
     def metadata(self) -> list[Metadata]:
         """Metadata records, in the order in which they were written."""
-        return [self._record(Opcode.METADATA, place) for place in self._metadata_places]
+        records = (self._record(Opcode.METADATA, place) for place in self._metadata_places)
+        return [record for record in records if isinstance(record, Metadata)]
 
     def attachments(self) -> list[Attachment]:
         """Files that were kept with the messages, in the order in which they were written."""
-        return [self._record(Opcode.ATTACHMENT, place) for place in self._attachment_places]
+        records = (self._record(Opcode.ATTACHMENT, place) for place in self._attachment_places)
+        return [record for record in records if isinstance(record, Attachment)]
 
     def parts(self, wanted: dict[int, tuple[str, str]], start_ns: int, stop_ns: int) -> list[Part]:
         """The parts of the file that may hold messages of some channels and times.
@@ -99,9 +102,7 @@ class McapInput:
         if self._chunks is None:
             return [Part(self.start_ns, self.end_ns, lambda: self._found_messages(wanted, start_ns, stop_ns))]
         return [
-            Part(
-                chunk.message_start_time, chunk.message_end_time, lambda chunk=chunk: self._chunk_messages(chunk, wanted, start_ns, stop_ns)
-            )
+            Part(chunk.message_start_time, chunk.message_end_time, partial(self._chunk_messages, chunk, wanted, start_ns, stop_ns))
             for chunk in self._chunks
             if start_ns <= chunk.message_end_time
             and chunk.message_start_time < stop_ns
@@ -122,8 +123,9 @@ class McapInput:
 
     def _take(self, summary: Summary) -> None:
         statistics = summary.statistics
+        assert statistics is not None  # or the summary would not have been complete
         self.schemas, self.channels, self._chunks = summary.schemas, summary.channels, summary.chunks
-        self.counts = Counter(statistics.channel_message_counts)
+        self.counts: Counter[int] = Counter(statistics.channel_message_counts)
         self.message_count = statistics.message_count
         self.start_ns, self.end_ns = statistics.message_start_time, statistics.message_end_time
         self.compression = _listed(chunk.compression for chunk in summary.chunks)
@@ -132,7 +134,9 @@ class McapInput:
 
     def _scan(self, data: memoryview) -> None:
         """What the summary would say, from the whole file."""
-        self.counts, compressions, first_ns, last_ns = Counter(), set(), END_OF_TIME, 0
+        self.counts = Counter()
+        compressions: set[str] = set()
+        first_ns, last_ns = END_OF_TIME, 0
         places: dict[int, list[int]] = {Opcode.METADATA: [], Opcode.ATTACHMENT: []}
         for found in _undamaged(data):
             for message in found.messages():
@@ -162,7 +166,7 @@ class McapInput:
         """All that are wanted of a file that does not tell where its messages are: they are read into memory."""
         with mapped(self.path) as data:
             found = [
-                BagMessage(*wanted[message.channel], message.log_time_ns, message.data)
+                BagMessage(wanted[message.channel][0], wanted[message.channel][1], message.log_time_ns, message.data)
                 for record in _undamaged(data)
                 for message in record.messages()
                 if message.channel in wanted and start_ns <= message.log_time_ns < stop_ns
@@ -192,7 +196,8 @@ def _undamaged(data: memoryview) -> Iterator[Record]:
 
 def _messages_in(raw: bytes, wanted: dict[int, tuple[str, str]], start_ns: int, stop_ns: int) -> list[BagMessage]:
     """The same as `messages_of` in less time, of what is wanted, in order of log time."""
-    found, in_order, last, fields, place, end = [], True, 0, _FIELDS.unpack_from, 0, len(raw)
+    found: list[BagMessage] = []
+    in_order, last, fields, place, end = True, 0, _FIELDS.unpack_from, 0, len(raw)
     append, new, info = found.append, tuple.__new__, wanted.get
     while place < end - 30:
         opcode, length, channel, stamp = fields(raw, place)

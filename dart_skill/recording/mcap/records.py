@@ -10,7 +10,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from zlib import crc32
 
 import lz4.frame
@@ -185,7 +185,8 @@ def messages_of(raw: bytes, cut_off: bool = False) -> Iterator[Message]:
     """The messages among the records of a chunk; DamagedError and cut_off as for `records_of`."""
     for opcode, begin, end in records_of(raw, cut_off):
         if opcode == Opcode.MESSAGE:
-            yield Message(begin - RECORD.size, *_MESSAGE_HEAD.unpack_from(raw, begin), raw[begin + _MESSAGE_HEAD.size : end])
+            channel, sequence, log_time, publish_time = _MESSAGE_HEAD.unpack_from(raw, begin)
+            yield Message(begin - RECORD.size, channel, sequence, log_time, publish_time, raw[begin + _MESSAGE_HEAD.size : end])
 
 
 def parse_header(data: bytes | memoryview) -> tuple[Header, int]:
@@ -197,7 +198,9 @@ def parse_header(data: bytes | memoryview) -> tuple[Header, int]:
     end = 17 + struct.unpack_from("<Q", data, 9)[0]
     if end > len(data):
         raise DamagedError("the file ends within its header")
-    return parse(Opcode.HEADER, data[17:end]), end
+    header = parse(Opcode.HEADER, data[17:end])
+    assert isinstance(header, Header)
+    return header, end
 
 
 def read_summary(data: memoryview) -> Summary | None:
@@ -232,12 +235,13 @@ def _footer(data: memoryview) -> Footer:
     if RECORD.unpack_from(data, len(data) - FOOTER_LENGTH) != (Opcode.FOOTER, 20):
         raise DamagedError("the footer is damaged")
     footer = parse(Opcode.FOOTER, data[-28:-8])
+    assert isinstance(footer, Footer)
     if footer.summary_start and not 8 < footer.summary_start <= len(data) - FOOTER_LENGTH:
         raise DamagedError("the footer points to no summary")
     return footer
 
 
-def _whole_blocks(decompressor, data: memoryview) -> bytes:
+def _whole_blocks(decompressor: Any, data: memoryview) -> bytes:
     """What a decompressor gives before the end or the damage of its input."""
     parts = []
     try:

@@ -138,7 +138,9 @@ def _definitions_in(raw: bytes) -> Iterator[Schema | Channel]:
     """Of a chunk's records; DamagedError."""
     for opcode, begin, end in records_of(raw):
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            yield parse(opcode, raw[begin:end])
+            definition = parse(opcode, raw[begin:end])
+            assert isinstance(definition, Schema | Channel)
+            yield definition
 
 
 def _known_places(summary: Summary) -> list[int]:

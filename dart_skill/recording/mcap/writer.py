@@ -151,11 +151,19 @@ class McapFile:
 
     def add_attachment(self, name: str, media_type: str, data: bytes, create_time_ns: int = 0, log_time_ns: int = 0) -> None:
         """Append a file that goes with the messages."""
-        times = {"create_time": create_time_ns, "log_time": log_time_ns}
-        named = {"name": name, "media_type": media_type, **times}
-        record, offset = packed(Attachment(data=data, **named)), self.position
+        attachment = Attachment(data=data, name=name, media_type=media_type, create_time=create_time_ns, log_time=log_time_ns)
+        record, offset = packed(attachment), self.position
         self._append(record)
-        self._attachment_indexes.append(AttachmentIndex(offset=offset, length=len(record), data_size=len(data), **named))
+        index = AttachmentIndex(
+            offset=offset,
+            length=len(record),
+            data_size=len(data),
+            name=name,
+            media_type=media_type,
+            create_time=create_time_ns,
+            log_time=log_time_ns,
+        )
+        self._attachment_indexes.append(index)
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Append names and texts."""

@@ -50,7 +50,7 @@ class CorrectionSettings:
     farthest: float = 0.5
     memory: int = 200
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         values = np.array([self.offset, *self.lengths, *self.turns, self.surprise, *self.apart, self.farthest, self.memory], dtype=float)
         if not (self.lengths and self.turns and np.isfinite(values).all() and (values > 0).all()):
             raise ValueError(f"correction: {self} must hold finite positive numbers only, and at least one length and one turn")
@@ -130,7 +130,8 @@ class Correction:
         if not len(self._places):
             return np.zeros_like(places), np.full_like(places, self.settings.offset)
         columns = [self._predict(places, axis) for axis in range(2)]
-        return tuple(np.stack(part, axis=1) for part in zip(*columns, strict=True))
+        mean, deviation = (np.stack(part, axis=1) for part in zip(*columns, strict=True))
+        return mean, deviation
 
     def shifted(self, target: np.ndarray) -> np.ndarray:
         """The point (3,) to plan for so that the ball comes down on the target (3,)."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 UNKNOWN = 0.05
 """Error [m] that is expected where nobody has thrown: it takes worse ones than this to be sent back to a place at once."""
@@ -24,36 +23,36 @@ GIVEN_UP = 20.0
 class Curriculum:
     """Remembers the errors of throws at places (distance [m], azimuth [rad])."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._places, self._squares, self._weights = np.empty((0, 2)), np.empty(0), np.empty(0)
         self._odd: np.ndarray | None = None
 
-    def tell(self, target: ArrayLike, error: float) -> None:
+    def tell(self, target: np.ndarray, error: float) -> None:
         """A throw at a target (3,) missed by `error` [m], nan if nobody saw by how much."""
         error = UNSEEN if not np.isfinite(error) else float(error)
-        odd = error > ODD * self.expected_error([target])[0]
+        odd = error > ODD * self.expected_error(np.asarray(target)[None])[0]
         self._add(target, error, 1.0)
         self._odd = self._places[-1] if odd else None
 
-    def give_up(self, target: ArrayLike) -> None:
+    def give_up(self, target: np.ndarray) -> None:
         """A throw at a target (3,) was refused, or stopped on its way: stay away from there for a while."""
         self._add(target, 0.0, GIVEN_UP)
 
-    def _add(self, target: ArrayLike, error: float, weight: float) -> None:
+    def _add(self, target: np.ndarray, error: float, weight: float) -> None:
         place = _places(np.reshape(np.asarray(target, dtype=float), (1, 3)))
         if not np.isfinite(place).all():
             raise ValueError(f"target {target} of a throw is not finite")
         self._places, self._squares = np.vstack([self._places, place]), np.append(self._squares, error**2)
         self._weights = np.append(self._weights, weight)
 
-    def expected_error(self, targets: ArrayLike) -> np.ndarray:
+    def expected_error(self, targets: np.ndarray) -> np.ndarray:
         """Root mean square (n,) [m] of the errors near targets (n, 3), newer ones counting more, and of UNKNOWN, which counts as one."""
         apart = (_places(np.asarray(targets, dtype=float).reshape(-1, 3))[:, None] - self._places) / LENGTHS
         age = np.arange(len(self._squares))[::-1]
         weights = np.exp(-0.5 * np.einsum("ijk,ijk->ij", apart, apart)) * FADING**age * self._weights
         return np.sqrt((UNKNOWN**2 + weights @ self._squares) / (1.0 + weights.sum(axis=1)))
 
-    def order(self, targets: ArrayLike) -> list[int]:
+    def order(self, targets: np.ndarray) -> list[int]:
         """Indices of targets (n, 3), first the one where the next throw teaches most. After a throw that was much worse than expected that
         is one elsewhere: has the arm changed, or is it the place?
         """

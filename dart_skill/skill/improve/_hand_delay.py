@@ -48,7 +48,8 @@ class HandDelay:
         if len(self._delays) < 2 or abs(off) < SURPRISE * self.spread:
             self._odd, self._delays = None, [*self._delays, float(delay)][-MEMORY:]
         elif self._odd is not None and (self._odd - self.mean) * off > 0:
-            self._odd, self._delays = None, [self._odd, float(delay)]
+            self._delays = [self._odd, float(delay)]
+            self._odd = None
         else:
             self._odd = float(delay)
 

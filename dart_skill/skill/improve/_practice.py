@@ -30,7 +30,7 @@ class PracticeSettings:
     tolerance: float = 0.005
     tail: float = 0.05
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.capacity < 0:
             raise ValueError(f"capacity is {self.capacity}; it must be 0, for no limit, or positive")
         if self.forget not in FORGETTING:
@@ -78,7 +78,7 @@ class Practice:
     def add(self, trial: Demonstration) -> Verdict:
         """Judge a trial and remember it if it will do; its task is where it landed, not where it was aimed."""
         reason, prepared = self._judge(trial)
-        if reason:
+        if reason or prepared is None:
             self.kept_out[trial.id] = reason
             return Verdict(False, reason)
         self._tried.append(trial)

@@ -156,7 +156,7 @@ class PractisingSkill:
         self._n_told += 1
         if self.hand is not None:
             self.hand.add(seen.hand_delay, seen.release.time_uncertainty)
-        if explored is not None:
+        if explored is not None and self._search is not None:
             self._search.tell(explored, -float(np.linalg.norm(seen.task - plan.target)))
         if self.correction is not None:
             self.correction.add(place, miss + self._middle(plan))
@@ -173,7 +173,7 @@ class PractisingSkill:
     def _aim_for(self, target: np.ndarray, explore: bool) -> np.ndarray:
         """The point (3,) to plan for, so that the ball comes down on the target (3,)."""
         if self._search is not None:
-            return self._searched(target, explore)
+            return self._searched(self._search, target, explore)
         if self.correction is None:
             return target
         aim = self.correction.shifted(target)
@@ -208,13 +208,13 @@ class PractisingSkill:
         _, middle = self.steadiness.scatter(plan, np.zeros(1))
         return middle[0]
 
-    def _searched(self, target: np.ndarray, explore: bool) -> np.ndarray:
+    def _searched(self, search: PoWER, target: np.ndarray, explore: bool) -> np.ndarray:
         """The point to plan for under PoWER's best correction, or under the one that it tries now."""
         if explore:
-            self._trial = self._search.ask()
+            self._trial = search.ask()
             parameters = self._trial.parameters
         else:
-            parameters = self._search.parameters
+            parameters = search.parameters
         along, along_slope, across, across_slope = parameters
         away = np.hypot(target[0], target[1]) - MIDDLE
         shift = np.array([along + along_slope * away, across + across_slope * away, 0.0])

@@ -63,7 +63,7 @@ class SkillConfiguration:
     release: str = "farthest"
     board: tuple[float, ...] = field(default=(), repr=False)  # left out of a model's name, which its tasks decide anyway
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.frames not in FRAMES:
             raise ValueError(f"frames '{self.frames}' is unknown: choose one of {', '.join(FRAMES)}")
         if self.alignment not in ALIGNMENTS:

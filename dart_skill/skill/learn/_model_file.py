@@ -8,6 +8,7 @@ import zipfile
 import zlib
 from dataclasses import asdict, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +26,7 @@ def save_model(
     path = Path(path)
     if not path.parent.is_dir():
         raise FileNotFoundError(f"there is no folder {path.parent} to save a model in")
-    content = {"format": np.array(FORMAT), "configuration": np.array(json.dumps(asdict(configuration)))}
+    content: dict[str, Any] = {"format": np.array(FORMAT), "configuration": np.array(json.dumps(asdict(configuration)))}
     content["practised"] = np.asarray(practised, dtype=float)
     for k, demonstration in enumerate(demonstrations):
         content |= {f"{k:04d}.{f.name}": np.array(getattr(demonstration, f.name)) for f in fields(Demonstration)}

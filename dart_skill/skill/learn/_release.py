@@ -24,7 +24,7 @@ def hits_along(position: np.ndarray, quaternion: np.ndarray, velocity: np.ndarra
     return game.surface.crossing(position + arm, speed, target, game.projectile).position
 
 
-def weights_at(time: np.ndarray, k: np.ndarray, when: np.ndarray) -> np.ndarray:
+def weights_at(time: np.ndarray, k: np.ndarray | int, when: np.ndarray | float) -> np.ndarray:
     """Weights (..., 3) of the steps k - 1, k and k + 1 of time (n,) in the parabola through them, at instants (...)."""
     before, here, after = time[k - 1], time[k], time[k + 1]
     return np.stack(
@@ -37,7 +37,7 @@ def weights_at(time: np.ndarray, k: np.ndarray, when: np.ndarray) -> np.ndarray:
     )
 
 
-def nearest_step(time: np.ndarray, when: np.ndarray) -> np.ndarray:
+def nearest_step(time: np.ndarray, when: np.ndarray | float) -> np.ndarray:
     """The step of time (n,), but for the first and the last, that is nearest to instants (...)."""
     return np.clip(np.searchsorted(0.5 * (time[1:] + time[:-1]), when), 1, len(time) - 2)
 

@@ -188,7 +188,7 @@ class ThrowingSkill:
             frames,
             weights,
             attractors=[one.attractor for one in throws],
-            inputs=[self._inputs(one.reach) for one in throws] if c.distance_input else None,
+            inputs=[[one.reach] for one in throws] if c.distance_input else None,
         )
 
     def _inputs(self, reach: float) -> list[float] | None:
@@ -304,7 +304,7 @@ class ThrowingSkill:
     def _on_the_clock(self, course: Course, phase: np.ndarray) -> Course:
         """A course driven by the state, with a clock on which its phase (n,) is that of the release at the time of the release."""
         time = course.time + self.release - np.interp(self.release, phase, course.time)
-        return replace(course, time=time).part(0, np.count_nonzero(time <= self._stop))
+        return replace(course, time=time).part(0, int(np.count_nonzero(time <= self._stop)))
 
     def _start_features(self, task: np.ndarray) -> tuple[np.ndarray, float]:
         """Where the hand is before it moves: the demonstrations' start turned to the task's azimuth.

@@ -11,10 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 from numpy.polynomial import polynomial
+from numpy.typing import ArrayLike
 
 from dart_skill.checks import check_samples, check_unit_quaternions
 from dart_skill.flight import TENNIS_BALL, Ball, FlightFit, fit_flight, fit_flights, landing
-from dart_skill.surface import RIMS, Surface
+from dart_skill.surface import RIMS, BoardFace, Surface
 
 NOISE = 1e-4  # standard deviation of a tracked position [m]
 WINDOW = 10  # samples; over 90 ms a motion at constant velocity misses a free fall by 7 mm
@@ -98,10 +99,13 @@ def judge_flight(
     rim = _check_rim(rim, rim_radius)
     inside = surface is RIMS and _ends_in_basket(ball_time, ball_position, rim, rim_radius, ball, noise)
     free = free or find_flight(ball_time, ball_position, ball, noise)
-    crossing = None if free is None else surface.crossing(free.fit.position, free.fit.velocity, rim, free.fit.ball)
-    if crossing is None or not _tracked_to(free, ball_time, free.fit.time + crossing.time):
-        return Outcome(False, np.full(3, np.nan), np.nan, np.nan, inside)
-    if surface is not RIMS:
+    unseen = Outcome(False, np.full(3, np.nan), np.nan, np.nan, inside)
+    if free is None:
+        return unseen
+    crossing = surface.crossing(free.fit.position, free.fit.velocity, rim, free.fit.ball)
+    if not _tracked_to(free, ball_time, free.fit.time + float(crossing.time)):
+        return unseen
+    if isinstance(surface, BoardFace):
         inside = surface.holds(crossing.position)
     error = surface.apart(crossing.position, rim)
     return Outcome(True, crossing.position, float(free.fit.time + crossing.time), error, inside)
@@ -175,9 +179,9 @@ def find_flight(time: np.ndarray, position: np.ndarray, ball: Ball = TENNIS_BALL
         spread = np.sqrt(np.mean(fit.residuals**2))
         tolerance = np.clip(4.0 * spread, 5.0 * noise, 15.0 * noise)
         within = slice(max(0, samples[0] - GROWTH), samples[-1] + 1 + GROWTH)
-        near = np.zeros(len(time), dtype=bool)
-        near[within] = np.linalg.norm(position[within] - fit.at(time[within])[0], axis=1) < tolerance
-        grown = _grow(near, samples)
+        close = np.zeros(len(time), dtype=bool)
+        close[within] = np.linalg.norm(position[within] - fit.at(time[within])[0], axis=1) < tolerance
+        grown = _grow(close, samples)
         if np.array_equal(grown, samples):
             break
         samples = grown
@@ -185,22 +189,22 @@ def find_flight(time: np.ndarray, position: np.ndarray, ball: Ball = TENNIS_BALL
     return FreeFlight(samples, _followed(fit, float(time[samples[0]])))
 
 
-def _fit_about_the_middle(time, position, ball, near):
+def _fit_about_the_middle(time: np.ndarray, position: np.ndarray, ball: Ball, near: FlightFit | None) -> FlightFit:
     """A fit whose state is that at the middle sample: half as far to go to either end."""
     return fit_flight(time, position, ball, at=float(time[len(time) // 2]), near=near)
 
 
-def _ball_that_flies_so(time, position, ball):
+def _ball_that_flies_so(time: np.ndarray, position: np.ndarray, ball: Ball) -> Ball:
     """The ball with the drag that explains a flight best, up to four times its own: nobody may have said that it is another one."""
 
-    def misfit(scale):
+    def misfit(scale: float) -> float:
         return fit_flight(time, position, replace(ball, drag_coefficient=scale * ball.drag_coefficient)).residual
 
     best = scipy.optimize.minimize_scalar(misfit, bounds=(0.0, 4.0), method="bounded", options={"xatol": 0.01}).x
     return replace(ball, drag_coefficient=float(best) * ball.drag_coefficient)
 
 
-def _flying_runs(time, position, ball, tolerance):
+def _flying_runs(time: np.ndarray, position: np.ndarray, ball: Ball, tolerance: float) -> list[tuple[int, int, FlightFit]]:
     """Index ranges [first, last) of consecutive windows whose samples are a free flight, with the fit of a window in the middle."""
     if len(time) < WINDOW:
         return []
@@ -212,14 +216,14 @@ def _flying_runs(time, position, ball, tolerance):
     flying[flying] = np.max(misfit, axis=1) < tolerance
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flying.astype(int), [0]])))
 
-    def middle(first, last):
+    def middle(first: int, last: int) -> FlightFit:
         window = (first + last) // 2
         return FlightFit(time[window], start[at[window]], velocity[at[window]], misfit[at[window]], ball)
 
     return [(first, last + WINDOW - 1, middle(first, last)) for first, last in edges.reshape(-1, 2)]
 
 
-def _grow(near, samples):
+def _grow(near: np.ndarray, samples: np.ndarray) -> np.ndarray:
     """Indices of the samples near the flight, contiguous but for gaps of at most two outliers."""
     inside = np.flatnonzero(near)
     if len(inside) < WINDOW:
@@ -229,13 +233,13 @@ def _grow(near, samples):
     return min(pieces, key=lambda piece: 0 if piece[0] <= middle <= piece[-1] else abs(np.median(piece) - middle))
 
 
-def _tracked_to(free, time, crossing):
+def _tracked_to(free: FreeFlight, time: np.ndarray, crossing: float) -> bool:
     """Whether samples of the flight lie on both sides of the crossing, or end shortly before it."""
     seen = time[free.samples]
     return bool(np.isfinite(crossing) and seen[-1] + MAX_UNSEEN >= crossing)
 
 
-def _ends_in_basket(time, position, rim, radius, ball, noise):
+def _ends_in_basket(time: np.ndarray, position: np.ndarray, rim: np.ndarray, radius: float, ball: Ball, noise: float) -> bool:
     if len(time) == 0:
         return False
     if position[-1, 2] < rim[2]:
@@ -250,7 +254,7 @@ def _ends_in_basket(time, position, rim, radius, ball, noise):
     return bool(crossing.time <= MAX_UNSEEN and np.linalg.norm(crossing.position[:2] - rim[:2]) < radius)
 
 
-def _nearest_approach(fit, hand_time, grip):
+def _nearest_approach(fit: FlightFit, hand_time: np.ndarray, grip: np.ndarray) -> float:
     """Instant of the hand sample whose grip point is nearest to the flight, from 0.3 s before its start."""
     around = (hand_time > fit.time - 0.3) & (hand_time < fit.time + HAND_WINDOW)
     if not np.any(around):
@@ -259,13 +263,13 @@ def _nearest_approach(fit, hand_time, grip):
     return hand_time[around][np.argmin(np.linalg.norm(path - grip[around], axis=1))]
 
 
-def _followed(fit, time):
+def _followed(fit: FlightFit, time: float) -> FlightFit:
     """The same flight with its state at another instant."""
     position, velocity = fit.state_at(time)
     return replace(fit, time=time, position=position, velocity=velocity)
 
 
-def _parting(fit, hand_time, grip, near, judged):
+def _parting(fit: FlightFit, hand_time: np.ndarray, grip: np.ndarray, near: float, judged: bool) -> tuple[float, float, float]:
     """Instant at which flight and grip move alike, its deviation, if it is judged, and their distance then."""
     window = _hand_window(hand_time - near)
     if not window <= WIDEST_HAND_WINDOW:
@@ -282,13 +286,13 @@ def _parting(fit, hand_time, grip, near, judged):
     return float(near + best * window), float(uncertainty), float(distance)
 
 
-def _hand_window(time):
+def _hand_window(time: np.ndarray) -> float:
     """Half the length [s] of a window about time 0 that holds enough samples on either side: wider where the hand was hidden."""
     sides = (-time[time < 0.0][::-1], time[time > 0.0])
     return max([HAND_WINDOW, *(side[SIDE - 1] if len(side) >= SIDE else np.inf for side in sides)])
 
 
-def _parting_of_polynomial(time, difference, degree):
+def _parting_of_polynomial(time: np.ndarray, difference: np.ndarray, degree: int) -> tuple[float, float, np.ndarray]:
     """Where a polynomial of a degree through the differences (n, 3) at times (n,) is slowest, its deviation, and the coefficients."""
     powers = polynomial.polyvander(time, degree)
     inverse = np.linalg.solve(powers.T @ powers, powers.T)
@@ -297,12 +301,12 @@ def _parting_of_polynomial(time, difference, degree):
     return best, _root_deviation(coefficients, difference - powers @ coefficients, inverse, best), coefficients
 
 
-def _slowest(coefficients, first, last):
+def _slowest(coefficients: np.ndarray, first: float, last: float) -> float:
     """Where in [first, last] the curve (degree + 1, 3) has the least speed, of the places where it is nearest to the origin: after the
     release the hand may for a while move as the ball does, millimetres away from it.
     """
     rates = coefficients[1:] * np.arange(1, len(coefficients))[:, None]
-    squared = sum(np.convolve(rate, rate) for rate in rates.T)
+    squared = sum((np.convolve(rate, rate) for rate in rates.T), np.zeros(()))
     roots = polynomial.polyroots(squared[1:] * np.arange(1, len(squared)))
     candidates = np.clip(np.append(roots[np.abs(roots.imag) < 1e-6].real, 0.0), first, last)
     powers = candidates[:, None] ** np.arange(len(squared))
@@ -311,7 +315,7 @@ def _slowest(coefficients, first, last):
     return candidates[near][np.argmin(powers[near] @ squared)]
 
 
-def _root_deviation(coefficients, misfit, inverse, root):
+def _root_deviation(coefficients: np.ndarray, misfit: np.ndarray, inverse: np.ndarray, root: float) -> float:
     """Deviation of a root of the derivative: that of the derivative, over the second derivative."""
     freedom = (len(misfit) - len(coefficients)) * misfit.shape[1]
     sigma = np.sqrt(np.sum(misfit**2) / max(freedom, 1))
@@ -320,7 +324,7 @@ def _root_deviation(coefficients, misfit, inverse, root):
     return sigma * np.linalg.norm((order * root ** (order - 1.0)) @ inverse[1:]) / max(slope, 1e-12)
 
 
-def _grip_path(time, position, quaternion, grip_offset):
+def _grip_path(time: np.ndarray, position: np.ndarray, quaternion: np.ndarray, grip_offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Time (m,) and position (m, 3) of the grip point."""
     time, position = check_samples("hand", time, position, least=8)
     quaternion = check_unit_quaternions("hand", quaternion, len(time))
@@ -332,7 +336,7 @@ def _grip_path(time, position, quaternion, grip_offset):
     return time, position + offset + scalar * twist + np.cross(axis, twist)
 
 
-def _check_rim(rim, radius):
+def _check_rim(rim: ArrayLike, radius: float) -> np.ndarray:
     rim = np.asarray(rim, dtype=float)
     if rim.shape != (3,) or not np.all(np.isfinite(rim)):
         raise ValueError(f"rim must be the finite (3,) centre of the rim, got {rim}")

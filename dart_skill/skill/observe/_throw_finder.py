@@ -33,7 +33,7 @@ class FoundThrow:
     @property
     def shows(self) -> bool:
         """Whether it is a demonstration: a person guided it, and it went into the basket."""
-        return self.demonstration is not None and self.taught and bool(self.outcome.in_basket)
+        return self.taught and self.outcome is not None and bool(self.outcome.in_basket)
 
 
 class ThrowFinder:
@@ -72,13 +72,17 @@ class ThrowFinder:
         until = watched_until(opening.stamp_ns)
         since = max(self._since, world_of(opening.stamp_ns, self._log.stamps()))
         log = self._log.part(since, until)
-        (log.add_opening if has_button else log.add_release)(opening.stamp_ns)
+        if has_button:
+            log.add_opening(opening.stamp_ns)
+        else:
+            log.add_release(opening.stamp_ns)
         throw = cut_throw(log, opening, self._thresholds)
-        if throw.demonstration is not None:
+        one = throw.demonstration
+        if one is not None:
             self._since = until + 1
-        if throw.shows:
+        if one is not None and throw.shows:
             self.demonstrations += 1
-            throw = replace(throw, demonstration=replace(throw.demonstration, id=f"demonstration_{self.demonstrations}"))
+            throw = replace(throw, demonstration=replace(one, id=f"demonstration_{self.demonstrations}"))
         return [throw]
 
     def _forget_before(self, stamp_ns: int) -> None:
