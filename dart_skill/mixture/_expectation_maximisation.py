@@ -37,7 +37,7 @@ class Parameters:
 
 
 Start = Parameters | Callable[[list[np.ndarray], np.ndarray], np.ndarray]
-"""Where EM starts: at parameters in the units of the data, or at the responsibilities (n, K) that a function makes of blocks and weights."""
+"""Where EM starts: at parameters in the units of the data, or at responsibilities (n, K) that a function makes of blocks and weights."""
 Scales = list[tuple[np.ndarray, np.ndarray]]
 """For each block the centre and the scale (d,) of its columns."""
 
