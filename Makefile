@@ -24,6 +24,7 @@ demo: setup
 
 test: setup
 	@$(ENV) && python3 -m ruff check .
+	@$(ENV) && python3 -m mypy
 	@$(ENV) && python3 -m pytest tests/unit $(wildcard tests/reference) -n 2
 	@$(ENV) && python3 -m pytest tests/integration -n 2 --dist loadfile
 

@@ -38,6 +38,7 @@ setup(
     maintainer_email="dart_skill@users.noreply.github.com",
     python_requires=">=3.10,<3.14",
     packages=[*find_packages(include=[PACKAGE, f"{PACKAGE}.*"]), *find_packages("nodes")],
+    package_data={PACKAGE: ["py.typed"]},
     package_dir={f"{PACKAGE}_nodes": f"nodes/{PACKAGE}_nodes"},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),

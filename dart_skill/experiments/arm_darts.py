@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -83,7 +84,7 @@ class Run:
     darts: tuple[Dart, ...]
 
 
-def darts_session(seed: int, board: Board | None = None, **plant: object) -> Session:
+def darts_session(seed: int, board: Board | None = None, **plant: Any) -> Session:
     """A session with a board instead of baskets; plant: settings of the plant that differ from the configured ones."""
     settings = PlantSettings.from_parameters(node_parameters("wam_simulator.yaml", "wam_simulator"))
     return Session(seed, replace(settings, board=board or Board(), **plant), swing=SWING)

@@ -7,15 +7,17 @@ The teacher shows throws within 45 degrees and 1.5 to 2.5 m; baskets are asked f
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from dart_skill.experiments import runs
 from dart_skill.experiments.practice import teach
 from dart_skill.session import REGION, Region, Session
-from dart_skill.skill.learn import configuration, learn
+from dart_skill.skill.learn import ThrowingSkill, configuration, learn
 
 ASKED = Region(near=0.8 * REGION.near, far=1.2 * REGION.far, side=np.deg2rad(60.0), rim=REGION.rim)
 """Where baskets are put."""
@@ -60,28 +62,41 @@ def run(task: Task) -> Run:
     try:
         shown = teach(session, task.seed, task.demonstrations)
         targets = ASKED.spread(task.throws, np.random.default_rng([task.seed, 7]))
-        columns = []
+        thrown = []
         for name in task.models:
             skill = learn(shown, configuration(name))
-            columns.append(list(zip(*(_throw(session, skill, target) for target in targets), strict=True)))
-        parts = (tuple(tuple(column[k]) for column in columns) for k in range(4))
-        return Run(task, _rows(targets), *parts, _rows([one.target for one in shown]))
+            thrown.append([_throw(session, skill, target) for target in targets])
+        return Run(
+            task,
+            _rows(targets),
+            tuple(tuple(one.along for one in throws) for throws in thrown),
+            tuple(tuple(one.across for one in throws) for throws in thrown),
+            tuple(tuple(one.in_basket for one in throws) for throws in thrown),
+            tuple(tuple(one.refused for one in throws) for throws in thrown),
+            _rows([one.target for one in shown]),
+        )
     finally:
         session.close()
 
 
-def _rows(points) -> tuple[tuple[float, ...], ...]:
+def _rows(points: Iterable[np.ndarray]) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(float(x) for x in point) for point in points)
 
 
-def _throw(session: Session, skill, target: np.ndarray) -> tuple[float, float, bool, bool]:
-    """Along, across, in the basket, refused."""
+class _Thrown(NamedTuple):
+    along: float
+    across: float
+    in_basket: bool
+    refused: bool
+
+
+def _throw(session: Session, skill: ThrowingSkill, target: np.ndarray) -> _Thrown:
     try:
         outcome = session.throw(skill.plan(target)).outcome
     except ValueError:
-        return np.nan, np.nan, False, True
+        return _Thrown(np.nan, np.nan, False, True)
     away, ahead = outcome.landing[:2] - target[:2], target[:2] / np.hypot(*target[:2])
-    return float(away @ ahead), float(away @ [-ahead[1], ahead[0]]), bool(outcome.in_basket), False
+    return _Thrown(float(away @ ahead), float(away @ [-ahead[1], ahead[0]]), bool(outcome.in_basket), False)
 
 
 def run_all(tasks: list[Task], results: Path | None = None, jobs: int = 0, scheduler: str = "") -> list[Run]:

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import scipy
@@ -18,7 +19,7 @@ import scipy
 from dart_skill.darts import ModelBasedAgent, expected_score, optimum_path, score
 from dart_skill.experiments import runs
 from dart_skill.experiments.landscapes import LANDSCAPES, Landscape
-from dart_skill.policy_search import CMAES, CrossEntropy, MixturePoWER, MonteCarlo, Niches, PoWER, RandomRestarts, Search, Sharpening, Trial
+from dart_skill.policy_search import CMAES, CrossEntropy, MixturePoWER, MonteCarlo, Niches, PoWER, RandomRestarts, Sharpening, Trial
 
 START, SPREAD = np.zeros(2), 75.0
 """First aim, the bull, and spread of the first aims [mm]: that of the thrower at the beginning."""
@@ -44,7 +45,8 @@ class Schedule:
 class Darts:
     """The board as a landscape: the expected score of an aim (2,) [mm] for the thrower of the moment."""
 
-    start, spread, changes = START, SPREAD, ()
+    start, spread = START, SPREAD
+    changes: tuple[int, ...] = ()
 
     def __init__(self, schedule: str):
         self.best, self._sigmas = best_scores(schedule), SCHEDULES[schedule].sigmas
@@ -55,6 +57,17 @@ class Darts:
     def thrown(self, aim: np.ndarray, trial: int, rng: np.random.Generator) -> float:
         """Score of one dart."""
         return float(score(aim + self._sigmas[trial] * rng.standard_normal(2)))
+
+
+class Method(Protocol):
+    """What a landscape asks of a search."""
+
+    @property
+    def parameters(self) -> np.ndarray: ...
+
+    def ask(self) -> Trial: ...
+
+    def tell(self, trial: Trial, outcome: float, /) -> object: ...
 
 
 class _Informed:
@@ -82,7 +95,7 @@ SCHEDULES = {
     "extended_12000": Schedule(75.0, 6.0, 12_000),
 }
 REWARDS = ("expected", "thrown")
-METHODS: dict[str, Callable[..., Search]] = {
+METHODS: dict[str, Callable[..., Method]] = {
     "mixture": MixturePoWER,
     "power": partial(PoWER, limits=(0.03, 10.0)),
     "power_constant": partial(PoWER, exploration="constant"),
@@ -160,14 +173,30 @@ def run(task: Task) -> Run:
     for n, highest in enumerate(best):
         learning = not task.stop_after or n < task.stop_after
         trial = search.ask() if learning else None
-        both = np.stack([trial.parameters if learning else search.parameters, search.parameters])
+        both = np.stack([search.parameters if trial is None else trial.parameters, search.parameters])
         rewards = landscape.rewards(both, n)
         tried[n], held[n] = highest - rewards
         components[n] = getattr(search, "n_components", 1)
-        if learning:
-            search.tell(trial, landscape.thrown(both[0], n, throwing) if task.reward == "thrown" else float(rewards[0]))
-    blocks = (tuple(np.round(np.mean(values.reshape(-1, BLOCK), axis=1), 4).tolist()) for values in (tried, held, components))
-    return Run(task, float(tried.mean()), float(held.mean()), float(held[-END:].mean()), *blocks, _offline_error(tried, landscape.changes))
+        if trial is not None:
+            earned = float(rewards[0])
+            if task.reward == "thrown":
+                assert isinstance(landscape, Darts)  # as the task has checked
+                earned = landscape.thrown(both[0], n, throwing)
+            search.tell(trial, earned)
+    return Run(
+        task,
+        float(tried.mean()),
+        float(held.mean()),
+        float(held[-END:].mean()),
+        _in_blocks(tried),
+        _in_blocks(held),
+        _in_blocks(components),
+        _offline_error(tried, landscape.changes),
+    )
+
+
+def _in_blocks(values: np.ndarray) -> tuple[float, ...]:
+    return tuple(np.mean(values.reshape(-1, BLOCK), axis=1).round(4).tolist())
 
 
 def _landscape(name: str, rng: np.random.Generator) -> Landscape:
@@ -199,7 +228,8 @@ def summarise(results: list[Run]) -> list[dict]:
         row = {"method": method, "schedule": schedule, "reward": reward, "stop_after": stop, "runs": len(group)}
         for name in REGRETS:
             row[name] = _quartiles([getattr(one, name) for one in group])
-        row["offline_error"] = _quartiles([one.offline_error for one in group]) if group[0].offline_error is not None else None
+        errors = [one.offline_error for one in group if one.offline_error is not None]
+        row["offline_error"] = _quartiles(errors) if errors else None
         row["components"] = round(float(np.mean([one.components for one in group])), 2)
         row["components_at_the_end"] = round(float(np.mean([one.components[-1] for one in group])), 2)
         rows.append(row)

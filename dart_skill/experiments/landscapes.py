@@ -23,9 +23,14 @@ class Landscape(Protocol):
     reward at every trial; `changes`, the trials before which it changes at a blow.
     """
 
-    start: np.ndarray
-    spread: float
-    changes: tuple[int, ...]
+    @property
+    def start(self) -> np.ndarray: ...
+
+    @property
+    def spread(self) -> float: ...
+
+    @property
+    def changes(self) -> tuple[int, ...]: ...
 
     @property
     def best(self) -> np.ndarray: ...

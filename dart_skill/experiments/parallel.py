@@ -6,9 +6,10 @@ import importlib
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from typing import Any
 
 
-def run_all(function: Callable, tasks: Sequence, jobs: int = 0, scheduler: str = "") -> Iterator[tuple[int, object]]:
+def run_all(function: Callable, tasks: Sequence, jobs: int = 0, scheduler: str = "") -> Iterator[tuple[int, Any]]:
     """(index, function(task)) of every task as it finishes, in any order.
 
     jobs: processes on this machine, 0 for one per core; scheduler: address of a Dask scheduler, whose workers have this package installed.
@@ -30,7 +31,7 @@ def run_all(function: Callable, tasks: Sequence, jobs: int = 0, scheduler: str =
             pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _on_dask(function: Callable, tasks: Sequence, scheduler: str) -> Iterator[tuple[int, object]]:
+def _on_dask(function: Callable, tasks: Sequence, scheduler: str) -> Iterator[tuple[int, Any]]:
     try:
         dask = importlib.import_module("distributed")
     except ImportError:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -90,7 +91,10 @@ def run(task: Task) -> Run:
 def _run(task: Task, session: Session) -> Run:
     skill = PractisingSkill(teach(session, task.seed, task.demonstrations), method=task.method, rng=np.random.default_rng([task.seed, 4]))
     curriculum, choosing, testing = Curriculum(), np.random.default_rng([task.seed, 5]), np.random.default_rng([task.seed, 6])
-    errors, inside, tests, notes, baskets = [], [], [], [], []
+    thrown: list[_Thrown] = []
+    tests: list[list[_Thrown]] = []
+    notes: list[str] = []
+    baskets = np.empty((0, 3))
     for n in range(task.throws + 1):
         if n == task.change_after and task.change != "none":
             session.plant.change(changed(session.plant.settings, task.change))
@@ -100,17 +104,23 @@ def _run(task: Task, session: Session) -> Run:
         if n == task.throws:
             break
         target = _choose(skill, curriculum, REGION.spread(CANDIDATES, choosing))
-        error, went_in, miss, note, thrown = _throw(session, skill, target, learn=True)
-        if thrown:
-            curriculum.tell(target, miss)
+        throw = _throw(session, skill, target, learn=True)
+        if throw.came_about:
+            curriculum.tell(target, throw.miss)
         else:
             curriculum.give_up(target)
-        errors.append(error)
-        inside.append(went_in)
-        notes += [f"throw {n + 1}: {note}"] if note else []
-    test_errors, test_inside = (tuple(tuple(throw[k] for throw in test) for test in tests) for k in range(2))
+        thrown.append(throw)
+        notes += [f"throw {n + 1}: {throw.note}"] if throw.note else []
     spreads = tuple(_spread(session, skill, target, task.again) for target in baskets) if task.again else ()
-    return Run(task, tuple(errors), tuple(inside), test_errors, test_inside, tuple(notes), spreads)
+    return Run(
+        task,
+        tuple(throw.error for throw in thrown),
+        tuple(throw.in_basket for throw in thrown),
+        tuple(tuple(throw.error for throw in test) for test in tests),
+        tuple(tuple(throw.in_basket for throw in test) for test in tests),
+        tuple(notes),
+        spreads,
+    )
 
 
 def _spread(session: Session, skill: PractisingSkill, target: np.ndarray, throws: int) -> tuple[float, ...]:
@@ -135,21 +145,29 @@ def _choose(skill: PractisingSkill, curriculum: Curriculum, baskets: np.ndarray)
     raise ValueError(f"none of {len(baskets)} baskets can be reached")
 
 
-def _throw(session: Session, skill: PractisingSkill, target: np.ndarray, learn: bool = False) -> tuple[float, bool, float, str, bool]:
-    """Error [m], whether it went in, the repeatable part of the miss [m], a note, and whether there was a throw; only one that is practised
-    is learned from.
-    """
+class _Thrown(NamedTuple):
+    """error [m]; miss [m]: the repeatable part of it; came_about: whether there was a throw."""
+
+    error: float
+    in_basket: bool
+    miss: float
+    note: str
+    came_about: bool
+
+
+def _throw(session: Session, skill: PractisingSkill, target: np.ndarray, learn: bool = False) -> _Thrown:
+    """One throw; only one that is practised is learned from."""
     try:
         plan = skill.plan(target, explore=learn)
         trial = session.throw(plan)
-    except ValueError as error:
-        return np.nan, False, np.nan, str(error), False
+    except ValueError as reason:
+        return _Thrown(np.nan, False, np.nan, str(reason), False)
     error = float(trial.outcome.landing_error)
     if not learn:
-        return error, trial.outcome.in_basket, error, "", True
+        return _Thrown(error, trial.outcome.in_basket, error, "", True)
     told = skill.tell(plan, trial.demonstration)
     miss = np.hypot(*told.left) if np.isfinite(told.left).all() else error
-    return error, trial.outcome.in_basket, float(miss), "" if told.kept else told.reason, True
+    return _Thrown(error, trial.outcome.in_basket, float(miss), "" if told.kept else told.reason, True)
 
 
 def run_all(tasks: list[Task], results: Path | None = None, jobs: int = 0, scheduler: str = "") -> list[Run]:

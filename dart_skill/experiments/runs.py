@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from tqdm import tqdm
 
@@ -22,7 +23,7 @@ def run_tasks(
     """function(task) of every task once; those that stand in the file of results already are not run again, and each new one is added to it
     at once.
     """
-    known = {}
+    known: dict[Any, Any] = {}
     if results and results.exists():
         _drop_unfinished_line(results)
         known = {one.task: one for one in read(results, run_type, task_type)}
@@ -41,7 +42,7 @@ def read(results: Path, run_type: type, task_type: type) -> list:
     return [_parsed(line, run_type, task_type, f"line {number} of {results}") for number, line in enumerate(lines, start=1)]
 
 
-def _parsed(line: str, run_type: type, task_type: type, where: str):
+def _parsed(line: str, run_type: type, task_type: type, where: str) -> Any:
     try:
         row = json.loads(line)
         task = task_type(**{name: _tuples(value) for name, value in row["task"].items()})
@@ -57,7 +58,7 @@ def _drop_unfinished_line(results: Path) -> None:
         results.write_bytes(text[: text.rfind(b"\n") + 1])
 
 
-def _plain(value):
+def _plain(value: Any) -> Any:
     """JSON knows no NaN: null inside of a list."""
     if isinstance(value, dict):
         return {name: _plain(part) for name, part in value.items()}
@@ -66,5 +67,5 @@ def _plain(value):
     return None if isinstance(value, float) and math.isnan(value) else value
 
 
-def _tuples(value):
+def _tuples(value: Any) -> Any:
     return tuple(math.nan if part is None else _tuples(part) for part in value) if isinstance(value, list) else value

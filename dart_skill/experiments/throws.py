@@ -12,7 +12,7 @@ from tqdm import tqdm
 
 from dart_skill.robot import PlanRefused
 from dart_skill.session import REGION, Session, targets_for
-from dart_skill.skill.learn import configuration, learn
+from dart_skill.skill.learn import ThrowingSkill, configuration, learn
 
 
 @dataclass(frozen=True)
@@ -40,8 +40,9 @@ def run_seed(seed: int, names: tuple[str, ...], demonstrations: int = 13, throws
     return results
 
 
-def _throw(session: Session, seed: int, name: str, skill, target: np.ndarray) -> Throw:
-    place = tuple(float(x) for x in target)
+def _throw(session: Session, seed: int, name: str, skill: ThrowingSkill, target: np.ndarray) -> Throw:
+    x, y, z = (float(value) for value in target)
+    place = (x, y, z)
     try:
         trial = session.throw(skill.plan(target))
     except (PlanRefused, ValueError) as error:

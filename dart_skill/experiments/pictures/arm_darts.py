@@ -98,6 +98,7 @@ def _draw_hits(figure: Figure, axes: Axes, throws: np.ndarray, darts: Sequence[D
     draw_board(axes, GREY)
     hits = np.array([dart.hit for dart in darts])
     seen = np.isfinite(hits).all(axis=1)
-    image = axes.scatter(*hits[seen].T, c=throws[seen], s=9, cmap=quantity_colours(), vmin=1, vmax=len(throws), zorder=3)
+    x, y = hits[seen].T
+    image = axes.scatter(x, y, c=throws[seen], s=9, cmap=quantity_colours(), vmin=1, vmax=len(throws), zorder=3)
     figure.colorbar(image, ax=axes, label="throw", shrink=0.6)
     axes.set_title(f"Where {int(seen.sum())} darts hit, as the thrower sees the board")

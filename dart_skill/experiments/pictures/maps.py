@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -84,14 +85,14 @@ def draw_basket(results: Sequence[Run], folder: str | Path) -> list[Path]:
 
 def draw_map(results: Sequence[Run], model: str, demonstrations: int, folder: str | Path) -> list[Path]:
     """Write `map_MODEL_N`; returns the paths."""
-    throws = throws_of(results, model, demonstrations)
+    throws = throws_of(list(results), model, demonstrations)
     cells = cells_of(throws)
     used = [one for one in results if model in one.task.models and one.task.demonstrations == demonstrations]
     shown = np.concatenate([one.shown for one in used])
     with house_style():
         figure = Figure(figsize=(10.5, 5.0), layout="constrained")
         share, error = figure.subplots(1, 2)
-        bars = {"orientation": "horizontal", "aspect": 45, "shrink": 0.8, "pad": 0.02}
+        bars: dict[str, Any] = {"orientation": "horizontal", "aspect": 45, "shrink": 0.8, "pad": 0.02}
         shades = ScalarMappable(Normalize(0.0, 100.0), quantity_colours())
         _draw_cells(share, cells, 100.0 * cells.inside, shades, "share")
         figure.colorbar(shades, ax=share, label="throws in the basket [%]", **bars)
@@ -143,14 +144,14 @@ def _draw_cells(axes: Axes, cells: Cells, values: np.ndarray, shades: ScalarMapp
     axes.plot(0.0, 0.0, "s", color=BLACK, markersize=7)
 
 
-def _write(axes: Axes, place: np.ndarray, text: str, ground: tuple) -> None:
+def _write(axes: Axes, place: np.ndarray, text: str, ground: np.ndarray | tuple) -> None:
     """A number on a coloured ground, which covers dots next to it."""
     colour = "white" if np.dot(ground[:3], LUMINANCE) < 0.5 else BLACK
-    look = {"ha": "center", "va": "center", "fontsize": 7.0, "zorder": 4}
-    axes.text(*place, text, color=colour, path_effects=[withStroke(linewidth=2.0, foreground=ground)], **look)
+    look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 7.0, "zorder": 4}
+    axes.text(place[0], place[1], text, color=colour, path_effects=[withStroke(linewidth=2.0, foreground=ground)], **look)
 
 
-def _wedge(azimuths: np.ndarray, distances: np.ndarray, **look) -> Wedge:
+def _wedge(azimuths: np.ndarray, distances: np.ndarray, **look: Any) -> Wedge:
     start, stop = 90.0 + np.rad2deg(azimuths)
     return Wedge((0.0, 0.0), distances[1], start, stop, width=distances[1] - distances[0], **look)
 
@@ -224,7 +225,7 @@ def _draw_model(share: Axes, error: Axes, points: list[tuple[int, Throws]], numb
     """Points of a model, moved a little sideways so that none hides another."""
     points = [(n, throws) for n, throws in points if len(throws.error)]
     (colour, marker), shift = LOOKS[number % len(LOOKS)], 1.02 ** (number - (of - 1) / 2)
-    look = {"color": colour, "marker": marker, "markersize": 5.0, "linewidth": 1.4, "capsize": 2.0, "elinewidth": 1.0}
+    look: dict[str, Any] = {"color": colour, "marker": marker, "markersize": 5.0, "linewidth": 1.4, "capsize": 2.0, "elinewidth": 1.0}
     at = [shift * n for n, _ in points]
     low, middle, high = 100.0 * np.array([wilson(int(one.in_basket.sum()), len(one.error)) for _, one in points]).reshape(-1, 3).T
     share.errorbar(at, middle, [middle - low, high - middle], label=name, **look)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from dart_skill.experiments.pictures.maps import wilson
-from dart_skill.experiments.practice import Run
+from dart_skill.experiments.practice import Run, Task
 from dart_skill.figures import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, PURPLE, VERMILION, house_style, save
 from dart_skill.skill.improve import METHODS
 
@@ -77,7 +78,7 @@ def errors_after(results: Sequence[Run], n: int) -> tuple[np.ndarray, np.ndarray
 def _draw_method(error: Axes, share: Axes, results: list[Run], shift: float, counts: list[int], method: str) -> None:
     """Points of a method; shift: sideways, as a share of the way between two tests."""
     colour, marker = LOOKS[method]
-    look = {"color": colour, "marker": marker, "markersize": 5.0, "linewidth": 1.4, "capsize": 2.0, "elinewidth": 1.0}
+    look: dict[str, Any] = {"color": colour, "marker": marker, "markersize": 5.0, "linewidth": 1.4, "capsize": 2.0, "elinewidth": 1.0}
     rows, shares = [], []
     for place, n in enumerate(counts):
         errors, inside = errors_after(results, n)
@@ -89,7 +90,7 @@ def _draw_method(error: Axes, share: Axes, results: list[Run], shift: float, cou
         axes.errorbar(x, middle, [middle - low, high - middle], label=method, **look)
 
 
-def _describe(axes: Axes, counts: list[int], task) -> None:
+def _describe(axes: Axes, counts: list[int], task: Task) -> None:
     """The tests at equal distances, and the change if it comes between two of them."""
     axes.set_xticks(range(len(counts)), labels=[str(n) for n in counts])
     axes.set_xlabel("own throws")

@@ -7,6 +7,7 @@ that reads better than JSON. The thesis prints few numbers of its experiments; w
 import importlib
 import json
 from pathlib import Path
+from types import ModuleType
 
 FIGURES = {
     "3.1": "figure_3_1",
@@ -48,7 +49,7 @@ def describe(number: str, measured: dict) -> str:
     return getattr(_module(number), "describe", json.dumps)(measured)
 
 
-def _module(number: str):
+def _module(number: str) -> ModuleType:
     if number not in FIGURES:
         raise ValueError(f"there is no figure {number} here: choose one of {', '.join(FIGURES)}")
     return importlib.import_module(f"{__name__}.{FIGURES[number]}")

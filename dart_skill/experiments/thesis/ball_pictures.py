@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
@@ -44,7 +46,7 @@ def draw_trajectories(column: np.ndarray, trajectories: list[Trajectory], gid: s
 
 def trajectory_legend(figure: Figure, n_columns: int) -> None:
     """What is what, below the panels."""
-    dot = {"linestyle": "none", "marker": "o", "markersize": 4.5}
+    dot: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 4.5}
     entries = [Line2D([], [], color=GREY, linewidth=1.4, label="hand"), Line2D([], [], color=LIGHT, linewidth=1.2, label="ball")]
     entries += [Line2D([], [], color=colour, label=f"gripper's {name}") for name, colour in zip("xyz", TRIAD_COLOURS, strict=True)]
     entries += [Line2D([], [], color=colour, label=name, **dot) for colour, name in ((VERMILION, "target"), (BLACK, "new target"))]

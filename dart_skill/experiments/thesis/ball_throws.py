@@ -121,9 +121,9 @@ def planned(plan: ThrowPlan) -> Trajectory:
     path = plan.path
     arm = rotate(path.quaternion, wam_description().hand.ball_centre[None])
     columns = np.hstack([path.position + arm, path.velocity[:, :3] + np.cross(path.velocity[:, 3:], arm)])
-    ball = np.split(np.array([np.interp(plan.release, path.time, column) for column in columns.T]), 2)
-    times = np.linspace(0.0, float(landing(*ball, plan.target[2]).time), 61)
-    return Trajectory(path.time, path.position, path.quaternion, plan.release, flight(*ball, times)[0], plan.target)
+    position, velocity = np.split(np.array([np.interp(plan.release, path.time, column) for column in columns.T]), 2)
+    times = np.linspace(0.0, float(landing(position, velocity, plan.target[2]).time), 61)
+    return Trajectory(path.time, path.position, path.quaternion, plan.release, flight(position, velocity, times)[0], plan.target)
 
 
 def all_demonstrated(seed: int, name: str) -> list[Trajectory]:
@@ -164,7 +164,7 @@ def angles_in(seed: int, frame: str, only: np.ndarray | None = None) -> Angles:
     if frame not in FRAMES:
         raise ValueError(f"there is no frame '{frame}': choose one of {', '.join(FRAMES)}")
     throws = prepared(seed, "default" if frame == "turned" else "thesis")
-    throws = throws if only is None else [throws[k] for k in only]
+    throws = throws if only is None else tuple(throws[k] for k in only)
     time = np.linspace(0.0, min(one.stop - one.start for one in throws), 91)
     values = [[np.interp(time, one.time - one.start, column) for column in _angles(one, frame).T] for one in throws]
     releases = [one.release_time - one.start for one in throws]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -39,7 +40,7 @@ def reward(parameters: np.ndarray) -> float:
 
 def compute(seed: int = 0) -> Update:
     """The first update of a search by (5.1) and (5.2) to the letter: returns are weights."""
-    options = {"exploration": "constant", "weighting": "returns", "batch": N_SAMPLES, "best": N_BEST, "latest": N_SAMPLES}
+    options: dict[str, Any] = {"exploration": "constant", "weighting": "returns", "batch": N_SAMPLES, "best": N_BEST, "latest": N_SAMPLES}
     search = PoWER(START, SPREAD, rng=np.random.default_rng(seed), **options)
     before = search.parameters, search.covariance
     trials = list(search.trials(N_SAMPLES))

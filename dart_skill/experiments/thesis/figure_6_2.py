@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,9 +16,10 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
 from dart_skill.darts import HeatMap, expected_score, heat_map
-from dart_skill.experiments.dart_search import METHODS, SCHEDULES, SPREAD, START
+from dart_skill.experiments.dart_search import SCHEDULES, SPREAD, START
 from dart_skill.figures import BLACK, draw_board, gaussian_ellipse, house_style, quantity_colours, save
 from dart_skill.mixture import GaussianMixture
+from dart_skill.policy_search import MixturePoWER
 
 TITLE = "The mixture's search over the board while the thrower gets better"
 MOMENTS, LATEST = (150, 1060, 1757, 3000), 150
@@ -36,14 +38,17 @@ class Moment:
 
 def compute(seed: int = 0) -> tuple[list[Moment], list[int]]:
     """The moments of one run on the thesis's schedule, and the throws after which the number of components changed."""
-    search, sigmas = METHODS["mixture"](START, SPREAD, rng=np.random.default_rng([seed, 0])), SCHEDULES["thesis"].sigmas
-    tried, moments, changes, before = np.empty((len(sigmas), 2)), [], [], 1
+    search, sigmas = MixturePoWER(START, SPREAD, rng=np.random.default_rng([seed, 0])), SCHEDULES["thesis"].sigmas
+    tried, before = np.empty((len(sigmas), 2)), 1
+    moments: list[Moment] = []
+    changes: list[int] = []
     for n, sigma in enumerate(sigmas, start=1):
         trial = search.ask()
         tried[n - 1] = trial.parameters
         search.tell(trial, float(expected_score(trial.parameters[None], sigma)[0]))
         if search.n_components != before:
-            changes, before = [*changes, n], search.n_components
+            changes.append(n)
+            before = search.n_components
         if n in MOMENTS:
             moments.append(Moment(n, float(sigma), tried[max(0, n - LATEST) : n].copy(), search.mixture))
     return moments, changes
@@ -72,7 +77,7 @@ def measured(moments: list[Moment], changes: list[int]) -> dict:
 
 def _draw_moment(axes: Axes, moment: Moment, heat: HeatMap, highest: float) -> AxesImage:
     edge = heat.x[-1] + 0.5 * SPACING
-    look = {"cmap": quantity_colours(), "interpolation": "nearest", "vmin": 0.0, "vmax": highest}
+    look: dict[str, Any] = {"cmap": quantity_colours(), "interpolation": "nearest", "vmin": 0.0, "vmax": highest}
     image = axes.imshow(heat.expected_score, origin="lower", extent=(-edge, edge, -edge, edge), **look)
     draw_board(axes, "#FFFFFF60")
     axes.plot(*moment.trials.T, ".", color=BLACK, markersize=2.5)

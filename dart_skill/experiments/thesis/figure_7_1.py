@@ -7,6 +7,7 @@ pull a unit mass with the same stiffness and damping. The ball itself is not the
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,6 +28,9 @@ HELD, LET_GO = 0.8, 2.2
 STEP, AFTER = 0.002, 2.0
 NOISE = 0.0005
 """Standard deviation of the measured demonstrations [m]."""
+
+Push = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
+"""Acceleration (2,) at a time, a position and a velocity (2,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +90,7 @@ def by_the_state(seed: int = 0) -> Held:
     return _hold(pull)
 
 
-def _hold(pull) -> Held:
+def _hold(pull: Push) -> Held:
     """A unit mass under pull(time, position, velocity) that is held still for a while."""
     time = STEP * np.arange(round((DURATION + LET_GO - HELD + AFTER) / STEP) + 1)
     position, velocity = surface(time[:1]).position[0], np.zeros(2)

@@ -146,6 +146,7 @@ def _draw_reproduction(axes: Axes, model: DSGMR, one: Insertion, number: int) ->
     product = model.mixture_.product(one.frames)
     for mean, covariance in zip(product.means_, product.covariances_, strict=True):
         axes.add_patch(gaussian_ellipse(mean[1:], covariance[1:, 1:], 2.0, facecolor=SKY, edgecolor=BLUE, alpha=0.3))
+    assert one.reproduction is not None
     axes.plot(*one.reproduction.attractor.T, color=ORANGE, linewidth=0.9, linestyle="--", gid=f"attractor_{number}")
     axes.plot(*one.path.T, color=BLACK, linewidth=1.3, gid=f"reproduction_{number}")
     _draw_frames(axes, one.frames)

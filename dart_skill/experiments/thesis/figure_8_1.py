@@ -32,6 +32,7 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
         demonstrated, reproduced, board = panels["demonstrated"], panels["reproduced"], panels["board"]
         draw_side(demonstrated, shown, f"Demonstrations from the side, n = {len(shown)}")
         draw_side(reproduced, made, f"Reproductions at new aims, n = {len(made)}")
+        assert made[0].aim is not None  # a reproduction has one
         draw_components(reproduced, model, made[0].aim)
         draw_board(board, made, "On the board, as the thrower sees it")
         handles, labels = board.get_legend_handles_labels()

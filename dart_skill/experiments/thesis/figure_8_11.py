@@ -6,6 +6,7 @@ teacher's pause in it. After: cut between the thresholds, and set to the release
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -37,5 +38,5 @@ def _spread_ms(times: np.ndarray) -> float:
     return round(1000 * float(times.std(ddof=1)), 1)
 
 
-def _ends(values) -> tuple[float, float]:
+def _ends(values: Iterable[float]) -> tuple[float, float]:
     return min(values), max(values)

@@ -149,7 +149,7 @@ def _known_places(summary: Summary) -> list[int]:
     for chunk in summary.chunks:
         begin = chunk.chunk_start_offset
         places |= {begin, begin + chunk.chunk_length, *chunk.message_index_offsets.values()}
-    places |= {index.offset for index in (*summary.attachments, *summary.metadata)}
+    places |= {index.offset for index in summary.attachments} | {index.offset for index in summary.metadata}
     return sorted(places)
 
 
