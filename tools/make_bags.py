@@ -37,9 +37,9 @@ PATIENCE = 30.0
 class Recording:
     """The recorder node, from when it hears every sensor until the block is left."""
 
-    def __init__(self, graph: Graph, coach: GraphClient, bag: Path, note: str):
-        self._graph, self._coach, self._counts = graph, coach, {}
-        coach.node.create_subscription(DiagnosticArray, "/diagnostics", self._look, 10)
+    def __init__(self, graph: Graph, client: GraphClient, bag: Path, note: str):
+        self._graph, self._client, self._counts = graph, client, {}
+        client.node.create_subscription(DiagnosticArray, "/diagnostics", self._look, 10)
         notes = f"['seed={SEED}','what={note}']"
         wanted = {"bag": str(bag), "topics": f"[{','.join(TOPICS)}]", "notes": notes, "use_sim_time": True, "transform_rate": 25.0}
         graph.start("recorder", wanted)
@@ -47,7 +47,7 @@ class Recording:
     def __enter__(self) -> None:
         until = time.monotonic() + PATIENCE
         while not all(topic in self._counts for topic in HEARD):
-            self._coach.spin()
+            self._client.spin()
             if time.monotonic() > until:
                 raise GraphFailure(f"the recorder does not hear {sorted(set(HEARD) - set(self._counts))}")
 
@@ -68,15 +68,15 @@ def make(folder: Path, logs: Path) -> None:
     """Record both bags into a folder."""
     shown, new = targets_for(SEED, DEMONSTRATIONS, THROWS)
     with Graph(logs) as graph:
-        coach = GraphClient(graph.dead)
+        client = GraphClient(graph.dead)
         graph.start_all("composed", SEED, logs / "bag")
-        coach.wait_until_ready()
-        with Recording(graph, coach, folder / "demonstrations", f"{DEMONSTRATIONS} throws that a person guides"):
-            teach(coach, SEED, DEMONSTRATIONS)
-        coach.learn()
-        with Recording(graph, coach, folder / "throws", f"{THROWS} throws of the arm, learned from these demonstrations"):
-            throw_all(coach, new)
-        coach.close()
+        client.wait_until_ready()
+        with Recording(graph, client, folder / "demonstrations", f"{DEMONSTRATIONS} throws that a person guides"):
+            teach(client, SEED, DEMONSTRATIONS)
+        client.learn()
+        with Recording(graph, client, folder / "throws", f"{THROWS} throws of the arm, learned from these demonstrations"):
+            throw_all(client, new)
+        client.close()
 
 
 def main() -> int:

@@ -91,25 +91,25 @@ def show_view(folder: Path) -> Path:
     """The live view after thirteen demonstrations and ten own throws."""
     rclpy.init()
     with Graph(folder / "logs") as graph:
-        coach = GraphClient(graph.dead)
+        client = GraphClient(graph.dead)
         graph.start_all("composed", 0, folder / "bag")
-        coach.wait_until_ready()
+        client.wait_until_ready()
         graph.start("viewer", {"port": 0})
         log = folder / "logs" / "viewer.log"
-        url = _wait(lambda: re.search(r"live view is at (\S+)", log.read_text()), "the viewer", coach.spin).group(1)
+        url = _wait(lambda: re.search(r"live view is at (\S+)", log.read_text()), "the viewer", client.spin).group(1)
         for target in REGION.spread(13, np.random.default_rng([0, 1])):
-            coach.teach(target)
-        coach.learn()
+            client.teach(target)
+        client.learn()
         with Page(folder, url) as page:
-            _wait(lambda: page.button("Throw"), "the button", coach.spin)
+            _wait(lambda: page.button("Throw"), "the button", client.spin)
             page.run(CLOSE_NOTES)
             page.click("Practise")
-            _wait(lambda: "throws made" in page.text(), "ten throws", coach.spin)
+            _wait(lambda: "throws made" in page.text(), "ten throws", client.spin)
             page.click("Throw")
-            _wait(lambda: "from the middle" in page.text() and page.button("Throw"), "a throw", coach.spin)
+            _wait(lambda: "from the middle" in page.text() and page.button("Throw"), "a throw", client.spin)
             time.sleep(3.0)
             page.screenshot(DOCS / "view.png")
-        coach.close()
+        client.close()
     rclpy.try_shutdown()
     return DOCS / "view.png"
 

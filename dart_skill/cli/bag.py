@@ -195,7 +195,8 @@ def _instant(stamp_ns: int) -> str:
 
 
 def _check(options: argparse.Namespace) -> int:
-    from dart_skill.recording.bags import check_bag, typestore
+    from dart_skill.recording import typestore
+    from dart_skill.recording.bags import check_bag
 
     types = typestore(*options.definitions)
     found = {path: check_bag(path, types) for path in dict.fromkeys(options.bags)}

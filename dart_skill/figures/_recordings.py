@@ -21,10 +21,13 @@ COMMAND = "/wam/command"
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Everything as it was recorded, frame world. Stamps are integer nanoseconds and increase.
+    """Everything as it was recorded, in the frame of the world. Stamps are integer nanoseconds and increase.
 
-    hand_stamps (n,), hand_position (n, 3); ball_stamps (m,), ball_position (m, 3); basket (3,): centre of the rim, median, nan if not
-    seen; command_stamps (k,): of the controller's commands; opened_ns: the one that told the hand to open, None if none did.
+    * hand_stamps, hand_position: (n,) [ns] and (n, 3) [m].
+    * ball_stamps, ball_position: (m,) [ns] and (m, 3) [m].
+    * basket: centre of the rim (3,) [m], the median of what was seen, nan if it was not seen.
+    * command_stamps: of the controller's commands (k,) [ns].
+    * opened_ns: stamp of the one that told the hand to open [ns], None if none did.
     """
 
     hand_stamps: np.ndarray

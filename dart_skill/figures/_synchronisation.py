@@ -28,8 +28,12 @@ EVENTS = {"motion_start": ("o", "motion starts"), "release": ("D", "release"), "
 class DemonstratedMotion:
     """Speed of the hand in the recording of one demonstration.
 
-    time (n,) [s] since the recording's first pose, speed (n,) [m/s]; motion_start, release and motion_stop on that clock; first,
-    last: times between which the demonstration was cut out; distance of the basket from the base axis [m].
+    * name: of the demonstration.
+    * distance: of the basket from the base axis [m].
+    * time: since the first pose of the recording (n,) [s].
+    * speed: (n,) [m/s].
+    * first, last: times between which the demonstration was cut out [s].
+    * motion_start, release, motion_stop: on the same clock [s].
     """
 
     name: str

@@ -38,9 +38,10 @@ Push = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class StateDriven:
-    """A movement of an autonomous policy.
+    """A movement of an autonomous policy, in the units of the movement.
 
-    time (n,) [s]; phase (n,) [s]; attractor, position, velocity and acceleration (n, d), in the units of the movement.
+    * time, phase: (n,) each [s].
+    * attractor, position, velocity, acceleration: (n, d) each.
     """
 
     time: np.ndarray

@@ -1,18 +1,15 @@
 """Recordings without ROS: bags in and out, message types, demonstrations.
 
-`bags` has more that concerns bags (check, recover, play), `imports` reads what other laboratories recorded, `mcap` is the container.
+`bags` has modules that check, recover and play bags, `imports` reads what other laboratories recorded, `mcap` is the container.
 """
 
 from dart_skill.recording.bags import (
-    BagAttachment,
     BagError,
-    BagMessage,
     BagReader,
     BagWriter,
     TopicInfo,
     definition,
     deserialize,
-    interface_folder,
     is_stamped,
     message,
     qos_yaml,
@@ -35,9 +32,7 @@ from dart_skill.recording.grip_signal import GripSignal, Opening, read_command
 __all__ = [
     "DEMONSTRATION_TOPIC",
     "DEMONSTRATION_TYPE",
-    "BagAttachment",
     "BagError",
-    "BagMessage",
     "BagReader",
     "BagWriter",
     "Demonstration",
@@ -49,7 +44,6 @@ __all__ = [
     "demonstration_message",
     "deserialize",
     "fill_demonstration_message",
-    "interface_folder",
     "is_stamped",
     "message",
     "qos_yaml",

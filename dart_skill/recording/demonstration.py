@@ -17,6 +17,7 @@ from rosbags.typesys.store import Typestore
 from dart_skill.checks import check_samples, check_unit_quaternions
 from dart_skill.constants import N_JOINTS
 from dart_skill.recording.bags import BagError, BagReader, header_content, message, pose_content, stamp_content, vector_content
+from dart_skill.world import the_world
 
 DEMONSTRATION_TYPE = "dart_skill_msgs/msg/Demonstration"
 DEMONSTRATION_TOPIC = "/demonstrations"
@@ -58,7 +59,7 @@ class Demonstration:
     motion_start: float = float("nan")
     motion_stop: float = float("nan")
     hand_opened: float = float("nan")
-    frame_id: str = "world"
+    frame_id: str = the_world().frame_id
     joint_names: tuple[str, ...] = ()
 
     def __post_init__(self):
@@ -70,32 +71,40 @@ class Demonstration:
         target = np.asarray(self.target, dtype=float)
         if target.shape != (3,) or not np.all(np.isfinite(target)):
             raise ValueError(f"{name}: target must be a finite (3,) point, got {self.target}")
-        hand = check_samples(f"{name}, hand", self.hand_time, self.hand_position, least=2)
-        quaternion = check_unit_quaternions(f"{name}, hand", self.hand_quaternion, len(hand[0]))
-        ball = check_samples(f"{name}, ball", self.ball_time, self.ball_position, least=0)
-        joint = check_samples(f"{name}, joints", self.joint_time, self.joint_position, least=0, width=N_JOINTS)
+        hand_time, hand_position = check_samples(f"{name}, hand", self.hand_time, self.hand_position, least=2)
+        ball_time, ball_position = check_samples(f"{name}, ball", self.ball_time, self.ball_position, least=0)
+        joint_time, joint_position = check_samples(f"{name}, joints", self.joint_time, self.joint_position, least=0, width=N_JOINTS)
         _, velocity = check_samples(f"{name}, joint velocity", self.joint_time, self.joint_velocity, least=0, width=N_JOINTS)
-        self._set_arrays(target, *hand, quaternion, *ball, *joint, velocity)
+        self._set_arrays(
+            target=target,
+            hand_time=hand_time,
+            hand_position=hand_position,
+            hand_quaternion=check_unit_quaternions(f"{name}, hand", self.hand_quaternion, len(hand_time)),
+            ball_time=ball_time,
+            ball_position=ball_position,
+            joint_time=joint_time,
+            joint_position=joint_position,
+            joint_velocity=velocity,
+        )
+        object.__setattr__(self, "stamp_ns", int(self.stamp_ns))
+        object.__setattr__(self, "joint_names", tuple(self.joint_names))
         self._check_events(name)
 
     def __repr__(self) -> str:
         return f"Demonstration({self.id!r}, {len(self.hand_time)} poses, {len(self.ball_time)} of the ball)"
 
-    def _set_arrays(self, *arrays):
-        names = ("target", "hand_time", "hand_position", "hand_quaternion", "ball_time", "ball_position")
-        for name, array in zip((*names, "joint_time", "joint_position", "joint_velocity"), arrays, strict=True):
+    def _set_arrays(self, **arrays: np.ndarray) -> None:
+        for name, array in arrays.items():
             array = array.copy()
             array.setflags(write=False)
             object.__setattr__(self, name, array)
-        object.__setattr__(self, "stamp_ns", int(self.stamp_ns))
-        object.__setattr__(self, "joint_names", tuple(self.joint_names))
 
     def _check_events(self, name):
-        for event in ("motion_start", "motion_stop", "hand_opened"):
-            value = float(getattr(self, event))
-            if np.isinf(value):
-                raise ValueError(f"{name}: {event} = {value}: give seconds, or nan if unknown")
-            object.__setattr__(self, event, value)
+        events = {"motion_start": self.motion_start, "motion_stop": self.motion_stop, "hand_opened": self.hand_opened}
+        for event, seconds in events.items():
+            if np.isinf(seconds):
+                raise ValueError(f"{name}: {event} = {seconds}: give seconds, or nan if unknown")
+            object.__setattr__(self, event, float(seconds))
         if self.motion_stop < self.motion_start:
             raise ValueError(f"{name}: motion_stop {self.motion_stop} s lies before motion_start {self.motion_start} s")
         if self.joint_names and len(self.joint_names) != N_JOINTS:

@@ -17,7 +17,11 @@ GIGA = 1_000_000_000
 
 @dataclass(frozen=True)
 class Opening:
-    """The hand was told to open; taught: during a throw that a person guided."""
+    """The hand was told to open.
+
+    stamp_ns: when.
+    taught: during a throw that a person guided.
+    """
 
     stamp_ns: int
     taught: bool

@@ -28,9 +28,14 @@ MOST_TEXT = 100_000
 
 @dataclass(frozen=True)
 class About:
-    """What somebody knows of a run beyond its bag. title: of the page; facts: name and text, in order; options: name, value and default;
-    parameters: texts of parameter files by name; configuration: of the skill, "" for the default; marks: what happened after so many
-    throws.
+    """What somebody knows of a run beyond its bag.
+
+    * title: of the page.
+    * facts: name and text, in order.
+    * options: name, value and default of each.
+    * parameters: texts of parameter files, by name.
+    * configuration: of the skill, "" for the default one.
+    * marks: what happened after so many throws.
     """
 
     title: str = "Throws of a bag"
@@ -50,8 +55,15 @@ class About:
 class Run:
     """Everything that the page is made of.
 
-    recording: the raw streams; guided, own: throws found in them, in order of time; results: one for each throw of the arm; shown: the
-    demonstrations; skill: learned from them, None if there are too few; command_stamps (n,) [ns]; notes: what is missing, and why.
+    * bag: that was read.
+    * about: what is known of the run beyond it.
+    * recording: the raw streams.
+    * guided, own: throws that were found in them, in order of time.
+    * results: one for each throw of the arm's own.
+    * shown: the demonstrations.
+    * skill: learned from them, None if there are too few.
+    * command_stamps: of the controller's commands (n,) [ns].
+    * notes: what is missing, and why.
     """
 
     bag: Path

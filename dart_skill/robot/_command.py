@@ -19,7 +19,12 @@ class Grip(IntEnum):
 
 @dataclass(frozen=True)
 class ArmState:
-    """What the arm's own sensors tell at one instant: joint angles (7,) [rad] and velocities (7,) [rad/s]."""
+    """What the arm's own sensors tell at one instant.
+
+    * stamp_ns: int [ns].
+    * position: joint angles (7,) [rad].
+    * velocity: joint velocities (7,) [rad/s].
+    """
 
     stamp_ns: int
     position: np.ndarray

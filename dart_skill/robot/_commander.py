@@ -55,21 +55,19 @@ class Mode(Enum):
 class CommanderSettings:
     """Gains and limits; each is a parameter of the commander node, and its value stands in config/commander.yaml.
 
-    Parameters
-    ----------
-    tracking_stiffness, tracking_damping : pull towards the predicted motion on top of the attractor's, per unit mass [1/s^2], [1/s].
-    tracking_stiffness_rotation, tracking_damping_rotation : the same for orientation [1/s^2], [1/s].
-    friction_compensation : share of the identified joint friction, 0 to 1.
-    approach_speed : fastest joint on the way to the start of a throw [rad/s].
-    settle_speed, settle_time : the arm rests below this joint speed [rad/s], for so long before a throw [s].
-    settle_limit : the throw begins even if the arm does not rest for so long [s].
-    strongest_force, strongest_moment : the wrench is cut there [N], [N m].
-    fastest_hand : beyond it plans are refused and throws stopped [m/s].
-    farthest_error : distance of the hand from the plan at which a throw is stopped [m].
-    longest_gap : between two states of the arm; after a longer one the arm is held where it is found [s].
-    joint_margin : to the end of a joint's range, at which a throw is stopped [rad].
-    follow_time : the hand stays on the plan so long after the release [s]. Then joint damping brings the arm to rest: the plan beyond is of
-        no use to the ball and leads through the stretched arm.
+    * tracking_stiffness, tracking_damping: pull towards the predicted motion on top of the attractor's, per unit mass [1/s^2], [1/s].
+    * tracking_stiffness_rotation, tracking_damping_rotation: the same for orientation [1/s^2], [1/s].
+    * friction_compensation: share of the identified joint friction, 0 to 1.
+    * approach_speed: fastest joint on the way to the start of a throw [rad/s].
+    * settle_speed, settle_time: the arm rests below this joint speed [rad/s], for so long before a throw [s].
+    * settle_limit: the throw begins even if the arm does not rest for so long [s].
+    * strongest_force, strongest_moment: the wrench is cut there [N], [N m].
+    * fastest_hand: beyond it plans are refused and throws stopped [m/s].
+    * farthest_error: distance of the hand from the plan at which a throw is stopped [m].
+    * longest_gap: between two states of the arm; after a longer one the arm is held where it is found [s].
+    * joint_margin: to the end of a joint's range, at which a throw is stopped [rad].
+    * follow_time: the hand stays on the plan so long after the release [s]. Then joint damping brings the arm to rest: the plan beyond
+      is of no use to the ball, and leads through the stretched arm.
     """
 
     tracking_stiffness: float

@@ -23,7 +23,16 @@ class Inertial:
 
 @dataclass(frozen=True)
 class Joint:
-    """A revolute joint as URDF sees it: origin in the parent's frame, axis +z, limits [rad, rad/s, N m, N m s/rad]."""
+    """A revolute joint as URDF has it; it turns about the z axis of its own frame.
+
+    * name, parent, child: names of the joint and of the links that it connects.
+    * xyz: origin in the frame of the parent (3,) [m].
+    * roll: turn of the frame about the parent's x axis [rad].
+    * lower, upper: ends of its range [rad].
+    * peak_torque: of motor and transmission [N m].
+    * no_load_speed: at the full voltage of the bus [rad/s].
+    * coulomb_friction, viscous_friction: [N m] and [N m s/rad].
+    """
 
     name: str
     parent: str
@@ -50,7 +59,13 @@ class Capsule:
 
 @dataclass(frozen=True)
 class Hand:
-    """The BarrettHand, closed on a ball, as one body in frame bhand_base."""
+    """The BarrettHand, closed on a ball, as one body in the frame bhand_base.
+
+    * inertial: its mass, centre of mass and inertia.
+    * palm_height: of the palm above the mounting face [m].
+    * palm_radius: of the palm [m].
+    * ball_centre: of a held ball (3,) [m].
+    """
 
     inertial: Inertial
     palm_height: float
@@ -60,7 +75,15 @@ class Hand:
 
 @dataclass(frozen=True)
 class Motors:
-    """Motors and transmission: motor angle = joint_to_motor @ joint angle; one row per motor."""
+    """Motors and transmission; one row or entry for each motor.
+
+    * joint_to_motor: (7, 7), motor angle = joint_to_motor @ joint angle.
+    * rotor_inertia: (7,) [kg m^2].
+    * torque_constant: (7,) [N m/A].
+    * resistance: (7,) [ohm].
+    * no_load_speed: (7,) at the voltage of the bus [rad/s].
+    * bus_voltage: [V].
+    """
 
     joint_to_motor: np.ndarray
     rotor_inertia: np.ndarray
@@ -102,7 +125,21 @@ class Ball:
 
 @dataclass(frozen=True)
 class WamDescription:
-    """All of config/wam.yaml. DH rows are (alpha, a, d); links come once in URDF frames and once in DH frames."""
+    """All of config/wam.yaml, and the ball of config/world.yaml.
+
+    * mount_height: of the base above the floor [m].
+    * shoulder_height: of the shoulder above the base [m].
+    * gravity: [m/s^2].
+    * dh: (7, 3) of Denavit and Hartenberg: alpha [rad], a [m], d [m].
+    * joints: the seven joints, from the base to the hand.
+    * tool_plate: (3,) origin of the mounting face in the frame of the last link [m].
+    * links_urdf, links_dh: the links, in the frames of the URDF and in those of Denavit and Hartenberg.
+    * hand: the hand with a ball in it.
+    * motors: motors and transmission.
+    * ball: the ball that is thrown.
+    * capsules: shapes of the links that are seen, collide and hide what is behind them.
+    * home: joint angles of the home pose (7,) [rad].
+    """
 
     mount_height: float
     shoulder_height: float

@@ -20,10 +20,11 @@ SLOW, WEAK = 0.02, 0.1
 
 @dataclass(frozen=True)
 class Reference:
-    """What the hand shall do at one instant, world axes.
+    """What the hand shall do at one instant, in the axes of the world.
 
-    attractor: position (3,) and rotation (3, 3) that pull; position, rotation, velocity (6,): the motion that is expected of the
-    pull; acceleration (6,) of that motion.
+    * attractor_position, attractor_rotation: where the attractor pulls to, (3,) [m] and (3, 3).
+    * position, rotation: where the hand is expected to be, (3,) [m] and (3, 3).
+    * velocity, acceleration: of that motion, (6,) each, linear and angular [m/s, rad/s; m/s^2, rad/s^2].
     """
 
     attractor_position: np.ndarray

@@ -52,12 +52,18 @@ class HandPath:
 
 @dataclass(frozen=True)
 class ThrowPlan:
-    """A throw at `target` (3,), the centre of the rim.
+    """A throw at a target.
 
-    attractor_position (n, 3) and attractor_quaternion (n, 4) pull the hand along `path` by (7.19); release and open_hand are times
-    on the path's clock [s] at which the ball leaves the hand and at which the hand is told to open; start_posture (7,) [rad]; aim
-    (3,) is the task parameter whose plan lands on the target; predicted_landing (3,) is where the ball is expected to cross the
-    plane of the rim.
+    * target: centre of the rim (3,) [m].
+    * aim: the task parameter whose plan lands on the target (3,) [m].
+    * predicted_landing: where the ball is expected to cross the plane of the rim (3,) [m].
+    * path: the motion of the hand that is expected, at n instants.
+    * attractor_position, attractor_quaternion: (n, 3) [m] and (n, 4); they pull the hand along the path by (7.19).
+    * position_gains, orientation_gains: stiffness and damping of the pull, per unit mass.
+    * release: time on the path's clock at which the ball leaves the hand [s].
+    * open_hand: time at which the hand is told to open [s].
+    * start_posture: joint angles before the throw (7,) [rad].
+    * model_id: digest of the model that made the plan, default "".
     """
 
     target: np.ndarray

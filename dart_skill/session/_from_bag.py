@@ -27,7 +27,13 @@ FLIGHT_NS = 1_000_000_000
 
 @dataclass(frozen=True)
 class LearnReport:
-    """What was found in a recording and what became of it. raw: throws were found in the streams, not read from /demonstrations."""
+    """What was found in a recording, and what became of it.
+
+    * source: the recording.
+    * raw: whether throws were found in the streams, not read from /demonstrations.
+    * throws: what was found, in order of time.
+    * faults: of the recorded poses.
+    """
 
     source: str
     raw: bool

@@ -47,8 +47,14 @@ class Trial:
 class Session:
     """Simulator, motion capture, teacher, recorder and commander, stepped together.
 
-    With a board in the plant's settings darts are thrown, targets are points of the board, and it is the board that the cameras track as
-    basket.
+    With a board in the plant's settings darts are thrown. Targets are then points of the board, and the cameras track the board as basket.
+
+    * seed: int, default 0. Everything random comes from it.
+    * plant: settings of the simulated world, default those of config/wam_simulator.yaml.
+    * commander: gains and limits, default those of config/commander.yaml.
+    * person: who guides the arm, default that of config/teacher.yaml.
+    * swing: the throw that the person has in mind, default `Swing()`.
+    * keep_states: bool, default False. Whether a `Trial` keeps the simulator's states.
     """
 
     def __init__(

@@ -67,10 +67,17 @@ class ThrowResult:
 
 @dataclass(frozen=True)
 class DemoSummary:
-    """A whole run. bag: its folder; demonstrations: how many were learned from; attempts: guided throws that they took.
+    """A whole run.
 
-    wall_seconds: of the run, set-up of the graph included; real_time_factor: simulated over wall-clock time of the whole job;
-    throw_real_time_factor: the same while the arm throws; layout: of the graph.
+    * seed: of everything random.
+    * bag: folder of its bag.
+    * demonstrations: how many were learned from.
+    * throws: the throws of the arm, in order.
+    * wall_seconds: of the run, the start of the graph included [s].
+    * real_time_factor: simulated over wall-clock time of the whole job.
+    * throw_real_time_factor: the same while the arm throws, None if nobody measured it.
+    * attempts: guided throws that the demonstrations took, None if nobody counted.
+    * layout: of the graph, default "".
     """
 
     seed: int

@@ -10,7 +10,15 @@ from dart_skill.world import the_world
 
 @dataclass(frozen=True)
 class Basket:
-    """An upright cylinder, open at the top. Its position is the centre of the rim, radius the free opening [m]."""
+    """An upright cylinder, open at the top.
+
+    * position: centre of the rim (3,) [m].
+    * radius: of the free opening, default that of config/world.yaml [m].
+    * depth: from the rim to the floor, default that of config/world.yaml [m].
+    * wall, rim: thickness of the wall, and diameter of the tube around the rim [m].
+    * restitution: of walls and floor, 0 to 1.
+    * sides: of the polygon that stands for the circle.
+    """
 
     position: tuple[float, float, float] = (2.0, 0.0, the_world().rim)
     radius: float = the_world().basket_radius

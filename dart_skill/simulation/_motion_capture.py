@@ -51,7 +51,20 @@ class Camera:
 
 @dataclass(frozen=True)
 class MotionCaptureConfig:
-    """Cameras and errors of a motion-capture system. Times in seconds, lengths in metres."""
+    """Cameras and errors of a motion-capture system.
+
+    * cameras: where they stand, and what they see.
+    * bodies: which of hand, ball and basket are tracked.
+    * rate: frames per second [1/s].
+    * min_cameras: that must see a body.
+    * clearance: what is nearer to a body than this does not hide it [m].
+    * noise: standard deviation of a coordinate [m].
+    * marker_spread: extent of a body's markers [m]; the noise of an orientation is noise / marker_spread [rad].
+    * calibration_error: offset of every body, drawn once for a run [m].
+    * latency, latency_jitter: from the exposure to the message, and the mean of the exponential delay on top of it [s].
+    * dropout_rate: dropouts of a body per second [1/s].
+    * dropout_frames: shortest and longest dropout [frames].
+    """
 
     cameras: tuple[Camera, ...]
     bodies: tuple[str, ...] = ("hand", "ball", "basket")
@@ -125,7 +138,14 @@ class BasketWalls:
 
 @dataclass(frozen=True)
 class Sample:
-    """A reported pose. stamp_ns: of the exposure; publish_ns: when the message leaves the driver."""
+    """A reported pose.
+
+    * name: of the body.
+    * stamp_ns: of the exposure [ns].
+    * publish_ns: when the message leaves the driver [ns].
+    * position: (3,) [m].
+    * quaternion: (4,), x, y, z, w.
+    """
 
     name: str
     stamp_ns: int

@@ -31,19 +31,17 @@ ZEROS = [0.0] * N_JOINTS
 class PlantSettings:
     """How the stand-in differs from a perfect arm; each value is a parameter of the simulator node.
 
-    Parameters
-    ----------
-    step_ns : control period [ns].
-    reset_ns : how far a reset moves the clock on, so that everybody notices the gap [ns].
-    start_posture : joint angles after a reset (7,) [rad].
-    gravity_error : share of the gravity torque that compensation misses; calibrated arms show 5 % (docs/sources.md).
-    friction_scale, motor_scale : factors on the joint friction, and on what the motors can do.
-    base_turn : the arm's base stands turned about the vertical, and nobody told the controller [rad].
-    hand_delay, hand_spread : mean and standard deviation of the time from the command to the ball being free [s].
-    hand_clearance : a ball that is farther from the hand than this after the release can touch it again [m].
-    basket : where balls are thrown.
-    ball_mass_scale : factor on the mass of the ball.
-    board : where there is one, darts are thrown at it, and there is no basket.
+    * step_ns: control period [ns].
+    * reset_ns: how far a reset moves the clock on, so that everybody notices the gap [ns].
+    * start_posture: joint angles after a reset (7,) [rad].
+    * gravity_error: share of the gravity torque that compensation misses; calibrated arms show 5 % (docs/sources.md).
+    * friction_scale, motor_scale: factors on the joint friction, and on what the motors can do.
+    * base_turn: the arm's base stands turned about the vertical, and nobody told the controller [rad].
+    * hand_delay, hand_spread: mean and standard deviation of the time from the command to the ball being free [s].
+    * hand_clearance: a released ball that is farther from the hand than this can touch the hand again [m].
+    * basket: where balls are thrown.
+    * ball_mass_scale: factor on the mass of the ball.
+    * board: where there is one, darts are thrown at it, and there is no basket.
     """
 
     step_ns: int = 2_000_000
@@ -82,7 +80,16 @@ class PlantSettings:
 
 @dataclass(frozen=True)
 class PlantState:
-    """Everything about the world at one instant, in world axes; for sensor models and for judging, never for learning."""
+    """Everything about the world at one instant, in the axes of the world; for models of sensors and for tests, never for learning.
+
+    * stamp_ns: [ns]; episode, step: of the world, from 0 on.
+    * position, velocity, effort: of the joints, (7,) each [rad], [rad/s], [N m].
+    * hand_position, hand_quaternion: (3,) [m] and (4,).
+    * ball_position, ball_quaternion, ball_velocity: (3,) [m], (4,), (3,) [m/s].
+    * ball_held: whether the ball is in the hand.
+    * basket: centre of the rim (3,) [m].
+    * ball_in_basket: whether it is there; with a board, whether the dart sticks in it.
+    """
 
     stamp_ns: int
     episode: int

@@ -22,11 +22,16 @@ SWING_JOINTS = (1, 3, 5)
 
 @dataclass(frozen=True)
 class Swing:
-    """The throw that the teacher has in mind, as angles of J2, J4 and J6 [rad]: cocked, at the release, and the rates there per
-    unit of speed [rad/s]; duration to the release and of the follow-through [s].
+    """The throw that the teacher has in mind, as angles of J2, J4 and J6.
 
     A speed of 1 turns J2 at its no-load speed. At the release the elbow is bent so far that the hand is 4.5 cm inside the arm's
-    reach, three standard deviations of a person's release point: a path through the stretched arm can turn the elbow over.
+    reach. These are three standard deviations of a person's release point: a path through the stretched arm can turn the elbow over.
+
+    * cocked: angles before the swing (3,) [rad].
+    * release: angles at the release (3,) [rad].
+    * rates: at the release, for a speed of 1 (3,) [rad/s].
+    * duration: from the start to the release [s].
+    * follow_through: from the release to rest [s].
     """
 
     cocked: tuple[float, float, float] = (-1.00, -0.75, -0.60)
@@ -38,11 +43,20 @@ class Swing:
 
 @dataclass(frozen=True)
 class Person:
-    """How a person differs from the swing in mind, and how firmly they hold the arm.
+    """How a person differs from the swing in mind, and how firmly they hold the arm. Each is a parameter of the node teacher.
 
-    Standard deviations of the release point [m], of duration and speed (shares), of the direction [rad]; tremble: force [N]
-    around `tremble_rate` [Hz]; pause: shortest and longest wait before the swing [s]; stiffness [N/m, N m/rad] and damping
-    [N s/m, N m s/rad] of the grip of the hand and, firm_elbow [N/m, N s/m], of the other hand at the elbow.
+    * release_point: standard deviation of the release point [m].
+    * duration, speed: standard deviations of the duration and the speed of the swing, as shares.
+    * direction: standard deviation of its direction [rad].
+    * timing: standard deviation of the instant at which the button is pressed [s].
+    * expected_hand_delay: the person presses so long before the release [s].
+    * tremble, tremble_rate: force of the trembling hand [N], and its corner frequency [Hz].
+    * pause: shortest and longest wait before the swing [s].
+    * firm_hand: stiffness and damping of the hold of the hand [N/m, N s/m].
+    * firm_wrist: the same for turning [N m/rad, N m s/rad].
+    * firm_elbow: stiffness and damping of the other hand, at the elbow [N/m, N s/m].
+    * strongest_push: of either hand [N].
+    * strongest_twist: of the wrist [N m].
     """
 
     release_point: float = 0.015

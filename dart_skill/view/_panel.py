@@ -36,7 +36,12 @@ class Request:
 
 @dataclass(frozen=True)
 class Knob:
-    """A number of a node that can be changed while it runs."""
+    """A number of a node that can be changed while it runs.
+
+    * name, description: of the parameter.
+    * low, high: its range.
+    * value: at present.
+    """
 
     name: str
     description: str

@@ -34,7 +34,13 @@ GROUPS = {"gaussians": "Gaussians", "demonstrations": "demonstrations", "cameras
 
 
 class Scene:
-    """The things of one arm in `server`, a viser.ViserServer (see `open_server`). What has not been seen yet is not shown."""
+    """The things of one arm in a viser scene. What has not been seen yet is not shown.
+
+    * server: a viser.ViserServer, see `open_server`.
+    * description: of the arm, default that of config/wam.yaml.
+    * region: where the basket may be put, default that of config/world.yaml.
+    * basket: its shape, default that of config/world.yaml.
+    """
 
     def __init__(self, server: Any, description: WamDescription | None = None, region: Region = REGION, basket: Basket | None = None):
         self._server, self._scene = server, server.scene

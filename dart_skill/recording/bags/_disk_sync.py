@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from io import FileIO
 from pathlib import Path
@@ -20,6 +19,8 @@ class DiskSync:
     """
 
     def __init__(self, on_error: Callable[[OSError], None]):
+        from concurrent.futures import ThreadPoolExecutor  # takes longer to import than all of bags, and who reads needs none
+
         self._on_error, self._failed = on_error, False
         self._thread = ThreadPoolExecutor(1, "bag sync")
         self._waiting: set[FileIO] = set()

@@ -116,11 +116,10 @@ class FileCheck:
                 self._add("note", "the summary has no CRC")
         except DamagedError as error:
             self._add("error", str(error), RECOVER)
-        definitions = read_definitions(data, self._summary)  # all of them, before the first message needs them
-        schemas = definitions.schemas
+        schemas, channels = read_definitions(data, self._summary)  # all of them, before the first message needs them
         texts = [(schema.name, schema.encoding, schema.data.decode(errors="replace")) for schema in schemas.values()]
         self._types, unknown = embedded_types(texts, types)
-        for number, channel in definitions.channels.items():
+        for number, channel in channels.items():
             self._topics[number] = self._topic(channel, schemas.get(channel.schema_id), unknown)
         for found in walk(data, self._summary):
             self._visit(found, data)

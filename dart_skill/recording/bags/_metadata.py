@@ -11,6 +11,7 @@ from pathlib import Path
 import yaml
 
 from dart_skill.recording.bags._disk_sync import sync_folder
+from dart_skill.recording.mcap import McapFile
 
 METADATA_VERSION = 9
 METADATA_FILE = "metadata.yaml"
@@ -20,7 +21,14 @@ _ROOT = "rosbag2_bagfile_information"
 
 @dataclass(frozen=True)
 class TopicMetadata:
-    """A topic of a bag; qos: list of profiles as rosbag2 writes them; count: messages."""
+    """A topic of a bag.
+
+    type_name: as package/msg/Name.
+    qos: list of profiles as rosbag2 writes them.
+    type_hash: RIHS01.
+    count: messages.
+    encoding: of the messages.
+    """
 
     name: str
     type_name: str
@@ -32,12 +40,21 @@ class TopicMetadata:
 
 @dataclass(frozen=True)
 class FileMetadata:
-    """A file of a bag; start_ns and end_ns: log times of its first and last message, None without messages."""
+    """A file of a bag.
+
+    count: messages.
+    start_ns, end_ns: log times of its first and last message; None without messages.
+    """
 
     name: str
     count: int
     start_ns: int | None
     end_ns: int | None
+
+    @classmethod
+    def of(cls, file: McapFile) -> FileMetadata:
+        """Of a file that is being written, as far as it is."""
+        return cls(file.path.name, file.message_count, file.start_ns, file.end_ns)
 
 
 def bag_metadata(files: list[FileMetadata], topics: Iterable[TopicMetadata], custom_data: Mapping[str, str], ros_distro: str) -> dict:

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 
+from mcap.records import Attachment
 from rosbags.interfaces import MessageDefinitionFormat
 from rosbags.rosbag2 import Reader
 from rosbags.rosbag2.metadata import parse_qos
@@ -58,15 +59,6 @@ class TopicInfo:
     type_hash: str
     qos: tuple
     encoding: str = "cdr"
-
-
-@dataclass(frozen=True)
-class BagAttachment:
-    """A file that was kept with a bag."""
-
-    name: str
-    media_type: str
-    data: bytes
 
 
 @dataclass(frozen=True)
@@ -138,11 +130,11 @@ class BagReader:
             found = self._source.messages(chosen, *limits)
             yield from map(self._decoded, found) if decode else found
 
-    def attachments(self) -> list[BagAttachment]:
-        """Files that were kept with the bag."""
+    def attachments(self) -> list[Attachment]:
+        """Files that were kept with the bag, as `mcap` reads them: name, media_type, data, times."""
         self._check_open()
         with _explained(self.path):
-            return [BagAttachment(item.name, item.media_type, item.data) for item in self._source.attachments()]
+            return self._source.attachments()
 
     def close(self) -> None:
         """Close the files; twice is no error."""
@@ -232,7 +224,7 @@ class _McapSource:
             parts += file.parts(wanted, start_ns, stop_ns)
         return in_time_order(parts)
 
-    def attachments(self) -> list:
+    def attachments(self) -> list[Attachment]:
         return [item for file in self._files for item in file.attachments()]
 
     def close(self) -> None:
@@ -312,7 +304,7 @@ class _RosbagsSource:
         for one, stamp_ns, data in self._reader.messages(chosen, start_ns, min(stop_ns, 2**63 - 1)):
             yield BagMessage(one.topic, one.msgtype, stamp_ns, bytes(data))
 
-    def attachments(self) -> list:
+    def attachments(self) -> list[Attachment]:
         return []
 
     def close(self) -> None:

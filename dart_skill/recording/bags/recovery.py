@@ -237,7 +237,7 @@ class _Recovery:
         return result
 
     def _close(self, file: McapFile) -> FileMetadata:
-        metadata = FileMetadata(file.path.name, file.message_count, file.start_ns, file.end_ns)
+        metadata = FileMetadata.of(file)
         counts: Counter[str] = Counter()
         for channel in file.channels.values():
             counts[channel.record.topic] += channel.count
@@ -287,7 +287,7 @@ class _FileRecovery:
         except DamagedError:  # the walk comes to it
             pass
         self.chunk_places = {chunk.chunk_start_offset for chunk in self.summary.chunks} if self.summary is not None else set()
-        self.definitions = read_definitions(data, self.summary)
+        self.schemas, self.channels = read_definitions(data, self.summary)
         self.out = bag.new_file(profile)
 
     def run(self) -> None:
@@ -296,7 +296,7 @@ class _FileRecovery:
                 self._damage(found)
             else:
                 self._record(found)
-        for channel in self.definitions.channels:
+        for channel in self.channels:
             self._channel(channel)
         self._count_lost()
 
@@ -357,12 +357,12 @@ class _FileRecovery:
     def _channel(self, number: int) -> McapChannel | None:
         """The channel in the new file; None if no record of the damaged one defines it."""
         if number not in self.written:
-            record = self.definitions.channels.get(number)
+            record = self.channels.get(number)
             self.written[number] = self._write_channel(record) if record is not None else None
         return self.written[number]
 
     def _write_channel(self, record: Channel) -> McapChannel:
-        schema = self.definitions.schemas.get(record.schema_id)
+        schema = self.schemas.get(record.schema_id)
         told = self.bag.told_topics.get(record.topic, {})
         told_type, told_hash = told.get("type", ""), told.get("type_description_hash", "")
         if schema is None and record.schema_id:

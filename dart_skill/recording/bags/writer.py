@@ -27,7 +27,7 @@ from dart_skill.recording.bags._metadata import (
     record_values,
     write_metadata_file,
 )
-from dart_skill.recording.mcap.writer import CHUNK_SIZE, McapChannel, McapFile
+from dart_skill.recording.mcap import CHUNK_SIZE, McapChannel, McapFile
 
 FLUSH_PERIOD_NS = 1_000_000_000
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}
@@ -55,7 +55,13 @@ class _Topic:
 
 
 def qos_yaml(reliability: str = "reliable", durability: str = "volatile", history: str = "keep_last", depth: int = 10) -> str:
-    """A QoS profile as the YAML text that rosbag2 keeps in `offered_qos_profiles`."""
+    """A QoS profile as the YAML text that rosbag2 keeps in `offered_qos_profiles`.
+
+    reliability: "reliable" or "best_effort".
+    durability: "volatile" or "transient_local".
+    history: "keep_last", "keep_all" or "unknown".
+    depth: messages that are kept.
+    """
     allowed = {
         "reliability": ("reliable", "best_effort"),
         "durability": ("volatile", "transient_local"),
@@ -82,10 +88,13 @@ def qos_yaml(reliability: str = "reliable", durability: str = "volatile", histor
 class BagWriter:
     """A bag that is being written; a context manager. What was written stays, also when the block raises.
 
-    path: folder of the bag, which must not exist yet; it holds `<name>_0.mcap`, `<name>_1.mcap` ... and, once closed,
-    metadata.yaml.
+    path: folder of the bag, which must not exist; it holds `<name>_0.mcap`, `<name>_1.mcap` ... and, once closed, metadata.yaml.
     custom_data: names and texts that go into the metadata (seed, version, who recorded); `note` adds some.
-    max_bytes, max_duration_ns: a new file begins before the current one gets larger, or as long in log time; 0: never.
+    chunk_size: bytes of messages after which they are compressed and handed to the operating system.
+    flush_period_ns: log time after which they are in any case.
+    ros_distro: goes into the metadata.
+    max_bytes: a new file begins before the current one gets larger; 0: never.
+    max_duration_ns: a new file begins before the current one gets as long in log time; 0: never.
 
     One thread at a time may call its methods. Each of them raises BagWriteError once the disk takes no more;
     what was written until then stays readable (`recover`), and `close` adds no second error.
@@ -142,9 +151,11 @@ class BagWriter:
     def add_topic(self, name: str, type_name: str, definition_text: str, qos_profile_yaml: str = "", type_hash: str = "") -> None:
         """Announce a topic before its first message.
 
-        type_name: as package/msg/Name. definition_text: with all nested definitions
-        (`messages.definition`).
-        qos_profile_yaml: list of profiles (`qos_yaml`). type_hash: RIHS01 (`messages.type_hash`).
+        name: with its leading slash.
+        type_name: as package/msg/Name.
+        definition_text: with all nested definitions (`definition`).
+        qos_profile_yaml: list of profiles (`qos_yaml`).
+        type_hash: RIHS01 (`type_hash`).
         """
         self._check_writable()
         if not name.startswith("/"):
@@ -164,7 +175,12 @@ class BagWriter:
         self._topics[name] = self._writable[name] = topic
 
     def write(self, topic: str, log_time_ns: int, publish_time_ns: int, cdr_bytes: bytes) -> None:
-        """Append a message. Log time: when it was received; publish time: when it was sent [ns]."""
+        """Append a message.
+
+        log_time_ns: when it was received.
+        publish_time_ns: when it was sent.
+        cdr_bytes: any buffer of bytes.
+        """
         entry = self._writable.get(topic)
         if entry is None:
             raise self._refusal(topic)
@@ -259,7 +275,7 @@ class BagWriter:
         """Write no more, for a reason that every later call meets. Called by the sync thread too."""
         self._writable = {}
         if self._failure is None:
-            files = [*self._finished, *([self._file_metadata()] if self._file is not None else [])]
+            files = [*self._finished, *([FileMetadata.of(self._file)] if self._file is not None else [])]
             count, ends = sum(file.count for file in files), [file.end_ns for file in files if file.end_ns is not None]
             until = f", until log time {max(ends)} ns," if ends else ""
             text = (
@@ -320,14 +336,14 @@ class BagWriter:
         file = McapFile(self.path / f"{self.path.name}_{len(self._finished)}.mcap", chunk_size=self._chunk_size)
         self._file, self._schemas = file, {}
         self._full, self._file_first_ns, self._synced_bytes = False, None, 0
-        self._file.add_metadata(RECORD_NAME, record_values(self._metadata([self._file_metadata()])))
+        self._file.add_metadata(RECORD_NAME, record_values(self._metadata([FileMetadata.of(self._file)])))
 
     def _finish_file(self):
         """End the file; the metadata record that rosbag2 writes at closing lets it tell what it holds by itself."""
         self._file.end_chunk()
-        self._file.add_metadata(RECORD_NAME, record_values(self._metadata([self._file_metadata()])))
+        self._file.add_metadata(RECORD_NAME, record_values(self._metadata([FileMetadata.of(self._file)])))
         self._file.finish()
-        self._finished.append(self._file_metadata())
+        self._finished.append(FileMetadata.of(self._file))
         for topic in self._topics.values():
             topic.finished += topic.saved
             topic.channel = None
@@ -340,9 +356,6 @@ class BagWriter:
             self._schemas[topic.type_name] = self._file.add_schema(topic.type_name, "ros2msg", definition)
         metadata = {"offered_qos_profiles": topic.qos_text, "topic_type_hash": topic.type_hash}
         return self._file.add_channel(topic.name, "cdr", self._schemas[topic.type_name], metadata)
-
-    def _file_metadata(self) -> FileMetadata:
-        return FileMetadata(self._file.path.name, self._file.message_count, self._file.start_ns, self._file.end_ns)
 
     def _metadata(self, files: list[FileMetadata], in_file: bool = True) -> dict:
         """Metadata of the current file by itself, or of the whole bag."""

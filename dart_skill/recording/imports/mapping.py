@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +15,14 @@ import numpy as np
 import yaml
 from scipy.spatial.transform import Rotation
 
-from dart_skill.recording.imports.pose_stream import UP_AXES, RigidTransform
+from dart_skill.constants import N_JOINTS
+from dart_skill.recording.imports.pose_stream import IDENTITY, UP_AXES, RigidTransform
+from dart_skill.world import ROLES, the_world
 
 TIME_UNITS = {"s": 1e9, "ms": 1e6, "us": 1e3, "ns": 1.0}
 LENGTH_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 QUATERNION_ORDERS = {"xyzw": (0, 1, 2, 3), "wxyz": (1, 2, 3, 0)}
 """For each order, where x, y, z, w stand in it."""
-ROLES = ("hand", "ball", "basket")
-N_JOINTS = 7
 
 
 class MappingError(ValueError):
@@ -31,8 +31,13 @@ class MappingError(ValueError):
 
 @dataclass(frozen=True)
 class Table:
-    """A CSV file. columns: name -> names or numbers (from 1) of columns; time: a unit; header_lines: before the numbers, the last of which
-    names the columns.
+    """A CSV file.
+
+    file: its name, in the folder of the recording.
+    columns: names or numbers (from 1) of its columns by what they hold.
+    time: a unit of TIME_UNITS.
+    delimiter: between columns.
+    header_lines: how many stand before the numbers; the last of them names the columns.
     """
 
     file: str
@@ -44,10 +49,19 @@ class Table:
 
 @dataclass(frozen=True)
 class PoseSource:
-    """Where the poses of a body come from: a topic (child: of which transform on it), a table, a Motive export (body: its name there), or
-    a fixed position [m]. frame: header.frame_id that the messages must have, empty for any. up, length, order: of axes, units and
-    quaternions. world: from the axes (once z is up) to ours; offset: the frame that we mean in the axes of the tracked body. shift_ns:
-    added to stamps.
+    """Where the poses of a body come from: a topic, a table, a Motive export, or a fixed position.
+
+    * topic: name of the topic; child: of which transform on it.
+    * table: columns of a CSV file.
+    * motive: file of a Motive export; body: the name of the body there.
+    * fixed: a position that never changes (3,) [m].
+    * frame: header.frame_id that the messages must have, "" for any.
+    * up: axis that points up, of UP_AXES, default "z".
+    * length: unit of lengths, of LENGTH_UNITS, default "m".
+    * order: of the numbers of a quaternion, of QUATERNION_ORDERS, default "xyzw".
+    * world: from the recorded axes, once z is up, to ours.
+    * offset: the frame that we mean, in the axes of the tracked body.
+    * shift_ns: added to stamps [ns].
     """
 
     topic: str = ""
@@ -73,7 +87,11 @@ class PoseSource:
 
 @dataclass(frozen=True)
 class SignalSource:
-    """Where joint states or commands come from: a topic or a table. names: of the seven joints in their order; empty: as recorded."""
+    """Where joint states or commands come from: a topic or a table.
+
+    names: of the seven joints in their order; empty: as recorded.
+    shift_ns: added to stamps.
+    """
 
     topic: str = ""
     table: Table | None = None
@@ -83,20 +101,25 @@ class SignalSource:
 
 @dataclass(frozen=True)
 class RecordingMapping:
-    """Sources by role. frame: name of the world's axes. teacher, command: who tells the hand to open, a guiding person or the arm's own
-    controller; optional: roles that a recording may lack.
+    """What a recording holds, and where.
+
+    * bodies: sources of the poses of hand, ball and basket, by role.
+    * joints: source of the joint states, None for none.
+    * teacher, command: who tells the hand to open: a guiding person, or the arm's own controller.
+    * frame: name of the world's axes, default that of config/world.yaml.
+    * optional: roles that a recording may lack.
     """
 
     bodies: Mapping[str, PoseSource]
     joints: SignalSource | None = None
     teacher: SignalSource | None = None
     command: SignalSource | None = None
-    frame: str = "world"
+    frame: str = the_world().frame_id
     optional: tuple[str, ...] = ()
 
 
 OWN = RecordingMapping(
-    {role: PoseSource(topic=f"/vrpn_mocap/{role}/pose", frame="world") for role in ROLES},
+    {role: PoseSource(topic=topic, frame=the_world().frame_id) for role, topic in the_world().pose_topics().items()},
     SignalSource("/joint_states"),
     SignalSource("/wam/teacher_wrench"),
     SignalSource("/wam/command"),
@@ -118,14 +141,14 @@ def load_mapping(path: str | os.PathLike) -> RecordingMapping:
 
 
 def parse_mapping(content: Any, place: str = "mapping") -> RecordingMapping:
-    """The mapping in nested dictionaries as YAML gives them; `place` names them in errors."""
+    """The mapping in nested dictionaries as YAML gives them; MappingError. place: names them in errors."""
     values = _Section(content, place)
     shared = values.section("axes") or _Section({}, f"{place}: axes")
     axes = _axes(shared)
     shared.nothing_else()
     bodies = {role: _pose_source(part, axes) for role in ROLES if (part := values.section(role))}
     signals = {name: _signal_source(part, name) for name in ("joints", "teacher", "command") if (part := values.section(name))}
-    frame = values.text("frame", "world")
+    frame = values.text("frame", the_world().frame_id)
     values.nothing_else()
     if missing := [role for role in ROLES if role not in bodies]:
         raise MappingError(f"{place}: nothing says where the {missing[0]} is: add '{missing[0]}:' with topic, csv, motive or position")
@@ -139,6 +162,10 @@ class _Section:
         if not isinstance(content, Mapping):
             raise MappingError(f"{place}: need keys and values, got {content!r}")
         self.place, self._left, self._asked = place, dict(content), []
+
+    def has(self, key: str) -> bool:
+        """Whether a key is there that nobody has asked for yet."""
+        return key in self._left
 
     def take(self, key: str, default: Any, check: Callable[[Any], bool], what: str) -> Any:
         """Value of a key, or the default; MappingError unless it passes the check."""
@@ -199,7 +226,7 @@ def _rigid(section: _Section, key: str, default: RigidTransform) -> RigidTransfo
     part.nothing_else()
     if quaternion and degrees:
         raise MappingError(f"{part.place}: give quaternion or roll_pitch_yaw_deg, not both")
-    turned = Rotation.from_euler("xyz", degrees, degrees=True).as_quat() if degrees else np.array(quaternion or (0.0, 0.0, 0.0, 1.0))
+    turned = Rotation.from_euler("xyz", degrees, degrees=True).as_quat() if degrees else np.array(quaternion or IDENTITY)
     try:
         return RigidTransform(np.array(position), turned)
     except ValueError as error:
@@ -207,8 +234,8 @@ def _rigid(section: _Section, key: str, default: RigidTransform) -> RigidTransfo
 
 
 def _pose_source(section: _Section, axes: PoseSource) -> PoseSource:
-    kinds = {"topic": "topic", "csv": "csv", "motive": "motive", "position": "position"}
-    given = [kind for kind in kinds if kind in section._left]
+    kinds = ("topic", "csv", "motive", "position")
+    given = [kind for kind in kinds if section.has(kind)]
     if len(given) != 1:
         raise MappingError(f"{section.place}: give exactly one of {', '.join(kinds)}; got {', '.join(given) or 'none of them'}")
     own = _axes(section, axes)
@@ -224,25 +251,26 @@ def _pose_source(section: _Section, axes: PoseSource) -> PoseSource:
         where["order"] = section.choice("order", "xyzw", QUATERNION_ORDERS)
     offset = _rigid(section, "offset", RigidTransform())
     section.nothing_else()
-    return PoseSource(**where, up=own.up, length=own.length, world=own.world, shift_ns=own.shift_ns, offset=offset)
+    return replace(own, **where, offset=offset)
 
 
 def _signal_source(section: _Section, name: str) -> SignalSource:
-    if ("topic" in section._left) == ("csv" in section._left):
+    is_table = section.has("csv")
+    if section.has("topic") == is_table:
         raise MappingError(f"{section.place}: give either topic or csv")
     shift_ns = round(1e9 * section.number("time_shift", 0.0))
-    names = ()
+    names, wanted = (), {"time": (1,)}
     if name == "joints":
-
-        def check(value: Any) -> bool:
-            return isinstance(value, list) and len(set(value)) == N_JOINTS and all(isinstance(one, str) for one in value)
-
-        names = tuple(section.take("names", (), check, f"the names of {N_JOINTS} joints"))
-    wanted = {"time": (1,), "position": (N_JOINTS,), "velocity": (N_JOINTS, 0)} if name == "joints" else {"time": (1,)}
-    table = _table(section, wanted) if "csv" in section._left else None
-    topic = "" if table else section.text("topic")
+        names = tuple(section.take("names", (), _are_joints, f"the names of {N_JOINTS} joints"))
+        wanted |= {"position": (N_JOINTS,), "velocity": (N_JOINTS, 0)}
+    table = _table(section, wanted) if is_table else None
+    topic = "" if is_table else section.text("topic")
     section.nothing_else()
     return SignalSource(topic, table, names, shift_ns)
+
+
+def _are_joints(value: Any) -> bool:
+    return isinstance(value, list) and len(set(value)) == N_JOINTS and all(isinstance(one, str) for one in value)
 
 
 def _table(section: _Section, wanted: Mapping[str, tuple[int, ...]]) -> Table:

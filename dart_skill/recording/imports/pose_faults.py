@@ -15,6 +15,7 @@ from itertools import combinations
 import numpy as np
 from scipy.ndimage import median_filter
 
+from dart_skill.constants import GRAVITY
 from dart_skill.recording.imports.pose_stream import PoseStream
 
 INFORMATION = ("gap",)
@@ -31,7 +32,7 @@ FARTHEST_JUMP, LARGEST_TURN = 0.01, 0.1  # smaller deviations of a lone sample a
 JUMP = 6.0  # ... and neither are those of fewer usual steps
 CLOSE = 0.02  # of bodies so close to each other nobody can tell which is which [m]
 FASTEST = 8.0  # a path with faster steps is broken [m/s]
-GRAVITY, NEAR_GRAVITY = 9.81, 2.5  # of a body in free flight, and what drag may make of it [m/s^2]
+NEAR_GRAVITY = 2.5  # what drag may make of the acceleration of a body in free flight [m/s^2]
 FLYING_FRAMES = 9  # over which a free flight is recognised
 SURE_FRAMES = 5  # of free flight by which one body must surpass the other to be told from it
 
@@ -425,16 +426,21 @@ def _exchanged(streams: tuple, pieces: tuple, spans: list[_Span], margin: int) -
         return streams
     given, kept = [], []
     for stream, piece in zip(streams, pieces, strict=True):
-        parts = [span.parts(stream.stamp_ns, piece, margin) for span in spans]
-        inside = np.any([part[0] for part in parts], axis=0)
+        inside, unclear = np.zeros((2, len(stream)), dtype=bool)
+        for span in spans:
+            its, doubtful = span.parts(stream.stamp_ns, piece, margin)
+            inside |= its
+            unclear |= doubtful
         given.append(stream.take(inside))
-        kept.append(stream.take(~inside & ~np.any([part[1] for part in parts], axis=0)))
+        kept.append(stream.take(~inside & ~unclear))
     return _joined(kept[0], given[1]), _joined(kept[1], given[0])
 
 
 def _joined(stream: PoseStream, more: PoseStream) -> PoseStream:
-    columns = {name: np.concatenate([getattr(stream, name), getattr(more, name)]) for name in ("stamp_ns", "position", "quaternion")}
-    return replace(stream, **columns).take(np.argsort(columns["stamp_ns"], kind="stable"))
+    stamps = np.concatenate([stream.stamp_ns, more.stamp_ns])
+    position = np.concatenate([stream.position, more.position])
+    quaternion = np.concatenate([stream.quaternion, more.quaternion])
+    return replace(stream, stamp_ns=stamps, position=position, quaternion=quaternion).take(np.argsort(stamps, kind="stable"))
 
 
 def _matched(one: np.ndarray, other: np.ndarray, tolerance: int) -> tuple[np.ndarray, np.ndarray]:

@@ -11,6 +11,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dart_skill.world import the_world
+
 IDENTITY = (0.0, 0.0, 0.0, 1.0)
 UP_AXES = {"z": IDENTITY, "y": (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))}
 """Quaternion that turns axes with this one up into axes with z up."""
@@ -52,7 +54,7 @@ class PoseStream:
     stamp_ns: np.ndarray
     position: np.ndarray
     quaternion: np.ndarray
-    frame_id: str = "world"
+    frame_id: str = the_world().frame_id
 
     def __post_init__(self):
         stamps = np.asarray(self.stamp_ns, dtype=np.int64)

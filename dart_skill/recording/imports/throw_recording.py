@@ -9,21 +9,34 @@ from __future__ import annotations
 import json
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dart_skill.recording.bags.messages import definition, deserialize, serialize, type_hash, typestore
-from dart_skill.recording.bags.reader import BagError, BagMessage, BagReader
-from dart_skill.recording.bags.writer import BagWriter, qos_yaml
+from dart_skill.constants import N_JOINTS
+from dart_skill.recording.bags import (
+    BagError,
+    BagMessage,
+    BagReader,
+    BagWriter,
+    definition,
+    deserialize,
+    header_content,
+    pose_content,
+    qos_yaml,
+    serialize,
+    type_hash,
+    typestore,
+)
 from dart_skill.recording.grip_signal import GIGA, OPEN, GripSignal, Opening
 from dart_skill.recording.imports._tables import read_motive, read_pose_table, read_table
-from dart_skill.recording.imports.mapping import LENGTH_UNITS, N_JOINTS, OWN, ROLES, PoseSource, RecordingMapping, SignalSource
+from dart_skill.recording.imports.mapping import LENGTH_UNITS, OWN, PoseSource, RecordingMapping, SignalSource
 from dart_skill.recording.imports.pose_faults import Fault, repair
 from dart_skill.recording.imports.pose_stream import IDENTITY, UP_AXES, PoseStream, RigidTransform, transformed, with_continuous_signs
+from dart_skill.world import the_world
 
 POSE_TYPES = ("PoseStamped", "PoseWithCovarianceStamped", "PointStamped", "TransformStamped", "Odometry", "TFMessage")
 SIGNAL_TYPES = ("WamCommand", "Bool", "Empty")
@@ -31,7 +44,12 @@ SIGNAL_TYPES = ("WamCommand", "Bool", "Empty")
 
 @dataclass(frozen=True, eq=False)
 class JointStream:
-    """The arm's own sensors: stamp_ns (n,), position (n, 7) [rad], velocity (n, 7) [rad/s], in the order of recording."""
+    """The arm's own sensors, in the order of recording.
+
+    stamp_ns: (n,).
+    position, velocity: (n, 7) [rad], (n, 7) [rad/s].
+    names: of the joints; may be empty.
+    """
 
     stamp_ns: np.ndarray
     position: np.ndarray
@@ -41,8 +59,15 @@ class JointStream:
 
 @dataclass(frozen=True, eq=False)
 class ThrowRecording:
-    """What a recording holds. bodies: poses of hand, ball and basket; joints: None if they were not recorded; openings in order of time;
-    has_button: whether somebody recorded at all when the hand was told to open; faults: found in the poses.
+    """What a recording holds.
+
+    * source: where it comes from.
+    * bodies: poses of hand, ball and basket, by role.
+    * joints: joint states, None if they were not recorded.
+    * openings: when the hand was told to open, in order of time.
+    * has_button: whether somebody recorded at all when the hand was told to open.
+    * faults: found in the poses.
+    * frame_id: of the poses, default that of config/world.yaml.
     """
 
     source: str
@@ -51,11 +76,14 @@ class ThrowRecording:
     openings: tuple[Opening, ...]
     has_button: bool
     faults: tuple[Fault, ...]
-    frame_id: str = "world"
+    frame_id: str = the_world().frame_id
 
 
 def read_recording(source: str | os.PathLike, mapping: RecordingMapping | None = None) -> ThrowRecording:
-    """Everything that a mapping names, of a bag or of a folder with CSV files; our own bags need no mapping.
+    """Everything that a mapping names, without the faults that can be repaired.
+
+    source: bag, or folder with CSV files.
+    mapping: None for bags of our own.
 
     ValueError says what is missing, in which file and line, and BagError what is wrong with a bag.
     """
@@ -76,10 +104,12 @@ def read_recording(source: str | os.PathLike, mapping: RecordingMapping | None =
 
 
 def convert(source: str | os.PathLike, output: str | os.PathLike, mapping: RecordingMapping | None = None) -> ThrowRecording:
-    """Write what a mapping names of a recording as a bag in our layout: our topics, `world` axes, Z up, quaternions of continuous sign.
+    """Write a recording as a bag in our layout: our topics, `world` axes, Z up, quaternions of continuous sign; returns what was read.
 
-    output: a folder that does not exist yet. Where it came from and what was wrong with it stands in the bag's custom data. Returns what
-    was read.
+    source, mapping: as for `read_recording`.
+    output: folder of the bag, which must not exist.
+
+    Where it came from and what was wrong with it stands in the bag's custom data.
     """
     recording = read_recording(source, mapping)
     types = typestore()
@@ -227,20 +257,23 @@ def _joints(where: SignalSource | None, states: list | None, folder: Path) -> Jo
         names = where.names
     else:
         stamps = np.array([s.header.stamp.sec * GIGA + s.header.stamp.nanosec for s in states], dtype=np.int64)
-        names = where.names or (tuple(states[0].name) if states else ())
-        position, velocity = (_joint_columns(states, field, where) for field in ("position", "velocity"))
+        known = list(states[0].name) if states else []
+        names = where.names or tuple(known)
+        position = _joint_columns([state.position for state in states], "position", where, known)
+        velocity = _joint_columns([state.velocity for state in states], "velocity", where, known)
     if not velocity.size and len(stamps) > 1:
         velocity = np.gradient(position, 1e-9 * (stamps - stamps[0]), axis=0)
     return JointStream(stamps + where.shift_ns, position, velocity.reshape(-1, N_JOINTS), names)
 
 
-def _joint_columns(states: list, field: str, where: SignalSource) -> np.ndarray:
-    """(n, 7) of a field of joint states, by the names of the mapping if it has any; (0, 7) if the field was not recorded."""
-    rows = [getattr(state, field) for state in states]
+def _joint_columns(rows: list, field: str, where: SignalSource, known: list[str]) -> np.ndarray:
+    """(n, 7) of a field of joint states; (0, 7) if velocities were not recorded.
+
+    where: names the joints that are meant, in their order; `known` those that were recorded.
+    """
     if field == "velocity" and not any(len(row) for row in rows):
         return np.empty((0, N_JOINTS))
-    if where.names and states:
-        known = list(states[0].name)
+    if where.names and rows:
         if missing := [name for name in where.names if name not in known]:
             raise ValueError(f"{where.topic}: no joint '{missing[0]}', only {known}")
         order = [known.index(name) for name in where.names]
@@ -268,24 +301,21 @@ def _openings(mapping: RecordingMapping, taken: dict, folder: Path) -> tuple[Ope
 # writing
 
 
-def _messages(recording: ThrowRecording) -> Iterable[tuple[str, int, str, dict]]:
+def _messages(recording: ThrowRecording) -> Iterator[tuple[str, int, str, dict]]:
     """Topic, stamp [ns], type and content of each message of a recording."""
-    for role in ROLES:
+
+    def header(stamp: int) -> dict:
+        return header_content(stamp, recording.frame_id)
+
+    for role, topic in the_world().pose_topics().items():
         stream = with_continuous_signs(recording.bodies[role])
         for stamp, p, q in zip(stream.stamp_ns.tolist(), stream.position.tolist(), stream.quaternion.tolist(), strict=True):
-            pose = {"position": dict(zip("xyz", p, strict=True)), "orientation": dict(zip("xyzw", q, strict=True))}
-            yield f"/vrpn_mocap/{role}/pose", stamp, "geometry_msgs/msg/PoseStamped", {"header": _header(stamp, recording), "pose": pose}
+            yield topic, stamp, "geometry_msgs/msg/PoseStamped", {"header": header(stamp), "pose": pose_content(p, q)}
     joints = recording.joints
     if joints is not None:
         for stamp, q, v in zip(joints.stamp_ns.tolist(), joints.position, joints.velocity, strict=True):
-            content = {"header": _header(stamp, recording), "name": list(joints.names), "position": q, "velocity": v}
+            content = {"header": header(stamp), "name": list(joints.names), "position": q, "velocity": v}
             yield "/joint_states", stamp, "sensor_msgs/msg/JointState", content
     for opening in recording.openings:
         topic = "/wam/teacher_wrench" if opening.taught else "/wam/command"
-        content = {"header": _header(opening.stamp_ns, recording), "grip": OPEN}
-        yield topic, opening.stamp_ns, "dart_skill_msgs/msg/WamCommand", content
-
-
-def _header(stamp: int, recording: ThrowRecording) -> dict:
-    sec, nanosec = divmod(stamp, GIGA)
-    return {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": recording.frame_id}
+        yield topic, opening.stamp_ns, "dart_skill_msgs/msg/WamCommand", {"header": header(opening.stamp_ns), "grip": OPEN}

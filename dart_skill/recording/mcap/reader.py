@@ -142,8 +142,8 @@ class McapInput:
                 compressions.add(found.chunk().compression)
             elif found.opcode in places:
                 places[found.opcode].append(found.offset)
-        definitions = read_definitions(data)
-        self.schemas, self.channels, self.compression = definitions.schemas, definitions.channels, _listed(compressions)
+        self.schemas, self.channels = read_definitions(data)
+        self.compression = _listed(compressions)
         self._metadata_places, self._attachment_places = places[Opcode.METADATA], places[Opcode.ATTACHMENT]
         self.message_count = sum(self.counts.values())
         self.start_ns, self.end_ns = (first_ns, last_ns) if self.message_count else (0, 0)

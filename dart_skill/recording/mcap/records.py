@@ -15,47 +15,22 @@ from zlib import crc32
 
 import lz4.frame
 import zstandard
-from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.data_stream import RecordBuilder
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import (
-    Attachment,
-    AttachmentIndex,
-    Channel,
-    ChunkIndex,
-    DataEnd,
-    Footer,
-    Header,
-    McapRecord,
-    Metadata,
-    MetadataIndex,
-    Schema,
-    Statistics,
-    SummaryOffset,
-)
+from mcap.records import AttachmentIndex, Channel, ChunkIndex, Footer, Header, McapRecord, MetadataIndex, Schema, Statistics
+from mcap.stream_reader import StreamReader
 
 MAGIC = b"\x89MCAP0\r\n"
 FOOTER_LENGTH = 9 + 20 + len(MAGIC)
 RECORD = struct.Struct("<BQ")
 """Opcode and length, with which every record begins."""
-CLASSES = {
-    Opcode.HEADER: Header,
-    Opcode.FOOTER: Footer,
-    Opcode.SCHEMA: Schema,
-    Opcode.CHANNEL: Channel,
-    Opcode.CHUNK_INDEX: ChunkIndex,
-    Opcode.ATTACHMENT: Attachment,
-    Opcode.ATTACHMENT_INDEX: AttachmentIndex,
-    Opcode.METADATA: Metadata,
-    Opcode.METADATA_INDEX: MetadataIndex,
-    Opcode.STATISTICS: Statistics,
-    Opcode.DATA_END: DataEnd,
-    Opcode.SUMMARY_OFFSET: SummaryOffset,
-}
-"""What `parse` makes of a record, by opcode."""
+PARSED = frozenset(Opcode) - {Opcode.MESSAGE, Opcode.CHUNK, Opcode.MESSAGE_INDEX}
+"""Opcodes of what `parse` reads."""
 _CHUNK_HEAD = struct.Struct("<QQQII")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _LARGEST_CHUNK = 2**30
+_UNREADABLE = (ValueError, struct.error, McapError, OverflowError, MemoryError)  # what `mcap` makes of bytes that are no records
 
 
 class DamagedError(ValueError):
@@ -141,21 +116,21 @@ class Summary:
 
 
 def parse(opcode: int, content: bytes | memoryview, check_crc: bool = True) -> McapRecord:
-    """A record of one of the kinds of `CLASSES`; DamagedError unless all of its bytes make sense.
+    """A record with an opcode of `PARSED`, as `mcap` reads it; DamagedError unless all of its bytes make sense.
 
     check_crc: of an attachment, the only one of them that has one.
     """
-    kind, data = CLASSES[Opcode(opcode)], bytes(content)
+    data = bytes(content)
     try:
-        record = kind.read(ReadDataStream(BytesIO(data)))
+        record = next(StreamReader(BytesIO(RECORD.pack(opcode, len(data)) + data), skip_magic=True).records)
         again = packed(record)[RECORD.size :]
-    except (ValueError, struct.error, McapError, OverflowError, MemoryError) as error:
-        raise DamagedError(f"the {kind.__name__} record is damaged ({error or type(error).__name__})") from error
+    except _UNREADABLE as error:
+        raise DamagedError(f"the {Opcode(opcode).name} record is damaged ({error or type(error).__name__})") from error
     if opcode == Opcode.ATTACHMENT and again[:-4] == data[:-4]:
         if check_crc and data[-4:] not in (again[-4:], b"\0\0\0\0"):
             raise DamagedError(f"the CRC of attachment '{record.name}' does not fit its content")
     elif again != data:
-        raise DamagedError(f"the {kind.__name__} record has a length that does not fit its content")
+        raise DamagedError(f"the {Opcode(opcode).name} record has a length that does not fit its content")
     return record
 
 
@@ -183,15 +158,15 @@ def parse_chunk(content: memoryview, cut_off: bool = False) -> Chunk:
 def parse_message_index(content: memoryview) -> tuple[int, list[tuple[int, int]]]:
     """Channel, and log time and place in the chunk of its messages; DamagedError."""
     if len(content) < 6:
-        raise DamagedError("the MessageIndex record is too short")
+        raise DamagedError("the MESSAGE_INDEX record is too short")
     channel, n_bytes = struct.unpack_from("<HI", content)
     if n_bytes != len(content) - 6 or n_bytes % 16:
-        raise DamagedError("the MessageIndex record has a length that does not fit its content")
+        raise DamagedError("the MESSAGE_INDEX record has a length that does not fit its content")
     return channel, list(struct.iter_unpack("<QQ", content[6:]))
 
 
 def records_of(raw: bytes | memoryview, cut_off: bool = False) -> Iterator[tuple[int, int, int]]:
-    """Opcode, begin and end of the content of each record in a chunk or a summary; DamagedError where one reaches beyond it.
+    """Opcode, begin and end of the content of each record in a chunk; DamagedError where one reaches beyond it.
 
     cut_off: stop there instead.
     """
@@ -202,7 +177,7 @@ def records_of(raw: bytes | memoryview, cut_off: bool = False) -> Iterator[tuple
         if place > size or (opcode == Opcode.MESSAGE and length < _MESSAGE_HEAD.size):
             if cut_off:
                 return
-            raise DamagedError("a record reaches beyond the chunk or summary that it is in")
+            raise DamagedError("a record in the chunk reaches beyond it")
         yield opcode, begin, place
 
 
@@ -233,19 +208,21 @@ def read_summary(data: memoryview) -> Summary | None:
     end = len(data) - FOOTER_LENGTH
     if footer.summary_crc and crc32(data[footer.summary_start : end + 25]) != footer.summary_crc:
         raise DamagedError("the summary's CRC does not fit its content")
-    content, found = data[footer.summary_start : end], defaultdict(list)
-    for opcode, begin, stop in records_of(content):
-        if opcode in CLASSES:
-            found[opcode].append(parse(opcode, content[begin:stop]))
+    found = defaultdict(list)
+    try:
+        for record in StreamReader(BytesIO(data[footer.summary_start :]), skip_magic=True).records:
+            found[type(record)].append(record)
+    except _UNREADABLE as error:
+        raise DamagedError(f"the summary is damaged ({error or type(error).__name__})") from error
     return Summary(
         footer.summary_start,
         bool(footer.summary_crc),
-        {schema.id: schema for schema in found[Opcode.SCHEMA]},
-        {channel.id: channel for channel in found[Opcode.CHANNEL]},
-        found[Opcode.CHUNK_INDEX],
-        found[Opcode.ATTACHMENT_INDEX],
-        found[Opcode.METADATA_INDEX],
-        found[Opcode.STATISTICS][-1] if found[Opcode.STATISTICS] else None,
+        {schema.id: schema for schema in found[Schema]},
+        {channel.id: channel for channel in found[Channel]},
+        found[ChunkIndex],
+        found[AttachmentIndex],
+        found[MetadataIndex],
+        found[Statistics][-1] if found[Statistics] else None,
     )
 
 

@@ -11,15 +11,15 @@ import re
 from bisect import bisect_right
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from mcap.opcode import Opcode
 from mcap.records import Channel, McapRecord, Schema
 
 from dart_skill.recording.mcap.records import (
-    CLASSES,
     MAGIC,
+    PARSED,
     RECORD,
     Chunk,
     DamagedError,
@@ -46,7 +46,7 @@ class Record:
     repaired: str = ""
 
     def parsed(self) -> McapRecord:
-        """What it says, of the kinds of `CLASSES`; DamagedError if it is an attachment with a wrong CRC."""
+        """What it says, of the kinds of `PARSED`; DamagedError if it is an attachment with a wrong CRC."""
         return parse(self.opcode, self.content)
 
     def chunk(self) -> Chunk:
@@ -73,19 +73,6 @@ class Damage:
     end: int
     reason: str
     rest: Chunk | None = None
-
-
-@dataclass
-class Definitions:
-    """Schemas and channels of a file by their numbers."""
-
-    schemas: dict[int, Schema] = field(default_factory=dict)
-    channels: dict[int, Channel] = field(default_factory=dict)
-
-    def add(self, record: Schema | Channel) -> None:
-        """The first to come stays."""
-        kept = self.schemas if isinstance(record, Schema) else self.channels
-        kept.setdefault(record.id, record)
 
 
 @contextmanager
@@ -128,27 +115,23 @@ def walk(data: memoryview, summary: Summary | None = None) -> Iterator[Record | 
     yield Damage(size, size, "the file ends without footer")
 
 
-def read_definitions(data: memoryview, summary: Summary | None = None) -> Definitions:
-    """Schemas and channels of a file: best those of the summary, then those in chunks with a CRC, then the others."""
+def read_definitions(data: memoryview, summary: Summary | None = None) -> tuple[dict[int, Schema], dict[int, Channel]]:
+    """Schemas and channels of a file by number: best those of the summary, then those in chunks with a CRC, then the others."""
     if summary is not None and summary.has_crc and summary.channels:
-        return Definitions(dict(summary.schemas), dict(summary.channels))
-    found, loose = Definitions(), []
+        return summary.schemas, summary.channels
+    vouched, others = [], []
     for item in walk(data, summary):
         if isinstance(item, Damage):
             continue
         if item.opcode == Opcode.CHUNK:
             chunk = item.chunk()
             with suppress(DamagedError):
-                for record in _definitions_in(chunk.unpack()):
-                    if chunk.crc:
-                        found.add(record)
-                    else:
-                        loose.append(record)
+                (vouched if chunk.crc else others).extend(_definitions_in(chunk.unpack()))
         elif item.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            loose.append(item.parsed())
-    for record in loose:
-        found.add(record)
-    return found
+            others.append(item.parsed())
+    latest_first = [*vouched, *others][::-1]  # so that the first of a number stays
+    schemas = {record.id: record for record in latest_first if isinstance(record, Schema)}
+    return schemas, {record.id: record for record in latest_first if isinstance(record, Channel)}
 
 
 def _definitions_in(raw: bytes) -> Iterator[Schema | Channel]:
@@ -186,7 +169,7 @@ def _record_at(data: memoryview, place: int) -> Record | Damage:
             parse_message_index(content)
         elif opcode == Opcode.MESSAGE and length < 22:
             raise DamagedError("the message is too short")
-        elif opcode in CLASSES:
+        elif opcode in PARSED:
             parse(opcode, content, check_crc=False)  # an attachment whose CRC is wrong is still a record, to be named and left out
         elif opcode >= 0x80 and _chunk_at(data, place, "") is not None:
             raise DamagedError("the chunk's opcode is damaged")

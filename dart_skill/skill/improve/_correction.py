@@ -31,11 +31,15 @@ WARY, WARY_WEIGHT = 0.012, 4.0
 
 @dataclass(frozen=True)
 class CorrectionSettings:
-    """offset [m]: standard deviation of what all places have in common, before the first throw; lengths [m] and turns [rad]: over which
-    misses resemble each other in distance and azimuth, evidence decides among them: an arm that turns about its base may make the same
-    throw all around; surprise: standard deviations that make a miss one; apart: two surprises nearer than this, in distance [m] and
-    azimuth [rad], may be the fault of the place; farthest [m]: a plan is moved no farther than this from its target; memory: throws at
-    most, the latest.
+    """How misses are learned from.
+
+    * offset: standard deviation of what all places have in common, before the first throw [m].
+    * lengths: distances over which misses resemble each other; the evidence decides among them [m].
+    * turns: azimuths over which they do [rad]. An arm that turns about its base may make the same throw all around.
+    * surprise: a miss is a surprise from so many standard deviations on.
+    * apart: two surprises nearer to each other than this, in distance [m] and azimuth [rad], may be the fault of the place.
+    * farthest: a plan is moved no farther than this from its target [m].
+    * memory: throws at most, the latest.
     """
 
     offset: float = 0.1

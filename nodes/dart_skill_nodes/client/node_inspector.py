@@ -79,7 +79,7 @@ class NodeStatuses:
 
     def now(self) -> list[NodeStatus]:
         """Of all nodes."""
-        ages = {name: time.monotonic() - message for name, (message, _) in self._heard.items()}
+        ages = {name: time.monotonic() - heard for name, (heard, _) in self._heard.items()}
         return [
             NodeStatus(name, DiagnosticStatus.STALE[0], f"silent for {ages[name]:.0f} s") if ages[name] > self.SILENT else status
             for name, (_, status) in self._heard.items()

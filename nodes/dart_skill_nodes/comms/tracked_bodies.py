@@ -35,17 +35,22 @@ class Arrivals:
 class TrackedBodies:
     """Keeps a ThrowLog of the poses of hand, ball and basket.
 
-    frame_id: poses in another frame are ignored, and `complain` is told so once. newest_ns: stamp of the newest pose.
+    frame_id: poses in another frame are ignored, and `complain` is told so once.
     """
 
     def __init__(self, frame_id: str, complain: Callable[[str], None]):
-        self.log, self.newest_ns, self._forgotten_ns = ThrowLog(), 0, 0
+        self.log, self._newest_of, self._forgotten_ns = ThrowLog(), {}, 0
         self._frame_id, self._complain, self._wrong_frame = frame_id, complain, ""
         self._add = {
             "hand": lambda ns, pose: self.log.add_hand(ns, conversions.vector(pose.position), conversions.quaternion(pose.orientation)),
             "ball": lambda ns, pose: self.log.add_ball(ns, conversions.vector(pose.position)),
             "basket": lambda ns, pose: self.log.add_basket(ns, conversions.vector(pose.position)),
         }
+
+    @property
+    def newest_ns(self) -> int:
+        """Stamp of the newest pose, 0 without one."""
+        return max(self._newest_of.values(), default=0)
 
     def clear(self) -> None:
         """Forget what was seen; a new recording begins."""
@@ -64,11 +69,12 @@ class TrackedBodies:
             self._wrong_frame = message.header.frame_id
             return
         ns = conversions.stamp_ns(message.header.stamp)
-        if ns < self.newest_ns - RESET_NS:  # the clock was set back: another simulator, or a bag that is played again
+        newest = self._newest_of.get(role, 0)
+        if ns < newest - RESET_NS:  # the clock was set back: another simulator, or a bag that is played again
             self.log.clear()
-            self.newest_ns = self._forgotten_ns = 0
+            self._newest_of, self._forgotten_ns, newest = {}, 0, 0
         self._add[role](ns, message.pose)
-        self.newest_ns = max(self.newest_ns, ns)
+        self._newest_of[role] = max(newest, ns)
 
     def forget_old(self) -> None:
         """Forget what is older than MEMORY_NS."""

@@ -164,7 +164,7 @@ class Recorder(BagKeeper):
         if self._bag.failure:
             return ERROR, self._bag.failure, values
         if self._messages.lost or self._refused:
-            return WARN, f"messages were lost, or topics are not recorded: {', '.join([*self._ears.lost, *self._refused])}", values
+            return WARN, f"messages were lost, or topics are not recorded: {', '.join([*self._messages.lost, *self._refused])}", values
         return OK, "recording" if self._active else "paused", values
 
 

@@ -90,19 +90,12 @@ def throw_all(client: "GraphClient", targets: Sequence["np.ndarray"]) -> list["T
             landing=tuple(conversions.vector(outcome.landing).tolist()) if seen else None,
             error_m=float(outcome.landing_error) if seen else None,
             in_basket=bool(outcome.in_basket),
-            message="" if thrown.code == thrown_code() else thrown.message,
+            message="" if thrown.message == "thrown" else thrown.message,
         )
         error = f"{100 * outcome.landing_error:.1f} cm" if seen else "landing not seen"
         say(f"throw {k}/{len(targets)}: {place(target)}: {'in' if result.in_basket else 'out'}, {error} {result.message}")
         results.append(result)
     return results
-
-
-def thrown_code() -> int:
-    """The code of a throw that was carried out."""
-    from dart_skill_msgs.action import Throw
-
-    return Throw.Goal.OUTCOME_THROWN
 
 
 def carried_out(job: Callable, options: argparse.Namespace, what: str):

@@ -14,8 +14,8 @@ from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from dart_skill.recording import BagError, BagReader, definition, qos_yaml, serialize, type_hash, typestore
-from dart_skill.recording.bags import BagWriter, Finding, check_bag, check_file, describe
+from dart_skill.recording import BagError, BagReader, BagWriter, definition, qos_yaml, serialize, type_hash, typestore
+from dart_skill.recording.bags import Finding, check_bag, check_file, describe
 
 POSE, STEP_NS, START_NS = "geometry_msgs/msg/PoseStamped", 10_000_000, 10**18
 TYPES = typestore()

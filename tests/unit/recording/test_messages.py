@@ -9,12 +9,12 @@ import pytest
 from dart_skill.recording import (
     definition,
     deserialize,
-    interface_folder,
     message,
     serialize,
     type_hash,
     typestore,
 )
+from dart_skill.recording.bags import interface_folder
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,8 @@ from mcap.writer import Writer as McapWriter
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from dart_skill.recording import BagError, BagReader, definition, qos_yaml, serialize, type_hash, typestore
-from dart_skill.recording.bags import BagWriter, check_bag, recover
+from dart_skill.recording import BagError, BagReader, BagWriter, definition, qos_yaml, serialize, type_hash, typestore
+from dart_skill.recording.bags import check_bag, recover
 from dart_skill.recording.bags._files import part_number
 
 POINT, TEXT = "geometry_msgs/msg/PointStamped", "std_msgs/msg/String"

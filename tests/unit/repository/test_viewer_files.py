@@ -14,7 +14,7 @@ PUBLISHED = {"/robot_description", "/joint_states", "/diagnostics", *POSES}
 
 def private_topics():
     """What nodes publish below their own names, as their sources say."""
-    for file in (ROOT / "nodes").glob("*.py"):
+    for file in (ROOT / "nodes" / "dart_skill_nodes" / "executables").glob("*.py"):
         for name in re.findall(r'create_publisher\(\w+, "~/(\w+)"', file.read_text()):
             yield f"/{file.stem}/{name}"
 

@@ -31,6 +31,7 @@ from dart_skill.view.rerun_bag import (
     url_of_page,
     write_layouts,
 )
+from dart_skill.world import the_world
 from tests.paths import BAGS
 
 POSE, TEXT = "geometry_msgs/msg/PoseStamped", "std_msgs/msg/String"
@@ -141,6 +142,7 @@ def test_arm_ball_basket_and_joints_of_our_bag_are_found():
     assert shown.joints == "/joint_states" and shown.effort and [file.name for file in shown.files] == ["throws_0.mcap"]
     assert json.loads(shown.of(shown.files[0])) == {
         "application": "throws_0", "frame": "world", "ball": shown.ball, "basket": shown.basket, "joints": shown.joints, "effort": True,
+        "ball_radius": 0.5 * the_world().ball_diameter, "basket_size": [the_world().basket_radius, the_world().basket_depth],
     }  # fmt: skip
 
 
@@ -249,9 +251,7 @@ def test_what_cannot_be_read_is_told_before_rerun_is_asked(stand_in, tmp_path, c
 def test_ctrl_c_ends_the_viewer_with_everything_that_it_started(number, tmp_path):
     started = tmp_path / "started"
     viewer = script(tmp_path / "rerun", f"sleep 600 & echo $! > {started}.new; mv {started}.new {started}; wait")
-    code = (
-        "import os, sys; from dart_skill.view.rerun_command import run_to_the_end; sys.exit(run_to_the_end(sys.argv[1:], dict(os.environ)))"
-    )
+    code = "import os, sys; from dart_skill.cli.view import run_to_the_end; sys.exit(run_to_the_end(sys.argv[1:], dict(os.environ)))"
     process = subprocess.Popen([sys.executable, "-c", code, str(viewer)])
     try:
         until = time.monotonic() + 60
