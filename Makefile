@@ -25,7 +25,7 @@ demo: setup
 test: setup
 	@$(ENV) && python3 -m ruff check .
 	@$(ENV) && python3 -m mypy
-	@$(ENV) && python3 -m pytest tests/unit $(wildcard tests/reference) -n 2
+	@$(ENV) && python3 -m pytest tests/unit tests/reference -n 2 --dist loadfile
 	@$(ENV) && python3 -m pytest tests/integration -n 2 --dist loadfile
 
 # The set-up script runs on any Python from 3.8 on, and looks for the best one itself.

@@ -3,8 +3,6 @@
 import os
 from pathlib import Path
 
-import yaml
-
 
 def config_path(name: str) -> Path:
     """Path of a file of config/: in $DART_SKILL_CONFIG, beside the library in a checkout, or in the package's share folder."""
@@ -17,6 +15,8 @@ def config_path(name: str) -> Path:
 
 def load_yaml(name: str) -> dict:
     """A YAML file of config/ as nested dictionaries."""
+    import yaml  # completion with TAB imports this module and reads nothing
+
     return yaml.safe_load(config_path(name).read_text(encoding="utf-8"))
 
 

@@ -1,7 +1,6 @@
 """A number of the world is changed in one place, config/world.yaml, and changes for all: nodes, judge, bag and library."""
 
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,12 +13,12 @@ from rcl_interfaces.srv import GetParameters
 from dart_skill.recording import BagReader, read_demonstrations
 from dart_skill.session import targets_for
 from dart_skill.world import pose_topic
-from dart_skill_nodes.client.graph_client import GraphClient
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import FRAMES
-from dart_skill_nodes.process.graph_processes import Graph
+from tests.paths import CONFIG
 
-ROOT = Path(__file__).resolve().parents[2]
+from .conftest import graphs, teach_and_learn
+
 RADIUS, BODY = 0.25, "bucket"
 SHOWN, (TARGET,) = targets_for(0, 2, 1)
 WITH_A_BASKET = ("wam_simulator", "mock_optitrack", "demonstration_recorder")
@@ -29,21 +28,16 @@ WITH_A_BASKET = ("wam_simulator", "mock_optitrack", "demonstration_recorder")
 def graph(ros, tmp_path_factory):
     """The graph in a world whose basket is wider and is called a bucket."""
     folder = tmp_path_factory.mktemp("one_world")
-    config = shutil.copytree(ROOT / "config", folder / "config")
+    config = shutil.copytree(CONFIG, folder / "config")
     world = yaml.safe_load((config / "world.yaml").read_text())
     world["/**"]["ros__parameters"] |= {"basket_radius": RADIUS, "basket_body": BODY}
     (config / "world.yaml").write_text(yaml.safe_dump(world))
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("DART_SKILL_CONFIG", str(config))
-        with Graph(folder / "logs") as graph:
-            graph.client, graph.bag = GraphClient(graph.dead, name="client_of_one_world"), folder / "bag"
-            graph.start_all("processes", 0, graph.bag)
-            graph.client.wait_until_ready()
-            for target in SHOWN:
-                assert graph.client.teach(target).success
-            graph.learned = graph.client.learn()
+        with graphs(folder) as make:
+            graph, client = make("processes")
+            graph.client, graph.bag, graph.learned = client, folder / "bag_1", teach_and_learn(client, SHOWN)
             yield graph
-            graph.client.close()
 
 
 def test_every_node_has_the_new_numbers(graph):

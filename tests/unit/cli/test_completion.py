@@ -156,9 +156,9 @@ def test_every_table_of_values_belongs_to_an_option():
 def test_names_are_those_of_the_library():
     from dart_skill.experiments import dart_search, landscapes, practice, thesis
     from dart_skill.skill.improve import _practising as practising
-    from dart_skill.skill.learn import configuration
+    from dart_skill.skill.learn import CONFIGURATIONS
 
-    assert names.CONFIGURATIONS == tuple(configuration.CONFIGURATIONS)
+    assert names.CONFIGURATIONS == tuple(CONFIGURATIONS)
     assert names.PRACTICE_METHODS == tuple(practising.METHODS)
     assert names.CHANGES == tuple(practice.CHANGES)
     assert names.SEARCHES == tuple(dart_search.METHODS)

@@ -147,18 +147,19 @@ def test_the_command_prints_the_table_and_draws_a_figure_per_change(tmp_path, mo
     assert {path.name for path in tmp_path.glob("*.svg")} == {"practice_3_none.svg", "practice_3_friction.svg"}
 
 
-def test_a_tiny_run_practises_and_is_tested():
-    one = practice.run(Task(0, "residual", 3, throws=2, tested_after=(0, 2), tests=2))
-    assert len(one.errors) == len(one.in_basket) == 2 and np.shape(one.test_errors) == (2, 2)
-    assert np.nanmedian(np.concatenate(one.test_errors)) < 0.1, f"after 3 demonstrations: {one.test_errors}, {one.notes}"
-    again = practice.run(one.task)
-    assert repr(again) == repr(one), "the same seed, the same run"
+@pytest.fixture(scope="module")
+def tiny():
+    return practice.run(Task(0, "residual", 3, throws=2, tested_after=(0, 2), tests=2))
 
 
-def test_the_floor_is_what_one_plan_scatters_and_is_measured_when_all_else_is_done():
-    task = Task(0, "residual", 3, throws=1, tested_after=(0, 1), tests=2)
-    plain, floored = practice.run(task), practice.run(replace(task, again=4))
-    assert floored.test_errors == plain.test_errors and plain.spreads == ()
+def test_a_tiny_run_practises_and_is_tested(tiny):
+    assert len(tiny.errors) == len(tiny.in_basket) == 2 and np.shape(tiny.test_errors) == (2, 2)
+    assert np.nanmedian(np.concatenate(tiny.test_errors)) < 0.1, f"after 3 demonstrations: {tiny.test_errors}, {tiny.notes}"
+
+
+def test_the_floor_is_what_one_plan_scatters_and_is_measured_when_all_else_is_done(tiny):
+    plain, floored = tiny, practice.run(replace(tiny.task, again=4))
+    assert plain.spreads == () and repr(replace(floored, task=tiny.task, spreads=())) == repr(plain), "the same seed, the same run"
     assert np.shape(floored.spreads) == (2, 4) and 0.0 < np.median(floored.spreads) < 0.01
     before, after = summarise([floored])
     assert before["floor_cm"] is None and after["floor_cm"] == pytest.approx(100 * np.median(floored.spreads), abs=1e-3)

@@ -1,13 +1,13 @@
 """What is left when a recorder dies: killed at random moments, with a full disk, beyond its file-size limit."""
 
 import errno
+import json
 import os
 import resource
 import signal
 import struct
 import subprocess
 import sys
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -23,11 +23,18 @@ N_KILLS, SECOND_NS, STEP_NS, MOST_MESSAGES = 50, 1_000_000_000, 2_000_000, 6000
 DEFINITION = "float64 x\nfloat64 y\nfloat64 z\n"
 
 RECORDER = """
-import os, struct, sys
+import json, os, signal, struct, sys
 from dart_skill.recording.bags import BagWriter
 
-path, flush_at, max_bytes = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
-tell = os.fdopen(3, "wb", buffering=0)
+signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+for line in sys.stdin:
+    if os.fork() == 0:
+        break
+else:
+    sys.exit()
+path, told, flush_at, max_bytes = json.loads(line)
+tell = open(told, "wb", buffering=0)
+tell.write(struct.pack("<q", os.getpid()))
 bag = BagWriter(path, chunk_size=16384, max_bytes=max_bytes)
 for topic in ("/a", "/b"):
     bag.add_topic(topic, "geometry_msgs/msg/Point", "float64 x\\nfloat64 y\\nfloat64 z\\n")
@@ -42,6 +49,7 @@ while True:
         tell.write(struct.pack("<q", -step))
     tell.write(struct.pack("<q", step))
 """
+"""Imports once, then becomes a recorder, a process of its own, for every line that it reads."""
 
 
 def message(step):
@@ -59,27 +67,19 @@ def messages(folder):
     return found
 
 
-def killed_recorder(path, n_messages, flush_at, max_bytes):
+def killed_recorder(start, path, n_messages, flush_at, max_bytes):
     """Kill a recorder with SIGKILL once it has said that it wrote so many messages; returns what it said last: written, flushed."""
-    reading, writing = os.pipe()
-    try:
-        child = subprocess.Popen(
-            [sys.executable, "-c", f"import os; os.dup2({writing}, 3)\n" + RECORDER, str(path), str(flush_at), str(max_bytes)],
-            pass_fds=(writing,),
-        )
-    finally:
-        os.close(writing)
+    told = path.with_suffix(".told")
+    os.mkfifo(told)
+    start([str(path), str(told), flush_at, max_bytes])
     written = flushed = 0
-    with os.fdopen(reading, "rb") as told:
-        try:
-            while data := told.read(8):
-                (number,) = struct.unpack("<q", data)
-                written, flushed = max(written, number), max(flushed, -number)
-                if written == n_messages:
-                    child.send_signal(signal.SIGKILL)  # what it still says until then counts too
-        finally:
-            child.kill()
-            child.wait(timeout=60)
+    with open(told, "rb") as said:  # when it is closed, nobody hears a recorder any more, and it ends
+        (pid,) = struct.unpack("<q", said.read(8))
+        while data := said.read(8):
+            (number,) = struct.unpack("<q", data)
+            written, flushed = max(written, number), max(flushed, -number)
+            if written == n_messages:
+                os.kill(pid, signal.SIGKILL)  # what it still says until then counts too
     return written, flushed
 
 
@@ -91,8 +91,13 @@ def kills(tmp_path_factory):
         (folder / f"bag{i}", int(rng.integers(1, MOST_MESSAGES)), int(rng.integers(1, MOST_MESSAGES)), 65536 * (i % 2))
         for i in range(N_KILLS)
     ]
-    with ThreadPoolExecutor(2) as pool:
-        return [(job[0], *told) for job, told in zip(jobs, pool.map(lambda job: killed_recorder(*job), jobs), strict=True)]
+    with subprocess.Popen([sys.executable, "-c", RECORDER], stdin=subprocess.PIPE, text=True) as recorders:
+
+        def start(job):
+            recorders.stdin.write(json.dumps(job) + "\n")
+            recorders.stdin.flush()
+
+        return [(job[0], *killed_recorder(start, *job)) for job in jobs]
 
 
 def test_a_recorder_that_is_killed_at_50_random_moments_loses_at_most_the_last_second(kills, tmp_path):

@@ -91,7 +91,7 @@ def test_symmetric_puts_six_numbers_where_urdf_has_them():
     np.testing.assert_array_equal(symmetric([1, 2, 3, 4, 5, 6]), [[1, 2, 3], [2, 4, 5], [3, 5, 6]])
 
 
-@pytest.mark.parametrize("missing", ["mount_height", "dh", "hand", "motors", "ball", "capsules"])
+@pytest.mark.parametrize("missing", ["mount_height", "dh", "hand", "motors", "capsules"])
 def test_a_description_without_a_part_names_it(missing):
     content = copy.deepcopy(load_yaml("wam.yaml"))
     del content[missing]

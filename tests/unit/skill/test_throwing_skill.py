@@ -18,12 +18,10 @@ from dart_skill.skill.learn import (
     SkillConfiguration,
     Unreachable,
     component_ellipsoids,
+    configuration,
     frames_for,
     learn,
     prepare,
-)
-from dart_skill.skill.learn import (
-    _configuration as configuration,
 )
 from dart_skill.skill.learn._configuration import THESIS
 from dart_skill.skill.learn._throwing import REACH_MARGIN, SIDE_MARGIN
