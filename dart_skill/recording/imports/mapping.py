@@ -260,7 +260,8 @@ def _signal_source(section: _Section, name: str) -> SignalSource:
     if section.has("topic") == is_table:
         raise MappingError(f"{section.place}: give either topic or csv")
     shift_ns = round(1e9 * section.number("time_shift", 0.0))
-    names, wanted = (), {"time": (1,)}
+    names: tuple[str, ...] = ()
+    wanted: dict[str, tuple[int, ...]] = {"time": (1,)}
     if name == "joints":
         names = tuple(section.take("names", (), _are_joints, f"the names of {N_JOINTS} joints"))
         wanted |= {"position": (N_JOINTS,), "velocity": (N_JOINTS, 0)}

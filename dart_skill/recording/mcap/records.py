@@ -6,7 +6,6 @@ A record is taken only if its content agrees with its length to the byte. Whatev
 from __future__ import annotations
 
 import struct
-from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
@@ -126,7 +125,7 @@ def parse(opcode: int, content: bytes | memoryview, check_crc: bool = True) -> M
         again = packed(record)[RECORD.size :]
     except _UNREADABLE as error:
         raise DamagedError(f"the {Opcode(opcode).name} record is damaged ({error or type(error).__name__})") from error
-    if opcode == Opcode.ATTACHMENT and again[:-4] == data[:-4]:
+    if isinstance(record, Attachment) and again[:-4] == data[:-4]:
         if check_crc and data[-4:] not in (again[-4:], b"\0\0\0\0"):
             raise DamagedError(f"the CRC of attachment '{record.name}' does not fit its content")
     elif again != data:
@@ -211,21 +210,20 @@ def read_summary(data: memoryview) -> Summary | None:
     end = len(data) - FOOTER_LENGTH
     if footer.summary_crc and crc32(data[footer.summary_start : end + 25]) != footer.summary_crc:
         raise DamagedError("the summary's CRC does not fit its content")
-    found = defaultdict(list)
     try:
-        for record in StreamReader(BytesIO(data[footer.summary_start :]), skip_magic=True).records:
-            found[type(record)].append(record)
+        found = list(StreamReader(BytesIO(data[footer.summary_start :]), skip_magic=True).records)
     except _UNREADABLE as error:
         raise DamagedError(f"the summary is damaged ({error or type(error).__name__})") from error
+    statistics = [record for record in found if isinstance(record, Statistics)]
     return Summary(
         footer.summary_start,
         bool(footer.summary_crc),
-        {schema.id: schema for schema in found[Schema]},
-        {channel.id: channel for channel in found[Channel]},
-        found[ChunkIndex],
-        found[AttachmentIndex],
-        found[MetadataIndex],
-        found[Statistics][-1] if found[Statistics] else None,
+        {record.id: record for record in found if isinstance(record, Schema)},
+        {record.id: record for record in found if isinstance(record, Channel)},
+        [record for record in found if isinstance(record, ChunkIndex)],
+        [record for record in found if isinstance(record, AttachmentIndex)],
+        [record for record in found if isinstance(record, MetadataIndex)],
+        statistics[-1] if statistics else None,
     )
 
 

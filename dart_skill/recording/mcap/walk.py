@@ -119,7 +119,8 @@ def read_definitions(data: memoryview, summary: Summary | None = None) -> tuple[
     """Schemas and channels of a file by number: best those of the summary, then those in chunks with a CRC, then the others."""
     if summary is not None and summary.has_crc and summary.channels:
         return summary.schemas, summary.channels
-    vouched, others = [], []
+    vouched: list[Schema | Channel] = []
+    others: list[Schema | Channel] = []
     for item in walk(data, summary):
         if isinstance(item, Damage):
             continue
@@ -127,8 +128,8 @@ def read_definitions(data: memoryview, summary: Summary | None = None) -> tuple[
             chunk = item.chunk()
             with suppress(DamagedError):
                 (vouched if chunk.crc else others).extend(_definitions_in(chunk.unpack()))
-        elif item.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            others.append(item.parsed())
+        elif item.opcode in (Opcode.SCHEMA, Opcode.CHANNEL) and isinstance(record := item.parsed(), Schema | Channel):
+            others.append(record)
     latest_first = [*vouched, *others][::-1]  # so that the first of a number stays
     schemas = {record.id: record for record in latest_first if isinstance(record, Schema)}
     return schemas, {record.id: record for record in latest_first if isinstance(record, Channel)}
