@@ -17,7 +17,7 @@ import zstandard
 from mcap.data_stream import RecordBuilder
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import AttachmentIndex, Channel, ChunkIndex, Footer, Header, McapRecord, MetadataIndex, Schema, Statistics
+from mcap.records import Attachment, AttachmentIndex, Channel, ChunkIndex, Footer, Header, McapRecord, MetadataIndex, Schema, Statistics
 from mcap.stream_reader import StreamReader
 
 MAGIC = b"\x89MCAP0\r\n"
