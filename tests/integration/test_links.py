@@ -70,13 +70,13 @@ def test_a_younger_client_gets_a_link_of_its_own(ros, process, monkeypatch):
     monkeypatch.setattr("dart_skill_nodes.client.graph_client.ServerProbe", Watched)
     served = process("served")
     served.node.create_service(Trigger, "/asked", lambda request, response: Trigger.Response(success=True))
-    client = GraphClient(dead=lambda: served.spin() or "")
+    asking = GraphClient(dead=lambda: served.spin() or "")
     for clients in (1, 2):
-        client = client.node.create_client(Trigger, "/asked")
-        assert client.call(client, Trigger.Request()).success
-        assert client.call(client, Trigger.Request()).success
+        client = asking.node.create_client(Trigger, "/asked")
+        assert asking.call(client, Trigger.Request()).success
+        assert asking.call(client, Trigger.Request()).success
         assert [names.count("/asked") for names in made] == list(range(1, clients + 1))
-    client.close()
+    asking.close()
 
 
 def _spin_until(processes, condition):
