@@ -231,7 +231,7 @@ def _extrapolated(start: Spread, first: Spread, second: Spread, reach: float) ->
     from_start, from_first, from_second = (_coordinates(spread, start.sigma) for spread in (start, first, second))
     step = from_first - from_start
     change = from_second - from_first - step
-    length = np.clip(np.linalg.norm(step) / max(np.linalg.norm(change), 1e-300), 1.0, reach)
+    length = np.clip(np.linalg.norm(step) / max(float(np.linalg.norm(change)), 1e-300), 1.0, reach)
     return _spread_at(from_start + 2.0 * length * step + length**2 * change, start.sigma) or second
 
 

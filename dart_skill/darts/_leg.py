@@ -169,7 +169,7 @@ def simulate_legs(policy: LegPolicy, n_legs: int, rng: np.random.Generator, max_
     """Simulates legs dart by dart with random impacts; returns the numbers of turns (n_legs,) and of darts (n_legs,)."""
     turn_start = np.full(as_count(n_legs, "n_legs"), policy.start)
     turns, darts = np.zeros(n_legs, dtype=int), np.zeros(n_legs, dtype=int)
-    playing = np.arange(n_legs)
+    playing: np.ndarray = np.arange(n_legs)
     for _ in range(max_turns):
         if len(playing) == 0:
             return turns, darts

@@ -100,7 +100,7 @@ def split(mixture: GaussianMixture, index: int, axis: int = 0, rule: SplitMerge 
 
     The two new components are at `index` and at the end.
     """
-    n_components, n_dims = mixture.means_.shape if mixture.n_dims else ()
+    n_dims, n_components = mixture.n_dims, len(mixture.means_)
     _require_below(index, "index", n_components)
     _require_below(axis, "axis", n_dims)
     candidates = split_candidates(_components(mixture), rule or SplitMerge(), as_count(axis, "axis", 0) + 1)
@@ -183,7 +183,7 @@ def _halves(priors: np.ndarray, means: np.ndarray, covariances: np.ndarray, rule
     return _flat(first, along.shape), _flat(second, along.shape)
 
 
-def _flat(parts: Components, shape: tuple[int, int, int]) -> Components:
+def _flat(parts: Components, shape: tuple[int, ...]) -> Components:
     """Parts with leading axes (n_axes, k), or (k,) for the priors, as (n_axes k, ...)."""
     n_axes, n_components, d = shape
     return np.tile(parts[0], n_axes), parts[1].reshape(-1, d), parts[2].reshape(-1, d, d)

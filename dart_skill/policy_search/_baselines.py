@@ -254,7 +254,8 @@ class MonteCarlo(VectorSearch):
         latest: int = 500,
     ):
         super().__init__(parameters, spread, _settings(batch, best, latest), rng)
-        self._reach, self._mean = as_number(reach, "reach"), np.zeros(self._start.size)
+        self._reach = as_number(reach, "reach")
+        self._mean: np.ndarray = np.zeros(self._start.size)
         self.neighbourhood_return = -np.inf
 
     @property

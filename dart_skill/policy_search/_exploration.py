@@ -37,7 +37,9 @@ class PathLength:
     """
 
     def __init__(self, n: int, diagonal: bool):
-        self.path, self.shape_path, self.diagonal = np.zeros(n), np.zeros(n), diagonal
+        self.path: np.ndarray = np.zeros(n)
+        self.shape_path: np.ndarray = np.zeros(n)
+        self.diagonal = diagonal
 
     def advance(self, step: np.ndarray, moved: np.ndarray, effective: float, known: np.ndarray) -> float:
         """Factor for the size after a step (n,), which is N(0, I) distributed if all trials are equally good.

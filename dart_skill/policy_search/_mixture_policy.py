@@ -23,7 +23,7 @@ class MixturePolicy:
         self.start, self.scale, self._settings = start, scale, settings
         self.priors, self.means = np.ones(1), np.zeros((1, d))
         self.variances, self.axes = np.ones((1, d)), np.eye(d)[None]
-        self.returns = np.zeros(1)
+        self.returns: np.ndarray = np.zeros(1)
 
     @property
     def covariances(self) -> np.ndarray:

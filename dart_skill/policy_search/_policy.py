@@ -34,7 +34,10 @@ class GaussianPolicy:
     def __init__(self, start: np.ndarray, scale: np.ndarray, settings: Settings, diagonal: bool):
         d = start.size
         self.start, self.scale, self._settings = start, scale, settings
-        self.mean, self.variances, self.axes, self.size = np.zeros(d), np.ones(d), np.eye(d), 1.0
+        self.mean: np.ndarray = np.zeros(d)
+        self.variances: np.ndarray = np.ones(d)
+        self.axes: np.ndarray = np.eye(d)
+        self.size = 1.0
         self.path = PathLength(d, diagonal)
 
     @property

@@ -124,7 +124,7 @@ class Teacher:
         self._model = ArmModel(ball_in_hand=True)
         self._seed, self._throws = seed, 0
         self._phase = Phase.IDLE
-        self._correction = np.zeros(2)
+        self._correction: np.ndarray = np.zeros(2)
 
     @property
     def phase(self) -> Phase:

@@ -93,7 +93,8 @@ def by_the_state(seed: int = 0) -> Held:
 def _hold(pull: Push) -> Held:
     """A unit mass under pull(time, position, velocity) that is held still for a while."""
     time = STEP * np.arange(round((DURATION + LET_GO - HELD + AFTER) / STEP) + 1)
-    position, velocity = surface(time[:1]).position[0], np.zeros(2)
+    position: np.ndarray = surface(time[:1]).position[0]
+    velocity: np.ndarray = np.zeros(2)
     path, pulls = np.empty((len(time), 2)), np.empty(len(time))
     for k, now in enumerate(time):
         acceleration = pull(now, position, velocity)

@@ -84,7 +84,8 @@ class Correction:
 
     def __init__(self, settings: CorrectionSettings | None = None, surface: Surface = RIMS):
         self.settings, self._surface = settings or CorrectionSettings(), surface
-        self._places, self._misses = np.empty((0, 2)), np.empty((0, 2))
+        self._places: np.ndarray = np.empty((0, 2))
+        self._misses: np.ndarray = np.empty((0, 2))
         self._suspects: list[_Suspect] = []
         self.n_forgotten = 0
 

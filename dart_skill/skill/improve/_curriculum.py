@@ -24,7 +24,9 @@ class Curriculum:
     """Remembers the errors of throws at places (distance [m], azimuth [rad])."""
 
     def __init__(self) -> None:
-        self._places, self._squares, self._weights = np.empty((0, 2)), np.empty(0), np.empty(0)
+        self._places: np.ndarray = np.empty((0, 2))
+        self._squares: np.ndarray = np.empty(0)
+        self._weights: np.ndarray = np.empty(0)
         self._odd: np.ndarray | None = None
 
     def tell(self, target: np.ndarray, error: float) -> None:
