@@ -20,12 +20,17 @@ def load_yaml(name: str) -> dict:
     return yaml.safe_load(config_path(name).read_text(encoding="utf-8"))
 
 
+def world_parameters() -> dict:
+    """The entries of config/world.yaml by name, which are parameters of every node."""
+    return dict(load_yaml("world.yaml")["/**"]["ros__parameters"])
+
+
 def node_parameters(name: str, node: str) -> dict:
     """Parameters of one node from a ROS parameter file of config/, and those of world.yaml that it does not set itself, without ROS."""
     content = load_yaml(name)
     if node not in content:
         raise KeyError(f"{name} has no section '{node}', only {sorted(content)}")
-    return {**load_yaml("world.yaml")["/**"]["ros__parameters"], **content[node]["ros__parameters"]}
+    return {**world_parameters(), **content[node]["ros__parameters"]}
 
 
 def _folders() -> list[Path]:

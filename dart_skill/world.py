@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import lru_cache
 
-from dart_skill.configuration import load_yaml
+from dart_skill.configuration import world_parameters
 
 ROLES = ("hand", "ball", "basket")
 """What a tracked body is in a throw."""
@@ -51,11 +51,6 @@ class World:
 def the_world() -> World:
     """The world of config/world.yaml; ValueError if an entry is missing, or one is not known."""
     return World(**_checked(world_parameters()))
-
-
-def world_parameters() -> dict:
-    """The entries of config/world.yaml by name, as ROS parameters of every node."""
-    return dict(load_yaml("world.yaml")["/**"]["ros__parameters"])
 
 
 def pose_topic(body: str) -> str:

@@ -13,7 +13,6 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from dart_skill_nodes.comms.coroutines import pause
 from dart_skill_nodes.comms.qos import WALL
 
 LOOK_AGAIN = 0.2
@@ -66,14 +65,6 @@ class MatchingSubscriptions:
     def missing(self) -> list[str]:
         """Topics that have had no publisher yet."""
         return [name for name, topic in self._topics.items() if topic.subscription is None]
-
-    async def found(self, limit: float = 2.0) -> bool:
-        """Wait until every topic has had a publisher, at most so long [s, wall clock]; whether it has."""
-        for _ in range(round(limit / LOOK_AGAIN)):
-            if not self.missing:
-                break
-            await pause(self._node, LOOK_AGAIN)
-        return not self.missing
 
     def close(self) -> None:
         """Follow no publishers any more."""

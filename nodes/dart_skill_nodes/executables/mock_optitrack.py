@@ -11,10 +11,10 @@ from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rosgraph_msgs.msg import Clock
 
-from dart_skill.configuration import node_parameters
+from dart_skill.configuration import node_parameters, world_parameters
 from dart_skill.robot import ArmModel
 from dart_skill.simulation import BasketWalls, LatencyQueue, MotionCapture, PlantSettings
-from dart_skill.world import ROLES, pose_topic, world_parameters
+from dart_skill.world import ROLES, pose_topic
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import CLOCK, FRAMES, POSES
 from dart_skill_nodes.process.node_base import OK, WARN, Diagnostics, Parameter, autostart, declare_row, refuse_what_is_not_finite, run

@@ -35,8 +35,7 @@ class Parameter:
 def declare(node: Node, file: str, table: list[Parameter]) -> dict:
     """Declare a node's parameters with the values of config/`file` as defaults; returns what is in force."""
     refuse_what_is_not_finite(node)
-    defaults = node_parameters(file, node.get_name()) if _has_section(file, node.get_name()) else None
-    defaults = defaults if defaults is not None else node_parameters(file, file.removesuffix(".yaml"))
+    defaults = _defaults(file, node.get_name())
     for row in table:
         declare_row(node, row, defaults[row.name])
     return {row.name: node.get_parameter(row.name).value for row in table}
@@ -60,12 +59,12 @@ def refuse_what_is_not_finite(node: Node) -> None:
     node.add_on_set_parameters_callback(check)
 
 
-def _has_section(file: str, name: str) -> bool:
+def _defaults(file: str, name: str) -> dict:
+    """Of a node by its name; one that was given another name has those of the file's own section."""
     try:
-        node_parameters(file, name)
+        return node_parameters(file, name)
     except KeyError:
-        return False
-    return True
+        return node_parameters(file, file.removesuffix(".yaml"))
 
 
 def _descriptor(row: Parameter, default) -> ParameterDescriptor:
