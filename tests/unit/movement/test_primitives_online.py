@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
 from dart_skill.movement import DiscretePrimitive
+from tests.unit.movement.primitives import execute, track
 
 DURATION, STEP = 2.0, 0.005
 BLEND = Polynomial([0, 0, 0, 0, 0, 126, -420, 540, -315, 70])
@@ -27,18 +28,6 @@ def demonstration():
 @pytest.fixture(scope="module")
 def primitive():
     return DiscretePrimitive(20).fit(STAMPS, demonstration())
-
-
-def execute(primitive, state, seconds, dt=STEP, **settings):
-    """States after each step, the first one being that before."""
-    states = [state]
-    for _ in range(round(seconds / dt)):
-        states.append(primitive.step(states[-1], dt, **settings))
-    return states
-
-
-def track(states, name="position"):
-    return np.array([getattr(state, name) for state in states])
 
 
 def on_path(primitive, progress):
