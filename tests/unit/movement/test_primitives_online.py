@@ -11,7 +11,8 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
 from dart_skill.movement import DiscretePrimitive
-from tests.unit.movement.primitives import execute, track
+from tests.unit.movement import primitives
+from tests.unit.movement.primitives import track
 
 DURATION, STEP = 2.0, 0.005
 BLEND = Polynomial([0, 0, 0, 0, 0, 126, -420, 540, -315, 70])
@@ -28,6 +29,10 @@ def demonstration():
 @pytest.fixture(scope="module")
 def primitive():
     return DiscretePrimitive(20).fit(STAMPS, demonstration())
+
+
+def execute(primitive, state, seconds, dt=STEP, **settings):
+    return primitives.execute(primitive, state, seconds, dt, **settings)
 
 
 def on_path(primitive, progress):
