@@ -7,23 +7,16 @@ import sys
 
 import pytest
 
-from dart_skill.recording import BagWriter, definition, serialize, type_hash, types_for
+from tests.texts import write_texts
 
 from .conftest import wait_for
-from .test_bags import TEXT, Listener, numbers
+from .test_bags import Listener, numbers
 
 
 @pytest.fixture
 def bag(tmp_path):
     """Fifty numbered texts, one each hundredth of a second, in a folder whose name needs quotes."""
-    types = types_for(TEXT)
-    with BagWriter(tmp_path / "a 'bag'") as writer:
-        for topic in ("/said", "/heard"):
-            writer.add_topic(topic, TEXT, definition(types, TEXT), type_hash=type_hash(types, TEXT))
-        for k in range(50):
-            writer.write("/said", 10_000_000 * k, 10_000_000 * k, serialize(types, TEXT, {"data": str(k)}))
-            writer.write("/heard", 10_000_000 * k, 10_000_000 * k, serialize(types, TEXT, {"data": "-1"}))
-    return tmp_path / "a 'bag'"
+    return write_texts(tmp_path / "a 'bag'", ("/said", "/heard"), 50)
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
-from dart_skill.recording import BagReader, BagWriter, definition, read_demonstrations, serialize, type_hash, types_for
+from dart_skill.recording import BagReader, read_demonstrations, type_hash, types_for
 from dart_skill.recording.bags import recover
 from dart_skill.robot._throw_plan import same_plan
 from dart_skill.session import learn_from_bag
@@ -24,11 +24,11 @@ from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.raw_batches import RawBatches
 from tests.recorded_session import same
+from tests.texts import TEXT, write_texts
 
 from .conftest import Diagnoses, graphs, plan_request, wait_for, wait_for_end
 
 TARGET = np.array([1.9, -0.1, 0.4])
-TEXT, POSE = "std_msgs/msg/String", "geometry_msgs/msg/PoseStamped"
 POSES = [f"/vrpn_mocap/{body}/pose" for body in ("hand", "ball", "basket")]
 STEPPED = {"/joint_states": 2_000_000, "/wam/command": 2_000_000, "/wam/tool_pose": 2_000_000} | dict.fromkeys(POSES, 10_000_000)
 
@@ -185,12 +185,7 @@ def test_a_bag_teaches_through_the_nodes_what_it_teaches_without(make_graph, rec
 @pytest.fixture
 def texts(tmp_path):
     """A bag of a hundred numbered texts, one each hundredth of a second."""
-    types = types_for(TEXT)
-    with BagWriter(tmp_path / "texts") as bag:
-        bag.add_topic("/said", TEXT, definition(types, TEXT), type_hash=type_hash(types, TEXT))
-        for k in range(100):
-            bag.write("/said", 10_000_000 * k, 10_000_000 * k, serialize(types, TEXT, {"data": str(k)}))
-    return tmp_path / "texts"
+    return write_texts(tmp_path / "texts")
 
 
 def numbers(listener, topic="/said"):
@@ -216,12 +211,7 @@ def test_a_paused_bag_is_stepped_and_goes_on_at_another_rate(texts, make_graph):
 
 
 def test_playing_begins_when_every_awaited_topic_is_heard(tmp_path, make_graph):
-    bag, types = tmp_path / "two", types_for(TEXT)
-    with BagWriter(bag) as writer:
-        for topic in ("/said", "/sung"):
-            writer.add_topic(topic, TEXT, definition(types, TEXT))
-            for k in range(100):
-                writer.write(topic, 10_000_000 * k, 10_000_000 * k, serialize(types, TEXT, {"data": str(k)}))
+    bag = write_texts(tmp_path / "two", ("/said", "/sung"))
     graph, client = make_graph(None)
     diagnoses, first = Diagnoses(client), Listener(client, ["/said"])
     graph.start("bag_player", {"bag": str(bag), "rate": 0.0, "awaited": "['/s.*g', '/said']", "clock_rate": 0.0})

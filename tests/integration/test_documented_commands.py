@@ -19,7 +19,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from dart_skill.cli._completion import commands_of
+from dart_skill.cli._completion import commands_of as verbs_of
 from dart_skill.cli._main import _parser
 from tests.paths import ROOT
 
@@ -242,7 +242,7 @@ PLACEHOLDERS = {"NUMBER": "7.1", "...": ""}
 
 # What the docs say
 
-VERBS = {parser.prog for parser in commands_of(_parser())}
+VERBS = {parser.prog for parser in verbs_of(_parser())}
 """Commands of `dart-skill` and their verbs."""
 
 

@@ -32,9 +32,9 @@ def children(pid):
 
 
 def until(condition, what):
-    end = time.monotonic() + PATIENCE
+    over = time.monotonic() + PATIENCE
     while not condition():
-        assert time.monotonic() < end, f"{what} did not happen within {PATIENCE:.0f} s"
+        assert time.monotonic() < over, f"{what} did not happen within {PATIENCE:.0f} s"
         time.sleep(0.05)
 
 
@@ -68,43 +68,40 @@ def events_until(process, wanted):
     pytest.fail(f"no event '{wanted}': {seen}\n{process.stderr.read()}")
 
 
-def test_every_node_is_told_of_and_none_is_left_after_ctrl_c(start):
+def told_by(*arguments):
+    """What a verb of `dart-skill` says as JSON; it must end well."""
+    command = [sys.executable, "-m", "dart_skill.cli", *arguments, "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=2 * PATIENCE)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def end(process):
+    """Events until the end after Ctrl-C, which must be a good one that leaves no node."""
+    process.send_signal(signal.SIGINT)
+    rest = [json.loads(line) for line in process.stdout if line.startswith("{")]
+    assert process.wait(PATIENCE) == 0 and children(process.pid) == []
+    return rest
+
+
+def test_every_node_is_told_of_is_taught_learns_throws_and_none_is_left_after_ctrl_c(start):
     process = start("--seed", "3")
     events = events_until(process, "up")
     assert {event["node"] for event in events[:-1]} == set(NODES)
     assert "next" in events[-1]
     assert len(children(process.pid)) == len(LAYOUTS["composed"])
-    process.send_signal(signal.SIGINT)
-    rest = [json.loads(line) for line in process.stdout if line.startswith("{")]
-    assert process.wait(PATIENCE) == 0 and rest[-1]["event"] == "down"
-    assert children(process.pid) == []
-
-
-def test_what_runs_is_taught_learns_and_throws(start):
-    process = start()
-    events_until(process, "up")
     for arguments, told in ((["teach", "--count", "2"], "lessons"), (["learn", "--at-least", "2"], "model_id"), (["throw"], "throws")):
-        command = [sys.executable, "-m", "dart_skill.cli", *arguments, "--json"]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=2 * PATIENCE)
-        assert done.returncode == 0, done.stderr
-        assert json.loads(done.stdout)[told]
-    process.send_signal(signal.SIGINT)
-    process.communicate(timeout=PATIENCE)
-    assert process.returncode == 0
+        assert told_by(*arguments)[told]
+    assert end(process)[-1]["event"] == "down"
 
 
 def test_a_recording_is_replayed_into_a_model(start):
     """Without an arm, real or simulated: the demonstrations are cut out of what is played."""
     process = start("--play", str(BAG), "--rate", "0")
     events_until(process, "up")
-    command = [sys.executable, "-m", "dart_skill.cli", "learn", "--at-least", "13", "--json"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=2 * PATIENCE)
-    assert done.returncode == 0, done.stderr
-    skill, _ = learn_from_bag(BAG, raw=False)
-    assert json.loads(done.stdout) == {"demonstrations": 13, "model_id": skill.skill.model_id, "ok": True}
-    process.send_signal(signal.SIGINT)
-    process.communicate(timeout=PATIENCE)
-    assert process.returncode == 0
+    learned, (skill, _) = told_by("learn", "--at-least", "13"), learn_from_bag(BAG, raw=False)
+    assert learned == {"demonstrations": 13, "model_id": skill.skill.model_id, "ok": True}
+    end(process)
 
 
 def test_without_a_graph_the_verbs_say_how_to_start_it(start):

@@ -6,15 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dart_skill.mixture import Gaussian, GaussianMixture, merge
-
-
-def random_mixture(rng, n_components, n_dims):
-    roots = rng.normal(size=(n_components, n_dims, n_dims))
-    covariances = roots @ np.swapaxes(roots, 1, 2) + 0.2 * np.eye(n_dims)
-    return GaussianMixture.from_parameters(
-        rng.dirichlet(np.full(n_components, 5.0)), 2.0 * rng.normal(size=(n_components, n_dims)), covariances
-    )
-
+from tests.unit.mixture.random_mixture import random_mixture
 
 seeds = st.integers(0, 10_000)
 

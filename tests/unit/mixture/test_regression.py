@@ -6,13 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dart_skill.mixture import Gaussian, GaussianMixture, regress
-
-
-def random_mixture(rng, n_components, n_dims):
-    roots = rng.normal(size=(n_components, n_dims, n_dims))
-    covariances = roots @ np.swapaxes(roots, 1, 2) + 0.2 * np.eye(n_dims)
-    priors = rng.dirichlet(np.full(n_components, 5.0))
-    return GaussianMixture.from_parameters(priors, 2.0 * rng.normal(size=(n_components, n_dims)), covariances)
+from tests.unit.mixture.random_mixture import random_mixture
 
 
 @given(seed=st.integers(0, 10_000), query=st.floats(-6, 6))

@@ -7,16 +7,9 @@ from hypothesis import strategies as st
 
 from dart_skill.mixture import GaussianMixture, SplitMerge, mean_log_likelihood, split, split_and_merge
 from dart_skill.mixture._split_merge import merge_candidates, split_candidates
+from tests.unit.mixture.random_mixture import random_mixture
 
 inside = st.floats(0.05, 0.95)
-
-
-def random_mixture(rng, n_components=3, n_dims=3):
-    roots = rng.normal(size=(n_components, n_dims, n_dims))
-    covariances = roots @ np.swapaxes(roots, 1, 2) + 0.1 * np.eye(n_dims)
-    return GaussianMixture.from_parameters(
-        rng.dirichlet(np.ones(n_components) * 4), 2 * rng.normal(size=(n_components, n_dims)), covariances
-    )
 
 
 def raw_moments(priors, means, covariances):

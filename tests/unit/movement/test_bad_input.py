@@ -81,13 +81,17 @@ def numbers_in(result) -> np.ndarray:
     return np.concatenate([np.ravel(part) for part in result]) if isinstance(result, tuple) else np.ravel(result)
 
 
-CASES = [(name, place, spoil) for name, arguments in CALLS.items() for place in range(len(arguments)) for spoil in SPOILS]
+CASES = [
+    (name, place, spoil)
+    for name, arguments in CALLS.items()
+    for place in range(len(arguments))
+    for spoil in SPOILS
+    if spoil not in ALLOWED.get((name, place), ())
+]
 
 
 @pytest.mark.parametrize(("name", "place", "spoil"), CASES, ids=lambda part: str(part).replace(" ", "_"))
 def test_a_bad_argument_is_refused_by_name(name, place, spoil):
-    if spoil in ALLOWED.get((name, place), ()):
-        pytest.skip("a meaningful argument here")
     arguments = list(CALLS[name])
     arguments[place] = SPOILS[spoil](arguments[place])
     with pytest.raises(ValueError, match=r"\w{3,}"):

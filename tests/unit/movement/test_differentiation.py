@@ -6,6 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from dart_skill.movement import estimate_noise, smooth_derivatives
 from dart_skill.movement._differentiation import _shared_smoother
+from tests.unit.movement.primitives import rms
 
 NOISE = 1e-4
 
@@ -24,10 +25,6 @@ def noisy_throw(seed, n=150, jitter=0.0, lost=()):
     time = 0.01 * np.arange(n) + rng.uniform(-jitter, jitter, n)
     time = np.delete(time, lost)
     return time, throw(time)[0] + rng.normal(0, NOISE, (len(time), 3))
-
-
-def rms(values):
-    return np.sqrt(np.mean(np.square(values)))
 
 
 @pytest.mark.parametrize("n", [8, 11, 12, 13, 40, 700])

@@ -8,6 +8,7 @@ from numpy.polynomial import Polynomial
 from scipy.integrate import solve_ivp
 
 from dart_skill.movement import DiscretePrimitive
+from tests.unit.movement.primitives import rms
 
 DURATION = 1.6
 STAMPS = np.linspace(0.0, DURATION, 201)
@@ -31,10 +32,6 @@ def reach_with_swing(stamps=STAMPS, offset=0.0):
 
 def learned(n_basis=30, **form):
     return DiscretePrimitive(n_basis, **form).fit(STAMPS, *reach_with_swing())
-
-
-def rms(values):
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def kernels(z, n_basis, decay):

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dart_skill.movement import DiscretePrimitive, RhythmicPrimitive
+from tests.unit.movement.primitives import rms
 
 STAMPS = np.linspace(0.0, 1.0, 101)
 
@@ -16,10 +17,6 @@ def reach(side=0.2, stamps=STAMPS, goal=1.0):
     s = stamps / stamps[-1]
     u = s**3 * (10 - 15 * s + 6 * s * s)
     return np.stack([goal * u, side * np.sin(np.pi * u)], 1)
-
-
-def rms(values):
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def test_several_demonstrations_are_averaged():

@@ -11,6 +11,8 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
 from dart_skill.movement import DiscretePrimitive
+from tests.unit.movement import primitives
+from tests.unit.movement.primitives import track
 
 DURATION, STEP = 2.0, 0.005
 BLEND = Polynomial([0, 0, 0, 0, 0, 126, -420, 540, -315, 70])
@@ -30,15 +32,7 @@ def primitive():
 
 
 def execute(primitive, state, seconds, dt=STEP, **settings):
-    """States after each step, the first one being that before."""
-    states = [state]
-    for _ in range(round(seconds / dt)):
-        states.append(primitive.step(states[-1], dt, **settings))
-    return states
-
-
-def track(states, name="position"):
-    return np.array([getattr(state, name) for state in states])
+    return primitives.execute(primitive, state, seconds, dt, **settings)
 
 
 def on_path(primitive, progress):

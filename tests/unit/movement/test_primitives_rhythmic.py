@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from dart_skill.movement import RhythmicPrimitive
+from tests.unit.movement.primitives import execute, rms, track
 
 PERIOD = 1.7
 STAMPS = np.linspace(0.0, 3 * PERIOD, 601)
@@ -28,21 +29,6 @@ SHAPES = [circle, figure_eight]
 
 def learned(shape=figure_eight, n_basis=25, **settings):
     return RhythmicPrimitive(n_basis, **settings).fit(STAMPS, shape(STAMPS), period=PERIOD)
-
-
-def execute(primitive, state, seconds, dt=0.01, **settings):
-    states = [state]
-    for _ in range(round(seconds / dt)):
-        states.append(primitive.step(states[-1], dt, **settings))
-    return states
-
-
-def track(states, name="position"):
-    return np.array([getattr(state, name) for state in states])
-
-
-def rms(values):
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 @pytest.mark.parametrize("shape", SHAPES)

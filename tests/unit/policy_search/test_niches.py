@@ -159,18 +159,6 @@ def test_trials_may_be_open_together_fail_and_be_told_in_any_order():
     assert np.linalg.norm(one.parameters - LEFT) < 0.02
 
 
-def test_a_search_in_which_everything_fails_stays_where_it_began():
-    one = search()
-    for trial in one.trials(100):
-        assert not one.tell(trial, np.nan)
-    np.testing.assert_array_equal(one.parameters, np.zeros(2))
-
-
-def test_returns_that_are_all_alike_lead_nowhere_and_break_nothing():
-    one = learnt(search(), lambda point, time: 5.0, 300)
-    assert np.isfinite(one.parameters).all() and json.loads(json.dumps(one.state(), allow_nan=False))
-
-
 @pytest.mark.parametrize(
     "options, message",
     [

@@ -6,7 +6,7 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from dart_skill.policy_search import PoWER, PrimitivePoWER
+from dart_skill.policy_search import Niches, PoWER, PrimitivePoWER, Sharpening
 
 ACTIVATIONS = np.array([[1.0, 0.0], [0.5, 0.5], [0.0, 1.0]])
 
@@ -242,3 +242,19 @@ def test_a_primitive_search_refuses(changes, message):
 def test_a_loop_refuses(n_trials, tolerance, message):
     with pytest.raises(ValueError, match=message):
         vector_search().trials(n_trials, tolerance)
+
+
+@pytest.mark.parametrize("kind", [Niches, Sharpening])
+def test_a_search_in_which_everything_fails_stays_where_it_began(kind):
+    one = kind(np.zeros(2), 1.0, rng=np.random.default_rng(0))
+    for trial in one.trials(100):
+        assert not one.tell(trial, np.nan)
+    np.testing.assert_array_equal(one.parameters, np.zeros(2))
+
+
+@pytest.mark.parametrize("kind", [Niches, Sharpening])
+def test_returns_that_are_all_alike_lead_nowhere_and_break_nothing(kind):
+    one = kind(np.zeros(2), 1.0, rng=np.random.default_rng(0))
+    for trial in one.trials(300):
+        one.tell(trial, 5.0)
+    assert np.isfinite(one.parameters).all() and json.loads(json.dumps(one.state(), allow_nan=False))
