@@ -186,7 +186,8 @@ class Plant:
     def _apply_change(self) -> None:
         if self._changed is None:
             return
-        self.settings, self._changed = self._changed, None
+        self.settings = self._changed
+        self._changed = None
         self._actuation = Actuation(self.description, self.settings.friction_scale, self.settings.motor_scale)
         self._loaded_arm.client.disconnect()
         self._loaded_arm = _DynamicsOnly(self._with_its_ball(), ball_in_hand=True)

@@ -182,7 +182,10 @@ class Scene:
         if group in GROUPS:
             self._groups[group].visible = visible
         elif group in self._numbers:
-            (self._hidden.discard if visible else self._hidden.add)(group)
+            if visible:
+                self._hidden.discard(group)
+            else:
+                self._hidden.add(group)
             if group in self._gaussians:
                 self._gaussians[group].visible = visible
         else:
