@@ -23,9 +23,13 @@ PROBE = 1e-4  # difference of state with which the sensitivity of a flight is fo
 
 @dataclass(frozen=True)
 class Ball:
-    """A ball and the air and gravity that it flies in.
+    """A ball, and the air and gravity that it flies in.
 
-    mass [kg], diameter [m], drag_coefficient, air_density [kg/m^3], gravity [m/s^2].
+    * mass: [kg].
+    * diameter: [m].
+    * drag_coefficient: of a sphere, without a unit.
+    * air_density: [kg/m^3].
+    * gravity: [m/s^2], downwards.
     """
 
     mass: float

@@ -154,7 +154,11 @@ RIMS = Rims()
 
 @dataclass(frozen=True)
 class Game:
-    """What is thrown, as its flight goes, and where it is judged."""
+    """What is thrown, as its flight goes, and where it is judged.
+
+    * projectile: the ball or dart.
+    * surface: where its flight ends.
+    """
 
     projectile: Ball
     surface: Surface

@@ -14,7 +14,21 @@ ROLES = ("hand", "ball", "basket")
 
 @dataclass(frozen=True)
 class World:
-    """The entries of config/world.yaml, which says what each of them is, with its unit."""
+    """The entries of config/world.yaml.
+
+    * frame_id: frame of all poses.
+    * hand_body, ball_body, basket_body: names of the tracked bodies.
+    * watch_time: how long a flight is watched at most [s].
+    * basket_radius: of its rim [m].
+    * basket_depth: from the rim to the floor of the basket [m].
+    * near, far, side: the region that baskets stand in: distances straight ahead [m] and largest angle to a side [rad].
+    * rim: height of the rim [m].
+    * ball_mass: [kg].
+    * ball_diameter: [m].
+    * ball_restitution: share of its speed that is left after it bounced.
+    * ball_drag_coefficient: of a sphere, without a unit.
+    * ball_inertia: about any axis through its centre [kg m^2].
+    """
 
     frame_id: str
     hand_body: str

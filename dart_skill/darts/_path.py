@@ -24,7 +24,12 @@ TIE = 1e-7
 
 @dataclass(frozen=True, eq=False)
 class Jump:
-    """A jump of the best aim at sigma [mm]: the best aims below it (smaller sigmas) and above it score the same there."""
+    """A jump of the best aim: below this sigma and above it, two distant aims score the same.
+
+    * sigma: where the best aim jumps [mm].
+    * below: the best aim for a slightly smaller sigma.
+    * above: the best aim for a slightly larger one.
+    """
 
     sigma: float
     below: Aim

@@ -29,7 +29,13 @@ RATE_CHANGES = 0.005
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """For aims (a, 2) [mm] and sigmas (s,) [mm]: probability of each possible score (a, s, 62) and expected score (a, s)."""
+    """What scores each aim can bring, by sigma.
+
+    * sigmas: (s,) [mm].
+    * aims: (a, 2) [mm].
+    * likelihood: (a, s, 62), probability of each possible score.
+    * expected: (a, s), expected score.
+    """
 
     sigmas: np.ndarray
     aims: np.ndarray

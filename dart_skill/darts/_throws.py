@@ -19,10 +19,12 @@ RESOLVED = 1e-12
 
 
 class Expectation(NamedTuple):
-    """Result of the E-step.
+    """Result of the E-step, with x the place that a dart hit and m the mean of the darts.
 
-    log_likelihood; n_throws: their expected number; first (2,) [mm], second (2, 2) [mm^2]: expected sums of x - m and of
-    (x - m)(x - m)' over them.
+    * log_likelihood: of the observed scores.
+    * n_throws: expected number of darts.
+    * first: (2,) [mm], expected sum of x - m.
+    * second: (2, 2) [mm^2], expected sum of (x - m)(x - m)'.
     """
 
     log_likelihood: float

@@ -16,7 +16,8 @@ import numpy as np
 
 from dart_skill.experiments import runs
 from dart_skill.experiments.practice import teach
-from dart_skill.session import REGION, Region, Session
+from dart_skill.regions import REGION, Region
+from dart_skill.session import Session
 from dart_skill.skill.learn import ThrowingSkill, configuration, learn
 
 ASKED = Region(near=0.8 * REGION.near, far=1.2 * REGION.far, side=np.deg2rad(60.0), rim=REGION.rim)

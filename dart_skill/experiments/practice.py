@@ -17,7 +17,8 @@ import numpy as np
 
 from dart_skill.experiments import runs
 from dart_skill.recording import Demonstration
-from dart_skill.session import REGION, Session, targets_for
+from dart_skill.regions import REGION, targets_for
+from dart_skill.session import Session
 from dart_skill.simulation import CHANGES, changed
 from dart_skill.skill.improve import METHODS, Curriculum, PractisingSkill
 from dart_skill.skill.learn import Unreachable

@@ -10,8 +10,9 @@ from functools import partial
 import numpy as np
 from tqdm import tqdm
 
+from dart_skill.regions import REGION, targets_for
 from dart_skill.robot import PlanRefused
-from dart_skill.session import REGION, Session, targets_for
+from dart_skill.session import Session
 from dart_skill.skill.learn import ThrowingSkill, configuration, learn
 
 

@@ -44,7 +44,12 @@ Scales = list[tuple[np.ndarray, np.ndarray]]
 
 @dataclass(frozen=True)
 class Settings:
-    """When EM stops, and the least variance of a component, relative to the variance of the data."""
+    """When EM stops, and how narrow a component may become.
+
+    * covariance_floor: smallest variance of a component, relative to the variance of the data.
+    * tolerance: EM has converged if the mean log-likelihood rises by less.
+    * max_iterations: EM stops after so many.
+    """
 
     covariance_floor: float
     tolerance: float
@@ -53,7 +58,13 @@ class Settings:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Result of EM; log_likelihood is the mean over the samples, weighted."""
+    """Result of EM.
+
+    * parameters: weights, means and covariances.
+    * log_likelihood: mean over the samples, weighted.
+    * n_iterations: how many were made.
+    * converged: False if `max_iterations` came first.
+    """
 
     parameters: Parameters
     log_likelihood: float

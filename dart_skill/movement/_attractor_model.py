@@ -19,7 +19,7 @@ PARTITIONS = ("em", "time")
 
 
 class AttractorModel:
-    """Base class; the parameters are described in `DSGMR`."""
+    """Base class of the models that learn attractors; `DSGMR` describes its parameters."""
 
     mixture_: TaskParameterisedMixture
 

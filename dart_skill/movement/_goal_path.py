@@ -24,7 +24,11 @@ def blend(progress: np.ndarray) -> np.ndarray:
 
 
 class BlendAttractor:
-    """(7.20) for the blend: the attractor that makes a spring-damper move along it."""
+    """(7.20) for the blend: the attractor that makes a spring-damper move along it.
+
+    * stiffness: of the spring-damper [1/s^2].
+    * damping: of the spring-damper [1/s].
+    """
 
     def __init__(self, stiffness: float, damping: float):
         path = np.concatenate([np.zeros(5), BLEND])

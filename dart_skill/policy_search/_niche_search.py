@@ -15,7 +15,12 @@ AnyNicheSearch = TypeVar("AnyNicheSearch", bound="NicheSearch")
 
 
 class NicheSearch(VectorSearch):
-    """A search that learns from every return at once. limits: smallest and largest radius of trials, relative to `spread`.
+    """A search that learns from every return at once.
+
+    * parameters: (d,) or (n, d), where the search begins.
+    * spread: (d,) or (d, d), covariance of the first trials.
+    * limits: smallest and largest radius of trials, relative to `spread`.
+    * rng: draws the trials.
 
     OPTIONS and MEMORY name attributes, without their underscore, that are saved as they are. OPTIONS are arguments of the
     constructor, MEMORY are not.

@@ -19,8 +19,8 @@ GIGA = 1_000_000_000
 class Opening:
     """The hand was told to open.
 
-    stamp_ns: when.
-    taught: during a throw that a person guided.
+    * stamp_ns: when [ns].
+    * taught: during a throw that a person guided.
     """
 
     stamp_ns: int

@@ -105,7 +105,11 @@ class PlanRefused(ValueError):
 
 
 class Commander:
-    """Answers every state of the arm with one command."""
+    """Answers every state of the arm with one command.
+
+    * settings: gains, limits and times; None: those of `CommanderSettings`.
+    * description: the arm; None: the WAM.
+    """
 
     _plan: ThrowPlan  # of the last throw, like the two below: only the modes of a throw ask for them
     _references: "_References"

@@ -14,7 +14,12 @@ from dart_skill.world import World, the_world
 
 @dataclass(frozen=True)
 class Inertial:
-    """Mass [kg], centre of mass (3,) [m] and inertia about it (3, 3) [kg m^2] in a link's frame."""
+    """Inertial parameters of a link, in the link's frame.
+
+    * mass: [kg].
+    * centre: (3,) [m], the centre of mass.
+    * inertia: (3, 3) [kg m^2], about the centre of mass.
+    """
 
     mass: float
     centre: np.ndarray
@@ -105,7 +110,14 @@ class Motors:
 
 @dataclass(frozen=True)
 class Ball:
-    """The ball that is thrown [kg, m]."""
+    """The ball that is thrown.
+
+    * mass: [kg].
+    * diameter: [m].
+    * restitution: share of its speed that is left after it bounced.
+    * drag_coefficient: of a sphere, without a unit.
+    * inertia: about any axis through its centre [kg m^2].
+    """
 
     mass: float
     diameter: float

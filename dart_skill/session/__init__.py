@@ -1,15 +1,12 @@
-"""Teaching, learning and throwing in one process without ROS, learning from a bag, where baskets stand, and what a run amounts to."""
+"""Teaching, learning and throwing in one process without ROS, learning from a bag, and what a run amounts to."""
 
 from dart_skill.session._from_bag import LearnReport, find_throws, learn_from_bag
 from dart_skill.session._in_process import Session, Trial
-from dart_skill.session._regions import REGION, Region, targets_for
 from dart_skill.session._summary import DemoSummary, ThrowResult, footer, table, write_summary
 
 __all__ = [
     "LearnReport",
     "DemoSummary",
-    "REGION",
-    "Region",
     "Session",
     "ThrowResult",
     "Trial",
@@ -17,6 +14,5 @@ __all__ = [
     "footer",
     "learn_from_bag",
     "table",
-    "targets_for",
     "write_summary",
 ]

@@ -52,7 +52,12 @@ class Knob:
 
 @dataclass(frozen=True)
 class NodeStatus:
-    """What a node says of itself; level: index into LEVELS."""
+    """What a node says of itself.
+
+    * name: of the node.
+    * level: index into LEVELS.
+    * message: of its diagnostics.
+    """
 
     name: str
     level: int
@@ -60,7 +65,12 @@ class NodeStatus:
 
 
 class Panel:
-    """The controls of one page. `ask` is called in the server's threads with each Request: hand over to your own."""
+    """The controls of one page.
+
+    * server: viser's server, or one client's part of it.
+    * scene: what the page shows; its controls change it.
+    * ask: called in the server's threads with each Request: hand over to your own.
+    """
 
     def __init__(self, server: Any, scene: Scene, ask: Callable[[Request], None]):
         self._gui, self._scene, self._ask = server.gui, scene, ask

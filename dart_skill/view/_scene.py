@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from dart_skill.checks import check_unit_quaternions
 from dart_skill.recording import Demonstration
+from dart_skill.regions import REGION, Region
 from dart_skill.robot import WamDescription, joint_transforms, wam_description, write_urdf
-from dart_skill.session import REGION, Region
 from dart_skill.simulation import Basket, Camera
 from dart_skill.view import _colours as colours
 from dart_skill.view._placing import nearest_in, on_plane, outline

@@ -6,8 +6,11 @@ import numpy as np
 
 
 class Trail:
-    """The newest points of a path [m], thinned: what moves less than `step` adds nothing, and a jump beyond `jump`, as of a world that is
-    reset, begins a new path. At most `capacity` points are kept.
+    """The newest points of a path, thinned.
+
+    * step: what moves less adds nothing [m].
+    * jump: what moves farther at once begins a new path, as of a world that is reset [m].
+    * capacity: how many points are kept.
     """
 
     def __init__(self, step: float = 0.01, jump: float = 0.5, capacity: int = 400):

@@ -36,7 +36,14 @@ class RerunUnavailable(RuntimeError):
 
 @dataclass(frozen=True)
 class BagLayout:
-    """What of a bag is shown where; see `rerun_layout`. files: all files of the bag, in order."""
+    """What of a bag is shown where; see `rerun_layout`.
+
+    * files: all files of the bag, in order.
+    * frame: the frame that poses stand in; None without poses.
+    * ball, basket: names of their bodies; None if the bag has none.
+    * joints: topic of the joint states; None if there is none.
+    * effort: whether joint states hold torques.
+    """
 
     files: tuple[Path, ...]
     frame: str | None

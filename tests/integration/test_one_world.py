@@ -11,7 +11,7 @@ from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.srv import GetParameters
 
 from dart_skill.recording import BagReader, read_demonstrations
-from dart_skill.session import targets_for
+from dart_skill.regions import targets_for
 from dart_skill.world import pose_topic
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import FRAMES

@@ -8,7 +8,8 @@ import pytest
 from dart_skill_msgs.msg import SimulationState
 from dart_skill_msgs.srv import PlanThrow
 
-from dart_skill.session import Session, targets_for
+from dart_skill.regions import targets_for
+from dart_skill.session import Session
 from dart_skill.skill.improve import PractisingSkill
 from dart_skill_nodes.comms import conversions
 

@@ -8,7 +8,7 @@ import pytest
 from dart_skill_msgs.msg import SimulationState
 from dart_skill_msgs.srv import Learn, PlaceBasket, Reset
 
-from dart_skill.session import targets_for
+from dart_skill.regions import targets_for
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
 

@@ -11,7 +11,7 @@ from rclpy.action import ActionClient
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
-from dart_skill.session import targets_for
+from dart_skill.regions import targets_for
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import LOOP

@@ -14,7 +14,7 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.serialization import serialize_message
 from visualization_msgs.msg import Marker, MarkerArray
 
-from dart_skill.session import targets_for
+from dart_skill.regions import targets_for
 from dart_skill.view import _colours as colours
 from dart_skill.view._scene import EYE, FIELD_OF_VIEW, LOOK_AT
 from dart_skill_nodes.comms import conversions

@@ -19,8 +19,9 @@ from scipy.spatial.transform import Rotation
 
 from dart_skill.experiments import arm_darts, practice
 from dart_skill.recording import read_demonstrations
+from dart_skill.regions import targets_for
 from dart_skill.robot import ThrowPlan
-from dart_skill.session import Session, targets_for
+from dart_skill.session import Session
 from dart_skill.skill.learn import ThrowingSkill, Unreachable, configuration, learn
 from tests.paths import BAGS
 

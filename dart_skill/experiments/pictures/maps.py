@@ -22,7 +22,7 @@ from matplotlib.patheffects import withStroke
 
 from dart_skill.experiments.basket import ASKED, PLACES, Run, Throws, place_of, throws_of
 from dart_skill.figures import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, PURPLE, SKY, VERMILION, house_style, quantity_colours, save
-from dart_skill.session import REGION
+from dart_skill.regions import REGION
 
 AZIMUTHS = np.linspace(-ASKED.side, ASKED.side, 9)
 DISTANCES = np.concatenate([[ASKED.near], np.linspace(REGION.near, REGION.far, 5), np.linspace(REGION.far, ASKED.far, 3)[1:]])

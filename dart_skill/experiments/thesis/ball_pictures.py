@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from dart_skill.experiments.thesis.ball_throws import Angles, Trajectory
 from dart_skill.figures import BLACK, BLUE, GREEN, GREY, LIGHT, RIM_RADIUS, SKY, VERMILION, basket_from_above, quantity_colours, unit_along
 from dart_skill.movement import rotate
-from dart_skill.session import REGION
+from dart_skill.regions import REGION
 
 TRIAD = 0.09
 """Length of the axes of a gripper frame [m]."""

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from dart_skill.experiments.thesis import ball_throws
 from dart_skill.figures import BLACK, BLUE, GREEN, RIM_RADIUS, VERMILION, basket_from_above, house_style, save
 from dart_skill.movement import gaussian_weights, nearest_weights
-from dart_skill.session import REGION
+from dart_skill.regions import REGION
 from dart_skill.skill.learn import configuration
 
 TITLE = "The demonstrations nearest to a new basket"

@@ -24,11 +24,12 @@ _ROOT = "rosbag2_bagfile_information"
 class TopicMetadata:
     """A topic of a bag.
 
-    type_name: as package/msg/Name.
-    qos: list of profiles as rosbag2 writes them.
-    type_hash: RIHS01.
-    count: messages.
-    encoding: of the messages.
+    * name: of the topic.
+    * type_name: as package/msg/Name.
+    * qos: list of profiles as rosbag2 writes them.
+    * type_hash: of the message type, by REP 2011 (RIHS01).
+    * count: messages.
+    * encoding: of the messages.
     """
 
     name: str
@@ -43,8 +44,9 @@ class TopicMetadata:
 class FileMetadata:
     """A file of a bag.
 
-    count: messages.
-    start_ns, end_ns: log times of its first and last message; None without messages.
+    * name: in the folder of the bag.
+    * count: messages.
+    * start_ns, end_ns: log times of its first and last message [ns]; None without messages.
     """
 
     name: str

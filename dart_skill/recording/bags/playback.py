@@ -22,10 +22,10 @@ GIGA = 1_000_000_000
 class Due(NamedTuple):
     """A message to publish.
 
-    position_ns: when.
-    topic: after remapping.
-    stamp_ns: log time in the bag.
-    data: CDR bytes.
+    * position_ns: when, on the clock of the playback [ns].
+    * topic: after remapping.
+    * stamp_ns: log time in the bag [ns].
+    * data: CDR bytes.
     """
 
     position_ns: int

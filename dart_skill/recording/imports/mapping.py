@@ -33,11 +33,11 @@ class MappingError(ValueError):
 class Table:
     """A CSV file.
 
-    file: its name, in the folder of the recording.
-    columns: names or numbers (from 1) of its columns by what they hold.
-    time: a unit of TIME_UNITS.
-    delimiter: between columns.
-    header_lines: how many stand before the numbers; the last of them names the columns.
+    * file: its name, in the folder of the recording.
+    * columns: names or numbers (from 1) of its columns by what they hold.
+    * time: a unit of TIME_UNITS.
+    * delimiter: between columns.
+    * header_lines: how many stand before the numbers; the last of them names the columns.
     """
 
     file: str

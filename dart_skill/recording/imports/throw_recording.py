@@ -46,9 +46,10 @@ SIGNAL_TYPES = ("WamCommand", "Bool", "Empty")
 class JointStream:
     """The arm's own sensors, in the order of recording.
 
-    stamp_ns: (n,).
-    position, velocity: (n, 7) [rad], (n, 7) [rad/s].
-    names: of the joints; may be empty.
+    * stamp_ns: (n,) [ns].
+    * position: (n, 7) [rad].
+    * velocity: (n, 7) [rad/s].
+    * names: of the joints; may be empty.
     """
 
     stamp_ns: np.ndarray

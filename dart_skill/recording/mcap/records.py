@@ -37,7 +37,15 @@ class DamagedError(ValueError):
 
 
 class Message(NamedTuple):
-    """A message record. place: where it begins among the records that it was read from."""
+    """A message record.
+
+    * place: where it begins among the records that it was read from [bytes].
+    * channel: number of its channel.
+    * sequence: count by its publisher, or 0.
+    * log_time_ns: when it was recorded [ns].
+    * publish_time_ns: when it was published [ns].
+    * data: its bytes.
+    """
 
     place: int
     channel: int

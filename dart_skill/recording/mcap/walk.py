@@ -37,7 +37,13 @@ _ANY_RECORD = re.compile(rb"(?=[\x01-\x0f].{5}\x00\x00\x00)", re.DOTALL)
 
 @dataclass(frozen=True)
 class Record:
-    """A record that was found; repaired: what was wrong about it and could be made good."""
+    """A record that was found.
+
+    * offset, end: where it begins and ends in the file [bytes].
+    * opcode: what kind of record it is.
+    * content: its bytes, without opcode and length.
+    * repaired: what was wrong about it and could be made good; else empty.
+    """
 
     offset: int
     end: int
@@ -67,7 +73,12 @@ class Record:
 
 @dataclass(frozen=True)
 class Damage:
-    """A place of a file that is not what it should be. rest: a chunk that was cut off there."""
+    """A place of a file that is not what it should be.
+
+    * offset, end: where it begins and ends in the file [bytes].
+    * reason: what is wrong.
+    * rest: a chunk that was cut off there.
+    """
 
     offset: int
     end: int

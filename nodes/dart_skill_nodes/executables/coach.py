@@ -10,7 +10,7 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.action import CancelResponse, GoalResponse
 from rclpy.node import Node
 
-from dart_skill.session import Region
+from dart_skill.regions import Region
 from dart_skill.skill.improve import Curriculum
 from dart_skill.skill.observe import ARRIVAL_NS
 from dart_skill.world import pose_topic

@@ -16,7 +16,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from visualization_msgs.msg import Marker, MarkerArray
 
-from dart_skill.session import Region
+from dart_skill.regions import Region
 from dart_skill.simulation import Basket
 from dart_skill.view import Panel, Request, Scene, ViewUnavailable, open_server, url_of
 from dart_skill.world import ROLES, pose_topic

@@ -46,7 +46,7 @@ def baskets(options: argparse.Namespace, stream: int) -> "np.ndarray":
     """Centres of rims (n, 3) that the options name, or over the region; stream: of random numbers. ValueError for a wrong number."""
     import numpy as np
 
-    from dart_skill.session import REGION
+    from dart_skill.regions import REGION
 
     if options.at is not None:
         return np.array([options.at])
@@ -59,7 +59,7 @@ def teach(client: "GraphClient", seed: int, wanted: int) -> int:
     """Lessons until `wanted` throws were demonstrated, at new baskets for those that failed; how many throws it took."""
     import numpy as np
 
-    from dart_skill.session import REGION, targets_for
+    from dart_skill.regions import REGION, targets_for
 
     shown = attempts = 0
     targets = targets_for(seed, wanted, 0)[0]

@@ -47,7 +47,8 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
 
 def run(options: argparse.Namespace) -> "DemoSummary":
     """The whole job on a graph of its own."""
-    from dart_skill.session import DemoSummary, targets_for
+    from dart_skill.regions import targets_for
+    from dart_skill.session import DemoSummary
     from dart_skill.simulation import PlantSettings
     from dart_skill_nodes.client.graph_client import GraphClient
 

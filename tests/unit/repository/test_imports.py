@@ -11,7 +11,7 @@ SOURCES = {"dart_skill": ROOT / "dart_skill", "dart_skill_nodes": ROOT / "nodes"
 LAYERS = (
     {"constants", "configuration"},
     {"world", "checks", "geometry"},
-    {"flight", "mixture"},
+    {"flight", "mixture", "regions"},
     {"surface", "movement", "policy_search", "darts", "recording", "robot"},
     {"simulation", "skill.observe"},
     {"skill.learn"},

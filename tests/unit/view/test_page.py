@@ -13,8 +13,8 @@ from websockets.exceptions import ConnectionClosed
 from dart_skill import view
 from dart_skill.mixture import GaussianMixture
 from dart_skill.recording import Demonstration
+from dart_skill.regions import Region
 from dart_skill.robot import ArmModel, wam_description, write_urdf
-from dart_skill.session import Region
 from dart_skill.simulation import Camera
 from dart_skill.skill.learn import component_ellipsoids
 from dart_skill.view import _shapes as shapes
