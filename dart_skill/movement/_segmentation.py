@@ -2,7 +2,7 @@
 
 Positions come at about 100 Hz, with noise, irregular stamps and gaps. The velocity along each axis is the median of the
 slopes between all pairs of samples in a window (Theil-Sen). It needs no equal spacing, and a single bad sample does not
-change it.
+change it. The window is so wide that the noise, which is told from the samples, stays well below the thresholds.
 """
 
 from __future__ import annotations
@@ -14,7 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_number, as_samples
+from dart_skill.movement._differentiation import MIN_SAMPLES, estimate_noise
 from dart_skill.movement._time import as_stamps
+
+QUIET = 0.3
+"""Share of the lower threshold that the noise of a speed may make."""
 
 
 def speed(time: ArrayLike, positions: ArrayLike, window: float = 0.07) -> np.ndarray:
@@ -81,7 +85,8 @@ class VelocityThreshold:
     * max_pause: float, default 0.15 [s]. A shorter rest does not end a motion, such as the turn between wind-up and throw.
     * run_up: float, default 0.1 [s]. Margin before the start.
     * settle: float, default 0.1 [s]. Margin after the stop.
-    * window: float, default 0.07 [s]. The speed is estimated from the samples within it.
+    * window: float, default 0.07 [s]. The speed is estimated from the samples within it; within a wider one if they are noisier than
+      those of motion capture, see `window_for`.
     """
 
     start: float = 0.3
@@ -100,22 +105,36 @@ class VelocityThreshold:
         if self.stop > self.start:
             raise ValueError(f"stop threshold {self.stop:g} m/s is above the start threshold {self.start:g} m/s; lower it")
 
-    def segment(self, time: ArrayLike, positions: ArrayLike) -> list[Segment]:
+    def segment(self, time: ArrayLike, positions: ArrayLike, instant: float | None = None) -> list[Segment]:
         """Motions in positions (n, d) [m] at stamps (n,) [s], in order.
 
-        ValueError if nothing moved, or if the last motion does not stop within the recording.
+        instant: of which the motion is wanted [s]: where it lies in one that is over, the last one need not be. ValueError if nothing
+        moved, or if the last motion does not stop within the recording.
         """
         positions = as_samples(positions, "positions")
         time = as_stamps(time, len(positions), 3)
-        speeds = speed(time, positions, self.window)
-        spans = self._spans(time, speeds)
+        speeds = speed(time, positions, self.window_for(time, positions))
+        spans = self._spans(time, speeds, instant)
         self._require_motion(time, speeds, spans)
         return [self._segment(time, speeds, begin, end) for begin, end in spans]
 
-    def _spans(self, time: np.ndarray, speeds: np.ndarray) -> list[tuple[int, int]]:
+    def window_for(self, time: np.ndarray, positions: np.ndarray) -> float:
+        """The window [s] for positions (n, d) at stamps (n,): wider than `window` only where the noise asks for it.
+
+        The slope of a line through samples every T, with noise sigma, within a window w has the variance 12 sigma^2 T / w^3.
+        """
+        if len(time) < MIN_SAMPLES:
+            return self.window
+        noise, interval = float(estimate_noise(time, positions)), float(np.median(np.diff(time)))
+        return max(self.window, float(np.cbrt(12.0 * interval * (noise / (QUIET * self.stop)) ** 2)))
+
+    def _spans(self, time: np.ndarray, speeds: np.ndarray, instant: float | None) -> list[tuple[int, int]]:
         """For each motion, indices of the first sample above `start` and of the first one below `stop` after it."""
         spans = self._merge(time, _hysteresis(speeds, self.start, self.stop))
         spans = [(begin, end) for begin, end in spans if begin > 0]
+        over = [(begin, end) for begin, end in spans if end < len(time)]
+        if instant is not None and any(time[begin] <= instant <= time[end] for begin, end in over):
+            spans = over
         if spans and spans[-1][1] == len(time):
             raise ValueError(
                 f"the motion that starts at {time[spans[-1][0]]:.3f} s never falls below {self.stop:g} m/s "

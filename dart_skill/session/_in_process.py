@@ -16,6 +16,7 @@ from dart_skill.simulation import (
     Frame,
     LatencyQueue,
     MotionCapture,
+    MotionCaptureConfig,
     Person,
     Phase,
     Plant,
@@ -54,6 +55,7 @@ class Session:
 
     * seed: int, default 0. Everything random comes from it.
     * plant: settings of the simulated world, default those of config/wam_simulator.yaml.
+    * cameras: motion-capture system, default that of config/optitrack.yaml.
     * commander: gains and limits, default those of config/commander.yaml.
     * person: who guides the arm, default that of config/teacher.yaml.
     * swing: the throw that the person has in mind, default `Swing()`.
@@ -64,6 +66,7 @@ class Session:
         self,
         seed: int = 0,
         plant: PlantSettings | None = None,
+        cameras: MotionCaptureConfig | None = None,
         commander: CommanderSettings | None = None,
         person: Person | None = None,
         swing: Swing | None = None,
@@ -71,7 +74,7 @@ class Session:
     ):
         settings = plant or PlantSettings.from_parameters(node_parameters("wam_simulator.yaml", "wam_simulator"))
         self.plant = Plant(settings, seed)
-        self.capture = MotionCapture(node_parameters("optitrack.yaml", "mock_optitrack"), seed)
+        self.capture = MotionCapture(cameras or node_parameters("optitrack.yaml", "mock_optitrack"), seed)
         self._game = game_at(() if settings.board is None else settings.board.position)
         person = person or Person.from_parameters(node_parameters("teacher.yaml", "teacher"))
         self.teacher = Teacher(seed, swing, person, game=self._game)

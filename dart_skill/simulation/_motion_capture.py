@@ -63,6 +63,12 @@ class MotionCaptureConfig:
     * noise: standard deviation of a coordinate [m].
     * marker_spread: extent of a body's markers [m]; the noise of an orientation is noise / marker_spread [rad].
     * calibration_error: offset of every body, drawn once for a run [m].
+    * ball_noise: standard deviation of a coordinate of the ball on top of `noise` [m]: it has fewer markers, and they turn with it.
+    * ball_offset: of the centre of the ball's markers from its own, drawn once for a run [m].
+    * hand_turn: of the axes of the hand's body from those of the hand, about an axis drawn once for a run [rad].
+    * registration_turn, registration_shift: of the cameras' world from that of the arm, about an axis and in a direction drawn once for
+      a run [rad], [m].
+    * stamp_delay: poses carry stamps that are late by so much, as those of their receipt are [s].
     * latency, latency_jitter: from the exposure to the message, and the mean of the exponential delay on top of it [s].
     * dropout_rate: dropouts of a body per second [1/s].
     * dropout_frames: shortest and longest dropout [frames].
@@ -76,6 +82,12 @@ class MotionCaptureConfig:
     noise: float = 1e-4  # standard deviation of a coordinate
     marker_spread: float = 0.1  # distance of a body's markers: orientation noise is noise / spread [rad]
     calibration_error: float = 2e-4  # length of the offset of each body, drawn once for a run
+    ball_noise: float = 0.0
+    ball_offset: float = 0.0
+    hand_turn: float = 0.0
+    registration_turn: float = 0.0
+    registration_shift: float = 0.0
+    stamp_delay: float = 0.0
     latency: float = 5e-3  # from the exposure to the message
     latency_jitter: float = 4e-4  # mean of an exponential delay on top of it
     dropout_rate: float = 0.05  # dropouts of a body per second
@@ -188,7 +200,11 @@ class MotionCapture:
         self.config = config
         self.seed = int(seed)
         self._view = _View(config.cameras, config.clearance)
-        self._offsets = _calibration_offsets(config, np.random.default_rng([self.seed]))
+        rng = np.random.default_rng([self.seed])
+        self._offsets = _calibration_offsets(config, rng)
+        self._turns = _body_turns(config, rng)
+        self._registration = _registration(config, rng)
+        self._noise = np.array([np.hypot(config.noise, config.ball_noise if name == "ball" else 0.0) for name in config.bodies])
         self._episode: int | None = None
 
     def observe(
@@ -227,9 +243,9 @@ class MotionCapture:
         rows = np.array([self.config.bodies.index(name) for name in present])
         tracked = (counts >= self.config.min_cameras) & ~draws.dropped[:, rows]
         position, quaternion = self._measure(rows, position, quaternion, draws.noise[:, rows])
-        stamps = [int(frame.stamp_ns) for frame in frames]
+        stamps, late = [int(frame.stamp_ns) for frame in frames], round(1e9 * self.config.stamp_delay)
         return [
-            Sample(present[i], stamps[k], stamps[k] + draws.latency_ns[k], position[k, i], quaternion[k, i])
+            Sample(present[i], stamps[k] + late, stamps[k] + draws.latency_ns[k], position[k, i], quaternion[k, i])
             for k, i in np.argwhere(tracked).tolist()
         ]
 
@@ -292,10 +308,18 @@ class MotionCapture:
 
     def _measure(self, rows: np.ndarray, position: np.ndarray, quaternion: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What the cameras make of true poses (f, n, 3), (f, n, 4) of the bodies `rows` (n,): calibration error and noise (f, n, 6)."""
-        noise = self.config.noise * noise
+        noise = self._noise[rows][:, None] * noise
         offset = _rotate(quaternion, self._offsets[rows])
         tilt = _small_rotations(noise[..., 3:] / self.config.marker_spread)
-        return position + offset + noise[..., :3], _multiply(tilt, quaternion)
+        position = position + offset + noise[..., :3]
+        quaternion = _multiply(tilt, quaternion)
+        if self.config.hand_turn:
+            quaternion = _multiply(quaternion, np.broadcast_to(self._turns[rows], quaternion.shape))
+        if self._registration is None:
+            return position, quaternion
+        shift, turn = self._registration
+        turn = np.broadcast_to(turn, quaternion.shape)
+        return _rotate(turn, position) + shift, _multiply(turn, quaternion)
 
 
 @dataclass
@@ -393,7 +417,31 @@ def _hidden_by_walls(start: np.ndarray, ray: np.ndarray, rim: np.ndarray, radius
 def _calibration_offsets(config: MotionCaptureConfig, rng: np.random.Generator) -> np.ndarray:
     """(n_bodies, 3) in the body frames, of the configured length and random direction."""
     direction = rng.standard_normal((len(config.bodies), 3))
-    return config.calibration_error * direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    offsets = config.calibration_error * direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    if config.ball_offset and "ball" in config.bodies:
+        offsets[config.bodies.index("ball")] += config.ball_offset * _direction(rng)
+    return offsets
+
+
+def _direction(rng: np.random.Generator) -> np.ndarray:
+    """Unit vector (3,), any direction alike."""
+    vector = rng.standard_normal(3)
+    return vector / np.linalg.norm(vector)
+
+
+def _body_turns(config: MotionCaptureConfig, rng: np.random.Generator) -> np.ndarray:
+    """(n_bodies, 4) quaternions from the axes of each body to those that are reported."""
+    turns = np.tile([0.0, 0.0, 0.0, 1.0], (len(config.bodies), 1))
+    if config.hand_turn and "hand" in config.bodies:
+        turns[config.bodies.index("hand")] = _small_rotations(config.hand_turn * _direction(rng))
+    return turns
+
+
+def _registration(config: MotionCaptureConfig, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray] | None:
+    """Shift (3,) and turn (4,) from the arm's world to that of the cameras; None if they are one."""
+    if not (config.registration_turn or config.registration_shift):
+        return None
+    return config.registration_shift * _direction(rng), _small_rotations(config.registration_turn * _direction(rng))
 
 
 def _small_rotations(vectors: np.ndarray) -> np.ndarray:

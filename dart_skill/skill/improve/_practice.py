@@ -51,7 +51,18 @@ class Verdict:
 
 
 class Practice:
-    """The memory that a skill is learned from: `demonstrations`, what was shown first, then what was tried, oldest first."""
+    """The memory that a skill is learned from.
+
+    * shown: demonstrations of a teacher.
+    * configuration: SkillConfiguration, default `DEFAULT`.
+    * settings: PracticeSettings, default None: the default ones.
+    * tried: own throws, oldest first.
+
+    Attributes:
+
+    * demonstrations: what was shown, then what was tried, but for what cannot be read.
+    * kept_out: reason why a demonstration or trial is not learned from, by its id.
+    """
 
     def __init__(
         self,
@@ -61,19 +72,33 @@ class Practice:
         tried: Sequence[Demonstration] = (),
     ):
         self.configuration, self.settings = configuration, settings or PracticeSettings()
-        self._shown, self._tried = list(shown), list(tried)
-        self._prepared = {one.id: prepare(one, configuration) for one in (*shown, *tried)}
-        if len(self._prepared) != len(self._shown) + len(self._tried):
-            raise ValueError("two demonstrations have one id: give every one its own")
+        self._prepared: dict[str, PreparedThrow] = {}
         self.kept_out: dict[str, str] = {}
+        self._shown, self._tried = self._readable(shown), self._readable(tried)
+
+    def _readable(self, demonstrations: Sequence[Demonstration]) -> list[Demonstration]:
+        """Those that can be learned from; of the others it is noted why not."""
+        for one in demonstrations:
+            if one.id in self._prepared or one.id in self.kept_out:
+                raise ValueError(f"two demonstrations have the id {one.id}: give every one its own")
+            try:
+                self._prepared[one.id] = prepare(one, self.configuration)
+            except ValueError as error:
+                self.kept_out[one.id] = str(error)
+        return [one for one in demonstrations if one.id in self._prepared]
 
     @property
     def demonstrations(self) -> list[Demonstration]:
         return [*self._shown, *self._tried]
 
     def learn(self) -> ThrowingSkill:
-        """The skill that all these demonstrations teach; each is prepared only once."""
-        return learn_prepared([self._prepared[one.id] for one in self.demonstrations], self.configuration)
+        """The skill that all these demonstrations teach; each is prepared only once. ValueError if they are too few, and what is wrong with
+        the others.
+        """
+        try:
+            return learn_prepared([self._prepared[one.id] for one in self.demonstrations], self.configuration)
+        except ValueError as error:
+            raise ValueError("; ".join([str(error), *self.kept_out.values()])) from error
 
     def add(self, trial: Demonstration) -> Verdict:
         """Judge a trial and remember it if it will do; its task is where it landed, not where it was aimed."""

@@ -37,7 +37,6 @@ class SkillConfiguration:
     * solve_aim: bool, default True. Whether the task parameter is changed until the plan's predicted landing is on the target.
     * stiffness: float, default 200 [1/s^2]. kp of (7.19), with critical damping.
     * step: float, default 0.004 [s]. Of the plan.
-    * noise: float, default 1e-4 [m]. Standard deviation of the measured positions.
     * drive: "time" or "state", default "time". What drives the movement: a clock (`DSGMR`), or the state of the arm
       (`AutonomousDSGMR`, chapter 9).
     * release: "farthest" or "shown", default "farthest". Release where the ball flies farthest, which depends least on the
@@ -58,7 +57,6 @@ class SkillConfiguration:
     solve_aim: bool = True
     stiffness: float = 200.0
     step: float = 0.004
-    noise: float = 1e-4
     drive: str = "time"
     release: str = "farthest"
     board: tuple[float, ...] = field(default=(), repr=False)  # left out of a model's name, which its tasks decide anyway

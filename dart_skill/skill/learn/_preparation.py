@@ -14,13 +14,16 @@ from dart_skill.movement import angles_from_quaternions, attractor_from_motion, 
 from dart_skill.recording import Demonstration
 from dart_skill.robot import wam_description
 from dart_skill.skill.learn._configuration import SkillConfiguration
-from dart_skill.skill.observe import FreeFlight, Release, find_flight, fit_release, judge_flight
+from dart_skill.skill.observe import FreeFlight, Release, column_noise, find_flight, fit_release, judge_flight, position_noise
 from dart_skill.world import the_world
 
 RATE = 100.0
 """Rate at which demonstrations are resampled [Hz]: that of the motion capture."""
-NOISE_OF_FEATURES = np.array([1, 1, 1, 10, 10])
-"""Noise of x, y, z, alpha, beta, relative to the noise of the position: 10 rad for 1 m."""
+SOONEST, LATEST = -0.005, 0.3
+"""A hand opens after it is told to, as far as a release is seen. The fingers of a BarrettHand need 1 s for their 140 degrees
+(docs/sources.md), so that they are well away from a ball after the later time [s]. What is seen beyond is something else: clocks that
+disagree, or a button that was pressed for another reason.
+"""
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,7 @@ class PreparedThrow:
     * release: Release, where hand and ball part, on the clock of the demonstration.
     * release_time: float [s], the release on the clock of `time`.
     * start_posture: (7,) [rad], joints before the motion, J1 relative to the azimuth.
-    * hand_delay: float [s], time from the command to the release; nan if the command was not seen.
+    * hand_delay: float [s], time from the command to the release; nan if the command was not seen, or no hand needs so long.
     """
 
     id: str
@@ -97,7 +100,7 @@ def _prepare(demonstration: Demonstration, configuration: SkillConfiguration) ->
     clock = d.hand_time - shared
     grid = np.arange(np.ceil(clock[0] * RATE), np.floor(clock[-1] * RATE) + 1) / RATE
     features = np.column_stack([d.hand_position, angles[:, :2]])
-    motion = smooth_derivatives(clock, features, noise=NOISE_OF_FEATURES * configuration.noise, at=grid)
+    motion = smooth_derivatives(clock, features, noise=_noise(clock, features), at=grid)
     return PreparedThrow(
         id=d.id,
         task=task,
@@ -113,8 +116,18 @@ def _prepare(demonstration: Demonstration, configuration: SkillConfiguration) ->
         release=release,
         release_time=float(release.time - shared),
         start_posture=_start_posture(d, azimuth),
-        hand_delay=float(release.time - d.hand_opened),
+        hand_delay=_hand_delay(release.time - d.hand_opened),
     )
+
+
+def _hand_delay(seen: float) -> float:
+    """Time from the command to the release [s] as it was seen, nan if no hand can need so long."""
+    return float(seen) if SOONEST <= seen <= LATEST else np.nan
+
+
+def _noise(time: np.ndarray, features: np.ndarray) -> np.ndarray:
+    """Standard deviation of each feature (5,) of a recording (n, 5) at times (n,): the three of the position alike."""
+    return np.concatenate([np.full(3, position_noise(time, features[:, :3])), column_noise(time, features[:, 3:])])
 
 
 def _start_pose(demonstration: Demonstration, azimuth: float, angles: np.ndarray) -> np.ndarray:

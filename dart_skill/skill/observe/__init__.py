@@ -1,7 +1,9 @@
 """From what the sensors saw to a demonstration, and to what became of a throw."""
 
 from dart_skill.skill.observe._cutting import ARRIVAL_NS, RESET_NS, THRESHOLDS, ThrowLog, judged, watched_until
-from dart_skill.skill.observe._outcome import FreeFlight, Outcome, Release, find_flight, fit_release, judge_flight
+from dart_skill.skill.observe._free_flight import FreeFlight, find_flight
+from dart_skill.skill.observe._noise import column_noise, position_noise
+from dart_skill.skill.observe._outcome import Outcome, Release, fit_release, judge_flight
 from dart_skill.skill.observe._throw_finder import FoundThrow, ThrowFinder, worlds
 
 __all__ = [
@@ -14,9 +16,11 @@ __all__ = [
     "THRESHOLDS",
     "ThrowFinder",
     "ThrowLog",
+    "column_noise",
     "find_flight",
     "fit_release",
     "judge_flight",
+    "position_noise",
     "judged",
     "watched_until",
     "worlds",

@@ -171,7 +171,8 @@ class ThrowLog:
                 raise ValueError(f"only {len(stream.stamps)} samples of the {what}: is it tracked and published?")
         origin = self._first_of_the_world(thrown_ns)
         time, hand = self.hand.between(origin, 0.0, (until_ns - origin) * 1e-9)
-        segment = segment_containing(thresholds.segment(time, hand[:, :3]), (thrown_ns - origin) * 1e-9)
+        thrown = (thrown_ns - origin) * 1e-9
+        segment = segment_containing(thresholds.segment(time, hand[:, :3], thrown), thrown)
         origin += round(segment.start * 1e9)
         stop = segment.stop - segment.start
         hand_time, hand = self.hand.between(origin, 0.0, stop)

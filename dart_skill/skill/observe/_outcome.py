@@ -1,29 +1,21 @@
-"""What became of a throw, from motion-capture samples alone: where the ball landed, and how it left the hand.
-
-A free flight is recognised by its dynamics (gravity and drag, `flight.py`), not by thresholds on height or
-speed, so that the ball in the hand, bounces, outliers and gaps fall away by themselves.
-"""
+"""What became of a throw, from motion-capture samples alone: where the ball landed, and how it left the hand."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-import scipy
 from numpy.polynomial import polynomial
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import check_samples, check_unit_quaternions
-from dart_skill.flight import TENNIS_BALL, Ball, FlightFit, fit_flight, fit_flights, landing
+from dart_skill.checks import check_samples
+from dart_skill.flight import TENNIS_BALL, Ball, FlightFit, fit_flight, landing
+from dart_skill.skill.observe._free_flight import FreeFlight, find_flight, fit_about_the_middle, followed, tolerance
+from dart_skill.skill.observe._grip import grip_path, seen_grip
+from dart_skill.skill.observe._noise import position_noise
 from dart_skill.surface import RIMS, BoardFace, Surface
 
-NOISE = 1e-4  # standard deviation of a tracked position [m]
-WINDOW = 10  # samples; over 90 ms a motion at constant velocity misses a free fall by 7 mm
-MAX_WINDOW = 0.5  # a window that lasts longer, because the ball was hidden, is not used [s]
 CALIBRATION = 1e-3  # what grip and ball may be apart at the release, by the errors of both bodies' markers [m]
-ROUGHLY = 1e-4  # of flights that are only asked whether they are flights: accuracy [m]
-ANOTHER_BALL = 4.0  # rms misfit of a flight, in deviations of a sample, beyond which the ball is not the one that was expected
-GROWTH = 20  # samples; so far beyond its own a flight is looked for at a time
 TAIL = 6  # samples that tell how a ball moved when it was last seen
 MAX_UNSEEN = 0.15  # longest time that a flight is extrapolated beyond its last sample [s]
 SIDE = 4  # samples of the hand that are needed before the release, and after it
@@ -58,7 +50,8 @@ class Release:
     time: instant at which the ball stops moving with the hand, on the clock of the samples [s].
     time_uncertainty: its standard deviation [s]; large where the hand accelerates as a free ball would.
     position, velocity: (3,) of the ball then, from the fit of the flight [m], [m/s].
-    grip_distance: of the flight from the grip point then [m]; calibration errors are fractions of 1 mm.
+    grip_distance: of the flight from the grip point then [m].
+    grip: (3,) centre of the held ball in the hand frame, as it was seen [m].
     flight: the fit, its state at `time`.
     """
 
@@ -67,15 +60,8 @@ class Release:
     position: np.ndarray
     velocity: np.ndarray
     grip_distance: float
+    grip: np.ndarray
     flight: FlightFit
-
-
-@dataclass(frozen=True)
-class FreeFlight:
-    """The first free flight in a series of samples: `samples` (m,) are the indices that belong to it."""
-
-    samples: np.ndarray
-    fit: FlightFit
 
 
 def judge_flight(
@@ -84,7 +70,7 @@ def judge_flight(
     rim: np.ndarray,
     rim_radius: float,
     ball: Ball = TENNIS_BALL,
-    noise: float = NOISE,
+    noise: float | None = None,
     *,
     free: FreeFlight | None = None,
     surface: Surface = RIMS,
@@ -93,10 +79,13 @@ def judge_flight(
 
     ball_time (n,) [s], ball_position (n, 3) [m], world frame: every sample from the grip until the ball has
     come to rest or was lost for good. No samples, or none in flight, is an outcome too: not seen.
-    noise: standard deviation of a sample [m]; free: what `find_flight` says of these samples, if it was asked before.
+    noise: standard deviation of a coordinate of a sample [m], default None: told from the samples; free: what `find_flight` says of these
+    samples, if it was asked before.
     """
     ball_time, ball_position = check_samples("ball", ball_time, ball_position, least=0)
     rim = _check_rim(rim, rim_radius)
+    if noise is None:
+        noise = position_noise(ball_time, ball_position) if free is None else free.noise
     inside = surface is RIMS and _ends_in_basket(ball_time, ball_position, rim, rim_radius, ball, noise)
     free = free or find_flight(ball_time, ball_position, ball, noise)
     unseen = Outcome(False, np.full(3, np.nan), np.nan, np.nan, inside)
@@ -119,118 +108,46 @@ def fit_release(
     hand_quaternion: np.ndarray,
     grip_offset: np.ndarray,
     ball: Ball = TENNIS_BALL,
-    noise: float = NOISE,
+    noise: float | None = None,
     *,
     free: FreeFlight | None = None,
 ) -> Release:
     """Release of the ball, from its samples and the hand's, in one world frame and on one clock.
 
     ball_time (n,), ball_position (n, 3), hand_time (m,), hand_position (m, 3), hand_quaternion (m, 4);
-    grip_offset: (3,) centre of the held ball in the hand frame [m]. The flight is fitted and followed back
-    to where it meets the path of the grip point. There the ball moves exactly as the grip does, so that the
-    difference of the two paths is stationary at the release: its derivative is linear in time and tells the
-    instant far better than the distance, which is quadratic. Good to a few tenths of a
+    grip_offset: (3,) centre of the held ball in the hand frame [m], where it should be; where it was seen before the release
+    counts. noise: as in `judge_flight`. The flight is fitted and followed back to where it meets the path of the grip point.
+    There the ball moves exactly as the grip does, so that the difference of the two paths is stationary at the release: its
+    derivative is linear in time and tells the instant far better than the distance, which is quadratic. Good to a few tenths of a
     millisecond where the hand's acceleration differs from a free ball's by 4 m/s^2 or more. ValueError if no
     flight or no hand is seen there. free: as in `judge_flight`.
     """
     ball_time, ball_position = check_samples("ball", ball_time, ball_position)
-    hand_time, grip = _grip_path(hand_time, hand_position, hand_quaternion, grip_offset)
+    hand_time, grip = grip_path(hand_time, hand_position, hand_quaternion, grip_offset)
     free = free or find_flight(ball_time, ball_position, ball, noise)
     ball = free.fit.ball if free else ball
     if free is None:
         raise ValueError(f"no free flight in {len(ball_time)} ball samples: was the ball thrown, and was it tracked?")
     fit, kept = free.fit, free.samples
     near = _nearest_approach(fit, hand_time, grip)
+    hand = (hand_time, np.asarray(hand_position, dtype=float), np.asarray(hand_quaternion, dtype=float))
+    seen = seen_grip((ball_time, ball_position), hand, near, np.asarray(grip_offset, dtype=float), ball.radius)
+    grip = grip_path(*hand, seen)[1]
     for last in (False, True):
         time, uncertainty, distance = _parting(fit, hand_time, grip, near, last)
         fitted, kept = kept, free.samples[ball_time[free.samples] >= time]
         if len(kept) < TAIL:
             raise ValueError(f"only {len(kept)} samples of the flight after the release at {time:.3f} s, need {TAIL}")
         if np.array_equal(kept, fitted):
-            fit, near = _followed(fit, time), time
+            fit, near = followed(fit, time), time
         else:
-            fit, near = _followed(_fit_about_the_middle(ball_time[kept], ball_position[kept], ball, fit), time), time
+            fit, near = followed(fit_about_the_middle(ball_time[kept], ball_position[kept], ball, fit), time), time
     if distance > ball.radius:
         raise ValueError(
             f"the flight passes the grip point at {1e3 * distance:.0f} mm: it did not start in this hand;"
             " check grip_offset and that hand and ball are given in one frame"
         )
-    return Release(time, uncertainty, fit.position, fit.velocity, distance, fit)
-
-
-def find_flight(time: np.ndarray, position: np.ndarray, ball: Ball = TENNIS_BALL, noise: float = NOISE) -> FreeFlight | None:
-    """The first free flight in samples (n,), (n, 3), or None.
-
-    Every window of ten samples is fitted; runs of windows that fly freely are candidates. The first one
-    that is at least half as long as the longest is refitted and grown over its neighbours, skipping up to
-    two outliers. A flight that is not this ball's is fitted with a drag of its own: `fit.ball` says which.
-    """
-    runs = _flying_runs(time, position, ball, 10.0 * noise)
-    if not runs:
-        return None
-    longest = max(last - first for first, last, _ in runs)
-    first, last, near = next(run for run in runs if run[1] - run[0] >= 0.5 * longest)
-    samples = np.arange(first, last)
-    fit = _fit_about_the_middle(time[samples], position[samples], ball, near)
-    if fit.residual > ANOTHER_BALL * noise:
-        ball = _ball_that_flies_so(time[samples], position[samples], ball)
-        fit = _fit_about_the_middle(time[samples], position[samples], ball, fit)
-    for _ in range(20):
-        spread = np.sqrt(np.mean(fit.residuals**2))
-        tolerance = np.clip(4.0 * spread, 5.0 * noise, 15.0 * noise)
-        within = slice(max(0, samples[0] - GROWTH), samples[-1] + 1 + GROWTH)
-        close = np.zeros(len(time), dtype=bool)
-        close[within] = np.linalg.norm(position[within] - fit.at(time[within])[0], axis=1) < tolerance
-        grown = _grow(close, samples)
-        if np.array_equal(grown, samples):
-            break
-        samples = grown
-        fit = _fit_about_the_middle(time[samples], position[samples], ball, fit)
-    return FreeFlight(samples, _followed(fit, float(time[samples[0]])))
-
-
-def _fit_about_the_middle(time: np.ndarray, position: np.ndarray, ball: Ball, near: FlightFit | None) -> FlightFit:
-    """A fit whose state is that at the middle sample: half as far to go to either end."""
-    return fit_flight(time, position, ball, at=float(time[len(time) // 2]), near=near)
-
-
-def _ball_that_flies_so(time: np.ndarray, position: np.ndarray, ball: Ball) -> Ball:
-    """The ball with the drag that explains a flight best, up to four times its own: nobody may have said that it is another one."""
-
-    def misfit(scale: float) -> float:
-        return fit_flight(time, position, replace(ball, drag_coefficient=scale * ball.drag_coefficient)).residual
-
-    best = scipy.optimize.minimize_scalar(misfit, bounds=(0.0, 4.0), method="bounded", options={"xatol": 0.01}).x
-    return replace(ball, drag_coefficient=float(best) * ball.drag_coefficient)
-
-
-def _flying_runs(time: np.ndarray, position: np.ndarray, ball: Ball, tolerance: float) -> list[tuple[int, int, FlightFit]]:
-    """Index ranges [first, last) of consecutive windows whose samples are a free flight, with the fit of a window in the middle."""
-    if len(time) < WINDOW:
-        return []
-    windows = np.lib.stride_tricks.sliding_window_view(time, WINDOW)
-    points = np.moveaxis(np.lib.stride_tricks.sliding_window_view(position, WINDOW, axis=0), -1, 1)
-    flying = windows[:, -1] - windows[:, 0] < MAX_WINDOW
-    start, velocity, misfit = fit_flights(windows[flying] - windows[flying, :1], points[flying], ball, accuracy=ROUGHLY)
-    at = np.cumsum(flying) - 1  # of a window that was fitted, its place among these
-    flying[flying] = np.max(misfit, axis=1) < tolerance
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flying.astype(int), [0]])))
-
-    def middle(first: int, last: int) -> FlightFit:
-        window = (first + last) // 2
-        return FlightFit(time[window], start[at[window]], velocity[at[window]], misfit[at[window]], ball)
-
-    return [(first, last + WINDOW - 1, middle(first, last)) for first, last in edges.reshape(-1, 2)]
-
-
-def _grow(near: np.ndarray, samples: np.ndarray) -> np.ndarray:
-    """Indices of the samples near the flight, contiguous but for gaps of at most two outliers."""
-    inside = np.flatnonzero(near)
-    if len(inside) < WINDOW:
-        return samples
-    pieces = np.split(inside, np.flatnonzero(np.diff(inside) > 3) + 1)
-    middle = np.median(samples)
-    return min(pieces, key=lambda piece: 0 if piece[0] <= middle <= piece[-1] else abs(np.median(piece) - middle))
+    return Release(time, uncertainty, fit.position, fit.velocity, distance, seen, fit)
 
 
 def _tracked_to(free: FreeFlight, time: np.ndarray, crossing: float) -> bool:
@@ -248,7 +165,7 @@ def _ends_in_basket(time: np.ndarray, position: np.ndarray, rim: np.ndarray, rad
         return False
     tail, points = time[-TAIL:], position[-TAIL:]
     fit = fit_flight(tail, points, ball, at=tail[-1])
-    if np.max(fit.residuals) > 10.0 * noise:
+    if np.max(fit.residuals) > tolerance(noise):
         return False
     crossing = landing(fit.position, fit.velocity, rim[2], ball)
     return bool(crossing.time <= MAX_UNSEEN and np.linalg.norm(crossing.position[:2] - rim[:2]) < radius)
@@ -261,12 +178,6 @@ def _nearest_approach(fit: FlightFit, hand_time: np.ndarray, grip: np.ndarray) -
         raise ValueError(f"no hand samples within 0.3 s before the flight at {fit.time:.3f} s: the hand was occluded")
     path, _ = fit.at(hand_time[around])
     return hand_time[around][np.argmin(np.linalg.norm(path - grip[around], axis=1))]
-
-
-def _followed(fit: FlightFit, time: float) -> FlightFit:
-    """The same flight with its state at another instant."""
-    position, velocity = fit.state_at(time)
-    return replace(fit, time=time, position=position, velocity=velocity)
 
 
 def _parting(fit: FlightFit, hand_time: np.ndarray, grip: np.ndarray, near: float, judged: bool) -> tuple[float, float, float]:
@@ -322,18 +233,6 @@ def _root_deviation(coefficients: np.ndarray, misfit: np.ndarray, inverse: np.nd
     order = np.arange(1, len(coefficients))
     slope = np.linalg.norm((order[1:] * order[:-1] * root ** (order[:-1] - 1.0)) @ coefficients[2:])
     return sigma * np.linalg.norm((order * root ** (order - 1.0)) @ inverse[1:]) / max(slope, 1e-12)
-
-
-def _grip_path(time: np.ndarray, position: np.ndarray, quaternion: np.ndarray, grip_offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Time (m,) and position (m, 3) of the grip point."""
-    time, position = check_samples("hand", time, position, least=8)
-    quaternion = check_unit_quaternions("hand", quaternion, len(time))
-    offset = np.asarray(grip_offset, dtype=float)
-    if offset.shape != (3,) or not np.all(np.isfinite(offset)):
-        raise ValueError(f"grip_offset must be a finite (3,) point in the hand frame, got {grip_offset}")
-    axis, scalar = quaternion[:, :3], quaternion[:, 3:]
-    twist = 2.0 * np.cross(axis, offset)
-    return time, position + offset + scalar * twist + np.cross(axis, twist)
 
 
 def _check_rim(rim: ArrayLike, radius: float) -> np.ndarray:

@@ -91,12 +91,16 @@ class SkillLearner(Node):
             response.success, response.message = False, str(error)
             self.get_logger().error(f"nothing learned: {error}")
             return response
-        skill = self._skill.skill
-        response.success, response.demonstrations, response.model_id = True, len(heard), skill.model_id
-        response.message = (
-            f"learned from {len(heard)} demonstrations with '{skill.configuration.name}'; "
-            f"the hand opens {1e3 * skill.hand_delay:.0f} ms after it is told to"
-        )
+        skill, practice = self._skill.skill, self._skill.practice
+        response.success, response.demonstrations, response.model_id = True, len(practice.demonstrations), skill.model_id
+        said = [
+            f"learned from {response.demonstrations} demonstrations with '{skill.configuration.name}'",
+            f"the hand opens {1e3 * skill.hand_delay:.0f} ms after it is told to",
+            *(f"left out: {reason}" for reason in practice.kept_out.values()),
+        ]
+        response.message = "; ".join(said)
+        for reason in practice.kept_out.values():
+            self.get_logger().warning(f"left out: {reason}")
         return response
 
     def _take(self, demonstrations: list, chosen, practised=None) -> None:

@@ -182,3 +182,23 @@ def test_impossible_thresholds_are_refused(options, message):
 def test_unusable_recordings_are_refused(time, positions, message):
     with pytest.raises(ValueError, match=message):
         VelocityThreshold().segment(time, positions)
+
+
+@pytest.mark.parametrize("noise", [3e-4, 1e-3, 2e-3, 5e-3])
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_that_the_samples_show_neither_begins_nor_prolongs_a_motion(noise, seed):
+    (segment,) = VelocityThreshold().segment(*recording([(1.0, 0.8, 1.0)], seed=seed, noise=noise))
+    start, stop = crossings(1.0, 0.8, 1.0, 0.3, 0.1)
+    assert segment.motion_start == pytest.approx(start, abs=0.05 + 10 * noise)
+    assert segment.motion_stop == pytest.approx(stop, abs=0.05 + 10 * noise)
+
+
+def test_only_the_motion_that_is_wanted_must_be_over():
+    """The arm is moved again before the recording ends: the throw before it is whole."""
+    time, positions = recording([(0.8, 0.6, 1.0), (2.6, 1.0, -1.0)], end=3.0)
+    with pytest.raises(ValueError, match="never falls below"):
+        VelocityThreshold().segment(time, positions)
+    (segment,) = VelocityThreshold().segment(time, positions, instant=1.1)
+    assert segment.contains(1.1)
+    with pytest.raises(ValueError, match="never falls below"):
+        VelocityThreshold().segment(time, positions, instant=2.8)

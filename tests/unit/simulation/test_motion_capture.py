@@ -335,3 +335,42 @@ def test_bad_frames_are_refused_by_name():
         system.observe(0, 0, good, capsules=(np.zeros((1, 3)), np.ones(1)))
     with pytest.raises(ValueError, match="looks straight"):
         Camera([0.0, 0.0, 3.0], [0.0, 0.0, 0.0])
+
+
+def clean(**faults):
+    """A system without noise and dropouts, but with these faults."""
+    return MotionCapture({**QUIET, "noise": 0.0, "calibration_error": 0.0, **faults}, seed=4)
+
+
+def poses(system):
+    return {one.name: one for one in system.observe(0, 0, scene())}
+
+
+def test_the_ball_alone_has_a_noise_and_an_offset_of_its_own():
+    system = clean(ball_noise=1e-3)
+    samples = [one for frame in run(system, 300) for one in frame]
+    spread = {name: np.std([one.position for one in samples if one.name == name], axis=0) for name in system.config.bodies}
+    assert spread["ball"] == pytest.approx(1e-3, rel=0.2) and spread["hand"].max() < 1e-12
+    off = {name: one.position - scene()[name][0] for name, one in poses(clean(ball_offset=3e-3)).items()}
+    assert np.linalg.norm(off["ball"]) == pytest.approx(3e-3) and np.abs(off["hand"]).max() < 1e-12
+
+
+def test_the_axes_of_the_hand_can_be_turned_and_nothing_else_is():
+    seen = poses(clean(hand_turn=0.02))
+    turn = Rotation.from_quat(scene()["hand"][1]).inv() * Rotation.from_quat(seen["hand"].quaternion)
+    assert turn.magnitude() == pytest.approx(0.02)
+    np.testing.assert_array_equal(seen["basket"].quaternion, IDENTITY)
+
+
+def test_another_world_of_the_cameras_turns_and_shifts_all_bodies_alike():
+    seen, true = poses(clean(registration_turn=0.01, registration_shift=0.005)), scene()
+    turn = Rotation.from_quat(seen["basket"].quaternion)
+    assert turn.magnitude() == pytest.approx(0.01)
+    shifts = [one.position - turn.apply(true[name][0]) for name, one in seen.items()]
+    np.testing.assert_allclose(shifts, np.tile(shifts[0], (3, 1)), atol=1e-12)
+    assert np.linalg.norm(shifts[0]) == pytest.approx(0.005)
+
+
+def test_stamps_of_receipt_are_late_and_messages_are_not():
+    late, usual = poses(clean(stamp_delay=0.012))["hand"], poses(clean())["hand"]
+    assert late.stamp_ns - usual.stamp_ns == 12_000_000 and late.publish_ns == usual.publish_ns

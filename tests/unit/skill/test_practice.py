@@ -7,7 +7,7 @@ import pytest
 
 from dart_skill.skill.improve import PracticeSettings
 from dart_skill.skill.improve._practice import Practice
-from dart_skill.skill.learn import DEFAULT, learn
+from dart_skill.skill.learn import DEFAULT, learn, prepare
 
 
 def trial_like(demonstration, name, **changes):
@@ -117,3 +117,30 @@ def test_a_trial_that_cannot_be_learned_from_is_taken_back_and_may_be_tried_agai
     practice.withdraw("trial_1", "no covariance")
     assert practice.demonstrations == demonstrations[:-1] and practice.kept_out == {"trial_1": "no covariance"}
     assert practice.add(trial).kept
+
+
+def test_demonstrations_that_cannot_be_read_are_left_out_by_name_and_the_rest_are_learned(demonstrations):
+    blind = replace(demonstrations[1], id="blind", ball_time=np.empty(0), ball_position=np.empty((0, 3)))
+    elsewhere = replace(demonstrations[2], id="elsewhere", hand_position=demonstrations[2].hand_position + [0.0, 0.0, 0.5])
+    practice = Practice([demonstrations[0], blind, elsewhere, *demonstrations[3:]])
+    assert practice.learn().model_id == learn([demonstrations[0], *demonstrations[3:]]).model_id
+    assert set(practice.kept_out) == {"blind", "elsewhere"}
+    assert "blind" in practice.kept_out["blind"] and "did not start in this hand" in practice.kept_out["elsewhere"]
+
+
+def test_where_too_few_can_be_read_all_reasons_are_told(demonstrations):
+    broken = [replace(one, id=f"broken_{k}", hand_position=one.hand_position + [0.0, 0.0, 0.5]) for k, one in enumerate(demonstrations[:3])]
+    with pytest.raises(ValueError, match="1 demonstrations are too few.*broken_0.*broken_1"):
+        Practice([demonstrations[3], *broken[:2]]).learn()
+
+
+def test_a_delay_that_no_hand_can_have_is_none(demonstrations):
+    """Clocks that disagree, or a button pressed seconds before: such a number never reaches a plan."""
+    one = demonstrations[0]
+    for off in (-0.2, 0.1, 1.0):
+        odd = replace(one, hand_opened=one.hand_opened - off)
+        seen = prepare(odd, DEFAULT).hand_delay
+        assert (0.0 <= seen <= 0.3) if off == 0.1 else np.isnan(seen)
+    skill = learn([replace(one, hand_opened=one.hand_opened + 0.2) for one in demonstrations])
+    plan = skill.plan(demonstrations[2].target)
+    assert skill.hand_delay == 0.0 and plan.open_hand == pytest.approx(plan.release)
