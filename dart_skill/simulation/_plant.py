@@ -22,10 +22,30 @@ from dart_skill.constants import AIR_DENSITY, N_JOINTS
 from dart_skill.robot import Actuation, ArmState, Ball, Command, Grip, WamDescription, check_command, wam_description, write_urdf
 from dart_skill.simulation._basket import Basket, basket_urdf
 from dart_skill.simulation._board import DART, Board
+from dart_skill.simulation._transmission import Encoders, Transmission
 
 HAND_LINK_INDEX = N_JOINTS
 JOINTS = list(range(N_JOINTS))
 ZEROS = [0.0] * N_JOINTS
+OF_EACH_JOINT = ("start_posture", "mass_scale", "joint_stiffness", "joint_offset")
+OF_THE_PLANT = (
+    "gravity_error",
+    "friction_scale",
+    "stiction",
+    "motor_scale",
+    "base_turn",
+    "hand_delay",
+    "hand_spread",
+    "ball_mass_scale",
+    "ball_drag_scale",
+    "encoder_step",
+    "speed_filter",
+    "command_delay",
+    "seat_spread",
+    "release_turn",
+    "release_speed",
+)
+"""Parameters of the simulator that are settings of the plant."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +61,16 @@ class PlantSettings:
     * hand_delay, hand_spread: mean and standard deviation of the time from the command to the ball being free [s].
     * hand_clearance: a released ball that is farther from the hand than this can touch the hand again [m].
     * basket: where balls are thrown.
-    * ball_mass_scale: factor on the mass of the ball.
+    * ball_mass_scale, ball_drag_scale: factors on the mass and on the drag of the ball.
+    * mass_scale: factors on the masses of the links (7,).
+    * stiction: what static friction is more than Coulomb friction, as a share of it.
+    * joint_stiffness: of the cables between motors and links (7,) [N m/rad]; all 0: rigid. Encoders sit on the motors.
+    * joint_offset: what the encoders read too high (7,) [rad].
+    * encoder_step: of an angle [rad]; 0: none.
+    * speed_filter: corner of the low-pass on the speeds [rad/s]; 0: speeds are exact.
+    * command_delay: control periods until a command acts.
+    * seat_spread: standard deviation of a coordinate of where the ball sits in the hand [m].
+    * release_turn, release_speed: standard deviations of the direction [rad] and of the speed, as a share, with which it leaves the hand.
     * board: where there is one, darts are thrown at it, and there is no basket.
     """
 
@@ -57,6 +86,17 @@ class PlantSettings:
     hand_clearance: float = 0.10
     basket: Basket = Basket()
     ball_mass_scale: float = 1.0
+    ball_drag_scale: float = 1.0
+    mass_scale: tuple[float, ...] = (1.0,) * N_JOINTS
+    stiction: float = 0.0
+    joint_stiffness: tuple[float, ...] = (0.0,) * N_JOINTS
+    joint_offset: tuple[float, ...] = (0.0,) * N_JOINTS
+    encoder_step: float = 0.0
+    speed_filter: float = 0.0
+    command_delay: int = 0
+    seat_spread: float = 0.0
+    release_turn: float = 0.0
+    release_speed: float = 0.0
     board: Board | None = None
 
     @property
@@ -72,11 +112,22 @@ class PlantSettings:
             depth=parameters["basket_depth"],
             restitution=parameters["basket_restitution"],
         )
-        posture = tuple(float(angle) for angle in parameters["start_posture"])
-        if len(posture) != N_JOINTS or not np.isfinite(posture).all():
-            raise ValueError(f"start_posture {posture} is not {N_JOINTS} finite angles")
-        own = ("gravity_error", "friction_scale", "motor_scale", "base_turn", "hand_delay", "hand_spread", "ball_mass_scale")
-        return cls(start_posture=posture, basket=basket, **{name: parameters[name] for name in own})
+        own: dict[str, Any] = {name: tuple(float(value) for value in parameters[name]) for name in OF_EACH_JOINT}
+        return cls(basket=basket, **own, **{name: parameters[name] for name in OF_THE_PLANT})
+
+    def __post_init__(self) -> None:
+        for name in OF_EACH_JOINT:
+            values = getattr(self, name)
+            if len(values) != N_JOINTS or not np.isfinite(values).all():
+                raise ValueError(f"{name} {values} is not {N_JOINTS} finite numbers")
+        if not (min(self.mass_scale) > 0.0):
+            raise ValueError(f"mass_scale {self.mass_scale} must be positive")
+        if min(self.joint_stiffness) < 0.0 or (any(self.joint_stiffness) and not all(self.joint_stiffness)):
+            raise ValueError(f"joint_stiffness {self.joint_stiffness} must be positive for all joints, or 0 for all")
+
+    @property
+    def elastic(self) -> bool:
+        return any(self.joint_stiffness)
 
 
 @dataclass(frozen=True)
@@ -109,7 +160,7 @@ class PlantState:
 
     @property
     def arm(self) -> ArmState:
-        """What the arm's own encoders see of it."""
+        """What exact encoders would say of it."""
         return ArmState(self.stamp_ns, self.position, self.velocity)
 
 
@@ -123,12 +174,10 @@ class Plant:
         self.settings = settings or PlantSettings()
         self.description = description or wam_description()
         self._seed = seed
-        self._actuation = Actuation(self.description, self.settings.friction_scale, self.settings.motor_scale)
         self._reflected = self.description.motors.reflected_inertia
-        self._urdf = _unseen(write_urdf(self.description))
         self._world = _connect()
-        self._empty_arm = _DynamicsOnly(self.description, ball_in_hand=False)
-        self._loaded_arm = _DynamicsOnly(self._with_its_ball(), ball_in_hand=True)
+        self._nominal_arm = _DynamicsOnly(self.description, ball_in_hand=False)
+        self._build_arm()
         self._basket = self._place_of_target()
         self._changed: PlantSettings | None = None
         self._held: int | None = None  # the constraint between hand and ball
@@ -137,10 +186,29 @@ class Plant:
         self._stamp_ns = 0
         self.reset()
 
-    def _with_its_ball(self) -> WamDescription:
-        """The description with the mass that the ball really has here."""
-        ball, scale = self._projectile, self.settings.ball_mass_scale
-        return replace(self.description, ball=replace(ball, mass=scale * ball.mass, inertia=scale * ball.inertia))
+    def _build_arm(self) -> None:
+        """What the settings make of the arm: its motors, encoders and cables, and its dynamics with and without the ball."""
+        s = self.settings
+        self._actuation = Actuation(self.description, s.friction_scale, s.motor_scale, s.stiction)
+        self._encoders = Encoders(np.array(s.joint_offset), s.encoder_step, s.speed_filter, s.step)
+        stiffness = np.array(s.joint_stiffness)
+        self._transmission = Transmission(stiffness, self._reflected, self._actuation) if s.elastic else None
+        real = self._as_built()
+        self._urdf = _unseen(write_urdf(real))
+        self._empty_arm = self._nominal_arm if real is self.description else _DynamicsOnly(real, ball_in_hand=False)
+        ball, scale = self._projectile, s.ball_mass_scale
+        loaded = replace(real, ball=replace(ball, mass=scale * ball.mass, inertia=scale * ball.inertia))
+        self._loaded_arm = _DynamicsOnly(loaded, ball_in_hand=True)
+
+    def _as_built(self) -> WamDescription:
+        """The description with the masses that the links really have."""
+        if self.settings.mass_scale == (1.0,) * N_JOINTS:
+            return self.description
+        links = [
+            replace(link, mass=scale * link.mass, inertia=scale * link.inertia)
+            for link, scale in zip(self.description.links_urdf, self.settings.mass_scale, strict=True)
+        ]
+        return replace(self.description, links_urdf=tuple(links))
 
     @property
     def description_of_load(self) -> WamDescription:
@@ -156,7 +224,7 @@ class Plant:
 
     def close(self) -> None:
         """Disconnect from PyBullet."""
-        for client in (self._world, self._empty_arm.client, self._loaded_arm.client):
+        for client in {self._world, self._nominal_arm.client, self._empty_arm.client, self._loaded_arm.client}:
             client.disconnect()
 
     def reset(self, basket: np.ndarray | None = None) -> PlantState:
@@ -169,9 +237,15 @@ class Plant:
         self._stamp_ns += self.settings.reset_ns
         self._step_count = 0
         self._rng = np.random.default_rng([self._seed, self._episode])
+        self._scatter = np.random.default_rng([self._seed, self._episode, 1])
         self._build_world()
         self._grip_ball()
         self._effort = np.zeros(N_JOINTS)
+        self._commands: list[Command] = []
+        self._encoders.reset()
+        if self._transmission is not None:
+            start = np.array(self.settings.start_posture)
+            self._transmission.rest(start, self._loaded_arm.bias(list(start), ZEROS))
         self._observe()
         return self.state
 
@@ -188,9 +262,10 @@ class Plant:
             return
         self.settings = self._changed
         self._changed = None
-        self._actuation = Actuation(self.description, self.settings.friction_scale, self.settings.motor_scale)
         self._loaded_arm.client.disconnect()
-        self._loaded_arm = _DynamicsOnly(self._with_its_ball(), ball_in_hand=True)
+        if self._empty_arm is not self._nominal_arm:
+            self._empty_arm.client.disconnect()
+        self._build_arm()
 
     def place_basket(self, position: np.ndarray) -> None:
         """Put the basket, centre of its rim at position (3,), without touching anything else."""
@@ -207,10 +282,12 @@ class Plant:
         answers = [answer for answer in (command, push) if answer is not None]
         for answer in answers:
             check_command(answer, self._stamp_ns)
-        for answer in answers:
-            self._obey_grip(answer.grip)
+        acting = self._delayed(command)
+        self._obey_grip(acting.grip)
+        if push is not None:
+            self._obey_grip(push.grip)
         self._let_go_when_due()
-        self._drive(command, push)
+        self._drive(acting, push)
         self._act_on_ball()
         self._world.stepSimulation()
         self._stamp_ns += self.settings.step_ns
@@ -222,22 +299,39 @@ class Plant:
 
     # the arm
 
+    def _delayed(self, command: Command) -> Command:
+        """The command that acts now; none in the first periods of an episode, if commands act later."""
+        if not self.settings.command_delay:
+            return command
+        self._commands.append(command)
+        if len(self._commands) <= self.settings.command_delay:
+            return Command(command.stamp_ns)
+        return self._commands.pop(0)
+
     def _drive(self, command: Command, push: Command | None) -> None:
-        q, velocity = self._q, self._velocity
-        asked = command.joint_torque + self._in_joints(q, command.wrench)
-        asked += (1.0 - self.settings.gravity_error) * self._empty_arm.bias(q, ZEROS)
-        self._effort = self._actuation.deliverable(asked, velocity)
-        outside = 0.0 if push is None else push.joint_torque + self._in_joints(q, push.wrench)
+        q, seen = self._q, self._seen_q
+        motors = self._velocity if self._transmission is None else self._transmission.velocity
+        asked = command.joint_torque + self._in_joints(self._nominal_arm, seen, command.wrench)
+        asked += (1.0 - self.settings.gravity_error) * self._nominal_arm.bias(seen, ZEROS)
+        self._effort = self._actuation.deliverable(asked, motors)
+        outside = 0.0 if push is None else push.joint_torque + self._in_joints(self._empty_arm, q, push.wrench)
         arm = self._loaded_arm if self._held is not None else self._empty_arm
         inertia, bias = arm.inertia(q), arm.bias(q, self._qd)
-        net = self._effort + outside - bias
-        acceleration = self._actuation.acceleration(inertia + self._reflected, net, velocity, self.settings.step)
+        acceleration = self._acceleration(inertia, outside, bias)
         torque = inertia @ acceleration + bias
         self._world.setJointMotorControlArray(self._arm, JOINTS, pybullet.TORQUE_CONTROL, forces=torque.tolist())
 
-    def _in_joints(self, q: list[float], wrench: np.ndarray) -> np.ndarray | float:
+    def _acceleration(self, inertia: np.ndarray, outside: np.ndarray | float, bias: np.ndarray) -> np.ndarray:
+        """Of the joints (7,) in this step, under the motors' effort and what acts from outside."""
+        velocity, step = self._velocity, self.settings.step
+        if self._transmission is not None:
+            return self._transmission.advance(self._position, velocity, inertia, self._effort, outside - bias, step)
+        return self._actuation.acceleration(inertia + self._reflected, self._effort + outside - bias, velocity, step)
+
+    @staticmethod
+    def _in_joints(arm: "_DynamicsOnly", q: list[float], wrench: np.ndarray) -> np.ndarray | float:
         """A wrench at the hand as joint torques (7,); nothing for none, which spares the Jacobian of an arm that is held."""
-        return self._empty_arm.jacobian(q).T @ wrench if wrench.any() else 0.0
+        return arm.jacobian(q).T @ wrench if wrench.any() else 0.0
 
     # the hand and the ball
 
@@ -266,6 +360,19 @@ class Plant:
         if self._just_freed:
             self._world.removeConstraint(self._held)
             self._held, self._free_at = None, None
+            self._scatter_release()
+
+    def _scatter_release(self) -> None:
+        """The fingers give the ball another direction and speed than the hand has."""
+        s = self.settings
+        if not (s.release_turn or s.release_speed):
+            return
+        turn, share = s.release_turn * self._scatter.standard_normal(3), 1.0 + s.release_speed * self._scatter.standard_normal()
+        linear, angular = (np.array(part) for part in self._world.getBaseVelocity(self._ball))
+        angle = float(np.linalg.norm(turn))
+        axis = turn / angle if angle else turn
+        quaternion = np.append(np.sin(angle / 2) * axis, np.cos(angle / 2))
+        self._world.resetBaseVelocity(self._ball, (share * _rotate(quaternion, linear)).tolist(), angular.tolist())
 
     def _act_on_ball(self) -> None:
         """Drag; and half the gravity in the first free step, which makes PyBullet's Euler steps a leapfrog, exact for a parabola."""
@@ -274,7 +381,8 @@ class Plant:
         ball = self._projectile
         velocity = np.array(self._ball_velocity)
         area = np.pi * ball.radius**2
-        force = -0.5 * AIR_DENSITY * ball.drag_coefficient * area * np.linalg.norm(velocity) * velocity
+        drag = self.settings.ball_drag_scale * ball.drag_coefficient
+        force = -0.5 * AIR_DENSITY * drag * area * np.linalg.norm(velocity) * velocity
         if self._just_freed:
             force[2] += 0.5 * self._ball_mass * self.description.gravity
         self._world.applyExternalForce(self._ball, -1, force.tolist(), list(self._ball_position), pybullet.WORLD_FRAME)
@@ -307,6 +415,8 @@ class Plant:
     def _grip_ball(self) -> None:
         hand = self._world.getLinkState(self._arm, HAND_LINK_INDEX, computeForwardKinematics=1)
         centre = self.description.hand.ball_centre
+        if self.settings.seat_spread:
+            centre = centre + self.settings.seat_spread * self._scatter.standard_normal(3)
         position = np.array(hand[4]) + _rotate(np.array(hand[5]), centre)
         self._world.resetBasePositionAndOrientation(self._ball, position.tolist(), hand[5])
         offset, turn = _in_principal_axes(hand, centre)
@@ -339,10 +449,19 @@ class Plant:
         joints = self._world.getJointStates(self._arm, JOINTS)
         self._q, self._qd = [joint[0] for joint in joints], [joint[1] for joint in joints]
         self._position, self._velocity = np.array(self._q), np.array(self._qd)
+        self._read_encoders()
         hand = self._world.getLinkState(self._arm, HAND_LINK_INDEX, computeForwardKinematics=1)
         self._hand_position, self._hand_quaternion = np.array(hand[4]), np.array(hand[5])
         self._ball_position, self._ball_quaternion = self._world.getBasePositionAndOrientation(self._ball)
         self._ball_velocity = self._world.getBaseVelocity(self._ball)[0]
+
+    def _read_encoders(self) -> None:
+        motors = self._transmission
+        at = (self._position, self._velocity) if motors is None else (motors.position, motors.velocity)
+        self._seen_position, self._seen_velocity = self._encoders.read(*at)
+        exact = self._seen_position is self._position
+        self._seen_q = self._q if exact else self._seen_position.tolist()
+        self._seen_qd = self._qd if self._seen_velocity is self._velocity else self._seen_velocity.tolist()
 
     @property
     def state_stamp_ns(self) -> int:
@@ -356,13 +475,13 @@ class Plant:
 
     @property
     def joint_position(self) -> list[float]:
-        """Joint angles now [rad]."""
-        return self._q
+        """Joint angles now, as the encoders report them [rad]."""
+        return self._seen_q
 
     @property
     def joint_velocity(self) -> list[float]:
-        """Joint velocities now [rad/s]."""
-        return self._qd
+        """Joint velocities now, as the driver reports them [rad/s]."""
+        return self._seen_qd
 
     @property
     def joint_effort(self) -> np.ndarray:
@@ -382,7 +501,7 @@ class Plant:
     @property
     def arm_state(self) -> ArmState:
         """The part of the present state that the arm's own sensors tell."""
-        return ArmState(self._stamp_ns, self._position, self._velocity)
+        return ArmState(self._stamp_ns, self._seen_position, self._seen_velocity)
 
     @property
     def state(self) -> PlantState:

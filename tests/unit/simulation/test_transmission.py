@@ -1,0 +1,166 @@
+"""Elastic cables against an independent integration; encoders; and what a plant with faults does."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy
+
+from dart_skill.configuration import node_parameters
+from dart_skill.robot import Actuation, ArmModel, Command, Grip, wam_description
+from dart_skill.simulation import Plant, PlantSettings
+from dart_skill.simulation._transmission import DAMPING_RATIO, Encoders, Transmission
+
+STEP = 0.002
+STIFFNESS = np.array([9000.0, 9000.0, 5000.0, 3000.0, 800.0, 800.0, 200.0])
+REFLECTED = wam_description().motors.reflected_inertia
+INERTIA = np.diag([2.0, 2.5, 0.6, 0.5, 0.03, 0.04, 0.01])
+FRICTIONLESS = Actuation(wam_description(), friction_scale=0.0)
+SETTINGS = PlantSettings.from_parameters(node_parameters("wam_simulator.yaml", "wam_simulator"))
+
+
+@pytest.fixture
+def plants():
+    """Makes plants with changed settings; all are closed."""
+    made = []
+
+    def make(seed=0, **changes):
+        made.append(Plant(replace(SETTINGS, **changes), seed))
+        return made[-1]
+
+    yield make
+    for plant in made:
+        plant.close()
+
+
+def test_motor_and_link_swing_as_two_masses_with_a_spring():
+    """A constant push on the links, integrated by a Runge-Kutta method of order 8."""
+    transmission = Transmission(STIFFNESS, REFLECTED, FRICTIONLESS)
+    push = np.array([4.0, -5.0, 2.0, 1.0, 0.2, -0.2, 0.1])
+    damping = 2.0 * DAMPING_RATIO * np.sqrt(STIFFNESS * np.diag(REFLECTED))
+
+    def rates(_, state):
+        q, theta, v, w = state.reshape(4, 7)
+        spring = STIFFNESS * (theta - q) + damping * (w - v)
+        return np.concatenate([v, w, np.linalg.solve(INERTIA, push + spring), np.linalg.solve(REFLECTED, -spring)])
+
+    q = v = np.zeros(7)
+    for _ in range(100):
+        acceleration = transmission.advance(q, v, INERTIA, np.zeros(7), push, STEP)
+        v = v + STEP * acceleration
+        q = q + STEP * v
+    exact = scipy.integrate.solve_ivp(rates, (0.0, 100 * STEP), np.zeros(28), method="DOP853", rtol=1e-9).y[:, -1].reshape(4, 7)
+    np.testing.assert_allclose(q, exact[0], rtol=0.03, atol=1e-4)
+    np.testing.assert_allclose(v, exact[2], rtol=0.03, atol=2e-3)
+    momentum = INERTIA @ v + REFLECTED @ transmission.velocity
+    np.testing.assert_allclose(momentum, 100 * STEP * push, rtol=1e-9)
+
+
+def test_motors_at_rest_carry_their_load():
+    transmission, load = Transmission(STIFFNESS, REFLECTED, FRICTIONLESS), np.linspace(-30.0, 30.0, 7)
+    q = np.full(7, 0.3)
+    transmission.rest(q, load)
+    np.testing.assert_allclose(transmission.advance(q, np.zeros(7), INERTIA, load, -load, STEP), 0.0, atol=1e-9)
+    np.testing.assert_allclose(STIFFNESS * (transmission.position - q), load)
+
+
+def test_an_elastic_arm_gives_way_by_torque_over_stiffness(plants):
+    """Held by its motors, it hangs lower than its encoders say by what its weight stretches the cables."""
+    plant = plants(joint_stiffness=tuple(STIFFNESS), gravity_error=0.0)
+    for _ in range(300):
+        plant.step(Command(plant.state_stamp_ns))
+    weight = ArmModel(ball_in_hand=True).gravity_torque(plant.state.position)
+    np.testing.assert_allclose(np.array(plant.joint_position) - plant.state.position, weight / STIFFNESS, atol=4e-4)
+
+
+def test_static_friction_holds_more_than_coulomb_friction(plants):
+    """Between the two a joint stays where it is, or slides."""
+    torque = np.zeros(7)
+    torque[0] = 1.25 * wam_description().of_joints("coulomb_friction")[0]
+    moved = {}
+    for stiction in (0.0, 0.5):
+        plant = plants(stiction=stiction, gravity_error=0.0)
+        start = plant.state.position[0]
+        for _ in range(250):
+            plant.step(Command(plant.state_stamp_ns, joint_torque=torque))
+        moved[stiction] = plant.state.position[0] - start
+    assert moved[0.0] > 0.01 and moved[0.5] < 0.2 * moved[0.0]
+
+
+def test_encoders_step_and_shift_angles_and_filter_speeds():
+    offset = np.linspace(-0.005, 0.005, 7)
+    encoders, seen = Encoders(offset, 1e-3, 180.0, STEP), []
+    for k in range(200):
+        seen.append(encoders.read(np.full(7, 0.4 * STEP * k), np.full(7, 0.4)))
+    angle, speed = seen[-1]
+    np.testing.assert_allclose(angle, 0.4 * STEP * 199 + offset, atol=0.5e-3 + 1e-9)
+    np.testing.assert_allclose(np.mean([one[1] for one in seen[-100:]], axis=0), 0.4, rtol=0.03)
+    smooth = Encoders(np.zeros(7), 0.0, 180.0, STEP)
+    speeds = [smooth.read(np.full(7, 0.4 * STEP * k), np.full(7, 0.4))[1][0] for k in range(10)]
+    np.testing.assert_allclose(speeds[1:], 0.4 * (1.0 - np.exp(-180.0 * STEP * np.arange(1, 10))))
+
+
+def test_a_command_acts_as_many_periods_later(plants):
+    torque = np.array([8.0, 0, 0, 0, 0, 0, 0])
+    began = {}
+    for delay in (0, 2):
+        plant = plants(command_delay=delay, gravity_error=0.0)
+        began[delay] = 0
+        while abs(plant.joint_velocity[0]) < 1e-6:
+            plant.step(Command(plant.state_stamp_ns, joint_torque=torque))
+            began[delay] += 1
+    assert began[2] - began[0] == 2
+
+
+def test_masses_that_are_wrong_pull_on_an_arm_whose_compensation_does_not_know(plants):
+    fell = []
+    for scale in (1.0, 1.1):
+        plant = plants(mass_scale=(scale,) * 7, gravity_error=0.0, friction_scale=0.0)
+        for _ in range(50):
+            plant.step(Command(plant.state_stamp_ns))
+        fell.append(plant.state.position[1] - plant.settings.start_posture[1])
+    weight = ArmModel().gravity_torque(np.array(SETTINGS.start_posture))[1]
+    assert -np.sign(weight) * (fell[1] - fell[0]) > 1e-3
+
+
+def released(plant):
+    """Position of the ball in the hand before it is let go, and its velocity just before and after."""
+    plant.reset()
+    state = plant.state
+    seat = np.array(state.ball_position) - state.hand_position
+    push = np.array([6.0, 12.0, 0.0, 5.0, 0.0, 0.0, 0.0])
+    for _ in range(60):
+        plant.step(Command(plant.state_stamp_ns, joint_torque=push))
+    plant.step(Command(plant.state_stamp_ns, joint_torque=push, grip=Grip.OPEN))
+    while plant.state.ball_held:
+        before = plant.state.ball_velocity
+        plant.step(Command(plant.state_stamp_ns, joint_torque=push))
+    return seat, before, plant.state.ball_velocity
+
+
+def test_seat_and_release_scatter_as_set_and_are_the_same_again(plants):
+    plant = plants(seat_spread=0.004, release_turn=0.02, release_speed=0.01, hand_delay=0.004, hand_spread=0.0)
+    thrown = [released(plant) for _ in range(40)]
+    seats = np.array([seat for seat, _, _ in thrown])
+    assert seats.std(axis=0) == pytest.approx([0.004] * 3, rel=0.4)
+    before, after = (np.array([one[k] for one in thrown]) for k in (1, 2))
+    share = np.linalg.norm(after, axis=1) / np.linalg.norm(before, axis=1)
+    cosine = np.einsum("ni,ni->n", before, after) / np.linalg.norm(before, axis=1) / np.linalg.norm(after, axis=1)
+    assert 0.006 < share.std() < 0.03
+    assert np.sqrt(np.mean(np.arccos(np.clip(cosine, -1.0, 1.0)) ** 2)) == pytest.approx(0.02 * np.sqrt(2.0), rel=0.5)
+    again = plants(seat_spread=0.004, release_turn=0.02, release_speed=0.01, hand_delay=0.004, hand_spread=0.0)
+    np.testing.assert_array_equal(released(again)[2], after[0])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"joint_stiffness": (100.0,) * 6 + (0.0,)}, "positive for all joints, or 0 for all"),
+        ({"mass_scale": (1.0,) * 6}, "not 7 finite numbers"),
+        ({"mass_scale": (-1.0,) * 7}, "must be positive"),
+        ({"joint_offset": (np.nan,) * 7}, "not 7 finite numbers"),
+    ],
+)
+def test_settings_that_no_arm_has_are_refused(change, message):
+    with pytest.raises(ValueError, match=message):
+        replace(SETTINGS, **change)
