@@ -12,15 +12,27 @@ from tqdm import tqdm
 
 from dart_skill.regions import REGION, targets_for
 from dart_skill.robot import PlanRefused
-from dart_skill.session import Session
+from dart_skill.session import Session, Trial
+from dart_skill.simulation import FLEET
+from dart_skill.skill.improve import Practice
 from dart_skill.skill.learn import ThrowingSkill, configuration, learn
 
 
 @dataclass(frozen=True)
 class Throw:
-    """One throw at a new basket: miss along and across the throw [m], nan if not seen or not thrown, and why."""
+    """One throw at a new basket.
+
+    * seed: of everything random.
+    * arm: of config/fleet.yaml.
+    * configuration: of the skill.
+    * target: centre of the rim (3,) [m].
+    * along, across: miss in the direction of the throw and to its left [m]; nan if it was not seen or not thrown.
+    * in_basket: whether the ball was in, by the simulator's own word.
+    * note: why it was not thrown, or what the commander said.
+    """
 
     seed: int
+    arm: str
     configuration: str
     target: tuple[float, float, float]
     along: float
@@ -29,35 +41,59 @@ class Throw:
     note: str
 
 
-def run_seed(seed: int, names: tuple[str, ...], demonstrations: int = 13, throws: int = 10) -> list[Throw]:
-    """All throws of one seed: one set of demonstrations, each configuration thrown at the same baskets."""
-    session = Session(seed)
+def run_seed(seed: int, names: tuple[str, ...], demonstrations: int = 13, throws: int = 10, arms: str = "ideal") -> list[Throw]:
+    """All throws of one seed: one set of demonstrations, each configuration thrown at the same baskets.
+
+    arms: name of an arm, or "fleet": every seed draws its own.
+    """
+    arm = f"{FLEET}:{seed}" if arms == FLEET else arms
+    session = Session.on_arm(arm, seed)
     to_demonstrate, to_throw = targets_for(seed, demonstrations, throws)
-    lessons = [session.teach(target)[-1] for target in to_demonstrate]
-    kept = [lesson.demonstration for lesson in lessons if lesson.outcome.in_basket]
-    skills = {name: learn(kept, configuration(name)) for name in names}
-    results = [_throw(session, seed, name, skill, target) for name, skill in skills.items() for target in to_throw]
+    kept = [lesson.demonstration for target in to_demonstrate if (lesson := taught(session, target)) is not None]
+    results = []
+    for name in names:
+        try:
+            skill = Practice(kept, configuration(name)).learn()
+        except ValueError as error:
+            results += [_not_thrown(seed, arm, name, target, str(error)) for target in to_throw]
+            continue
+        results += [_throw(session, seed, arm, name, skill, target) for target in to_throw]
     session.close()
     return results
 
 
-def _throw(session: Session, seed: int, name: str, skill: ThrowingSkill, target: np.ndarray) -> Throw:
+def taught(session: Session, target: np.ndarray) -> Trial | None:
+    """The guided throw that went in, or None: a person who does not get it in, or whom the recorder cannot follow, goes on elsewhere."""
+    try:
+        lesson = session.teach(target)[-1]
+    except ValueError:
+        return None
+    return lesson if lesson.outcome.in_basket else None
+
+
+def _not_thrown(seed: int, arm: str, name: str, target: np.ndarray, why: str) -> Throw:
     x, y, z = (float(value) for value in target)
-    place = (x, y, z)
+    return Throw(seed, arm, name, (x, y, z), np.nan, np.nan, False, why)
+
+
+def _throw(session: Session, seed: int, arm: str, name: str, skill: ThrowingSkill, target: np.ndarray) -> Throw:
+    x, y, z = (float(value) for value in target)
     try:
         trial = session.throw(skill.plan(target))
     except (PlanRefused, ValueError) as error:
-        return Throw(seed, name, place, np.nan, np.nan, False, str(error))
+        return _not_thrown(seed, arm, name, target, str(error))
     direction = target[:2] / np.hypot(*target[:2])
     miss = trial.outcome.landing[:2] - target[:2]
     across = float(miss @ [-direction[1], direction[0]])
-    return Throw(seed, name, place, float(miss @ direction), across, trial.outcome.in_basket, trial.message)
+    return Throw(seed, arm, name, (x, y, z), float(miss @ direction), across, trial.ball_was_in, trial.message)
 
 
-def run(seeds: list[int], names: tuple[str, ...], jobs: int = 1, demonstrations: int = 13, throws: int = 10) -> list[Throw]:
-    """All seeds, `jobs` processes at a time; a progress bar on stderr when it is a terminal."""
+def run(
+    seeds: list[int], names: tuple[str, ...], jobs: int = 1, demonstrations: int = 13, throws: int = 10, arms: str = "ideal"
+) -> list[Throw]:
+    """All seeds, `jobs` processes at a time; a progress bar on stderr when it is a terminal. arms: as in `run_seed`."""
     results = []
-    one = partial(run_seed, names=names, demonstrations=demonstrations, throws=throws)
+    one = partial(run_seed, names=names, demonstrations=demonstrations, throws=throws, arms=arms)
     with ProcessPoolExecutor(jobs) as pool:
         for part in tqdm(pool.map(one, seeds), total=len(seeds), unit="seed", disable=None):
             results += part
@@ -88,6 +124,18 @@ def summarise(results: list[Throw]) -> list[dict]:
     return rows
 
 
+def summary(results: list[Throw]) -> dict:
+    """Throws, those in the basket, and the median and 90 % of the error [m]; a throw that was not seen counts as farther than all."""
+    error = np.array([np.inf if np.isnan(one.along) else np.hypot(one.along, one.across) for one in results])
+    median, p90 = np.quantile(error, [0.5, 0.9], method="higher").tolist() if len(error) else (np.inf, np.inf)
+    seen = {"median_error_m": median, "p90_error_m": p90}
+    return {
+        "thrown": len(results),
+        "in": sum(one.in_basket for one in results),
+        **{name: value if np.isfinite(value) else None for name, value in seen.items()},
+    }
+
+
 def table(results: list[Throw]) -> str:
     """The rows of `summarise` as text, with the reasons of misses below."""
     head = f"{'configuration':<16}{'in':>10}{'median':>9}{'90 %':>8}{'worst':>8}{'along':>15}{'across':>15}   [cm]"
@@ -103,7 +151,7 @@ def table(results: list[Throw]) -> str:
     misses = [r for r in results if not r.in_basket]
     for r in misses[:20]:
         why = r.note or f"{100 * r.along:+.1f} cm along, {100 * r.across:+.1f} cm across"
-        lines.append(f"  missed: {r.configuration}, seed {r.seed}, basket at {np.hypot(*r.target[:2]):.2f} m: {why}")
+        lines.append(f"  missed: {r.configuration}, {r.arm}, seed {r.seed}, basket at {np.hypot(*r.target[:2]):.2f} m: {why}")
     if len(misses) > 20:
         lines.append(f"  and {len(misses) - 20} more")
     return "\n".join(lines)

@@ -35,6 +35,8 @@ from dart_skill.robot._throw_plan import ThrowPlan
 STRETCHED = 0.005
 """Nearer than this to its full reach the arm cannot follow a plan: the elbow may turn over [m]."""
 
+TRACKING = ("joints", "hand", "none")
+
 LONGEST_STOP = 2.0
 """An arm that still creeps after so long, because gravity is compensated badly, is held where it is [s]."""
 
@@ -57,6 +59,8 @@ class CommanderSettings:
 
     * tracking_stiffness, tracking_damping: pull towards the predicted motion on top of the attractor's, per unit mass [1/s^2], [1/s].
     * tracking_stiffness_rotation, tracking_damping_rotation: the same for orientation [1/s^2], [1/s].
+    * tracking: what keeps the arm on the motion that (7.19) predicts: "joints", a servo of the joints, the motion's torques fed forward;
+      "hand", a second pull of the hand; "none", the law alone.
     * friction_compensation: share of the identified joint friction, 0 to 1.
     * approach_speed: fastest joint on the way to the start of a throw [rad/s].
     * settle_speed, settle_time: the arm rests below this joint speed [rad/s], for so long before a throw [s].
@@ -70,6 +74,7 @@ class CommanderSettings:
       is of no use to the ball, and leads through the stretched arm.
     """
 
+    tracking: str
     tracking_stiffness: float
     tracking_damping: float
     tracking_stiffness_rotation: float
@@ -87,13 +92,17 @@ class CommanderSettings:
     joint_margin: float
     follow_time: float
 
+    def __post_init__(self) -> None:
+        if self.tracking not in TRACKING:
+            raise ValueError(f"tracking is '{self.tracking}': choose one of {', '.join(TRACKING)}")
+
     @classmethod
     def from_parameters(cls, parameters: Mapping) -> "CommanderSettings":
         """Settings from the parameters of the commander node."""
         return cls(**{f.name: parameters[f.name] for f in fields(cls)})
 
     @classmethod
-    def configured(cls, **changes: float) -> "CommanderSettings":
+    def configured(cls, **changes: float | str) -> "CommanderSettings":
         """Settings of config/commander.yaml, some of them changed; KeyError names what is no setting."""
         if unknown := set(changes) - {f.name for f in fields(cls)}:
             raise KeyError(f"{', '.join(sorted(unknown))}: no setting of the commander")
@@ -131,6 +140,8 @@ class Commander:
         self._hold: np.ndarray | None = None
         self._requested: ThrowPlan | None = None
         self._opened = False
+        self._expected: tuple[np.ndarray, np.ndarray, np.ndarray, float] | None = None
+        self._braking: tuple[np.ndarray, np.ndarray] | None = None
         self._entered_ns: int | None = 0
         self._last_ns: int | None = None
         self.time, self.tracking_error = float("nan"), float("nan")
@@ -155,7 +166,7 @@ class Commander:
 
     def _begin_throw(self, plan: ThrowPlan, state: ArmState) -> None:
         self._requested = None
-        self._plan, self._references, self._opened = plan, _References(plan), False
+        self._plan, self._references, self._opened, self._expected = plan, _References(plan), False, None
         self._start = state.position.copy()
         way = np.abs(plan.start_posture - self._start).max()
         self._approach = max(0.3, 1.875 * way / self.settings.approach_speed)
@@ -170,7 +181,7 @@ class Commander:
     def stop(self, reason: str) -> None:
         """Bring the arm to a damped stop and hold it; `reason` is kept as the message."""
         self.message, self._requested = reason, None
-        self._mode, self._entered_ns = Mode.STOPPING, None
+        self._mode, self._entered_ns, self._braking = Mode.STOPPING, None, None
 
     def step(self, state: ArmState) -> Command:
         """The command that answers `state`."""
@@ -224,12 +235,41 @@ class Commander:
         if reason := self._limit_broken(state, hand):
             self.stop(reason)
             return self._stopping(state)
+        if self.settings.tracking == "joints":
+            wrench, torque = self._follow(state, impedance, reference)
+        else:
+            acceleration = attractor_acceleration(reference, hand, self._references.gains)
+            if self.settings.tracking == "hand":
+                acceleration += tracking_acceleration(reference, hand, self._tracking)
+            wrench, torque = impedance.act(state.position, state.velocity, acceleration, self._posture(state.position))
+        return Command(state.stamp_ns, self._cut(wrench), torque, self._grip(state))
+
+    def _posture(self, position: np.ndarray) -> np.ndarray:
+        """What the free motion of the arm aims at (7,): the posture of the start, but for the joints that swing."""
+        posture = self._plan.start_posture.copy()
+        posture[[1, 3, 5]] = position[[1, 3, 5]]
+        return posture
+
+    def _follow(self, state: ArmState, impedance: Impedance, reference: Reference) -> tuple[np.ndarray, np.ndarray]:
+        """Wrench (6,) and torque (7,) of the motion that (7.19) makes of the plan on the model of the arm, and a pull of the joints to it.
+
+        The law acts on the model, where nothing is late or noisy; of the arm's own sensors only the joints' servo lives.
+        """
+        q, qd = self._expected_now(state)
+        hand = impedance.model.hand_state(q, qd)
         acceleration = attractor_acceleration(reference, hand, self._references.gains)
         acceleration += tracking_acceleration(reference, hand, self._tracking)
-        posture = plan.start_posture.copy()
-        posture[[1, 3, 5]] = state.position[[1, 3, 5]]
-        wrench, torque = impedance.act(state.position, state.velocity, acceleration, posture)
-        return Command(state.stamp_ns, self._cut(wrench), torque, self._grip(state))
+        wrench, torque, qdd = impedance.moved(q, qd, acceleration, self._posture(q))
+        self._expected = q, qd, qdd, self.time
+        return wrench, torque + self._servo.follow(state.position, state.velocity, q, qd)
+
+    def _expected_now(self, state: ArmState) -> tuple[np.ndarray, np.ndarray]:
+        """Angles and speeds (7,) of the expected motion, which begins at rest where the arm is."""
+        if self._expected is None:
+            return state.position.copy(), np.zeros(N_JOINTS)
+        q, qd, qdd, then = self._expected
+        step = self.time - then
+        return q + step * qd + 0.5 * step**2 * qdd, qd + step * qdd
 
     def _following_through(self, state: ArmState) -> Command:
         return self._come_to_rest(state)
@@ -242,7 +282,11 @@ class Commander:
             self._hold = None
             self._enter(Mode.HOLDING, state)
             return self._holding(state)
-        return Command(state.stamp_ns, joint_torque=self._servo.damp(state.velocity))
+        if self.settings.tracking != "joints":
+            return Command(state.stamp_ns, joint_torque=self._servo.damp(state.velocity))
+        if self._braking is None:
+            self._braking = state.position.copy(), state.velocity.copy()
+        return Command(state.stamp_ns, joint_torque=self._servo.brake(state.position, state.velocity, *self._braking, self.time))
 
     _ANSWERS: Mapping[Mode, Callable[["Commander", ArmState], Command]] = {
         Mode.HOLDING: _holding,
@@ -269,6 +313,7 @@ class Commander:
             self._mode = Mode.HOLDING
 
     def _enter(self, mode: Mode, state: ArmState) -> None:
+        self._braking = None
         self._mode, self._entered_ns, self.time = mode, state.stamp_ns, 0.0
 
     def _joint_command(self, state: ArmState, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> Command:

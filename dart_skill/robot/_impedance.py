@@ -100,6 +100,19 @@ class Impedance:
 
     def act(self, q: np.ndarray, qd: np.ndarray, acceleration: np.ndarray, posture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Wrench (6,) and additional joint torque (7,) that accelerate the hand by `acceleration` (6,), posture (7,) in the null space."""
+        drive = self._drive(q, qd, acceleration, posture)
+        friction = self.friction_torque(qd, drive.total)
+        return drive.wrench, self.model.coriolis_torque(q, qd) + friction + drive.null_torque
+
+    def moved(
+        self, q: np.ndarray, qd: np.ndarray, acceleration: np.ndarray, posture: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What `act` says, and the joint acceleration (7,) that the model then has."""
+        drive = self._drive(q, qd, acceleration, posture)
+        torque = self.model.coriolis_torque(q, qd) + self.friction_torque(qd) + drive.null_torque
+        return drive.wrench, torque, dposv(drive.inertia, drive.total)[1]
+
+    def _drive(self, q: np.ndarray, qd: np.ndarray, acceleration: np.ndarray, posture: np.ndarray) -> "_Drive":
         jacobian, inertia = self.model.jacobian(q), self.model.mass_matrix(q)
         scaled = LENGTHS[:, None] * jacobian
         mobility, directions, _ = dsyev(scaled @ dposv(inertia, scaled.T)[1])
@@ -109,8 +122,17 @@ class Impedance:
         share = np.minimum(mobility / self._least_mobility, 1.0) ** 2
         wrench, disturbing = LENGTHS * (((wanted @ directions) * (share / mobility)) @ directions.T)
         null_torque = inertia @ free - jacobian.T @ disturbing
-        friction = self.friction_torque(qd, jacobian.T @ wrench + null_torque)
-        return wrench, self.model.coriolis_torque(q, qd) + friction + null_torque
+        return _Drive(wrench, null_torque, jacobian.T @ wrench + null_torque, inertia)
+
+
+@dataclass(frozen=True)
+class _Drive:
+    """What accelerates the arm: wrench at the hand (6,), torques in the null space (7,), both as joint torques (7,), inertia (7, 7)."""
+
+    wrench: np.ndarray
+    null_torque: np.ndarray
+    total: np.ndarray
+    inertia: np.ndarray
 
 
 def attractor_acceleration(reference: Reference, hand: HandState, gains: PoseGains) -> np.ndarray:
@@ -134,6 +156,11 @@ class JointServo:
     STIFFNESS = np.array([900.0, 2500.0, 600.0, 500.0, 50.0, 50.0, 8.0])
     DAMPING = np.array([10.0, 20.0, 5.0, 2.0, 0.5, 0.5, 0.05])
     LIMIT = np.array([25.0, 20.0, 15.0, 15.0, 5.0, 5.0, 5.0])
+    FOLLOWING = PoseGains(np.array([360.0, 250.0, 120.0, 50.0, 7.5, 10.0, 1.6]), np.array([10.0, 10.0, 3.5, 2.0, 0.25, 0.35, 0.05]))
+    """Of a motion that is fed forward [N m/rad], [N m s/rad]: parts of the vendor's gains that leave a modulus margin of 0.25 with cables
+    of half the stiffness of config/fleet.yaml, speeds behind a low-pass of 180 rad/s and a delay of a period: docs/fleet.md.
+    """
+    BRAKING_TIME = 0.12
 
     def __init__(self, impedance: Impedance):
         self._impedance = impedance
@@ -144,9 +171,27 @@ class JointServo:
         torque = np.minimum(np.maximum(feedback, -self.LIMIT), self.LIMIT) + self._impedance.friction_torque(qd_wanted)
         return torque + self._impedance.model.mass_matrix(q) @ qdd_wanted if qdd_wanted.any() else torque
 
+    def follow(self, q: np.ndarray, qd: np.ndarray, q_expected: np.ndarray, qd_expected: np.ndarray) -> np.ndarray:
+        """Joint torque (7,) [N m] towards an expected motion whose torques are fed forward."""
+        feedback = self.FOLLOWING.stiffness * (q_expected - q) + self.FOLLOWING.damping * (qd_expected - qd)
+        return np.minimum(np.maximum(feedback, -self.LIMIT), self.LIMIT)
+
     def damp(self, qd: np.ndarray) -> np.ndarray:
-        """Torque (7,) that brings the arm to a damped stop [N m]."""
+        """Torque (7,) that brings an arm to a damped stop whose speeds are told at once [N m]."""
         return np.clip(-2.0 * self.DAMPING * qd, -2.0 * self.LIMIT, 2.0 * self.LIMIT)
+
+    def brake(self, q: np.ndarray, qd: np.ndarray, start: np.ndarray, speed: np.ndarray, time: float) -> np.ndarray:
+        """Torque (7,) [N m] that brings an arm that was at `start` with `speed` (7,) `time` [s] ago to rest: speeds die away together.
+
+        The torque is fed forward, so that no large gain acts on speeds that are measured late.
+        """
+        strongest = 2.0 * self.LIMIT
+        needed = self._impedance.model.mass_matrix(q) @ speed
+        longest = max(self.BRAKING_TIME, float(np.max(np.abs(needed) / strongest)))
+        left = math.exp(-time / longest)
+        expected = start + longest * (1.0 - left) * speed
+        torque = -needed * left / longest + self.follow(q, qd, expected, left * speed)
+        return np.minimum(np.maximum(torque, -strongest), strongest)
 
 
 def minimum_jerk(start: np.ndarray, end: np.ndarray, duration: float, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -5,6 +5,7 @@ Batches of experiments run on it, and a test compares it with the nodes over DDS
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from dart_skill.simulation import (
     PlantState,
     Swing,
     Teacher,
+    arm_named,
 )
 from dart_skill.skill.observe import ARRIVAL_NS, Outcome, ThrowLog, judge_flight
 from dart_skill.surface import game_at
@@ -85,6 +87,26 @@ class Session:
         self._log, self._keep = ThrowLog(), keep_states
         self._frame_steps = round(1e9 / self.capture.config.rate / self.plant.settings.step_ns)
         self.steps = 0
+
+    @classmethod
+    def on_arm(cls, name: str, seed: int = 0, **others: Any) -> "Session":
+        """A session with an arm of config/fleet.yaml, "ideal" or another name, or "fleet:SEED"; others: as of a session."""
+        differs = arm_named(name)
+        unknown = set(differs) - {"wam_simulator", "mock_optitrack", "teacher", "commander"}
+        if unknown:
+            raise ValueError(f"config/fleet.yaml: the arm '{name}' sets parameters of {', '.join(sorted(unknown))}, which no session has")
+
+        def of(file: str, node: str) -> dict[str, Any]:
+            return {**node_parameters(file, node), **differs.get(node, {})}
+
+        others.setdefault("commander", CommanderSettings.from_parameters(of("commander.yaml", "commander")))
+        return cls(
+            seed,
+            PlantSettings.from_parameters(of("wam_simulator.yaml", "wam_simulator")),
+            cameras=MotionCaptureConfig.from_parameters(of("optitrack.yaml", "mock_optitrack")),
+            person=Person.from_parameters(of("teacher.yaml", "teacher")),
+            **others,
+        )
 
     def close(self) -> None:
         """Release PyBullet."""

@@ -10,25 +10,30 @@ from dataclasses import asdict
 def add_to(experiments: argparse._SubParsersAction) -> None:
     """Add `throws` to the experiments of `dart-skill experiment`."""
     throws = experiments.add_parser("throws", help="the main job for several seeds, in process, as a table")
-    throws.add_argument("--seeds", type=int, default=10, help="seeds 0 to N - 1 (default 10)")
+    throws.add_argument("--seeds", type=int, default=10, help="how many seeds (default 10)")
+    throws.add_argument("--first-seed", type=int, default=0, metavar="N", help="the first of them (default 0)")
+    throws.add_argument("--arms", default="ideal", help="an arm of config/fleet.yaml, or fleet: every seed draws its own (default ideal)")
     throws.add_argument("--configurations", default="default", help="names separated by commas (default: default)")
     throws.add_argument("--demonstrations", type=int, default=13)
     throws.add_argument("--throws", type=int, default=10, help="new baskets per seed (default 10)")
     throws.add_argument("--jobs", type=int, default=1, help="processes at a time (default 1)")
-    throws.add_argument("--json", action="store_true", help="every throw as JSON instead of the table")
+    throws.add_argument("--json", action="store_true", help="as JSON: thrown, in, median_error_m, p90_error_m, and every throw")
     throws.set_defaults(run=_throws)
 
 
 def _throws(options: argparse.Namespace) -> int:
     from dart_skill.experiments import throws
+    from dart_skill.simulation import FLEET, arm_named
     from dart_skill.skill.learn import configuration
 
     names = tuple(configuration(name).name for name in options.configurations.split(","))
-    seeds = list(range(options.seeds))
-    results = throws.run(seeds, names, options.jobs, options.demonstrations, options.throws)
+    if options.arms != FLEET:
+        arm_named(options.arms)
+    seeds = list(range(options.first_seed, options.first_seed + options.seeds))
+    results = throws.run(seeds, names, options.jobs, options.demonstrations, options.throws, options.arms)
     if options.json:
         rows = [{k: None if v != v else v for k, v in asdict(result).items()} for result in results]
-        print(json.dumps({"summary": throws.summarise(results), "throws": rows}, indent=1))
+        print(json.dumps({**throws.summary(results), "summary": throws.summarise(results), "throws": rows}, indent=1))
     else:
         print(throws.table(results))
     return 0

@@ -2,13 +2,14 @@
 
 from dart_skill.skill.improve._correction import CorrectionSettings
 from dart_skill.skill.improve._curriculum import Curriculum
-from dart_skill.skill.improve._practice import PracticeSettings
+from dart_skill.skill.improve._practice import Practice, PracticeSettings
 from dart_skill.skill.improve._practising import METHODS, PractisingSkill
 
 __all__ = [
     "CorrectionSettings",
     "Curriculum",
     "METHODS",
+    "Practice",
     "PracticeSettings",
     "PractisingSkill",
 ]

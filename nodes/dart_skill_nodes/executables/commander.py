@@ -31,6 +31,7 @@ from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Par
 
 TABLE = [
     Parameter("frame_id", "frame of targets, plans and wrenches"),
+    Parameter("tracking", "what keeps the arm on the motion that (7.19) predicts: joints, hand or none"),
     Parameter("tracking_stiffness", "pull towards the predicted motion, per unit mass [1/s^2]", 0.0, 10_000.0),
     Parameter("tracking_damping", "its damping [1/s]", 0.0, 400.0),
     Parameter("tracking_stiffness_rotation", "the same for orientation [1/s^2]", 0.0, 10_000.0),

@@ -40,6 +40,10 @@ def cut_out_of() -> str:
     return "|".join(["/joint_states", "/wam/command", "/wam/teacher_wrench", *the_world().pose_topics().values()])
 
 
+CAREFUL = {"tracking": "joints", "friction_compensation": 1.0}
+"""Of the commander of an arm that nobody has measured: no large gain acts on speeds that may be late."""
+
+
 def parameters_of(executable: str, layout: str, seed=0, bag="", played="", rate=1.0) -> dict:
     """What an executable is started with in a layout, by names of parameters; the values may be a launch file's substitutions.
 
@@ -48,6 +52,8 @@ def parameters_of(executable: str, layout: str, seed=0, bag="", played="", rate=
     parameters = {"seed": seed} if executable in SEEDED and layout in SIMULATED else {}
     if executable in ("composed", "demonstration_recorder"):
         parameters["bag"] = bag
+    if layout == "hardware" and executable == "commander":
+        parameters |= CAREFUL
     if layout == "replay" and executable == "demonstration_recorder":
         parameters["automatic"] = True
     if executable == "bag_player":

@@ -29,7 +29,7 @@ class Run:
 
     def step(self):
         state = self.plant.state
-        command = self.commander.step(state.arm)
+        command = self.commander.step(self.plant.arm_state)
         self.plant.step(command)
         self.states.append(state)
         self.commands.append(command)

@@ -1,0 +1,57 @@
+"""Arms to try a skill on: by name, or drawn at random from the ranges of config/fleet.yaml."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from dart_skill.configuration import load_yaml
+
+FLEET = "fleet"
+Arm = dict[str, dict[str, Any]]
+"""Parameters that differ from those of config/, by node."""
+
+
+def arm_names() -> list[str]:
+    """Names of the arms that are not drawn."""
+    return list(load_yaml("fleet.yaml")["arms"])
+
+
+def arm_named(name: str) -> Arm:
+    """An arm of config/fleet.yaml: one of its names, or fleet:SEED for the one that this seed draws. ValueError names what there is."""
+    content = load_yaml("fleet.yaml")
+    family, _, seed = name.partition(":")
+    if family == FLEET and seed.isdecimal():
+        return drawn(content["fleet"], int(seed))
+    if name in content["arms"]:
+        return {node: dict(parameters) for node, parameters in content["arms"][name].items()}
+    raise ValueError(f"no arm '{name}': choose {FLEET}:SEED, as in {FLEET}:3, or one of {', '.join(content['arms'])}")
+
+
+def drawn(ranges: Mapping[str, Mapping[str, Mapping[str, Any]]], seed: int) -> Arm:
+    """Every parameter drawn from its range. Each has a generator of its own, so that a new one changes none of the others."""
+    return {
+        node: {name: _draw(rule, np.random.default_rng([seed, zlib.crc32(f"{node}.{name}".encode())])) for name, rule in rules.items()}
+        for node, rules in ranges.items()
+    }
+
+
+def _draw(rule: Mapping[str, Any], rng: np.random.Generator) -> Any:
+    """One value, or a list of them, by a rule of config/fleet.yaml."""
+    if "choice" in rule:
+        return rule["choice"][int(rng.integers(len(rule["choice"])))]
+    count = rule.get("each", 1)
+    if "between" in rule:
+        low, high = rule["between"]
+        values = rng.uniform(low, high, count)
+    elif "normal" in rule:
+        mean, deviation = rule["normal"]
+        values = rng.normal(mean, deviation, count)
+    else:
+        raise ValueError(f"config/fleet.yaml: {dict(rule)} has none of between, normal, choice")
+    if "times" in rule:
+        values = values * np.array(rule["times"])
+    return values.tolist() if "each" in rule or "times" in rule else float(values[0])
