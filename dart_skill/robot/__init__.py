@@ -6,6 +6,7 @@ from dart_skill.robot._commander import STRETCHED, Commander, CommanderSettings,
 from dart_skill.robot._description import Ball, WamDescription, wam_description
 from dart_skill.robot._impedance import Impedance, PoseGains, Reference, attractor_acceleration, minimum_jerk, rotation_error
 from dart_skill.robot._model import ArmModel
+from dart_skill.robot._registration import Registration
 from dart_skill.robot._throw_plan import Gains, HandPath, ThrowPlan
 from dart_skill.robot._transforms import Transform, fixed_transforms, joint_transforms
 from dart_skill.robot._urdf import write_urdf
@@ -24,6 +25,7 @@ __all__ = [
     "Impedance",
     "Mode",
     "PlanRefused",
+    "Registration",
     "PoseGains",
     "Reference",
     "STRETCHED",

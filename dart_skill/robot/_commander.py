@@ -161,6 +161,7 @@ class Commander:
         """Begin a throw with the next state; PlanRefused if a limit forbids it."""
         if self.throwing or self._mode == Mode.STOPPING:
             raise PlanRefused("a throw is under way, or the arm has not come to rest: wait for it or stop it first")
+        plan = plan.as_the_arm_has_it()
         check_plan(plan, self.settings, self._description)
         self._requested, self.message, self.opened_ns = plan, "", None
 

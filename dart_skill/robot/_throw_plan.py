@@ -1,11 +1,14 @@
 """A planned throw: where the attractor goes, where the hand is expected, when the ball leaves it."""
 
-from dataclasses import dataclass, fields
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 
 from dart_skill.constants import N_JOINTS
+from dart_skill.robot._registration import Registration
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,7 @@ class ThrowPlan:
     * open_hand: time at which the hand is told to open [s].
     * start_posture: joint angles before the throw (7,) [rad].
     * model_id: digest of the model that made the plan, default "".
+    * registration: of the cameras, in whose world all this is, and the arm, which shall do it; default: the two agree.
     """
 
     target: np.ndarray
@@ -79,6 +83,15 @@ class ThrowPlan:
     open_hand: float
     start_posture: np.ndarray
     model_id: str = ""
+    registration: Registration = Registration()
+
+    def as_the_arm_has_it(self) -> ThrowPlan:
+        """The same throw with the motion of the hand as the arm's own kinematics says it; target and landing stay those of the cameras."""
+        if self.registration.is_none:
+            return self
+        position, quaternion = self.registration.poses(self.attractor_position, self.attractor_quaternion)
+        path = self.registration.path(self.path)
+        return replace(self, path=path, attractor_position=position, attractor_quaternion=quaternion, registration=Registration())
 
     def __post_init__(self) -> None:
         n = len(self.path.time)

@@ -22,7 +22,7 @@ from dart_skill.skill.improve._correction import Correction, CorrectionSettings,
 from dart_skill.skill.improve._hand_delay import HandDelay, likely_late
 from dart_skill.skill.improve._practice import Practice, PracticeSettings, Verdict
 from dart_skill.skill.improve._steadiness import LEAST, STEP, Steadiness
-from dart_skill.skill.learn import DEFAULT, SkillConfiguration, ThrowingSkill, prepare
+from dart_skill.skill.learn import DEFAULT, PreparedThrow, SkillConfiguration, ThrowingSkill, prepare
 
 METHODS = ("residual", "bootstrap", "both", "power", "none")
 MIDDLE = 2.0
@@ -118,7 +118,7 @@ class PractisingSkill:
         self._search = PoWER(np.zeros(4), SPREAD, rng=rng or np.random.default_rng(0)) if method == "power" else None
         self._trial: SearchTrial | None = None
         # At a board the release itself is moved, and what the hand's mean delay does there is taken out with it: `steadiness`.
-        self.hand = None if method == "none" or configuration.board else HandDelay(throw.hand_delay for throw in self.skill.throws)
+        self.hand = None if method == "none" or configuration.board else HandDelay(self._delay_of(throw) for throw in self.skill.throws)
         self.steadiness = Steadiness(self._game)
         self.release_shift = 0.0
         self._steady_every = steady_every
@@ -148,14 +148,15 @@ class PractisingSkill:
             seen = prepare(replace(trial, target=plan.target), replace(self.skill.configuration, relabel=True))
         except ValueError as error:
             return Told(False, str(error))
-        late = likely_late(seen.hand_delay - (plan.release - plan.open_hand), seen.release.time_uncertainty)
+        delay = self._delay_of(seen)
+        late = likely_late(delay - (plan.release - plan.open_hand), seen.release.time_uncertainty)
         place, miss = repeatable_miss(plan, seen.task, late, self._game)
         if not np.isfinite(miss).all():
             return Told(False, f"by its plan a ball that leaves the hand {late:.3f} s late comes down nowhere")
         self.steadiness.add((*plan.target, plan.release), late, miss)
         self._n_told += 1
         if self.hand is not None:
-            self.hand.add(seen.hand_delay, seen.release.time_uncertainty)
+            self.hand.add(delay, seen.release.time_uncertainty)
         if explored is not None and self._search is not None:
             self._search.tell(explored, -float(np.linalg.norm(seen.task - plan.target)))
         if self.correction is not None:
@@ -164,6 +165,10 @@ class PractisingSkill:
         # The plan was meant for another place if it was corrected.
         left = self._game.surface.seen_from(plan.target, place, miss)
         return Told(verdict.kept, verdict.reason, left, verdict.forgotten)
+
+    def _delay_of(self, throw: PreparedThrow) -> float:
+        """From the command to the release [s], without that of the cameras' stamps."""
+        return throw.hand_delay - self.skill.registration.delay
 
     @property
     def _skill(self) -> ThrowingSkill:

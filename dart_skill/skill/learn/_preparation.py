@@ -7,13 +7,15 @@ says so, the distance of the target after t. Attractors come from (7.20).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
 from dart_skill.movement import angles_from_quaternions, attractor_from_motion, smooth_derivatives, turn_about_z, turn_matrix
 from dart_skill.recording import Demonstration
-from dart_skill.robot import wam_description
+from dart_skill.robot import ArmModel, wam_description
 from dart_skill.skill.learn._configuration import SkillConfiguration
+from dart_skill.skill.learn._registration import Sightings, sightings
 from dart_skill.skill.observe import FreeFlight, Release, column_noise, find_flight, fit_release, judge_flight, position_noise
 from dart_skill.world import the_world
 
@@ -48,6 +50,7 @@ class PreparedThrow:
     * release: Release, where hand and ball part, on the clock of the demonstration.
     * release_time: float [s], the release on the clock of `time`.
     * start_posture: (7,) [rad], joints before the motion, J1 relative to the azimuth.
+    * sightings: the hand at some instants as cameras and arm say.
     * hand_delay: float [s], time from the command to the release; nan if the command was not seen, or no hand needs so long.
     """
 
@@ -65,6 +68,7 @@ class PreparedThrow:
     release: Release
     release_time: float
     start_posture: np.ndarray
+    sightings: Sightings
     hand_delay: float
 
     @property
@@ -116,8 +120,14 @@ def _prepare(demonstration: Demonstration, configuration: SkillConfiguration) ->
         release=release,
         release_time=float(release.time - shared),
         start_posture=_start_posture(d, azimuth),
+        sightings=sightings(d, _kinematics()),
         hand_delay=_hand_delay(release.time - d.hand_opened),
     )
+
+
+@lru_cache(maxsize=1)
+def _kinematics() -> ArmModel:
+    return ArmModel()
 
 
 def _hand_delay(seen: float) -> float:

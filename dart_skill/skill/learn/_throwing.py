@@ -41,6 +41,7 @@ from dart_skill.robot import Gains, ThrowPlan
 from dart_skill.skill.learn._configuration import DEFAULT, SkillConfiguration
 from dart_skill.skill.learn._course import Course
 from dart_skill.skill.learn._preparation import PreparedThrow, prepare
+from dart_skill.skill.learn._registration import fit_registration
 from dart_skill.skill.learn._release import farthest, hits_along, nearest_step, stretched_at, weights_at
 from dart_skill.skill.learn._task_frames import frames_for
 
@@ -103,6 +104,7 @@ class ThrowingSkill:
 
     * throws: tuple of the demonstrations.
     * release: float [s], mean release on the clock that the demonstrations share.
+    * registration: of cameras and arm, told from the demonstrations.
     * hand_delay: float [s], median time from the command to the release; 0 if no command was seen.
     * width: float [m], width of the Gaussian that weights the demonstrations; 0 if all count alike.
     """
@@ -118,7 +120,8 @@ class ThrowingSkill:
         self.release = float(np.mean([throw.release_time for throw in throws]))
         self._start_pose = np.median([throw.start_pose for throw in throws], axis=0)
         self._posture = np.median([throw.start_posture for throw in throws], axis=0)
-        self.hand_delay = _median_of_seen([throw.hand_delay for throw in throws])
+        self.registration = fit_registration([throw.sightings for throw in throws])
+        self.hand_delay = _median_of_seen([throw.hand_delay - self.registration.delay for throw in throws])
         self.width = configuration.width
         self._whole = None if self._is_local else self._fit(np.ones(len(throws)))
         if configuration.widths:
@@ -352,6 +355,7 @@ class ThrowingSkill:
             open_hand=to_the_nanosecond(max(0.0, release - self.hand_delay)),
             start_posture=self._posture + np.array([np.arctan2(aim[1], aim[0]), 0, 0, 0, 0, 0, 0]),
             model_id=self.model_id,
+            registration=self.registration,
         )
 
 

@@ -1,6 +1,7 @@
 """Between messages and the library's dataclasses. Stamps are integer nanoseconds, quaternions x, y, z, w."""
 
 import struct
+from collections.abc import Sequence
 
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
@@ -9,12 +10,13 @@ from dart_skill_msgs.msg import ThrowPlan as ThrowPlanMsg
 from dart_skill_msgs.msg import TrialOutcome, WamCommand
 from geometry_msgs.msg import Point, PointStamped, PoseStamped, Transform, Twist
 from nav_msgs.msg import Path
+from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
 from dart_skill.recording import Demonstration, demonstration_from_message, fill_demonstration_message
-from dart_skill.robot import ArmState, Command, Gains, Grip, HandPath, ThrowPlan
+from dart_skill.robot import ArmState, Command, Gains, Grip, HandPath, Registration, ThrowPlan
 from dart_skill.skill.observe import Outcome, Release
 
 GIGA = 1_000_000_000
@@ -150,6 +152,9 @@ def plan_msg(plan: ThrowPlan, frame_id: str) -> ThrowPlanMsg:
     message.orientation_damping = plan.orientation_gains.damping
     message.release, message.open_hand = duration_msg(plan.release), duration_msg(plan.open_hand)
     message.start_posture = plan.start_posture
+    seen = plan.registration
+    message.base, message.body = _small_transform(seen.turn, seen.shift), _small_transform(seen.hand_turn, seen.hand_shift)
+    message.camera_delay = duration_msg(seen.delay)
     return message
 
 
@@ -192,7 +197,29 @@ def plan(message: ThrowPlanMsg) -> ThrowPlan:
         open_hand=seconds(message.open_hand),
         start_posture=np.array(message.start_posture),
         model_id=message.model_id,
+        registration=_registration(message),
     )
+
+
+def _small_transform(turn: Sequence[float], shift: Sequence[float]) -> Transform:
+    """A rotation vector (3,) [rad] and a shift (3,) [m] as a transform."""
+    transform = Transform()
+    transform.translation.x, transform.translation.y, transform.translation.z = shift
+    rotation = transform.rotation
+    rotation.x, rotation.y, rotation.z, rotation.w = Rotation.from_rotvec(turn).as_quat().tolist()
+    return transform
+
+
+def _registration(message: ThrowPlanMsg) -> Registration:
+    """Registration of a plan; ValueError if its transforms are none. A plan of a client that sets none has unit quaternions."""
+    parts = []
+    for transform in (message.base, message.body):
+        quaternion = [transform.rotation.x, transform.rotation.y, transform.rotation.z, transform.rotation.w]
+        if not abs(np.linalg.norm(quaternion) - 1.0) < 1e-3:
+            raise ValueError(f"a plan's base and body need unit quaternions, got {quaternion}")
+        shift = transform.translation
+        parts += [tuple(Rotation.from_quat(quaternion).as_rotvec().tolist()), (shift.x, shift.y, shift.z)]
+    return Registration(*parts, delay=seconds(message.camera_delay))
 
 
 def _trajectory(plan: ThrowPlan, frame_id: str) -> MultiDOFJointTrajectory:

@@ -1,0 +1,67 @@
+"""Between what cameras see of the hand and what the arm's own kinematics says of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+if TYPE_CHECKING:
+    from dart_skill.robot._throw_plan import HandPath
+
+ZERO = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Registration:
+    """Where the world of the cameras lies in that of the arm, and the tracked body on the hand.
+
+    The cameras see R = exp(turn) R_arm exp(hand_turn) and p = exp(turn) (p_arm + R_arm hand_shift) + shift where the arm's kinematics says
+    R_arm and p_arm. Turns are rotation vectors.
+
+    * turn, shift: of the arm's base in the world of the cameras [rad], [m].
+    * hand_turn, hand_shift: of the tracked body in the frame of the hand [rad], [m].
+    * delay: of the stamps of the cameras after those of the joints [s].
+    """
+
+    turn: tuple[float, ...] = ZERO
+    shift: tuple[float, ...] = ZERO
+    hand_turn: tuple[float, ...] = ZERO
+    hand_shift: tuple[float, ...] = ZERO
+    delay: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("turn", "shift", "hand_turn", "hand_shift"):
+            value = tuple(float(number) for number in getattr(self, name))
+            if len(value) != 3 or not np.isfinite(value).all():
+                raise ValueError(f"registration.{name} is {value}; it must be three finite numbers")
+            object.__setattr__(self, name, value)
+        if not np.isfinite(self.delay):
+            raise ValueError(f"registration.delay is {self.delay} s; it must be finite")
+
+    @property
+    def is_none(self) -> bool:
+        """Whether cameras and arm agree."""
+        return self == Registration(delay=self.delay)
+
+    def poses(self, position: np.ndarray, quaternion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What the arm says of hands that the cameras see at (n, 3), (n, 4)."""
+        if self.is_none:
+            return position, quaternion
+        back = Rotation.from_rotvec(self.turn).inv()
+        rotation = back * Rotation.from_quat(quaternion) * Rotation.from_rotvec(self.hand_turn).inv()
+        return back.apply(position - np.array(self.shift)) - rotation.apply(self.hand_shift), rotation.as_quat()
+
+    def path(self, path: HandPath) -> HandPath:
+        """A path that the cameras shall see, as the arm's kinematics has it."""
+        if self.is_none:
+            return path
+        back = Rotation.from_rotvec(self.turn).inv()
+        position, quaternion = self.poses(path.position, path.quaternion)
+        arm = Rotation.from_quat(quaternion).apply(self.hand_shift)
+        (v, w), (a, alpha) = ([back.apply(part) for part in (rates[:, :3], rates[:, 3:])] for rates in (path.velocity, path.acceleration))
+        velocity = np.hstack([v - np.cross(w, arm), w])
+        acceleration = np.hstack([a - np.cross(alpha, arm) - np.cross(w, np.cross(w, arm)), alpha])
+        return replace(path, position=position, quaternion=quaternion, velocity=velocity, acceleration=acceleration)
