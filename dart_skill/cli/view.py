@@ -98,10 +98,14 @@ def has_screen() -> bool:
 def run_to_the_end(command: Sequence[str], environment: dict[str, str]) -> int:
     """Run a program and whatever it starts until it ends, or until Ctrl-C or SIGTERM, which is no error; its status, 0 or 1."""
     # Whoever is asked to end ends what it started; a shell may have switched SIGINT off for what runs in the background.
-    before = {number: signal.signal(number, signal.default_int_handler) for number in (signal.SIGINT, signal.SIGTERM)}
+    # A signal that comes while the program starts is kept until there is a process to end.
+    early: list[int] = []
+    before = {number: signal.signal(number, lambda number, _: early.append(number)) for number in (signal.SIGINT, signal.SIGTERM)}
     process = subprocess.Popen(command, env=environment, start_new_session=True)
     try:
-        return int(process.wait() != 0)
+        for number in before:
+            signal.signal(number, signal.default_int_handler)
+        return 0 if early else int(process.wait() != 0)
     except KeyboardInterrupt:
         return 0
     finally:

@@ -1,7 +1,7 @@
 """What the WAM's motors and cables do to a commanded joint torque: peak torque, the motors' torque-speed line, joint friction."""
 
 import numpy as np
-from scipy.linalg.lapack import dposv
+import scipy
 
 from dart_skill.constants import N_JOINTS
 from dart_skill.robot._description import WamDescription
@@ -64,5 +64,5 @@ class Actuation:
             damping = self.damping(reached)
             damped = inertia.copy()
             damped.ravel()[:: N_JOINTS + 1] += step * damping  # the diagonal
-            reached = dposv(damped, momentum)[1]  # symmetric and positive definite
+            reached = scipy.linalg.lapack.dposv(damped, momentum)[1]  # symmetric and positive definite
         return (reached - velocity) / step

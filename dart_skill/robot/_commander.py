@@ -13,7 +13,7 @@ from dataclasses import dataclass, fields
 from enum import Enum
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from dart_skill.configuration import node_parameters
 from dart_skill.constants import N_JOINTS
@@ -366,7 +366,7 @@ def check_plan(plan: ThrowPlan, settings: CommanderSettings, description: WamDes
     model = ArmModel(description)
     position, rotation = model.hand_pose(plan.start_posture)
     offset = float(np.linalg.norm(position - plan.path.position[0]))
-    turn = float(np.linalg.norm(rotation_error(Rotation.from_quat(plan.path.quaternion[0]).as_matrix(), rotation)))
+    turn = float(np.linalg.norm(rotation_error(scipy.spatial.transform.Rotation.from_quat(plan.path.quaternion[0]).as_matrix(), rotation)))
     if offset > 0.05 or turn > 0.3:
         raise PlanRefused(f"the start posture holds the hand {offset:.3f} m and {turn:.2f} rad from where the path begins")
 
@@ -379,7 +379,7 @@ class _References:
         self.gains = PoseGains.of((position.stiffness, position.damping), (orientation.stiffness, orientation.damping))
         self._time = path.time.tolist()
         self._linear = np.hstack([plan.attractor_position, path.position, path.velocity, path.acceleration])
-        turns = [Rotation.from_quat(quaternion) for quaternion in (plan.attractor_quaternion, path.quaternion)]
+        turns = [scipy.spatial.transform.Rotation.from_quat(quaternion) for quaternion in (plan.attractor_quaternion, path.quaternion)]
         self._rotation = np.stack([turn.as_matrix() for turn in turns], axis=1)  # (n, 2, 3, 3)
         # To the second order in the small angle between two instants: R + s K R + s^2 / 2 K K R.
         angle = np.stack([(turn[1:] * turn[:-1].inv()).as_rotvec() for turn in turns], axis=1)

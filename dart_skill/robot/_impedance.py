@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg.lapack import dposv, dsyev
+import scipy
 
 from dart_skill.robot._model import ArmModel, HandState
 
@@ -115,7 +115,8 @@ class Impedance:
     def _drive(self, q: np.ndarray, qd: np.ndarray, acceleration: np.ndarray, posture: np.ndarray) -> "_Drive":
         jacobian, inertia = self.model.jacobian(q), self.model.mass_matrix(q)
         scaled = LENGTHS[:, None] * jacobian
-        mobility, directions, _ = dsyev(scaled @ dposv(inertia, scaled.T)[1])
+        lapack = scipy.linalg.lapack
+        mobility, directions, _ = lapack.dsyev(scaled @ lapack.dposv(inertia, scaled.T)[1])
         free = self._null_stiffness * (posture - q) - self._null_damping * qd
         # One factorisation for both: the wrench, and the part of the free motion that would move the hand.
         wanted = LENGTHS * np.array([acceleration - self.model.jacobian_drift(q, qd), jacobian @ free])

@@ -30,7 +30,7 @@ def _demo(*arguments, **options):
 @pytest.fixture(scope="module")
 def small_demo(tmp_path_factory):
     folder = tmp_path_factory.mktemp("demo") / "run"
-    return _demo("--demonstrations", "4", "--throws", "2", "--seed", "1", "--json", "--output", str(folder)), folder
+    return _demo("--demonstrations", "3", "--throws", "2", "--seed", "1", "--json", "--output", str(folder)), folder
 
 
 def test_the_demo_ends_well_and_prints_nothing_but_json_on_stdout(small_demo):
@@ -54,7 +54,7 @@ def test_the_report_tells_of_this_run(small_demo):
     _, folder = small_demo
     page = (folder / "report.html").read_text(encoding="utf-8")
     summary = json.loads((folder / "summary.json").read_text())
-    assert "Demo: 4 demonstrations, 2 throws" in page and "--seed 1 (default 0)" in page and "skill_learner.yaml" in page
+    assert "Demo: 3 demonstrations, 2 throws" in page and "--seed 1 (default 0)" in page and "skill_learner.yaml" in page
     for throw in summary["throws"]:
         assert f"{throw['landing'][0]:.3f}" in page and f"{100 * throw['error_m']:.1f}" in page
     assert page.count("<svg") == len(PICTURES)
@@ -62,7 +62,7 @@ def test_the_report_tells_of_this_run(small_demo):
 
 def test_progress_is_said_on_stderr(small_demo):
     done, _ = small_demo
-    assert "demonstration 4/4" in done.stderr and "throw 2/2" in done.stderr
+    assert "demonstration 3/3" in done.stderr and "throw 2/2" in done.stderr
 
 
 def test_a_folder_that_holds_a_bag_is_not_overwritten(small_demo):

@@ -45,7 +45,10 @@ def test_a_recorder_that_hears_nothing_does_not_start(make_graph, tmp_path):
 
 def test_a_recorder_that_is_held_up_loses_nothing(make_graph, tmp_path):
     """Whoever must not miss a message needs publishers that keep more than the newest ten until it has them, poses too."""
-    graph, client = make_graph("processes", extra={"mock_optitrack": {"dropout_rate": 0.0}})
+    graph, client = make_graph(None)
+    parameters = {"mock_optitrack": {"dropout_rate": 0.0}, "demonstration_recorder": {"bag": str(tmp_path / "bag")}}
+    for executable in ("wam_simulator", "commander", "mock_optitrack", "demonstration_recorder"):
+        graph.start(executable, parameters.get(executable))
     periods = {"/joint_states": 2_000_000, "/wam/command": 2_000_000}
     periods |= {f"/vrpn_mocap/{body}/pose": 10_000_000 for body in ("hand", "ball", "basket")}
     joints, diagnoses, recorder = Joints(client), Diagnoses(client), graph.processes["demonstration_recorder"]
@@ -68,7 +71,7 @@ def test_a_recorder_that_is_held_up_loses_nothing(make_graph, tmp_path):
 
     wait_for(client, has_caught_up, what="the recorder has everything")
     graph.stop()
-    with BagReader(tmp_path / "bag_1") as bag:
+    with BagReader(tmp_path / "bag") as bag:
         for topic, period in periods.items():
             stamps = np.unique([conversions.stamp_ns(m.data.header.stamp) for m in bag.messages([topic])])
             assert len(stamps) > 2_400_000_000 // period and set(np.diff(stamps)) == {period}, topic

@@ -35,7 +35,7 @@ def graph(ros, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("DART_SKILL_CONFIG", str(config))
         with graphs(folder) as make:
-            graph, client = make("processes")
+            graph, client = make("composed")
             graph.client, graph.bag, graph.learned = client, folder / "bag_1", teach_and_learn(client, SHOWN)
             yield graph
 
@@ -48,19 +48,24 @@ def test_every_node_has_the_new_numbers(graph):
         assert graph.client.wait(asked, node).values[0].double_value == RADIUS, node
 
 
-def test_the_arm_learns_and_throws_in_it(graph):
-    states = []
+@pytest.fixture(scope="module")
+def throw(graph):
+    """What a throw came to, the states of the simulator, and the poses of the ball."""
+    states, poses = [], []
     graph.client.node.create_subscription(SimulationState, "/simulation/state", states.append, 500)
-    thrown = graph.client.throw(TARGET)
+    graph.client.node.create_subscription(PoseStamped, pose_topic("ball"), poses.append, FRAMES)
+    return graph.client.throw(TARGET), states, poses
+
+
+def test_the_arm_learns_and_throws_in_it(throw):
+    thrown, states, _ = throw
     assert thrown.code == 1, thrown.message
     assert thrown.outcome.landing_seen and thrown.outcome.in_basket and states[-1].ball_in_basket
 
 
-def test_the_one_that_judges_takes_the_new_radius(graph):
+def test_the_one_that_judges_takes_the_new_radius(graph, throw):
     """A ball that was last seen 0.2 m from the middle is in this basket, and would not be in the usual one."""
-    poses = []
-    graph.client.node.create_subscription(PoseStamped, pose_topic("ball"), poses.append, FRAMES)
-    thrown = graph.client.throw(TARGET)
+    thrown, _, poses = throw
     judge = graph.client.node.create_client(JudgeThrow, "/demonstration_recorder/judge")
     graph.client.reach(judge)
     last = conversions.vector(poses[-1].pose.position) * [1.0, 1.0, 0.0] + [0.0, 0.0, TARGET[2]]

@@ -1,12 +1,14 @@
-"""The page of a bag in a real browser, from a file: the replay plays, and no request leaves the page. Skipped without a Chromium."""
+"""The page of a bag as the command writes it. In a real browser, from a file: the replay plays, and no request leaves the page."""
+
+import shutil
+import subprocess
 
 import numpy as np
+import pytest
 
-from dart_skill.report import write_page
 from tests.integration.browser import Page, needs_chromium
 from tests.paths import BAGS
 
-BAG = BAGS / "throws"
 ARM, BALL, BASKET = np.array([200, 200, 205]), np.array([213, 94, 0]), np.array([0, 114, 178])
 
 
@@ -15,10 +17,24 @@ def near(pixels, colour, within=45):
     return int((np.abs(pixels.astype(int) - colour).max(axis=2) < within).sum())
 
 
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """What the command said, and the page that it wrote beside the bag."""
+    bag = tmp_path_factory.mktemp("bags") / "throws with space"
+    shutil.copytree(BAGS / "throws", bag)
+    done = subprocess.run(["dart-skill", "report", str(bag)], capture_output=True, text=True, timeout=180)
+    assert done.returncode == 0, done.stderr
+    return done.stdout, bag.parent / "throws with space_report.html"
+
+
+def test_the_command_says_what_the_bag_holds_and_where_the_page_is(written):
+    said, path = written
+    assert "20 throws of the arm" in said and str(path) in said and path.is_file()
+
+
 @needs_chromium
-def test_the_page_stands_alone_and_its_replay_moves(tmp_path):
-    path = tmp_path / "page with space.html"
-    write_page(BAG, path)
+def test_the_page_stands_alone_and_its_replay_moves(written, tmp_path):
+    _, path = written
     with Page(tmp_path, path.as_uri()) as page:
         page._wait(lambda: "What was run" in page.text(), 60.0, "the end of the page")
         width = page.run("document.documentElement.scrollWidth")

@@ -11,6 +11,7 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
     again = experiments.add_parser("repeatability", help="one plan thrown again and again: the floor of the error")
     again.add_argument("--seed", type=int, default=0)
     again.add_argument("--throws", type=int, default=25, help="of each plan (default 25)")
+    again.add_argument("--demonstrations", type=int, default=13, help="that the plans are learned from (default 13)")
     again.add_argument("--json", action="store_true", help="JSON instead of the table")
     again.set_defaults(run=_repeatability)
 
@@ -18,6 +19,6 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
 def _repeatability(options: argparse.Namespace) -> int:
     from dart_skill.experiments import throws
 
-    rows = throws.repeatability(options.seed, [1.6, 2.0, 2.4], options.throws)
+    rows = throws.repeatability(options.seed, [1.6, 2.0, 2.4], options.throws, options.demonstrations)
     print(json.dumps(rows, indent=1) if options.json else throws.repeatability_table(rows))
     return 0

@@ -14,8 +14,6 @@ from pathlib import Path, PurePath
 
 from mcap.records import Attachment
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinitionFormat
-from rosbags.rosbag2 import Reader
-from rosbags.rosbag2.metadata import parse_qos
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
@@ -238,6 +236,8 @@ class _McapSource:
 
     def _topics(self) -> dict[str, TopicInfo]:
         """Counts from the files; what only metadata.yaml tells (types of schemaless channels, hashes, QoS) from there."""
+        from rosbags.rosbag2.metadata import parse_qos
+
         items = [item["topic_metadata"] for item in self.metadata.get("topics_with_message_count") or []]
         told_of = {told["name"]: told for told in items}
         found: dict[str, TopicInfo] = {}
@@ -260,6 +260,8 @@ class _RosbagsSource:
     """A bag that `rosbags` reads."""
 
     def __init__(self, path: Path, files: list[Path], metadata: dict | None):
+        from rosbags.rosbag2 import Reader
+
         self.metadata = metadata or {}
         self._reader = reader = Reader(path if metadata else files[0])
         reader.open()

@@ -4,6 +4,7 @@ import ast
 import io
 import re
 import tokenize
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -55,20 +56,20 @@ def test_lines_of_prose_are_wrapped(page):
 # --- citations ---
 
 
+@cache
 def files_of_the_repository() -> set[str]:
     """Paths of pages and parameter files, without what set-up, builds and runs have made."""
     made = {".venv", ".venv-benchmark", ".venv-rerun", "build", "install", "log"}
-    found = (path.relative_to(ROOT) for ending in ("md", "yaml") for path in ROOT.rglob(f"*.{ending}"))
-    return {path.as_posix() for path in found if path.parts[0] not in made}
-
-
-FILES = files_of_the_repository()
+    tops = [top for top in ROOT.iterdir() if top.name not in made]
+    found = (path for top in tops for path in ([top] if top.is_file() else top.rglob("*")))
+    return {path.relative_to(ROOT).as_posix() for path in found if path.suffix in (".md", ".yaml")}
 
 
 def missing(text: str) -> set[str]:
     """What a text cites and is in no folder of the repository."""
+    files = files_of_the_repository()
     cited = {re.sub(r"^(\.{0,2}/)+", "", name) for name in CITED.findall(text)} - OF_THE_USER
-    return {name for name in cited if "*" not in name and not any(file == name or file.endswith(f"/{name}") for file in FILES)}
+    return {name for name in cited if "*" not in name and not any(file == name or file.endswith(f"/{name}") for file in files)}
 
 
 def comments_and_docstrings(source: str) -> str:
@@ -95,7 +96,9 @@ def cited_by_the_code() -> dict[str, list[str]]:
     found: dict[str, list[str]] = {}
     for folder in ("dart_skill", "nodes", "launch", "tools", "tests", "benchmarks", "docs"):
         for path in sorted((ROOT / folder).rglob("*.py")):
-            names = set() if path == Path(__file__) else missing(comments_and_docstrings(path.read_text(encoding="utf-8")))
+            source = path.read_text(encoding="utf-8")
+            cites = path != Path(__file__) and CITED.search(source)
+            names = missing(comments_and_docstrings(source)) if cites else set()
             for name in names:
                 found.setdefault(name, []).append(path.relative_to(ROOT).as_posix())
     return found

@@ -17,6 +17,7 @@ from pathlib import Path
 import pytest
 
 from dart_skill.cli import main
+from dart_skill.cli.view import run_to_the_end
 from dart_skill.recording import BagWriter, definition, qos_yaml, serialize, type_hash, typestore
 from dart_skill.view import RerunUnavailable, rerun_bag
 from dart_skill.view.rerun_bag import (
@@ -266,6 +267,21 @@ def test_ctrl_c_ends_the_viewer_with_everything_that_it_started(number, tmp_path
             time.sleep(0.02)
     finally:
         process.kill()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_the_viewer_starts_ends_it_too(number, monkeypatch):
+    start, started = subprocess.Popen, []
+
+    def start_late(*arguments, **options):
+        started.append(start(*arguments, **options))
+        os.kill(os.getpid(), number)
+        return started[0]
+
+    monkeypatch.setattr("dart_skill.cli.view.subprocess.Popen", start_late)
+    before = signal.getsignal(number)
+    assert run_to_the_end(["sleep", "600"], dict(os.environ)) == 0
+    assert started[0].poll() is not None and signal.getsignal(number) is before
 
 
 def _runs(number):
