@@ -1,0 +1,94 @@
+"""What a person with a terminal does: services and the action of the graph, called by a plain rclpy node while the driver goes on."""
+
+import os
+import signal
+import subprocess
+from contextlib import contextmanager
+
+from dart_skill_msgs.action import Throw
+from dart_skill_msgs.srv import Learn, StopDemonstration
+from geometry_msgs.msg import Point
+from rclpy.action import ActionClient
+from rclpy.node import Node
+from std_srvs.srv import SetBool, Trigger
+
+SERVICES = {
+    "/commander/release_arm": SetBool,
+    "/commander/stop": Trigger,
+    "/demonstration_recorder/start": Trigger,
+    "/demonstration_recorder/stop": StopDemonstration,
+    "/skill_learner/learn": Learn,
+}
+
+
+@contextmanager
+def hardware_graph(folder):
+    """`dart-skill up --layout hardware` as a process; its log is in the folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "up.log").open("w") as log:
+        command = ["dart-skill", "up", "--layout", "hardware", "--output", str(folder / "up")]
+        process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, start_new_session=True, cwd=folder)
+        try:
+            yield process
+        finally:
+            process.send_signal(signal.SIGINT)
+            try:
+                process.wait(timeout=20.0)
+            except subprocess.TimeoutExpired:
+                os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
+
+
+class Outsider(Node):
+    """Calls what the documentation names. Everything spins in the driver's executor."""
+
+    def __init__(self, executor, driver):
+        super().__init__("outsider")
+        executor.add_node(self)
+        self.driver = driver
+        self._calls = {name: self.create_client(kind, name) for name, kind in SERVICES.items()}
+        self._throw = ActionClient(self, Throw, "/throw")
+        self.feedback = []
+
+    def wait_for_graph(self, limit=60.0):
+        """Until every service and the action are there."""
+        parts = [*(client.service_is_ready for client in self._calls.values()), self._throw.server_is_ready]
+        self.driver.run_until(lambda: all(part() for part in parts), limit)
+
+    def _wait(self, future, limit):
+        self.driver.run_until(future.done, limit)
+        return future.result()
+
+    def call(self, name, limit=60.0, **fields):
+        """Call a service until it no longer says that its answer is pending."""
+        while True:
+            response = self._wait(self._calls[name].call_async(SERVICES[name].Request(**fields)), limit)
+            if not getattr(response, "pending", False):
+                return response
+            self.driver.run(0.1)
+
+    def do(self, *tasks, limit=300.0):
+        """Let the person do these, until the end of the last one."""
+        self.driver.person.begin(*tasks)
+        self.driver.run_until(lambda: not self.driver.person.busy, limit)
+
+    def teach(self, rim):
+        """One guided throw at a basket (3,): whether it went in, and the recorder's answer to ~/stop."""
+        person = self.driver.person
+        self.driver.plant.place_basket(rim)
+        self.do(person.cock(rim), person.bring_ball(), person.wait(0.3))
+        started = self.call("/demonstration_recorder/start")
+        assert started.success, started.message
+        self.do(person.throw(rim))
+        hit = person.in_basket(rim)
+        person.aim.learn(rim, person.landing)
+        return hit, self.call("/demonstration_recorder/stop", keep=hit, reason="" if hit else "missed")
+
+    def throw(self, rim, limit=120.0):
+        """The arm throws at a basket (3,); the result of the action."""
+        goal = Throw.Goal(target=Point(x=rim[0], y=rim[1], z=rim[2]))
+        goal.header.frame_id = "world"
+        self.feedback = []
+        handle = self._wait(self._throw.send_goal_async(goal, feedback_callback=lambda told: self.feedback.append(told.feedback)), limit)
+        assert handle.accepted
+        return self._wait(handle.get_result_async(), limit).result
