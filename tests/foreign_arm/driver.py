@@ -20,7 +20,8 @@ FRAME = "world"
 WATCHDOG = 0.05  # age of a command at which the arm is stopped [s]
 STOPPING = np.array([20.0, 30.0, 10.0, 8.0, 1.0, 1.0, 0.1])
 """Damping of the joints (7,) while it is stopped: about twice that of libbarrett's joint controllers [N m s/rad]."""
-PATIENCE = 0.5  # lockstep: wall-clock time after which a state counts as not answered [s]
+PATIENCE = 5.0  # lockstep: wall-clock time after which a state counts as not answered [s]
+LATEST = 0.01  # real time: a step that is later than this puts the clock of the plant back, instead of hurrying after it [s]
 STATES = QoSProfile(depth=1000)  # reliable: 2 s
 
 
@@ -44,13 +45,15 @@ class Driver(Node):
         self._cameras = Cameras(laboratory)
         self._nominal = NominalArm(Laboratory.quiet())
         self._command, self._command_step = None, 0
-        self.answered, self.unanswered, self.stops, self._stopped = 0, 0, 0, True
+        self.answered, self.unanswered, self.late = 0, 0, 0
+        self.stops, self._stopped = 0, True
+        self.openings = []  # stamps of commands that open the hand, and of the button [ns]
         self._state_publisher = self.create_publisher(JointState, "/joint_states", STATES)
         self._button_publisher = self.create_publisher(WamCommand, "/wam/teacher_wrench", STATES)
         self._pose_publishers = {
             body: self.create_publisher(PoseStamped, f"/vrpn_mocap/{body}/pose", qos_profile_sensor_data) for body in BODIES
         }
-        self.create_subscription(WamCommand, "/wam/command", self._take, QoSProfile(depth=10))
+        self.create_subscription(WamCommand, "/wam/command", self._take, STATES)
         self._begin = time.time_ns()
         self._wall_begin = time.monotonic()
 
@@ -60,6 +63,7 @@ class Driver(Node):
             return
         self._command, self._command_step = message, self.plant.steps
         if message.grip == WamCommand.GRIP_OPEN:
+            self.openings.append(nanoseconds(message.header.stamp))
             self.plant.hand.open(self.plant.time)
         elif message.grip == WamCommand.GRIP_CLOSE:
             self.plant.hand.close()
@@ -105,8 +109,12 @@ class Driver(Node):
             self.unanswered += 1
 
     def _wait_for_clock(self):
-        """Real time: spin until the next step is due; a late step is made at once, after one look at what has come."""
+        """Real time: spin until the next step is due."""
         due = self._wall_begin + (self.plant.steps + 1) * PERIOD
+        if time.monotonic() > due + LATEST:
+            self.late += 1
+            self._wall_begin += time.monotonic() - due
+            due = time.monotonic() + PERIOD
         self._executor.spin_once(timeout_sec=0.0)
         while (left := due - time.monotonic()) > 0.0:
             self._executor.spin_once(timeout_sec=left)
@@ -135,6 +143,7 @@ class Driver(Node):
             self._wait_for_clock()
         pushes, carried = self.person.act()
         if self.person.presses:
+            self.openings.append(nanoseconds(self.stamp(self.plant.steps)))
             self._publish_button()
             self.plant.hand.open(self.plant.time)
         self.plant.step(self._torque(), pushes, carried)

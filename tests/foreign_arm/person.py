@@ -7,9 +7,9 @@ import numpy as np
 from tests.foreign_arm import published
 from tests.foreign_arm.plant import AIR_DENSITY, PERIOD, SHOULDER
 
-COCKED = np.array([0.0, -1.05, 0.0, -0.80, 0.0, -0.60, 0.0])
+COCKED = np.array([0.0, -1.10, 0.0, -0.60, 0.0, -0.55, 0.0])
 """Wound up behind the shoulder: where a swing begins; J1 turns it to the basket [rad]."""
-FOLLOWED = np.array([0.0, 0.25, 0.0, 0.45, 0.0, 0.55, 0.0])
+FOLLOWED = np.array([0.0, 0.20, 0.0, 0.45, 0.0, 0.55, 0.0])
 """Where the swing would end; the ball leaves half way, where the arm is fastest, nearly straight and 30 degrees backwards."""
 EXPECTED_DELAY = 0.045  # between the button and the free ball, which the person has got used to [s]
 FASTEST, SLOWEST = 0.9, 1.8  # durations of a swing [s]
@@ -98,6 +98,12 @@ class Aim:
         self._place, self._velocity = Way.through(swing_angles(0.0, 1.0)).ball(round(0.5 / PERIOD))
         self.correction = np.zeros(2)  # of distance [m] and azimuth [rad]
 
+    @staticmethod
+    def resistance(laboratory):
+        """Deceleration of the ball over the square of its speed [1/m]."""
+        area = np.pi * published.BALL_RADIUS**2
+        return 0.5 * AIR_DENSITY * laboratory.drag_coefficient * area / laboratory.ball_mass
+
     def _reach(self, duration, height):
         return fall(self._place, self._velocity / duration, height, self._drag)[0]
 
@@ -125,9 +131,7 @@ class Person:
         self._random = np.random.default_rng([laboratory.seed, 74])
         self._tremble = np.zeros(3)
         self._task = iter(())
-        area = np.pi * published.BALL_RADIUS**2
-        drag = 0.5 * AIR_DENSITY * laboratory.drag_coefficient * area / laboratory.ball_mass
-        self.aim = Aim(drag)
+        self.aim = Aim(Aim.resistance(laboratory))
         self.busy = False
         self.presses = False
         self.landing = None
@@ -231,4 +235,3 @@ class Person:
         """Whether the ball lies in the basket whose rim is there (3,)."""
         place = self._plant.pose("ball")[0]
         return bool(np.hypot(*(place - rim)[:2]) < radius and place[2] < rim[2])
-

@@ -47,7 +47,8 @@ def add_inertial(body, mass, centre, inertia):
 def add_link(parent, joint, place, laboratory):
     """Link `joint` with its motor's coordinate, and its drive's deflection if that is elastic; the frame is the joint's."""
     body = ElementTree.SubElement(parent, "body", name=f"link{joint + 1}", pos=text(place[0]), quat=text(quaternion(place[1])))
-    common = {"axis": "0 0 1", "type": "hinge"}
+    hard = {"solimpfriction": "0.9999 0.9999 0.001", "solreffriction": "0.002 1"}  # stiction does not creep
+    common = {"axis": "0 0 1", "type": "hinge", **hard}
     ends = text([published.LOWER[joint], published.UPPER[joint]])
     motor = {"armature": text(published.reflected_inertia()[joint]), "damping": text(laboratory.viscous[joint])}
     ElementTree.SubElement(body, "joint", name=f"motor{joint + 1}", limited="true", range=ends, **motor, **common)
@@ -88,9 +89,8 @@ def add_fingers(hand, scale):
     turns, knuckles = finger_places()
     for number, (turn, knuckle) in enumerate(zip(turns, knuckles, strict=True), 1):
         finger = ElementTree.SubElement(hand, "body", name=f"finger{number}", pos=text(knuckle), quat=text(quaternion(turn)))
-        ElementTree.SubElement(
-            finger, "joint", name=f"knuckle{number}", axis="0 1 0", limited="true", range=f"-0.2 {FINGER_OPEN}", armature="1e-4", damping="2e-3"
-        )
+        hinge = {"axis": "0 1 0", "limited": "true", "range": f"-0.2 {FINGER_OPEN}", "armature": "1e-4", "damping": "2e-3"}
+        ElementTree.SubElement(finger, "joint", name=f"knuckle{number}", **hinge)
         add_inertial(finger, scale * published.FINGER_MASS, 0.5 * FINGERTIP, scale * 3e-5 * np.eye(3))
         ElementTree.SubElement(finger, "geom", {"class": "grip"}, name=f"tip{number}", pos=text(FINGERTIP), size=text(FINGERTIP_RADIUS))
 
