@@ -55,6 +55,7 @@ class Cameras:
         self._random = np.random.default_rng([laboratory.seed, 73])
         self._delay = round(laboratory.camera_latency / PERIOD)
         self._pending = deque()
+        self.hidden = lambda body: False  # whether something stands before a body now
         self.shift = {body: laboratory.registration_shift * self._direction() for body in BODIES}
         self.turn = {body: turned_by(laboratory.registration_turn * self._direction()) for body in BODIES}
 
@@ -72,8 +73,9 @@ class Cameras:
     def look(self, plant):
         """Sightings that arrive at this step of the plant."""
         if plant.steps % FRAME_STEPS == 0:
-            seen = [self._see(plant, body) for body in BODIES if self._random.random() >= self._laboratory.camera_loss]
-            self._pending.extend(seen)
+            arrives = [self._random.random() >= self._laboratory.camera_loss for _ in BODIES]
+            seen = [body for body, whole in zip(BODIES, arrives, strict=True) if whole and not self.hidden(body)]
+            self._pending.extend(self._see(plant, body) for body in seen)
         arrived = []
         while self._pending and self._pending[0].step + self._delay <= plant.steps:
             arrived.append(self._pending.popleft())

@@ -42,7 +42,7 @@ class Driver(Node):
         self._executor, self._lockstep = executor, lockstep
         self.plant = Plant(laboratory, COCKED)
         self.person = Person(laboratory, self.plant)
-        self._cameras = Cameras(laboratory)
+        self.cameras = Cameras(laboratory)
         self._nominal = NominalArm(Laboratory.quiet())
         self._command, self._command_step = None, 0
         self.answered, self.unanswered, self.late = 0, 0, 0
@@ -135,7 +135,7 @@ class Driver(Node):
     def tick(self):
         """One step: publish, wait, act."""
         self._publish_state()
-        for sighting in self._cameras.look(self.plant):
+        for sighting in self.cameras.look(self.plant):
             self._publish_pose(sighting)
         if self._lockstep:
             self._wait_for_answer()

@@ -48,12 +48,12 @@ class Outsider(Node):
         self.driver = driver
         self._calls = {name: self.create_client(kind, name) for name, kind in SERVICES.items()}
         self._throw = ActionClient(self, Throw, "/throw")
-        self.feedback = []
 
     def wait_for_graph(self, limit=60.0):
-        """Until every service and the action are there."""
+        """Until every service and the action are there, and a second longer: a server may find its client later."""
         parts = [*(client.service_is_ready for client in self._calls.values()), self._throw.server_is_ready]
         self.driver.run_until(lambda: all(part() for part in parts), limit)
+        self.driver.run(1.0)
 
     def _wait(self, future, limit):
         self.driver.run_until(future.done, limit)
@@ -72,8 +72,8 @@ class Outsider(Node):
         self.driver.person.begin(*tasks)
         self.driver.run_until(lambda: not self.driver.person.busy, limit)
 
-    def teach(self, rim):
-        """One guided throw at a basket (3,): whether it went in, and the recorder's answer to ~/stop."""
+    def teach(self, rim, keep=False):
+        """One guided throw at a basket (3,): whether it went in, and the recorder's answer to ~/stop; misses are kept only with `keep`."""
         person = self.driver.person
         self.driver.plant.place_basket(rim)
         self.do(person.cock(rim), person.bring_ball(), person.wait(0.3))
@@ -82,13 +82,18 @@ class Outsider(Node):
         self.do(person.throw(rim))
         hit = person.in_basket(rim)
         person.aim.learn(rim, person.landing)
-        return hit, self.call("/demonstration_recorder/stop", keep=hit, reason="" if hit else "missed")
+        kept = hit or keep
+        return hit, self.call("/demonstration_recorder/stop", keep=kept, reason="" if kept else "missed")
+
+    def prepare(self, rim):
+        """The basket stands there (3,), the ball is in the hand."""
+        self.driver.plant.place_basket(rim)
+        self.do(self.driver.person.bring_ball())
 
     def throw(self, rim, limit=120.0):
         """The arm throws at a basket (3,); the result of the action."""
         goal = Throw.Goal(target=Point(x=rim[0], y=rim[1], z=rim[2]))
         goal.header.frame_id = "world"
-        self.feedback = []
-        handle = self._wait(self._throw.send_goal_async(goal, feedback_callback=lambda told: self.feedback.append(told.feedback)), limit)
+        handle = self._wait(self._throw.send_goal_async(goal), limit)
         assert handle.accepted
         return self._wait(handle.get_result_async(), limit).result
