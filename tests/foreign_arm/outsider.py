@@ -5,7 +5,7 @@ import signal
 import subprocess
 from contextlib import contextmanager
 
-from dart_skill_msgs.action import Throw
+from dart_skill_msgs.action import Practice, Throw
 from dart_skill_msgs.srv import Learn, StopDemonstration
 from geometry_msgs.msg import Point
 from rclpy.action import ActionClient
@@ -22,12 +22,11 @@ SERVICES = {
 
 
 @contextmanager
-def hardware_graph(folder):
-    """`dart-skill up --layout hardware` as a process; its log is in the folder."""
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / "up.log").open("w") as log:
-        command = ["dart-skill", "up", "--layout", "hardware", "--output", str(folder / "up")]
-        process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, start_new_session=True, cwd=folder)
+def running(command, log):
+    """A process with its output in a file, which is ended as by Ctrl-C."""
+    log.parent.mkdir(parents=True, exist_ok=True)
+    with log.open("w") as output:
+        process = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT, start_new_session=True, cwd=log.parent)
         try:
             yield process
         finally:
@@ -39,6 +38,11 @@ def hardware_graph(folder):
                 process.wait()
 
 
+def hardware_graph(folder):
+    """The hardware layout, until the end of the context; its log and the bag of demonstrations are in the folder."""
+    return running(["dart-skill", "up", "--layout", "hardware", "--output", str(folder / "up")], folder / "up.log")
+
+
 class Outsider(Node):
     """Calls what the documentation names. Everything spins in the driver's executor."""
 
@@ -48,6 +52,7 @@ class Outsider(Node):
         self.driver = driver
         self._calls = {name: self.create_client(kind, name) for name, kind in SERVICES.items()}
         self._throw = ActionClient(self, Throw, "/throw")
+        self._practice = ActionClient(self, Practice, "/practice")
 
     def wait_for_graph(self, limit=60.0):
         """Until every service and the action are there, and a second longer: a server may find its client later."""
@@ -94,6 +99,15 @@ class Outsider(Node):
         """The arm throws at a basket (3,); the result of the action."""
         goal = Throw.Goal(target=Point(x=rim[0], y=rim[1], z=rim[2]))
         goal.header.frame_id = "world"
-        handle = self._wait(self._throw.send_goal_async(goal), limit)
+        return self._act(self._throw, goal, limit)
+
+    def practise(self, throws, limit=120.0):
+        """The coach lets the arm throw at the basket where the cameras see it; the result of the action."""
+        self.driver.run_until(self._practice.server_is_ready, limit)
+        self.driver.run(1.0)
+        return self._act(self._practice, Practice.Goal(throws=throws, follow_basket=True), limit)
+
+    def _act(self, client, goal, limit):
+        handle = self._wait(client.send_goal_async(goal), limit)
         assert handle.accepted
         return self._wait(handle.get_result_async(), limit).result

@@ -33,11 +33,12 @@ def limited(vector, strongest):
 
 
 def rotation_vector(rotation):
-    """Small rotation (3, 3) as a vector (3,) [rad]."""
-    axis = 0.5 * np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]])
-    length = np.linalg.norm(axis)
-    angle = np.arctan2(length, 0.5 * (np.trace(rotation) - 1.0))
-    return axis * (angle / length) if length > 1e-12 else axis
+    """Rotation (..., 3, 3), less than half a turn, as a vector (..., 3) [rad]."""
+    skew = 0.5 * (rotation - np.swapaxes(rotation, -1, -2))
+    axis = np.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]], axis=-1)
+    sine = np.linalg.norm(axis, axis=-1, keepdims=True)
+    cosine = 0.5 * (np.trace(rotation, axis1=-2, axis2=-1)[..., None] - 1.0)
+    return axis * np.where(sine > 1e-9, np.arctan2(sine, cosine) / np.maximum(sine, 1e-9), 1.0)
 
 
 def fall(place, velocity, height, drag):
@@ -67,11 +68,9 @@ class Way:
     @classmethod
     def through(cls, angles, shift=(0.0, 0.0, 0.0)):
         """Of joint angles (n, 7), shifted as a whole (3,)."""
-        poses = [published.frames(row) for row in angles]
-        hand = np.array([origins[7] for _, origins in poses]) + SHOULDER + shift
-        elbow = np.array([origins[3] for _, origins in poses]) + SHOULDER + shift
-        attitude = np.array([rotations[7] for rotations, _ in poses])
-        turns = [rotation_vector(after @ before.T) for before, after in zip(attitude[:-1], attitude[1:], strict=True)]
+        rotations, origins = published.frames(angles)
+        hand, elbow, attitude = origins[:, 7] + SHOULDER + shift, origins[:, 3] + SHOULDER + shift, rotations[:, 7]
+        turns = rotation_vector(attitude[1:] @ np.swapaxes(attitude[:-1], -1, -2))
         spin = np.vstack([turns, turns[-1:]]) / PERIOD
         return cls(hand, attitude, elbow, np.gradient(hand, PERIOD, axis=0), spin, np.gradient(elbow, PERIOD, axis=0))
 

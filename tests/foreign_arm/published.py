@@ -96,9 +96,10 @@ def about_x(angle):
 
 
 def about_z(angle):
-    """Rotation about z (3, 3)."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    """Rotation about z (3, 3), or (n, 3, 3) of angles (n,)."""
+    c, s, zero = np.cos(angle), np.sin(angle), np.zeros_like(np.asarray(angle, float))
+    rows = [[c, -s, zero], [s, c, zero], [zero, zero, zero + 1.0]]
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
 
 def reflected_inertia():
@@ -107,16 +108,19 @@ def reflected_inertia():
 
 
 def frames(angles):
-    """Rotations (8, 3, 3) and origins (8, 3) of the DH frames 0 to 7 from the shoulder centre, for joint angles (7,)."""
-    rotation, origin = np.eye(3), np.zeros(3)
-    rotations, origins = [rotation], [origin]
-    for angle, (alpha, a, d) in zip(angles, DH, strict=True):
-        turned = rotation @ about_z(angle)
-        origin = origin + turned @ [a, 0.0, d]
-        rotation = turned @ about_x(alpha)
-        rotations.append(rotation)
-        origins.append(origin)
-    return np.array(rotations), np.array(origins)
+    """Rotations (n, 8, 3, 3) and origins (n, 8, 3) of the DH frames 0 to 7 from the shoulder centre, for joint angles (n, 7).
+
+    Without n for one posture (7,).
+    """
+    postures = np.atleast_2d(np.asarray(angles, float))
+    rotations = [np.broadcast_to(np.eye(3), (len(postures), 3, 3))]
+    origins = [np.zeros((len(postures), 3))]
+    for angle, (alpha, a, d) in zip(postures.T, DH, strict=True):
+        turned = rotations[-1] @ about_z(angle)
+        origins.append(origins[-1] + turned @ [a, 0.0, d])
+        rotations.append(turned @ about_x(alpha))
+    rotations, origins = np.stack(rotations, axis=1), np.stack(origins, axis=1)
+    return (rotations[0], origins[0]) if np.ndim(angles) == 1 else (rotations, origins)
 
 
 def gravity_torque(angles, masses=MASS, hand_mass=HAND_MASS):

@@ -11,6 +11,7 @@ pytest.importorskip("mujoco", reason="the second arm needs MuJoCo: pip install -
 
 from dart_skill_msgs.action import Throw  # noqa: E402
 
+from tests.foreign_arm.outsider import running  # noqa: E402
 from tests.foreign_arm.session import LESSONS, TARGETS, session, teach  # noqa: E402
 
 HAND_DELAY_MS = 45.0
@@ -84,6 +85,18 @@ def test_the_hand_is_told_to_open_for_longer_than_one_command(lesson, throws):
     told = lesson.driver.openings[len(lesson.pressed) :]
     assert len(told) >= len(throws)
     assert any(later - earlier == 2_000_000 for earlier, later in pairwise(told))
+
+
+@pytest.mark.xfail(
+    strict=True,
+    reason="docs/hardware.md: practice learns a base that was turned. The coach is not in the hardware layout; started by hand it throws "
+    "nothing: 'practice ends: nobody serves /simulation/reset'",
+)
+def test_the_arm_practises_at_the_basket_that_the_cameras_see(lesson, throws, tmp_path):
+    lesson.prepare(TARGETS[0])
+    with running(["ros2", "run", "dart_skill", "coach"], tmp_path / "coach.log"):
+        result = lesson.practise(throws=1)
+    assert result.thrown == 1, result.message
 
 
 @pytest.mark.xfail(

@@ -33,7 +33,7 @@ def flight(place, velocity, count):
 
 
 def guided_throw(longer):
-    """Joint angles (n, 7), ball (n, 3), and the step of the button, of one throw and the way back; the swing takes `longer` times as long."""
+    """Joint angles (n, 7), ball (n, 3), and the step of the button, of a throw and the way back; its swing is `longer`."""
     azimuth, duration = Aim(RESISTANCE).at(BASKET)
     swing = swing_angles(azimuth, duration * longer, longer)
     back = swing[-1] + minimum_jerk(1000)[:, None] * (swing[0] - swing[-1])
@@ -93,8 +93,8 @@ def test_every_throw_counts_that_good_cameras_saw(tmp_path):
 
 @pytest.mark.xfail(
     strict=True,
-    reason="0.3 mm is the upper end of what was published of such cameras, and no page names a limit. Throws of which every frame was seen, on "
-    "both sides of the rim, are left out: 'nobody saw where the ball landed'. On the graph ~/learn then refuses all demonstrations",
+    reason="0.3 mm is the upper end of what was published of such cameras, and no page names a limit. A throw whose every frame was seen "
+    "on both sides of the rim, is left out: 'nobody saw where the ball landed'. On the graph ~/learn then refuses all of them",
 )
 def test_every_throw_counts_that_noisier_cameras_saw(tmp_path):
     left_out = []
