@@ -11,7 +11,7 @@ from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 
 from tests.foreign_arm import published
-from tests.foreign_arm.cameras import BODIES, Cameras
+from tests.foreign_arm.cameras import BODIES, FRAME_STEPS, Cameras
 from tests.foreign_arm.laboratory import Laboratory
 from tests.foreign_arm.person import COCKED, Person
 from tests.foreign_arm.plant import PERIOD, NominalArm, Plant
@@ -34,6 +34,9 @@ class Driver(Node):
     """Steps a plant: in lockstep with the commands that answer its states, or with the wall clock.
 
     Nothing runs by itself: `tick` makes one step of 2 ms and spins the executor meanwhile, in which other nodes may be, too.
+
+    The poses are best effort in real time. In lockstep they are reliable, as those of vrpn_mocap without `sensor_data_qos`: nobody waits
+    for the recorder, and where the machine starves it, it would lose frames of a world that runs ahead.
     """
 
     def __init__(self, executor, laboratory, lockstep=True):
@@ -47,12 +50,12 @@ class Driver(Node):
         self._command, self._command_step = None, 0
         self.answered, self.unanswered, self.late = 0, 0, 0
         self.stops, self._stopped = 0, True
+        self.tells_button = True  # say with every frame of the cameras that the button is not pressed, too
         self.openings = []  # stamps of commands that open the hand, and of the button [ns]
         self._state_publisher = self.create_publisher(JointState, "/joint_states", STATES)
         self._button_publisher = self.create_publisher(WamCommand, "/wam/teacher_wrench", STATES)
-        self._pose_publishers = {
-            body: self.create_publisher(PoseStamped, f"/vrpn_mocap/{body}/pose", qos_profile_sensor_data) for body in BODIES
-        }
+        poses = STATES if lockstep else qos_profile_sensor_data
+        self._pose_publishers = {body: self.create_publisher(PoseStamped, f"/vrpn_mocap/{body}/pose", poses) for body in BODIES}
         self.create_subscription(WamCommand, "/wam/command", self._take, STATES)
         self._begin = time.time_ns()
         self._wall_begin = time.monotonic()
@@ -89,8 +92,8 @@ class Driver(Node):
         attitude.x, attitude.y, attitude.z, attitude.w = sighting.attitude.tolist()
         self._pose_publishers[sighting.body].publish(message)
 
-    def _publish_button(self):
-        message = WamCommand(grip=WamCommand.GRIP_OPEN)
+    def _publish_button(self, grip=WamCommand.GRIP_OPEN):
+        message = WamCommand(grip=grip)
         message.header.stamp, message.header.frame_id = self.stamp(self.plant.steps), FRAME
         self._button_publisher.publish(message)
 
@@ -146,6 +149,8 @@ class Driver(Node):
             self.openings.append(nanoseconds(self.stamp(self.plant.steps)))
             self._publish_button()
             self.plant.hand.open(self.plant.time)
+        elif self.tells_button and self.plant.steps % FRAME_STEPS == 0:
+            self._publish_button(WamCommand.GRIP_UNSPECIFIED)
         self.plant.step(self._torque(), pushes, carried)
 
     def run(self, duration):

@@ -65,12 +65,13 @@ class Outsider(Node):
         return future.result()
 
     def call(self, name, limit=60.0, **fields):
-        """Call a service until it no longer says that its answer is pending."""
-        while True:
+        """Call a service until it no longer says that its answer is pending, for 5 s of the arm's time at most."""
+        for _ in range(50):
             response = self._wait(self._calls[name].call_async(SERVICES[name].Request(**fields)), limit)
             if not getattr(response, "pending", False):
                 return response
             self.driver.run(0.1)
+        return response
 
     def do(self, *tasks, limit=300.0):
         """Let the person do these, until the end of the last one."""
@@ -87,8 +88,12 @@ class Outsider(Node):
         self.do(person.throw(rim))
         hit = person.in_basket(rim)
         person.aim.learn(rim, person.landing)
-        kept = hit or keep
-        return hit, self.call("/demonstration_recorder/stop", keep=kept, reason="" if kept else "missed")
+        return hit, self.stop(hit or keep)
+
+    def stop(self, keep):
+        """End the recording of a throw with what was published up to now; the recorder's answer."""
+        until = self.driver.stamp(self.driver.plant.steps - 1)
+        return self.call("/demonstration_recorder/stop", keep=keep, reason="" if keep else "missed", until=until)
 
     def prepare(self, rim):
         """The basket stands there (3,), the ball is in the hand."""

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 import numpy as np
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
 
 from tests.foreign_arm.driver import Driver
 from tests.foreign_arm.laboratory import Laboratory
@@ -29,7 +30,7 @@ TARGETS = [rim(*place) for place in ((1.8, -0.35), (2.0, 0.2), (1.7, 0.45))]
 def session(folder, seed, lockstep):
     """A driver, somebody at a terminal, and the hardware layout beside them; the arm is free to be guided."""
     drawn = dataclasses.replace(Laboratory.drawn(seed), camera_noise=SEEN_WELL)
-    rclpy.init()
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
         with hardware_graph(folder):
             executor = SingleThreadedExecutor()
