@@ -26,7 +26,7 @@ demo: setup
 	@$(ENV) && exec dart-skill demo $(ARGS)
 
 # In this order, in one go, with more workers than cores: while a test of nodes waits, others compute, and no long one begins last.
-TESTS := tests/integration tests/reference tests/unit
+TESTS := tests/integration tests/foreign_arm tests/reference tests/unit
 
 test: setup
 	@$(ENV) && python3 -m ruff check .

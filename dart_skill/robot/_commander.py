@@ -161,6 +161,8 @@ class Commander:
         """Begin a throw with the next state; PlanRefused if a limit forbids it."""
         if self.throwing or self._mode == Mode.STOPPING:
             raise PlanRefused("a throw is under way, or the arm has not come to rest: wait for it or stop it first")
+        if self._mode == Mode.FREE:
+            raise PlanRefused("the arm is released, and somebody may hold it: hold it first (~/release_arm with false)")
         plan = plan.as_the_arm_has_it()
         check_plan(plan, self.settings, self._description)
         self._requested, self.message, self.opened_ns = plan, "", None
@@ -284,10 +286,11 @@ class Commander:
             self._enter(Mode.HOLDING, state)
             return self._holding(state)
         if self.settings.tracking != "joints":
-            return Command(state.stamp_ns, joint_torque=self._servo.damp(state.velocity))
+            return Command(state.stamp_ns, joint_torque=self._servo.damp(state.velocity), grip=self._still_open())
         if self._braking is None:
             self._braking = state.position.copy(), state.velocity.copy()
-        return Command(state.stamp_ns, joint_torque=self._servo.brake(state.position, state.velocity, *self._braking, self.time))
+        torque = self._servo.brake(state.position, state.velocity, *self._braking, self.time)
+        return Command(state.stamp_ns, joint_torque=torque, grip=self._still_open())
 
     _ANSWERS: Mapping[Mode, Callable[["Commander", ArmState], Command]] = {
         Mode.HOLDING: _holding,
@@ -321,10 +324,16 @@ class Commander:
         torque = self._servo.torque(state.position, state.velocity, q, qd, qdd)
         return Command(state.stamp_ns, joint_torque=torque)
 
+    def _still_open(self) -> Grip:
+        """A hand that was told to open is told so until the arm is at rest."""
+        return Grip.OPEN if self._opened and self._mode == Mode.FOLLOWING_THROUGH else Grip.UNSPECIFIED
+
     def _grip(self, state: ArmState) -> Grip:
-        if self._opened or self.time < self._plan.open_hand - 1e-9:
-            return Grip.UNSPECIFIED
-        self._opened, self.opened_ns = True, state.stamp_ns
+        """OPEN in every command from when the hand shall open: who takes only the newest one misses nothing."""
+        if not self._opened:
+            if self.time < self._plan.open_hand - 1e-9:
+                return Grip.UNSPECIFIED
+            self._opened, self.opened_ns = True, state.stamp_ns
         return Grip.OPEN
 
     def _cut(self, wrench: np.ndarray) -> np.ndarray:

@@ -110,7 +110,7 @@ class Impedance:
         """What `act` says, and the joint acceleration (7,) that the model then has."""
         drive = self._drive(q, qd, acceleration, posture)
         torque = self.model.coriolis_torque(q, qd) + self.friction_torque(qd) + drive.null_torque
-        return drive.wrench, torque, dposv(drive.inertia, drive.total)[1]
+        return drive.wrench, torque, scipy.linalg.lapack.dposv(drive.inertia, drive.total)[1]
 
     def _drive(self, q: np.ndarray, qd: np.ndarray, acceleration: np.ndarray, posture: np.ndarray) -> "_Drive":
         jacobian, inertia = self.model.jacobian(q), self.model.mass_matrix(q)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 if TYPE_CHECKING:
     from dart_skill.robot._throw_plan import HandPath
@@ -50,17 +50,18 @@ class Registration:
         """What the arm says of hands that the cameras see at (n, 3), (n, 4)."""
         if self.is_none:
             return position, quaternion
-        back = Rotation.from_rotvec(self.turn).inv()
-        rotation = back * Rotation.from_quat(quaternion) * Rotation.from_rotvec(self.hand_turn).inv()
+        turns = scipy.spatial.transform.Rotation
+        back = turns.from_rotvec(self.turn).inv()
+        rotation = back * turns.from_quat(quaternion) * turns.from_rotvec(self.hand_turn).inv()
         return back.apply(position - np.array(self.shift)) - rotation.apply(self.hand_shift), rotation.as_quat()
 
     def path(self, path: HandPath) -> HandPath:
         """A path that the cameras shall see, as the arm's kinematics has it."""
         if self.is_none:
             return path
-        back = Rotation.from_rotvec(self.turn).inv()
+        back = scipy.spatial.transform.Rotation.from_rotvec(self.turn).inv()
         position, quaternion = self.poses(path.position, path.quaternion)
-        arm = Rotation.from_quat(quaternion).apply(self.hand_shift)
+        arm = scipy.spatial.transform.Rotation.from_quat(quaternion).apply(self.hand_shift)
         (v, w), (a, alpha) = ([back.apply(part) for part in (rates[:, :3], rates[:, 3:])] for rates in (path.velocity, path.acceleration))
         velocity = np.hstack([v - np.cross(w, arm), w])
         acceleration = np.hstack([a - np.cross(alpha, arm) - np.cross(w, np.cross(w, arm)), alpha])

@@ -1,6 +1,5 @@
 """A laboratory and the hardware layout side by side, and lessons in it; the places of its baskets."""
 
-import dataclasses
 from contextlib import contextmanager
 
 import numpy as np
@@ -13,8 +12,6 @@ from tests.foreign_arm.laboratory import Laboratory
 from tests.foreign_arm.outsider import Outsider, hardware_graph
 
 RIM = 0.40
-SEEN_WELL = 0.0001
-"""Noise of a good camera system; with 0.3 mm one guided throw in 30 is refused, and with it all others (test_noise.py) [m]."""
 
 
 def rim(distance, azimuth):
@@ -29,12 +26,11 @@ TARGETS = [rim(*place) for place in ((1.8, -0.35), (2.0, 0.2), (1.7, 0.45))]
 @contextmanager
 def session(folder, seed, lockstep):
     """A driver, somebody at a terminal, and the hardware layout beside them; the arm is free to be guided."""
-    drawn = dataclasses.replace(Laboratory.drawn(seed), camera_noise=SEEN_WELL)
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
         with hardware_graph(folder):
             executor = SingleThreadedExecutor()
-            outsider = Outsider(executor, Driver(executor, drawn, lockstep))
+            outsider = Outsider(executor, Driver(executor, Laboratory.drawn(seed), lockstep))
             outsider.wait_for_graph()
             assert outsider.call("/commander/release_arm", data=True).success
             yield outsider

@@ -91,11 +91,6 @@ def test_every_throw_counts_that_good_cameras_saw(tmp_path):
     assert not refused(tmp_path, noise=0.0001, seed=0)
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="0.3 mm is the upper end of what was published of such cameras, and no page names a limit. A throw whose every frame was seen "
-    "on both sides of the rim, is left out: 'nobody saw where the ball landed'. On the graph ~/learn then refuses all of them",
-)
 def test_every_throw_counts_that_noisier_cameras_saw(tmp_path):
     left_out = []
     for seed in range(3):

@@ -336,7 +336,8 @@ class ThrowingSkill:
         k, after = farthest(self._surface.coordinates(hits)[:, 0])
         top = float(near.time[k] + after * (near.time[k + 1] - near.time[k]))
         # Few demonstrations may send the hand beyond the arm's reach: then it lets go before it is there.
-        return min(top, max(float(near.time[0]), stretched_at(near.time, near.position[:, :3])))
+        position, _ = self.registration.poses(near.position[:, :3], near.hand_quaternion)
+        return min(top, max(float(near.time[0]), stretched_at(near.time, position)))
 
     def _as_plan(self, target: np.ndarray, aim: np.ndarray, throw: _Throw) -> ThrowPlan:
         course, stiffness = throw.course, self.configuration.stiffness

@@ -5,6 +5,7 @@ Messages are received and written as raw CDR. Only what cutting needs is decoded
 
 import json
 import time
+from collections import Counter
 from datetime import datetime
 from functools import partial
 from pathlib import Path
@@ -46,6 +47,8 @@ TABLE = [
     Parameter("basket_radius", "free opening of the basket at its rim [m]", 0.05, 1.0),
     Parameter("automatic", "cut every guided throw into the basket by itself, without ~/start and ~/stop"),
 ]
+STREAM = 25
+"""Messages since ~/start that make a topic a stream, which is waited for."""
 
 
 class DemonstrationRecorder(BagKeeper):
@@ -57,6 +60,7 @@ class DemonstrationRecorder(BagKeeper):
         self.declare_parameter("autostart", True)
         self._bag, self._count, self._recording, self._now_ns = None, 0, False, 0
         self._newest: dict[str, int] = {}
+        self._heard: Counter[str] = Counter()
         self._demonstrations = self.create_publisher(DemonstrationMsg, DEMONSTRATION_TOPIC, LATCHED)
         self.create_service(Trigger, "~/start", self._on_start)
         self.create_service(StopDemonstration, "~/stop", self._on_stop)
@@ -118,6 +122,7 @@ class DemonstrationRecorder(BagKeeper):
             ns = self._bag.stamp_ns(message.topic, message.data)
             ns = self._now_ns if ns is None else ns
             self._now_ns, self._newest[message.topic] = max(self._now_ns, ns), ns
+            self._heard[message.topic] += 1
             if message.topic in self._recorded:
                 self._bag.write(message.topic, self._now_ns, ns, message.data)
             self._look(message, ns)
@@ -173,6 +178,7 @@ class DemonstrationRecorder(BagKeeper):
         self._take()
         self._tracked.clear()
         self._newest.clear()
+        self._heard.clear()
         self._recording = True
         response.success, response.message = True, str(self._bag.writer.path)
         return response
@@ -192,8 +198,11 @@ class DemonstrationRecorder(BagKeeper):
 
     @property
     def _arrived_ns(self) -> int:
-        """Up to this stamp everything has come: a topic that was heard since ~/start may lag behind the others."""
-        steps = (newest for topic, newest in self._newest.items() if topic in self._needed and topic not in self._role_of)
+        """Up to this stamp everything has come: a stream that was heard since ~/start may lag behind the others. A button that was pressed
+        is no stream.
+        """
+        streams = (topic for topic, heard in self._heard.items() if heard >= STREAM and topic in self._needed)
+        steps = (self._newest[topic] for topic in streams if topic not in self._role_of)
         return min(self._tracked.newest_ns - FRAME_NS, min(steps, default=0))
 
     def _on_judge(self, request, response):
