@@ -10,10 +10,10 @@ from functools import partial
 import numpy as np
 from tqdm import tqdm
 
+from dart_skill.fleet import FLEET
 from dart_skill.regions import REGION, targets_for
 from dart_skill.robot import PlanRefused
 from dart_skill.session import Session, Trial
-from dart_skill.simulation import FLEET
 from dart_skill.skill.improve import Practice
 from dart_skill.skill.learn import ThrowingSkill, configuration, learn
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from dart_skill.configuration import node_parameters
+from dart_skill.fleet import arm_named
 from dart_skill.recording import Demonstration
 from dart_skill.robot import ArmModel, ArmState, Command, Commander, CommanderSettings, Grip, Mode, ThrowPlan
 from dart_skill.simulation import (
@@ -25,7 +26,6 @@ from dart_skill.simulation import (
     PlantState,
     Swing,
     Teacher,
-    arm_named,
 )
 from dart_skill.skill.observe import ARRIVAL_NS, Outcome, ThrowLog, judge_flight
 from dart_skill.surface import game_at

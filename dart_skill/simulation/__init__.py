@@ -3,19 +3,16 @@
 from dart_skill.simulation._basket import Basket
 from dart_skill.simulation._board import Board
 from dart_skill.simulation._changes import CHANGES, changed
-from dart_skill.simulation._fleet import FLEET, Arm, arm_named, arm_names
 from dart_skill.simulation._motion_capture import BasketWalls, Camera, Frame, LatencyQueue, MotionCapture, MotionCaptureConfig
 from dart_skill.simulation._plant import Plant, PlantSettings, PlantState
 from dart_skill.simulation._teacher import Person, Phase, Swing, Teacher
 
 __all__ = [
-    "Arm",
     "Basket",
     "BasketWalls",
     "Board",
     "CHANGES",
     "Camera",
-    "FLEET",
     "Frame",
     "LatencyQueue",
     "MotionCapture",
@@ -27,7 +24,5 @@ __all__ = [
     "PlantState",
     "Swing",
     "Teacher",
-    "arm_named",
-    "arm_names",
     "changed",
 ]

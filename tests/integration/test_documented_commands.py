@@ -190,6 +190,14 @@ TYPED = {
     ),
     # experiments
     "dart-skill experiment throws --seeds 10": Run("--seeds 1 --throws 1 --demonstrations 3", says="default +[01]/1 "),
+    "dart-skill demo --arm fleet:3": Run("--demonstrations 3 --throws 1", says=r"in [01]/1"),
+    "dart-skill demo --arm elastic": Elsewhere("unit/test_fleet.py::test_an_arm_sets_what_the_nodes_have_with_values_of_the_same_kind"),
+    "dart-skill demo --set mock_optitrack.noise=0.002": Elsewhere(
+        "unit/cli/test_usage.py::test_an_arm_and_a_parameter_reach_the_processes_that_run_their_nodes"
+    ),
+    "dart-skill experiment throws --arms fleet --first-seed 2000 --seeds 40": Elsewhere(
+        "unit/cli/test_usage.py::test_arms_of_the_throws_experiment_are_names_or_the_fleet"
+    ),
     "dart-skill experiment throws --seeds 10 "
     "--configurations default,shown_release,em,two_frames,autonomous,weighted,cross_validated,thesis,thesis_local": Elsewhere(
         "unit/cli/test_usage.py::test_the_throws_experiment_gives_one_row_per_throw_as_json"

@@ -23,7 +23,7 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
 
 def _throws(options: argparse.Namespace) -> int:
     from dart_skill.experiments import throws
-    from dart_skill.simulation import FLEET, arm_named
+    from dart_skill.fleet import FLEET, arm_named
     from dart_skill.skill.learn import configuration
 
     names = tuple(configuration(name).name for name in options.configurations.split(","))

@@ -61,6 +61,14 @@ def parameters_of(executable: str, layout: str, seed=0, bag="", played="", rate=
     return parameters
 
 
+def of_executables(layout: str, differs: dict[str, dict]) -> dict[str, dict]:
+    """Parameters by node as those of a layout's executables, which may run several nodes; of nodes that do not run, none."""
+    return {
+        executable: {f"{node}:{name}": value for node in nodes_of([executable]) for name, value in differs.get(node, {}).items()}
+        for executable in LAYOUTS[layout]
+    }
+
+
 def nodes_of(executables: Iterable[str]) -> list[str]:
     """Names of the nodes that executables run."""
     return [node for executable in executables for node in NODES_OF.get(executable, (executable,))]

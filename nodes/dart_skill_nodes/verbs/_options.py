@@ -4,7 +4,11 @@ import argparse
 from datetime import datetime
 from pathlib import Path
 
+from dart_skill.configuration import node_parameters
 from dart_skill_nodes.process.graph_processes import SIMULATED
+
+FILES = {"mock_optitrack": "optitrack.yaml"}
+"""Files of config/ that are not called as their node."""
 
 UNTOLD = ("help", "output", "json")
 """Options that change nothing about a run."""
@@ -18,6 +22,51 @@ def add_run(parser: argparse.ArgumentParser, demonstrations: int, throws: int, t
     what, verb = "bag, summary, report, pictures and logs", parser.prog.split()[-1]
     parser.add_argument("--output", type=Path, help=f"folder for {what} (default output/{verb}_<date>)")
     parser.add_argument("--layout", choices=SIMULATED, default="composed", help="processes of the graph (default composed)")
+    add_arm(parser)
+
+
+def add_arm(parser: argparse.ArgumentParser) -> None:
+    """What stands in for hardware."""
+    parser.add_argument("--arm", default="ideal", help="an arm of config/fleet.yaml, or fleet:SEED for one drawn from it (default ideal)")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="NODE.PARAMETER=VALUE", help="a parameter of a node; may be given several times"
+    )
+
+
+def differences(parser: argparse.ArgumentParser, options: argparse.Namespace) -> dict[str, dict]:
+    """Parameters by node in which --arm and --set differ from config/; a usage error names what does not exist."""
+    from dart_skill.fleet import arm_named
+
+    try:
+        differs = arm_named(options.arm)
+        for text in options.set:
+            node, name, value = _setting(text)
+            differs.setdefault(node, {})[name] = value
+    except ValueError as error:
+        parser.error(str(error))
+    return differs
+
+
+def _setting(text: str) -> tuple[str, str, object]:
+    """Node, parameter and value of NODE.PARAMETER=VALUE, the value as YAML and of the kind that the parameter has."""
+    import yaml
+
+    where, equals, given = text.partition("=")
+    node, dot, name = where.partition(".")
+    if not (equals and dot and given):
+        raise ValueError(f"--set {text}: give NODE.PARAMETER=VALUE, as in mock_optitrack.noise=0.001")
+    try:
+        usual = node_parameters(FILES.get(node, f"{node}.yaml"), node)
+    except (FileNotFoundError, KeyError):
+        raise ValueError(f"--set {text}: there is no node {node} with parameters in config/") from None
+    if name not in usual:
+        raise ValueError(f"--set {text}: {node} has no parameter {name}; it has {', '.join(sorted(usual))}")
+    value = yaml.safe_load(given)
+    if isinstance(usual[name], float) and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value)
+    if type(value) is not type(usual[name]):
+        raise ValueError(f"--set {text}: {value!r} is no {type(usual[name]).__name__}, which {name} is")
+    return node, name, value
 
 
 def add_baskets(parser: argparse.ArgumentParser, count: int) -> None:
@@ -37,6 +86,7 @@ def check_run(parser: argparse.ArgumentParser, options: argparse.Namespace) -> N
     ):
         if value < least:
             parser.error(f"--{name} is {value}; it must be at least {least}")
+    options.differs = differences(parser, options)
     options.output = output_folder(parser, options.output)
     if (options.output / "bag").exists():
         parser.error(f"--output {options.output} holds a bag already: choose another folder")

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES, Graph
+from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES, Graph, of_executables
 from dart_skill_nodes.verbs._options import add_run, asked, check_run
 from dart_skill_nodes.verbs._run import carried_out, parameter_texts, say, teach, throw_all
 
@@ -58,7 +58,7 @@ def run(options: argparse.Namespace) -> "DemoSummary":
         say(f"seed {options.seed}; starting {', '.join(LAYOUTS[options.layout])}")
         client = GraphClient(graph.dead)
         client.wait_until_gone(NODES)
-        graph.start_all(options.layout, options.seed, bag)
+        graph.start_all(options.layout, options.seed, bag, of_executables(options.layout, options.differs))
         client.wait_until_ready()
         ready, steps = time.monotonic(), client.simulated_steps
         attempts = teach(client, options.seed, options.demonstrations)
@@ -91,6 +91,7 @@ def _about(options: argparse.Namespace, parser: argparse.ArgumentParser, summary
     facts = {
         "Seed": str(options.seed),
         "Guided throws": f"{summary.attempts} for {summary.demonstrations} demonstrations",
+        "Arm": options.arm,
         "Layout": options.layout,
         "Time": f"{summary.wall_seconds:.0f} s; a throw at {summary.throw_real_time_factor:.1f} times real time",
     }

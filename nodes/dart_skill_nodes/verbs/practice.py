@@ -6,7 +6,7 @@ import time
 from functools import partial
 
 from dart_skill.cli.names import CHANGES, PRACTICE_METHODS
-from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES, Graph
+from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES, Graph, of_executables
 from dart_skill_nodes.verbs._options import add_run, asked, check_run
 from dart_skill_nodes.verbs._run import carried_out, parameter_texts, place, say, teach
 
@@ -67,7 +67,9 @@ def run(options: argparse.Namespace) -> dict:
     from dart_skill.simulation import CHANGES as VALUES
     from dart_skill_nodes.client.graph_client import GraphClient
 
-    extra = {"skill_learner": {"practice_method": options.method}} if options.method else {}
+    if options.method:
+        options.differs.setdefault("skill_learner", {})["practice_method"] = options.method
+    extra = of_executables(options.layout, options.differs)
     with Graph(options.output / "logs") as graph:
         say(f"seed {options.seed}; starting {', '.join(LAYOUTS[options.layout])}")
         client = GraphClient(graph.dead)

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.process.discovery import stay_on_this_machine
-from dart_skill_nodes.process.graph_processes import LAYOUTS, SIMULATED, START, Graph, nodes_of, parameters_of
+from dart_skill_nodes.process.graph_processes import LAYOUTS, SIMULATED, START, Graph, nodes_of, of_executables, parameters_of
 from dart_skill_nodes.process.signals import Interrupts
-from dart_skill_nodes.verbs._options import output_folder
+from dart_skill_nodes.verbs._options import add_arm, differences, output_folder
 
 if TYPE_CHECKING:
     from dart_skill_nodes.client.graph_client import GraphClient
@@ -37,6 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--viewer", action="store_true", help="the live view, too")
     parser.add_argument("--record", type=Path, metavar="FOLDER", help="every topic into a bag, too")
     parser.add_argument("--output", type=Path, help="folder for logs and the bag of demonstrations (default output/up_<date>)")
+    add_arm(parser)
     parser.add_argument("--json", action="store_true", help="each event as a line of JSON")
 
 
@@ -47,6 +48,7 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         parser.error("the layout replay, and no other, needs --play BAG")
     if options.seed < 0 or not 0.0 <= options.rate < float("inf"):
         parser.error(f"--seed is {options.seed}, --rate {options.rate}: neither may be negative or infinite")
+    options.differs = differences(parser, options)
     options.output = output_folder(parser, options.output)
     stay_on_this_machine()
     import rclpy
@@ -93,6 +95,8 @@ def executables(options: argparse.Namespace) -> dict[str, dict]:
         name: parameters_of(name, options.layout, options.seed, str(options.output / "bag"), played, options.rate)
         for name in LAYOUTS[options.layout]
     }
+    for name, parameters in of_executables(options.layout, options.differs).items():
+        wanted[name] |= parameters
     if options.record:
         wanted["recorder"] = {"bag": str(options.record.resolve()), "use_sim_time": options.layout in SIMULATED}
     if options.viewer:

@@ -71,3 +71,42 @@ def test_the_verbs_look_for_the_graph_where_up_starts_it():
     environment = {name: value for name, value in os.environ.items() if name != "ROS_DOMAIN_ID"}
     told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=environment, check=True)
     assert told.stdout.splitlines()[-1] == "None"
+
+
+def test_arms_of_the_throws_experiment_are_names_or_the_fleet(capfd):
+    arguments = ["--arms", "fleet", "--first-seed", "5", "--seeds", "1", "--demonstrations", "3", "--throws", "1", "--json"]
+    assert main(["experiment", "throws", *arguments]) == 0
+    told = json.loads(capfd.readouterr().out)
+    assert told["thrown"] == 1 and {"in", "median_error_m", "p90_error_m"} <= set(told)
+    assert [throw["arm"] for throw in told["throws"]] == ["fleet:5"]
+    assert main(["experiment", "throws", "--arms", "nobody", "--seeds", "1"]) == 1
+    assert "no arm 'nobody'" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--arm", "nobody"], "no arm 'nobody': choose fleet:SEED"),
+        (["--set", "mock_optitrack.nose=1"], "mock_optitrack has no parameter nose"),
+        (["--set", "nobody.noise=1"], "there is no node nobody"),
+        (["--set", "mock_optitrack.noise=much"], "'much' is no float, which noise is"),
+        (["--set", "noise"], "give NODE.PARAMETER=VALUE"),
+    ],
+)
+def test_arms_and_parameters_that_do_not_exist_are_usage_errors(capsys, arguments, message):
+    pytest.importorskip("dart_skill_nodes")
+    for verb in ("demo", "practice", "up"):
+        with pytest.raises(SystemExit) as end:
+            main([verb, *arguments])
+        assert end.value.code == 2 and message in capsys.readouterr().err
+
+
+def test_an_arm_and_a_parameter_reach_the_processes_that_run_their_nodes():
+    pytest.importorskip("dart_skill_nodes")
+    from dart_skill_nodes.process.graph_processes import of_executables
+
+    differs = {"mock_optitrack": {"noise": 0.001}, "skill_learner": {"practice_method": "none"}, "teacher": {"speed": 0.0}}
+    assert of_executables("composed", differs) == {
+        "composed": {"mock_optitrack:noise": 0.001, "teacher:speed": 0.0},
+        "skill_learner": {"skill_learner:practice_method": "none"},
+    }

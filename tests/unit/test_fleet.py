@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from dart_skill.configuration import load_yaml, node_parameters
-from dart_skill.simulation import MotionCaptureConfig, PlantSettings, arm_named, arm_names
-from dart_skill.simulation._fleet import drawn
+from dart_skill.fleet import arm_named, arm_names, drawn
+from dart_skill.simulation import MotionCaptureConfig, PlantSettings
 
 FILES = {
     "wam_simulator": "wam_simulator.yaml",
