@@ -11,32 +11,35 @@ import scipy
 if TYPE_CHECKING:
     from dart_skill.robot._throw_plan import HandPath
 
-ZERO = (0.0, 0.0, 0.0)
+ZERO, SAME = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
 class Registration:
     """Where the world of the cameras lies in that of the arm, and the tracked body on the hand.
 
-    The cameras see R = exp(turn) R_arm exp(hand_turn) and p = exp(turn) (p_arm + R_arm hand_shift) + shift where the arm's kinematics says
-    R_arm and p_arm. Turns are rotation vectors.
+    The cameras see R = turn R_arm hand_turn and p = turn (p_arm + R_arm hand_shift) + shift where the arm's kinematics says R_arm and
+    p_arm. Turns are quaternions.
 
-    * turn, shift: of the arm's base in the world of the cameras [rad], [m].
-    * hand_turn, hand_shift: of the tracked body in the frame of the hand [rad], [m].
+    * turn, shift: of the arm's base in the world of the cameras, (4,) and (3,) [m].
+    * hand_turn, hand_shift: of the tracked body in the frame of the hand, (4,) and (3,) [m].
     * delay: of the stamps of the cameras after those of the joints [s].
     """
 
-    turn: tuple[float, ...] = ZERO
+    turn: tuple[float, ...] = SAME
     shift: tuple[float, ...] = ZERO
-    hand_turn: tuple[float, ...] = ZERO
+    hand_turn: tuple[float, ...] = SAME
     hand_shift: tuple[float, ...] = ZERO
     delay: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("turn", "shift", "hand_turn", "hand_shift"):
             value = tuple(float(number) for number in getattr(self, name))
-            if len(value) != 3 or not np.isfinite(value).all():
-                raise ValueError(f"registration.{name} is {value}; it must be three finite numbers")
+            size = 4 if name.endswith("turn") else 3
+            if len(value) != size or not np.isfinite(value).all():
+                raise ValueError(f"registration.{name} is {value}; it must be {size} finite numbers")
+            if size == 4 and not abs(np.linalg.norm(value) - 1.0) < 1e-3:
+                raise ValueError(f"registration.{name} is {value}; it must be a quaternion of unit length")
             object.__setattr__(self, name, value)
         if not np.isfinite(self.delay):
             raise ValueError(f"registration.delay is {self.delay} s; it must be finite")
@@ -51,15 +54,15 @@ class Registration:
         if self.is_none:
             return position, quaternion
         turns = scipy.spatial.transform.Rotation
-        back = turns.from_rotvec(self.turn).inv()
-        rotation = back * turns.from_quat(quaternion) * turns.from_rotvec(self.hand_turn).inv()
+        back = turns.from_quat(self.turn).inv()
+        rotation = back * turns.from_quat(quaternion) * turns.from_quat(self.hand_turn).inv()
         return back.apply(position - np.array(self.shift)) - rotation.apply(self.hand_shift), rotation.as_quat()
 
     def path(self, path: HandPath) -> HandPath:
         """A path that the cameras shall see, as the arm's kinematics has it."""
         if self.is_none:
             return path
-        back = scipy.spatial.transform.Rotation.from_rotvec(self.turn).inv()
+        back = scipy.spatial.transform.Rotation.from_quat(self.turn).inv()
         position, quaternion = self.poses(path.position, path.quaternion)
         arm = scipy.spatial.transform.Rotation.from_quat(quaternion).apply(self.hand_shift)
         (v, w), (a, alpha) = ([back.apply(part) for part in (rates[:, :3], rates[:, 3:])] for rates in (path.velocity, path.acceleration))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dart_skill.checks import to_the_nanosecond
 from dart_skill.recording import Demonstration
 from dart_skill.robot import ArmModel, Registration
 
@@ -77,8 +78,10 @@ def fit_registration(seen: Sequence[Sightings]) -> Registration:
         twist = (camera * (base * arm * Rotation.from_rotvec(hand_turn)).inv()).as_rotvec()
         change = _solve(unknown, off, twist, lever, arm.as_matrix(), arm_velocity)
         unknown = unknown + change
-    parts = [tuple(part.tolist()) for part in np.split(unknown[:12], 4)]
-    return Registration(parts[0], parts[1], parts[2], parts[3], float(unknown[12]))
+    turn, shift, hand_turn, hand_shift = np.split(unknown[:12], 4)
+    turns = [tuple(Rotation.from_rotvec(part).as_quat().tolist()) for part in (turn, hand_turn)]
+    shifts = [tuple(part.tolist()) for part in (shift, hand_shift)]
+    return Registration(turns[0], shifts[0], turns[1], shifts[1], to_the_nanosecond(float(unknown[12])))
 
 
 def _solve(unknown: np.ndarray, off: np.ndarray, twist: np.ndarray, lever: np.ndarray, arm: np.ndarray, velocity: np.ndarray) -> np.ndarray:

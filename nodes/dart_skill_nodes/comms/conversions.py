@@ -10,7 +10,6 @@ from dart_skill_msgs.msg import ThrowPlan as ThrowPlanMsg
 from dart_skill_msgs.msg import TrialOutcome, WamCommand
 from geometry_msgs.msg import Point, PointStamped, PoseStamped, Transform, Twist
 from nav_msgs.msg import Path
-from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
@@ -153,7 +152,7 @@ def plan_msg(plan: ThrowPlan, frame_id: str) -> ThrowPlanMsg:
     message.release, message.open_hand = duration_msg(plan.release), duration_msg(plan.open_hand)
     message.start_posture = plan.start_posture
     seen = plan.registration
-    message.base, message.body = _small_transform(seen.turn, seen.shift), _small_transform(seen.hand_turn, seen.hand_shift)
+    message.base, message.body = _rigid(seen.turn, seen.shift), _rigid(seen.hand_turn, seen.hand_shift)
     message.camera_delay = duration_msg(seen.delay)
     return message
 
@@ -201,25 +200,22 @@ def plan(message: ThrowPlanMsg) -> ThrowPlan:
     )
 
 
-def _small_transform(turn: Sequence[float], shift: Sequence[float]) -> Transform:
-    """A rotation vector (3,) [rad] and a shift (3,) [m] as a transform."""
+def _rigid(turn: Sequence[float], shift: Sequence[float]) -> Transform:
+    """A quaternion (4,) and a shift (3,) [m] as a transform."""
     transform = Transform()
-    transform.translation.x, transform.translation.y, transform.translation.z = shift
-    rotation = transform.rotation
-    rotation.x, rotation.y, rotation.z, rotation.w = Rotation.from_rotvec(turn).as_quat().tolist()
+    rotation, translation = transform.rotation, transform.translation
+    rotation.x, rotation.y, rotation.z, rotation.w = turn
+    translation.x, translation.y, translation.z = shift
     return transform
 
 
 def _registration(message: ThrowPlanMsg) -> Registration:
-    """Registration of a plan; ValueError if its transforms are none. A plan of a client that sets none has unit quaternions."""
-    parts = []
-    for transform in (message.base, message.body):
-        quaternion = [transform.rotation.x, transform.rotation.y, transform.rotation.z, transform.rotation.w]
-        if not abs(np.linalg.norm(quaternion) - 1.0) < 1e-3:
-            raise ValueError(f"a plan's base and body need unit quaternions, got {quaternion}")
-        shift = transform.translation
-        parts += [tuple(Rotation.from_quat(quaternion).as_rotvec().tolist()), (shift.x, shift.y, shift.z)]
-    return Registration(*parts, delay=seconds(message.camera_delay))
+    """Registration of a plan, that of a client which sets none is none; ValueError if its transforms are no transforms."""
+    base, body = (
+        ((one.rotation.x, one.rotation.y, one.rotation.z, one.rotation.w), (one.translation.x, one.translation.y, one.translation.z))
+        for one in (message.base, message.body)
+    )
+    return Registration(*base, *body, delay=seconds(message.camera_delay))
 
 
 def _trajectory(plan: ThrowPlan, frame_id: str) -> MultiDOFJointTrajectory:

@@ -10,12 +10,13 @@ from dart_skill.robot import ArmModel, HandPath, Registration
 from dart_skill.skill.learn import learn
 from dart_skill.skill.learn._registration import fit_registration, sightings
 
-TRUE = Registration((0.004, -0.006, 0.02), (0.006, -0.004, 0.003), (0.008, 0.012, -0.01), (0.002, -0.003, 0.001), 0.006)
+TURN, HAND_TURN = Rotation.from_rotvec([0.004, -0.006, 0.02]), Rotation.from_rotvec([0.008, 0.012, -0.01])
+TRUE = Registration(TURN.as_quat(), (0.006, -0.004, 0.003), HAND_TURN.as_quat(), (0.002, -0.003, 0.001), 0.006)
 
 
 def moved(demonstration, seen=TRUE, rng=None, noise=0.0):
     """The demonstration as cameras with this registration would have seen it, if those that saw it were exact."""
-    d, base = demonstration, Rotation.from_rotvec(seen.turn)
+    d, base = demonstration, Rotation.from_quat(seen.turn)
     hand = Rotation.from_quat(d.hand_quaternion)
     position = base.apply(d.hand_position + hand.apply(seen.hand_shift)) + np.array(seen.shift)
     if rng is not None:
@@ -24,7 +25,7 @@ def moved(demonstration, seen=TRUE, rng=None, noise=0.0):
         d,
         hand_time=d.hand_time + seen.delay,
         hand_position=position,
-        hand_quaternion=(base * hand * Rotation.from_rotvec(seen.hand_turn)).as_quat(),
+        hand_quaternion=(base * hand * Rotation.from_quat(seen.hand_turn)).as_quat(),
         ball_time=d.ball_time + seen.delay,
         ball_position=base.apply(np.array(d.ball_position)) + np.array(seen.shift),
         target=base.apply(np.array(d.target)) + np.array(seen.shift),
@@ -32,15 +33,17 @@ def moved(demonstration, seen=TRUE, rng=None, noise=0.0):
 
 
 def numbers(registration):
-    return np.concatenate([registration.turn, registration.shift, registration.hand_turn, registration.hand_shift, [registration.delay]])
+    """Rotation vector and shift of base and body, and the delay (13,)."""
+    turns = [Rotation.from_quat(turn).as_rotvec() for turn in (registration.turn, registration.hand_turn)]
+    return np.concatenate([turns[0], registration.shift, turns[1], registration.hand_shift, [registration.delay]])
 
 
 @pytest.mark.parametrize("noise", [0.0, 2e-3])
 def test_turns_shifts_and_delay_come_back(demonstrations, noise):
     model, rng = ArmModel(), np.random.default_rng(0)
     found = fit_registration([sightings(moved(one, TRUE, rng, noise), model) for one in demonstrations])
-    np.testing.assert_allclose(numbers(found)[:3], TRUE.turn, atol=1.5e-3)
-    np.testing.assert_allclose(numbers(found)[6:9], TRUE.hand_turn, atol=2.5e-3)
+    np.testing.assert_allclose(numbers(found)[:3], numbers(TRUE)[:3], atol=1.5e-3)
+    np.testing.assert_allclose(numbers(found)[6:9], numbers(TRUE)[6:9], atol=2.5e-3)
     assert found.delay == pytest.approx(TRUE.delay, abs=1e-3)
     for one in demonstrations:
         seen = moved(one)
@@ -63,7 +66,7 @@ def test_without_joints_nothing_is_told(demonstrations):
 def test_a_plan_of_badly_registered_cameras_is_the_same_motion_of_the_arm(demonstrations):
     """Learned from what such cameras see, and thrown at a target where they see it, the arm moves as with good ones."""
     target = np.array([1.8, 0.2, 0.4])
-    base = Rotation.from_rotvec(TRUE.turn)
+    base = Rotation.from_quat(TRUE.turn)
     plain = learn(demonstrations).plan(target).as_the_arm_has_it()
     plan = learn([moved(one) for one in demonstrations]).plan(base.apply(target) + np.array(TRUE.shift))
     assert not plan.registration.is_none
@@ -95,7 +98,16 @@ def _angular(turn, time):
     return np.vstack([steps[:1], middle, steps[-1:]])
 
 
-@pytest.mark.parametrize("change", [{"turn": (np.nan, 0.0, 0.0)}, {"shift": (0.0, 0.0)}, {"delay": np.inf}])
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"turn": (np.nan, 0.0, 0.0, 1.0)},
+        {"turn": (0.0, 0.0, 0.0)},
+        {"hand_turn": (0.0, 0.0, 0.0, 2.0)},
+        {"shift": (0.0, 0.0)},
+        {"delay": np.inf},
+    ],
+)
 def test_what_is_no_registration_is_refused(change):
     with pytest.raises(ValueError, match="registration"):
         replace(TRUE, **change)
