@@ -49,6 +49,7 @@ class Driver(Node):
         self._nominal = NominalArm(Laboratory.quiet())
         self._command, self._command_step = None, 0
         self.answered, self.unanswered, self.late = 0, 0, 0
+        self.lags = []  # steps between the state that the newest command answers and the one in which it acts
         self.stops, self._stopped = 0, True
         self.tells_button = True  # say with every frame of the cameras that the button is not pressed, too
         self.openings = []  # stamps of commands that open the hand, and of the button [ns]
@@ -129,6 +130,9 @@ class Driver(Node):
         stopped = self._command is None or (self.plant.steps - self._command_step) * PERIOD > WATCHDOG
         self.stops += stopped and not self._stopped
         self._stopped = stopped
+        if self._command is not None:
+            answered = round((nanoseconds(self._command.header.stamp) - self._begin) * 1e-9 / PERIOD)
+            self.lags.append(self.plant.steps - answered)
         if stopped:
             return self._nominal.gravity() - STOPPING * encoders.speeds
         force, moment = self._command.wrench.force, self._command.wrench.torque
