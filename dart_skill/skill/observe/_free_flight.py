@@ -139,7 +139,8 @@ def _grow(near: np.ndarray, samples: np.ndarray) -> np.ndarray:
         return samples
     pieces = np.split(inside, np.flatnonzero(np.diff(inside) > 3) + 1)
     middle = np.median(samples)
-    return min(pieces, key=lambda piece: 0 if piece[0] <= middle <= piece[-1] else abs(np.median(piece) - middle))
+    grown = min(pieces, key=lambda piece: 0 if piece[0] <= middle <= piece[-1] else abs(np.median(piece) - middle))
+    return grown if len(grown) >= WINDOW else samples
 
 
 def followed(fit: FlightFit, time: float) -> FlightFit:

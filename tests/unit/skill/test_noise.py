@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dart_skill.skill.observe import column_noise, find_flight, fit_release, judge_flight, position_noise
+from dart_skill.skill.observe._free_flight import _grow
 
 from .test_outcome import GRIP, ORIGIN, Throw, basket_at
 
@@ -115,3 +116,12 @@ def test_a_ball_that_was_hidden_in_the_hand_is_where_it_should_be():
     release = fit_release(time[flown], ball[flown], *hand, GRIP)
     np.testing.assert_array_equal(release.grip, GRIP)
     assert release.time - ORIGIN == pytest.approx(throw.release, abs=1e-3)
+
+
+def test_a_flight_that_grows_over_outliers_never_shrinks_to_a_few_samples():
+    """Gaps of three outliers on all sides of a sample in the middle: what was found stays."""
+    samples = np.arange(5, 25)
+    near = np.zeros(40, dtype=bool)
+    near[[14, 15]] = True
+    near[[0, 1, 2, 3, 4, 5, 6, 26, 27, 28, 29, 30, 31, 32]] = True
+    np.testing.assert_array_equal(_grow(near, samples), samples)
