@@ -155,3 +155,12 @@ def test_a_speed_that_is_not_finite_is_refused(graph, stranger):
     with pytest.raises(GraphFailure, match="speed_factor"):
         graph.client.set_parameters("/wam_simulator", {"speed_factor": float("nan")})
     stranger.watch(0.5)
+
+
+@pytest.mark.parametrize("change", [{"mass_scale": [1.0]}, {"mass_scale": [-1.0] * 7}, {"joint_stiffness": [100.0] * 6 + [0.0]}])
+def test_an_arm_that_cannot_be_is_refused_when_it_is_set_and_not_at_a_reset(graph, stranger, change):
+    (name,) = change
+    with pytest.raises(GraphFailure, match=name):
+        graph.client.set_parameters("/wam_simulator", change)
+    stranger.watch(0.5)
+    assert not graph.dead()

@@ -11,6 +11,7 @@ import numpy as np
 from dart_skill_msgs.msg import SimulationState, WamCommand
 from dart_skill_msgs.srv import PlaceBasket, Reset, Step
 from geometry_msgs.msg import PoseStamped
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock as ClockMsg
 from sensor_msgs.msg import JointState
@@ -73,6 +74,7 @@ class WamSimulator(Node):
         self._answers, self._fault, self._steps_made = {}, "", 0
         self._make_topics()
         self._make_services()
+        self.add_on_set_parameters_callback(self._refuse_no_arm)
         self._diagnostics = Diagnostics(self, self._describe)
         self._mark = (time.monotonic(), 0)
         self.create_timer(0.1, self._watch, clock=WALL)
@@ -205,6 +207,14 @@ class WamSimulator(Node):
         if any(self.p[name] != value for name, value in now.items()):
             self.p.update(now)
             self._plant.change(PlantSettings.from_parameters(self.p))
+
+    def _refuse_no_arm(self, parameters) -> SetParametersResult:
+        """A change that makes settings which no arm has is refused when it is asked for, not at the next reset."""
+        try:
+            PlantSettings.from_parameters({**self.p, **{one.name: one.value for one in parameters}})
+        except (TypeError, ValueError) as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
 
     def _on_pause(self, request, response):
         self._paused = request.data
