@@ -24,7 +24,7 @@ from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
 from dart_skill.regions import targets_for  # noqa: E402
 from dart_skill_nodes.client.failures import GraphFailure  # noqa: E402
 from dart_skill_nodes.client.graph_client import GraphClient  # noqa: E402
-from dart_skill_nodes.verbs.teach_learn_throw.demo import teach, throw_all  # noqa: E402
+from dart_skill_nodes.verbs._run import teach, throw_all  # noqa: E402
 
 SEED, DEMONSTRATIONS, THROWS = 0, 13, 20
 HEARD = ("/joint_states", "/wam/command", *(f"/vrpn_mocap/{body}/pose" for body in ("hand", "ball", "basket")))
