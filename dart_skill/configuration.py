@@ -27,6 +27,11 @@ def world_parameters() -> dict:
     return dict(load_yaml("world.yaml")["/**"]["ros__parameters"])
 
 
+def node_file(node: str) -> str:
+    """Name of the file of config/ with the parameters of a node."""
+    return "optitrack.yaml" if node == "mock_optitrack" else f"{node}.yaml"
+
+
 def node_parameters(name: str, node: str) -> dict:
     """Parameters of one node from a ROS parameter file of config/, and those of world.yaml that it does not set itself, without ROS."""
     content = load_yaml(name)

@@ -31,7 +31,7 @@ def arm_named(name: str) -> Arm:
     raise ValueError(f"no arm '{name}': choose {FLEET}:SEED, as in {FLEET}:3, or one of {', '.join(content['arms'])}")
 
 
-def drawn(ranges: Mapping[str, Mapping[str, Mapping[str, Any]]], seed: int) -> Arm:
+def drawn(ranges: Mapping[str, Mapping[str, Any]], seed: int) -> Arm:
     """Every parameter drawn from its range. Each has a generator of its own, so that a new one changes none of the others."""
     return {
         node: {name: _draw(rule, np.random.default_rng([seed, zlib.crc32(f"{node}.{name}".encode())])) for name, rule in rules.items()}
@@ -39,8 +39,10 @@ def drawn(ranges: Mapping[str, Mapping[str, Mapping[str, Any]]], seed: int) -> A
     }
 
 
-def _draw(rule: Mapping[str, Any], rng: np.random.Generator) -> Any:
-    """One value, or a list of them, by a rule of config/fleet.yaml."""
+def _draw(rule: Any, rng: np.random.Generator) -> Any:
+    """One value, or a list of them, by a rule of config/fleet.yaml; what is no rule is the value."""
+    if not isinstance(rule, Mapping):
+        return rule
     if "choice" in rule:
         return rule["choice"][int(rng.integers(len(rule["choice"])))]
     count = rule.get("each", 1)

@@ -107,7 +107,9 @@ class Impedance:
     def moved(
         self, q: np.ndarray, qd: np.ndarray, acceleration: np.ndarray, posture: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """What `act` says, and the joint acceleration (7,) that the model then has."""
+        """The same for a state of the model itself, and the joint acceleration (7,) that it then has. Friction is that of joints that move:
+        a joint that shall rest is held by its own.
+        """
         drive = self._drive(q, qd, acceleration, posture)
         torque = self.model.coriolis_torque(q, qd) + self.friction_torque(qd) + drive.null_torque
         return drive.wrench, torque, scipy.linalg.lapack.dposv(drive.inertia, drive.total)[1]
@@ -162,6 +164,7 @@ class JointServo:
     of half the stiffness of config/fleet.yaml, speeds behind a low-pass of 180 rad/s and a delay of a period: docs/fleet.md.
     """
     BRAKING_TIME = 0.12
+    """In which a braked arm loses 1 - 1/e of its speed, if the torques allow it [s]."""
 
     def __init__(self, impedance: Impedance):
         self._impedance = impedance

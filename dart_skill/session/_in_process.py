@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.configuration import node_parameters
+from dart_skill.configuration import node_file, node_parameters
 from dart_skill.fleet import arm_named
 from dart_skill.recording import Demonstration
 from dart_skill.robot import ArmModel, ArmState, Command, Commander, CommanderSettings, Grip, Mode, ThrowPlan
@@ -96,15 +96,15 @@ class Session:
         if unknown:
             raise ValueError(f"config/fleet.yaml: the arm '{name}' sets parameters of {', '.join(sorted(unknown))}, which no session has")
 
-        def of(file: str, node: str) -> dict[str, Any]:
-            return {**node_parameters(file, node), **differs.get(node, {})}
+        def of(node: str) -> dict[str, Any]:
+            return {**node_parameters(node_file(node), node), **differs.get(node, {})}
 
-        others.setdefault("commander", CommanderSettings.from_parameters(of("commander.yaml", "commander")))
+        others.setdefault("commander", CommanderSettings.from_parameters(of("commander")))
         return cls(
             seed,
-            PlantSettings.from_parameters(of("wam_simulator.yaml", "wam_simulator")),
-            cameras=MotionCaptureConfig.from_parameters(of("optitrack.yaml", "mock_optitrack")),
-            person=Person.from_parameters(of("teacher.yaml", "teacher")),
+            PlantSettings.from_parameters(of("wam_simulator")),
+            cameras=MotionCaptureConfig.from_parameters(of("mock_optitrack")),
+            person=Person.from_parameters(of("teacher")),
             **others,
         )
 

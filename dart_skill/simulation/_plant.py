@@ -9,7 +9,7 @@ import os
 import sys
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -28,24 +28,9 @@ HAND_LINK_INDEX = N_JOINTS
 JOINTS = list(range(N_JOINTS))
 ZEROS = [0.0] * N_JOINTS
 OF_EACH_JOINT = ("start_posture", "mass_scale", "joint_stiffness", "joint_offset")
-OF_THE_PLANT = (
-    "gravity_error",
-    "friction_scale",
-    "stiction",
-    "motor_scale",
-    "base_turn",
-    "hand_delay",
-    "hand_spread",
-    "ball_mass_scale",
-    "ball_drag_scale",
-    "encoder_step",
-    "speed_filter",
-    "command_delay",
-    "seat_spread",
-    "release_turn",
-    "release_speed",
-)
-"""Parameters of the simulator that are settings of the plant."""
+"""Settings with a number for each joint."""
+NO_PARAMETERS = ("step_ns", "reset_ns", "hand_clearance", "basket", "board")
+"""Settings that are no parameters of the simulator of that name."""
 
 
 @dataclass(frozen=True)
@@ -112,8 +97,9 @@ class PlantSettings:
             depth=parameters["basket_depth"],
             restitution=parameters["basket_restitution"],
         )
-        own: dict[str, Any] = {name: tuple(float(value) for value in parameters[name]) for name in OF_EACH_JOINT}
-        return cls(basket=basket, **own, **{name: parameters[name] for name in OF_THE_PLANT})
+        own: dict[str, Any] = {one.name: parameters[one.name] for one in fields(cls) if one.name not in NO_PARAMETERS}
+        each = {name: tuple(float(value) for value in own[name]) for name in OF_EACH_JOINT}
+        return cls(basket=basket, **{**own, **each})
 
     def __post_init__(self) -> None:
         for name in OF_EACH_JOINT:
@@ -397,7 +383,7 @@ class Plant:
         self._world.resetBaseVelocity(self._ball, [0, 0, 0], [0, 0, 0])
         self._world.changeDynamics(self._ball, -1, mass=0)
         self._stuck = True
-        self._observe()
+        self._observe_ball()
 
     def _touch_when_clear(self) -> None:
         """The open fingers are not modelled: the hand can touch the ball again once it is a hand's breadth away."""
@@ -452,6 +438,9 @@ class Plant:
         self._read_encoders()
         hand = self._world.getLinkState(self._arm, HAND_LINK_INDEX, computeForwardKinematics=1)
         self._hand_position, self._hand_quaternion = np.array(hand[4]), np.array(hand[5])
+        self._observe_ball()
+
+    def _observe_ball(self) -> None:
         self._ball_position, self._ball_quaternion = self._world.getBasePositionAndOrientation(self._ball)
         self._ball_velocity = self._world.getBaseVelocity(self._ball)[0]
 

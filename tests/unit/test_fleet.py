@@ -3,26 +3,21 @@
 import numpy as np
 import pytest
 
-from dart_skill.configuration import load_yaml, node_parameters
+from dart_skill.configuration import load_yaml, node_file, node_parameters
 from dart_skill.fleet import arm_named, arm_names, drawn
 from dart_skill.simulation import MotionCaptureConfig, PlantSettings
 
-FILES = {
-    "wam_simulator": "wam_simulator.yaml",
-    "mock_optitrack": "optitrack.yaml",
-    "teacher": "teacher.yaml",
-    "commander": "commander.yaml",
-}
+NODES = ("wam_simulator", "teacher", "commander", "mock_optitrack")
 
 
 @pytest.mark.parametrize("name", [*arm_names(), "fleet:0", "fleet:17"])
 def test_an_arm_sets_what_the_nodes_have_with_values_of_the_same_kind(name):
     for node, parameters in arm_named(name).items():
-        usual = node_parameters(FILES[node], node)
+        usual = node_parameters(node_file(node), node)
         for parameter, value in parameters.items():
             assert type(value) is type(usual[parameter]), (node, parameter)
             assert np.shape(value) == np.shape(usual[parameter])
-    merged = {node: {**node_parameters(FILES[node], node), **arm_named(name).get(node, {})} for node in FILES}
+    merged = {node: {**node_parameters(node_file(node), node), **arm_named(name).get(node, {})} for node in NODES}
     PlantSettings.from_parameters(merged["wam_simulator"])
     MotionCaptureConfig.from_parameters(merged["mock_optitrack"])
 
@@ -40,7 +35,9 @@ def test_members_stay_within_the_ranges_and_fill_them():
     for node, rules in load_yaml("fleet.yaml")["fleet"].items():
         for parameter, rule in rules.items():
             values = np.array([member[node][parameter] for member in members])
-            if "between" in rule:
+            if not isinstance(rule, dict):
+                assert set(values.tolist()) == {rule}
+            elif "between" in rule:
                 share = values / np.array(rule.get("times", 1.0))
                 low, high = rule["between"]
                 assert low <= share.min() and share.max() <= high and np.ptp(share) > 0.9 * (high - low)

@@ -40,10 +40,6 @@ def cut_out_of() -> str:
     return "|".join(["/joint_states", "/wam/command", "/wam/teacher_wrench", *the_world().pose_topics().values()])
 
 
-CAREFUL = {"tracking": "joints", "friction_compensation": 1.0}
-"""Of the commander of an arm that nobody has measured: no large gain acts on speeds that may be late."""
-
-
 def parameters_of(executable: str, layout: str, seed=0, bag="", played="", rate=1.0) -> dict:
     """What an executable is started with in a layout, by names of parameters; the values may be a launch file's substitutions.
 
@@ -53,7 +49,9 @@ def parameters_of(executable: str, layout: str, seed=0, bag="", played="", rate=
     if executable in ("composed", "demonstration_recorder"):
         parameters["bag"] = bag
     if layout == "hardware" and executable == "commander":
-        parameters |= CAREFUL
+        from dart_skill.fleet import arm_named  # costs NumPy, which completion with TAB does without
+
+        parameters |= arm_named("unmeasured")["commander"]
     if layout == "replay" and executable == "demonstration_recorder":
         parameters["automatic"] = True
     if executable == "bag_player":
@@ -62,11 +60,16 @@ def parameters_of(executable: str, layout: str, seed=0, bag="", played="", rate=
 
 
 def of_executables(layout: str, differs: dict[str, dict]) -> dict[str, dict]:
-    """Parameters by node as those of a layout's executables, which may run several nodes; of nodes that do not run, none."""
-    return {
-        executable: {f"{node}:{name}": value for node in nodes_of([executable]) for name, value in differs.get(node, {}).items()}
-        for executable in LAYOUTS[layout]
-    }
+    """Parameters by node as those of a layout's executables; where one runs several nodes, with the node's name before each. Of nodes that
+    do not run, none.
+    """
+
+    def of(executable: str) -> dict:
+        if executable not in NODES_OF:
+            return dict(differs.get(executable, {}))
+        return {f"{node}:{name}": value for node in NODES_OF[executable] for name, value in differs.get(node, {}).items()}
+
+    return {executable: of(executable) for executable in LAYOUTS[layout]}
 
 
 def nodes_of(executables: Iterable[str]) -> list[str]:

@@ -4,11 +4,8 @@ import argparse
 from datetime import datetime
 from pathlib import Path
 
-from dart_skill.configuration import node_parameters
+from dart_skill.configuration import node_file, node_parameters
 from dart_skill_nodes.process.graph_processes import SIMULATED
-
-FILES = {"mock_optitrack": "optitrack.yaml"}
-"""Files of config/ that are not called as their node."""
 
 UNTOLD = ("help", "output", "json")
 """Options that change nothing about a run."""
@@ -56,7 +53,7 @@ def _setting(text: str) -> tuple[str, str, object]:
     if not (equals and dot and given):
         raise ValueError(f"--set {text}: give NODE.PARAMETER=VALUE, as in mock_optitrack.noise=0.001")
     try:
-        usual = node_parameters(FILES.get(node, f"{node}.yaml"), node)
+        usual = node_parameters(node_file(node), node)
     except (FileNotFoundError, KeyError):
         raise ValueError(f"--set {text}: there is no node {node} with parameters in config/") from None
     if name not in usual:

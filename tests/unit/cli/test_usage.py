@@ -108,5 +108,5 @@ def test_an_arm_and_a_parameter_reach_the_processes_that_run_their_nodes():
     differs = {"mock_optitrack": {"noise": 0.001}, "skill_learner": {"practice_method": "none"}, "teacher": {"speed": 0.0}}
     assert of_executables("composed", differs) == {
         "composed": {"mock_optitrack:noise": 0.001, "teacher:speed": 0.0},
-        "skill_learner": {"skill_learner:practice_method": "none"},
+        "skill_learner": {"practice_method": "none"},
     }
