@@ -4,9 +4,22 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from dart_skill.configuration import node_parameters
-from dart_skill.robot import ArmModel, ArmState, Command, Commander, CommanderSettings, Gains, Grip, HandPath, Mode, PlanRefused
+from dart_skill.robot import (
+    ArmModel,
+    ArmState,
+    Command,
+    Commander,
+    CommanderSettings,
+    Gains,
+    Grip,
+    HandPath,
+    Mode,
+    PlanRefused,
+    Registration,
+)
 from dart_skill.robot._throw_plan import same_plan
 
 REST = np.array([0.0, -0.90, 0.0, -0.75, 0.0, -0.35, 0.0])
@@ -433,3 +446,18 @@ def test_a_held_command_does_not_open_the_hand_again():
     held = command.answering(7)
     assert held.stamp_ns == 7 and held.grip == Grip.UNSPECIFIED
     np.testing.assert_array_equal(held.wrench, command.wrench)
+
+
+@pytest.mark.parametrize("law", [{"tracking": "hand"}, {"tracking": "joints", "friction_compensation": 1.0}])
+def test_the_arm_does_what_cameras_of_another_world_shall_see(begin, plan, law):
+    """Seen 2 cm too high and turned by 1 degree, the hand goes where the plan says it is seen, and not where it says it is."""
+    turn = Rotation.from_euler("z", 1.0, degrees=True)
+    seen = Registration(turn=turn.as_quat(), shift=(0.0, 0.0, 0.02))
+    run = finish(begin(replace(plan, registration=seen), CommanderSettings.configured(**law), gravity_error=0.0))
+    begun = run.modes.index(Mode.THROWING)
+    k = begun + round(plan.release * 1e9) // PERIOD
+    released = MODEL.hand_pose(run.states[k].position)[0]
+    path, when = plan.path, (run.states[k].stamp_ns - run.states[begun].stamp_ns) * 1e-9
+    planned = np.array([np.interp(when, path.time, axis) for axis in path.position.T])
+    np.testing.assert_allclose(turn.apply(released) + [0.0, 0.0, 0.02], planned, atol=0.012)
+    assert np.linalg.norm(released - planned) > 0.018
