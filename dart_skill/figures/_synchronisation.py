@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 
 from dart_skill.figures._recordings import Recording
 from dart_skill.figures._style import BLACK, GREY, VERMILION, house_style, quantity_colours, save
-from dart_skill.movement import VelocityThreshold, speed
+from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import Demonstration
 from dart_skill.robot import wam_description
 from dart_skill.skill.observe import THRESHOLDS, fit_release
@@ -107,7 +107,7 @@ def _motion(recording: Recording, demonstration: Demonstration, thresholds: Velo
         name=d.id,
         distance=float(np.hypot(d.target[0], d.target[1])),
         time=time,
-        speed=speed(time, recording.hand_position, thresholds.window),
+        speed=thresholds.speeds(time, recording.hand_position),
         first=origin + float(d.hand_time[0]),
         last=origin + float(d.hand_time[-1]),
         motion_start=origin + d.motion_start,

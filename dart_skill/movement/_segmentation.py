@@ -113,10 +113,14 @@ class VelocityThreshold:
         """
         positions = as_samples(positions, "positions")
         time = as_stamps(time, len(positions), 3)
-        speeds = speed(time, positions, self.window_for(time, positions))
+        speeds = self.speeds(time, positions)
         spans = self._spans(time, speeds, instant)
         self._require_motion(time, speeds, spans)
         return [self._segment(time, speeds, begin, end) for begin, end in spans]
+
+    def speeds(self, time: np.ndarray, positions: np.ndarray) -> np.ndarray:
+        """The speed (n,) of positions (n, d) at stamps (n,) that the thresholds are held against."""
+        return speed(time, positions, self.window_for(time, positions))
 
     def window_for(self, time: np.ndarray, positions: np.ndarray) -> float:
         """The window [s] for positions (n, d) at stamps (n,): wider than `window` only where the noise asks for it.
