@@ -32,7 +32,7 @@ SHOWN = 0.12
 SWING = Swing(cocked=(-1.00, -0.42, -0.60))
 """The teacher's swing, the elbow less bent at first than for baskets: at this speed the wind-up takes J4 farther back, to its end at -0.9.
 """
-LEARNING = CorrectionSettings(offset=0.05, lengths=(0.2,), turns=(0.1,), apart=(1e-6, 1e-6), farthest=0.15, memory=40)
+LEARNING = CorrectionSettings(offsets=(0.05,), lengths=(0.2,), turns=(0.1,), apart=(1e-6, 1e-6), farthest=0.15, memory=40)
 """A board is smaller than a region of baskets: wherever two surprises are, they are a change. A release that is moved makes old misses
 worthless.
 """

@@ -1,6 +1,7 @@
 """Practice in process: does the arm get better with its own throws, how fast, and how does it recover from a change that nobody announces?
 
     dart-skill experiment practice --methods residual,bootstrap,both,power,none --demonstrations 13 --throws 50
+    dart-skill experiment practice --arms fleet --first-seed 2000 --seeds 40 --methods residual --tested-after 0,10,50
 
 Every seed has its own teacher, demonstrations, baskets and sensor noise; all methods of a seed start from the same demonstrations. The
 practised throws go where the curriculum sends them; how good the arm is after n of them is measured by further throws at baskets of a test
@@ -16,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dart_skill.experiments import runs
+from dart_skill.experiments.throws import arm_of, taught
 from dart_skill.recording import Demonstration
 from dart_skill.regions import REGION, targets_for
 from dart_skill.session import Session
@@ -32,7 +34,7 @@ class Task:
     """One run: `throws` practised throws after `demonstrations`; change: one of CHANGES, after `change_after` throws.
 
     tests: throws of each test, after each number of practised throws in `tested_after`; again: throws of one plan for each basket of the
-    last test, which show what no better plan can do away with.
+    last test, which show what no better plan can do away with; arm: of config/fleet.yaml, or fleet: the one that the seed draws.
     """
 
     seed: int
@@ -44,6 +46,7 @@ class Task:
     tested_after: tuple[int, ...] = (0, 1, 2, 5, 10, 20, 50)
     tests: int = 10
     again: int = 0
+    arm: str = "ideal"
 
     def __post_init__(self) -> None:
         for name, choices in (("method", METHODS), ("change", CHANGES)):
@@ -72,8 +75,8 @@ def teach(session: Session, seed: int, wanted: int) -> list[Demonstration]:
     """As many demonstrations as wanted, each of a throw that went in."""
     rng, kept = np.random.default_rng([seed, 3]), []
     for target in [*targets_for(seed, wanted, 0)[0], *REGION.spread(wanted, rng)]:
-        lesson = session.teach(target)[-1]
-        if lesson.outcome.in_basket:
+        lesson = taught(session, target)
+        if lesson is not None:
             kept.append(lesson.demonstration)
         if len(kept) == wanted:
             return kept
@@ -82,7 +85,7 @@ def teach(session: Session, seed: int, wanted: int) -> list[Demonstration]:
 
 def run(task: Task) -> Run:
     """One teacher, one arm, one way to practise."""
-    session = Session(task.seed)
+    session = Session.on_arm(arm_of(task.arm, task.seed), task.seed)
     try:
         return _run(task, session)
     finally:
@@ -178,7 +181,8 @@ def run_all(tasks: list[Task], results: Path | None = None, jobs: int = 0, sched
 
 def summarise(results: list[Run]) -> list[dict]:
     """One row per method, demonstrations, change and number of practised throws: throws of the tests, share in the basket, median and
-    90 % of their error [cm], and how many had none; after the last ones floor_cm, the median of what one plan scatters, if that was seen.
+    90 % of their error [cm], how many had none, and in how many runs the mean error was larger than before by more than two standard
+    errors of the difference (`worse`); after the last ones floor_cm, the median of what one plan scatters, if that was seen.
     """
     groups: dict[tuple, list[Run]] = {}
     for one in results:
@@ -201,10 +205,20 @@ def summarise(results: list[Run]) -> list[dict]:
                     "median_cm": round(float(quantiles[0]), 3),
                     "p90_cm": round(float(quantiles[1]), 3),
                     "without_error": int(np.isnan(errors).sum()),
+                    "worse": sum(_is_worse(one.test_errors[0], one.test_errors[k]) for one in group),
                     "floor_cm": _floor(group) if k == len(group[0].task.tested_after) - 1 else None,
                 }  # fmt: skip
             )
     return rows
+
+
+def _is_worse(before: tuple[float, ...], after: tuple[float, ...]) -> bool:
+    """Whether the mean of `after` is larger by more than two standard errors of the difference (Welch); nan does not count."""
+    samples = [np.array(errors)[np.isfinite(errors)] for errors in (before, after)]
+    if min(len(sample) for sample in samples) < 2:
+        return False
+    doubt = np.sqrt(sum(sample.var(ddof=1) / len(sample) for sample in samples))
+    return bool(samples[1].mean() - samples[0].mean() > 2.0 * doubt)
 
 
 def _floor(group: list[Run]) -> float | None:
@@ -217,19 +231,20 @@ def table(results: list[Run]) -> str:
     rows = summarise(results)
     counts = sorted({row["after"] for row in rows})
     with_floor = any(row["floor_cm"] is not None for row in rows)
-    heads = [f"{f'after {n}':>20}" for n in counts] + [f"{'floor':>8}"] * with_floor
+    heads = [f"{f'after {n}':>23}" for n in counts] + [f"{'floor':>8}"] * with_floor
     lines = [f"{'method':<11}{'shown':>6}  {'change':<15}{'runs':>5}" + "".join(heads)]
     for method, demonstrations, change in dict.fromkeys((row["method"], row["demonstrations"], row["change"]) for row in rows):
         own = {
             row["after"]: row for row in rows if (row["method"], row["demonstrations"], row["change"]) == (method, demonstrations, change)
         }
-        cells = "".join(_cell(own.get(n)).rjust(20) for n in counts)
+        cells = "".join(_cell(own.get(n)).rjust(23) for n in counts)
         floor = own[max(own)]["floor_cm"]
         cells += "" if floor is None else f"{floor:>8.3f}"
         lines.append(f"{method:<11}{demonstrations:>6}  {change:<15}{next(iter(own.values()))['runs']:>5}{cells}")
-    what = "median and 90 % of the landing error [cm], share in the basket, of throws from which nothing was learned"
+    what = "median and 90 % of the landing error [cm], share in the basket, of throws from which nothing was learned, runs that got worse"
     return "\n".join([*lines, what + ("; floor: median distance from the centre of one plan's hits" if with_floor else "")])
 
 
 def _cell(row: dict | None) -> str:
-    return f"{row['median_cm']:.2f} {row['p90_cm']:.1f} {100 * row['in']:.0f} %" if row else "-"
+    worse = f" {row['worse']}" if row and row["after"] else ""
+    return f"{row['median_cm']:.2f} {row['p90_cm']:.1f} {100 * row['in']:.0f} %{worse}" if row else "-"

@@ -23,7 +23,9 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
     parser.add_argument(
         "--again", type=int, default=0, metavar="N", help="throws of one plan for each basket of the last test: the floor (default none)"
     )
-    parser.add_argument("--seeds", type=int, default=20, help="seeds 0 to N - 1 (default 20)")
+    parser.add_argument("--seeds", type=int, default=20, help="how many seeds (default 20)")
+    parser.add_argument("--first-seed", type=int, default=0, metavar="N", help="the first of them (default 0)")
+    parser.add_argument("--arms", default="ideal", help="an arm of config/fleet.yaml, or fleet: every seed draws its own (default ideal)")
     parser.add_argument("--jobs", type=int, default=0, help="processes at a time (default one per core)")
     parser.add_argument("--scheduler", default="", metavar="ADDRESS", help="run on the Dask cluster of this scheduler instead")
     parser.add_argument("--results", metavar="FILE", type=Path, help="add each run to this file; what it holds already is not run again")
@@ -35,18 +37,21 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
 
 def _practice(options: argparse.Namespace) -> int:
     from dart_skill.experiments.practice import Task, run_all, summarise, table
+    from dart_skill.fleet import FLEET, arm_named
 
     tested = tuple(int(number) for number in options.tested_after.split(","))
     if options.again < 0 or options.again == 1:
         raise ValueError(f"--again is {options.again}: a scatter takes 2 throws at least, or 0 for none")
+    if options.arms != FLEET:
+        arm_named(options.arms)
     shared = {"throws": options.throws, "change_after": options.change_after, "tested_after": tested}
-    shared |= {"tests": options.tests, "again": options.again}
+    shared |= {"tests": options.tests, "again": options.again, "arm": options.arms}
     tasks = [
         Task(seed, method, int(shown), change=change, **shared)
         for shown in options.demonstrations.split(",")
         for change in options.changes.split(",")
         for method in options.methods.split(",")
-        for seed in range(options.seeds)
+        for seed in range(options.first_seed, options.first_seed + options.seeds)
     ]
     results = run_all(tasks, options.results, options.jobs, options.scheduler)
     print(json.dumps(summarise(results), indent=1) if options.json else table(results))

@@ -17,6 +17,9 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
     throws.add_argument("--demonstrations", type=int, default=13)
     throws.add_argument("--throws", type=int, default=10, help="new baskets per seed (default 10)")
     throws.add_argument("--jobs", type=int, default=1, help="processes at a time (default 1)")
+    throws.add_argument(
+        "--best-possible", action="store_true", help="also the share that any plan could get in, with the scatter of this arm's fingers"
+    )
     throws.add_argument("--json", action="store_true", help="as JSON: thrown, in, median_error_m, p90_error_m, and every throw")
     throws.set_defaults(run=_throws)
 
@@ -31,9 +34,13 @@ def _throws(options: argparse.Namespace) -> int:
         arm_named(options.arms)
     seeds = list(range(options.first_seed, options.first_seed + options.seeds))
     results = throws.run(seeds, names, options.jobs, options.demonstrations, options.throws, options.arms)
+    best = throws.best_possible(results) if options.best_possible else None
     if options.json:
         rows = [{k: None if v != v else v for k, v in asdict(result).items()} for result in results]
-        print(json.dumps({**throws.summary(results), "summary": throws.summarise(results), "throws": rows}, indent=1))
+        said = {} if best is None else {"best_possible": best}
+        print(json.dumps({**throws.summary(results), **said, "summary": throws.summarise(results), "throws": rows}, indent=1))
     else:
         print(throws.table(results))
+        if best is not None:
+            print(f"of all plans that let go there, the best would get {100 * best:.1f} % in")
     return 0

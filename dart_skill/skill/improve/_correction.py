@@ -1,10 +1,16 @@
 """What a thrower gets wrong in the same way again and again, learned from where the balls came down, and taken out of the next plan.
 
-A miss has a part that is known once it has happened, the hand opened early or late and the ball left the path elsewhere, and a part that
-belongs to the place: friction, the load, a base that was turned. The first is computed and taken away, so that one throw already tells much
-about the second, which a Gaussian process over the places describes: a common offset and a smooth difference from place to place
-(C. Rasmussen and C. Williams, Gaussian Processes for Machine Learning, 2006, chapter 2). After something has changed, what was learned
-before is of no use: two surprises in a row in the same direction, at different places, forget it.
+A miss has three parts. One repeats and belongs to the place: friction, the load, a base that was turned. A Gaussian process over the
+places describes it: a common offset and a smooth difference from place to place (C. Rasmussen and C. Williams, Gaussian Processes for
+Machine Learning, 2006, chapter 2). One is known once it has happened: the hand opened early or late, and by its plan the ball left the
+path elsewhere. One is scatter, of which nothing can be learned.
+
+How large each part is, the throws themselves tell. Nothing is decided: predictions are averaged over all that noise, difference, scale
+and the share of a late release may be, each weighed by its evidence (J. Hoeting et al., Bayesian model averaging, Statistical Science 14,
+1999). A choice of the most probable values takes scatter for a difference between places while throws are few.
+
+After something has changed, what was learned before is of no use: two surprises in a row in the same direction, at different places,
+forget it.
 """
 
 from __future__ import annotations
@@ -19,21 +25,21 @@ from dart_skill.robot import ThrowPlan
 from dart_skill.skill.learn import landing_if_late
 from dart_skill.surface import BASKETS, RIMS, Game, Surface
 
-USUAL_NOISE, USUAL_DIFFERENCE = 0.004, 0.01
-"""Standard deviations [m] that are expected: of what does not repeat, and of what differs from place to place."""
-NOISES, DIFFERENCES = USUAL_NOISE * 2.0 ** np.arange(-3, 5), USUAL_DIFFERENCE * 2.0 ** np.arange(-2, 4)
-"""Among which evidence decides."""
-UNUSUAL = 1.0
-"""Log probability that a factor of two costs, squared for more: two throws that happen to agree are no evidence of a steady hand."""
-WARY, WARY_WEIGHT = 0.012, 4.0
-"""Noise [m] that a few throws count for where surprises are judged: the first ones may agree better than the next."""
+USUAL = 0.01
+"""Standard deviation [m] about which those of scatter and of the difference from place to place are expected."""
+NOISES, DIFFERENCES = 0.0005 * 2.0 ** np.arange(9), USUAL * 2.0 ** np.arange(-2, 4)
+"""[m] over which predictions are averaged: from a steady machine to a hand that scatters by 13 cm."""
+UNUSUAL_NOISE, UNUSUAL_DIFFERENCE = 0.1, 1.0
+"""Log probability that a factor of two from the usual costs, squared for more. Arms scatter by millimetres or by decimetres."""
+SHARES = np.array([0.0, 0.5, 1.0])
+"""Shares of what a late release is computed to do: 0 where its instant was seen so badly that it explains nothing."""
 
 
 @dataclass(frozen=True)
 class CorrectionSettings:
     """How misses are learned from.
 
-    * offset: standard deviation of what all places have in common, before the first throw [m].
+    * offsets: standard deviations that what all places have in common may have, before the first throw [m]; the evidence weighs them.
     * lengths: distances over which misses resemble each other; the evidence decides among them [m].
     * turns: azimuths over which they do [rad]. An arm that turns about its base may make the same throw all around.
     * surprise: a miss is a surprise from so many standard deviations on.
@@ -42,7 +48,7 @@ class CorrectionSettings:
     * memory: throws at most, the latest.
     """
 
-    offset: float = 0.1
+    offsets: tuple[float, ...] = (0.01, 0.03, 0.1)
     lengths: tuple[float, ...] = (0.05, 0.1, 0.2, 0.4, 0.8)
     turns: tuple[float, ...] = (0.7, 3.0)
     surprise: float = 4.0
@@ -51,29 +57,75 @@ class CorrectionSettings:
     memory: int = 200
 
     def __post_init__(self) -> None:
-        values = np.array([self.offset, *self.lengths, *self.turns, self.surprise, *self.apart, self.farthest, self.memory], dtype=float)
-        if not (self.lengths and self.turns and np.isfinite(values).all() and (values > 0).all()):
-            raise ValueError(f"correction: {self} must hold finite positive numbers only, and at least one length and one turn")
+        choices, others = (self.offsets, self.lengths, self.turns), (self.surprise, *self.apart, self.farthest, self.memory)
+        values = np.array([value for choice in (*choices, others) for value in choice], dtype=float)
+        if not (all(choices) and np.isfinite(values).all() and (values > 0).all()):
+            raise ValueError(f"correction: {self} must hold finite positive numbers only, and at least one offset, one length and one turn")
 
 
-class _Fit(NamedTuple):
-    """Noise and difference [m], scale (length [m], turn [rad]), log evidence, inverse covariance (n, n) of the misses, and its product with
-    them (n,).
+NOTHING = np.zeros(2)
+
+
+class _Kernels(NamedTuple):
+    """Of every scale: power (s, n) and modes (s, n, n), the eigenvalues and eigenvectors of the kernel between the throws, and common
+    (s, n), what the modes have of an offset that all places share.
     """
 
-    noise: float
-    difference: float
-    scale: tuple[float, float]
-    evidence: float
-    inverse: np.ndarray
-    weights: np.ndarray
+    power: np.ndarray
+    modes: np.ndarray
+    common: np.ndarray
+
+
+class _Grid(NamedTuple):
+    """Hypotheses (k,): standard deviations [m] of noise, difference and offset, and the log of their prior."""
+
+    noise: np.ndarray
+    difference: np.ndarray
+    offset: np.ndarray
+    prior: np.ndarray
+
+    @classmethod
+    def over(cls, offsets: tuple[float, ...]) -> _Grid:
+        noise, difference, offset = np.array(list(product(NOISES, DIFFERENCES, offsets))).T
+        prior = -UNUSUAL_NOISE * np.log2(noise / USUAL) ** 2 - UNUSUAL_DIFFERENCE * np.log2(difference / USUAL) ** 2
+        return cls(noise, difference, offset, prior)
+
+
+class _Posterior(NamedTuple):
+    """What the throws say, by share (b), axis (2), scale (s), and hypothesis (k) of noise, difference and offset.
+
+    * kernels: those of the throws.
+    * probability: (b, 2, s, k), sums to one on each axis.
+    * offset: (b, 2, s, k) mean of what all places have in common [m].
+    * seen: (b, 2, s, n) misses in the modes of the kernels [m].
+    * towards: (2, s, n) weights of the kernel in the averaged mean.
+    * noise: (2,) root mean square of what does not repeat [m].
+    """
+
+    kernels: _Kernels
+    probability: np.ndarray
+    offset: np.ndarray
+    seen: np.ndarray
+    towards: np.ndarray
+    noise: np.ndarray
+
+    @property
+    def common(self) -> np.ndarray:
+        """Averaged offset (2,) [m]."""
+        return np.einsum("bask,bask->a", self.probability, self.offset)
+
+    @property
+    def share(self) -> float:
+        """Expected share of what a late release is computed to do."""
+        return float(np.einsum("bsk,b->", self.probability[:, 0], SHARES))
 
 
 class _Suspect(NamedTuple):
-    """A miss that surprised: place (2,), miss (2,), and by how many standard deviations (2,)."""
+    """A miss that surprised: place (2,), miss (2,), what of it a late release explains (2,), and by how many standard deviations (2,)."""
 
     place: np.ndarray
     miss: np.ndarray
+    explained: np.ndarray
     surprise: np.ndarray
 
 
@@ -82,10 +134,14 @@ class Correction:
     (up, left), and the height for the distance.
     """
 
+    _posterior: _Posterior
+
     def __init__(self, settings: CorrectionSettings | None = None, surface: Surface = RIMS):
         self.settings, self._surface = settings or CorrectionSettings(), surface
+        self._grid = _Grid.over(self.settings.offsets)
         self._places: np.ndarray = np.empty((0, 2))
         self._misses: np.ndarray = np.empty((0, 2))
+        self._explained: np.ndarray = np.empty((0, 2))
         self._suspects: list[_Suspect] = []
         self.n_forgotten = 0
 
@@ -95,107 +151,147 @@ class Correction:
 
     @property
     def throws(self) -> np.ndarray:
-        """What is remembered (n, 4): distance [m], azimuth [rad], miss along and across [m]."""
-        return np.hstack([self._places, self._misses])
+        """What is remembered (n, 6): distance [m], azimuth [rad], miss along and across [m], and what of it a late release explains [m]."""
+        return np.hstack([self._places, self._misses, self._explained])
+
+    @property
+    def share(self) -> float:
+        """How much of what a late release is computed to do the throws confirm, from 0 to 1; 1 before the first throw."""
+        return self._posterior.share if len(self) else 1.0
+
+    @property
+    def noise(self) -> np.ndarray:
+        """Standard deviation (2,) [m] of what does not repeat, along and across; nan before the first throw."""
+        return self._posterior.noise if len(self) else np.full(2, np.nan)
 
     def remember(self, throws: np.ndarray) -> None:
-        """Take up (n, 4) what another correction remembered, as `throws` gave it."""
+        """Take up what another correction remembered: (n, 6), as `throws` gave it, or (n, 4) without what is explained."""
         throws = np.asarray(throws, dtype=float)
-        if throws.ndim != 2 or throws.shape[1] != 4 or not np.isfinite(throws).all():
-            raise ValueError(f"throws of a correction must be a finite (n, 4) array, got shape {throws.shape}")
+        if throws.ndim != 2 or throws.shape[1] not in (4, 6) or not np.isfinite(throws).all():
+            raise ValueError(f"throws of a correction must be a finite (n, 6) array, or (n, 4), got shape {throws.shape}")
         if len(throws):
-            self._remember(list(throws[:, :2]), list(throws[:, 2:]))
+            explained = throws[:, 4:] if throws.shape[1] == 6 else np.zeros((len(throws), 2))
+            self._remember(list(throws[:, :2]), list(throws[:, 2:4]), list(explained))
 
-    def add(self, place: np.ndarray, miss: np.ndarray) -> None:
-        """Remember a miss (2,) at a place (2,). A surprise waits: for one like it at another place, then the arm has changed, or for a
-        throw that is none, then it was an accident, or the fault of its place.
+    def add(self, place: np.ndarray, miss: np.ndarray, explained: np.ndarray = NOTHING) -> None:
+        """Remember a miss (2,) [m] at a place (2,).
+
+        explained: (2,) [m], default nothing. What of the miss is due to this throw's release by its plan, against the usual release.
+
+        A surprise waits: for one like it at another place, then the arm has changed, or for a throw that is none, then it was an accident,
+        or the fault of its place.
         """
-        place, miss = (np.asarray(part, dtype=float) for part in (place, miss))
-        if place.shape != (2,) or miss.shape != (2,) or not np.isfinite([place, miss]).all():
-            raise ValueError(f"place {place} and miss {miss} must be two finite numbers each: was the landing seen?")
-        surprise = self._surprise(place, miss)
+        place, miss, explained = (np.asarray(part, dtype=float) for part in (place, miss, explained))
+        if not all(part.shape == (2,) and np.isfinite(part).all() for part in (place, miss, explained)):
+            raise ValueError(f"place {place}, miss {miss}, explained {explained} must be two finite numbers each: was the landing seen?")
+        surprise = self._surprise(place, miss, explained)
         if surprise is None:
             self._suspects = []
-            self._remember([place], [miss])
+            self._remember([place], [miss], [explained])
             return
         alike = [one for one in self._suspects if np.dot(one.surprise, surprise) > 0]
-        self._suspects.append(_Suspect(place, miss, surprise))
+        self._suspects.append(_Suspect(place, miss, explained, surprise))
         if any(np.linalg.norm((one.place - place) / self.settings.apart) > 1.0 for one in alike):
-            self.n_forgotten, self._places, self._misses = self.n_forgotten + 1, np.empty((0, 2)), np.empty((0, 2))
-            self._remember([*(one.place for one in alike), place], [*(one.miss for one in alike), miss])
+            self.n_forgotten += 1
+            self._places = self._misses = self._explained = np.empty((0, 2))
+            changed = [*alike, self._suspects[-1]]
+            self._remember([one.place for one in changed], [one.miss for one in changed], [one.explained for one in changed])
             self._suspects = []
 
     def predict(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean and standard deviation (n, 2) of the repeatable miss at places (n, 2)."""
         places = np.asarray(places, dtype=float).reshape(-1, 2)
         if not len(self._places):
-            return np.zeros_like(places), np.full_like(places, self.settings.offset)
-        columns = [self._predict(places, axis) for axis in range(2)]
-        mean, deviation = (np.stack(part, axis=1) for part in zip(*columns, strict=True))
-        return mean, deviation
+            return np.zeros_like(places), np.full_like(places, np.sqrt(np.mean(np.square(self.settings.offsets))))
+        kernel = self._kernel(places, self._places)
+        mean = self._posterior.common + np.einsum("smn,asn->ma", kernel, self._posterior.towards)
+        return mean, self._deviation(kernel, mean)
 
     def shifted(self, target: np.ndarray) -> np.ndarray:
         """The point (3,) to plan for so that the ball comes down on the target (3,)."""
         target = np.asarray(target, dtype=float)
         point = target.copy()
-        for _ in range(3):
-            mean = self.predict(self._surface.coordinates(point))[0][0]
+        for _ in range(3 if len(self) else 0):
+            kernel = self._kernel(self._surface.coordinates(point)[None], self._places)[:, 0]
+            mean = self._posterior.common + np.einsum("sn,asn->a", kernel, self._posterior.towards)
             move = self._surface.offset(mean, point)
             move *= min(1.0, self.settings.farthest / max(float(np.linalg.norm(move)), 1e-12))
             point = target - move
         return point
 
-    def _remember(self, places: list, misses: list) -> None:
+    def _remember(self, places: list, misses: list, explained: list) -> None:
         last = self.settings.memory
         self._places, self._misses = np.vstack([self._places, *places])[-last:], np.vstack([self._misses, *misses])[-last:]
-        self._fits = self._fit_all()
+        self._explained = np.vstack([self._explained, *explained])[-last:]
+        self._posterior = self._infer()
 
-    def _surprise(self, place: np.ndarray, miss: np.ndarray) -> np.ndarray | None:
+    def _surprise(self, place: np.ndarray, miss: np.ndarray, explained: np.ndarray) -> np.ndarray | None:
         """The innovation (2,) in standard deviations if it is too large to be chance."""
         if len(self._places) < 2:
             return None
         mean, deviation = (part[0] for part in self.predict(place))
-        seen = np.square([fit.noise for fit in self._fits]) * len(self._places)
-        noise = np.sqrt((WARY_WEIGHT * WARY**2 + seen) / (WARY_WEIGHT + len(self._places)))
-        innovation = (miss - mean) / np.hypot(deviation, noise)
+        innovation = (miss - self.share * explained - mean) / np.hypot(deviation, self._posterior.noise)
         return innovation if np.abs(innovation).max() > self.settings.surprise else None
 
-    def _kernel(self, first: np.ndarray, second: np.ndarray, scale: tuple[float, float]) -> np.ndarray:
-        apart = (first[:, None] - second) / scale
-        return np.exp(-0.5 * np.einsum("ijk,ijk->ij", apart, apart))
+    def _kernel(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+        """How much places (m, 2) resemble places (n, 2), on every scale (s, m, n)."""
+        squares = np.square(first[:, None] - second)
+        scales = np.array(list(product(self.settings.lengths, self.settings.turns)))
+        return np.exp(-0.5 * np.einsum("mnj,sj->smn", squares, scales**-2.0))
 
-    def _fit_all(self) -> list[_Fit]:
-        """For either axis the process with the most probable scale, noise and difference (evidence times prior)."""
-        scales = product(self.settings.lengths, self.settings.turns)
-        kernels = [(scale, *np.linalg.eigh(self._kernel(self._places, self._places, scale))) for scale in scales]
-        fits = [[self._fit(values, *kernel) for kernel in kernels] for values in self._misses.T]
-        return [max(candidates, key=lambda fit: fit.evidence) for candidates in fits]
+    def _variances(self, power: np.ndarray) -> np.ndarray:
+        """Of the misses in the modes of the kernels but for the offset (s, k, n) [m^2]; there the covariance is diagonal."""
+        return self._grid.difference[:, None] ** 2 * np.maximum(power, 0.0)[:, None] + self._grid.noise[:, None] ** 2
 
-    def _fit(self, values: np.ndarray, scale: tuple[float, float], power: np.ndarray, modes: np.ndarray) -> _Fit:
-        """The same for one axis and scale, from the eigenvalues (n,) and eigenvectors (n, n) of its kernel.
+    def _infer(self) -> _Posterior:
+        """What the throws say of noise, difference, scale and share.
 
-        In them the covariance is diagonal but for the common offset, which is of rank one (Sherman and Morrison).
+        The offset adds a matrix of rank one to the diagonal covariance of the modes (Sherman and Morrison).
         """
-        noise, difference = (part.ravel() for part in np.meshgrid(NOISES, DIFFERENCES, indexing="ij"))
-        variances = difference[:, None] ** 2 * np.maximum(power, 0.0) + noise[:, None] ** 2
-        common, seen = modes.sum(axis=0), values @ modes
-        share = 1.0 / (self.settings.offset**-2 + (common**2 / variances).sum(axis=1))
-        offset = share * (common * seen / variances).sum(axis=1)
-        log_determinant = np.log(variances).sum(axis=1) - np.log(share)
-        evidence = -0.5 * ((seen**2 / variances).sum(axis=1) - offset**2 / share + log_determinant)
-        evidence -= UNUSUAL * (np.log2(noise / USUAL_NOISE) ** 2 + np.log2(difference / USUAL_DIFFERENCE) ** 2)
-        k = int(evidence.argmax())
-        towards = modes @ (common / variances[k])
-        inverse = (modes / variances[k]) @ modes.T - share[k] * np.outer(towards, towards)
-        weights = modes @ ((seen - common * offset[k]) / variances[k])
-        return _Fit(float(noise[k]), float(difference[k]), scale, float(evidence[k]), inverse, weights)
+        grid = self._grid
+        power, modes = np.linalg.eigh(self._kernel(self._places, self._places))
+        common, precision = modes.sum(axis=1), 1.0 / self._variances(power)
+        seen = np.einsum("bna,snj->basj", self._misses - SHARES[:, None, None] * self._explained, modes)
+        doubt = self._doubt(common, precision)
+        offset = doubt * np.einsum("sn,skn,basn->bask", common, precision, seen, optimize=True)
+        determinant = -np.log(precision).sum(axis=-1) - np.log(doubt / grid.offset**2)
+        evidence = grid.prior - 0.5 * (np.einsum("basn,skn->bask", seen**2, precision, optimize=True) - offset**2 / doubt + determinant)
+        probability = _normalised(evidence)
+        pull = np.einsum("bask,skn,k->basn", probability, precision, grid.difference**2, optimize=True)
+        drawn = np.einsum("bask,skn,k->asn", probability * offset, precision, grid.difference**2, optimize=True)
+        towards = np.einsum("snj,asj->asn", modes, (pull * seen).sum(axis=0) - drawn * common)
+        noise = np.sqrt(np.einsum("bask,k->a", probability, grid.noise**2))
+        return _Posterior(_Kernels(power, modes, common), probability, offset, seen, towards, noise)
 
-    def _predict(self, places: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
-        _, difference, scale, _, inverse, weights = self._fits[axis]
-        common = self.settings.offset**2
-        kernel = common + difference**2 * self._kernel(places, self._places, scale)
-        left = common + difference**2 - np.einsum("ij,jk,ik->i", kernel, inverse, kernel)
-        return kernel @ weights, np.sqrt(np.maximum(left, 0.0))
+    def _doubt(self, common: np.ndarray, precision: np.ndarray) -> np.ndarray:
+        """Variance (s, k) of the offset after the throws [m^2]."""
+        return 1.0 / (self._grid.offset**-2 + np.einsum("sn,skn->sk", common**2, precision))
+
+    def _deviation(self, kernel: np.ndarray, mean: np.ndarray) -> np.ndarray:
+        """Standard deviation (m, 2) about the averaged mean (m, 2): of each process, and between their means (law of total variance)."""
+        (power, modes, common), probability, offset, seen, *_ = self._posterior
+        usual, difference = self._grid.offset**2, self._grid.difference**2
+        precision = 1.0 / self._variances(power)
+        alike = np.einsum("smn,snj->smj", kernel, modes)
+        towards = difference[:, None, None] * alike[:, None] + usual[:, None, None] * common[:, None, None]  # (s, k, m, n)
+        told = np.einsum("skmn,skn->skm", towards**2, precision)
+        told -= self._doubt(common, precision)[..., None] * np.einsum("skmn,skn,sn->skm", towards, precision, common, optimize=True) ** 2
+        left = np.maximum((usual + difference)[:, None] - told, 0.0)
+        smooth = np.einsum("smn,skn,basn->baskm", alike, precision, seen, optimize=True)
+        smooth -= np.einsum("smn,skn,sn->skm", alike, precision, common, optimize=True) * offset[..., None]
+        means = offset[..., None] + difference[:, None] * smooth
+        square = np.einsum("bask,baskm->ma", probability, left + means**2, optimize=True)
+        return np.sqrt(np.maximum(square - mean**2, 0.0))
+
+
+def _normalised(evidence: np.ndarray) -> np.ndarray:
+    """Probability (b, 2, s, k) from log evidence: the share is the same on both axes, all else is of each axis by itself."""
+    highest = evidence.max(axis=(2, 3), keepdims=True)
+    weights = np.exp(evidence - highest)
+    total = weights.sum(axis=(2, 3), keepdims=True)
+    of_share = (highest + np.log(total)).sum(axis=1, keepdims=True)
+    share = np.exp(of_share - of_share.max())
+    return weights / total * (share / share.sum())
 
 
 def polar(point: np.ndarray) -> np.ndarray:
@@ -208,10 +304,11 @@ def corrected(plan: ThrowPlan, target: np.ndarray) -> ThrowPlan:
     return replace(plan, target=np.asarray(target, dtype=float), predicted_landing=plan.predicted_landing + (target - plan.target))
 
 
-def repeatable_miss(plan: ThrowPlan, seen: np.ndarray, late: float, game: Game = BASKETS) -> tuple[np.ndarray, np.ndarray]:
-    """Place (2,) that the plan's own path would send a ball to, and how far the ball that was released `late` [s] came down (3,) from where
-    the path would have sent it then: along, across [m] or, on a board, up, left. A release nobody saw, nan, counts as one on time.
+def repeatable_miss(plan: ThrowPlan, seen: np.ndarray, late: float, game: Game = BASKETS) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Place (2,) that the plan's own path would send a ball to, how far from it the ball came down that was seen (3,), and how far from
+    it the path would have sent a ball that is released `late` [s]: along, across [m] or, on a board, up, left. A release nobody saw, nan,
+    counts as one on time.
     """
     meant = landing_if_late(plan, 0.0, game)
     expected = landing_if_late(plan, late, game) if np.isfinite(late) else meant
-    return game.surface.coordinates(meant), game.surface.miss(seen - expected, meant)
+    return game.surface.coordinates(meant), game.surface.miss(seen - meant, meant), game.surface.miss(expected - meant, meant)

@@ -54,6 +54,9 @@ class HandDelay:
             self._odd = float(delay)
 
 
-def likely_late(seen: float, uncertainty: float) -> float:
-    """How late [s] a usual hand most probably let go that was seen to be so late, with an uncertainty [s]; nan stays nan."""
-    return seen * USUAL**2 / (USUAL**2 + uncertainty**2)
+def likely_late(seen: float, uncertainty: float, spread: float = USUAL) -> float:
+    """How late [s] a hand most probably let go that was seen to be so late, with an uncertainty [s]; nan stays nan.
+
+    spread: standard deviation [s] of its delays.
+    """
+    return seen * spread**2 / (spread**2 + uncertainty**2)

@@ -19,7 +19,7 @@ from dart_skill.policy_search import Trial as SearchTrial
 from dart_skill.recording import Demonstration
 from dart_skill.robot import ThrowPlan
 from dart_skill.skill.improve._correction import Correction, CorrectionSettings, corrected, repeatable_miss
-from dart_skill.skill.improve._hand_delay import HandDelay, likely_late
+from dart_skill.skill.improve._hand_delay import USUAL, HandDelay, likely_late
 from dart_skill.skill.improve._practice import Practice, PracticeSettings, Verdict
 from dart_skill.skill.improve._steadiness import LEAST, STEP, Steadiness
 from dart_skill.skill.learn import DEFAULT, PreparedThrow, SkillConfiguration, ThrowingSkill, prepare
@@ -149,21 +149,23 @@ class PractisingSkill:
         except ValueError as error:
             return Told(False, str(error))
         delay = self._delay_of(seen)
-        late = likely_late(delay - (plan.release - plan.open_hand), seen.release.time_uncertainty)
-        place, miss = repeatable_miss(plan, seen.task, late, self._game)
-        if not np.isfinite(miss).all():
+        spread = USUAL if self.hand is None else self.hand.spread
+        late = likely_late(delay - (plan.release - plan.open_hand), seen.release.time_uncertainty, spread)
+        place, miss, explained = repeatable_miss(plan, seen.task, late, self._game)
+        if not np.isfinite([miss, explained]).all():
             return Told(False, f"by its plan a ball that leaves the hand {late:.3f} s late comes down nowhere")
-        self.steadiness.add((*plan.target, plan.release), late, miss)
+        self.steadiness.add((*plan.target, plan.release), late, miss - explained)
         self._n_told += 1
         if self.hand is not None:
             self.hand.add(delay, seen.release.time_uncertainty)
         if explored is not None and self._search is not None:
             self._search.tell(explored, -float(np.linalg.norm(seen.task - plan.target)))
         if self.correction is not None:
-            self.correction.add(place, miss + self._middle(plan))
+            self.correction.add(place, miss, explained - self._middle(plan))
         verdict = self._bootstrap(trial) if self.method in ("bootstrap", "both") else Verdict(True)
+        share = 1.0 if self.correction is None else self.correction.share
         # The plan was meant for another place if it was corrected.
-        left = self._game.surface.seen_from(plan.target, place, miss)
+        left = self._game.surface.seen_from(plan.target, place, miss - share * explained)
         return Told(verdict.kept, verdict.reason, left, verdict.forgotten)
 
     def _delay_of(self, throw: PreparedThrow) -> float:

@@ -76,7 +76,7 @@ def test_the_aim_is_where_half_of_the_hits_of_the_own_hand_fall_short(demonstrat
             skill.steadiness.add(k, (-1) ** k * scatter, np.zeros(2))
         skill.tell(plan, session.throw(plan).demonstration)
         session.close()
-        remembered[scatter] = skill.correction.throws[-1, 2]
+        remembered[scatter] = skill.correction.throws[-1, 2] - skill.correction.throws[-1, 4]
     meant, *hits = (polar(landing_if_late(plan, moment))[0] for moment in (0.0, -late, late))
     shorter, other = sorted(hits)
     assert meant > other
