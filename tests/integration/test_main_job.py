@@ -66,7 +66,7 @@ def test_every_lesson_and_every_throw_succeeds(over_dds):
         assert result.outcome.landing_seen
         speed = np.linalg.norm(conversions.vector(result.outcome.release_velocity))
         assert 1.5 < speed < 4.5, f"the ball left the hand at {speed:.2f} m/s"
-        assert result.outcome.landing_error < 0.25, f"{SHOWN} demonstrations: {result.outcome.landing_error:.3f} m"
+        assert result.outcome.landing_error < 0.03, f"{SHOWN} demonstrations: {result.outcome.landing_error:.3f} m"
 
 
 def test_the_graph_over_dds_is_the_session_in_process_bit_for_bit(over_dds, in_process):

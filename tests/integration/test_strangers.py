@@ -98,7 +98,7 @@ def test_a_plain_goal_in_a_running_world_is_answered_when_the_ball_has_come_down
     slow_learner.go_on()
     outcome = graph.client.wait(result, "the throw").result
     assert (outcome.code, outcome.message) == (Throw.Goal.OUTCOME_THROWN, "thrown")
-    assert outcome.outcome.landing_seen and outcome.outcome.landing_error < 0.25
+    assert outcome.outcome.landing_seen and outcome.outcome.landing_error < 0.05
     assert stranger.fastest > 1.0 and {"approaching", "throwing"} <= set(stranger.phases)
     stranger.watch(0.5)
     stranger.fastest = 0.0

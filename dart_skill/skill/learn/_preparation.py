@@ -52,6 +52,7 @@ class PreparedThrow:
     * start_posture: (7,) [rad], joints before the motion, J1 relative to the azimuth.
     * sightings: the hand at some instants as cameras and arm say.
     * hand_delay: float [s], time from the command to the release; nan if the command was not seen, or no hand needs so long.
+    * noise: float [m], standard deviation of a coordinate of the hand, as it was recorded.
     """
 
     id: str
@@ -70,6 +71,7 @@ class PreparedThrow:
     start_posture: np.ndarray
     sightings: Sightings
     hand_delay: float
+    noise: float
 
     @property
     def distance(self) -> float:
@@ -104,7 +106,8 @@ def _prepare(demonstration: Demonstration, configuration: SkillConfiguration) ->
     clock = d.hand_time - shared
     grid = np.arange(np.ceil(clock[0] * RATE), np.floor(clock[-1] * RATE) + 1) / RATE
     features = np.column_stack([d.hand_position, angles[:, :2]])
-    motion = smooth_derivatives(clock, features, noise=_noise(clock, features), at=grid)
+    noise = _noise(clock, features)
+    motion = smooth_derivatives(clock, features, noise=noise, at=grid)
     return PreparedThrow(
         id=d.id,
         task=task,
@@ -122,6 +125,7 @@ def _prepare(demonstration: Demonstration, configuration: SkillConfiguration) ->
         start_posture=_start_posture(d, azimuth),
         sightings=sightings(d, _kinematics()),
         hand_delay=_hand_delay(release.time - d.hand_opened),
+        noise=float(noise[0]),
     )
 
 

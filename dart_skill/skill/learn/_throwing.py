@@ -61,6 +61,8 @@ MOST_AIMS = 25
 EARLIEST, LATEST = -0.04, 0.10
 """The release at which the ball flies farthest is looked for from and to so long after the one that was shown [s]."""
 AT_REST = np.zeros(5)
+FINE = 1e-3
+"""Noise of a recorded hand [m] up to which a demonstration counts in full, however much better the others were seen."""
 
 Model = DSGMR | AutonomousDSGMR
 
@@ -103,6 +105,7 @@ class ThrowingSkill:
     Attributes:
 
     * throws: tuple of the demonstrations.
+    * credence: (n,) from 0 to 1, how much each of them counts (`credence_of`).
     * release: float [s], mean release on the clock that the demonstrations share.
     * registration: of cameras and arm, told from the demonstrations.
     * hand_delay: float [s], median time from the command to the release; 0 if no command was seen.
@@ -114,16 +117,17 @@ class ThrowingSkill:
         self.throws = tuple(throws)
         self._surface = configuration.game.surface
         self._tasks = np.array([throw.task for throw in throws])
+        self.credence = credence_of([throw.noise for throw in throws])
         self._start = float(np.median([throw.start for throw in throws])) - MARGIN
         self._stop = float(np.median([throw.stop for throw in throws]))
         self._moving = [throw.between(self._start, self._stop + MARGIN) for throw in throws]
-        self.release = float(np.mean([throw.release_time for throw in throws]))
+        self.release = float(np.average([throw.release_time for throw in throws], weights=self.credence))
         self._start_pose = np.median([throw.start_pose for throw in throws], axis=0)
         self._posture = np.median([throw.start_posture for throw in throws], axis=0)
         self.registration = fit_registration([throw.sightings for throw in throws])
         self.hand_delay = _median_of_seen([throw.hand_delay - self.registration.delay for throw in throws])
         self.width = configuration.width
-        self._whole = None if self._is_local else self._fit(np.ones(len(throws)))
+        self._whole = None if self._is_local else self._fit(self.credence)
         if configuration.widths:
             self.width = choose_width(self._places, configuration.widths, self._predicts).width
 
@@ -211,8 +215,8 @@ class ThrowingSkill:
         """Weight of each demonstration for a task (8.4.2 and chapter 9): by the distance of their places."""
         place = self._place(task[None])[0]
         if self.configuration.nearest:
-            return nearest_weights(self._places, place, self.configuration.nearest)
-        return gaussian_weights(self._places, place, self.width)
+            return self.credence * nearest_weights(self._places, place, self.configuration.nearest)
+        return self.credence * gaussian_weights(self._places, place, self.width)
 
     def _place(self, tasks: np.ndarray) -> np.ndarray:
         """What of tasks (n, 3) makes throws differ: in turned frames the reach alone (n, 1), else the place on the floor (n, 2)."""
@@ -370,6 +374,15 @@ def learn_prepared(throws: Sequence[PreparedThrow], configuration: SkillConfigur
     if len(throws) < LEAST_DEMONSTRATIONS:
         raise ValueError(f"{len(throws)} demonstrations are too few: record at least {LEAST_DEMONSTRATIONS}")
     return ThrowingSkill(configuration, throws)
+
+
+def credence_of(noise: Sequence[float]) -> np.ndarray:
+    """How much demonstrations count (n,) whose hands were recorded with such noise (n,) [m]: the inverse of the variance, relative to the
+    median of them (weighted least squares, A. Aitken, 1936), and at most 1.
+    """
+    own = np.asarray(noise, dtype=float)
+    usual = max(float(np.median(own)), FINE)
+    return np.square(usual / np.maximum(own, usual))
 
 
 def _median_of_seen(values: list[float]) -> float:

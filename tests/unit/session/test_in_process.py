@@ -28,7 +28,7 @@ def thrown(learned):
 def test_a_learned_throw_lands_at_the_basket(thrown):
     _, trial = thrown
     assert trial.outcome.landing_seen
-    assert trial.outcome.landing_error < 0.15, trial.outcome
+    assert trial.outcome.landing_error < 0.03, trial.outcome
 
 
 def test_the_cameras_and_the_simulator_agree(thrown, taught):

@@ -24,7 +24,7 @@ from dart_skill.skill.learn import (
     prepare,
 )
 from dart_skill.skill.learn._configuration import THESIS
-from dart_skill.skill.learn._throwing import REACH_MARGIN, SIDE_MARGIN
+from dart_skill.skill.learn._throwing import REACH_MARGIN, SIDE_MARGIN, credence_of
 from dart_skill.skill.observe import fit_release
 
 NEW_BASKETS = [(1.75, 0.0, 0.4), (2.05, 0.45, 0.4), (1.6, -0.4, 0.4), (1.9, 0.2, 0.55)]
@@ -400,3 +400,27 @@ def test_the_gaussians_in_the_world_are_the_product_of_those_of_the_frames(demon
         mean = covariance @ sum(precision @ factor.means_[k] for precision, factor in zip(precisions, factors, strict=True))
         np.testing.assert_allclose(covariance, product.covariances_[k], rtol=1e-5, atol=1e-12)
         np.testing.assert_allclose(mean, product.means_[k], rtol=1e-6)
+
+
+def test_a_demonstration_that_was_seen_badly_counts_less(demonstrations):
+    """One hand in 5 mm of noise: the others count in full."""
+    rng = np.random.default_rng(3)
+    first = demonstrations[0]
+    poor = replace(first, hand_position=first.hand_position + 0.005 * rng.standard_normal(first.hand_position.shape))
+    skill, clean = learn([poor, *demonstrations[1:]]), learn(demonstrations)
+    assert skill.credence[0] < 0.1 and np.all(skill.credence[1:] == 1.0) and np.all(clean.credence == 1.0)
+    assert skill.release == pytest.approx(np.average([one.release_time for one in skill.throws], weights=skill.credence))
+
+
+@pytest.mark.parametrize(
+    ("noise", "expected"),
+    [
+        ([1e-4, 2e-4, 5e-4], [1.0, 1.0, 1.0]),
+        ([1e-4, 1e-4, 5e-3], [1.0, 1.0, 0.04]),
+        ([2e-3, 2e-3, 4e-3], [1.0, 1.0, 0.25]),
+        ([5e-3, 5e-3], [1.0, 1.0]),
+    ],
+)
+def test_credence_is_the_inverse_of_the_variance_where_noise_is_large(noise, expected):
+    """Below a millimetre it makes no difference, and cameras that are poor altogether make no demonstration poorer than the others."""
+    np.testing.assert_allclose(credence_of(noise), expected)
