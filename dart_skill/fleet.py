@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
+import yaml
 
-from dart_skill.configuration import load_yaml
+from dart_skill.configuration import load_yaml, node_file, node_parameters
 
 FLEET = "fleet"
 Arm = dict[str, dict[str, Any]]
@@ -29,6 +30,35 @@ def arm_named(name: str) -> Arm:
     if name in content["arms"]:
         return {node: dict(parameters) for node, parameters in content["arms"][name].items()}
     raise ValueError(f"no arm '{name}': choose {FLEET}:SEED, as in {FLEET}:3, or one of {', '.join(content['arms'])}")
+
+
+def arm_with(name: str, settings: Iterable[str]) -> Arm:
+    """An arm as `arm_named` gives it, with further parameters, each as NODE.PARAMETER=VALUE. ValueError names what does not exist."""
+    differs = arm_named(name)
+    for text in settings:
+        node, parameter, value = _setting(text)
+        differs.setdefault(node, {})[parameter] = value
+    return differs
+
+
+def _setting(text: str) -> tuple[str, str, object]:
+    """Node, parameter and value of NODE.PARAMETER=VALUE, the value as YAML and of the kind that the parameter has."""
+    where, equals, given = text.partition("=")
+    node, dot, name = where.partition(".")
+    if not (equals and dot and given):
+        raise ValueError(f"--set {text}: give NODE.PARAMETER=VALUE, as in mock_optitrack.noise=0.001")
+    try:
+        usual = node_parameters(node_file(node), node)
+    except (FileNotFoundError, KeyError):
+        raise ValueError(f"--set {text}: there is no node {node} with parameters in config/") from None
+    if name not in usual:
+        raise ValueError(f"--set {text}: {node} has no parameter {name}; it has {', '.join(sorted(usual))}")
+    value = yaml.safe_load(given)
+    if isinstance(usual[name], float) and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value)
+    if type(value) is not type(usual[name]):
+        raise ValueError(f"--set {text}: {value!r} is no {type(usual[name]).__name__}, which {name} is")
+    return node, name, value
 
 
 def drawn(ranges: Mapping[str, Mapping[str, Any]], seed: int) -> Arm:

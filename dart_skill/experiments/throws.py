@@ -45,13 +45,20 @@ class Throw:
     let_go: tuple[float, float, float] = (np.nan, np.nan, np.nan)
 
 
-def run_seed(seed: int, names: tuple[str, ...], demonstrations: int = 13, throws: int = 10, arms: str = "ideal") -> list[Throw]:
+def run_seed(
+    seed: int,
+    names: tuple[str, ...],
+    demonstrations: int = 13,
+    throws: int = 10,
+    arms: str = "ideal",
+    settings: tuple[str, ...] = (),
+) -> list[Throw]:
     """All throws of one seed: one set of demonstrations, each configuration thrown at the same baskets.
 
-    arms: name of an arm, or "fleet": every seed draws its own.
+    arms: name of an arm, or "fleet": every seed draws its own; settings: parameters that differ, each as NODE.PARAMETER=VALUE.
     """
     arm = arm_of(arms, seed)
-    session = Session.on_arm(arm, seed)
+    session = Session.on_arm(arm, seed, settings)
     to_demonstrate, to_throw = targets_for(seed, demonstrations, throws)
     kept = [lesson.demonstration for target in to_demonstrate if (lesson := taught(session, target)) is not None]
     results = []
@@ -101,11 +108,17 @@ def _throw(session: Session, seed: int, arm: str, name: str, skill: ThrowingSkil
 
 
 def run(
-    seeds: list[int], names: tuple[str, ...], jobs: int = 1, demonstrations: int = 13, throws: int = 10, arms: str = "ideal"
+    seeds: list[int],
+    names: tuple[str, ...],
+    jobs: int = 1,
+    demonstrations: int = 13,
+    throws: int = 10,
+    arms: str = "ideal",
+    settings: tuple[str, ...] = (),
 ) -> list[Throw]:
-    """All seeds, `jobs` processes at a time; a progress bar on stderr when it is a terminal. arms: as in `run_seed`."""
+    """All seeds, `jobs` processes at a time; a progress bar on stderr when it is a terminal. arms, settings: as in `run_seed`."""
     results = []
-    one = partial(run_seed, names=names, demonstrations=demonstrations, throws=throws, arms=arms)
+    one = partial(run_seed, names=names, demonstrations=demonstrations, throws=throws, arms=arms, settings=settings)
     with ProcessPoolExecutor(jobs) as pool:
         for part in tqdm(pool.map(one, seeds), total=len(seeds), unit="seed", disable=None):
             results += part

@@ -3,14 +3,14 @@
 Batches of experiments run on it, and a test compares it with the nodes over DDS.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from dart_skill.configuration import node_file, node_parameters
-from dart_skill.fleet import arm_named
+from dart_skill.fleet import arm_with
 from dart_skill.recording import Demonstration
 from dart_skill.robot import ArmModel, ArmState, Command, Commander, CommanderSettings, Grip, Mode, ThrowPlan
 from dart_skill.simulation import (
@@ -89,9 +89,12 @@ class Session:
         self.steps = 0
 
     @classmethod
-    def on_arm(cls, name: str, seed: int = 0, **others: Any) -> "Session":
-        """A session with an arm of config/fleet.yaml, "ideal" or another name, or "fleet:SEED"; others: as of a session."""
-        differs = arm_named(name)
+    def on_arm(cls, name: str, seed: int = 0, settings: Iterable[str] = (), **others: Any) -> "Session":
+        """A session with an arm of config/fleet.yaml, "ideal" or another name, or "fleet:SEED".
+
+        settings: further parameters, each as NODE.PARAMETER=VALUE; others: as of a session.
+        """
+        differs = arm_with(name, settings)
         unknown = set(differs) - {"wam_simulator", "mock_optitrack", "teacher", "commander"}
         if unknown:
             raise ValueError(f"config/fleet.yaml: the arm '{name}' sets parameters of {', '.join(sorted(unknown))}, which no session has")

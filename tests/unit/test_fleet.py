@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dart_skill.configuration import load_yaml, node_file, node_parameters
-from dart_skill.fleet import arm_named, arm_names, drawn
+from dart_skill.fleet import arm_named, arm_names, arm_with, drawn
 from dart_skill.simulation import MotionCaptureConfig, PlantSettings
 
 NODES = ("wam_simulator", "teacher", "commander", "mock_optitrack")
@@ -63,3 +63,24 @@ def test_an_arm_that_does_not_exist_is_refused_by_name(name):
 def test_a_rule_that_says_nothing_is_named():
     with pytest.raises(ValueError, match="none of between, normal, choice"):
         drawn({"wam_simulator": {"hand_delay": {"about": 3}}}, 0)
+
+
+def test_an_arm_with_a_parameter_of_its_own():
+    arm = arm_with("elastic", ["commander.tracking=none", "mock_optitrack.noise=1"])
+    assert arm["commander"]["tracking"] == "none" and arm["mock_optitrack"]["noise"] == 1.0
+    assert arm["wam_simulator"] == arm_named("elastic")["wam_simulator"] and arm_named("elastic")["commander"]["tracking"] == "joints"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("noise=1", "give NODE.PARAMETER=VALUE"),
+        ("mock_optitrack.noise", "give NODE.PARAMETER=VALUE"),
+        ("dishwasher.noise=1", "there is no node dishwasher"),
+        ("mock_optitrack.nose=1", "mock_optitrack has no parameter nose; it has .*noise"),
+        ("mock_optitrack.noise=loud", "'loud' is no float, which noise is"),
+    ],
+)
+def test_a_parameter_that_does_not_exist_is_named(text, message):
+    with pytest.raises(ValueError, match=message):
+        arm_with("ideal", [text])

@@ -37,13 +37,13 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
 
 def _practice(options: argparse.Namespace) -> int:
     from dart_skill.experiments.practice import Task, run_all, summarise, table
-    from dart_skill.fleet import FLEET, arm_named
+    from dart_skill.experiments.throws import arm_of
+    from dart_skill.fleet import arm_named
 
     tested = tuple(int(number) for number in options.tested_after.split(","))
     if options.again < 0 or options.again == 1:
         raise ValueError(f"--again is {options.again}: a scatter takes 2 throws at least, or 0 for none")
-    if options.arms != FLEET:
-        arm_named(options.arms)
+    arm_named(arm_of(options.arms, options.first_seed))
     shared = {"throws": options.throws, "change_after": options.change_after, "tested_after": tested}
     shared |= {"tests": options.tests, "again": options.again, "arm": options.arms}
     tasks = [

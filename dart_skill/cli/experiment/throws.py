@@ -13,6 +13,9 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
     throws.add_argument("--seeds", type=int, default=10, help="how many seeds (default 10)")
     throws.add_argument("--first-seed", type=int, default=0, metavar="N", help="the first of them (default 0)")
     throws.add_argument("--arms", default="ideal", help="an arm of config/fleet.yaml, or fleet: every seed draws its own (default ideal)")
+    throws.add_argument(
+        "--set", action="append", default=[], metavar="NODE.PARAMETER=VALUE", help="a parameter of a node; may be given several times"
+    )
     throws.add_argument("--configurations", default="default", help="names separated by commas (default: default)")
     throws.add_argument("--demonstrations", type=int, default=13)
     throws.add_argument("--throws", type=int, default=10, help="new baskets per seed (default 10)")
@@ -26,14 +29,14 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
 
 def _throws(options: argparse.Namespace) -> int:
     from dart_skill.experiments import throws
-    from dart_skill.fleet import FLEET, arm_named
+    from dart_skill.experiments.throws import arm_of
+    from dart_skill.fleet import arm_with
     from dart_skill.skill.learn import configuration
 
     names = tuple(configuration(name).name for name in options.configurations.split(","))
-    if options.arms != FLEET:
-        arm_named(options.arms)
+    arm_with(arm_of(options.arms, options.first_seed), options.set)
     seeds = list(range(options.first_seed, options.first_seed + options.seeds))
-    results = throws.run(seeds, names, options.jobs, options.demonstrations, options.throws, options.arms)
+    results = throws.run(seeds, names, options.jobs, options.demonstrations, options.throws, options.arms, tuple(options.set))
     best = throws.best_possible(results) if options.best_possible else None
     if options.json:
         rows = [{k: None if v != v else v for k, v in asdict(result).items()} for result in results]

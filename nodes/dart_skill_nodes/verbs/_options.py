@@ -4,7 +4,6 @@ import argparse
 from datetime import datetime
 from pathlib import Path
 
-from dart_skill.configuration import node_file, node_parameters
 from dart_skill_nodes.process.graph_processes import SIMULATED
 
 UNTOLD = ("help", "output", "json")
@@ -32,38 +31,12 @@ def add_arm(parser: argparse.ArgumentParser) -> None:
 
 def differences(parser: argparse.ArgumentParser, options: argparse.Namespace) -> dict[str, dict]:
     """Parameters by node in which --arm and --set differ from config/; a usage error names what does not exist."""
-    from dart_skill.fleet import arm_named
+    from dart_skill.fleet import arm_with
 
     try:
-        differs = arm_named(options.arm)
-        for text in options.set:
-            node, name, value = _setting(text)
-            differs.setdefault(node, {})[name] = value
+        return arm_with(options.arm, options.set)
     except ValueError as error:
         parser.error(str(error))
-    return differs
-
-
-def _setting(text: str) -> tuple[str, str, object]:
-    """Node, parameter and value of NODE.PARAMETER=VALUE, the value as YAML and of the kind that the parameter has."""
-    import yaml
-
-    where, equals, given = text.partition("=")
-    node, dot, name = where.partition(".")
-    if not (equals and dot and given):
-        raise ValueError(f"--set {text}: give NODE.PARAMETER=VALUE, as in mock_optitrack.noise=0.001")
-    try:
-        usual = node_parameters(node_file(node), node)
-    except (FileNotFoundError, KeyError):
-        raise ValueError(f"--set {text}: there is no node {node} with parameters in config/") from None
-    if name not in usual:
-        raise ValueError(f"--set {text}: {node} has no parameter {name}; it has {', '.join(sorted(usual))}")
-    value = yaml.safe_load(given)
-    if isinstance(usual[name], float) and isinstance(value, int) and not isinstance(value, bool):
-        value = float(value)
-    if type(value) is not type(usual[name]):
-        raise ValueError(f"--set {text}: {value!r} is no {type(usual[name]).__name__}, which {name} is")
-    return node, name, value
 
 
 def add_baskets(parser: argparse.ArgumentParser, count: int) -> None:
