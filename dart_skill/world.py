@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from functools import lru_cache
+from functools import cache, lru_cache
 
-from dart_skill.configuration import world_parameters
+from dart_skill.configuration import load_yaml, world_parameters
 
 ROLES = ("hand", "ball", "basket")
 """What a tracked body is in a throw."""
@@ -77,3 +77,26 @@ def _checked(entries: Mapping) -> Mapping:
     if wanted != given:
         raise ValueError(f"world.yaml lacks {sorted(wanted - given)} and has, unknown, {sorted(given - wanted)}")
     return entries
+
+
+@cache
+def joint_names() -> tuple[str, ...]:
+    """Names of the arm's joints, from the base to the hand, as config/wam.yaml has them."""
+    return tuple(joint["name"] for joint in load_yaml("wam.yaml")["joints"])
+
+
+@lru_cache(maxsize=16)
+def joint_order(names: tuple[str, ...]) -> list[int] | slice:
+    """Where the arm's joints are among the names of a joint state, which may have more: indices, or a slice if they are the first in order.
+
+    ValueError names the first joint that is missing, or is named twice.
+    """
+    wanted = joint_names()
+    if names[: len(wanted)] == wanted:
+        return slice(len(wanted))
+    for name in wanted:
+        if names.count(name) != 1:
+            how = "is missing" if name not in names else "is named twice"
+            remedy = f"name the arm's joints {wanted[0]} to {wanted[-1]} in the driver, or put the driver's names into config/wam.yaml"
+            raise ValueError(f"joint {name} {how} among {', '.join(names) or 'no names'}: {remedy}")
+    return [names.index(name) for name in wanted]

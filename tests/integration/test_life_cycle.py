@@ -8,6 +8,7 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from sensor_msgs.msg import JointState
 
 from dart_skill.recording import BagReader
+from dart_skill.world import joint_names
 from dart_skill_nodes.executables.demonstration_recorder import DemonstrationRecorder
 from dart_skill_nodes.executables.recorder import Recorder
 from dart_skill_nodes.process.node_base import make_executor
@@ -31,7 +32,7 @@ class Speaker:
         while not condition():
             assert time.monotonic() < end, f"{what} did not come true in {PATIENCE:.0f} s"
             self._said += 1
-            state = JointState(position=[0.0] * 7, velocity=[0.0] * 7)
+            state = JointState(name=list(joint_names()), position=[0.0] * 7, velocity=[0.0] * 7)
             state.header.stamp.sec, state.header.stamp.nanosec = divmod(10_000_000 * self._said, 10**9)
             self._publisher.publish(state)
             self._executor.spin_once(timeout_sec=0.01)

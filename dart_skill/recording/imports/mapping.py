@@ -89,7 +89,7 @@ class PoseSource:
 class SignalSource:
     """Where joint states or commands come from: a topic or a table.
 
-    names: of the seven joints in their order; empty: as recorded.
+    names: of the seven joints in their order; empty: those of config/wam.yaml where they are there, else as recorded.
     shift_ns: added to stamps.
     """
 

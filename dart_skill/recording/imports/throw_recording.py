@@ -10,7 +10,7 @@ import json
 import os
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +36,7 @@ from dart_skill.recording.imports._tables import read_motive, read_pose_table, r
 from dart_skill.recording.imports.mapping import LENGTH_UNITS, OWN, PoseSource, RecordingMapping, SignalSource
 from dart_skill.recording.imports.pose_faults import Fault, repair
 from dart_skill.recording.imports.pose_stream import IDENTITY, UP_AXES, PoseStream, RigidTransform, transformed, with_continuous_signs
-from dart_skill.world import the_world
+from dart_skill.world import joint_names, the_world
 
 POSE_TYPES = ("PoseStamped", "PoseWithCovarianceStamped", "PointStamped", "TransformStamped", "Odometry", "TFMessage")
 SIGNAL_TYPES = ("WamCommand", "Bool", "Empty")
@@ -264,6 +264,8 @@ def _joints(where: SignalSource | None, states: list | None, folder: Path) -> Jo
     else:
         stamps = np.array([s.header.stamp.sec * GIGA + s.header.stamp.nanosec for s in states], dtype=np.int64)
         known = list(states[0].name) if states else []
+        if not where.names and set(joint_names()) <= set(known):
+            where = replace(where, names=joint_names())
         names = where.names or tuple(known)
         position = _joint_columns([state.position for state in states], "position", where, known)
         velocity = _joint_columns([state.velocity for state in states], "velocity", where, known)

@@ -17,6 +17,7 @@ from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectory
 from dart_skill.recording import Demonstration, demonstration_from_message, fill_demonstration_message
 from dart_skill.robot import ArmState, Command, Gains, Grip, HandPath, Registration, ThrowPlan
 from dart_skill.skill.observe import Outcome, Release
+from dart_skill.world import joint_order
 
 GIGA = 1_000_000_000
 NEW = {
@@ -88,10 +89,16 @@ def set_pose(message, position: np.ndarray, orientation: np.ndarray) -> None:
 
 
 def arm_state(message: JointState) -> ArmState:
-    """The state of the arm in a JointState; ValueError for the wrong number of joints."""
-    if len(message.position) != 7 or len(message.velocity) != 7:
-        raise ValueError(f"/joint_states has {len(message.position)} positions and {len(message.velocity)} velocities, not 7")
-    return ArmState(stamp_ns(message.header.stamp), np.array(message.position), np.array(message.velocity))
+    """The state of the arm in a JointState, in the order of the arm's joints; ValueError for names and numbers that are not those."""
+    names, position, velocity = tuple(message.name), message.position, message.velocity
+    if not len(names) == len(position) == len(velocity):
+        counts = f"{len(names)} names, {len(position)} positions and {len(velocity)} velocities"
+        raise ValueError(f"/joint_states has {counts}: the driver must give one of each for every joint")
+    try:
+        order = joint_order(names)
+    except ValueError as error:
+        raise ValueError(f"/joint_states: {error}") from error
+    return ArmState(stamp_ns(message.header.stamp), np.array(position)[order], np.array(velocity)[order])
 
 
 def fill_command(message: WamCommand, command: Command) -> WamCommand:

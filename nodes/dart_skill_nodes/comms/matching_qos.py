@@ -26,6 +26,7 @@ class _Topic:
     depth: int
     raw: bool
     on_offer: Callable[[list[TopicEndpointInfo]], None]
+    offered: bool = False
     chosen: tuple = ()
     subscription: Subscription | None = field(default=None, repr=False)
 
@@ -48,12 +49,17 @@ class MatchingSubscriptions:
         depth: int = 2000,
         raw: bool = False,
         on_offer: Callable[[list[TopicEndpointInfo]], None] = lambda offers: None,
+        at_once: bool = False,
     ) -> None:
         """As `Node.create_subscription`; the topic is heard from when its first publisher is discovered.
 
         message_type: None takes the publisher's. on_offer: called with what the publishers say, just before the topic is subscribed to.
+        at_once: it is heard reliably before that already, so that nothing is missed of a reliable publisher; needs message_type.
         """
-        self._topics[self._node.resolve_topic_name(topic)] = _Topic(callback, message_type, depth, raw, on_offer)
+        name = self._node.resolve_topic_name(topic)
+        self._topics[name] = _Topic(callback, message_type, depth, raw, on_offer)
+        if at_once:
+            self._make(name, self._topics[name], (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE))
         self._look()
 
     @property
@@ -64,7 +70,7 @@ class MatchingSubscriptions:
     @property
     def missing(self) -> list[str]:
         """Topics that have had no publisher yet."""
-        return [name for name, topic in self._topics.items() if topic.subscription is None]
+        return [name for name, topic in self._topics.items() if not topic.offered]
 
     def close(self) -> None:
         """Follow no publishers any more."""
@@ -74,14 +80,16 @@ class MatchingSubscriptions:
     def _look(self) -> None:
         for name, topic in self._topics.items():
             offers = self._node.get_publishers_info_by_topic(name)
-            if offers and (chosen := _matching_all([offer.qos_profile for offer in offers])) != topic.chosen:
-                self._renew(name, topic, chosen, offers)
+            if not offers:
+                continue
+            if not topic.offered:
+                topic.offered, topic.type = True, topic.type or message_class(offers[0].topic_type)
+                topic.on_offer(offers)
+            if (chosen := _matching_all([offer.qos_profile for offer in offers])) != topic.chosen:
+                self._make(name, topic, chosen)
 
-    def _renew(self, name, topic, chosen, offers):
-        if topic.subscription is None:
-            topic.type = topic.type or message_class(offers[0].topic_type)
-            topic.on_offer(offers)
-        else:
+    def _make(self, name: str, topic: _Topic, chosen: tuple[ReliabilityPolicy, DurabilityPolicy]) -> None:
+        if topic.subscription is not None:
             self._owner.destroy_subscription(topic.subscription)
         qos = QoSProfile(depth=topic.depth, reliability=chosen[0], durability=chosen[1])
         topic.subscription = self._owner.create_subscription(topic.type, name, topic.callback, qos, raw=topic.raw)

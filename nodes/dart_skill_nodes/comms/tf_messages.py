@@ -39,7 +39,10 @@ class TfMessages:
         if "/tf" not in self.topics or not (topic == "/joint_states" or topic.startswith(POSE)) or self._is_early(topic, ns):
             return
         if topic == "/joint_states":
-            state = conversions.arm_state(deserialize_message(data, JointState))
+            try:
+                state = conversions.arm_state(deserialize_message(data, JointState))
+            except ValueError:
+                return  # the commander says what is wrong with it
             yield "/tf", _tf(joint_transforms(wam_description(), state.position), state.stamp_ns)
         elif (message := deserialize_message(data, PoseStamped)).header.frame_id == self._frame_id:
             pose, body = message.pose, topic.removeprefix(POSE).split("/")[0]

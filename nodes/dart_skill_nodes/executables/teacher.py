@@ -20,7 +20,8 @@ from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.service_calls import Judge, Recording, ServiceCalls
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, finish_by_success, pause
-from dart_skill_nodes.comms.qos import COMPLETE, LOOP
+from dart_skill_nodes.comms.joint_states import hear_joint_states
+from dart_skill_nodes.comms.qos import COMPLETE
 from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, run
 
 TABLE = [
@@ -58,7 +59,7 @@ class TeacherNode(Node):
         self._message = WamCommand()
         self._message.header.frame_id = self.p["frame_id"]
         self._wrench = self.create_publisher(WamCommand, "/wam/teacher_wrench", COMPLETE)
-        self.create_subscription(JointState, "/joint_states", self._on_state, LOOP, raw=True)
+        self._states = hear_joint_states(self, self._on_state, raw=True)
         self._reset = self.create_client(Reset, "/simulation/reset")
         self._pause = self.create_client(SetBool, "/simulation/pause")
         self._free_arm = self.create_client(SetBool, "/commander/release_arm")
