@@ -1,6 +1,7 @@
 """From a plan to commands: one pure step per state of the arm.
 
-    HOLDING -> APPROACHING -> SETTLING -> THROWING -> FOLLOWING_THROUGH -> HOLDING,  any -> STOPPING -> HOLDING,  FREE
+    HOLDING -> APPROACHING -> SETTLING -> THROWING -> FOLLOWING_THROUGH -> HOLDING,  any -> STOPPING -> HOLDING,  FREE,
+    HOLDING -> MOVING -> HOLDING
 
 In THROWING the hand is pulled by the plan's attractors (7.19) and towards the motion that they predict; between throws the joints
 are held. A limit that fires brings the arm to a damped stop and leaves its reason in `message`.
@@ -51,6 +52,7 @@ class Mode(Enum):
     THROWING = "throwing"
     FOLLOWING_THROUGH = "following_through"
     STOPPING = "stopping"
+    MOVING = "moving"
 
 
 @dataclass(frozen=True)
@@ -123,6 +125,7 @@ class Commander:
     _plan: ThrowPlan  # of the last throw, like the two below: only the modes of a throw ask for them
     _references: "_References"
     _start: np.ndarray
+    _goal: np.ndarray  # of the last motion to a posture
 
     def __init__(self, settings: CommanderSettings | None = None, description: WamDescription | None = None):
         self.settings = settings or CommanderSettings.configured()
@@ -139,6 +142,7 @@ class Commander:
         self._mode, self.message = Mode.HOLDING, ""
         self._hold: np.ndarray | None = None
         self._requested: ThrowPlan | None = None
+        self._requested_move: np.ndarray | None = None
         self._opened = False
         self._expected: tuple[np.ndarray, np.ndarray, np.ndarray, float] | None = None
         self._braking: tuple[np.ndarray, np.ndarray] | None = None
@@ -159,10 +163,7 @@ class Commander:
 
     def throw(self, plan: ThrowPlan) -> None:
         """Begin a throw with the next state; PlanRefused if a limit forbids it."""
-        if self.throwing or self._mode == Mode.STOPPING:
-            raise PlanRefused("a throw is under way, or the arm has not come to rest: wait for it or stop it first")
-        if self._mode == Mode.FREE:
-            raise PlanRefused("the arm is released, and somebody may hold it: hold it first (~/release_arm with false)")
+        self._check_ready()
         plan = plan.as_the_arm_has_it()
         check_plan(plan, self.settings, self._description)
         self._requested, self.message, self.opened_ns = plan, "", None
@@ -170,20 +171,51 @@ class Commander:
     def _begin_throw(self, plan: ThrowPlan, state: ArmState) -> None:
         self._requested = None
         self._plan, self._references, self._opened, self._expected = plan, _References(plan), False, None
-        self._start = state.position.copy()
-        way = np.abs(plan.start_posture - self._start).max()
-        self._approach = max(0.3, 1.875 * way / self.settings.approach_speed)
+        self._begin_way(plan.start_posture, state)
         self._enter(Mode.APPROACHING, state)
+
+    def _begin_way(self, posture: np.ndarray, state: ArmState) -> None:
+        self._start = state.position.copy()
+        self._approach = self._time_to(posture, self._start)
+
+    def _time_to(self, posture: np.ndarray, start: np.ndarray) -> float:
+        """Of a way between postures (7,) on which no joint is faster than it may be [s]."""
+        return max(0.3, 1.875 * float(np.abs(posture - start).max()) / self.settings.approach_speed)
+
+    def _check_ready(self) -> None:
+        """PlanRefused unless the arm is held at rest, so that it may begin to move."""
+        if self.throwing or self.moving or self._mode == Mode.STOPPING:
+            raise PlanRefused("a throw is under way, or the arm has not come to rest: wait for it or stop it first")
+        if self._mode == Mode.FREE:
+            raise PlanRefused("the arm is released, and somebody may hold it: hold it first (~/release_arm with false)")
+
+    @property
+    def moving(self) -> bool:
+        """Whether the arm is on its way to a posture."""
+        return self._requested_move is not None or self._mode == Mode.MOVING
+
+    def move_to(self, posture: np.ndarray, state: ArmState) -> float:
+        """Move to a posture (7,) [rad] from the next state on, and hold it: how long it takes from this state [s].
+
+        PlanRefused where the arm is not held, or the posture is outside the joints' range.
+        """
+        self._check_ready()
+        posture = np.asarray(posture, dtype=float)
+        if posture.shape != (N_JOINTS,) or not np.isfinite(posture).all():
+            raise PlanRefused(f"the posture is {posture.tolist()}: give {N_JOINTS} finite joint angles")
+        check_range("the posture", posture, self._lower + self.settings.joint_margin, self._upper - self.settings.joint_margin)
+        self._requested_move, self.message = posture, ""
+        return self._time_to(posture, state.position)
 
     def release_arm(self, free: bool) -> None:
         """Leave the arm to gravity compensation alone, or hold it again where it is."""
-        if self.throwing:
-            raise PlanRefused("a throw is under way: stop it before the arm is released")
+        if self.throwing or self.moving:
+            raise PlanRefused("a throw is under way, or the arm moves to a posture: stop it before it is released (~/stop)")
         self._mode, self._hold = (Mode.FREE if free else Mode.HOLDING), None
 
     def stop(self, reason: str) -> None:
         """Bring the arm to a damped stop and hold it; `reason` is kept as the message."""
-        self.message, self._requested = reason, None
+        self.message, self._requested, self._requested_move = reason, None, None
         self._mode, self._entered_ns, self._braking = Mode.STOPPING, None, None
 
     def step(self, state: ArmState) -> Command:
@@ -193,6 +225,10 @@ class Commander:
         self._notice_gap(state)
         if self._requested is not None:
             self._begin_throw(self._requested, state)
+        if self._requested_move is not None:
+            self._goal, self._requested_move = self._requested_move, None
+            self._begin_way(self._goal, state)
+            self._enter(Mode.MOVING, state)
         if self._entered_ns is None:
             self._entered_ns = state.stamp_ns
         self.time = (state.stamp_ns - self._entered_ns) * 1e-9
@@ -215,6 +251,13 @@ class Commander:
             self._quiet_ns = state.stamp_ns
             return self._settling(state)
         return self._joint_command(state, *minimum_jerk(self._start, self._plan.start_posture, self._approach, self.time))
+
+    def _moving(self, state: ArmState) -> Command:
+        if self.time >= self._approach:
+            self._hold = self._goal
+            self._enter(Mode.HOLDING, state)
+            return self._holding(state)
+        return self._joint_command(state, *minimum_jerk(self._start, self._goal, self._approach, self.time))
 
     def _settling(self, state: ArmState) -> Command:
         if np.abs(state.velocity).max() > self.settings.settle_speed:
@@ -300,6 +343,7 @@ class Commander:
         Mode.THROWING: _throwing,
         Mode.FOLLOWING_THROUGH: _following_through,
         Mode.STOPPING: _stopping,
+        Mode.MOVING: _moving,
     }
 
     # helpers
@@ -312,6 +356,8 @@ class Commander:
             return
         if self._mode in (Mode.APPROACHING, Mode.SETTLING, Mode.THROWING, Mode.FOLLOWING_THROUGH):
             self.message = f"no state of the arm for {gap:.2f} s during a throw"
+        if self._mode == Mode.MOVING:
+            self.message = f"no state of the arm for {gap:.2f} s while it moved to a posture"
         self._hold = None
         if self._mode != Mode.FREE:
             self._mode = Mode.HOLDING
@@ -359,10 +405,7 @@ class Commander:
 def check_plan(plan: ThrowPlan, settings: CommanderSettings, description: WamDescription) -> None:
     """PlanRefused, with the value and the limit, if the plan leaves the joints' range or the hand's speed limit."""
     lower, upper = description.of_joints("lower"), description.of_joints("upper")
-    outside = (plan.start_posture < lower) | (plan.start_posture > upper)
-    if outside.any():
-        j = int(np.argmax(outside))
-        raise PlanRefused(f"the start posture has j{j + 1} at {plan.start_posture[j]:.2f} rad, outside {lower[j]} to {upper[j]}")
+    check_range("the start posture", plan.start_posture, lower, upper)
     speed = float(np.linalg.norm(plan.path.velocity[:, :3], axis=1).max())
     if speed > settings.fastest_hand:
         raise PlanRefused(f"the plan moves the hand at {speed:.2f} m/s; the limit is {settings.fastest_hand} m/s: choose a nearer basket")
@@ -371,13 +414,24 @@ def check_plan(plan: ThrowPlan, settings: CommanderSettings, description: WamDes
     swing = plan.path.position[plan.path.time <= plan.release]
     farthest = float(np.linalg.norm(swing - shoulder, axis=1).max())
     if farthest > reach - STRETCHED:
-        raise PlanRefused(f"the plan takes the hand {farthest:.3f} m from the shoulder; the arm is stretched at {reach:.3f} m")
+        raise PlanRefused(
+            f"the plan takes the hand {farthest:.3f} m from the shoulder; the arm is stretched at {reach:.3f} m: choose a nearer basket, "
+            "or drop the throws that were shown with a straight elbow, and show others with a bent one"
+        )
     model = ArmModel(description)
     position, rotation = model.hand_pose(plan.start_posture)
     offset = float(np.linalg.norm(position - plan.path.position[0]))
     turn = float(np.linalg.norm(rotation_error(scipy.spatial.transform.Rotation.from_quat(plan.path.quaternion[0]).as_matrix(), rotation)))
     if offset > 0.05 or turn > 0.3:
         raise PlanRefused(f"the start posture holds the hand {offset:.3f} m and {turn:.2f} rad from where the path begins")
+
+
+def check_range(what: str, posture: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:
+    """PlanRefused unless joint angles (7,) are between two others, with the joint that is not."""
+    outside = (posture < lower) | (posture > upper)
+    if outside.any():
+        j = int(np.argmax(outside))
+        raise PlanRefused(f"{what} has j{j + 1} at {posture[j]:.2f} rad, outside {lower[j]:.2f} to {upper[j]:.2f}")
 
 
 class _References:

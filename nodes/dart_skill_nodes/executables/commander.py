@@ -10,7 +10,7 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from dart_skill_msgs.action import Throw
 from dart_skill_msgs.msg import WamCommand
-from dart_skill_msgs.srv import PlanThrow
+from dart_skill_msgs.srv import MoveArm, PlanThrow
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from rclpy.action import CancelResponse, GoalResponse
@@ -26,7 +26,8 @@ from dart_skill_nodes.client.server_probe import ServerProbe
 from dart_skill_nodes.client.service_calls import Judge, ServiceCalls
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, answer, finish, pause
-from dart_skill_nodes.comms.qos import COMPLETE, FRAMES, LATCHED, LOOP, WALL
+from dart_skill_nodes.comms.joint_states import hear_joint_states
+from dart_skill_nodes.comms.qos import COMPLETE, FRAMES, LATCHED, WALL
 from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Parameter, declare, run
 
 TABLE = [
@@ -100,11 +101,12 @@ class CommanderNode(Node):
         self._plan = self.create_publisher(Path, "~/plan", LATCHED)
         calls = ServiceCalls(self)
         self._judge = Judge(self, calls)
-        self.create_subscription(JointState, "/joint_states", self._on_state, LOOP)
+        self._states = hear_joint_states(self, self._on_state)
         self.create_subscription(Time, "/skill_learner/heartbeat", self._on_heartbeat, 10)
         self._planner = self.create_client(PlanThrow, "/skill_learner/plan_throw")
         self._planner_link = ServerProbe(self, self._planner.srv_name)
         self.create_service(SetBool, "~/release_arm", self._on_release_arm)
+        self.create_service(MoveArm, "~/move_to", self._on_move_to)
         self.create_service(Trigger, "~/stop", self._on_stop)
         accept = {"goal_callback": self._on_goal, "cancel_callback": self._on_cancel}
         self._action = CoroutineActionServer(self, Throw, "/throw", self._throw, self._finish, **accept)
@@ -161,7 +163,8 @@ class CommanderNode(Node):
 
     async def _throw(self, goal_handle) -> Throw.Result:
         self._goal = GoalUnderWay(goal_handle)
-        result = Throw.Result(code=Throw.Goal.OUTCOME_REFUSED)
+        target = conversions.vector(goal_handle.request.target)
+        result = Throw.Result(code=Throw.Goal.OUTCOME_REFUSED, outcome=conversions.unseen_outcome_msg(target, self.p["frame_id"], 0))
         try:
             self._feed("planning")
             plan = await self._ask_for_plan(goal_handle.request, result)
@@ -232,7 +235,7 @@ class CommanderNode(Node):
         try:
             result.outcome = await self._judge.outcome(target, opened_ns, until_ns)
         except CallFailed as failure:
-            result.outcome = conversions.unseen_outcome_msg(target, self.p["frame_id"], opened_ns)
+            conversions.set_stamp(result.outcome.header.stamp, opened_ns)
             result.message += f"; nobody judged it: {failure}"
 
     async def _state_of_goal(self, stamp_ns: int) -> None:
@@ -282,6 +285,18 @@ class CommanderNode(Node):
     def _on_release_arm(self, request, response):
         try:
             self._commander.release_arm(request.data)
+            response.success = True
+        except PlanRefused as error:
+            response.success, response.message = False, str(error)
+        return response
+
+    def _on_move_to(self, request, response):
+        try:
+            if self._state is None:
+                raise PlanRefused("no /joint_states yet: is the arm's driver running?")
+            if self._goal is not None:
+                raise PlanRefused("a throw is being planned or is under way: wait for it or stop it first")
+            response.duration = conversions.duration_msg(self._commander.move_to(request.posture, self._state))
             response.success = True
         except PlanRefused as error:
             response.success, response.message = False, str(error)

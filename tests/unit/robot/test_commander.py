@@ -87,6 +87,8 @@ def finish(run):
 
 def test_every_state_is_answered_with_its_stamp_in_every_mode(begin, plan):
     run = finish(begin(plan))
+    run.commander.move_to(REST, run.plant.arm_state)
+    run.until(lambda: not run.commander.moving)
     run.commander.release_arm(True)
     run.step()
     run.commander.stop("enough")
@@ -101,6 +103,51 @@ def test_at_first_the_arm_is_held_where_it_is_found():
     np.testing.assert_array_equal(commander.step(at(0)).joint_torque, 0.0)
     pushed = commander.step(at(PERIOD, REST + 0.001)).joint_torque
     assert commander.mode == Mode.HOLDING and (pushed < 0).all(), "back to where it was found"
+
+
+def test_the_arm_moves_to_a_posture_slowly_and_is_held_there(begin, plan):
+    run = finish(begin(plan))
+    way = np.abs(run.plant.arm_state.position - REST).max()
+    takes = run.commander.move_to(REST, run.plant.arm_state)
+    begun = len(run.states)
+    run.until(lambda: not run.commander.moving)
+    assert run.sequence[-2:] == [Mode.MOVING, Mode.HOLDING] and takes == pytest.approx(1.875 * way / run.commander.settings.approach_speed)
+    assert len(run.states) - begun == pytest.approx(takes * 500, abs=2)
+    assert max(np.abs(state.velocity).max() for state in run.states[begun:]) < 1.1 * run.commander.settings.approach_speed
+    for _ in range(250):
+        run.step()
+    assert run.plant.arm_state.position == pytest.approx(REST, abs=0.02)
+
+
+def test_a_way_to_a_posture_is_stopped_and_nothing_else_begins_on_it(begin, plan):
+    run = finish(begin(plan))
+    run.commander.move_to(REST, run.plant.arm_state)
+    run.step()
+    for other in (lambda: run.commander.throw(plan), lambda: run.commander.release_arm(True), lambda: run.commander.move_to(REST, at(0))):
+        with pytest.raises(PlanRefused, match="under way"):
+            other()
+    run.commander.stop("enough")
+    run.until(lambda: run.commander.mode == Mode.HOLDING)
+    assert not run.commander.moving and run.commander.message == "enough"
+
+
+@pytest.mark.parametrize(
+    ("posture", "why"),
+    [([0.0, -2.3, 0, 0, 0, 0, 0], "j2 at -2.30 rad"), ([np.nan] * 7, "finite"), ([0.0] * 6, "7 finite joint angles")],
+)
+def test_a_posture_that_cannot_be_is_refused(posture, why):
+    commander = Commander()
+    commander.step(at(0))
+    with pytest.raises(PlanRefused, match=why):
+        commander.move_to(posture, at(0))
+    assert not commander.moving
+
+
+def test_a_released_arm_is_not_moved():
+    commander = Commander()
+    commander.release_arm(True)
+    with pytest.raises(PlanRefused, match="somebody may hold it"):
+        commander.move_to(REST, at(0))
 
 
 def test_a_free_arm_is_left_to_gravity_compensation():
@@ -341,7 +388,7 @@ def refused(plan, pattern, settings=None):
 
 
 def test_a_plan_that_starts_outside_the_joint_limits_is_refused(plan):
-    refused(replace(plan, start_posture=np.array([0.0, -2.3, 0, 0, 0, 0, 0])), r"j2 at -2\.30 rad, outside -2\.0 to 2\.0")
+    refused(replace(plan, start_posture=np.array([0.0, -2.3, 0, 0, 0, 0, 0])), r"j2 at -2\.30 rad, outside -2\.00 to 2\.00")
 
 
 def test_a_plan_that_is_too_fast_is_refused(plan):
