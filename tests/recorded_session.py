@@ -9,6 +9,7 @@ from dart_skill.recording import (
     DEMONSTRATION_TYPE,
     BagWriter,
     definition,
+    demonstration_id,
     demonstration_message,
     qos_yaml,
     serialize,
@@ -75,8 +76,8 @@ class RecordedSession(Session):
     def write(self, path, demonstrations=()):
         """Everything that was heard, and demonstrations as the recorder publishes them, as a bag in order of log time."""
         types, shown = typestore(), []
-        for number, one in enumerate(demonstrations, start=1):
-            content = demonstration_message(types, replace(one, id=f"demonstration_{number}"))
+        for one in demonstrations:
+            content = demonstration_message(types, as_published(one))
             end_ns = one.stamp_ns + round(1e9 * one.ball_time[-1])
             shown.append((end_ns, DEMONSTRATION_TOPIC, end_ns, content))
         with BagWriter(path, custom_data={"seed": "3"}) as bag:
@@ -90,6 +91,11 @@ def header(stamp_ns, frame_id="world"):
     """A header's content."""
     sec, nanosec = divmod(int(stamp_ns), GIGA)
     return {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": frame_id}
+
+
+def as_published(one):
+    """A demonstration with the id that the recorder gives it."""
+    return replace(one, id=demonstration_id(one.stamp_ns + round(1e9 * one.hand_opened)))
 
 
 def same(one, other, names=None):

@@ -33,7 +33,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="dart-skill", description="A robot arm that learns to throw from demonstrations.", epilog=TAB)
     parser.set_defaults(takes_anything=False)
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for name in ("up", "demo", "practice", "teach"):
+    for name in ("up", "demo", "practice", "teach", "demonstrations"):
         graph_verbs.add_to(commands, name)
     learn.add_to(commands)
     graph_verbs.add_to(commands, "throw")

@@ -1,4 +1,5 @@
-"""Verbs that the ROS 2 nodes run: `dart-skill up`, `demo`, `practice`, `teach`, `throw`, `learn` without a bag, and `bag play`.
+"""Verbs that the ROS 2 nodes run: `dart-skill up`, `demo`, `practice`, `teach`, `demonstrations`, `throw`, `learn` without a bag, and
+`bag play`.
 
 The library knows no ROS. Each of these verbs is a module of `dart_skill_nodes.verbs` with `add_arguments(parser)` and
 `main(options, parser)`, found by its name where the nodes are installed.
@@ -15,6 +16,7 @@ HELP = {
     "demo": "the main job over real nodes: teach, learn, throw",
     "practice": "own throws over real nodes, each of which is learned from",
     "teach": "throws that a person guides, on a graph that runs",
+    "demonstrations": "what a graph that runs was shown so far; drop a bad one",
     "throw": "throws of the arm, on a graph that runs",
     "play": "publish a bag's messages over ROS, as they were recorded",
 }

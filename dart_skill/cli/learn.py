@@ -29,6 +29,8 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     way.add_argument("--raw", action="store_true", help="find the throws in the recorded poses (default)")
     way.add_argument("--demonstrations-topic", action="store_true", help="take what the recorder published on /demonstrations instead")
     parser.add_argument("--with-throws", action="store_true", help="learn from misses and from the arm's own throws, too")
+    text = "leave this demonstration out; may be given several times (those that were dropped are left out anyway)"
+    parser.add_argument("--without", metavar="ID", action="append", default=[], help=text)
     parser.add_argument("--configuration", default="", help="of the skill (default: default; on a graph that of its learner)")
     parser.add_argument("--at-least", type=int, metavar="N", help="without BAG: wait for so many demonstrations")
     parser.add_argument("--json", action="store_true", help="what was found and learned as JSON")
@@ -52,7 +54,8 @@ def _learn(options: argparse.Namespace) -> int:
         raise ValueError(f"{output} exists already: name another file with --output")
     mapping = load_mapping(options.mapping) if options.mapping else None
     raw = not options.demonstrations_topic
-    skill, report = learn_from_bag(options.bag, mapping, options.configuration or "default", raw=raw, with_throws=options.with_throws)
+    wanted = {"raw": raw, "with_throws": options.with_throws, "without": options.without}
+    skill, report = learn_from_bag(options.bag, mapping, options.configuration or "default", **wanted)
     save_model(output, list(report.learned_from), skill.skill.configuration)
     print(json.dumps(_as_json(skill, report, output), indent=1) if options.json else _as_text(skill, report, output))
     return 0

@@ -28,6 +28,7 @@ from dart_skill.recording.demonstration import (
     read_demonstrations,
 )
 from dart_skill.recording.grip_signal import GripSignal, Opening, read_command
+from dart_skill.recording.marks import MARK_TOPIC, MARK_TYPE, check_known, demonstration_id, read_dropped
 
 __all__ = [
     "DEMONSTRATION_TOPIC",
@@ -37,10 +38,14 @@ __all__ = [
     "BagWriter",
     "Demonstration",
     "GripSignal",
+    "MARK_TOPIC",
+    "MARK_TYPE",
     "Opening",
     "TopicInfo",
+    "check_known",
     "definition",
     "demonstration_from_message",
+    "demonstration_id",
     "demonstration_message",
     "deserialize",
     "fill_demonstration_message",
@@ -49,6 +54,7 @@ __all__ = [
     "qos_yaml",
     "read_command",
     "read_demonstrations",
+    "read_dropped",
     "serialize",
     "type_hash",
     "types_for",

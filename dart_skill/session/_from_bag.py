@@ -8,12 +8,13 @@ learned from too, as what they are: throws at where the ball came down (8.2).
 from __future__ import annotations
 
 import os
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from dart_skill.movement import Segment, VelocityThreshold
-from dart_skill.recording import Demonstration, Opening, read_demonstrations
+from dart_skill.recording import Demonstration, Opening, check_known, read_demonstrations, read_dropped
 from dart_skill.recording.imports import Fault, RecordingMapping, ThrowRecording, read_recording
 from dart_skill.robot import wam_description
 from dart_skill.skill.improve import PractisingSkill
@@ -53,13 +54,15 @@ def learn_from_bag(
     *,
     raw: bool = True,
     with_throws: bool = False,
+    without: Sequence[str] = (),
     method: str = "residual",
     thresholds: VelocityThreshold = THRESHOLDS,
 ) -> tuple[PractisingSkill, LearnReport]:
     """The skill that a recording teaches, as the learner node would learn it, and what was found.
 
     mapping: where everything is, for recordings that are not ours. raw: from the streams; else from the topic /demonstrations, as the
-    recorder cut them. with_throws: also from misses and from the arm's own throws. ValueError if there is too little to learn from.
+    recorder cut them. with_throws: also from misses and from the arm's own throws. without: ids of throws that are left out, besides the
+    demonstrations that were dropped while they were recorded. ValueError if there is too little to learn from.
     """
     chosen = configuration_of(configuration)
     if raw:
@@ -69,6 +72,9 @@ def learn_from_bag(
     else:
         shown = [FoundThrow(_instant(one), True, one) for one in read_demonstrations(path)]
         report = LearnReport(os.path.basename(os.fspath(path)), False, tuple(shown))
+    check_known(without, [throw.demonstration.id for throw in report.throws if throw.demonstration is not None], report.source)
+    dropped = set() if mapping else read_dropped(path)
+    report = replace(report, throws=tuple(_unless_dropped(throw, dropped, without) for throw in report.throws))
     if len(report.learned_from) < LEAST_DEMONSTRATIONS:
         raise ValueError(_too_few(report, recording if raw else None))
     return PractisingSkill(list(report.learned_from), chosen, method), report
@@ -76,13 +82,22 @@ def learn_from_bag(
 
 def find_throws(recording: ThrowRecording, thresholds: VelocityThreshold = THRESHOLDS) -> list[FoundThrow]:
     """Every throw of a recording, in order of time. Demonstrations of our own bags are those that the recorder published, to the last bit:
-    what it calls demonstration_1, demonstration_2, ... are the guided throws into the basket.
+    guided throws into the basket, which it calls demonstration_<stamp at which the hand was told to open>.
     """
     finder, found = ThrowFinder(_filled(recording), thresholds), []
     for since, until in _worlds(recording):
         for opening in _openings(recording, since, until, thresholds):
             found += finder.find(opening, recording.has_button)
     return found
+
+
+def _unless_dropped(throw: FoundThrow, dropped: Collection[str], without: Collection[str]) -> FoundThrow:
+    """The throw with the reason why somebody did not want it, if so."""
+    if throw.demonstration is None or throw.reason:
+        return throw
+    if throw.demonstration.id in without:
+        return replace(throw, reason="as asked")
+    return replace(throw, reason="dropped while it was recorded") if throw.demonstration.id in dropped else throw
 
 
 def _judged(throw: FoundThrow, with_throws: bool, chosen: SkillConfiguration) -> FoundThrow:

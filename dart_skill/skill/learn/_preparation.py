@@ -78,6 +78,14 @@ class PreparedThrow:
         """Horizontal distance of the task from the base axis [m]."""
         return float(np.hypot(self.task[0], self.task[1]))
 
+    @property
+    def in_words(self) -> str:
+        """What was found, in a line: where the throw went, and how the ball left the hand."""
+        speed = float(np.linalg.norm(self.release.velocity))
+        place = f"{self.distance:.2f} m, {np.degrees(self.azimuth):+.0f} degrees"
+        late = f", {1e3 * self.hand_delay:.0f} ms after the hand was told to open" if np.isfinite(self.hand_delay) else ""
+        return f"a throw to {place}; the ball left the hand at {speed:.1f} m/s{late}"
+
     def between(self, first: float, last: float) -> PreparedThrow:
         """The same throw with only the samples from `first` to `last` [s]."""
         kept = (self.time >= first) & (self.time <= last)

@@ -108,6 +108,7 @@ class ThrowingSkill:
     * credence: (n,) from 0 to 1, how much each of them counts (`credence_of`).
     * release: float [s], mean release on the clock that the demonstrations share.
     * registration: of cameras and arm, told from the demonstrations.
+    * seat: (3,) [m], centre of the held ball in the frame of the hand's tracked body, the median of what was seen.
     * hand_delay: float [s], median time from the command to the release; 0 if no command was seen.
     * width: float [m], width of the Gaussian that weights the demonstrations; 0 if all count alike.
     """
@@ -126,6 +127,7 @@ class ThrowingSkill:
         self._posture = np.median([throw.start_posture for throw in throws], axis=0)
         self.registration = fit_registration([throw.sightings for throw in throws])
         self.hand_delay = _median_of_seen([throw.hand_delay - self.registration.delay for throw in throws])
+        self.seat = np.median([throw.release.grip for throw in throws], axis=0)
         self.width = configuration.width
         self._whole = None if self._is_local else self._fit(self.credence)
         if configuration.widths:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dart_skill.movement import VelocityThreshold
-from dart_skill.recording import Demonstration, GripSignal, Opening
+from dart_skill.recording import Demonstration, GripSignal, Opening, demonstration_id
 from dart_skill.skill.observe._cutting import RESET_NS, THRESHOLDS, ThrowLog, watched_until
 from dart_skill.skill.observe._outcome import Outcome, judge_flight
 from dart_skill.world import the_world
@@ -38,11 +38,11 @@ class FoundThrow:
 
 class ThrowFinder:
     """Finds throws while they are made, in a log that somebody fills: tell of every command, then ask for the throws that were watched to
-    their end. demonstrations: how many there were; the next one is called demonstration_<that + 1>.
+    their end.
     """
 
     def __init__(self, log: ThrowLog, thresholds: VelocityThreshold = THRESHOLDS):
-        self._log, self._thresholds, self.demonstrations = log, thresholds, 0
+        self._log, self._thresholds = log, thresholds
         self._teacher, self._controller = GripSignal(), GripSignal()
         self._openings: list[tuple[int, bool]] = []
         self._since = 0
@@ -81,8 +81,7 @@ class ThrowFinder:
         if one is not None:
             self._since = until + 1
         if one is not None and throw.shows:
-            self.demonstrations += 1
-            throw = replace(throw, demonstration=replace(one, id=f"demonstration_{self.demonstrations}"))
+            throw = replace(throw, demonstration=replace(one, id=demonstration_id(opening.stamp_ns)))
         return [throw]
 
     def _forget_before(self, stamp_ns: int) -> None:

@@ -23,3 +23,5 @@ CLOCK = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 WALL = Clock(clock_type=ClockType.STEADY_TIME)
 """For watchdogs: a machine's time, never the simulation's."""
+SYSTEM = Clock(clock_type=ClockType.SYSTEM_TIME)
+"""For stamps that do not belong to the time of the world: the date."""

@@ -11,19 +11,33 @@ from functools import partial
 from pathlib import Path
 
 from dart_skill_msgs.msg import Demonstration as DemonstrationMsg
+from dart_skill_msgs.msg import DemonstrationMark
 from dart_skill_msgs.srv import JudgeThrow, StopDemonstration
 from rclpy.lifecycle import TransitionCallbackReturn
-from rclpy.serialization import deserialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from dart_skill.movement import VelocityThreshold
-from dart_skill.recording import DEMONSTRATION_TOPIC, DEMONSTRATION_TYPE, Demonstration, demonstration_message, serialize, types_for
+from dart_skill.recording import (
+    DEMONSTRATION_TOPIC,
+    DEMONSTRATION_TYPE,
+    MARK_TOPIC,
+    MARK_TYPE,
+    Demonstration,
+    demonstration_id,
+    demonstration_message,
+    serialize,
+    types_for,
+)
 from dart_skill.recording.grip_signal import OPEN, read_command
+from dart_skill.robot import ArmState
+from dart_skill.skill.learn import DEFAULT, prepare
 from dart_skill.skill.observe import ThrowFinder, judged, watched_until
 from dart_skill.world import ROLES, pose_topic
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink
+from dart_skill_nodes.comms.joint_states import JOINT_STATES
 from dart_skill_nodes.comms.qos import LATCHED, WALL
 from dart_skill_nodes.comms.raw_batches import TAKE, RawBatches, RawMessage
 from dart_skill_nodes.comms.tracked_bodies import FRAME_NS, Arrivals, TrackedBodies
@@ -59,9 +73,14 @@ class DemonstrationRecorder(BagKeeper):
         self.p = declare(self, "demonstration_recorder.yaml", TABLE)
         self.declare_parameter("autostart", True)
         self._bag, self._count, self._recording, self._now_ns = None, 0, False, 0
+        self._fault, self._joints = "", b""  # what is wrong with the arm's states, and the newest of them, serialised
+        self._dropped: dict[str, bool] = {}
+        self._unwritten: list[DemonstrationMark] = []
         self._newest: dict[str, int] = {}
         self._heard: Counter[str] = Counter()
         self._demonstrations = self.create_publisher(DemonstrationMsg, DEMONSTRATION_TOPIC, LATCHED)
+        self._marks = self.create_publisher(DemonstrationMark, MARK_TOPIC, LATCHED)
+        self.create_subscription(DemonstrationMark, MARK_TOPIC, self._on_mark, LATCHED)
         self.create_service(Trigger, "~/start", self._on_start)
         self.create_service(StopDemonstration, "~/stop", self._on_stop)
         self.create_service(JudgeThrow, "~/judge", self._on_judge)
@@ -85,9 +104,9 @@ class DemonstrationRecorder(BagKeeper):
         self._tracked = TrackedBodies(self.p["frame_id"], self.get_logger().error)
         self._role_of = {pose_topic(self.p[f"{role}_body"]): role for role in ROLES}
         self._recorded = {*self.p["topics"], *self._role_of}
-        self._needed = {"/joint_states", "/wam/command", "/wam/teacher_wrench", *self._role_of}
-        self._silent = {"/joint_states", "/wam/command", *(t for t, role in self._role_of.items() if role == "hand")}
-        self._finder, self._arrivals = None, Arrivals()
+        self._needed = {JOINT_STATES, "/wam/command", "/wam/teacher_wrench", *self._role_of}
+        self._silent = {JOINT_STATES, "/wam/command", *(t for t, role in self._role_of.items() if role == "hand")}
+        self._finder, self._arrivals, self._marked = None, Arrivals(), False
         if self.p["automatic"]:
             self._finder = ThrowFinder(self._tracked.log, self._thresholds)
         self._messages = RawBatches(self)
@@ -127,6 +146,7 @@ class DemonstrationRecorder(BagKeeper):
                 self._bag.write(message.topic, self._now_ns, ns, message.data)
             self._look(message, ns)
             self._silent.discard(message.topic)
+        self._write_marks()
         if self._finder:
             self._find()
         elif not self._recording:
@@ -135,18 +155,29 @@ class DemonstrationRecorder(BagKeeper):
     def _look(self, message: RawMessage, ns: int) -> None:
         if role := self._role_of.get(message.topic):
             self._tracked.take(role, message.data)
+        elif message.topic == JOINT_STATES:
+            self._joints = message.data
+            if (self._recording or self._finder) and self._tracked.log.wants_joints(ns):
+                self._look_at_joints(ns)
         elif not (self._recording or self._finder):
             return
-        elif message.topic == "/joint_states":
-            self._look_at_joints(ns, message.data)
         elif message.topic in ("/wam/command", "/wam/teacher_wrench"):
             self._look_at_grip(message.topic, ns, message.data)
 
-    def _look_at_joints(self, ns: int, data: bytes) -> None:
-        joints = self._tracked.log
-        if joints.wants_joints(ns):
-            state = conversions.arm_state(deserialize_message(data, JointState))
-            joints.add_joints(ns, state.position, state.velocity)
+    def _look_at_joints(self, ns: int) -> None:
+        if (state := self._arm_state()) is not None:
+            self._tracked.log.add_joints(ns, state.position, state.velocity)
+
+    def _arm_state(self) -> ArmState | None:
+        """The newest state of the arm; None if it is not one, and what is wrong with it is kept."""
+        try:
+            state, self._fault = conversions.arm_state(deserialize_message(self._joints, JointState)), ""
+            return state
+        except ValueError as error:
+            if str(error) != self._fault:
+                self.get_logger().error(str(error))
+            self._fault = str(error)
+            return None
 
     def _look_at_grip(self, topic: str, ns: int, data: bytes) -> None:
         if self._finder:
@@ -155,7 +186,7 @@ class DemonstrationRecorder(BagKeeper):
             self._tracked.log.add_opening(ns)
 
     def _find(self) -> None:
-        sensors = [self._newest.get(topic, 0) for topic in ("/joint_states", *self._role_of)]
+        sensors = [self._newest.get(topic, 0) for topic in (JOINT_STATES, *self._role_of)]
         for throw in self._finder.until(self._arrivals.until(sensors, time.monotonic())):
             if throw.shows:
                 self._keep(throw.demonstration, watched_until(throw.stamp_ns))
@@ -176,6 +207,9 @@ class DemonstrationRecorder(BagKeeper):
             response.success, response.message = False, f"nothing has come on {silent} yet: is the node running that publishes it?"
             return response
         self._take()
+        if self._arm_state() is None:
+            response.success, response.message = False, self._fault
+            return response
         self._tracked.clear()
         self._newest.clear()
         self._heard.clear()
@@ -230,18 +264,20 @@ class DemonstrationRecorder(BagKeeper):
 
     def _cut(self, request, response, until: int):
         try:
-            one = self._tracked.log.cut(f"demonstration_{self._count + 1}", until, self._thresholds)
+            log = self._tracked.log
+            one = log.cut(demonstration_id(log.opened_ns or 0), until, self._thresholds)
             response.success, response.demonstration = True, conversions.demonstration_msg(one)
         except ValueError as error:
             response.success, response.message = False, str(error)
             self.get_logger().error(f"no demonstration: {error}")
             return response
         if request.keep:
-            self._keep(one, until)
+            response.message = self._keep(one, until)
+            response.readable = not response.message
         return response
 
-    def _keep(self, one: Demonstration, until: int) -> None:
-        """Publish a demonstration that was watched up to a stamp, and put it into the bag."""
+    def _keep(self, one: Demonstration, until: int) -> str:
+        """Publish a demonstration that was watched up to a stamp, and put it into the bag; why it cannot be learned from, if so."""
         self._count += 1
         self._demonstrations.publish(conversions.demonstration_msg(one))
         if DEMONSTRATION_TOPIC in self.p["topics"]:
@@ -249,6 +285,31 @@ class DemonstrationRecorder(BagKeeper):
             types = types_for(DEMONSTRATION_TYPE)
             content = serialize(types, DEMONSTRATION_TYPE, demonstration_message(types, one))
             self._bag.write(DEMONSTRATION_TOPIC, self._now_ns, until, content)
+        self._bag.flush()
+        try:
+            prepare(one, DEFAULT)
+        except ValueError as error:
+            self.get_logger().warning(f"kept, but it cannot be learned from: {error}")
+            return f"kept, but it cannot be learned from: {error}; show it again"
+        return ""
+
+    def _on_mark(self, mark: DemonstrationMark) -> None:
+        """A demonstration was dropped or restored: that goes into the bag, and a learner that is started again hears it from here."""
+        if self._dropped.get(mark.id) != mark.dropped:
+            self._dropped[mark.id] = mark.dropped
+            self._marks.publish(mark)
+            self._unwritten.append(mark)
+
+    def _write_marks(self) -> None:
+        """Into the bag, as soon as its time has begun."""
+        if not (self._unwritten and self._now_ns and DEMONSTRATION_TOPIC in self.p["topics"]):
+            return
+        if not self._marked:
+            self._bag.add_own(MARK_TOPIC, MARK_TYPE, LATCHED)
+        self._marked = True
+        for mark in self._unwritten:
+            self._bag.write(MARK_TOPIC, self._now_ns, self._now_ns, serialize_message(mark))
+        self._unwritten.clear()
         self._bag.flush()
 
     def _describe(self):
@@ -259,6 +320,8 @@ class DemonstrationRecorder(BagKeeper):
         values |= self._bag.writer.counts
         if self._bag.failure:
             return ERROR, self._bag.failure, values
+        if self._fault:
+            return ERROR, self._fault, values
         return OK, "recording" if self._recording or self._finder else "waiting", values
 
 

@@ -5,18 +5,19 @@ from itertools import cycle
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from dart_skill_msgs.msg import Demonstration
-from dart_skill_msgs.srv import AddTrial, Learn, ModelFile, PlanThrow
+from dart_skill_msgs.msg import Demonstration, DemonstrationMark, DemonstrationStatus
+from dart_skill_msgs.srv import AddTrial, DropDemonstration, Learn, ListDemonstrations, ModelFile, PlanThrow
 from geometry_msgs.msg import Point
 from rclpy.node import Node
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from dart_skill.recording import BagError, read_demonstrations
+from dart_skill.recording import MARK_TOPIC, BagError, check_known, read_demonstrations, read_dropped
+from dart_skill.recording import Demonstration as Shown
 from dart_skill.skill.improve import PracticeSettings, PractisingSkill
-from dart_skill.skill.learn import Unreachable, component_ellipsoids, configuration, load_model, save_model
+from dart_skill.skill.learn import SkillConfiguration, Unreachable, component_ellipsoids, configuration, load_model, prepare, save_model
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.comms.qos import LATCHED
+from dart_skill_nodes.comms.qos import LATCHED, SYSTEM
 from dart_skill_nodes.process.node_base import OK, WARN, Diagnostics, Parameter, declare, run
 
 TABLE = [
@@ -33,17 +34,22 @@ COLOURS = (ColorRGBA(g=0.62, b=0.45, a=0.5), ColorRGBA(r=0.34, g=0.71, b=0.91, a
 
 
 class SkillLearner(Node):
-    """Services ~/learn, ~/plan_throw, ~/add_trial, ~/save, ~/load; markers of the Gaussians on ~/model."""
+    """Services ~/learn, ~/plan_throw, ~/add_trial, ~/save, ~/load, ~/demonstrations, ~/drop_demonstration; Gaussians on ~/model."""
 
     def __init__(self):
         super().__init__("skill_learner")
         self.p = declare(self, "skill_learner.yaml", TABLE)
-        self._heard: dict[str, object] = {}
+        self._heard: dict[str, Shown] = {}
+        self._marked: dict[str, bool] = {}  # whether a demonstration was dropped, by id, heard of or not
         self._skill: PractisingSkill | None = None
         self._memory = PracticeSettings(self.p["practice_capacity"], self.p["practice_forget"])
         self.create_subscription(Demonstration, "/demonstrations", self._on_demonstration, LATCHED)
+        self.create_subscription(DemonstrationMark, MARK_TOPIC, self._on_mark, LATCHED)
+        self._marks = self.create_publisher(DemonstrationMark, MARK_TOPIC, LATCHED)
         self._markers = self.create_publisher(MarkerArray, "~/model", LATCHED)
         self.create_service(Learn, "~/learn", self._on_learn)
+        self.create_service(ListDemonstrations, "~/demonstrations", self._on_list)
+        self.create_service(DropDemonstration, "~/drop_demonstration", self._on_drop)
         self.create_service(PlanThrow, "~/plan_throw", self._on_plan)
         self.create_service(AddTrial, "~/add_trial", self._on_add_trial)
         self.create_service(ModelFile, "~/save", self._on_save)
@@ -72,7 +78,10 @@ class SkillLearner(Node):
             return
         self._heard[one.id] = one
 
-    def _checked(self, message: Demonstration):
+    def _on_mark(self, mark: DemonstrationMark) -> None:
+        self._marked[mark.id] = mark.dropped
+
+    def _checked(self, message: Demonstration) -> Shown:
         if message.header.frame_id != self.p["frame_id"]:
             raise ValueError(f"{message.id} is in frame '{message.header.frame_id}', not '{self.p['frame_id']}'")
         return conversions.demonstration(message)
@@ -81,12 +90,12 @@ class SkillLearner(Node):
 
     def _on_learn(self, request, response):
         try:
-            heard = read_demonstrations(request.bag) if request.bag else list(self._heard.values())
-            response.pending = not request.bag and len(heard) < request.at_least
+            response.pending = not request.bag and len(self._heard) < request.at_least
             if response.pending:
-                response.message = f"{len(heard)} of {request.at_least} demonstrations have been heard so far"
+                response.message = f"{len(self._heard)} of {request.at_least} demonstrations have been heard so far"
                 return response
-            self._take(heard, configuration(request.configuration or self.p["configuration"]))
+            chosen = configuration(request.configuration or self.p["configuration"])
+            dropped = self._learn_from(request.bag, request.without, chosen)
         except (ValueError, BagError, OSError) as error:
             response.success, response.message = False, str(error)
             self.get_logger().error(f"nothing learned: {error}")
@@ -97,10 +106,60 @@ class SkillLearner(Node):
             f"learned from {response.demonstrations} demonstrations with '{skill.configuration.name}'",
             f"the hand opens {1e3 * skill.hand_delay:.0f} ms after it is told to",
             *(f"left out: {reason}" for reason in practice.kept_out.values()),
+            *([f"dropped: {', '.join(dropped)}"] if dropped else []),
         ]
         response.message = "; ".join(said)
         for reason in practice.kept_out.values():
             self.get_logger().warning(f"left out: {reason}")
+        return response
+
+    def _learn_from(self, bag: str, without: list[str], chosen: SkillConfiguration) -> list[str]:
+        """Learn from a bag, or from what was heard, but for what was dropped; the ids of that."""
+        heard = read_demonstrations(bag) if bag else self._in_order()
+        check_known(without, [one.id for one in heard], bag or "the learner")
+        marked = read_dropped(bag) if bag else {name for name, dropped in self._marked.items() if dropped}
+        out = marked | set(without)
+        self._take([one for one in heard if one.id not in out], chosen)
+        return [one.id for one in heard if one.id in out]
+
+    def _in_order(self) -> list[Shown]:
+        """What was heard, as it came."""
+        return list(self._heard.values())
+
+    def _on_list(self, request, response):
+        try:
+            chosen = configuration(request.configuration or self.p["configuration"])
+        except ValueError as error:
+            response.success, response.message = False, str(error)
+            return response
+        response.demonstrations = [self._status(one, chosen) for one in self._in_order()]
+        dropped = sum(one.dropped for one in response.demonstrations)
+        response.success, response.message = True, f"{len(self._heard)} demonstrations, {dropped} of them dropped"
+        return response
+
+    def _status(self, one: Shown, chosen: SkillConfiguration) -> DemonstrationStatus:
+        status = DemonstrationStatus(id=one.id, target=conversions.point(one.target), dropped=self._marked.get(one.id, False))
+        status.header.frame_id = one.frame_id
+        conversions.set_stamp(status.header.stamp, one.stamp_ns)
+        status.duration = conversions.duration_msg(float(np.nan_to_num(one.motion_stop - one.motion_start)))
+        try:
+            status.readable, status.finding = True, prepare(one, chosen).in_words
+        except ValueError as error:
+            status.finding = str(error)
+        return status
+
+    def _on_drop(self, request, response):
+        try:
+            check_known([request.id], list(self._heard), "the learner")
+        except ValueError as error:
+            response.success, response.message = False, f"{error}: see dart-skill demonstrations"
+            return response
+        mark = DemonstrationMark(id=request.id, dropped=not request.restore)
+        mark.header.stamp = SYSTEM.now().to_msg()
+        self._marked[request.id] = mark.dropped
+        self._marks.publish(mark)
+        what = "counts again" if request.restore else "is dropped"
+        response.success, response.message = True, f"{request.id} {what}: learn again (dart-skill learn)"
         return response
 
     def _take(self, demonstrations: list, chosen, practised=None) -> None:
@@ -118,6 +177,7 @@ class SkillLearner(Node):
                 raise ValueError("nothing is learned yet: call ~/learn, or ~/load a model")
             plan = self._skill.plan(conversions.vector(request.target))
             response.success, response.plan = True, conversions.plan_msg(plan, self.p["frame_id"])
+            response.seat = conversions.point(self._skill.skill.seat)
         except (ValueError, Unreachable) as error:
             response.success, response.message = False, str(error)
         return response

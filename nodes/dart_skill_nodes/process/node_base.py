@@ -8,17 +8,14 @@ from dataclasses import dataclass
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
-from rclpy.clock import Clock, ClockType
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from dart_skill.configuration import node_parameters
-from dart_skill_nodes.comms.qos import WALL
+from dart_skill_nodes.comms.qos import SYSTEM, WALL
 from dart_skill_nodes.process.signals import Interrupts
-
-_SYSTEM = Clock(clock_type=ClockType.SYSTEM_TIME)
 
 
 @dataclass(frozen=True)
@@ -89,7 +86,7 @@ class Diagnostics:
         status = DiagnosticStatus(level=level, name=self._node.get_name(), message=message, hardware_id="wam")
         status.values = [KeyValue(key=key, value=str(value)) for key, value in {**values, "process": os.getpid()}.items()]
         array = DiagnosticArray(status=[status])
-        array.header.stamp = _SYSTEM.now().to_msg()  # all nodes alike, those that follow /clock too
+        array.header.stamp = SYSTEM.now().to_msg()  # all nodes alike, those that follow /clock too
         self._publisher.publish(array)
 
 

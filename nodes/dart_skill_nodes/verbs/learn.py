@@ -16,7 +16,7 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Learn; returns the exit status."""
 
     def learn(client: "GraphClient") -> dict:
-        learned = client.learn(configuration=options.configuration, at_least=options.at_least or 0)
+        learned = client.learn(configuration=options.configuration, at_least=options.at_least or 0, without=options.without)
         told = {"demonstrations": int(learned.demonstrations), "model_id": learned.model_id}
         return {"text": f"{learned.message}; model {learned.model_id}", **told, "ok": True, "next": "dart-skill throw"}
 

@@ -11,7 +11,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from dart_skill.cli.learn import add_to
-from dart_skill.recording import BagReader, Opening
+from dart_skill.recording import MARK_TOPIC, MARK_TYPE, BagReader, BagWriter, Opening, definition, qos_yaml, serialize, types_for, typestore
 from dart_skill.recording.imports.mapping import OWN, PoseSource, parse_mapping
 from dart_skill.recording.imports.throw_recording import convert, read_recording
 from dart_skill.robot._throw_plan import same_plan
@@ -20,7 +20,7 @@ from dart_skill.skill.improve import PractisingSkill
 from dart_skill.skill.learn import load_model
 from dart_skill.skill.observe import ThrowFinder, ThrowLog
 from dart_skill.skill.observe._throw_finder import MEMORY_NS
-from tests.recorded_session import THROWN_AT, same
+from tests.recorded_session import THROWN_AT, as_published, same
 
 BASKET = np.array([1.9, -0.1, 0.4])
 ROLES = ("hand", "ball", "basket")
@@ -34,7 +34,7 @@ def recording(recorded_session):
 @pytest.fixture(scope="module")
 def shown(recorded_session):
     """The demonstrations as they were recorded."""
-    return [replace(trial.demonstration, id=f"demonstration_{k}") for k, trial in enumerate(recorded_session[1], start=1)]
+    return [as_published(trial.demonstration) for trial in recorded_session[1]]
 
 
 @pytest.fixture(scope="module")
@@ -100,13 +100,48 @@ def test_without_a_button_the_ball_tells_when_it_left_the_hand(recorded_session,
 # learning
 
 
-def test_the_skill_is_that_of_the_recorded_demonstrations(recorded_session, expected):
+def test_the_skill_is_that_of_the_recorded_demonstrations(recorded_session, shown, expected):
     raw, report = learn_from_bag(recorded_session[0])
     told, other = learn_from_bag(recorded_session[0], raw=False)
     assert same_plan(raw.plan(BASKET), expected) and same_plan(told.plan(BASKET), expected)
     assert raw.skill.model_id == told.skill.model_id
-    assert [one.id for one in report.learned_from] == [one.id for one in other.learned_from] == [f"demonstration_{k}" for k in (1, 2, 3)]
+    assert [one.id for one in report.learned_from] == [one.id for one in other.learned_from] == [one.id for one in shown]
     assert [throw.reason for throw in report.throws] == ["", "", "", "thrown by the arm itself"]
+
+
+def with_marks(source, folder, *marks):
+    """A copy of a bag with marks of demonstrations: (date [s], id, whether it is dropped), as they were recorded."""
+    types = types_for(MARK_TYPE)
+    with BagReader(source) as bag, BagWriter(folder) as copy:
+        messages = list(bag.messages(decode=False))
+        for topic, about in bag.topics.items():
+            copy.add_topic(topic, about.type_name, definition(typestore(), about.type_name), qos_yaml())
+        copy.add_topic(MARK_TOPIC, MARK_TYPE, definition(types, MARK_TYPE), qos_yaml())
+        for one in messages:
+            copy.write(one.topic, one.stamp_ns, one.stamp_ns, one.data)
+        for date, name, dropped in marks:
+            content = {"header": {"stamp": {"sec": date, "nanosec": 0}, "frame_id": ""}, "id": name, "dropped": dropped}
+            copy.write(MARK_TOPIC, messages[-1].stamp_ns, messages[-1].stamp_ns, serialize(types, MARK_TYPE, content))
+    return folder
+
+
+@pytest.mark.parametrize("raw", [True, False], ids=["found", "published"])
+def test_a_demonstration_that_was_dropped_while_it_was_recorded_is_left_out(recorded_session, shown, tmp_path, raw):
+    first, second, third = (one.id for one in shown)
+    marked = with_marks(recorded_session[0], tmp_path / "bag", (2, second, False), (3, third, True), (1, second, True))
+    _, report = learn_from_bag(marked, raw=raw)
+    assert [one.id for one in report.learned_from] == [first, second], "the newest mark counts, whatever the order"
+    assert "dropped while it was recorded" in [throw.reason for throw in report.throws]
+
+
+@pytest.mark.parametrize("raw", [True, False], ids=["found", "published"])
+def test_a_demonstration_can_be_left_out_by_its_id(recorded_session, shown, tmp_path, capsys, raw):
+    way = [] if raw else ["--demonstrations-topic"]
+    assert run([recorded_session[0], *way, "--without", shown[1].id, "--output", tmp_path / "model.npz"]) == 0
+    assert "left out: as asked" in capsys.readouterr().out
+    assert [one.id for one in load_model(tmp_path / "model.npz")[0]] == [shown[0].id, shown[2].id]
+    with pytest.raises(ValueError, match=f"no demonstration 'demonstration_3': there are .*{shown[0].id}"):
+        run([recorded_session[0], *way, "--without", "demonstration_3", "--output", tmp_path / "other.npz"])
 
 
 def test_the_arms_own_throws_are_learned_from_if_asked(recorded_session):
@@ -204,11 +239,11 @@ def run(arguments):
     return options.run(options)
 
 
-def test_the_command_says_what_was_found_and_where_the_model_is(tmp_path, recorded_session, expected, capsys):
+def test_the_command_says_what_was_found_and_where_the_model_is(tmp_path, recorded_session, shown, expected, capsys):
     model = tmp_path / "model.npz"
     assert run([recorded_session[0], "--output", model]) == 0
     said = capsys.readouterr().out
-    assert said.count(": guided, basket at (") == 3 and "demonstration_3" in said and "own, basket at" in said
+    assert said.count(": guided, basket at (") == 3 and shown[2].id in said and "own, basket at" in said
     assert "left out: thrown by the arm itself" in said and "learned from 3 of 4 throws with 'default'; the hand opens" in said
     assert said.splitlines()[-1].startswith("next: ros2 service call /skill_learner/load ")
     assert str(model) in shlex.split(said.splitlines()[-1].removeprefix("next: "))[-1]

@@ -1,0 +1,45 @@
+"""Marks of demonstrations: which of them shall not be learned from. The newest mark of a demonstration counts.
+
+A demonstration is called after the instant at which the hand was told to open, so that its name is unique: among those of a recorder that
+was started again, too, and whoever finds the throw in a recording again calls it the same.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Iterable
+from typing import Any
+
+from dart_skill.recording.bags import BagError, BagReader
+
+MARK_TYPE = "dart_skill_msgs/msg/DemonstrationMark"
+MARK_TOPIC = "/demonstration_marks"
+
+
+def demonstration_id(opened_ns: int) -> str:
+    """Name of the demonstration in which the hand was told to open, or the ball left it, at a stamp [ns]."""
+    return f"demonstration_{opened_ns}"
+
+
+def read_dropped(bag_path: str | os.PathLike) -> set[str]:
+    """Ids of the demonstrations that were dropped in the end, by the marks of a bag; none without marks."""
+    with BagReader(bag_path) as bag:
+        if MARK_TOPIC not in bag.topics:
+            return set()
+        if bag.topics[MARK_TOPIC].type_name != MARK_TYPE:
+            raise BagError(f"{bag_path}: {MARK_TOPIC} has type {bag.topics[MARK_TOPIC].type_name}, not {MARK_TYPE}")
+        marks = [item.data for item in bag.messages([MARK_TOPIC])]
+    newest = {mark.id: bool(mark.dropped) for mark in sorted(marks, key=_marked_ns)}
+    return {name for name, dropped in newest.items() if dropped}
+
+
+def check_known(ids: Iterable[str], known: Collection[str], where: str) -> None:
+    """ValueError for an id that no demonstration has, with those that there are."""
+    for name in ids:
+        if name not in known:
+            there = ", ".join(known) or "none"
+            raise ValueError(f"{where} has no demonstration '{name}': there are {there}")
+
+
+def _marked_ns(mark: Any) -> int:
+    return int(mark.header.stamp.sec) * 1_000_000_000 + int(mark.header.stamp.nanosec)

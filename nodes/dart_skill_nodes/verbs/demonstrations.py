@@ -1,0 +1,63 @@
+"""`dart-skill demonstrations`: what a graph that runs was shown so far; one can be dropped, and restored."""
+
+import argparse
+from datetime import datetime
+from typing import TYPE_CHECKING
+
+from dart_skill_nodes.verbs._run import PATIENCE, on_running_graph, print_result
+
+if TYPE_CHECKING:
+    from dart_skill_nodes.client.graph_client import GraphClient
+
+NOT_A_DATE = 1e9
+"""Stamps before this are times of a simulation, later ones dates [s]."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the verb."""
+    parser.description = (
+        "What a graph that runs was shown so far. A bad demonstration is dropped by its id, for the learner and in the bag."
+    )
+    parser.add_argument("task", nargs="?", choices=("list", "drop", "restore"), default="list", help="default: list")
+    parser.add_argument("id", metavar="ID", nargs="?", help="of a demonstration, to drop or restore it")
+    parser.add_argument("--json", action="store_true", help="the result as JSON")
+
+
+def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
+    """List, drop or restore; returns the exit status."""
+    if (options.id is None) != (options.task == "list"):
+        parser.error("drop and restore need the ID of one demonstration, which the list shows; the list needs none")
+
+    def task(client: "GraphClient") -> dict:
+        if options.task == "list":
+            return _listed(client)
+        text = client.drop(options.id, restore=options.task == "restore")
+        return {"text": text, "message": text, "id": options.id, "ok": True, "next": "dart-skill learn"}
+
+    return print_result(lambda: on_running_graph(lambda client: client.wait_for_learner(PATIENCE), task), options.json)
+
+
+def _listed(client: "GraphClient") -> dict:
+    from dart_skill_nodes.comms import conversions
+
+    rows = [
+        {
+            "id": one.id,
+            "stamp": conversions.stamp_ns(one.header.stamp) * 1e-9,
+            "duration": conversions.seconds(one.duration),
+            "target": conversions.vector(one.target).tolist(),
+            "dropped": bool(one.dropped),
+            "readable": bool(one.readable),
+            "finding": one.finding,
+        }
+        for one in client.demonstrations().demonstrations
+    ]
+    text = "\n".join(map(_line, rows)) or "nothing has been shown yet"
+    return {"text": text, "demonstrations": rows, "ok": True, "next": "dart-skill demonstrations drop ID, or dart-skill learn"}
+
+
+def _line(row: dict) -> str:
+    stamp = row["stamp"]
+    when = f"{datetime.fromtimestamp(stamp):%H:%M:%S}" if stamp > NOT_A_DATE else f"{stamp:.1f} s"
+    state = "dropped" if row["dropped"] else "taught" if row["readable"] else "left out"
+    return f"{row['id']}  {when}  {row['duration']:.2f} s  {state}: {row['finding']}"
