@@ -1,23 +1,30 @@
 """What a person with a terminal does: services and the action of the graph, called by a plain rclpy node while the driver goes on."""
 
+import json
 import os
+import re
 import signal
 import subprocess
+import tempfile
 from contextlib import contextmanager
 
+import numpy as np
 from dart_skill_msgs.action import Practice, Throw
-from dart_skill_msgs.srv import Learn, StopDemonstration
+from dart_skill_msgs.srv import DropDemonstration, Learn, ListDemonstrations, StopDemonstration
 from geometry_msgs.msg import Point
 from rclpy.action import ActionClient
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
+RECORDERS = ("/demonstration_recorder", "/again")
+"""The one of the layout, and one that a test starts."""
 SERVICES = {
     "/commander/release_arm": SetBool,
     "/commander/stop": Trigger,
-    "/demonstration_recorder/start": Trigger,
-    "/demonstration_recorder/stop": StopDemonstration,
+    **{f"{recorder}/{name}": kind for recorder in RECORDERS for name, kind in (("start", Trigger), ("stop", StopDemonstration))},
     "/skill_learner/learn": Learn,
+    "/skill_learner/demonstrations": ListDemonstrations,
+    "/skill_learner/drop_demonstration": DropDemonstration,
 }
 
 
@@ -40,7 +47,8 @@ def running(command, log):
 
 def hardware_graph(folder):
     """The hardware layout, until the end of the context; its log and the bag of demonstrations are in the folder."""
-    return running(["dart-skill", "up", "--layout", "hardware", "--output", str(folder / "up")], folder / "up.log")
+    command = ["dart-skill", "up", "--layout", "hardware", "--set", "coach.stand_back=1.0", "--output", str(folder / "up")]
+    return running(command, folder / "up.log")
 
 
 class Outsider(Node):
@@ -49,14 +57,18 @@ class Outsider(Node):
     def __init__(self, executor, driver):
         super().__init__("outsider")
         executor.add_node(self)
-        self.driver = driver
+        self.driver, self.recorder = driver, RECORDERS[0]
         self._calls = {name: self.create_client(kind, name) for name, kind in SERVICES.items()}
         self._throw = ActionClient(self, Throw, "/throw")
         self._practice = ActionClient(self, Practice, "/practice")
+        self.create_subscription(Practice.Impl.FeedbackMessage, "/practice/_action/feedback", self._hear, 50)
+        self.asked, self.helps = [], False  # what the coach asked of the person, in words, and whether the person does it
 
     def wait_for_graph(self, limit=60.0):
         """Until every service and the action are there, and a second longer: a server may find its client later."""
-        parts = [*(client.service_is_ready for client in self._calls.values()), self._throw.server_is_ready]
+        actions = (self._throw, self._practice)
+        there = [client for name, client in self._calls.items() if not name.startswith(RECORDERS[1])]
+        parts = [*(client.service_is_ready for client in there), *(action.server_is_ready for action in actions)]
         self.driver.run_until(lambda: all(part() for part in parts), limit)
         self.driver.run(1.0)
 
@@ -66,6 +78,7 @@ class Outsider(Node):
 
     def call(self, name, limit=60.0, **fields):
         """Call a service until it no longer says that its answer is pending, for 5 s of the arm's time at most."""
+        self.driver.run_until(self._calls[name].service_is_ready, limit)
         for _ in range(50):
             response = self._wait(self._calls[name].call_async(SERVICES[name].Request(**fields)), limit)
             if not getattr(response, "pending", False):
@@ -83,7 +96,11 @@ class Outsider(Node):
         person = self.driver.person
         self.driver.plant.place_basket(rim)
         self.do(person.cock(rim), person.bring_ball(), person.wait(0.3))
-        started = self.call("/demonstration_recorder/start")
+        for _ in range(100):
+            started = self.call(f"{self.recorder}/start")
+            if started.success:
+                break
+            self.driver.run(0.1)  # a recorder that has just been started has not heard of everything yet
         assert started.success, started.message
         self.do(person.throw(rim))
         hit = person.in_basket(rim)
@@ -93,7 +110,7 @@ class Outsider(Node):
     def stop(self, keep):
         """End the recording of a throw with what was published up to now; the recorder's answer."""
         until = self.driver.stamp(self.driver.plant.steps - 1)
-        return self.call("/demonstration_recorder/stop", keep=keep, reason="" if keep else "missed", until=until)
+        return self.call(f"{self.recorder}/stop", keep=keep, reason="" if keep else "missed", until=until)
 
     def prepare(self, rim):
         """The basket stands there (3,), the ball is in the hand."""
@@ -106,11 +123,44 @@ class Outsider(Node):
         goal.header.frame_id = "world"
         return self._act(self._throw, goal, limit)
 
-    def practise(self, throws, limit=120.0):
-        """The coach lets the arm throw at the basket where the cameras see it; the result of the action."""
-        self.driver.run_until(self._practice.server_is_ready, limit)
-        self.driver.run(1.0)
-        return self._act(self._practice, Practice.Goal(throws=throws, follow_basket=True), limit)
+    def start_practice(self, limit=60.0, **goal):
+        """The handle of a goal of the coach's, with a person who does nothing."""
+        self.asked, self.helps = [], False
+        return self._wait(self._practice.send_goal_async(Practice.Goal(**goal)), limit)
+
+    def cancel(self, handle, limit=60.0):
+        """The result of a goal that is cancelled now."""
+        self._wait(handle.cancel_goal_async(), limit)
+        return self._wait(handle.get_result_async(), limit).result
+
+    def type(self, *words, limit=120.0):
+        """Type a command, with a person who does what the coach asks; the object that it prints as JSON, and what it says meanwhile."""
+        self.asked, self.helps = [], True
+        with tempfile.TemporaryFile("w+") as told, tempfile.TemporaryFile("w+") as said:
+            process = subprocess.Popen([*words, "--json"], stdout=told, stderr=said, text=True)
+            try:
+                self.driver.run_until(lambda: process.poll() is not None, limit)
+            finally:
+                process.kill()
+                self.helps = False
+            told.seek(0)
+            said.seek(0)
+            result, words = told.read(), said.read()
+        assert process.returncode == 0, words
+        return json.loads(result), words
+
+    def _hear(self, message):
+        feedback = message.feedback
+        if feedback.phase != "waiting":
+            return
+        self.asked.append(feedback.message)
+        if not self.helps or self.driver.person.busy:
+            return
+        if feedback.message.startswith("put the ball into the hand"):
+            self.driver.person.begin(self.driver.person.bring_ball())
+        elif feedback.message.startswith("put the basket at"):
+            x, y, z = (float(word) for word in re.findall(r"[xyz] (-?[0-9.]+)", feedback.message))
+            self.driver.plant.place_basket(np.array([x, y, z]))
 
     def _act(self, client, goal, limit):
         handle = self._wait(client.send_goal_async(goal), limit)

@@ -1,5 +1,6 @@
 """From what the sensors saw to a demonstration, and to what became of a throw."""
 
+from dart_skill.skill.observe._at_rest import basket_at_rest, check_ball_in_hand
 from dart_skill.skill.observe._cutting import ARRIVAL_NS, RESET_NS, THRESHOLDS, ThrowLog, judged, watched_until
 from dart_skill.skill.observe._free_flight import FreeFlight, find_flight
 from dart_skill.skill.observe._noise import column_noise, position_noise
@@ -16,6 +17,8 @@ __all__ = [
     "THRESHOLDS",
     "ThrowFinder",
     "ThrowLog",
+    "basket_at_rest",
+    "check_ball_in_hand",
     "column_noise",
     "find_flight",
     "fit_release",

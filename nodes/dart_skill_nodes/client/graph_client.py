@@ -7,9 +7,9 @@ from collections.abc import Callable, Coroutine, Iterable
 import numpy as np
 import rclpy
 from dart_skill_msgs.action import Practice, Teach, Throw
-from dart_skill_msgs.srv import Learn
+from dart_skill_msgs.srv import DropDemonstration, Learn, ListDemonstrations
 from diagnostic_msgs.msg import DiagnosticArray
-from rcl_interfaces.srv import SetParameters
+from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.action import ActionClient
 from rclpy.parameter import Parameter
 from rclpy.task import Future
@@ -103,18 +103,34 @@ class GraphClient:
         self.call(self._sequence.pause_client, SetBool.Request(data=True))
         return result
 
-    def learn(self, bag: str = "", configuration: str = "", at_least: int | None = None) -> Learn.Response:
+    def learn(self, bag: str = "", configuration: str = "", at_least: int | None = None, without: Iterable[str] = ()) -> Learn.Response:
         """Learn from the demonstrations heard, at least so many (default: those taught), or from a bag; GraphFailure says why nothing was
-        learned.
+        learned. without: ids of demonstrations that are left out.
         """
         at_least = (0 if bag else self._taught) if at_least is None else at_least
-        request = Learn.Request(bag=bag, configuration=configuration, at_least=at_least)
+        request = Learn.Request(bag=bag, configuration=configuration, at_least=at_least, without=list(without))
         until = time.monotonic() + self._patience
         while (response := self.call(self._learn, request, may_refuse=True)).pending and time.monotonic() < until:
             self._rest()
         if not response.success:
             raise GraphFailure(f"{self._learn.srv_name}: {response.message}")
         return response
+
+    def demonstrations(self, configuration: str = "") -> ListDemonstrations.Response:
+        """What the learner has heard, and what can be made of it."""
+        client = self.node.create_client(ListDemonstrations, "/skill_learner/demonstrations")
+        return self.call(client, ListDemonstrations.Request(configuration=configuration))
+
+    def drop(self, name: str, restore: bool = False) -> str:
+        """Leave a demonstration out of what is learned next, or let it count again; GraphFailure if there is none of this name."""
+        client = self.node.create_client(DropDemonstration, "/skill_learner/drop_demonstration")
+        return self.call(client, DropDemonstration.Request(id=name, restore=restore)).message
+
+    def is_simulated(self, limit: float = START) -> bool:
+        """Whether the coach of the graph resets a simulator before each throw; GraphFailure if there is no coach to say so."""
+        client = self.node.create_client(GetParameters, "/coach/get_parameters")
+        self.reach(client, limit)
+        return self.wait(client.call_async(GetParameters.Request(names=["simulated"])), client.srv_name).values[0].bool_value
 
     def throw(self, target: np.ndarray) -> Throw.Result:
         """One throw at a basket that is put there, from a world that is reset."""
@@ -135,15 +151,29 @@ class GraphClient:
         return self.carry_out(self._sequence.begin(target, first_stamp), "the beginning of the throw")
 
     def practise(
-        self, throws: int = 0, targets: Iterable[np.ndarray] = (), follow_basket: bool = False, on_feedback=lambda feedback: None
+        self,
+        throws: int = 0,
+        targets: Iterable[np.ndarray] = (),
+        follow_basket: bool = False,
+        only_throw: bool = False,
+        on_feedback=lambda feedback: None,
     ) -> Practice.Result:
-        """Own throws that are learned from; without targets the coach node chooses them, or throws where it sees the basket. on_feedback:
-        called with each feedback.
+        """Own throws that are learned from, or only thrown; without targets the coach chooses them, or throws where it sees the basket.
+
+        on_feedback: called with each feedback. Ctrl-C cancels the throws, on the arm too.
         """
-        goal = Practice.Goal(throws=throws, targets=[conversions.point(target) for target in targets], follow_basket=follow_basket)
+        goal = Practice.Goal(throws=throws, targets=[conversions.point(target) for target in targets])
+        goal.follow_basket, goal.only_throw = follow_basket, only_throw
         self._reach_action("/practice")
         sent = self._practice.send_goal_async(goal, feedback_callback=lambda message: on_feedback(message.feedback))
-        return self.wait(self._accepted(sent, "/practice").get_result_async(), "practice", patience=np.inf).result
+        handle = self._accepted(sent, "/practice")
+        result = handle.get_result_async()
+        try:
+            return self.wait(result, "practice", patience=np.inf).result
+        except KeyboardInterrupt:
+            handle.cancel_goal_async()
+            self.wait(result, "the end of practice")
+            raise
 
     def set_parameters(self, node: str, values: dict[str, float]) -> None:
         """Set numbers of a node; GraphFailure if it refuses one."""

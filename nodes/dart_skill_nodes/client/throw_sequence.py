@@ -57,7 +57,12 @@ class ThrowSequence:
         request = Reset.Request(paused=True)
         if basket is not None:
             request.move_basket, request.basket = True, conversions.point(basket)
-        return (await self._calls.call(self.reset_client, request)).stamp
+        try:
+            return (await self._calls.call(self.reset_client, request)).stamp
+        except CallFailed as failure:
+            if self.reset_client.service_is_ready():
+                raise
+            raise CallFailed(f"{failure}; with a real arm start the coach with simulated:=false, as the layout hardware does") from failure
 
     async def begin(self, target: np.ndarray, first_stamp: Time, on_phase: Callable[[str], None] = lambda phase: None) -> ThrowUnderWay:
         """Send the goal for a target (3,), and let the world run when the commander is armed, or has refused."""

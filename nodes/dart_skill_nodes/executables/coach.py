@@ -1,9 +1,13 @@
 """The coach: lets the arm throw, gives what came of it to the learner, and chooses the next basket where throws are worst.
 
-Action /practice. What it knows of a throw comes from the motion capture, through commander and recorder.
+Action /practice. What it knows of a throw comes from the motion capture, through commander and recorder. In a simulated world it resets
+before each throw; with a real arm a person puts the ball into the hand, and the coach says when.
 """
 
+from functools import partial
+
 import numpy as np
+from builtin_interfaces.msg import Time
 from dart_skill_msgs.action import Practice, Throw
 from dart_skill_msgs.srv import AddTrial, PlanThrow
 from geometry_msgs.msg import PoseStamped
@@ -13,8 +17,9 @@ from rclpy.node import Node
 from dart_skill.regions import Region
 from dart_skill.skill.improve import Curriculum
 from dart_skill.skill.observe import ARRIVAL_NS
-from dart_skill.world import pose_topic
+from dart_skill.world import ROLES, pose_topic
 from dart_skill_nodes.client.failures import CallFailed
+from dart_skill_nodes.client.person import Patience, Person
 from dart_skill_nodes.client.service_calls import PATIENCE, Recording, ServiceCalls
 from dart_skill_nodes.client.throw_sequence import ThrowSequence
 from dart_skill_nodes.comms import conversions
@@ -25,18 +30,23 @@ from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, decla
 TABLE = [
     Parameter("seed", "of the baskets among which it chooses", 0, 2**31 - 1),
     Parameter("frame_id", "frame of targets"),
-    Parameter("basket_body", "tracked body that is the basket"),
+    *(Parameter(f"{role}_body", f"tracked body that is the {role}") for role in ROLES),
     Parameter("near", "nearest basket, from the base axis [m]", 0.5, 5.0),
     Parameter("far", "farthest basket [m]", 0.5, 5.0),
     Parameter("side", "largest azimuth to either side [rad]", 0.0, 3.14),
     Parameter("rim", "height of the rim [m]", 0.0, 2.0),
     Parameter("candidates", "baskets among which it chooses the next one", 1, 1000),
     Parameter("watch_time", "the ball is watched so long after the hand was told to open [s]", 0.3, 5.0),
+    Parameter("simulated", "a simulator is reset before each throw; else a person puts ball and basket to their places"),
+    Parameter("longest_wait", "for the person [s, wall clock]", 1.0, 3600.0),
+    Parameter("stand_back", "between the ball that rests in the hand and the throw [s]", 0.0, 60.0),
+    Parameter("seat_tolerance", "of the ball from its place in the hand [m]", 0.01, 0.2),
+    Parameter("basket_tolerance", "of the basket from where it shall be [m]", 0.01, 0.5),
 ]
 
 
 class CoachNode(Node):
-    """Practice as an action: reset, throw, look, learn, and again."""
+    """Practice as an action: reset, or ask the person, throw, look, learn, and again."""
 
     def __init__(self):
         super().__init__("coach")
@@ -46,7 +56,8 @@ class CoachNode(Node):
         self._goal, self._sighting = None, None
         self._calls = ServiceCalls(self)
         self._recording = Recording(self, self._calls)
-        self._sequence = ThrowSequence(self, self._calls, self.p["frame_id"])
+        self._sequence = ThrowSequence(self, self._calls, self.p["frame_id"], lambda: self.p["simulated"])
+        self._person = None if self.p["simulated"] else self._make_person()
         self._plan = self.create_client(PlanThrow, "/skill_learner/plan_throw")
         self._add_trial = self.create_client(AddTrial, "/skill_learner/add_trial")
         self._cameras = MatchingSubscriptions(self)
@@ -54,6 +65,10 @@ class CoachNode(Node):
         accept = {"goal_callback": self._on_goal, "cancel_callback": self._on_cancel}
         self._action = CoroutineActionServer(self, Practice, "/practice", self._practise, finish_by_success, **accept)
         self._diagnostics = Diagnostics(self, lambda: (OK, "practising" if self._goal else "waiting", {}))
+
+    def _make_person(self) -> Person:
+        patience = Patience(*(self.p[name] for name in ("longest_wait", "stand_back", "seat_tolerance", "basket_tolerance")))
+        return Person(self, self._calls, self.p["frame_id"], {role: self.p[f"{role}_body"] for role in ROLES}, patience)
 
     def _on_goal(self, goal) -> GoalResponse:
         if self._goal is not None:
@@ -72,6 +87,11 @@ class CoachNode(Node):
             follow, wanted = goal_handle.request.follow_basket, goal_handle.request.throws or len(targets)
             if follow and targets:
                 raise ValueError("follow_basket throws where the cameras see the basket: give no targets")
+            if not wanted:
+                raise ValueError("nothing to do: give a number of throws, or targets")
+            if self._person:
+                self._check_no_simulator()
+                self._person.cancelled = lambda: goal_handle.is_cancel_requested
             for number in range(1, wanted + 1):
                 target = None if follow else targets[(number - 1) % len(targets)] if targets else await self._choose()
                 await self._one_throw(number, target, result)
@@ -86,36 +106,75 @@ class CoachNode(Node):
             self._goal = None
         return result
 
+    def _check_no_simulator(self) -> None:
+        """Who was told that there is no simulator, and finds one, throws nothing: one of the two is a mistake."""
+        if self._sequence.reset_client.service_is_ready():
+            raise CallFailed("the coach was started with simulated:=false, but a simulator runs: end it, or start the coach with true")
+
     async def _choose(self) -> np.ndarray:
         """The basket where throws are worst, of those for which the learner has a plan."""
         baskets = self._region.spread(self.p["candidates"], self._rng)
         for k in self._curriculum.order(baskets):
-            request = PlanThrow.Request(target=conversions.point(baskets[k]))
-            request.header.frame_id = self.p["frame_id"]
-            response = await self._calls.call(self._plan, request, may_refuse=True)
+            response = await self._plan_for(baskets[k], may_refuse=True)
             if response.success:
                 return baskets[k]
         raise CallFailed(f"{self._plan.srv_name} has no plan for any of {len(baskets)} baskets: {response.message}")
 
+    async def _plan_for(self, target: np.ndarray, may_refuse: bool = False) -> PlanThrow.Response:
+        request = PlanThrow.Request(target=conversions.point(target))
+        request.header.frame_id = self.p["frame_id"]
+        return await self._calls.call(self._plan, request, may_refuse=may_refuse)
+
     async def _one_throw(self, number: int, target: np.ndarray | None, result: Practice.Result) -> None:
         """target (3,), where the basket is put; None: where it is seen."""
-        self._feed(number, "resetting")
-        await self._recording.start()
-        first_stamp = await self._sequence.reset(target)
-        target = await self._basket_seen(conversions.stamp_ns(first_stamp)) if target is None else target
+        prepare = self._prepare_with_person if self._person else self._prepare_in_simulation
+        target, first_stamp = await prepare(number, target)
+        if self._goal.is_cancel_requested:
+            raise CallFailed("cancelled")
         self._feed(number, "throwing")
         thrown = await self._sequence.end(await self._sequence.begin(target, first_stamp))
         feedback = Practice.Feedback(number=number, phase="done", outcome=thrown.outcome, message=thrown.message)
         if thrown.code == Throw.Goal.OUTCOME_THROWN:
             result.thrown += 1
-            self._feed(number, "learning")
-            feedback.message = await self._learn_from(thrown, target, result)
+            if not self._goal.request.only_throw:
+                self._feed(number, "learning")
+                feedback.message = await self._learn_from(thrown, target, result)
         else:
             self._curriculum.give_up(target)
-            thrown.outcome.target, thrown.outcome.landing = conversions.point(target), conversions.point([np.nan] * 3)
-            thrown.outcome.landing_error = np.nan
         result.outcomes.append(thrown.outcome)
         self._goal.publish_feedback(feedback)
+        if self._person:
+            if thrown.code != Throw.Goal.OUTCOME_THROWN:
+                raise CallFailed(f"throw {number}: {thrown.message}")  # somebody should look at the arm before it moves again
+            await self._person.bring(np.array(thrown.plan.start_posture))
+
+    async def _prepare_in_simulation(self, number: int, target: np.ndarray | None) -> tuple[np.ndarray, Time]:
+        """Where the basket is (3,), and the stamp of the first state of a world that was reset for a throw at it."""
+        self._feed(number, "resetting")
+        if not self._goal.request.only_throw:
+            await self._recording.start()
+        first_stamp = await self._sequence.reset(target)
+        target = await self._basket_seen(conversions.stamp_ns(first_stamp)) if target is None else target
+        return target, first_stamp
+
+    async def _prepare_with_person(self, number: int, target: np.ndarray | None) -> tuple[np.ndarray, Time]:
+        """The same when a person has put basket and ball to their places, and the arm is where the throw begins."""
+        self._person.ask = partial(self._ask, number)
+        while True:
+            place = await self._person.basket(target)
+            planned = await self._plan_for(place)
+            await self._person.bring(np.array(planned.plan.start_posture))
+            await self._person.ball(conversions.vector(planned.seat))
+            if not self._person.basket_moved(place):
+                break
+        if not self._goal.request.only_throw:
+            await self._recording.start()
+        return place, Time()
+
+    def _ask(self, number: int, text: str) -> None:
+        """Tell the person what to do, wherever they look."""
+        self.get_logger().info(text)
+        self._goal.publish_feedback(Practice.Feedback(number=number, phase="waiting", message=text))
 
     async def _basket_seen(self, since_ns: int) -> np.ndarray:
         """Where the cameras see the basket (3,), not before a stamp; a paused world is let run until they do."""

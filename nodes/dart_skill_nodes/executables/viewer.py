@@ -172,7 +172,7 @@ class Viewer(Node):
     def _on_practice(self, message) -> None:
         feedback = message.feedback
         if feedback.phase != "done":
-            self._say_phase(f"own throw {feedback.number}: {feedback.phase}")
+            self._say_phase(f"own throw {feedback.number}: {feedback.message or feedback.phase}")
             return
         error = float(feedback.outcome.landing_error) if feedback.outcome.landing_seen else float("nan")
         self._panel.add_throw(error, bool(feedback.outcome.in_basket))

@@ -19,7 +19,7 @@ from dart_skill_nodes.process.signals import ENDS_WITH
 LAYOUTS = {
     "composed": ("composed", "skill_learner"),
     "processes": ("wam_simulator", "mock_optitrack", "commander", "demonstration_recorder", "teacher", "coach", "skill_learner"),
-    "hardware": ("commander", "demonstration_recorder", "skill_learner"),
+    "hardware": ("commander", "demonstration_recorder", "coach", "skill_learner"),
     "replay": ("skill_learner", "demonstration_recorder", "bag_player"),
 }
 """Executables: the simulated graph in two processes or in seven; what a real arm and real cameras need besides; what a recording needs."""
@@ -52,6 +52,8 @@ def parameters_of(executable: str, layout: str, seed=0, bag="", played="", rate=
         from dart_skill.fleet import arm_named  # costs NumPy, which completion with TAB does without
 
         parameters |= arm_named("unmeasured")["commander"]
+    if layout == "hardware" and executable == "coach":
+        parameters["simulated"] = False
     if layout == "replay" and executable == "demonstration_recorder":
         parameters["automatic"] = True
     if executable == "bag_player":

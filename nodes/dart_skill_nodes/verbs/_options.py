@@ -39,11 +39,12 @@ def differences(parser: argparse.ArgumentParser, options: argparse.Namespace) ->
         parser.error(str(error))
 
 
-def add_baskets(parser: argparse.ArgumentParser, count: int) -> None:
-    """Where baskets are put, one by one or over the region."""
+def add_baskets(parser: argparse.ArgumentParser, count: int | None) -> None:
+    """Where baskets are put, one by one or over the region; count: None where a real arm throws at the basket that is seen."""
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--at", type=float, nargs=3, metavar=("X", "Y", "Z"), help="centre of the rim, from the base of the arm [m]")
-    where.add_argument("--count", type=int, default=count, metavar="N", help=f"so many baskets over the region (default {count})")
+    default = f"default {count}" if count else "default: one, with a real arm the one that the cameras see"
+    where.add_argument("--count", type=int, default=count, metavar="N", help=f"so many baskets over the region ({default})")
     parser.add_argument("--seed", type=int, default=0, help="of where they are (default 0)")
 
 

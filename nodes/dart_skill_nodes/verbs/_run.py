@@ -7,6 +7,7 @@ import argparse
 import math
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 from dart_skill_nodes.client.failures import GraphFailure
@@ -76,23 +77,54 @@ def teach(client: "GraphClient", seed: int, wanted: int) -> int:
     raise GraphFailure(f"only {shown} of {wanted} demonstrations succeeded")
 
 
-def throw_all(client: "GraphClient", targets: Sequence["np.ndarray"]) -> list["ThrowResult"]:
-    """One throw at each basket."""
+def throw_with_person(client: "GraphClient", targets: Sequence["np.ndarray"] | None) -> list["ThrowResult"]:
+    """One throw at each basket, or without any at the one that the cameras see; a person is told when to put the ball into the hand."""
+    messages: dict[int, str] = {}
+    tell = partial(tell_practice, before=0, messages=messages)
+    wanted = {"throws": 1, "follow_basket": True} if targets is None else {"targets": targets}
+    result = client.practise(**wanted, only_throw=True, on_feedback=tell)
+    if not result.success:
+        raise GraphFailure(f"/practice: {result.message}")
+    return [throw_result(outcome, messages.get(k, "")) for k, outcome in enumerate(result.outcomes, start=1)]
+
+
+def throw_result(outcome, message: str) -> "ThrowResult":
+    """What the cameras saw of a throw, and what the commander said of it."""
     from dart_skill.session import ThrowResult
     from dart_skill_nodes.comms import conversions
 
+    seen = bool(outcome.landing_seen)
+    return ThrowResult(
+        target=tuple(conversions.vector(outcome.target).tolist()),
+        landing=tuple(conversions.vector(outcome.landing).tolist()) if seen else None,
+        error_m=float(outcome.landing_error) if seen else None,
+        in_basket=bool(outcome.in_basket),
+        message="" if message == "thrown" else message,
+    )
+
+
+def tell_practice(feedback, before: int, messages: dict[int, str]) -> None:
+    """What the person should do, and one line per throw, whose message is kept under its number; `before`: throws of earlier goals."""
+    from dart_skill_nodes.comms import conversions
+
+    if feedback.phase == "waiting":
+        say(f"throw {before + feedback.number}: {feedback.message}")
+    if feedback.phase != "done":
+        return
+    messages[before + feedback.number] = feedback.message
+    outcome = feedback.outcome
+    error = f"{100 * outcome.landing_error:.1f} cm" if outcome.landing_seen else "landing not seen"
+    where = place(conversions.vector(outcome.target))
+    say(f"throw {before + feedback.number}: {where}: {'in' if outcome.in_basket else 'out'}, {error} {feedback.message}")
+
+
+def throw_all(client: "GraphClient", targets: Sequence["np.ndarray"]) -> list["ThrowResult"]:
+    """One throw at each basket."""
     results = []
     for k, target in enumerate(targets, start=1):
         thrown = client.throw(target)
-        outcome, seen = thrown.outcome, bool(thrown.outcome.landing_seen)
-        result = ThrowResult(
-            target=tuple(float(x) for x in target),
-            landing=tuple(conversions.vector(outcome.landing).tolist()) if seen else None,
-            error_m=float(outcome.landing_error) if seen else None,
-            in_basket=bool(outcome.in_basket),
-            message="" if thrown.message == "thrown" else thrown.message,
-        )
-        error = f"{100 * outcome.landing_error:.1f} cm" if seen else "landing not seen"
+        result = throw_result(thrown.outcome, thrown.message)
+        error = "landing not seen" if result.error_m is None else f"{100 * result.error_m:.1f} cm"
         say(f"throw {k}/{len(targets)}: {place(target)}: {'in' if result.in_basket else 'out'}, {error} {result.message}")
         results.append(result)
     return results

@@ -4,11 +4,15 @@ import argparse
 import json
 import time
 from functools import partial
+from typing import TYPE_CHECKING
 
 from dart_skill.cli.names import CHANGES, PRACTICE_METHODS
 from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES, Graph, of_executables
 from dart_skill_nodes.verbs._options import add_run, asked, check_run
-from dart_skill_nodes.verbs._run import carried_out, parameter_texts, place, say, teach
+from dart_skill_nodes.verbs._run import PATIENCE, carried_out, on_running_graph, parameter_texts, print_result, say, teach, tell_practice
+
+if TYPE_CHECKING:
+    from dart_skill_nodes.client.graph_client import GraphClient
 
 BLOCK = 5
 """Throws per line of the table."""
@@ -16,12 +20,20 @@ BLOCK = 5
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
-    parser.description = "Practice over the real graph: a few demonstrations, then throw after throw, each of which the arm learns from."
+    parser.description = (
+        "Practice over the real graph: a few demonstrations, then throw after throw, each of which the arm learns from. With --running on "
+        "a graph that runs and has learned, as that of a real arm: a person is told when to put the ball into the hand."
+    )
     add_run(parser, demonstrations=3, throws=20, thrown="own throws")
     methods = [name for name in PRACTICE_METHODS if name != "power"]
     parser.add_argument("--method", choices=methods, help="default: of config/skill_learner.yaml")
     parser.add_argument("--change", choices=sorted(CHANGES), default="none", help="what happens to the arm, unannounced (default none)")
     parser.add_argument("--change-after", type=int, default=5, metavar="N", help="own throws before the change (default 5)")
+    running = parser.add_argument_group("on a graph that runs (dart-skill up)")
+    running.add_argument("--running", action="store_true", help="practise there: no graph is started, nothing is taught, no report is made")
+    where = running.add_mutually_exclusive_group()
+    where.add_argument("--at", type=float, nargs=3, metavar=("X", "Y", "Z"), help="centre of the rim [m] (default: as the cameras see it)")
+    where.add_argument("--choose", action="store_true", help="the coach chooses the baskets, where throws are worst")
     parser.add_argument("--json", action="store_true", help="every throw as JSON on stdout instead of the table")
 
 
@@ -29,6 +41,11 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Practise; returns the exit status."""
     from dart_skill.report import PAGE
 
+    if options.running:
+        _refuse_what_starts_a_graph(options, parser)
+        return print_result(lambda: on_running_graph(_reach_coach, lambda client: _practise_there(client, options)), options.json)
+    if options.at is not None or options.choose:
+        parser.error("--at and --choose are for a graph that runs: add --running")
     check_run(parser, options)
     if options.change_after < 0:
         parser.error(f"--change-after is {options.change_after}; it must be at least 0")
@@ -49,17 +66,27 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     return 0 if summary["thrown"] == options.throws else 1
 
 
-def _report(feedback, before: int, messages: dict[int, str]) -> None:
-    """One line per throw, and its message kept under its number; `before`: throws of earlier goals."""
-    from dart_skill_nodes.comms import conversions
+def _refuse_what_starts_a_graph(options: argparse.Namespace, parser: argparse.ArgumentParser) -> None:
+    """A usage error for options that say something of a graph which is not started."""
+    for name in ("seed", "demonstrations", "output", "layout", "arm", "set", "method", "change", "change_after"):
+        if getattr(options, name) != parser.get_default(name):
+            parser.error(f"--{name.replace('_', '-')} is for a graph that is started: leave out --running, or this")
+    if options.throws < 1:
+        parser.error(f"--throws is {options.throws}; it must be at least 1")
 
-    if feedback.phase != "done":
-        return
-    messages[before + feedback.number] = feedback.message
-    outcome = feedback.outcome
-    error = f"{100 * outcome.landing_error:.1f} cm" if outcome.landing_seen else "landing not seen"
-    where = place(conversions.vector(outcome.target))
-    say(f"throw {before + feedback.number}: {where}: {'in' if outcome.in_basket else 'out'}, {error} {feedback.message}")
+
+def _reach_coach(client: "GraphClient") -> None:
+    client.is_simulated(PATIENCE)
+
+
+def _practise_there(client: "GraphClient", options: argparse.Namespace) -> dict:
+    """Own throws on a graph that runs, each of which is learned from."""
+    messages: dict[int, str] = {}
+    wanted = {} if options.choose else {"follow_basket": True} if options.at is None else {"targets": [options.at]}
+    result = client.practise(options.throws, **wanted, on_feedback=partial(tell_practice, before=0, messages=messages))
+    throws = [_as_row(outcome, messages.get(k, "")) for k, outcome in enumerate(result.outcomes, start=1)]
+    told = {"thrown": int(result.thrown), "learned": int(result.learned), "throws": throws}
+    return {"text": result.message, **told, "ok": bool(result.success), "next": "dart-skill throw"}
 
 
 def run(options: argparse.Namespace) -> dict:
@@ -87,7 +114,7 @@ def run(options: argparse.Namespace) -> dict:
                 say(f"from now on: {options.change}")
             if throws:
                 before = sum(len(result.outcomes) for result in results)
-                results.append(client.practise(throws, on_feedback=partial(_report, before=before, messages=messages)))
+                results.append(client.practise(throws, on_feedback=partial(tell_practice, before=before, messages=messages)))
         took = time.monotonic() - begun
         client.close()
     outcomes = [outcome for result in results for outcome in result.outcomes]

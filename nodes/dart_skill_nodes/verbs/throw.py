@@ -1,11 +1,11 @@
-"""`dart-skill throw`: throws of the arm at baskets that are put there, on a graph that runs."""
+"""`dart-skill throw`: throws of the arm, on a graph that runs: in a simulated world, or with a person who puts the ball into the hand."""
 
 import argparse
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from dart_skill_nodes.verbs._options import add_baskets
-from dart_skill_nodes.verbs._run import PATIENCE, baskets, on_running_graph, print_result, throw_all
+from dart_skill_nodes.verbs._run import PATIENCE, baskets, on_running_graph, print_result, throw_all, throw_with_person
 
 if TYPE_CHECKING:
     import numpy as np
@@ -15,23 +15,34 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
-    parser.description = "Throws of the arm at baskets that are put there, on a graph that runs (`dart-skill up`)."
-    add_baskets(parser, 1)
+    parser.description = (
+        "Throws of the arm, on a graph that runs (`dart-skill up`). A simulated basket is put there; without a simulator a person puts the "
+        "ball into the hand, and without --at or --count the arm throws where the cameras see the basket."
+    )
+    add_baskets(parser, None)
     parser.add_argument("--json", action="store_true", help="the result as JSON")
 
 
 def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Throw; returns the exit status."""
 
+    def wait(client: "GraphClient") -> None:
+        options.simulated = client.is_simulated(PATIENCE)
+        if options.simulated:
+            client.wait_until_ready(PATIENCE, teacher=False)
+
     def run() -> dict:
+        places = options.at is not None or options.count is not None
+        options.count = 1 if options.count is None else options.count
         targets = baskets(options, stream=2)
-        return on_running_graph(lambda client: client.wait_until_ready(PATIENCE, teacher=False), lambda client: _throw(client, targets))
+        return on_running_graph(wait, lambda client: _throw(client, targets, options.simulated, places))
 
     return print_result(run, options.json)
 
 
-def _throw(client: "GraphClient", targets: "np.ndarray") -> dict:
-    results = throw_all(client, targets)
+def _throw(client: "GraphClient", targets: "np.ndarray", simulated: bool, places: bool) -> dict:
+    """places: somebody said where the baskets are; else a real arm throws where the cameras see one."""
+    results = throw_all(client, targets) if simulated else throw_with_person(client, targets if places else None)
     hits = sum(result.in_basket for result in results)
     throws = [asdict(result) for result in results]
     thrown = all(not result.message for result in results)

@@ -1,0 +1,197 @@
+"""The person beside a real arm: asked for what a simulator's reset does, and waited for until the cameras see it.
+
+The arm moves to where a throw begins, the person puts the ball into its hand and stands back. Where targets are given, the person puts the
+basket there. Nothing here moves the arm but `bring`, which a commander refuses whose arm somebody may hold.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from dart_skill_msgs.srv import MoveArm
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+
+from dart_skill.skill.observe import basket_at_rest, check_ball_in_hand
+from dart_skill.world import ROLES, pose_topic
+from dart_skill_nodes.client.failures import CallFailed
+from dart_skill_nodes.client.service_calls import ServiceCalls
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.coroutines import pause
+from dart_skill_nodes.comms.joint_states import hear_joint_states
+from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions
+from dart_skill_nodes.comms.tracked_bodies import TrackedBodies
+
+LOOK = 0.05
+"""What the cameras see is looked at so often [s, wall clock]."""
+HINT = 2.0
+"""What is missing is said after so long [s, wall clock]: at first, it is no news."""
+AT_REST, THERE = 0.05, 0.1
+"""The arm is at rest below this joint speed [rad/s], and at a posture within this of each joint [rad]."""
+COME_TO_REST = 20.0
+"""An arm that is not at its posture so long after it should be is not waited for any more [s, wall clock]."""
+HELD = "holding"
+"""What the commander says of an arm that it holds."""
+
+
+@dataclass(frozen=True)
+class Patience:
+    """longest_wait: for the person [s, wall clock]; stand_back: between the ball that rests in the hand and
+    the throw [s, by the stamps of the cameras]; seat_tolerance: of the ball from its place in the hand [m]; basket_tolerance: of the basket
+    from where it shall be [m].
+    """
+
+    longest_wait: float
+    stand_back: float
+    seat_tolerance: float
+    basket_tolerance: float
+
+
+class Person:
+    """What `node` asks of the person, as coroutines; each raises CallFailed when it takes too long, or when `cancelled` says so.
+
+    frame_id: of the poses. bodies: names of the tracked bodies by role. ask: called with what the person should do now.
+    """
+
+    def __init__(self, node: Node, calls: ServiceCalls, frame_id: str, bodies: dict[str, str], patience: Patience):
+        self._node, self._calls, self._patience = node, calls, patience
+        self._tracked = TrackedBodies(frame_id, node.get_logger().error)
+        self._cameras = MatchingSubscriptions(node)
+        for role in ROLES:
+            self._cameras.subscribe(pose_topic(bodies[role]), self._taker(role), PoseStamped, raw=True)
+        self._state, self._fault, self._mode = None, "", ""
+        self._states = hear_joint_states(node, self._on_state)
+        node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
+        self._move = node.create_client(MoveArm, "/commander/move_to")
+        self._stop = node.create_client(Trigger, "/commander/stop")
+        self.ask: Callable[[str], None] = lambda text: None
+        self.cancelled: Callable[[], bool] = lambda: False
+
+    # what is heard
+
+    def _taker(self, role: str) -> Callable[[bytes], None]:
+        return lambda data: self._tracked.take(role, data)
+
+    def _on_state(self, message: JointState) -> None:
+        try:
+            self._state, self._fault = conversions.arm_state(message), ""
+        except ValueError as error:
+            self._fault = str(error)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name == "commander":
+                self._mode = {pair.key: pair.value for pair in status.values}.get("mode", "")
+
+    # what is asked and waited for
+
+    async def basket(self, target: np.ndarray | None) -> np.ndarray:
+        """Where the basket stands still (3,): anywhere, or within the tolerance of a target (3,)."""
+        if target is None:
+            return await self._until("put the basket where the cameras see it", self._where_basket)
+        x, y, z = target
+        text = f"put the basket at x {x:.2f}, y {y:.2f}, with its rim at z {z:.2f} m"
+        return await self._until(text, lambda: self._basket_at(target))
+
+    async def bring(self, posture: np.ndarray) -> None:
+        """Move the arm to a posture (7,) and wait until it rests there."""
+        if self._is_at(posture):
+            return
+        self.ask("stand back: the arm moves to where the throw begins")
+        begun = await self._calls.call(self._move, MoveArm.Request(posture=posture))
+        try:
+            await self._until("", lambda: self._check_at(posture), conversions.seconds(begun.duration) + COME_TO_REST)
+        except CallFailed:
+            await self._calls.call(self._stop, Trigger.Request())
+            raise
+
+    async def ball(self, seat: np.ndarray) -> None:
+        """Wait until the ball rests at its seat (3,) in the hand of a held arm, and has rested there while the person stood back."""
+        seconds = self._patience.stand_back
+        await self._until("put the ball into the hand, then stand back", lambda: self._check_ball(seat))
+        begun_ns = self._tracked.newest_ns
+        self.ask(f"stand back: the arm throws in {seconds:.0f} s")
+
+        def stood_back() -> bool:
+            nonlocal begun_ns
+            try:
+                self._check_ball(seat)
+            except ValueError as error:
+                begun_ns = self._tracked.newest_ns
+                raise ValueError(f"{error}: put the ball into the hand, then stand back") from error
+            if self._tracked.newest_ns - begun_ns < seconds * 1e9:
+                raise ValueError("")
+            return True
+
+        await self._until("", stood_back)
+
+    def basket_moved(self, place: np.ndarray) -> bool:
+        """Whether the basket is seen elsewhere than at a place (3,), or not at all."""
+        try:
+            return float(np.linalg.norm(self._where_basket() - place)) > self._patience.basket_tolerance
+        except ValueError:
+            return True
+
+    # conditions: each returns what was waited for, or raises ValueError with what is missing
+
+    def _where_basket(self) -> np.ndarray:
+        return basket_at_rest(self._tracked.log, self._tracked.newest_ns)
+
+    def _basket_at(self, target: np.ndarray) -> np.ndarray:
+        seen = self._where_basket()
+        x, y, z = target - seen
+        if float(np.linalg.norm(target - seen)) > self._patience.basket_tolerance:
+            raise ValueError(f"the basket is seen elsewhere: move it by x {x:+.2f}, y {y:+.2f}, z {z:+.2f} m")
+        return seen
+
+    def _check_ball(self, seat: np.ndarray) -> bool:
+        self._check_held()
+        check_ball_in_hand(self._tracked.log, self._tracked.newest_ns, seat, self._patience.seat_tolerance)
+        return True
+
+    def _check_held(self) -> None:
+        if self._fault or self._state is None:
+            raise ValueError(self._fault or "nothing has come on /joint_states: is the arm's driver running?")
+        if self._mode != HELD:
+            said = f"'{self._mode}'" if self._mode else "nothing yet"
+            raise ValueError(f"the arm is not held, the commander says {said}: hold it (/commander/release_arm with data: false)")
+        if np.abs(self._state.velocity).max() > AT_REST:
+            raise ValueError("the arm still moves")
+
+    def _is_at(self, posture: np.ndarray) -> bool:
+        return self._state is not None and float(np.abs(self._state.position - posture).max()) < THERE
+
+    def _check_at(self, posture: np.ndarray) -> bool:
+        self._check_held()
+        if not self._is_at(posture):
+            raise ValueError("the arm is not where the throw begins: was it stopped?")
+        return True
+
+    async def _until(self, text: str, condition: Callable, limit: float | None = None):
+        """What a condition returns, once it raises no ValueError for what has come since now; `text` and what is missing are told."""
+        if text:
+            self.ask(text)
+        limit = self._patience.longest_wait if limit is None else limit
+        since_ns, begun, told = self._tracked.newest_ns, time.monotonic(), ""
+        while True:
+            await pause(self._node, LOOK)
+            self._tracked.forget_old()
+            if self.cancelled():
+                raise CallFailed("cancelled")
+            try:
+                result = condition()
+                if self._tracked.newest_ns > since_ns:
+                    return result
+                why = "the cameras see nothing: are they running, and is a body tracked?"
+            except ValueError as error:
+                why = str(error)
+            waited = time.monotonic() - begun
+            if waited > limit:
+                raise CallFailed(f"gave up after {waited:.0f} s: {why or text}")
+            if why and why != told and waited > HINT:
+                told = why
+                self.ask(f"{text}: {why}" if text else why)
