@@ -23,6 +23,7 @@ STOPPING = np.array([20.0, 30.0, 10.0, 8.0, 1.0, 1.0, 0.1])
 PATIENCE = 5.0  # lockstep: wall-clock time after which a state counts as not answered [s]
 LATEST = 0.01  # real time: a step that is later than this puts the clock of the plant back, instead of hurrying after it [s]
 STATES = QoSProfile(depth=1000)  # reliable: 2 s
+NAMES = ["bhand_spread", *reversed(published.JOINTS)]  # of the joint states: a driver may have more, in an order of its own
 
 
 def nanoseconds(stamp):
@@ -35,8 +36,8 @@ class Driver(Node):
 
     Nothing runs by itself: `tick` makes one step of 2 ms and spins the executor meanwhile, in which other nodes may be, too.
 
-    The poses are best effort in real time. In lockstep they are reliable, as those of vrpn_mocap without `sensor_data_qos`: nobody waits
-    for the recorder, and where the machine starves it, it would lose frames of a world that runs ahead.
+    Joint states and poses are best effort in real time. In lockstep they are reliable, as poses of vrpn_mocap without `sensor_data_qos`:
+    nobody waits for the recorder, and where the machine starves it, it would lose frames of a world that runs ahead.
     """
 
     def __init__(self, executor, laboratory, lockstep=True):
@@ -53,10 +54,10 @@ class Driver(Node):
         self.stops, self._stopped = 0, True
         self.tells_button = True  # say with every frame of the cameras that the button is not pressed, too
         self.openings = []  # stamps of commands that open the hand, and of the button [ns]
-        self._state_publisher = self.create_publisher(JointState, "/joint_states", STATES)
+        sensors = STATES if lockstep else qos_profile_sensor_data
+        self._state_publisher = self.create_publisher(JointState, "/joint_states", sensors)
         self._button_publisher = self.create_publisher(WamCommand, "/wam/teacher_wrench", STATES)
-        poses = STATES if lockstep else qos_profile_sensor_data
-        self._pose_publishers = {body: self.create_publisher(PoseStamped, f"/vrpn_mocap/{body}/pose", poses) for body in BODIES}
+        self._pose_publishers = {body: self.create_publisher(PoseStamped, f"/vrpn_mocap/{body}/pose", sensors) for body in BODIES}
         self.create_subscription(WamCommand, "/wam/command", self._take, STATES)
         self._begin = time.time_ns()
         self._wall_begin = time.monotonic()
@@ -78,11 +79,11 @@ class Driver(Node):
         return Time(sec=since // 1_000_000_000, nanosec=since % 1_000_000_000)
 
     def _publish_state(self):
-        message = JointState(name=list(published.JOINTS))
+        message = JointState(name=NAMES)
         message.header.stamp = self.stamp(self.plant.steps)
-        message.position = self.plant.encoders.angles.tolist()
-        message.velocity = self.plant.encoders.speeds.tolist()
-        message.effort = self.plant.torque.tolist()
+        message.position = [0.0, *self.plant.encoders.angles[::-1].tolist()]
+        message.velocity = [0.0, *self.plant.encoders.speeds[::-1].tolist()]
+        message.effort = [0.0, *self.plant.torque[::-1].tolist()]
         self._state_publisher.publish(message)
 
     def _publish_pose(self, sighting):

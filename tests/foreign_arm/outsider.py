@@ -7,6 +7,7 @@ import signal
 import subprocess
 import tempfile
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 from dart_skill_msgs.action import Practice, Throw
@@ -131,21 +132,34 @@ class Outsider(Node):
     def cancel(self, handle, limit=60.0):
         """The result of a goal that is cancelled now."""
         self._wait(handle.cancel_goal_async(), limit)
+        return self.result(handle, limit)
+
+    def result(self, handle, limit=60.0):
+        """The result of a goal."""
         return self._wait(handle.get_result_async(), limit).result
 
-    def type(self, *words, limit=120.0):
-        """Type a command, with a person who does what the coach asks; the object that it prints as JSON, and what it says meanwhile."""
+    def type(self, *words, before_enter=(), limit=120.0):
+        """Type a command, with a person who does what the coach asks; the object that it prints as JSON, and what it says meanwhile.
+
+        before_enter: what is done, one after the other, before the command is given the Enter key that it asks for.
+        """
         self.asked, self.helps = [], True
-        with tempfile.TemporaryFile("w+") as told, tempfile.TemporaryFile("w+") as said:
-            process = subprocess.Popen([*words, "--json"], stdout=told, stderr=said, text=True)
+        with tempfile.TemporaryDirectory() as folder:
+            told, said = Path(folder) / "told", Path(folder) / "said"
+            with told.open("w") as out, said.open("w") as err:
+                process = subprocess.Popen([*words, "--json"], stdin=subprocess.PIPE, stdout=out, stderr=err, text=True)
             try:
+                for number, act in enumerate(before_enter, start=1):
+                    self.driver.run_until(lambda n=number: said.read_text().count("press Enter") >= n or process.poll() is not None, limit)
+                    act()
+                    process.stdin.write("\n")
+                    process.stdin.flush()
                 self.driver.run_until(lambda: process.poll() is not None, limit)
             finally:
                 process.kill()
+                process.stdin.close()
                 self.helps = False
-            told.seek(0)
-            said.seek(0)
-            result, words = told.read(), said.read()
+            result, words = told.read_text(), said.read_text()
         assert process.returncode == 0, words
         return json.loads(result), words
 

@@ -3,6 +3,7 @@
 What does not come out as the documentation says yet is marked `xfail`, with what was expected and what happened.
 """
 
+import re
 from itertools import pairwise
 
 import numpy as np
@@ -36,7 +37,7 @@ def lesson(tmp_path_factory):
 def throws(lesson):
     """Target (3,), result of the action, and whether the ball lies in the basket, of throws at baskets that nobody demonstrated."""
     made = []
-    for target in TARGETS:
+    for target in TARGETS[:2]:
         lesson.prepare(target)
         result = lesson.throw(target)
         lesson.driver.run(0.5)
@@ -90,18 +91,40 @@ def test_the_arm_practises_at_the_basket_that_the_cameras_see(lesson, throws):
     lesson.driver.plant.place_basket(TARGETS[0])
     result, said = lesson.type("dart-skill", "practice", "--running", "--throws", "1")
     assert (result["thrown"], result["learned"]) == (1, 1), said
-    assert result["throws"][0]["error_m"] < 0.15 and result["throws"][0]["target_m"] == pytest.approx(TARGETS[0], abs=0.003)
+    assert result["throws"][0]["error_m"] is not None and result["throws"][0]["error_m"] < 0.15, said
+    assert result["throws"][0]["target_m"] == pytest.approx(TARGETS[0], abs=0.003)
     assert "put the ball into the hand, then stand back" in lesson.asked
     assert all(text in said for text in lesson.asked), "the command line says what the person should do"
     assert lesson.driver.plant.encoders.angles == pytest.approx(np.array(throws[0][1].plan.start_posture), abs=0.1)
 
 
 def test_the_coach_says_where_a_basket_shall_stand_and_waits_for_it(lesson, throws):
-    x, y, z = (round(float(value), 2) for value in TARGETS[1])
-    lesson.driver.plant.place_basket(TARGETS[2])
+    x, y, z = (round(float(value), 2) for value in TARGETS[2])
+    lesson.driver.plant.place_basket(TARGETS[1])
     result, said = lesson.type("dart-skill", "throw", "--at", str(x), str(y), str(z))
     assert lesson.asked[0] == f"put the basket at x {x:.2f}, y {y:.2f}, with its rim at z {z:.2f} m"
-    assert result["throws"][0]["error_m"] < 0.15, said
+    assert result["throws"][0]["error_m"] < 0.12 and result["throws"][0]["in_basket"], said
+
+
+def test_an_arm_that_was_stopped_does_not_go_on_by_itself(lesson, throws):
+    handle = lesson.start_practice(throws=1, follow_basket=True)
+    lesson.driver.run_until(lambda: lesson.asked, 60.0)
+    assert lesson.call("/commander/stop").success
+    result = lesson.result(handle)
+    assert (result.success, result.message) == (False, "the arm was stopped with /commander/stop")
+
+
+def test_a_person_teaches_with_the_enter_key(lesson, throws):
+    driver, person, place = lesson.driver, lesson.driver.person, LESSONS[4]
+    driver.plant.place_basket(place)
+    acts = [
+        lambda: lesson.do(person.cock(place), person.bring_ball(), person.wait(0.3)),
+        lambda: lesson.do(person.throw(place), person.wait(0.3)),
+    ]
+    taught, said = lesson.type("dart-skill", "teach", "--count", "1", before_enter=acts)
+    assert taught["shown"] == 1, said
+    kept = re.search(r"(demonstration_\d+) is kept", said)[1]
+    assert lesson.call("/skill_learner/drop_demonstration", id=kept).success
 
 
 def test_nothing_is_thrown_while_the_ball_is_not_in_the_hand(lesson, throws):
@@ -129,22 +152,6 @@ def test_a_recording_ends_when_the_button_was_pressed_once(lesson, throws):
     assert not pending
 
 
-def test_a_landing_that_nobody_saw_costs_one_demonstration_and_not_all(lesson, throws):
-    """Its demonstration is left out, and the answer says why."""
-    assert lesson.call("/commander/release_arm", data=True).success
-    cameras, plant = lesson.driver.cameras, lesson.driver.plant
-    cameras.hidden = lambda body: body == "ball" and plant.hand.told_to_open and plant.pose("ball")[0][2] < 1.2
-    try:
-        _, stopped = lesson.teach(LESSONS[2], keep=True)
-    finally:
-        cameras.hidden = lambda body: False
-    learned = lesson.call("/skill_learner/learn", at_least=len(LESSONS))
-    assert learned.success, learned.message
-    assert not stopped.readable and "nobody saw where the ball landed" in stopped.message, "the recorder says so at once"
-    assert "nobody saw where the ball landed" in learned.message
-    assert lesson.call("/commander/release_arm", data=False).success
-
-
 def test_a_bad_demonstration_is_dropped_and_restored(lesson, throws):
     listed, _ = lesson.type("dart-skill", "demonstrations")
     rows = listed["demonstrations"]
@@ -163,23 +170,44 @@ def test_a_bad_demonstration_is_dropped_and_restored(lesson, throws):
     assert not refused.success and "no demonstration 'demonstration_1'" in refused.message
 
 
-def test_a_recorder_that_is_started_again_overwrites_no_demonstration(lesson, throws, tmp_path):
-    """It keeps what was dropped meanwhile, too."""
-    before = lesson.call("/skill_learner/demonstrations").demonstrations
-    assert lesson.call("/skill_learner/drop_demonstration", id=before[2].id).success
+@pytest.fixture(scope="module")
+def unseen(lesson, throws, tmp_path_factory):
+    """A guided throw whose landing nobody saw, recorded by a recorder that was started again after one was dropped: ids before, the dropped
+    one, the recorder's answer, and its bag.
+    """
+    folder = tmp_path_factory.mktemp("again")
+    before = [one.id for one in lesson.call("/skill_learner/demonstrations").demonstrations]
+    assert lesson.call("/skill_learner/drop_demonstration", id=before[2]).success
     assert lesson.call("/commander/release_arm", data=True).success
-    command = ["ros2", "run", "dart_skill", "demonstration_recorder", "--ros-args", "-r", "__node:=again", "-p", f"bag:={tmp_path / 'bag'}"]
-    with running(command, tmp_path / "again.log"):
+    cameras, plant = lesson.driver.cameras, lesson.driver.plant
+    cameras.hidden = lambda body: body == "ball" and plant.hand.told_to_open and plant.pose("ball")[0][2] < 1.2
+    command = ["ros2", "run", "dart_skill", "demonstration_recorder", "--ros-args", "-r", "__node:=again", "-p", f"bag:={folder / 'bag'}"]
+    with running(command, folder / "again.log"):
         lesson.recorder = "/again"
         try:
-            _, stopped = lesson.teach(LESSONS[3], keep=True)
+            _, stopped = lesson.teach(LESSONS[2], keep=True)
         finally:
-            lesson.recorder = "/demonstration_recorder"
-    assert stopped.success and stopped.readable, stopped.message
-    heard = lesson.call("/skill_learner/demonstrations").demonstrations
-    assert [one.id for one in heard] == [*(one.id for one in before), stopped.demonstration.id]
-    assert read_dropped(tmp_path / "bag") == {before[2].id}
+            lesson.recorder, cameras.hidden = "/demonstration_recorder", lambda body: False
     assert lesson.call("/commander/release_arm", data=False).success
+    return before, before[2], stopped, folder / "bag"
+
+
+def test_a_landing_that_nobody_saw_costs_one_demonstration_and_not_all(lesson, unseen):
+    """Its demonstration is left out, and both the recorder and the learner say why."""
+    before, _, stopped, _ = unseen
+    learned = lesson.call("/skill_learner/learn", at_least=len(before) + 1)
+    assert learned.success, learned.message
+    assert stopped.success and not stopped.readable
+    for message in (stopped.message, learned.message):
+        assert "nobody saw where the ball landed" in message
+
+
+def test_a_recorder_that_is_started_again_overwrites_no_demonstration(lesson, unseen):
+    """And what was dropped before stands in its bag, too."""
+    before, dropped, stopped, bag = unseen
+    heard = lesson.call("/skill_learner/demonstrations").demonstrations
+    assert [one.id for one in heard] == [*before, stopped.demonstration.id]
+    assert dropped in read_dropped(bag) == {one.id for one in heard if one.dropped}
 
 
 def test_an_arm_that_somebody_may_hold_is_not_thrown_with(lesson, throws):

@@ -7,13 +7,13 @@ from collections.abc import Callable, Coroutine, Iterable
 import numpy as np
 import rclpy
 from dart_skill_msgs.action import Practice, Teach, Throw
-from dart_skill_msgs.srv import DropDemonstration, Learn, ListDemonstrations
+from dart_skill_msgs.srv import DropDemonstration, Learn, ListDemonstrations, StopDemonstration
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.action import ActionClient
 from rclpy.parameter import Parameter
 from rclpy.task import Future
-from std_srvs.srv import SetBool
+from std_srvs.srv import SetBool, Trigger
 
 from dart_skill.world import the_world
 from dart_skill_nodes.client.failures import GraphFailure
@@ -115,6 +115,19 @@ class GraphClient:
         if not response.success:
             raise GraphFailure(f"{self._learn.srv_name}: {response.message}")
         return response
+
+    def release_arm(self, free: bool) -> None:
+        """Leave a real arm to the hands of a person, or hold it where it is; GraphFailure if that cannot be now."""
+        self.call(self.node.create_client(SetBool, "/commander/release_arm"), SetBool.Request(data=free))
+
+    def start_demonstration(self) -> None:
+        """From now on what the sensors see may become a demonstration; GraphFailure says what is silent."""
+        self.call(self.node.create_client(Trigger, "/demonstration_recorder/start"), Trigger.Request())
+
+    def stop_demonstration(self) -> StopDemonstration.Response:
+        """What was recorded since the start, kept as a demonstration if there is a throw in it."""
+        client = self.node.create_client(StopDemonstration, "/demonstration_recorder/stop")
+        return self.call(client, StopDemonstration.Request(keep=True), may_refuse=True)
 
     def demonstrations(self, configuration: str = "") -> ListDemonstrations.Response:
         """What the learner has heard, and what can be made of it."""

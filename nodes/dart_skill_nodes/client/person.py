@@ -52,7 +52,7 @@ class Patience:
 
 
 class Person:
-    """What `node` asks of the person, as coroutines; each raises CallFailed when it takes too long, or when `cancelled` says so.
+    """What `node` asks of the person, as coroutines; each raises CallFailed when it takes too long, or when `withdrawn` gives a reason.
 
     frame_id: of the poses. bodies: names of the tracked bodies by role. ask: called with what the person should do now.
     """
@@ -69,12 +69,16 @@ class Person:
         self._move = node.create_client(MoveArm, "/commander/move_to")
         self._stop = node.create_client(Trigger, "/commander/stop")
         self.ask: Callable[[str], None] = lambda text: None
-        self.cancelled: Callable[[], bool] = lambda: False
+        self.withdrawn: Callable[[], str] = lambda: ""
 
     # what is heard
 
     def _taker(self, role: str) -> Callable[[bytes], None]:
-        return lambda data: self._tracked.take(role, data)
+        def take(data: bytes) -> None:
+            self._tracked.take(role, data)
+            self._tracked.forget_old()
+
+        return take
 
     def _on_state(self, message: JointState) -> None:
         try:
@@ -179,9 +183,8 @@ class Person:
         since_ns, begun, told = self._tracked.newest_ns, time.monotonic(), ""
         while True:
             await pause(self._node, LOOK)
-            self._tracked.forget_old()
-            if self.cancelled():
-                raise CallFailed("cancelled")
+            if reason := self.withdrawn():
+                raise CallFailed(reason)
             try:
                 result = condition()
                 if self._tracked.newest_ns > since_ns:

@@ -17,7 +17,7 @@ from dart_skill_nodes.comms.coroutines import Promise, answer, pause, within
 PATIENCE = 20.0
 """For an answer [s, wall clock]."""
 ARRIVAL = 5.0
-"""For what the cameras have seen of a throw [s, wall clock]."""
+"""For more of what the cameras have seen of a throw [s, wall clock]."""
 
 
 class ServiceCalls:
@@ -98,12 +98,14 @@ class Judge:
     async def outcome(self, target: np.ndarray, opened_ns: int, until_ns: int) -> TrialOutcome:
         """What became of a throw at a target (3,), of what the cameras saw up to a stamp, once that has arrived.
 
-        Where it does not arrive within ARRIVAL, the throw is judged by what has come. CallFailed if nobody judges.
+        Where nothing more of it arrives within ARRIVAL, the throw is judged by what has come. CallFailed if nobody judges.
         """
         request = JudgeThrow.Request(target=conversions.point(target), opened=conversions.time_msg(opened_ns))
         request.until = conversions.time_msg(until_ns)
-        late = time.monotonic() + ARRIVAL
+        come, late = "", 0.0
         while (response := await self._calls.call(self._client, request, may_refuse=True)).pending:
+            if response.message != come:  # it says up to when poses have come
+                come, late = response.message, time.monotonic() + ARRIVAL
             if time.monotonic() > late:
                 request.until = conversions.time_msg(0)
             await pause(self._node, 0.02)

@@ -53,7 +53,7 @@ class ViewerJobs:
         self._wanted, self._placing, self._placed_at = None, False, None
         self._actions = {name: ActionClient(node, kind, f"/{name}") for name, kind in (("teach", Teach), ("practice", Practice))}
         self._learn = node.create_client(Learn, "/skill_learner/learn")
-        self._sequence = ThrowSequence(node, self._calls, frame_id, lambda: self._sequence.reset_client.service_is_ready())
+        self._sequence = ThrowSequence(node, self._calls, frame_id)
         self._step = node.create_client(Step, "/simulation/step")
         self._place = node.create_client(PlaceBasket, "/simulation/place_basket")
         self._stop = node.create_client(Trigger, "/commander/stop")
@@ -124,6 +124,8 @@ class ViewerJobs:
         return response.message
 
     async def _throw(self) -> str:
+        if not self._sequence.reset_client.service_is_ready():
+            return await self._practise(1, True, only_throw=True)  # a person puts the ball into the hand: the coach says when
         target = await self._target()
         first_stamp = await self._sequence.reset()
         under_way = await self._sequence.begin(target, first_stamp, lambda phase: self._say_once(phase.replace("_", " ")))
@@ -137,8 +139,9 @@ class ViewerJobs:
         self._threw(error, bool(outcome.in_basket))
         return in_words(error, bool(outcome.in_basket))
 
-    async def _practise(self, throws: int, follow_basket: bool) -> str:
-        result = await self._carry_out("practice", Practice.Goal(throws=throws, follow_basket=follow_basket))
+    async def _practise(self, throws: int, follow_basket: bool, only_throw: bool = False) -> str:
+        goal = Practice.Goal(throws=throws, follow_basket=follow_basket, only_throw=only_throw)
+        result = await self._carry_out("practice", goal)
         if not result.success and not self._stopping:
             raise CallFailed(result.message)
         return result.message

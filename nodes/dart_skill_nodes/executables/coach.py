@@ -53,11 +53,12 @@ class CoachNode(Node):
         self.p = declare(self, "coach.yaml", TABLE)
         self._region = Region(**{name: self.p[name] for name in ("near", "far", "side", "rim")})
         self._rng, self._curriculum = np.random.default_rng([self.p["seed"], 5]), Curriculum()
-        self._goal, self._sighting = None, None
+        self._goal, self._sighting, self._stopped = None, None, False
         self._calls = ServiceCalls(self)
         self._recording = Recording(self, self._calls)
         self._sequence = ThrowSequence(self, self._calls, self.p["frame_id"], lambda: self.p["simulated"])
         self._person = None if self.p["simulated"] else self._make_person()
+        self.create_subscription(Time, "/commander/stopped", self._on_stop, 10)
         self._plan = self.create_client(PlanThrow, "/skill_learner/plan_throw")
         self._add_trial = self.create_client(AddTrial, "/skill_learner/add_trial")
         self._cameras = MatchingSubscriptions(self)
@@ -91,7 +92,7 @@ class CoachNode(Node):
                 raise ValueError("nothing to do: give a number of throws, or targets")
             if self._person:
                 self._check_no_simulator()
-                self._person.cancelled = lambda: goal_handle.is_cancel_requested
+                self._stopped, self._person.withdrawn = False, self._withdrawn
             for number in range(1, wanted + 1):
                 target = None if follow else targets[(number - 1) % len(targets)] if targets else await self._choose()
                 await self._one_throw(number, target, result)
@@ -105,6 +106,15 @@ class CoachNode(Node):
         finally:
             self._goal = None
         return result
+
+    def _withdrawn(self) -> str:
+        """Why nothing shall be thrown any more; empty if it may. A real arm that somebody stopped does not go on by itself."""
+        if self._goal.is_cancel_requested:
+            return "cancelled"
+        return "the arm was stopped with /commander/stop" if self._person and self._stopped else ""
+
+    def _on_stop(self, _) -> None:
+        self._stopped = True
 
     def _check_no_simulator(self) -> None:
         """Who was told that there is no simulator, and finds one, throws nothing: one of the two is a mistake."""
@@ -129,8 +139,8 @@ class CoachNode(Node):
         """target (3,), where the basket is put; None: where it is seen."""
         prepare = self._prepare_with_person if self._person else self._prepare_in_simulation
         target, first_stamp = await prepare(number, target)
-        if self._goal.is_cancel_requested:
-            raise CallFailed("cancelled")
+        if reason := self._withdrawn():
+            raise CallFailed(reason)
         self._feed(number, "throwing")
         thrown = await self._sequence.end(await self._sequence.begin(target, first_stamp))
         feedback = Practice.Feedback(number=number, phase="done", outcome=thrown.outcome, message=thrown.message)
@@ -138,7 +148,8 @@ class CoachNode(Node):
             result.thrown += 1
             if not self._goal.request.only_throw:
                 self._feed(number, "learning")
-                feedback.message = await self._learn_from(thrown, target, result)
+                learned = await self._learn_from(thrown, target, result)
+                feedback.message = learned or feedback.message.removeprefix("thrown").removeprefix("; ")
         else:
             self._curriculum.give_up(target)
         result.outcomes.append(thrown.outcome)

@@ -106,6 +106,7 @@ class CommanderNode(Node):
         self._planner = self.create_client(PlanThrow, "/skill_learner/plan_throw")
         self._planner_link = ServerProbe(self, self._planner.srv_name)
         self.create_service(SetBool, "~/release_arm", self._on_release_arm)
+        self._stops = self.create_publisher(Time, "~/stopped", 10)
         self.create_service(MoveArm, "~/move_to", self._on_move_to)
         self.create_service(Trigger, "~/stop", self._on_stop)
         accept = {"goal_callback": self._on_goal, "cancel_callback": self._on_cancel}
@@ -305,6 +306,7 @@ class CommanderNode(Node):
     def _on_stop(self, request, response):
         self._withdraw("stopped by ~/stop")
         self._commander.stop("stopped by ~/stop")
+        self._stops.publish(conversions.time_msg(0 if self._state is None else self._state.stamp_ns))  # whoever would move it next
         response.success = True
         return response
 

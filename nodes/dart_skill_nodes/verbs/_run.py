@@ -77,6 +77,33 @@ def teach(client: "GraphClient", seed: int, wanted: int) -> int:
     raise GraphFailure(f"only {shown} of {wanted} demonstrations succeeded")
 
 
+def teach_by_hand(client: "GraphClient", wanted: int) -> int:
+    """Throws that a person guides on a real arm, told by the Enter key, until so many can be learned from; how many that are."""
+    say("the arm is free now: guide it by hand. Ctrl-D ends the lesson")
+    client.release_arm(True)
+    shown = 0
+    try:
+        while shown < wanted:
+            ask("put the ball into the hand, bring it to where the throw begins, hold it still, and press Enter")
+            client.start_demonstration()
+            ask("throw, press the hand's button, wait until the ball has landed, and press Enter")
+            stopped = client.stop_demonstration()
+            shown += bool(stopped.success and stopped.readable)
+            what = f"{stopped.demonstration.id} is kept" if stopped.success else "not kept"
+            say(f"demonstration {shown}/{wanted}: {stopped.message or what}")
+    except EOFError:
+        say("the lesson ends")
+    say("the arm is held where it is from now on")
+    client.release_arm(False)
+    return shown
+
+
+def ask(text: str) -> None:
+    """Wait for the Enter key; EOFError if there is no more input."""
+    say(text)
+    input()
+
+
 def throw_with_person(client: "GraphClient", targets: Sequence["np.ndarray"] | None) -> list["ThrowResult"]:
     """One throw at each basket, or without any at the one that the cameras see; a person is told when to put the ball into the hand."""
     messages: dict[int, str] = {}

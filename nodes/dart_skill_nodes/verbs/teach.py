@@ -4,7 +4,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from dart_skill_nodes.verbs._options import add_baskets
-from dart_skill_nodes.verbs._run import PATIENCE, baskets, on_running_graph, place, print_result, say
+from dart_skill_nodes.verbs._run import PATIENCE, baskets, on_running_graph, place, print_result, say, teach_by_hand
 
 if TYPE_CHECKING:
     import numpy as np
@@ -14,7 +14,10 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
-    parser.description = "Throws that a person guides, on a graph that runs (`dart-skill up`); at new baskets for those that miss."
+    parser.description = (
+        "Throws that a person guides, on a graph that runs (`dart-skill up`): a simulated one, at new baskets for those that miss; with a "
+        "real arm you, and the Enter key says when a throw begins and has ended."
+    )
     add_baskets(parser, 13)
     parser.add_argument("--json", action="store_true", help="the result as JSON")
 
@@ -22,11 +25,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Teach; returns the exit status."""
 
+    def wait(client: "GraphClient") -> None:
+        options.simulated = client.is_simulated(PATIENCE)
+        if options.simulated:
+            client.wait_until_ready(PATIENCE)
+
     def run() -> dict:
         targets = baskets(options, stream=1)
-        return on_running_graph(lambda client: client.wait_until_ready(PATIENCE), lambda client: _teach(client, targets))
+
+        def task(client: "GraphClient") -> dict:
+            return _teach(client, targets) if options.simulated else _teach_by_hand(client, options)
+
+        return on_running_graph(wait, task)
 
     return print_result(run, options.json)
+
+
+def _teach_by_hand(client: "GraphClient", options: argparse.Namespace) -> dict:
+    if options.at is not None:
+        raise ValueError("--at puts a simulated basket there: put the real one where you like, and leave this out")
+    shown = teach_by_hand(client, options.count)
+    text = f"{shown} of {options.count} throws shown"
+    return {"text": text, "shown": shown, "ok": shown == options.count, "next": "dart-skill demonstrations, or dart-skill learn"}
 
 
 def _teach(client: "GraphClient", targets: "np.ndarray") -> dict:
