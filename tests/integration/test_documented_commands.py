@@ -81,6 +81,9 @@ REPLAY = Elsewhere("integration/test_up.py::test_a_recording_is_replayed_into_a_
 BY_HAND = Elsewhere("integration/test_bags.py::test_a_bag_teaches_through_the_nodes_what_it_teaches_without")
 FOREIGN = Elsewhere("unit/session/test_from_bag.py::test_the_command_reads_a_laboratory_and_its_faults")
 REPORT = Elsewhere("unit/report/test_page.py::test_the_command_writes_the_page_and_says_where")
+HARDWARE = "foreign_arm/test_foreign_arm.py::"
+WITHOUT = Elsewhere("unit/session/test_from_bag.py::test_a_demonstration_can_be_left_out_by_its_id")
+ON_HARDWARE = Elsewhere(f"{HARDWARE}test_every_state_of_the_arm_is_answered")
 VIEW = Elsewhere("unit/view/test_rerun.py::test_every_file_of_a_split_bag_is_opened_with_a_layout_of_its_own")
 
 TYPED = {
@@ -115,6 +118,18 @@ TYPED = {
     "dart-skill teach --count 5": OnTheGraph("--count 2", says="2 of 2 throws shown"),
     "dart-skill learn": OnTheGraph(says="model [0-9a-f]+"),
     "dart-skill learn --at-least 3": OnTheGraph("--at-least 2", says="model [0-9a-f]+"),
+    "dart-skill demonstrations": OnTheGraph(says="taught: a throw to"),
+    "dart-skill demonstrations drop ID": Elsewhere(f"{HARDWARE}test_a_bad_demonstration_is_dropped_and_restored"),
+    "dart-skill up --layout hardware": ON_HARDWARE,
+    "dart-skill up --layout hardware --record tuesday": ON_HARDWARE,
+    "ros2 run dart_skill recorder --ros-args -p bag:=tuesday": Elsewhere(
+        "integration/test_executables.py::test_starts_with_ros2_run_and_ends_on_sigint"
+    ),
+    "dart-skill throw": Elsewhere(f"{HARDWARE}test_the_coach_says_where_a_basket_shall_stand_and_waits_for_it"),
+    "dart-skill throw --at 2.0 0.3 0.4": Elsewhere(f"{HARDWARE}test_the_coach_says_where_a_basket_shall_stand_and_waits_for_it"),
+    "dart-skill practice --running --throws 20": Elsewhere(f"{HARDWARE}test_the_arm_practises_at_the_basket_that_the_cameras_see"),
+    "dart-skill learn tuesday": WITHOUT,
+    "dart-skill learn tuesday --without demonstration_1795379669631609360 --output better.npz": WITHOUT,
     "dart-skill throw --count 10": OnTheGraph("--count 1", says=r"\d of 1 in the basket"),
     "dart-skill practice": PRACTICE,
     "dart-skill practice --change base_turned": PRACTICE,
@@ -137,6 +152,19 @@ TYPED = {
     "ros2 service call /commander/release_arm std_srvs/srv/SetBool '{data: true}'": FULL_ROS,
     "ros2 service call /demonstration_recorder/start std_srvs/srv/Trigger": FULL_ROS,
     "ros2 service call /demonstration_recorder/stop dart_skill_msgs/srv/StopDemonstration '{keep: true}'": FULL_ROS,
+    "ros2 service call /commander/release_arm std_srvs/srv/SetBool '{data: false}'": FULL_ROS,
+    "ros2 service call /commander/move_to dart_skill_msgs/srv/MoveArm '{posture: [0.0, -1.1, 0.0, -0.6, 0.0, -0.55, 0.0]}'": FULL_ROS,
+    "ros2 service call /commander/stop std_srvs/srv/Trigger": FULL_ROS,
+    "ros2 service call /skill_learner/demonstrations dart_skill_msgs/srv/ListDemonstrations": FULL_ROS,
+    "ros2 service call /skill_learner/drop_demonstration dart_skill_msgs/srv/DropDemonstration "
+    "'{id: demonstration_1795379669631609360}'": FULL_ROS,
+    "ros2 service call /skill_learner/load dart_skill_msgs/srv/ModelFile '{path: better.npz}'": FULL_ROS,
+    "ros2 service call /skill_learner/learn dart_skill_msgs/srv/Learn '{bag: tuesday}'": FULL_ROS,
+    "ros2 action send_goal /practice dart_skill_msgs/action/Practice '{throws: 20, follow_basket: true}' --feedback": FULL_ROS,
+    "ros2 action send_goal /practice dart_skill_msgs/action/Practice "
+    "'{throws: 1, follow_basket: true, only_throw: true}' --feedback": FULL_ROS,
+    "ros2 action send_goal /practice dart_skill_msgs/action/Practice "
+    "'{targets: [{x: 2.0, y: 0.3, z: 0.4}], only_throw: true}' --feedback": FULL_ROS,
     "ros2 service call /bag_player/pause std_srvs/srv/SetBool '{data: true}'": FULL_ROS,
     "ros2 service call /bag_player/step dart_skill_msgs/srv/Step '{steps: 10}'": FULL_ROS,
     "ros2 param set /bag_player rate 0.2": FULL_ROS,

@@ -53,7 +53,7 @@ def _listed(client: "GraphClient") -> dict:
         for one in client.demonstrations().demonstrations
     ]
     text = "\n".join(map(_line, rows)) or "nothing has been shown yet"
-    return {"text": text, "demonstrations": rows, "ok": True, "next": "dart-skill demonstrations drop ID, or dart-skill learn"}
+    return {"text": text, "demonstrations": rows, "ok": True, "next": "dart-skill learn"}
 
 
 def _line(row: dict) -> str:

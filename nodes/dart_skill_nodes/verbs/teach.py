@@ -46,7 +46,7 @@ def _teach_by_hand(client: "GraphClient", options: argparse.Namespace) -> dict:
         raise ValueError("--at puts a simulated basket there: put the real one where you like, and leave this out")
     shown = teach_by_hand(client, options.count)
     text = f"{shown} of {options.count} throws shown"
-    return {"text": text, "shown": shown, "ok": shown == options.count, "next": "dart-skill demonstrations, or dart-skill learn"}
+    return {"text": text, "shown": shown, "ok": shown == options.count, "next": "dart-skill demonstrations"}
 
 
 def _teach(client: "GraphClient", targets: "np.ndarray") -> dict:
