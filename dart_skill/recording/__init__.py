@@ -28,7 +28,7 @@ from dart_skill.recording.demonstration import (
     read_demonstrations,
 )
 from dart_skill.recording.grip_signal import GripSignal, Opening, read_command
-from dart_skill.recording.marks import MARK_TOPIC, MARK_TYPE, check_known, demonstration_id, read_dropped
+from dart_skill.recording.marks import MARK_TOPIC, MARK_TYPE, Marks, check_known, demonstration_id, read_dropped
 
 __all__ = [
     "DEMONSTRATION_TOPIC",
@@ -40,6 +40,7 @@ __all__ = [
     "GripSignal",
     "MARK_TOPIC",
     "MARK_TYPE",
+    "Marks",
     "Opening",
     "TopicInfo",
     "check_known",

@@ -21,6 +21,26 @@ def demonstration_id(opened_ns: int) -> str:
     return f"demonstration_{opened_ns}"
 
 
+class Marks:
+    """What is known of demonstrations by their marks, in whatever order and however often those come."""
+
+    def __init__(self) -> None:
+        self._newest: dict[str, tuple[int, bool]] = {}
+
+    def take(self, mark: Any) -> bool:
+        """Whether a message of type MARK_TYPE is news: no mark of its demonstration is as new."""
+        marked_ns = int(mark.header.stamp.sec) * 1_000_000_000 + int(mark.header.stamp.nanosec)
+        if mark.id in self._newest and marked_ns <= self._newest[mark.id][0]:
+            return False
+        self._newest[mark.id] = marked_ns, bool(mark.dropped)
+        return True
+
+    @property
+    def dropped(self) -> set[str]:
+        """Ids of the demonstrations that were dropped in the end."""
+        return {name for name, (_, dropped) in self._newest.items() if dropped}
+
+
 def read_dropped(bag_path: str | os.PathLike) -> set[str]:
     """Ids of the demonstrations that were dropped in the end, by the marks of a bag; none without marks."""
     with BagReader(bag_path) as bag:
@@ -28,9 +48,10 @@ def read_dropped(bag_path: str | os.PathLike) -> set[str]:
             return set()
         if bag.topics[MARK_TOPIC].type_name != MARK_TYPE:
             raise BagError(f"{bag_path}: {MARK_TOPIC} has type {bag.topics[MARK_TOPIC].type_name}, not {MARK_TYPE}")
-        marks = [item.data for item in bag.messages([MARK_TOPIC])]
-    newest = {mark.id: bool(mark.dropped) for mark in sorted(marks, key=_marked_ns)}
-    return {name for name, dropped in newest.items() if dropped}
+        marks = Marks()
+        for item in bag.messages([MARK_TOPIC]):
+            marks.take(item.data)
+    return marks.dropped
 
 
 def check_known(ids: Iterable[str], known: Collection[str], where: str) -> None:
@@ -39,7 +60,3 @@ def check_known(ids: Iterable[str], known: Collection[str], where: str) -> None:
         if name not in known:
             there = ", ".join(known) or "none"
             raise ValueError(f"{where} has no demonstration '{name}': there are {there}")
-
-
-def _marked_ns(mark: Any) -> int:
-    return int(mark.header.stamp.sec) * 1_000_000_000 + int(mark.header.stamp.nanosec)

@@ -1,7 +1,4 @@
-"""The hardware layout beside an arm, cameras and a person that are not ours, driven as docs/hardware.md says.
-
-What does not come out as the documentation says yet is marked `xfail`, with what was expected and what happened.
-"""
+"""The hardware layout beside an arm, cameras and a person that are not ours, driven as docs/hardware.md says."""
 
 import re
 from itertools import pairwise

@@ -25,6 +25,7 @@ from dart_skill.recording import (
     MARK_TOPIC,
     MARK_TYPE,
     Demonstration,
+    Marks,
     demonstration_id,
     demonstration_message,
     serialize,
@@ -74,7 +75,7 @@ class DemonstrationRecorder(BagKeeper):
         self.declare_parameter("autostart", True)
         self._bag, self._count, self._recording, self._now_ns = None, 0, False, 0
         self._fault, self._joints = "", b""  # what is wrong with the arm's states, and the newest of them, serialised
-        self._dropped: dict[str, bool] = {}
+        self._marked = Marks()
         self._unwritten: list[DemonstrationMark] = []
         self._newest: dict[str, int] = {}
         self._heard: Counter[str] = Counter()
@@ -106,7 +107,7 @@ class DemonstrationRecorder(BagKeeper):
         self._recorded = {*self.p["topics"], *self._role_of}
         self._needed = {JOINT_STATES, "/wam/command", "/wam/teacher_wrench", *self._role_of}
         self._silent = {JOINT_STATES, "/wam/command", *(t for t, role in self._role_of.items() if role == "hand")}
-        self._finder, self._arrivals, self._marked = None, Arrivals(), False
+        self._finder, self._arrivals, self._has_marks = None, Arrivals(), False
         if self.p["automatic"]:
             self._finder = ThrowFinder(self._tracked.log, self._thresholds)
         self._messages = RawBatches(self)
@@ -295,8 +296,7 @@ class DemonstrationRecorder(BagKeeper):
 
     def _on_mark(self, mark: DemonstrationMark) -> None:
         """A demonstration was dropped or restored: that goes into the bag, and a learner that is started again hears it from here."""
-        if self._dropped.get(mark.id) != mark.dropped:
-            self._dropped[mark.id] = mark.dropped
+        if self._marked.take(mark):
             self._marks.publish(mark)
             self._unwritten.append(mark)
 
@@ -304,9 +304,9 @@ class DemonstrationRecorder(BagKeeper):
         """Into the bag, as soon as its time has begun."""
         if not (self._unwritten and self._now_ns and DEMONSTRATION_TOPIC in self.p["topics"]):
             return
-        if not self._marked:
+        if not self._has_marks:
             self._bag.add_own(MARK_TOPIC, MARK_TYPE, LATCHED)
-        self._marked = True
+        self._has_marks = True
         for mark in self._unwritten:
             self._bag.write(MARK_TOPIC, self._now_ns, self._now_ns, serialize_message(mark))
         self._unwritten.clear()

@@ -12,7 +12,7 @@ from rclpy.node import Node
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from dart_skill.recording import MARK_TOPIC, BagError, check_known, read_demonstrations, read_dropped
+from dart_skill.recording import MARK_TOPIC, BagError, Marks, check_known, read_demonstrations, read_dropped
 from dart_skill.recording import Demonstration as Shown
 from dart_skill.skill.improve import PracticeSettings, PractisingSkill
 from dart_skill.skill.learn import SkillConfiguration, Unreachable, component_ellipsoids, configuration, load_model, prepare, save_model
@@ -40,7 +40,7 @@ class SkillLearner(Node):
         super().__init__("skill_learner")
         self.p = declare(self, "skill_learner.yaml", TABLE)
         self._heard: dict[str, Shown] = {}
-        self._marked: dict[str, bool] = {}  # whether a demonstration was dropped, by id, heard of or not
+        self._marked = Marks()
         self._skill: PractisingSkill | None = None
         self._memory = PracticeSettings(self.p["practice_capacity"], self.p["practice_forget"])
         self.create_subscription(Demonstration, "/demonstrations", self._on_demonstration, LATCHED)
@@ -79,7 +79,7 @@ class SkillLearner(Node):
         self._heard[one.id] = one
 
     def _on_mark(self, mark: DemonstrationMark) -> None:
-        self._marked[mark.id] = mark.dropped
+        self._marked.take(mark)
 
     def _checked(self, message: Demonstration) -> Shown:
         if message.header.frame_id != self.p["frame_id"]:
@@ -117,7 +117,7 @@ class SkillLearner(Node):
         """Learn from a bag, or from what was heard, but for what was dropped; the ids of that."""
         heard = read_demonstrations(bag) if bag else self._in_order()
         check_known(without, [one.id for one in heard], bag or "the learner")
-        marked = read_dropped(bag) if bag else {name for name, dropped in self._marked.items() if dropped}
+        marked = read_dropped(bag) if bag else self._marked.dropped
         out = marked | set(without)
         self._take([one for one in heard if one.id not in out], chosen)
         return [one.id for one in heard if one.id in out]
@@ -138,7 +138,7 @@ class SkillLearner(Node):
         return response
 
     def _status(self, one: Shown, chosen: SkillConfiguration) -> DemonstrationStatus:
-        status = DemonstrationStatus(id=one.id, target=conversions.point(one.target), dropped=self._marked.get(one.id, False))
+        status = DemonstrationStatus(id=one.id, target=conversions.point(one.target), dropped=one.id in self._marked.dropped)
         status.header.frame_id = one.frame_id
         conversions.set_stamp(status.header.stamp, one.stamp_ns)
         status.duration = conversions.duration_msg(float(np.nan_to_num(one.motion_stop - one.motion_start)))
@@ -156,7 +156,7 @@ class SkillLearner(Node):
             return response
         mark = DemonstrationMark(id=request.id, dropped=not request.restore)
         mark.header.stamp = SYSTEM.now().to_msg()
-        self._marked[request.id] = mark.dropped
+        self._marked.take(mark)
         self._marks.publish(mark)
         what = "counts again" if request.restore else "is dropped"
         response.success, response.message = True, f"{request.id} {what}: learn again (dart-skill learn)"
