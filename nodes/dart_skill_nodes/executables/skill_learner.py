@@ -1,6 +1,7 @@
 """The skill learner: hears demonstrations, or reads them from a bag, learns DS-GMR, and plans throws on request."""
 
 import threading
+from dataclasses import replace
 from itertools import cycle
 
 import numpy as np
@@ -13,6 +14,7 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from dart_skill.recording import BagError, read_demonstrations
+from dart_skill.robot import load_registration
 from dart_skill.skill.improve import PracticeSettings, PractisingSkill
 from dart_skill.skill.learn import Unreachable, component_ellipsoids, configuration, load_model, save_model
 from dart_skill_nodes.comms import conversions
@@ -25,6 +27,7 @@ TABLE = [
     Parameter("practice_method", "how to learn from own throws: residual, bootstrap, both or none"),
     Parameter("practice_capacity", "demonstrations and trials that are remembered, 0: all", 0, 100_000),
     Parameter("practice_forget", "which trial goes when the memory is full: oldest or crowded"),
+    Parameter("registration_file", "cameras and arm as `dart-skill check arm --write` measured them; empty: told from the throws alone"),
     Parameter("heartbeat_period", "of ~/heartbeat [s, wall clock]", 0.01, 1.0),
 ]
 
@@ -40,6 +43,7 @@ class SkillLearner(Node):
         self.p = declare(self, "skill_learner.yaml", TABLE)
         self._heard: dict[str, object] = {}
         self._skill: PractisingSkill | None = None
+        self._registration = load_registration(self.p["registration_file"]) if self.p["registration_file"] else None
         self._memory = PracticeSettings(self.p["practice_capacity"], self.p["practice_forget"])
         self.create_subscription(Demonstration, "/demonstrations", self._on_demonstration, LATCHED)
         self._markers = self.create_publisher(MarkerArray, "~/model", LATCHED)
@@ -86,7 +90,8 @@ class SkillLearner(Node):
             if response.pending:
                 response.message = f"{len(heard)} of {request.at_least} demonstrations have been heard so far"
                 return response
-            self._take(heard, configuration(request.configuration or self.p["configuration"]))
+            chosen = configuration(request.configuration or self.p["configuration"])
+            self._take(heard, chosen if self._registration is None else replace(chosen, registration=self._registration))
         except (ValueError, BagError, OSError) as error:
             response.success, response.message = False, str(error)
             self.get_logger().error(f"nothing learned: {error}")
