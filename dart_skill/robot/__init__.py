@@ -4,6 +4,7 @@ from dart_skill.robot._actuation import Actuation
 from dart_skill.robot._command import ArmState, Command, Grip, all_finite, check_command
 from dart_skill.robot._commander import STRETCHED, Commander, CommanderSettings, Mode, PlanRefused
 from dart_skill.robot._description import Ball, WamDescription, wam_description
+from dart_skill.robot._effort_bridge import BridgePhase, BridgeSettings, EffortBridge
 from dart_skill.robot._impedance import Impedance, PoseGains, Reference, attractor_acceleration, minimum_jerk, rotation_error
 from dart_skill.robot._model import ArmModel
 from dart_skill.robot._registration import Registration
@@ -18,15 +19,18 @@ __all__ = [
     "ArmModel",
     "ArmState",
     "Ball",
+    "BridgeSettings",
     "Command",
     "Commander",
     "CommanderSettings",
+    "EffortBridge",
     "Gains",
     "Grip",
     "HandPath",
     "Impedance",
     "KnownRegistration",
     "Mode",
+    "BridgePhase",
     "PlanRefused",
     "Registration",
     "RegistrationFit",

@@ -94,6 +94,25 @@ def arm_state(message: JointState) -> ArmState:
     return ArmState(stamp_ns(message.header.stamp), np.array(message.position), np.array(message.velocity))
 
 
+def order_of(names: Sequence[str], wanted: Sequence[str], what: str) -> list[int]:
+    """Places in `names` of the wanted ones; ValueError, with `what` they are, if one is missing, or they are not those."""
+    missing = [name for name in wanted if name not in names]
+    if missing or len(set(wanted)) != len(wanted):
+        raise ValueError(f"{what}: {', '.join(missing) or 'a name twice'}: they must be among {', '.join(names)}, each once")
+    return [list(names).index(name) for name in wanted]
+
+
+def arm_state_by_name(message: JointState, joints: Sequence[str]) -> ArmState:
+    """The state of these joints, in their order, in a JointState that may have others; ValueError if one of them is missing."""
+    if list(message.name) == list(joints):
+        return arm_state(message)
+    order = order_of(message.name, joints, "/joint_states lacks joints of the arm")
+    if len(message.position) != len(message.name) or len(message.velocity) != len(message.name):
+        count = f"{len(message.position)} positions and {len(message.velocity)} velocities"
+        raise ValueError(f"/joint_states has {count} of {len(message.name)} joints: the driver must give both")
+    return ArmState(stamp_ns(message.header.stamp), np.array(message.position)[order], np.array(message.velocity)[order])
+
+
 def fill_command(message: WamCommand, command: Command) -> WamCommand:
     """A command written into a message that is used again and again."""
     set_stamp(message.header.stamp, command.stamp_ns)
