@@ -1,4 +1,4 @@
-"""A stand-in for ros2_control: an arm without friction that takes efforts, and publishes its joints with the wall clock, whatever comes.
+"""A stand-in for ros2_control: an arm with joint friction that takes efforts, and publishes its joints with the wall clock, whatever comes.
 
 Nothing compensates its gravity but the efforts. /stand_in/speeds gives its joints speeds, as a push does. Run as a process of its own.
 """
@@ -15,7 +15,7 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-from dart_skill.robot import ArmModel
+from dart_skill.robot import Actuation, ArmModel
 
 PERIOD = 0.002
 NAMES = [f"wam_j{k}" for k in range(1, 8)]
@@ -30,6 +30,7 @@ class StandIn(Node):
     def __init__(self):
         super().__init__("effort_stand_in")
         self._model, self._q, self._qd, self._effort = ArmModel(), START.copy(), np.zeros(7), None
+        self._friction = Actuation(self._model.description)
         self._states = self.create_publisher(JointState, "/joint_states", QoSProfile(depth=10))
         self.create_subscription(Float64MultiArray, "/effort_controller/commands", self._take, QoSProfile(depth=10))
         self.create_subscription(Float64MultiArray, "/stand_in/speeds", self._push, QoSProfile(depth=10))
@@ -45,7 +46,8 @@ class StandIn(Node):
         """2 ms; until the first effort comes the arm has its brakes on."""
         if self._effort is not None:
             load = self._model.gravity_torque(self._q) + self._model.coriolis_torque(self._q, self._qd)
-            self._qd = self._qd + PERIOD * np.linalg.solve(self._model.mass_matrix(self._q), self._effort - load)
+            inertia = self._model.mass_matrix(self._q)
+            self._qd = self._qd + PERIOD * self._friction.acceleration(inertia, self._effort - load, self._qd, PERIOD)
             self._q = self._q + PERIOD * self._qd
 
     def tell(self):

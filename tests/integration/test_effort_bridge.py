@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from dart_skill_msgs.msg import WamCommand
 from std_msgs.msg import Bool, Float64MultiArray
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import Trigger
 
 from dart_skill.configuration import node_parameters
 from dart_skill_nodes.comms.qos import LATCHED
@@ -29,7 +29,6 @@ class Laboratory:
         self.graph, self.client, self.efforts, self.opened = graph, client, None, []
         self.joints, self.said = Joints(client), Diagnoses(client)
         self.reset = client.node.create_client(Trigger, "/effort_bridge/reset")
-        self.release = client.node.create_client(SetBool, "/commander/release_arm")
         self.speeds = client.node.create_publisher(Float64MultiArray, "/stand_in/speeds", 10)
         client.node.create_subscription(Float64MultiArray, "/effort_controller/commands", self._take, 10)
         client.node.create_subscription(Bool, "/effort_bridge/hand_open", lambda message: self.opened.append(message.data), LATCHED)
@@ -104,7 +103,6 @@ def test_a_second_commander_stops_the_arm_until_it_is_reset(laboratory):
 
 def test_when_the_commander_is_gone_a_moving_arm_is_damped_to_rest(laboratory):
     """It stays damped when somebody commands it again, until the bridge is reset; then the hand is opened, too. The last test."""
-    assert laboratory.client.call(laboratory.release, SetBool.Request(data=True)).success
     commander = laboratory.graph.processes.pop("commander")
     commander.send_signal(signal.SIGINT)  # one that is killed stays on the graph for 20 s, and its successor is the second one there
     commander.wait(20)
@@ -114,7 +112,7 @@ def test_when_the_commander_is_gone_a_moving_arm_is_damped_to_rest(laboratory):
     laboratory.speeds.publish(Float64MultiArray(data=[1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
     laboratory.wait(lambda: laboratory.efforts[0] < before - 1.0, "a damping effort")
     laboratory.wait(lambda: laboratory.joints.fastest < 0.02, "an arm at rest")
-    assert np.abs(laboratory.position - START).max() < 1.0
+    assert np.abs(laboratory.position - START).max() < 0.5
     assert (np.abs(laboratory.efforts) <= np.array(SETTINGS["torque_limit"]) + 1e-9).all()
     commands = laboratory.client.node.create_publisher(WamCommand, "/wam/command", 10)
 
