@@ -38,7 +38,11 @@ def _reach(role: str, stream: PoseStream, heard: Heard, model: ArmModel | None) 
     stamps, states = stream.stamp_ns[stream.forward], heard.joints.stamp_ns[heard.joints.forward]
     if len(stamps) < 3:
         return line(check, Verdict.NO_GO, "never", asked, "is it switched on and named as in config/world.yaml? are its markers seen?")
+    others = [one.stamp_ns for one in heard.poses.values() if len(one)]
     first, last = (states[0], states[-1]) if len(states) else (stamps[0], stamps[-1])
+    first = max(first, min(int(one.min()) for one in others))  # cameras may be discovered later than the arm
+    if heard.simulated:
+        last = max(int(one.max()) for one in others)  # and simulated ones may be behind it when the listening ends
     lost = _lost(stamps, first, last)
     if len(states) > 1:  # what was lost while the arm was silent, too, is no fault of the cameras
         after = np.clip(np.searchsorted(states, lost), 1, len(states) - 1)

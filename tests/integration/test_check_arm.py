@@ -33,7 +33,7 @@ class Leader:
         self._servo = JointServo(Impedance(ArmModel()))
         self._message = WamCommand()
         self._message.header.frame_id = "world"
-        self._first_ns, self.count = None, 0
+        self._first_ns, self.count, self.swing = None, 0, 0.5
         self._command = client.node.create_publisher(WamCommand, "/wam/command", COMPLETE)
         client.node.create_subscription(JointState, "/joint_states", self._lead, LOOP)
 
@@ -42,7 +42,7 @@ class Leader:
         self._first_ns = self._first_ns or state.stamp_ns
         time = (state.stamp_ns - self._first_ns) * 1e-9
         share = min(1.0, time / 3.0)
-        wanted = MIDDLE + share * 0.5 * np.sin(time * np.array([0.9, 0.7, 1.1, 0.8, 1.3, 1.0, 1.2]) + np.arange(7))
+        wanted = MIDDLE + share * self.swing * np.sin(time * np.array([0.9, 0.7, 1.1, 0.8, 1.3, 1.0, 1.2]) + np.arange(7))
         torque = self._servo.torque(state.position, state.velocity, wanted, np.zeros(7), np.zeros(7))
         self._command.publish(conversions.fill_command(self._message, Command(state.stamp_ns, joint_torque=torque)))
         self.count += 1
@@ -109,6 +109,16 @@ def test_a_second_publisher_is_no_go_and_the_table_says_so(led):
     (line,) = [one for one in output.splitlines() if "/joint_states: publisher" in one]
     assert line.startswith("NO-GO") and "wam_simulator" in line
     assert "end all but one of" in output and "next: mend what says NO-GO" in output
+
+
+def test_it_listens_until_so_many_postures_were_shown(led):
+    client, leader = led
+    leader.swing = 0.0
+    process = start("--postures", "1")
+    wait_for(client, lambda: process.poll() is not None, what="the end of the check")
+    output, said = process.communicate()
+    assert process.returncode == 1 and "posture 1 of 1" in said
+    assert "different postures were seen" in output and "lead the arm through 8 postures" in output
 
 
 def test_a_file_that_is_there_is_not_written_over(tmp_path):

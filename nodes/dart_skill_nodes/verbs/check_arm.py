@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 USUAL = 10.0
 """Seconds of listening where nobody says how long, and nobody is there to press Enter."""
 PATIENCE = 10.0
-"""For the first joint state of an arm whose postures are counted [s]."""
+"""For joint states, which a simulation that is paused does not give [s]."""
 TAKE = 0.02
 """Messages are taken so often [s]."""
 WIDEST = 64
@@ -98,20 +98,22 @@ def _listen(options: argparse.Namespace, listener, interrupts: Interrupts, spin:
     from dart_skill.arm_check import PostureCounter
 
     counter, begun = PostureCounter(), time.monotonic()
+    last = begun
     until_enter = options.postures is None and options.duration is None and sys.stdin is not None and sys.stdin.isatty()
     longest = options.duration or (math.inf if until_enter or options.postures is not None else USUAL)
     say(f"listening{': lead the arm slowly through postures, and press Enter' if until_enter else ''}")
-    while (passed := time.monotonic() - begun) < longest and not interrupts:
+    while time.monotonic() - begun < longest and not interrupts:
         spin()
         state = listener.take()
+        last = last if state is None else time.monotonic()
         if state is not None and _count(counter, state):
             say(f"posture {len(counter)}{f' of {options.postures}' if options.postures else ''}")
         if options.postures is not None and len(counter) >= options.postures:
             return
         if until_enter and select.select([sys.stdin], [], [], 0.0)[0]:
             return
-        if not listener.hears_joints and passed > PATIENCE:
-            say("no /joint_states came")
+        if time.monotonic() - last > PATIENCE and not (listener.hears_joints and until_enter):
+            say(f"no /joint_states for {PATIENCE:.0f} s")
             return
 
 

@@ -22,7 +22,7 @@ LEVELS = {b"\x00": "ready", b"\x01": "warning", b"\x02": "error", b"\x03": "stal
 """Of diagnostic_msgs/DiagnosticStatus."""
 TEACH = "dart-skill teach --count 5"
 LEARN = "dart-skill learn --at-least 2"
-HARDWARE = "ros2 service call /demonstration_recorder/start std_srvs/srv/Trigger"
+HARDWARE = "dart-skill check arm"
 NEXT = {"composed": TEACH, "processes": TEACH, "hardware": HARDWARE, "replay": LEARN}
 """What to do when everything is ready."""
 
