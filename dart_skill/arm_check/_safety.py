@@ -47,7 +47,7 @@ def safety_lines(limits: Mapping, description: WamDescription, simulated: bool) 
 
 
 def _speed_line(hand: float, simulated: bool) -> Line:
-    asked = f"at most {FASTEST:g} m/s" + ("" if simulated else f"; the arm's own limit is {VELOCITY_LIMIT:g} m/s until it is raised")
+    asked = f"at most {FASTEST:g} m/s" + ("" if simulated else f"; {VELOCITY_LIMIT:g} m/s until the arm's limit is raised")
     verdict = graded(hand, FASTEST, 8.0)
     if verdict is Verdict.GO and not simulated and hand > VELOCITY_LIMIT:
         verdict = Verdict.WARN

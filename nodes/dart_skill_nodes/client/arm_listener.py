@@ -44,6 +44,11 @@ class ArmListener:
         """Whether a joint state has come."""
         return bool(self._messages[JOINTS])
 
+    @property
+    def silent(self) -> list[str]:
+        """Topics of joints and poses on which nothing has come."""
+        return [topic for topic in (JOINTS, *self._topics.values()) if not self._messages[topic]]
+
     def heard(self) -> Heard:
         """Everything so far."""
         clock = self._messages[CLOCK]
