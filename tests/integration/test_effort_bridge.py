@@ -129,3 +129,4 @@ def test_when_the_commander_is_gone_a_moving_arm_is_damped_to_rest(laboratory):
     laboratory.wait(lambda: tell(WamCommand.GRIP_OPEN) or laboratory.opened, "a hand that opens")
     assert laboratory.opened == [True]
     laboratory.wait(lambda: tell(WamCommand.GRIP_OPEN) or laboratory.phase == "active", "a bridge that carries commands out")
+    laboratory.client.node.destroy_publisher(commands)
