@@ -11,6 +11,7 @@ NODES = (
     "demonstration_recorder",
     "skill_learner",
     "commander",
+    "effort_bridge",
     "teacher",
     "coach",
     "recorder",

@@ -4,7 +4,7 @@ import argparse
 import os
 import sys
 
-from dart_skill.cli import _completion, bag, darts, experiment, graph_verbs, learn, report, view
+from dart_skill.cli import _completion, bag, check, darts, experiment, graph_verbs, learn, report, view
 
 TAB = "With TAB, bash and zsh complete commands, options and values: source tools/env.sh, or tools/completion.bash (.zsh) alone."
 
@@ -35,6 +35,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     for name in ("up", "demo", "practice", "teach", "demonstrations"):
         graph_verbs.add_to(commands, name)
+    check.add_to(commands)
     learn.add_to(commands)
     graph_verbs.add_to(commands, "throw")
     for verb in (bag, view, report, experiment, darts):

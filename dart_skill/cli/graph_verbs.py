@@ -1,5 +1,5 @@
-"""Verbs that the ROS 2 nodes run: `dart-skill up`, `demo`, `practice`, `teach`, `demonstrations`, `throw`, `learn` without a bag, and
-`bag play`.
+"""Verbs that the ROS 2 nodes run: `dart-skill up`, `demo`, `practice`, `teach`, `demonstrations`, `throw`, `learn` without a bag,
+`bag play`, `check arm`.
 
 The library knows no ROS. Each of these verbs is a module of `dart_skill_nodes.verbs` with `add_arguments(parser)` and
 `main(options, parser)`, found by its name where the nodes are installed.
@@ -18,19 +18,23 @@ HELP = {
     "teach": "throws that a person guides, on a graph that runs",
     "demonstrations": "what a graph that runs was shown so far; drop a bad one",
     "throw": "throws of the arm, on a graph that runs",
+    "arm": "listen to the arm and its cameras: a table of what is measured and asked, go or no go",
     "play": "publish a bag's messages over ROS, as they were recorded",
 }
 
 
-def add_to(commands: argparse._SubParsersAction, name: str) -> None:
-    """Add a verb with its options; where the nodes are not installed, one that takes anything, and says so when it runs."""
+def add_to(commands: argparse._SubParsersAction, name: str, module: str = "") -> None:
+    """Add a verb with its options; where the nodes are not installed, one that takes anything, and says so when it runs.
+
+    module: of `dart_skill_nodes.verbs`, if it is not called as the verb is.
+    """
     parser = commands.add_parser(name, help=HELP[name])
     try:
-        _module(name).add_arguments(parser)
+        _module(module or name).add_arguments(parser)
     except ImportError:
         parser.description = "Its options are known where the ROS 2 nodes are installed."
         parser.set_defaults(takes_anything=True)
-    parser.set_defaults(run=runner(name, parser))
+    parser.set_defaults(run=runner(module or name, parser))
 
 
 def runner(name: str, parser: argparse.ArgumentParser) -> Callable[[argparse.Namespace], int]:

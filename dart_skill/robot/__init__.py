@@ -4,9 +4,12 @@ from dart_skill.robot._actuation import Actuation
 from dart_skill.robot._command import ArmState, Command, Grip, all_finite, check_command
 from dart_skill.robot._commander import STRETCHED, Commander, CommanderSettings, Mode, PlanRefused
 from dart_skill.robot._description import Ball, WamDescription, wam_description
+from dart_skill.robot._effort_bridge import BridgePhase, BridgeSettings, EffortBridge
 from dart_skill.robot._impedance import Impedance, PoseGains, Reference, attractor_acceleration, minimum_jerk, rotation_error
 from dart_skill.robot._model import ArmModel
 from dart_skill.robot._registration import Registration
+from dart_skill.robot._registration_file import load_registration, save_registration
+from dart_skill.robot._registration_fit import KnownRegistration, RegistrationFit, Sightings, fit_registration, measure_registration
 from dart_skill.robot._throw_plan import Gains, HandPath, ThrowPlan
 from dart_skill.robot._transforms import Transform, fixed_transforms, joint_transforms
 from dart_skill.robot._urdf import write_urdf
@@ -16,29 +19,39 @@ __all__ = [
     "ArmModel",
     "ArmState",
     "Ball",
+    "BridgeSettings",
     "Command",
     "Commander",
     "CommanderSettings",
+    "EffortBridge",
     "Gains",
     "Grip",
     "HandPath",
     "Impedance",
+    "KnownRegistration",
     "Mode",
+    "BridgePhase",
     "PlanRefused",
     "Registration",
+    "RegistrationFit",
     "PoseGains",
     "Reference",
     "STRETCHED",
+    "Sightings",
     "ThrowPlan",
     "Transform",
     "WamDescription",
     "all_finite",
     "attractor_acceleration",
     "check_command",
+    "fit_registration",
     "fixed_transforms",
     "joint_transforms",
+    "load_registration",
+    "measure_registration",
     "minimum_jerk",
     "rotation_error",
+    "save_registration",
     "wam_description",
     "write_urdf",
 ]

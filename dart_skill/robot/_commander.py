@@ -10,7 +10,7 @@ are held. A limit that fires brings the arm to a damped stop and leaves its reas
 import math
 from bisect import bisect_right
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from enum import Enum
 
 import numpy as np
@@ -31,6 +31,7 @@ from dart_skill.robot._impedance import (
     tracking_acceleration,
 )
 from dart_skill.robot._model import ArmModel, HandState
+from dart_skill.robot._registration import Registration
 from dart_skill.robot._throw_plan import ThrowPlan
 
 STRETCHED = 0.005
@@ -38,6 +39,8 @@ STRETCHED = 0.005
 
 TRACKING = ("joints", "hand", "none")
 
+LARGEST_CONTRADICTION = 0.05, 0.15
+"""What a plan says of cameras and arm may put the hand so far from where the measured registration does [m], [rad]."""
 LONGEST_STOP = 2.0
 """An arm that still creeps after so long, because gravity is compensated badly, is held where it is [s]."""
 
@@ -120,6 +123,7 @@ class Commander:
 
     * settings: gains, limits and times; None: those of `CommanderSettings`.
     * description: the arm; None: the WAM.
+    * measured: registration of cameras and arm as it was measured before; None: that of a plan is believed.
     """
 
     _plan: ThrowPlan  # of the last throw, like the two below: only the modes of a throw ask for them
@@ -127,8 +131,14 @@ class Commander:
     _start: np.ndarray
     _goal: np.ndarray  # of the last motion to a posture
 
-    def __init__(self, settings: CommanderSettings | None = None, description: WamDescription | None = None):
+    def __init__(
+        self,
+        settings: CommanderSettings | None = None,
+        description: WamDescription | None = None,
+        measured: Registration | None = None,
+    ):
         self.settings = settings or CommanderSettings.configured()
+        self._measured = measured
         self._description = description or wam_description()
         share = self.settings.friction_compensation
         self._lower, self._upper = self._description.of_joints("lower"), self._description.of_joints("upper")
@@ -164,7 +174,7 @@ class Commander:
     def throw(self, plan: ThrowPlan) -> None:
         """Begin a throw with the next state; PlanRefused if a limit forbids it."""
         self._check_ready()
-        plan = plan.as_the_arm_has_it()
+        plan = registered(plan, self._measured).as_the_arm_has_it()
         check_plan(plan, self.settings, self._description)
         self._requested, self.message, self.opened_ns = plan, "", None
 
@@ -400,6 +410,27 @@ class Commander:
         if self.tracking_error > self.settings.farthest_error and self.time < self._plan.release:
             return f"the hand is {self.tracking_error:.3f} m from the plan, farther than the limit of {self.settings.farthest_error} m"
         return ""
+
+
+def registered(plan: ThrowPlan, measured: Registration | None) -> ThrowPlan:
+    """The plan with the measured registration if it has none of its own; PlanRefused if its own contradicts the measured one.
+
+    Demonstrations without joint states teach no registration, and one of before the cameras were moved is wrong.
+    """
+    if measured is None:
+        return plan
+    if plan.registration.is_none:
+        return replace(plan, registration=measured)
+    rotation = scipy.spatial.transform.Rotation
+    (at, hand), (there, other) = (one.poses(plan.path.position, plan.path.quaternion) for one in (plan.registration, measured))
+    offset = float(np.linalg.norm(at - there, axis=1).max())
+    turn = float((rotation.from_quat(hand) * rotation.from_quat(other).inv()).magnitude().max())
+    if offset > LARGEST_CONTRADICTION[0] or turn > LARGEST_CONTRADICTION[1]:
+        raise PlanRefused(
+            f"the plan has the hand {offset:.3f} m and {turn:.2f} rad from where the registration file does: were cameras, base or body "
+            "moved since it was measured, or the throws shown before? Measure again (dart-skill check arm), or teach again"
+        )
+    return plan
 
 
 def check_plan(plan: ThrowPlan, settings: CommanderSettings, description: WamDescription) -> None:

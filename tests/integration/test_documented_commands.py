@@ -76,6 +76,7 @@ CLUSTER = Not("needs a Dask cluster")
 MACHINES = Not("is about other machines")
 RERUN = Elsewhere("unit/recording/test_others.py::test_rerun_counts_every_message_and_finds_no_fault")
 NODES = Elsewhere("integration/test_executables.py::test_starts_with_ros2_run_and_ends_on_sigint")
+ARM = Elsewhere("integration/test_check_arm.py::test_the_registration_of_loose_cameras_is_found_and_written")
 PRACTICE = Elsewhere("integration/test_practice.py::test_the_practice_command_changes_the_arm_on_the_way_and_reports_every_throw")
 REPLAY = Elsewhere("integration/test_up.py::test_a_recording_is_replayed_into_a_model")
 BY_HAND = Elsewhere("integration/test_bags.py::test_a_bag_teaches_through_the_nodes_what_it_teaches_without")
@@ -141,11 +142,16 @@ TYPED = {
     "ros2 run dart_skill demonstration_recorder": NODES,
     "ros2 run dart_skill skill_learner": NODES,
     "ros2 run dart_skill viewer": NODES,
+    "ros2 run dart_skill effort_bridge": NODES,
+    "dart-skill check arm": ARM,
+    "dart-skill check arm --postures 10 --write cameras.yaml": ARM,
     "ros2 run dart_skill demonstration_recorder --ros-args -p automatic:=true": BY_HAND,
     "dart-skill bag play bags/demonstrations --rate 0 --exclude /demonstrations "
     "--wait-for '/joint_states|/wam/(command|teacher_wrench)|/vrpn_mocap/.*/pose'": BY_HAND,
     "ros2 launch dart_skill throwing.launch.py": FULL_ROS,
     "ros2 launch dart_skill hardware.launch.py": FULL_ROS,
+    "ros2 launch dart_skill hardware.launch.py bridge:=true": FULL_ROS,
+    "ros2 service call /effort_bridge/reset std_srvs/srv/Trigger": FULL_ROS,
     'ros2 action send_goal /teach dart_skill_msgs/action/Teach "{target: {x: 2.0, y: 0.3, z: 0.4}}"': FULL_ROS,
     'ros2 action send_goal /practice dart_skill_msgs/action/Practice "{throws: 20}"': FULL_ROS,
     "ros2 service call /skill_learner/learn dart_skill_msgs/srv/Learn": FULL_ROS,

@@ -15,6 +15,7 @@ NODES = {
     "demonstration_recorder": {"demonstration_recorder"},
     "skill_learner": {"skill_learner"},
     "commander": {"commander"},
+    "effort_bridge": {"effort_bridge"},
     "teacher": {"teacher"},
     "coach": {"coach"},
     "recorder": {"recorder"},

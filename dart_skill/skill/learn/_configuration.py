@@ -5,6 +5,7 @@
 
 from dataclasses import dataclass, field, replace
 
+from dart_skill.robot import KnownRegistration
 from dart_skill.surface import Game, game_at
 
 FRAMES = ("thesis", "start", "azimuth", "azimuth_target")
@@ -42,6 +43,8 @@ class SkillConfiguration:
     * release: "farthest" or "shown", default "farthest". Release where the ball flies farthest, which depends least on the
       instant at which the hand opens, or as demonstrated.
     * board: (x, y, z) [m], default empty. Position of the bull of a board for darts; empty for balls and baskets.
+    * registration: of cameras and arm as it was measured before (`dart-skill check arm`), default None. The demonstrations
+      correct it; None: they tell it alone.
     """
 
     name: str = "default"
@@ -60,6 +63,7 @@ class SkillConfiguration:
     drive: str = "time"
     release: str = "farthest"
     board: tuple[float, ...] = field(default=(), repr=False)  # left out of a model's name, which its tasks decide anyway
+    registration: KnownRegistration | None = field(default=None, repr=False)  # a model's name has it if there is one
 
     def __post_init__(self) -> None:
         if self.frames not in FRAMES:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from dart_skill.recording import Demonstration
+from dart_skill.robot import KnownRegistration, Registration
 from dart_skill.skill.learn._configuration import SkillConfiguration
 
 FORMAT = "dart_skill model 1"
@@ -26,7 +27,7 @@ def save_model(
     path = Path(path)
     if not path.parent.is_dir():
         raise FileNotFoundError(f"there is no folder {path.parent} to save a model in")
-    content: dict[str, Any] = {"format": np.array(FORMAT), "configuration": np.array(json.dumps(asdict(configuration)))}
+    content: dict[str, Any] = {"format": np.array(FORMAT), "configuration": np.array(json.dumps(_plain(configuration)))}
     content["practised"] = np.asarray(practised, dtype=float)
     for k, demonstration in enumerate(demonstrations):
         content |= {f"{k:04d}.{f.name}": np.array(getattr(demonstration, f.name)) for f in fields(Demonstration)}
@@ -42,12 +43,24 @@ def load_model(path: str | Path) -> tuple[list[Demonstration], SkillConfiguratio
         if str(content.pop("format")) != FORMAT:
             raise ValueError("unknown format")
         # Models from before there was a choice let go when the teacher did.
-        configuration = SkillConfiguration(**{"release": "shown", **json.loads(str(content.pop("configuration")))})
+        configuration = _configuration({"release": "shown", **json.loads(str(content.pop("configuration")))})
         practised = content.pop("practised", NO_THROWS)
         demonstrations = [_demonstration(content, k) for k in sorted({name.split(".")[0] for name in content})]
     except (KeyError, ValueError, EOFError, TypeError, AttributeError, zipfile.BadZipFile, zlib.error) as error:
         raise ValueError(f"{path} is not a model file of dart_skill: {error}") from error
     return demonstrations, configuration, practised
+
+
+def _plain(configuration: SkillConfiguration) -> dict[str, Any]:
+    """A configuration as JSON has it; without a registration none is named, so that older versions read it."""
+    return {name: value for name, value in asdict(configuration).items() if name != "registration" or value is not None}
+
+
+def _configuration(values: dict[str, Any]) -> SkillConfiguration:
+    known = values.pop("registration", None)
+    if known is not None:
+        known = KnownRegistration(Registration(**known["registration"]), tuple(known["spread"]))
+    return SkillConfiguration(**values, registration=known)
 
 
 def _demonstration(content: dict[str, np.ndarray], key: str) -> Demonstration:

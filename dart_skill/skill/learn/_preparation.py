@@ -13,9 +13,9 @@ import numpy as np
 
 from dart_skill.movement import angles_from_quaternions, attractor_from_motion, smooth_derivatives, turn_about_z, turn_matrix
 from dart_skill.recording import Demonstration
-from dart_skill.robot import ArmModel, wam_description
+from dart_skill.robot import ArmModel, Sightings, wam_description
 from dart_skill.skill.learn._configuration import SkillConfiguration
-from dart_skill.skill.learn._registration import Sightings, sightings
+from dart_skill.skill.learn._registration import sightings
 from dart_skill.skill.observe import FreeFlight, Release, column_noise, find_flight, fit_release, judge_flight, position_noise
 from dart_skill.world import the_world
 

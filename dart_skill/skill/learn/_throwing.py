@@ -37,11 +37,10 @@ from dart_skill.movement import (
     turn_matrix,
 )
 from dart_skill.recording import Demonstration
-from dart_skill.robot import Gains, ThrowPlan
+from dart_skill.robot import Gains, ThrowPlan, fit_registration
 from dart_skill.skill.learn._configuration import DEFAULT, SkillConfiguration
 from dart_skill.skill.learn._course import Course
 from dart_skill.skill.learn._preparation import PreparedThrow, prepare
-from dart_skill.skill.learn._registration import fit_registration
 from dart_skill.skill.learn._release import farthest, hits_along, nearest_step, stretched_at, weights_at
 from dart_skill.skill.learn._task_frames import frames_for
 
@@ -125,7 +124,7 @@ class ThrowingSkill:
         self.release = float(np.average([throw.release_time for throw in throws], weights=self.credence))
         self._start_pose = np.median([throw.start_pose for throw in throws], axis=0)
         self._posture = np.median([throw.start_posture for throw in throws], axis=0)
-        self.registration = fit_registration([throw.sightings for throw in throws])
+        self.registration = fit_registration([throw.sightings for throw in throws], configuration.registration)
         self.hand_delay = _median_of_seen([throw.hand_delay - self.registration.delay for throw in throws])
         self.seat = np.median([throw.release.grip for throw in throws], axis=0)
         self.width = configuration.width
@@ -137,6 +136,8 @@ class ThrowingSkill:
     def model_id(self) -> str:
         """Digest of what the model was made from: equal demonstrations and configuration give an equal name."""
         digest = hashlib.sha256(repr(self.configuration).encode())
+        if self.configuration.registration is not None:
+            digest.update(repr(self.configuration.registration).encode())
         for throw in self.throws:
             for part in (throw.task, throw.time, throw.attractor):
                 digest.update(np.ascontiguousarray(part).tobytes())

@@ -101,6 +101,14 @@ def arm_state(message: JointState) -> ArmState:
     return ArmState(stamp_ns(message.header.stamp), np.array(position)[order], np.array(velocity)[order])
 
 
+def order_of(names: Sequence[str], wanted: Sequence[str], what: str) -> list[int]:
+    """Places in `names` of the wanted ones; ValueError, with `what` they are, if one is missing, or they are not those."""
+    missing = [name for name in wanted if name not in names]
+    if missing or len(set(wanted)) != len(wanted):
+        raise ValueError(f"{what}: {', '.join(missing) or 'a name twice'}: they must be among {', '.join(names)}, each once")
+    return [list(names).index(name) for name in wanted]
+
+
 def fill_command(message: WamCommand, command: Command) -> WamCommand:
     """A command written into a message that is used again and again."""
     set_stamp(message.header.stamp, command.stamp_ns)

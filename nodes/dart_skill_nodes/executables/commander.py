@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
-from dart_skill.robot import ArmState, Commander, CommanderSettings, Mode, PlanRefused
+from dart_skill.robot import ArmState, Commander, CommanderSettings, Mode, PlanRefused, load_registration
 from dart_skill.skill.observe import ARRIVAL_NS
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.server_probe import ServerProbe
@@ -50,6 +50,7 @@ TABLE = [
     Parameter("joint_margin", "to the end of a joint's range, at which a throw is stopped [rad]", 0.0, 0.5),
     Parameter("follow_time", "the hand stays on the plan so long after the release [s]", 0.0, 1.0),
     Parameter("watch_time", "the ball is watched so long after the hand was told to open [s]", 0.3, 5.0),
+    Parameter("registration_file", "cameras and arm as `dart-skill check arm --write` measured them; empty: plans are believed"),
     Parameter("plan_timeout", "for the learner's answer [s, wall clock]", 0.1, 120.0),
     Parameter("learner_timeout", "a throw is stopped when the learner is silent for longer [s, wall clock]", 0.2, 60.0),
 ]
@@ -89,7 +90,8 @@ class CommanderNode(Node):
     def __init__(self):
         super().__init__("commander")
         self.p = declare(self, "commander.yaml", TABLE)
-        self._commander = Commander(CommanderSettings.from_parameters(self.p))
+        measured = load_registration(self.p["registration_file"]).registration if self.p["registration_file"] else None
+        self._commander = Commander(CommanderSettings.from_parameters(self.p), measured=measured)
         self._state: ArmState | None = None
         self._message = WamCommand()
         self._message.header.frame_id = self.p["frame_id"]

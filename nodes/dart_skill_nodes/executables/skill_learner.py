@@ -1,6 +1,7 @@
 """The skill learner: hears demonstrations, or reads them from a bag, learns DS-GMR, and plans throws on request."""
 
 import threading
+from dataclasses import replace
 from itertools import cycle
 
 import numpy as np
@@ -14,6 +15,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from dart_skill.recording import MARK_TOPIC, BagError, Marks, check_known, read_demonstrations, read_dropped
 from dart_skill.recording import Demonstration as Shown
+from dart_skill.robot import load_registration
 from dart_skill.skill.improve import PracticeSettings, PractisingSkill
 from dart_skill.skill.learn import SkillConfiguration, Unreachable, component_ellipsoids, configuration, load_model, prepare, save_model
 from dart_skill_nodes.comms import conversions
@@ -26,6 +28,7 @@ TABLE = [
     Parameter("practice_method", "how to learn from own throws: residual, bootstrap, both or none"),
     Parameter("practice_capacity", "demonstrations and trials that are remembered, 0: all", 0, 100_000),
     Parameter("practice_forget", "which trial goes when the memory is full: oldest or crowded"),
+    Parameter("registration_file", "cameras and arm as `dart-skill check arm --write` measured them; empty: told from the throws alone"),
     Parameter("heartbeat_period", "of ~/heartbeat [s, wall clock]", 0.01, 1.0),
 ]
 
@@ -42,6 +45,7 @@ class SkillLearner(Node):
         self._heard: dict[str, Shown] = {}
         self._marked = Marks()
         self._skill: PractisingSkill | None = None
+        self._registration = load_registration(self.p["registration_file"]) if self.p["registration_file"] else None
         self._memory = PracticeSettings(self.p["practice_capacity"], self.p["practice_forget"])
         self.create_subscription(Demonstration, "/demonstrations", self._on_demonstration, LATCHED)
         self.create_subscription(DemonstrationMark, MARK_TOPIC, self._on_mark, LATCHED)
@@ -95,6 +99,7 @@ class SkillLearner(Node):
                 response.message = f"{len(self._heard)} of {request.at_least} demonstrations have been heard so far"
                 return response
             chosen = configuration(request.configuration or self.p["configuration"])
+            chosen = chosen if self._registration is None else replace(chosen, registration=self._registration)
             dropped = self._learn_from(request.bag, request.without, chosen)
         except (ValueError, BagError, OSError) as error:
             response.success, response.message = False, str(error)

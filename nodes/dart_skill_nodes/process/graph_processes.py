@@ -40,14 +40,17 @@ def cut_out_of() -> str:
     return "|".join(["/joint_states", "/wam/command", "/wam/teacher_wrench", *the_world().pose_topics().values()])
 
 
-def parameters_of(executable: str, layout: str, seed=0, bag="", played="", rate=1.0) -> dict:
+def parameters_of(executable: str, layout: str, seed=0, bag="", played="", rate=1.0, registration="") -> dict:
     """What an executable is started with in a layout, by names of parameters; the values may be a launch file's substitutions.
 
     seed: of a simulated graph. bag: what the demonstration recorder writes. played, rate: the bag of a replay, and how fast.
+    registration: file of `dart-skill check arm --write`.
     """
     parameters = {"seed": seed} if executable in SEEDED and layout in SIMULATED else {}
     if executable in ("composed", "demonstration_recorder"):
         parameters["bag"] = bag
+    if registration != "" and executable in ("commander", "skill_learner"):
+        parameters["registration_file"] = registration
     if layout == "hardware" and executable == "commander":
         from dart_skill.fleet import arm_named  # costs NumPy, which completion with TAB does without
 

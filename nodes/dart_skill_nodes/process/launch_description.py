@@ -18,20 +18,29 @@ ARGUMENTS = {
     "bag": (str, "", "folder of the bag of demonstrations; empty: a new one in the working directory"),
     "played": (str, "", "the bag to play"),
     "rate": (float, "1.0", "of playing: seconds of the bag per second; 0: as fast as can be"),
+    "registration": (str, "", "of cameras and arm: the file of `dart-skill check arm --write`"),
 }
 """Type, default and description."""
+EXTRAS = {
+    "viewer": ("viewer", "the live view, too"),
+    "bridge": ("effort_bridge", "the bridge to an effort controller of ros2_control, too"),
+}
+"""Nodes beside a layout that an argument of this name starts: executable and description."""
 
 
-def description(layouts: list[str], arguments: list[str]) -> LaunchDescription:
-    """A launch description of one layout, or of several among which the argument `layout` chooses, with these arguments."""
+def description(layouts: list[str], arguments: list[str], extras: tuple[str, ...] = ("viewer",)) -> LaunchDescription:
+    """A launch description of one layout, or of several among which the argument `layout` chooses, with these arguments and extras."""
     chosen = [DeclareLaunchArgument("layout", default_value=layouts[0], choices=layouts, description="how many processes")]
-    viewer = DeclareLaunchArgument("viewer", default_value="false", description="the live view, too")
+    beside = [DeclareLaunchArgument(name, default_value="false", description=EXTRAS[name][1]) for name in extras]
     declared = [DeclareLaunchArgument(name, default_value=ARGUMENTS[name][1], description=ARGUMENTS[name][2]) for name in arguments]
     values = {name: ParameterValue(LaunchConfiguration(name), value_type=ARGUMENTS[name][0]) for name in arguments}
     nodes = [_node(executable, layout, values, len(layouts) > 1) for layout in layouts for executable in LAYOUTS[layout]]
-    nodes.append(Node(package="dart_skill", executable="viewer", output="screen", condition=IfCondition(LaunchConfiguration("viewer"))))
+    nodes += [
+        Node(package="dart_skill", executable=EXTRAS[name][0], output="screen", condition=IfCondition(LaunchConfiguration(name)))
+        for name in extras
+    ]
     rviz = DeclareLaunchArgument("rviz", default_value="false", description="RViz, too, and robot_state_publisher for it")
-    return LaunchDescription([*(chosen if len(layouts) > 1 else []), viewer, rviz, *declared, _this_machine_only(), *nodes, *_rviz()])
+    return LaunchDescription([*(chosen if len(layouts) > 1 else []), *beside, rviz, *declared, _this_machine_only(), *nodes, *_rviz()])
 
 
 def _rviz() -> list[Node]:

@@ -22,7 +22,8 @@ LEVELS = {b"\x00": "ready", b"\x01": "warning", b"\x02": "error", b"\x03": "stal
 """Of diagnostic_msgs/DiagnosticStatus."""
 TEACH = "dart-skill teach --count 5"
 LEARN = "dart-skill learn --at-least 2"
-NEXT = {"composed": TEACH, "processes": TEACH, "hardware": TEACH, "replay": LEARN}
+HARDWARE = "dart-skill check arm"
+NEXT = {"composed": TEACH, "processes": TEACH, "hardware": HARDWARE, "replay": LEARN}
 """What to do when everything is ready."""
 
 

@@ -57,7 +57,7 @@ def tab(line, executable, folder=ROOT):
     return done.stdout.splitlines()
 
 
-COMMANDS = ["up", "demo", "practice", "teach", "demonstrations", "learn", "throw", "bag", "view", "report", "experiment", "darts"]
+COMMANDS = ["up", "demo", "practice", "teach", "demonstrations", "check", "learn", "throw", "bag", "view", "report", "experiment", "darts"]
 
 
 @needs_bash

@@ -47,7 +47,7 @@ def test_the_throws_experiment_gives_one_row_per_throw_as_json(capfd):
         assert throw["along"] is not None or throw["note"], f"neither a landing nor a reason: {throw}"
 
 
-@pytest.mark.parametrize("command", ["up", "demo", "practice", "teach", "throw", "learn", "bag play"])
+@pytest.mark.parametrize("command", ["up", "demo", "practice", "teach", "throw", "learn", "bag play", "check arm"])
 def test_help_and_usage_errors_need_no_ros(command):
     told = run_without(["rclpy"], *command.split(), "--help")
     assert (told.returncode, told.stderr) == (0, "")
@@ -99,6 +99,23 @@ def test_arms_and_parameters_that_do_not_exist_are_usage_errors(capsys, argument
         with pytest.raises(SystemExit) as end:
             main([verb, *arguments])
         assert end.value.code == 2 and message in capsys.readouterr().err
+
+
+def test_what_a_check_of_the_arm_cannot_do_is_a_usage_error_before_it_listens(capsys, tmp_path):
+    pytest.importorskip("dart_skill_nodes")
+    file = tmp_path / "registration.yaml"
+    file.write_text("mine")
+    wrong = {
+        ("--write", str(file)): "exists already",
+        ("--write", str(tmp_path / "nowhere" / "a.yaml")): "there is no folder",
+        ("--postures", "0"): "at least 1",
+        ("--duration", "nan"): "positive and finite",
+    }
+    for arguments, message in wrong.items():
+        with pytest.raises(SystemExit) as end:
+            main(["check", "arm", *arguments])
+        assert end.value.code == 2 and message in capsys.readouterr().err
+    assert file.read_text() == "mine"
 
 
 def test_an_arm_and_a_parameter_reach_the_processes_that_run_their_nodes():

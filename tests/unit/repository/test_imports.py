@@ -14,7 +14,7 @@ LAYERS = (
     {"flight", "mixture", "regions"},
     {"surface", "movement", "policy_search", "darts", "recording", "robot"},
     {"simulation", "skill.observe"},
-    {"skill.learn"},
+    {"skill.learn", "arm_check"},
     {"skill.improve"},
     {"session"},
     {"figures", "view"},

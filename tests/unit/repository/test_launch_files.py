@@ -82,7 +82,18 @@ def test_arguments_are_described_and_all_that_is_used_is_declared(entities):
             continue
         values = [value for parameters in node.options.get("parameters", []) for value in parameters.values()]
         used |= {value.values[0].values[0] for value in values if type(value).__name__ == "ParameterValue"}
+    conditions = [node.options["condition"].values[0] for node in of(entities, "Node") if isinstance(node.options["condition"], Recorded)]
+    used |= {one.values[0] for one in conditions if type(one).__name__ == "LaunchConfiguration"}
     assert used | {"viewer", "rviz"} <= set(declared) <= used | {"viewer", "rviz", "layout"}
+
+
+def test_a_real_arm_may_have_the_bridge_and_the_measured_registration(monkeypatch):
+    stand_ins(monkeypatch)
+    entities = runpy.run_path(str(ROOT / "launch" / "hardware.launch.py"))["generate_launch_description"]().values[0]
+    nodes = {node.options["executable"]: node.options for node in of(entities, "Node")}
+    assert nodes["effort_bridge"]["condition"].values[0].values[0] == "bridge"
+    assert all("registration_file" in nodes[name]["parameters"][0] for name in ("commander", "skill_learner"))
+    sys.modules.pop("dart_skill_nodes.process.launch_description", None)
 
 
 def test_rviz_is_optional_and_its_displays_are_shipped(entities):

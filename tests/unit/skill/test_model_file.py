@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from dart_skill.recording import Demonstration
+from dart_skill.robot import KnownRegistration, Registration
 from dart_skill.robot._throw_plan import same_plan
 from dart_skill.skill.learn import CONFIGURATIONS, DEFAULT, learn, load_model, save_model
 
@@ -63,6 +64,18 @@ def test_unknown_events_and_joint_names_come_back(tmp_path, demonstrations):
 def test_every_configuration_comes_back(tmp_path, demonstrations, name):
     save_model(tmp_path / "one.npz", demonstrations[:1], CONFIGURATIONS[name])
     assert load_model(tmp_path / "one.npz")[1] == CONFIGURATIONS[name]
+
+
+def test_a_measured_registration_goes_with_the_model_and_into_its_name(tmp_path, demonstrations):
+    measured = KnownRegistration(Registration(shift=(0.0, 0.03, 0.0), delay=0.004), (0.003,) * 13)
+    chosen = replace(DEFAULT, registration=measured)
+    save_model(tmp_path / "throw.npz", demonstrations, chosen)
+    loaded, configuration, _ = load_model(tmp_path / "throw.npz")
+    assert configuration == chosen
+    skill, plain = learn(loaded, configuration), learn(demonstrations)
+    assert same_plan(skill.plan(BASKET), learn(demonstrations, chosen).plan(BASKET))
+    assert skill.model_id != plain.model_id and skill.registration != plain.registration
+    assert skill.registration.shift[1] > plain.registration.shift[1] + 0.001
 
 
 def test_an_existing_file_is_never_overwritten(saved, demonstrations):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dart_skill.robot import ArmModel, HandPath, Registration
+from dart_skill.robot import ArmModel, HandPath, Registration, fit_registration
 from dart_skill.skill.learn import learn
-from dart_skill.skill.learn._registration import fit_registration, sightings
+from dart_skill.skill.learn._registration import sightings
 
 TURN, HAND_TURN = Rotation.from_rotvec([0.004, -0.006, 0.02]), Rotation.from_rotvec([0.008, 0.012, -0.01])
 TRUE = Registration(TURN.as_quat(), (0.006, -0.004, 0.003), HAND_TURN.as_quat(), (0.002, -0.003, 0.001), 0.006)

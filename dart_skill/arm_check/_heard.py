@@ -1,0 +1,91 @@
+"""What was heard of an arm and its cameras, as arrays: who listens fills this in, the lines of the check read it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Endpoint:
+    """A publisher or subscriber. reliability: "reliable" or "best_effort"."""
+
+    node: str
+    reliability: str = "reliable"
+
+
+@dataclass(frozen=True)
+class Stream:
+    """The messages of a topic, in the order of their receipt.
+
+    * topic: its name.
+    * publishers: all that there were.
+    * received_ns: when each came, on the clock that the nodes use: wall clock, or /clock, (n,) [ns].
+    * stamp_ns: what its header says, (n,) [ns].
+    * frames: the frame_ids that were used.
+    """
+
+    topic: str
+    publishers: tuple[Endpoint, ...] = ()
+    received_ns: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    stamp_ns: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    frames: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.stamp_ns)
+
+    @property
+    def forward(self) -> np.ndarray:
+        """Mask (n,) of the messages that are newer than all before them."""
+        if not len(self):
+            return np.empty(0, dtype=bool)
+        newest = np.maximum.accumulate(self.stamp_ns)
+        return np.append(True, self.stamp_ns[1:] > newest[:-1])
+
+    @property
+    def age(self) -> np.ndarray:
+        """Receipt minus stamp (n,) [s]."""
+        return (self.received_ns - self.stamp_ns) * 1e-9
+
+
+@dataclass(frozen=True)
+class JointStream(Stream):
+    """Joint states.
+
+    * orders: the lists of names that were used.
+    * position: (n, k) [rad].
+    * velocity: (n, k) [rad/s], or (n, 0) where the driver gives none.
+    * n_odd: messages with another number of positions than k; they are left out.
+    """
+
+    orders: tuple[tuple[str, ...], ...] = ()
+    position: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    velocity: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    n_odd: int = 0
+
+
+@dataclass(frozen=True)
+class PoseStream(Stream):
+    """Poses of a tracked body: position (n, 3) [m] and quaternion (n, 4)."""
+
+    position: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
+    quaternion: np.ndarray = field(default_factory=lambda: np.empty((0, 4)))
+
+
+@dataclass(frozen=True)
+class Heard:
+    """Everything that was heard.
+
+    * simulated: whether the nodes follow /clock.
+    * joints: of the arm's driver.
+    * poses: of the hand, the ball and the basket.
+    * commanders, drivers: who publishes /wam/command, and who takes it.
+    """
+
+    simulated: bool
+    joints: JointStream
+    poses: Mapping[str, PoseStream]
+    commanders: tuple[Endpoint, ...] = ()
+    drivers: tuple[Endpoint, ...] = ()

@@ -1,0 +1,107 @@
+"""Hears joints, poses and /clock with plain subscriptions, and hands them to the check of the arm as arrays."""
+
+from collections.abc import Iterable
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped
+from rclpy.node import Node
+from rclpy.qos import ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+
+from dart_skill.arm_check import Endpoint, Heard, JointStream, PoseStream
+from dart_skill.world import the_world
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.raw_batches import RawBatches, RawMessage
+from dart_skill_nodes.process.graph_processes import NODES
+
+JOINTS, COMMANDS, CLOCK = "/joint_states", "/wam/command", "/clock"
+NO_DRIVERS = {*NODES, "recorder", "viewer", "bag_player"} - {"wam_simulator"}
+"""Nodes of this package that take commands in, and carry none out; so do those of hidden names, which begin with an underscore."""
+
+
+class ArmListener:
+    """Everything that is heard of an arm from now on. `take` must be called often, and the node must be spun."""
+
+    def __init__(self, node: Node):
+        self._node, self._batches = node, RawBatches(node)
+        self._topics = the_world().pose_topics()
+        self._messages: dict[str, list[RawMessage]] = {name: [] for name in (JOINTS, CLOCK, *self._topics.values())}
+        for topic in self._messages:
+            self._batches.listen(topic)
+
+    def take(self) -> JointState | None:
+        """What has come since the last time; the newest joint state of it, None if there is none."""
+        newest = None
+        for message in self._batches.take():
+            self._messages[message.topic].append(message)
+            newest = message if message.topic == JOINTS else newest
+        return None if newest is None else deserialize_message(newest.data, JointState)
+
+    @property
+    def hears_joints(self) -> bool:
+        """Whether a joint state has come."""
+        return bool(self._messages[JOINTS])
+
+    @property
+    def silent(self) -> list[str]:
+        """Topics of joints and poses on which nothing has come."""
+        return [topic for topic in (JOINTS, *self._topics.values()) if not self._messages[topic]]
+
+    def heard(self) -> Heard:
+        """Everything so far."""
+        clock = self._messages[CLOCK]
+        told = np.array([conversions.stamp_ns(deserialize_message(one.data, Clock).clock) for one in clock], dtype=np.int64)
+        when = np.array([one.received_ns for one in clock], dtype=np.int64)
+        poses = {role: self._poses(topic, when, told) for role, topic in self._topics.items()}
+        takers = _ends(self._node.get_subscriptions_info_by_topic(COMMANDS))
+        drivers = [one for one in takers if one.node not in NO_DRIVERS and not one.node.startswith("_")]
+        commanders = tuple(_ends(self._node.get_publishers_info_by_topic(COMMANDS)))
+        return Heard(bool(clock), self._joints(when, told), poses, commanders, tuple(drivers))
+
+    def close(self) -> None:
+        """Hear nothing any more."""
+        self._batches.close()
+
+    def _joints(self, when: np.ndarray, told: np.ndarray) -> JointStream:
+        states = [(one.received_ns, deserialize_message(one.data, JointState)) for one in self._messages[JOINTS]]
+        lengths = [len(message.position) for _, message in states]
+        usual = max(set(lengths), key=lengths.count) if lengths else 0
+        same = [(received, message) for received, message in states if len(message.position) == usual]
+        with_speeds = all(len(message.velocity) == usual for _, message in same)
+        return JointStream(
+            **self._stream(JOINTS, same, when, told),
+            orders=tuple(sorted({tuple(message.name) for _, message in same})),
+            position=np.array([message.position for _, message in same]).reshape(len(same), usual),
+            velocity=np.array([message.velocity if with_speeds else [] for _, message in same]).reshape(len(same), -1 if same else 0),
+            n_odd=len(states) - len(same),
+        )
+
+    def _poses(self, topic: str, when: np.ndarray, told: np.ndarray) -> PoseStream:
+        messages = [(one.received_ns, deserialize_message(one.data, PoseStamped)) for one in self._messages[topic]]
+        return PoseStream(
+            **self._stream(topic, messages, when, told),
+            position=np.array([conversions.vector(one.pose.position) for _, one in messages]).reshape(-1, 3),
+            quaternion=np.array([conversions.quaternion(one.pose.orientation) for _, one in messages]).reshape(-1, 4),
+        )
+
+    def _stream(self, topic: str, messages: list, when: np.ndarray, told: np.ndarray) -> dict:
+        """What all streams have; times of receipt on /clock if there is one: what it last said before."""
+        received = np.array([received for received, _ in messages], dtype=np.int64)
+        if len(told):
+            received = told[np.clip(np.searchsorted(when, received, side="right") - 1, 0, None)]
+        return {
+            "topic": topic,
+            "publishers": tuple(_ends(self._node.get_publishers_info_by_topic(topic))),
+            "received_ns": received,
+            "stamp_ns": np.array([conversions.stamp_ns(message.header.stamp) for _, message in messages], dtype=np.int64),
+            "frames": tuple(sorted({message.header.frame_id for _, message in messages})),
+        }
+
+
+def _ends(offers: Iterable) -> list[Endpoint]:
+    return [
+        Endpoint(one.node_name, "best_effort" if one.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT else "reliable")
+        for one in offers
+    ]

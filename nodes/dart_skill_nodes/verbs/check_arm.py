@@ -1,0 +1,159 @@
+"""`dart-skill check arm`: listens to the arm and its cameras, and says line by line whether anything may move."""
+
+import argparse
+import json
+import math
+import select
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dart_skill_nodes.process.discovery import stay_on_this_machine
+from dart_skill_nodes.process.signals import Interrupts
+from dart_skill_nodes.verbs._run import say
+
+if TYPE_CHECKING:
+    from dart_skill.arm_check import ArmReport, Heard
+
+USUAL = 10.0
+"""Seconds of listening where nobody says how long, and nobody is there to press Enter."""
+PATIENCE = 10.0
+"""For joint states, which a simulation that is paused does not give [s]."""
+TAKE = 0.02
+"""Messages are taken so often [s]."""
+WIDEST = 64
+"""Of a column of the table."""
+NEXT = "next: ros2 service call /commander/release_arm std_srvs/srv/SetBool '{data: true}', and teach (docs/hardware.md)"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the verb."""
+    parser.description = (
+        "Listens to the arm and its cameras, and moves nothing. Meanwhile lead the released arm slowly through postures, each with the "
+        "hand turned otherwise. Exit status 0 if no line says NO-GO, else 1."
+    )
+    parser.add_argument("--postures", type=int, metavar="N", help="listen until the arm has rested in so many different postures")
+    parser.add_argument("--duration", type=float, metavar="S", help=f"listen for so long [s] (default: until Enter, or {USUAL:.0f} s)")
+    parser.add_argument("--write", type=Path, metavar="FILE", help="write the registration of cameras and arm, for registration_file")
+    parser.add_argument("--json", action="store_true", help="the lines as JSON")
+
+
+def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
+    """Listen and judge; returns the exit status."""
+    _refuse_what_cannot_be(options, parser)
+    stay_on_this_machine()
+    from dart_skill.arm_check import check_arm
+    from dart_skill.robot import save_registration
+
+    report = check_arm(listen(options))
+    written = options.write is not None and report.registration is not None
+    if written:
+        save_registration(options.write, report.registration)
+    print(_as_json(report, options.write if written else None) if options.json else _as_text(report, options.write if written else None))
+    if options.write and not written:
+        say(f"dart-skill: {options.write} was not written: the lines 'hand against kinematics' and 'postures' must be go")
+        return 1
+    return 0 if report.is_go else 1
+
+
+def _refuse_what_cannot_be(options: argparse.Namespace, parser: argparse.ArgumentParser) -> None:
+    if options.postures is not None and options.postures < 1:
+        parser.error(f"--postures is {options.postures}; it must be at least 1")
+    if options.duration is not None and not (0.0 < options.duration < math.inf):
+        parser.error(f"--duration is {options.duration}; it must be positive and finite")
+    if options.write is not None and options.write.exists():
+        parser.error(f"--write {options.write}: the file exists already: name another one")
+    if options.write is not None and not options.write.resolve().parent.is_dir():
+        parser.error(f"--write {options.write}: there is no folder {options.write.resolve().parent}")
+
+
+def listen(options: argparse.Namespace) -> "Heard":
+    """Everything that was heard until the options say that it is enough, or Ctrl-C."""
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
+    from dart_skill_nodes.client.arm_listener import ArmListener
+    from dart_skill_nodes.process.node_base import make_executor
+
+    interrupts = Interrupts()
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node, executor = rclpy.create_node("arm_check"), make_executor()
+        executor.add_node(node)
+        listener = ArmListener(node)
+        _listen(options, listener, interrupts, lambda: executor.spin_once(timeout_sec=TAKE))
+        heard = listener.heard()
+        listener.close()
+        executor.remove_node(node)
+        node.destroy_node()
+        return heard
+    finally:
+        rclpy.try_shutdown()
+
+
+def _listen(options: argparse.Namespace, listener, interrupts: Interrupts, spin: Callable[[], None]) -> None:
+    from dart_skill.arm_check import PostureCounter
+
+    counter, begun = PostureCounter(), time.monotonic()
+    last, told = begun, False
+    until_enter = options.postures is None and options.duration is None and sys.stdin is not None and sys.stdin.isatty()
+    longest = options.duration or (math.inf if until_enter or options.postures is not None else USUAL)
+    say(f"listening{': lead the arm slowly through postures, and press Enter' if until_enter else ''}")
+    while time.monotonic() - begun < longest and not interrupts:
+        spin()
+        state = listener.take()
+        last = last if state is None else time.monotonic()
+        if not told and not listener.silent:
+            told = True
+            say("arm and cameras are heard")
+        if state is not None and _count(counter, state):
+            say(f"posture {len(counter)}{f' of {options.postures}' if options.postures else ''}")
+        if options.postures is not None and len(counter) >= options.postures:
+            return
+        if until_enter and select.select([sys.stdin], [], [], 0.0)[0]:
+            return
+        if time.monotonic() - last > PATIENCE and not (listener.hears_joints and until_enter):
+            say(f"no /joint_states for {PATIENCE:.0f} s")
+            return
+
+
+def _count(counter, state) -> bool:
+    """Whether a joint state makes a new posture; what is no state of seven joints makes none."""
+    import numpy as np
+
+    from dart_skill_nodes.comms import conversions
+
+    position = np.array(state.position)
+    return (
+        position.shape == (7,)
+        and bool(np.isfinite(position).all())
+        and counter.add(conversions.stamp_ns(state.header.stamp) * 1e-9, position)
+    )
+
+
+def _as_json(report: "ArmReport", written: Path | None) -> str:
+    lines = [asdict(one) | {"verdict": one.verdict.value} for one in report.lines]
+    fit = report.registration
+    found = None if fit is None else {**asdict(fit.registration), "spread": fit.spread.tolist(), "sightings": fit.n_sightings}
+    if found is not None:
+        found |= {"position_error": fit.position_error, "angle_error": fit.angle_error, "condition": fit.condition}
+    return json.dumps({"go": report.is_go, "lines": lines, "registration": found, "written": None if written is None else str(written)})
+
+
+def _as_text(report: "ArmReport", written: Path | None) -> str:
+    head = ("", "check", "measured", "asked")
+    rows = [(one.verdict.value, one.check, one.measured, one.asked) for one in report.lines]
+    widths = [min(WIDEST, max(map(len, column))) for column in zip(head, *rows, strict=True)]
+    told = ["  ".join(text.ljust(width) for text, width in zip(head, widths, strict=True)).rstrip()]
+    for row, one in zip(rows, report.lines, strict=True):
+        told.append("  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip())
+        told += [f"{'':{widths[0]}}  {'':4}{one.remedy}"] if one.remedy else []
+    counts = {verdict: sum(row[0] == verdict for row in rows) for verdict in ("GO", "WARN", "NO-GO")}
+    told.append(", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count))
+    if written:
+        told.append(f"registration: {written}; give it to skill_learner and commander as registration_file")
+    told.append(NEXT if report.is_go else "next: mend what says NO-GO, and check again: dart-skill check arm")
+    return "\n".join(told)
