@@ -16,10 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dart_skill.experiments import runs
-from dart_skill.experiments.throws import arm_of, taught
+from dart_skill.experiments import runs, throws
 from dart_skill.recording import Demonstration
-from dart_skill.regions import REGION, targets_for
+from dart_skill.regions import REGION
 from dart_skill.session import Session
 from dart_skill.simulation import CHANGES, changed
 from dart_skill.skill.improve import METHODS, Curriculum, PractisingSkill
@@ -72,20 +71,16 @@ class Run:
 
 
 def teach(session: Session, seed: int, wanted: int) -> list[Demonstration]:
-    """As many demonstrations as wanted, each of a throw that went in."""
-    rng, kept = np.random.default_rng([seed, 3]), []
-    for target in [*targets_for(seed, wanted, 0)[0], *REGION.spread(wanted, rng)]:
-        lesson = taught(session, target)
-        if lesson is not None:
-            kept.append(lesson.demonstration)
-        if len(kept) == wanted:
-            return kept
-    raise ValueError(f"seed {seed}: only {len(kept)} of {wanted} demonstrations succeeded")
+    """As many demonstrations as wanted, each of a throw that went in; ValueError if the person fails too often."""
+    kept = throws.teach(session, seed, wanted)
+    if len(kept) < wanted:
+        raise ValueError(f"seed {seed}: only {len(kept)} of {wanted} demonstrations succeeded")
+    return kept
 
 
 def run(task: Task) -> Run:
     """One teacher, one arm, one way to practise."""
-    session = Session.on_arm(arm_of(task.arm, task.seed), task.seed)
+    session = Session.on_arm(throws.arm_of(task.arm, task.seed), task.seed)
     try:
         return _run(task, session)
     finally:

@@ -12,6 +12,7 @@ from tqdm import tqdm
 
 from dart_skill.experiments.scatter_bound import best_share
 from dart_skill.fleet import FLEET, arm_named
+from dart_skill.recording import Demonstration
 from dart_skill.regions import REGION, targets_for
 from dart_skill.robot import PlanRefused
 from dart_skill.session import Session, Trial
@@ -59,8 +60,8 @@ def run_seed(
     """
     arm = arm_of(arms, seed)
     session = Session.on_arm(arm, seed, settings)
-    to_demonstrate, to_throw = targets_for(seed, demonstrations, throws)
-    kept = [lesson.demonstration for target in to_demonstrate if (lesson := taught(session, target)) is not None]
+    to_throw = targets_for(seed, demonstrations, throws)[1]
+    kept = teach(session, seed, demonstrations)
     results = []
     for name in names:
         try:
@@ -76,6 +77,18 @@ def run_seed(
 def arm_of(arms: str, seed: int) -> str:
     """Name of the arm of a seed: `arms` itself, or the one that the seed draws from the fleet."""
     return f"{FLEET}:{seed}" if arms == FLEET else arms
+
+
+def teach(session: Session, seed: int, wanted: int) -> list[Demonstration]:
+    """As many demonstrations as wanted, each of a throw that went in; fewer if the person fails as often again."""
+    rng, kept = np.random.default_rng([seed, 3]), []
+    for target in [*targets_for(seed, wanted, 0)[0], *REGION.spread(wanted, rng)]:
+        lesson = taught(session, target)
+        if lesson is not None:
+            kept.append(lesson.demonstration)
+        if len(kept) == wanted:
+            break
+    return kept
 
 
 def taught(session: Session, target: np.ndarray) -> Trial | None:
