@@ -4,8 +4,10 @@ import time
 
 import numpy as np
 import pytest
+from dart_skill_msgs.action import Throw
 from dart_skill_msgs.msg import WamCommand
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.action import ActionClient
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 
@@ -110,6 +112,19 @@ def test_a_missing_joint_is_named_and_nothing_is_commanded(beside):
     assert not driver.answers and "config/wam.yaml" in driver.diagnoses[-1][1]
     driver.names = NAMES
     driver.until(lambda: driver.answers, "an answer once all joints are there")
+
+
+def test_the_law_of_the_simulated_arm_throws_nothing_beside_another_arm(beside):
+    """Whoever starts the node by itself beside a real arm gets the parameters of config/: told at once, before anything moves."""
+    driver = beside(CommanderNode(), QoSProfile(depth=10))
+    client = ActionClient(driver.node, Throw, "/throw")
+    driver.until(lambda: driver.answers and client.server_is_ready(), "a commander")
+    sent = client.send_goal_async(Throw.Goal(target=conversions.point(np.array([2.0, 0.0, 0.4]))))
+    driver.until(sent.done, "an answer to the goal")
+    result = sent.result().get_result_async()
+    driver.until(result.done, "the result")
+    assert result.result().result.code == Throw.Goal.OUTCOME_REFUSED
+    assert "tracking is 'hand'" in result.result().result.message and "tracking:=joints" in result.result().result.message
 
 
 @pytest.mark.parametrize(

@@ -84,6 +84,14 @@ class GoalUnderWay:
     silence: float = 0.0
 
 
+SIMULATED = "/simulation/state"
+"""Only a simulator publishes it."""
+NOT_FOR_AN_ARM = (
+    "tracking is 'hand', which an arm with motors and cables does not bear, and no simulator runs: start the commander with "
+    "tracking:=joints and friction_compensation:=1.0, as the layout hardware does"
+)
+
+
 class CommanderNode(Node):
     """Action /throw, the command topic, and services that free, hold and stop the arm."""
 
@@ -187,6 +195,9 @@ class CommanderNode(Node):
             return None
         if self._state is None:
             result.message = "no /joint_states yet: is the arm, or wam_simulator, running?"
+            return None
+        if self.p["tracking"] == "hand" and not self.count_publishers(SIMULATED):
+            result.message = NOT_FOR_AN_ARM
             return None
         if not await self._planner_is_there():
             result.message = "nobody serves /skill_learner/plan_throw: start skill_learner"
