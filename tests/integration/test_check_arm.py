@@ -46,7 +46,7 @@ class Leader:
         self._servo = JointServo(Impedance(ArmModel()))
         self._message = WamCommand()
         self._message.header.frame_id = "world"
-        self._first_ns, self.count, self.swing = None, 0, 0.5
+        self._first_ns, self.count, self.swing, self.fastest = None, 0, 0.5, np.inf
         self._command = client.node.create_publisher(WamCommand, "/wam/command", COMPLETE)
         client.node.create_subscription(JointState, "/joint_states", self._lead, LOOP)
 
@@ -59,6 +59,7 @@ class Leader:
         torque = self._servo.torque(state.position, state.velocity, wanted, np.zeros(7), np.zeros(7))
         self._command.publish(conversions.fill_command(self._message, Command(state.stamp_ns, joint_torque=torque)))
         self.count += 1
+        self.fastest = np.abs(state.velocity).max()
 
 
 @pytest.fixture(scope="module")
@@ -167,6 +168,7 @@ def far_and_firm():
 def test_it_listens_until_so_many_postures_were_shown(led, tmp_path):
     client, leader, _ = led
     leader.swing = 0.0
+    wait_for(client, lambda: leader.fastest < 0.01, what="an arm at rest")
     running = Check(tmp_path, "--postures", "1")
     wait_for(client, lambda: running.process.poll() is not None, what="the end of the check")
     status, output = running.end()

@@ -30,7 +30,8 @@ def _demo(*arguments, **options):
 @pytest.fixture(scope="module")
 def small_demo(tmp_path_factory):
     folder = tmp_path_factory.mktemp("demo") / "run"
-    return _demo("--demonstrations", "3", "--throws", "2", "--seed", "1", "--json", "--output", str(folder)), folder
+    options = ("--demonstrations", "3", "--throws", "2", "--seed", "1", "--arm", "fleet:3", "--json")
+    return _demo(*options, "--output", str(folder)), folder
 
 
 def test_the_demo_ends_well_and_prints_nothing_but_json_on_stdout(small_demo):
@@ -54,7 +55,8 @@ def test_the_report_tells_of_this_run(small_demo):
     _, folder = small_demo
     page = (folder / "report.html").read_text(encoding="utf-8")
     summary = json.loads((folder / "summary.json").read_text())
-    assert "Demo: 3 demonstrations, 2 throws" in page and "--seed 1 (default 0)" in page and "skill_learner.yaml" in page
+    assert "Demo: 3 demonstrations, 2 throws" in page and "--seed 1 (default 0)" in page and "--arm fleet:3 (default ideal)" in page
+    assert "skill_learner.yaml" in page
     for throw in summary["throws"]:
         assert f"{throw['landing'][0]:.3f}" in page and f"{100 * throw['error_m']:.1f}" in page
     assert page.count("<svg") == len(PICTURES)

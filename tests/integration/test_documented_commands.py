@@ -224,7 +224,7 @@ TYPED = {
     ),
     # experiments
     "dart-skill experiment throws --seeds 10": Run("--seeds 1 --throws 1 --demonstrations 3", says="default +[01]/1 "),
-    "dart-skill demo --arm fleet:3": Run("--demonstrations 3 --throws 1", says=r"in [01]/1"),
+    "dart-skill demo --arm fleet:3": Elsewhere("integration/test_demo.py::test_the_report_tells_of_this_run"),
     "dart-skill demo --arm elastic": Elsewhere("unit/test_fleet.py::test_an_arm_sets_what_the_nodes_have_with_values_of_the_same_kind"),
     "dart-skill demo --set mock_optitrack.noise=0.002": Elsewhere(
         "unit/cli/test_usage.py::test_an_arm_and_a_parameter_reach_the_processes_that_run_their_nodes"
@@ -248,6 +248,8 @@ TYPED = {
     "dart-skill experiment practice --methods residual --demonstrations 3 --throws 20 --tested-after 0,10,20 --seeds 20": Run(
         "--throws 1 --tested-after 0,1 --tests 1 --seeds 1", says="residual"
     ),
+    "dart-skill experiment practice --methods residual --arms fleet --first-seed 2000 --seeds 24 --throws 50 "
+    "--tested-after 0,10,50": Elsewhere("unit/experiments/test_practice.py::test_a_tiny_run_practises_and_is_tested"),
     "dart-skill experiment practice --methods residual --throws 50 --tested-after 0,10,20,50 --again 16 --seeds 20": Elsewhere(
         "unit/experiments/test_practice.py::test_the_floor_is_what_one_plan_scatters_and_is_measured_when_all_else_is_done"
     ),

@@ -124,9 +124,9 @@ class ViewerJobs:
         return response.message
 
     async def _throw(self) -> str:
+        target = await self._target()
         if not self._sequence.reset_client.service_is_ready():
             return await self._practise(1, True, only_throw=True)  # a person puts the ball into the hand: the coach says when
-        target = await self._target()
         first_stamp = await self._sequence.reset()
         under_way = await self._sequence.begin(target, first_stamp, lambda phase: self._say_once(phase.replace("_", " ")))
         result = await self._sequence.end(under_way)
