@@ -43,14 +43,14 @@ def check_arm(heard: Heard, limits: Mapping | None = None, model: ArmModel | Non
     joints = heard.joints
     lines = [
         publisher_line(joints, "the arm's driver"),
-        quality_line(joints, must_be_reliable=True),
+        quality_line(joints, better_reliable=True),
         rate_line(joints, STATE_RATE, None if heard.simulated else float(limits["longest_gap"])),  # a reset leaves a gap
         stamps_line(joints, heard.simulated),
     ]
     of_joints = joint_lines(joints, model.description)
     lines += of_joints
     for stream in heard.poses.values():
-        lines += [publisher_line(stream, "the cameras' driver (vrpn_mocap)"), quality_line(stream, must_be_reliable=False)]
+        lines += [publisher_line(stream, "the cameras' driver (vrpn_mocap)"), quality_line(stream, better_reliable=False)]
         lines += [rate_line(stream, RATE, None), stamps_line(stream, heard.simulated), frame_line(stream, the_world().frame_id)]
     lines += [time_base_line(heard), command_line(heard)]
     right = all(one.verdict is not Verdict.NO_GO for one in of_joints[:2])

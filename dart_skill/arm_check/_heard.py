@@ -55,7 +55,7 @@ class JointStream(Stream):
     """Joint states.
 
     * orders: the lists of names that were used.
-    * position: (n, k) [rad].
+    * position: (n, k) [rad], of the arm's joints in their order where all are named, else as they came.
     * velocity: (n, k) [rad/s], or (n, 0) where the driver gives none.
     * n_odd: messages with another number of positions than k; they are left out.
     """

@@ -1,4 +1,4 @@
-"""The joints: names, order, range, units, and whether speeds are those of the positions."""
+"""The joints: names, range, units, and whether speeds are those of the positions."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import numpy as np
 from dart_skill.arm_check._heard import JointStream
 from dart_skill.arm_check._line import Line, Verdict, line
 from dart_skill.robot import WamDescription
+from dart_skill.world import joint_order
 
 SLOW = 0.05
 """A joint that was never faster says nothing of its speeds [rad/s]."""
@@ -25,17 +26,19 @@ def joint_lines(stream: JointStream, description: WamDescription) -> list[Line]:
 
 def _names(stream: JointStream, description: WamDescription) -> Line:
     wanted = tuple(joint.name for joint in description.joints)
-    asked = f"{wanted[0]} to {wanted[-1]}, in order"
+    asked = f"{wanted[0]} to {wanted[-1]}, each once"
     if not stream.orders:
         return line("joint names", Verdict.NO_GO, "no message", asked, "nothing comes: look at the arm's driver")
-    if stream.n_odd or stream.position.shape[1] != len(wanted):
-        measured = f"{stream.position.shape[1]} joints" + (f", {stream.n_odd} messages with another number" if stream.n_odd else "")
-        return line("joint names", Verdict.NO_GO, measured, asked, "the hand's joints go on a topic of their own")
-    wrong = [order for order in stream.orders if order != wanted]
-    said = ", ".join(wrong[0]) if wrong else ", ".join(wanted)
-    is_order = wrong and sorted(wrong[0]) == sorted(wanted)
-    remedy = "put them in order: nodes read the seven by their place" if is_order else "give the driver's joints these names"
-    return line("joint names", Verdict.NO_GO if wrong else Verdict.GO, said or "no names", asked, remedy)
+    for names in stream.orders:
+        try:
+            joint_order(names)
+        except ValueError as error:
+            what, _, remedy = str(error).partition(": ")
+            return line("joint names", Verdict.NO_GO, what, asked, remedy)
+    if stream.n_odd:
+        measured = f"{stream.n_odd} messages with another number of joints"
+        return line("joint names", Verdict.NO_GO, measured, asked, "the hand's joints go on a topic of their own, or always with the arm's")
+    return line("joint names", Verdict.GO, ", ".join(stream.orders[0]), asked)
 
 
 def _positions(stream: JointStream, description: WamDescription) -> Line:

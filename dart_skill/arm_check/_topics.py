@@ -29,13 +29,13 @@ def publisher_line(stream: Stream, source: str) -> Line:
     return line(f"{stream.topic}: publisher", verdict, ", ".join(names) or "none", "exactly one", remedy)
 
 
-def quality_line(stream: Stream, must_be_reliable: bool) -> Line:
-    """What the publishers offer."""
+def quality_line(stream: Stream, better_reliable: bool) -> Line:
+    """What the publishers offer; nodes hear either, but of a stream that has to be answered each message counts."""
     offered = sorted({one.reliability for one in stream.publishers})
-    wrong = must_be_reliable and "best_effort" in offered
-    asked = "reliable" if must_be_reliable else "reliable or best_effort"
-    remedy = "publish it with reliable QoS: the commander hears no best-effort publisher"
-    verdict = Verdict.NO_GO if wrong or not offered else Verdict.GO
+    asked = "reliable" if better_reliable else "reliable or best_effort"
+    remedy = "publish it with reliable QoS: a state that is lost is answered by no command" if offered else "look at the driver"
+    worse = better_reliable and "best_effort" in offered
+    verdict = Verdict.NO_GO if not offered else Verdict.WARN if worse else Verdict.GO
     return line(f"{stream.topic}: QoS", verdict, ", ".join(offered) or "nothing offered", asked, remedy)
 
 

@@ -1,6 +1,6 @@
 """Hears joints, poses and /clock with plain subscriptions, and hands them to the check of the arm as arrays."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
@@ -11,7 +11,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
 from dart_skill.arm_check import Endpoint, Heard, JointStream, PoseStream
-from dart_skill.world import the_world
+from dart_skill.world import joint_order, the_world
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.raw_batches import RawBatches, RawMessage
 from dart_skill_nodes.process.graph_processes import NODES
@@ -69,12 +69,14 @@ class ArmListener:
         lengths = [len(message.position) for _, message in states]
         usual = max(set(lengths), key=lengths.count) if lengths else 0
         same = [(received, message) for received, message in states if len(message.position) == usual]
+        position = np.array([_of_arm(message, message.position) for _, message in same])
         with_speeds = all(len(message.velocity) == usual for _, message in same)
+        velocity = np.array([_of_arm(message, message.velocity) if with_speeds else [] for _, message in same])
         return JointStream(
             **self._stream(JOINTS, same, when, told),
             orders=tuple(sorted({tuple(message.name) for _, message in same})),
-            position=np.array([message.position for _, message in same]).reshape(len(same), usual),
-            velocity=np.array([message.velocity if with_speeds else [] for _, message in same]).reshape(len(same), -1 if same else 0),
+            position=position.reshape(len(same), -1 if same else 0),
+            velocity=velocity.reshape(len(same), -1 if same else 0),
             n_odd=len(states) - len(same),
         )
 
@@ -98,6 +100,14 @@ class ArmListener:
             "stamp_ns": np.array([conversions.stamp_ns(message.header.stamp) for _, message in messages], dtype=np.int64),
             "frames": tuple(sorted({message.header.frame_id for _, message in messages})),
         }
+
+
+def _of_arm(message: JointState, values: Sequence[float]) -> np.ndarray:
+    """Of one value for each name those of the arm's joints, in their order; all of them where a joint is missing."""
+    try:
+        return np.array(values)[joint_order(tuple(message.name))]
+    except (ValueError, IndexError):
+        return np.array(values)
 
 
 def _ends(offers: Iterable) -> list[Endpoint]:

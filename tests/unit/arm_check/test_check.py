@@ -51,7 +51,7 @@ def about(vector):
 
 
 J, H = GOOD.joints, GOOD.poses["hand"]
-SWAPPED = ("wam_j2", "wam_j1", *NAMES[2:])
+SWAPPED = ("finger", "wam_j2", "wam_j1", *NAMES[2:])
 HALF = np.arange(len(H)) % 2 == 0
 UNSEEN = H.position[:, 2] < np.quantile(H.position[:, 2], 0.7)
 ONE_AXIS = np.column_stack([J.position[:, 0], *np.tile(J.position[0, 1:], (len(J), 1)).T])
@@ -66,7 +66,6 @@ FAULTS = {
         "wam_driver, wam_simulator",
         "end all but one",
     ),
-    "best effort joints": ("/joint_states: QoS", joints(publishers=(Endpoint("wam_driver", "best_effort"),)), "best_effort", "reliable"),
     "slow joints": ("/joint_states: rate", joints(stamp_ns=BEGIN_NS + 4_000_000 * np.arange(len(J))), "250.0 Hz", "rate"),
     "a gap": (
         "/joint_states: rate",
@@ -85,10 +84,9 @@ FAULTS = {
     "late joint stamps": ("/joint_states: stamps", joints(received_ns=J.stamp_ns + 300_000_000), "300.0 ms old", "chrony"),
     "stamps of the future": ("/joint_states: stamps", joints(received_ns=J.stamp_ns - 40_000_000), "-40.0 ms old", "clock"),
     "another epoch": ("/joint_states: stamps", joints(received_ns=J.stamp_ns + 10**18), "1000000000.0 s old", "clock"),
-    "wrong names": ("joint names", joints(orders=(tuple(f"joint{k}" for k in range(7)),)), "joint0", "these names"),
-    "wrong order": ("joint names", joints(orders=(SWAPPED,)), "wam_j2, wam_j1", "in order"),
+    "wrong names": ("joint names", joints(orders=(tuple(f"joint{k}" for k in range(7)),)), "wam_j1 is missing", "name the arm's joints"),
+    "a name twice": ("joint names", joints(orders=((*NAMES[:6], "wam_j1"),)), "wam_j1 is named twice", "config/wam.yaml"),
     "hand joints, too": ("joint names", joints(n_odd=12), "12 messages", "topic of their own"),
-    "eight joints": ("joint names", joints(position=np.zeros((len(J), 8)), velocity=np.zeros((len(J), 8))), "8 joints", "of their own"),
     "degrees": ("joint positions", joints(position=np.rad2deg(J.position)), "wam_j2 at", "look like degrees"),
     "beyond its end": ("joint positions", joints(position=J.position - [0, 1.2, 0, 0, 0, 0, 0]), "wam_j2 at -2.6", "the arm's zero"),
     "nan positions": ("joint positions", joints(position=np.where(J.position > 1.0, np.nan, J.position)), "not finite", "driver"),
@@ -153,6 +151,9 @@ def test_what_can_be_borne_is_a_warning_and_go():
     assert "use_vrpn_timestamps" in told["/vrpn_mocap/hand/pose: stamps"].remedy and "VL2" in told["fastest hand"].remedy
     resting, _ = table(joints(position=J.position * [1, 1, 1, 1, 1, 1, 0], velocity=J.velocity * [1, 1, 1, 1, 1, 1, 0]))
     assert resting["joint velocities"].verdict is Verdict.WARN and "wam_j7" in resting["joint velocities"].remedy
+    lost, _ = table(joints(publishers=(Endpoint("wam_driver", "best_effort"),)))
+    assert lost["/joint_states: QoS"].verdict is Verdict.WARN and "no command" in lost["/joint_states: QoS"].remedy
+    assert table(joints(orders=(SWAPPED,)))[0]["joint names"].verdict is Verdict.GO, "nodes read them by their names"
     moved, report = table(seen_with(shift=(0.08, 0.0, 0.0)))
     assert moved["base"].verdict is Verdict.WARN and "registration_file" in moved["base"].remedy and report.registration is not None
 
