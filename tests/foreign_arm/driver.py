@@ -60,6 +60,7 @@ class Driver(Node):
         self._pose_publishers = {body: self.create_publisher(PoseStamped, f"/vrpn_mocap/{body}/pose", sensors) for body in BODIES}
         self.create_subscription(WamCommand, "/wam/command", self._take, STATES)
         self._begin = time.time_ns()
+        self._pace = 1.0
         self._wall_begin = time.monotonic()
 
     def _take(self, message):
@@ -115,14 +116,18 @@ class Driver(Node):
 
     def _wait_for_clock(self):
         """Real time: spin until the next step is due."""
-        due = self._wall_begin + (self.plant.steps + 1) * PERIOD
+        due = self._wall_begin + (self.plant.steps + 1) * PERIOD * self._pace
         if time.monotonic() > due + LATEST:
             self.late += 1
             self._wall_begin += time.monotonic() - due
-            due = time.monotonic() + PERIOD
+            due = time.monotonic() + PERIOD * self._pace
         self._executor.spin_once(timeout_sec=0.0)
         while (left := due - time.monotonic()) > 0.0:
             self._executor.spin_once(timeout_sec=left)
+
+    def slow_down(self, pace):
+        """From now on a second of the plant takes `pace` seconds of the wall clock. Nobody waits for anybody all the same."""
+        self._pace, self._wall_begin = pace, time.monotonic() - self.plant.steps * PERIOD * pace
 
     def _torque(self):
         """What the newest command asks for, on top of gravity compensation (7,) [N m]."""
