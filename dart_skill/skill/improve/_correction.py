@@ -48,7 +48,7 @@ class CorrectionSettings:
     * memory: throws at most, the latest.
     """
 
-    offsets: tuple[float, ...] = (0.01, 0.03, 0.1)
+    offsets: tuple[float, ...] = (0.01, 0.03, 0.1, 0.3)
     lengths: tuple[float, ...] = (0.05, 0.1, 0.2, 0.4, 0.8)
     turns: tuple[float, ...] = (0.7, 3.0)
     surprise: float = 4.0

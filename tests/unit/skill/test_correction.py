@@ -34,7 +34,7 @@ def crooked(place):
 def test_knows_nothing_before_the_first_throw():
     mean, deviation = Correction().predict([[2.0, 0.0]])
     np.testing.assert_array_equal(mean, [[0.0, 0.0]])
-    np.testing.assert_allclose(deviation, [[np.sqrt((0.01**2 + 0.03**2 + 0.1**2) / 3)] * 2])
+    np.testing.assert_allclose(deviation, [[np.sqrt((0.01**2 + 0.03**2 + 0.1**2 + 0.3**2) / 4)] * 2])
     np.testing.assert_array_equal(Correction().shifted([2.0, 0.5, 0.4]), [2.0, 0.5, 0.4])
 
 
