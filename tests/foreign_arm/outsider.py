@@ -138,7 +138,7 @@ class Outsider(Node):
         """The result of a goal."""
         return self._wait(handle.get_result_async(), limit).result
 
-    def type(self, *words, before_enter=(), limit=120.0):
+    def type(self, *words, before_enter=(), limit=300.0):
         """Type a command, with a person who does what the coach asks; the object that it prints as JSON, and what it says meanwhile.
 
         before_enter: what is done, one after the other, before the command is given the Enter key that it asks for.
@@ -170,10 +170,10 @@ class Outsider(Node):
         self.asked.append(feedback.message)
         if not self.helps or self.driver.person.busy:
             return
-        if feedback.message.startswith("put the ball into the hand"):
+        if "put the ball into the hand" in feedback.message:
             self.driver.person.begin(self.driver.person.bring_ball())
         elif feedback.message.startswith("put the basket at"):
-            x, y, z = (float(word) for word in re.findall(r"[xyz] (-?[0-9.]+)", feedback.message))
+            x, y, z = (float(word) for word in re.findall(r"[xyz] (-?[0-9.]+)", feedback.message)[:3])
             self.driver.plant.place_basket(np.array([x, y, z]))
 
     def _act(self, client, goal, limit):

@@ -47,7 +47,7 @@ class Leader:
         self._message = WamCommand()
         self._message.header.frame_id = "world"
         self._first_ns, self.count, self.swing, self.fastest = None, 0, 0.5, np.inf
-        self._command = client.node.create_publisher(WamCommand, "/wam/command", COMPLETE)
+        self.command = client.node.create_publisher(WamCommand, "/wam/command", COMPLETE)
         client.node.create_subscription(JointState, "/joint_states", self._lead, LOOP)
 
     def _lead(self, message):
@@ -57,7 +57,7 @@ class Leader:
         share = min(1.0, time / 3.0)
         wanted = MIDDLE + share * self.swing * np.sin(time * np.array([0.9, 0.7, 1.1, 0.8, 1.3, 1.0, 1.2]) + np.arange(7))
         torque = self._servo.torque(state.position, state.velocity, wanted, np.zeros(7), np.zeros(7))
-        self._command.publish(conversions.fill_command(self._message, Command(state.stamp_ns, joint_torque=torque)))
+        self.command.publish(conversions.fill_command(self._message, Command(state.stamp_ns, joint_torque=torque)))
         self.count += 1
         self.fastest = np.abs(state.velocity).max()
 
@@ -70,7 +70,8 @@ def led(make_shared_graph):
     graph.start("mock_optitrack", {"seed": SEED, **CAMERAS})
     leader = Leader(client)
     wait_for(client, lambda: leader.count > 100, what="an arm that is led")
-    return client, leader, graph
+    yield client, leader, graph
+    client.node.destroy_publisher(leader.command)
 
 
 class Check:

@@ -111,32 +111,17 @@ def run(
     nodes: list[Node] = []
     try:
         executor = make_executor()
-        nodes = _made(make_nodes)
+        nodes = make_nodes()
         for node in nodes:
             executor.add_node(node)
         while rclpy.ok() and not interrupts and not over(nodes):
             executor.spin_once(timeout_sec=0.1)
-    except NotStarted as error:
-        rclpy.logging.get_logger("dart_skill").fatal(str(error))
-        raise SystemExit(1) from None
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
         for node in nodes:
             node.destroy_node()
         rclpy.try_shutdown()
-
-
-class NotStarted(Exception):
-    """A node cannot be made; the message says which value is wrong, and where."""
-
-
-def _made(make_nodes: Callable[[], list[Node]]) -> list[Node]:
-    """The nodes; NotStarted in place of a ValueError, of which whoever typed the value needs the text and no traceback."""
-    try:
-        return make_nodes()
-    except ValueError as error:
-        raise NotStarted(f"not started: {error}") from error
 
 
 def autostart(node: LifecycleNode) -> None:
