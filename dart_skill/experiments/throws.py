@@ -11,7 +11,7 @@ import numpy as np
 from tqdm import tqdm
 
 from dart_skill.experiments.scatter_bound import best_share
-from dart_skill.fleet import FLEET, arm_named
+from dart_skill.fleet import FLEET, arm_with
 from dart_skill.recording import Demonstration
 from dart_skill.regions import REGION, targets_for
 from dart_skill.robot import PlanRefused
@@ -174,9 +174,10 @@ def summary(results: list[Throw]) -> dict:
     }
 
 
-def best_possible(results: list[Throw]) -> float | None:
+def best_possible(results: list[Throw], settings: tuple[str, ...] = ()) -> float | None:
     """Share of these throws that would be in with the best of all plans, given how the arm's fingers scatter direction and speed.
 
+    settings: parameters with which they were thrown, as in `run_seed`.
     A ball counts as in whose centre comes down inside the rim by half a ball: of 180 throws of `scattering_hand` the farthest that fell in
     was 13.5 cm from the centre, the nearest that did not 13.3 cm. None if no throw was planned.
     """
@@ -184,7 +185,7 @@ def best_possible(results: list[Throw]) -> float | None:
     radius = the_world().basket_radius - 0.25 * the_world().ball_diameter
     shares = []
     for one in thrown:
-        scatter = arm_named(one.arm).get("wam_simulator", {})
+        scatter = arm_with(one.arm, settings).get("wam_simulator", {})
         turn, speed = (float(scatter.get(name, 0.0)) for name in ("release_turn", "release_speed"))
         shares.append(best_share(np.array(one.let_go), np.array(one.target), turn, speed, radius))
     return float(np.mean(shares)) if shares else None

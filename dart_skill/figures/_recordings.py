@@ -6,11 +6,10 @@ A reset leaves a gap in the stamps of the hand's poses, much longer than any dro
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from dart_skill.recording import BagError, BagReader
+from dart_skill.recording import BagError, BagReader, stamp_ns
 from dart_skill.robot import Grip
 from dart_skill.world import the_world
 
@@ -92,14 +91,14 @@ def _between(series: Stamped, start_ns: int, stop_ns: int) -> Stamped:
 def _poses(bag: BagReader, topic: str) -> Stamped:
     """Stamps (n,) and positions (n, 3) of a body, in order, without repeated stamps and values that are not finite."""
     points = ((item, item.data.pose.position) for item in _messages(bag, topic))
-    stamps, rows = _ordered(((_stamp(item.data), (point.x, point.y, point.z)) for item, point in points), 3)
+    stamps, rows = _ordered(((stamp_ns(item.data.header.stamp), (point.x, point.y, point.z)) for item, point in points), 3)
     finite = np.isfinite(rows).all(axis=1)
     return stamps[finite], rows[finite]
 
 
 def _commands(bag: BagReader) -> Stamped:
     """Stamps (n,) of the commands, and which of them told the hand to open (n,)."""
-    stamps, opened = _ordered(((_stamp(item.data), (item.data.grip == Grip.OPEN,)) for item in _messages(bag, COMMAND)), 1)
+    stamps, opened = _ordered(((stamp_ns(item.data.header.stamp), (item.data.grip == Grip.OPEN,)) for item in _messages(bag, COMMAND)), 1)
     return stamps, opened[:, 0] > 0.0
 
 
@@ -112,7 +111,3 @@ def _ordered(items: Iterable[tuple[int, tuple]], width: int) -> Stamped:
     stamps, first = np.unique(np.array([stamp for stamp, _ in items], dtype=np.int64), return_index=True)
     rows = np.array([row for _, row in items], dtype=float).reshape(-1, width)
     return stamps, rows[first]
-
-
-def _stamp(message: Any) -> int:
-    return int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)

@@ -26,6 +26,7 @@ from dart_skill.recording.demonstration import (
     demonstration_message,
     fill_demonstration_message,
     read_demonstrations,
+    stamp_ns,
 )
 from dart_skill.recording.grip_signal import GripSignal, Opening, read_command
 from dart_skill.recording.marks import MARK_TOPIC, MARK_TYPE, Marks, check_known, demonstration_id, read_dropped
@@ -57,6 +58,7 @@ __all__ = [
     "read_demonstrations",
     "read_dropped",
     "serialize",
+    "stamp_ns",
     "type_hash",
     "types_for",
     "typestore",

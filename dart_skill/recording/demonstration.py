@@ -126,7 +126,7 @@ def demonstration_message(types: Typestore, demonstration: Demonstration) -> Any
 
 def demonstration_from_message(msg: Any) -> Demonstration:
     """The demonstration in a message object, of rclpy or decoded without ROS."""
-    origin = _stamp(msg.header.stamp)
+    origin = stamp_ns(msg.header.stamp)
     hand, ball, joints = msg.hand, msg.ball, msg.joints
     return Demonstration(
         id=msg.id,
@@ -201,18 +201,19 @@ def _filled(msg: Any, content: dict[str, Any], new: Callable[[str], Any]) -> Any
     return msg
 
 
-def _stamp(stamp: Any) -> int:
+def stamp_ns(stamp: Any) -> int:
+    """A message's stamp as an integer [ns]."""
     return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
 def _event(stamp: Any, origin: int) -> float:
     """Seconds after the origin; nan for a zero stamp."""
-    nanoseconds = _stamp(stamp)
+    nanoseconds = stamp_ns(stamp)
     return (nanoseconds - origin) * 1e-9 if nanoseconds else float("nan")
 
 
 def _times(items: Iterable[Any], origin: int) -> np.ndarray:
-    return np.array([_stamp(item.header.stamp) - origin for item in items], dtype=np.int64) * 1e-9
+    return np.array([stamp_ns(item.header.stamp) - origin for item in items], dtype=np.int64) * 1e-9
 
 
 def _vector(item: Any) -> list[float]:

@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterable
 from typing import Any
 
 from dart_skill.recording.bags import BagError, BagReader
+from dart_skill.recording.demonstration import stamp_ns
 
 MARK_TYPE = "dart_skill_msgs/msg/DemonstrationMark"
 MARK_TOPIC = "/demonstration_marks"
@@ -29,7 +30,7 @@ class Marks:
 
     def take(self, mark: Any) -> bool:
         """Whether a message of type MARK_TYPE is news: no mark of its demonstration is as new."""
-        marked_ns = int(mark.header.stamp.sec) * 1_000_000_000 + int(mark.header.stamp.nanosec)
+        marked_ns = stamp_ns(mark.header.stamp)
         if mark.id in self._newest and marked_ns <= self._newest[mark.id][0]:
             return False
         self._newest[mark.id] = marked_ns, bool(mark.dropped)

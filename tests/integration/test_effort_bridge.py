@@ -22,10 +22,6 @@ PATIENT = 1.0
 """Timeouts of the bridge here: a busy machine is no fault of a commander [s]."""
 
 
-COMMANDS = "/command_of_this_test"
-"""Publishers of /wam/command of earlier tests in this process are seen for long after they were destroyed."""
-
-
 class Laboratory:
     """The arm, the bridge and the commander, and what is seen of them."""
 
@@ -74,14 +70,13 @@ class Laboratory:
 
 @pytest.fixture(scope="module")
 def laboratory(make_shared_graph):
-    commands = {"/wam/command": COMMANDS}
-    graph, client = make_shared_graph(None, remappings={"effort_bridge": commands, "commander": commands})
+    graph, client = make_shared_graph(None)
     process = subprocess.Popen([sys.executable, "-m", "tests.integration.effort_stand_in"], cwd=ROOT)
     try:
         graph.start("effort_bridge", {"controller_joints": NAMES[::-1], "command_timeout": PATIENT, "state_timeout": PATIENT})
         graph.start("commander", {"tracking": "joints"})
         laboratory = Laboratory(graph, client)
-        laboratory.go()
+        laboratory.wait(lambda: laboratory.phase == "active", "a bridge that carries commands out")
         yield laboratory
     finally:
         process.send_signal(signal.SIGINT)
@@ -97,7 +92,7 @@ def test_the_arm_is_held_against_gravity_by_commander_and_bridge(laboratory):
 
 
 def test_a_second_commander_stops_the_arm_until_it_is_reset(laboratory):
-    second = laboratory.client.node.create_publisher(WamCommand, COMMANDS, 10)
+    second = laboratory.client.node.create_publisher(WamCommand, "/wam/command", 10)
     laboratory.wait(lambda: laboratory.phase == "stopped", "a bridge that stops")
     assert "2 nodes publish commands" in laboratory.message
     refused = laboratory.client.call(laboratory.reset, Trigger.Request(), may_refuse=True)
@@ -119,7 +114,7 @@ def test_when_the_commander_is_gone_a_moving_arm_is_damped_to_rest(laboratory):
     laboratory.wait(lambda: laboratory.joints.fastest < 0.02, "an arm at rest")
     assert np.abs(laboratory.position - START).max() < 0.5
     assert (np.abs(laboratory.efforts) <= np.array(SETTINGS["torque_limit"]) + 1e-9).all()
-    commands = laboratory.client.node.create_publisher(WamCommand, COMMANDS, 10)
+    commands = laboratory.client.node.create_publisher(WamCommand, "/wam/command", 10)
 
     def tell(grip):
         message = WamCommand(grip=grip)

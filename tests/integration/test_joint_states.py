@@ -12,6 +12,7 @@ from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 
 from dart_skill.world import joint_names
+from dart_skill_nodes.client.arm_listener import ArmListener
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.joint_states import JOINT_STATES, hear_joint_states
 from dart_skill_nodes.executables.commander import CommanderNode
@@ -104,6 +105,25 @@ def test_joints_are_put_in_order_by_their_names(beside):
     driver = beside(node, QoSProfile(depth=10), REORDERED)
     driver.until(lambda: driver.answers, "an answer to states in another order")
     np.testing.assert_array_equal(node._state.position, list(ANGLES.values()))
+
+
+def test_check_arm_counts_postures_of_joints_in_another_order_beside_those_of_a_hand(beside):
+    """Else a person who leads such an arm through postures is waited for without end."""
+    import rclpy
+
+    node, heard = rclpy.create_node("arm_check"), []
+    listener = ArmListener(node)
+    driver = beside(node, QoSProfile(depth=10), REORDERED)
+
+    def takes():
+        heard.append(listener.take())
+        return heard[-1] is not None
+
+    driver.until(takes, "a state")
+    time_of_state, position = heard[-1]
+    assert time_of_state > 0.0
+    np.testing.assert_array_equal(position, list(ANGLES.values()))
+    listener.close()
 
 
 def test_a_missing_joint_is_named_and_nothing_is_commanded(beside):

@@ -37,7 +37,7 @@ def _throws(options: argparse.Namespace) -> int:
     arm_with(arm_of(options.arms, options.first_seed), options.set)
     seeds = list(range(options.first_seed, options.first_seed + options.seeds))
     results = throws.run(seeds, names, options.jobs, options.demonstrations, options.throws, options.arms, tuple(options.set))
-    best = throws.best_possible(results) if options.best_possible else None
+    best = throws.best_possible(results, tuple(options.set)) if options.best_possible else None
     if options.json:
         rows = [{k: None if v != v else v for k, v in asdict(result).items()} for result in results]
         said = {} if best is None else {"best_possible": best}

@@ -40,7 +40,7 @@ class CorrectionSettings:
     """How misses are learned from.
 
     * offsets: standard deviations that what all places have in common may have, before the first throw [m]; the evidence weighs them.
-    * lengths: distances over which misses resemble each other; the evidence decides among them [m].
+    * lengths: distances over which misses resemble each other; the evidence weighs them [m].
     * turns: azimuths over which they do [rad]. An arm that turns about its base may make the same throw all around.
     * surprise: a miss is a surprise from so many standard deviations on.
     * apart: two surprises nearer to each other than this, in distance [m] and azimuth [rad], may be the fault of the place.
@@ -66,14 +66,19 @@ class CorrectionSettings:
 NOTHING = np.zeros(2)
 
 
-class _Kernels(NamedTuple):
-    """Of every scale: power (s, n) and modes (s, n, n), the eigenvalues and eigenvectors of the kernel between the throws, and common
-    (s, n), what the modes have of an offset that all places share.
+class _Modes(NamedTuple):
+    """The misses as modes of the kernel between the throws, on every scale (s): but for the offset they are independent there.
+
+    * axes: (s, n, n) eigenvectors of the kernel.
+    * common: (s, n), what each mode has of an offset that all places share.
+    * precision: (s, k, n), inverse variance under each hypothesis [1/m^2].
+    * doubt: (s, k), variance of the offset after the throws [m^2].
     """
 
-    power: np.ndarray
-    modes: np.ndarray
+    axes: np.ndarray
     common: np.ndarray
+    precision: np.ndarray
+    doubt: np.ndarray
 
 
 class _Grid(NamedTuple):
@@ -94,15 +99,15 @@ class _Grid(NamedTuple):
 class _Posterior(NamedTuple):
     """What the throws say, by share (b), axis (2), scale (s), and hypothesis (k) of noise, difference and offset.
 
-    * kernels: those of the throws.
+    * modes: those of the throws.
     * probability: (b, 2, s, k), sums to one on each axis.
     * offset: (b, 2, s, k) mean of what all places have in common [m].
-    * seen: (b, 2, s, n) misses in the modes of the kernels [m].
+    * seen: (b, 2, s, n) misses in the modes [m].
     * towards: (2, s, n) weights of the kernel in the averaged mean.
     * noise: (2,) root mean square of what does not repeat [m].
     """
 
-    kernels: _Kernels
+    modes: _Modes
     probability: np.ndarray
     offset: np.ndarray
     seen: np.ndarray
@@ -139,6 +144,7 @@ class Correction:
     def __init__(self, settings: CorrectionSettings | None = None, surface: Surface = RIMS):
         self.settings, self._surface = settings or CorrectionSettings(), surface
         self._grid = _Grid.over(self.settings.offsets)
+        self._scales = np.array(list(product(self.settings.lengths, self.settings.turns)))
         self._places: np.ndarray = np.empty((0, 2))
         self._misses: np.ndarray = np.empty((0, 2))
         self._explained: np.ndarray = np.empty((0, 2))
@@ -204,7 +210,7 @@ class Correction:
         if not len(self._places):
             return np.zeros_like(places), np.full_like(places, np.sqrt(np.mean(np.square(self.settings.offsets))))
         kernel = self._kernel(places, self._places)
-        mean = self._posterior.common + np.einsum("smn,asn->ma", kernel, self._posterior.towards)
+        mean = self._mean(kernel)
         return mean, self._deviation(kernel, mean)
 
     def shifted(self, target: np.ndarray) -> np.ndarray:
@@ -212,8 +218,7 @@ class Correction:
         target = np.asarray(target, dtype=float)
         point = target.copy()
         for _ in range(3 if len(self) else 0):
-            kernel = self._kernel(self._surface.coordinates(point)[None], self._places)[:, 0]
-            mean = self._posterior.common + np.einsum("sn,asn->a", kernel, self._posterior.towards)
+            mean = self._mean(self._kernel(self._surface.coordinates(point)[None], self._places))[0]
             move = self._surface.offset(mean, point)
             move *= min(1.0, self.settings.farthest / max(float(np.linalg.norm(move)), 1e-12))
             point = target - move
@@ -236,46 +241,43 @@ class Correction:
     def _kernel(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
         """How much places (m, 2) resemble places (n, 2), on every scale (s, m, n)."""
         squares = np.square(first[:, None] - second)
-        scales = np.array(list(product(self.settings.lengths, self.settings.turns)))
-        return np.exp(-0.5 * np.einsum("mnj,sj->smn", squares, scales**-2.0))
+        return np.exp(-0.5 * np.einsum("mnj,sj->smn", squares, self._scales**-2.0))
 
-    def _variances(self, power: np.ndarray) -> np.ndarray:
-        """Of the misses in the modes of the kernels but for the offset (s, k, n) [m^2]; there the covariance is diagonal."""
-        return self._grid.difference[:, None] ** 2 * np.maximum(power, 0.0)[:, None] + self._grid.noise[:, None] ** 2
+    def _mean(self, kernel: np.ndarray) -> np.ndarray:
+        """Averaged mean (m, 2) [m] at places that resemble those of the throws as a kernel (s, m, n) says."""
+        return self._posterior.common + np.einsum("smn,asn->ma", kernel, self._posterior.towards)
+
+    def _modes(self) -> _Modes:
+        """The offset adds a matrix of rank one to the diagonal covariance of the modes (Sherman and Morrison)."""
+        grid = self._grid
+        power, axes = np.linalg.eigh(self._kernel(self._places, self._places))
+        common = axes.sum(axis=1)
+        precision = 1.0 / (grid.difference[:, None] ** 2 * np.maximum(power, 0.0)[:, None] + grid.noise[:, None] ** 2)
+        return _Modes(axes, common, precision, 1.0 / (grid.offset**-2 + np.einsum("sn,skn->sk", common**2, precision)))
 
     def _infer(self) -> _Posterior:
-        """What the throws say of noise, difference, scale and share.
-
-        The offset adds a matrix of rank one to the diagonal covariance of the modes (Sherman and Morrison).
-        """
-        grid = self._grid
-        power, modes = np.linalg.eigh(self._kernel(self._places, self._places))
-        common, precision = modes.sum(axis=1), 1.0 / self._variances(power)
-        seen = np.einsum("bna,snj->basj", self._misses - SHARES[:, None, None] * self._explained, modes)
-        doubt = self._doubt(common, precision)
+        """What the throws say of noise, difference, offset, scale and share."""
+        grid, modes = self._grid, self._modes()
+        axes, common, precision, doubt = modes
+        seen = np.einsum("bna,snj->basj", self._misses - SHARES[:, None, None] * self._explained, axes)
         offset = doubt * np.einsum("sn,skn,basn->bask", common, precision, seen, optimize=True)
         determinant = -np.log(precision).sum(axis=-1) - np.log(doubt / grid.offset**2)
         evidence = grid.prior - 0.5 * (np.einsum("basn,skn->bask", seen**2, precision, optimize=True) - offset**2 / doubt + determinant)
         probability = _normalised(evidence)
         pull = np.einsum("bask,skn,k->basn", probability, precision, grid.difference**2, optimize=True)
         drawn = np.einsum("bask,skn,k->asn", probability * offset, precision, grid.difference**2, optimize=True)
-        towards = np.einsum("snj,asj->asn", modes, (pull * seen).sum(axis=0) - drawn * common)
+        towards = np.einsum("snj,asj->asn", axes, (pull * seen).sum(axis=0) - drawn * common)
         noise = np.sqrt(np.einsum("bask,k->a", probability, grid.noise**2))
-        return _Posterior(_Kernels(power, modes, common), probability, offset, seen, towards, noise)
-
-    def _doubt(self, common: np.ndarray, precision: np.ndarray) -> np.ndarray:
-        """Variance (s, k) of the offset after the throws [m^2]."""
-        return 1.0 / (self._grid.offset**-2 + np.einsum("sn,skn->sk", common**2, precision))
+        return _Posterior(modes, probability, offset, seen, towards, noise)
 
     def _deviation(self, kernel: np.ndarray, mean: np.ndarray) -> np.ndarray:
         """Standard deviation (m, 2) about the averaged mean (m, 2): of each process, and between their means (law of total variance)."""
-        (power, modes, common), probability, offset, seen, *_ = self._posterior
+        (axes, common, precision, doubt), probability, offset, seen, *_ = self._posterior
         usual, difference = self._grid.offset**2, self._grid.difference**2
-        precision = 1.0 / self._variances(power)
-        alike = np.einsum("smn,snj->smj", kernel, modes)
+        alike = np.einsum("smn,snj->smj", kernel, axes)
         towards = difference[:, None, None] * alike[:, None] + usual[:, None, None] * common[:, None, None]  # (s, k, m, n)
         told = np.einsum("skmn,skn->skm", towards**2, precision)
-        told -= self._doubt(common, precision)[..., None] * np.einsum("skmn,skn,sn->skm", towards, precision, common, optimize=True) ** 2
+        told -= doubt[..., None] * np.einsum("skmn,skn,sn->skm", towards, precision, common, optimize=True) ** 2
         left = np.maximum((usual + difference)[:, None] - told, 0.0)
         smooth = np.einsum("smn,skn,basn->baskm", alike, precision, seen, optimize=True)
         smooth -= np.einsum("smn,skn,sn->skm", alike, precision, common, optimize=True) * offset[..., None]

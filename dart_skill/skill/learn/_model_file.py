@@ -23,7 +23,7 @@ NO_THROWS = np.empty((0, 4))
 def save_model(
     path: str | Path, demonstrations: list[Demonstration], configuration: SkillConfiguration, practised: np.ndarray = NO_THROWS
 ) -> None:
-    """Write a model to `path`, which must not exist; the folder must. practised (n, 4): `Correction.throws`."""
+    """Write a model to `path`, which must not exist; the folder must. practised (n, 6): `Correction.throws`."""
     path = Path(path)
     if not path.parent.is_dir():
         raise FileNotFoundError(f"there is no folder {path.parent} to save a model in")
@@ -36,7 +36,7 @@ def save_model(
 
 
 def load_model(path: str | Path) -> tuple[list[Demonstration], SkillConfiguration, np.ndarray]:
-    """Demonstrations, configuration, and practised throws (n, 4) of a model file; ValueError if it is not one."""
+    """Demonstrations, configuration, and practised throws (n, 6), in older files (n, 4), of a model file; ValueError if it is not one."""
     try:
         with np.load(path, allow_pickle=False) as archive:
             content = dict(archive)

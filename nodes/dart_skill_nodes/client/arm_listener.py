@@ -13,10 +13,11 @@ from sensor_msgs.msg import JointState
 from dart_skill.arm_check import Endpoint, Heard, JointStream, PoseStream
 from dart_skill.world import joint_order, the_world
 from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.joint_states import JOINT_STATES
 from dart_skill_nodes.comms.raw_batches import RawBatches, RawMessage
 from dart_skill_nodes.process.graph_processes import NODES
 
-JOINTS, COMMANDS, CLOCK = "/joint_states", "/wam/command", "/clock"
+COMMANDS, CLOCK = "/wam/command", "/clock"
 NO_DRIVERS = {*NODES, "recorder", "viewer", "bag_player"} - {"wam_simulator"}
 """Nodes of this package that take commands in, and carry none out; so do those of hidden names, which begin with an underscore."""
 
@@ -27,27 +28,30 @@ class ArmListener:
     def __init__(self, node: Node):
         self._node, self._batches = node, RawBatches(node)
         self._topics = the_world().pose_topics()
-        self._messages: dict[str, list[RawMessage]] = {name: [] for name in (JOINTS, CLOCK, *self._topics.values())}
+        self._messages: dict[str, list[RawMessage]] = {name: [] for name in (JOINT_STATES, CLOCK, *self._topics.values())}
         for topic in self._messages:
             self._batches.listen(topic)
 
-    def take(self) -> JointState | None:
-        """What has come since the last time; the newest joint state of it, None if there is none."""
+    def take(self) -> tuple[float, np.ndarray] | None:
+        """What has come since the last time; of the newest joint state of it the instant [s] and the joints, None if there is none."""
         newest = None
         for message in self._batches.take():
             self._messages[message.topic].append(message)
-            newest = message if message.topic == JOINTS else newest
-        return None if newest is None else deserialize_message(newest.data, JointState)
+            newest = message if message.topic == JOINT_STATES else newest
+        if newest is None:
+            return None
+        state = deserialize_message(newest.data, JointState)
+        return conversions.stamp_ns(state.header.stamp) * 1e-9, _of_arm(state, state.position)
 
     @property
     def hears_joints(self) -> bool:
         """Whether a joint state has come."""
-        return bool(self._messages[JOINTS])
+        return bool(self._messages[JOINT_STATES])
 
     @property
     def silent(self) -> list[str]:
         """Topics of joints and poses on which nothing has come."""
-        return [topic for topic in (JOINTS, *self._topics.values()) if not self._messages[topic]]
+        return [topic for topic in (JOINT_STATES, *self._topics.values()) if not self._messages[topic]]
 
     def heard(self) -> Heard:
         """Everything so far."""
@@ -65,7 +69,7 @@ class ArmListener:
         self._batches.close()
 
     def _joints(self, when: np.ndarray, told: np.ndarray) -> JointStream:
-        states = [(one.received_ns, deserialize_message(one.data, JointState)) for one in self._messages[JOINTS]]
+        states = [(one.received_ns, deserialize_message(one.data, JointState)) for one in self._messages[JOINT_STATES]]
         lengths = [len(message.position) for _, message in states]
         usual = max(set(lengths), key=lengths.count) if lengths else 0
         same = [(received, message) for received, message in states if len(message.position) == usual]
@@ -73,7 +77,7 @@ class ArmListener:
         with_speeds = all(len(message.velocity) == usual for _, message in same)
         velocity = np.array([_of_arm(message, message.velocity) if with_speeds else [] for _, message in same])
         return JointStream(
-            **self._stream(JOINTS, same, when, told),
+            **self._stream(JOINT_STATES, same, when, told),
             orders=tuple(sorted({tuple(message.name) for _, message in same})),
             position=position.reshape(len(same), -1 if same else 0),
             velocity=velocity.reshape(len(same), -1 if same else 0),

@@ -48,8 +48,11 @@ class GraphClient:
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
 
     def close(self) -> None:
-        """Take the client's node off the graph."""
-        self._executor.remove_node(self.node)
+        """Take the client's node off the graph.
+
+        The executor goes first: an EventsExecutor keeps what it serves alive, and a node that was only removed from it goes on publishing.
+        """
+        self._executor.shutdown()
         self.node.destroy_node()
 
     def wait_until_gone(self, nodes: Iterable[str], limit: float = 30.0) -> None:

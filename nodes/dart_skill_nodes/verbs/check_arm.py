@@ -16,7 +16,9 @@ from dart_skill_nodes.process.signals import Interrupts
 from dart_skill_nodes.verbs._run import say
 
 if TYPE_CHECKING:
-    from dart_skill.arm_check import ArmReport, Heard
+    import numpy as np
+
+    from dart_skill.arm_check import ArmReport, Heard, PostureCounter
 
 USUAL = 10.0
 """Seconds of listening where nobody says how long, and nobody is there to press Enter."""
@@ -87,7 +89,7 @@ def listen(options: argparse.Namespace) -> "Heard":
         _listen(options, listener, interrupts, lambda: executor.spin_once(timeout_sec=TAKE))
         heard = listener.heard()
         listener.close()
-        executor.remove_node(node)
+        executor.shutdown()
         node.destroy_node()
         return heard
     finally:
@@ -109,7 +111,7 @@ def _listen(options: argparse.Namespace, listener, interrupts: Interrupts, spin:
         if not told and not listener.silent:
             told = True
             say("arm and cameras are heard")
-        if state is not None and _count(counter, state):
+        if state is not None and counts(counter, *state):
             say(f"posture {len(counter)}{f' of {options.postures}' if options.postures else ''}")
         if options.postures is not None and len(counter) >= options.postures:
             return
@@ -120,18 +122,11 @@ def _listen(options: argparse.Namespace, listener, interrupts: Interrupts, spin:
             return
 
 
-def _count(counter, state) -> bool:
-    """Whether a joint state makes a new posture; what is no state of seven joints makes none."""
+def counts(counter: "PostureCounter", time: float, position: "np.ndarray") -> bool:
+    """Whether joints at an instant [s] make a new posture; what is no posture of seven joints makes none."""
     import numpy as np
 
-    from dart_skill_nodes.comms import conversions
-
-    position = np.array(state.position)
-    return (
-        position.shape == (7,)
-        and bool(np.isfinite(position).all())
-        and counter.add(conversions.stamp_ns(state.header.stamp) * 1e-9, position)
-    )
+    return position.shape == (7,) and bool(np.isfinite(position).all()) and counter.add(time, position)
 
 
 def _as_json(report: "ArmReport", written: Path | None) -> str:

@@ -54,3 +54,5 @@ def test_the_arm_says_how_much_its_fingers_scatter():
     assert throws.best_possible([aimed]) == 1.0
     assert 0.75 < throws.best_possible([scattered, without]) < 0.95
     assert throws.best_possible([without]) is None
+    loosened = ("wam_simulator.release_turn=0.035", "wam_simulator.release_speed=0.02")
+    assert throws.best_possible([aimed], loosened) == throws.best_possible([scattered]), "fingers that --set made loose"
