@@ -109,7 +109,8 @@ def _title(results: list[Run]) -> str:
     errors = [error for one in results for test in one.test_errors for error in test]
     without = int(np.isnan(errors).sum())
     note = f"\n{without} of {len(errors)} throws had no plan, or a landing that nobody saw" if without else ""
-    return f"After {task.demonstrations} demonstrations{change}{note}"
+    arm = "" if task.arm == "ideal" else f", {task.arm}"
+    return f"After {task.demonstrations} demonstrations{change}{arm}{note}"
 
 
 def _counted(results: list[Run]) -> str:
