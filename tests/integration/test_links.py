@@ -4,6 +4,8 @@ import time
 
 import pytest
 import rclpy
+from dart_skill_msgs.action import Practice
+from rclpy.action import ActionServer
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from std_srvs.srv import Trigger
@@ -53,7 +55,8 @@ def test_a_node_that_serves_nothing_does_not_hide_the_one_of_its_name_that_does(
     _spin_until([ghost, asking], lambda: "served" in asking.node.get_node_names())
     served = process("served")
     served.node.create_service(Trigger, "/asked", lambda request, response: response)
-    link = ServerProbe(asking.node, "/asked")
+    client = asking.node.create_client(Trigger, "/asked")
+    link = ServerProbe(asking.node, "/asked", client.service_is_ready)
     _spin_until([ghost, asking, served], link.up)
     assert asking.node.get_node_names().count("served") == 2
 
@@ -63,8 +66,8 @@ def test_a_younger_client_gets_a_link_of_its_own(ros, process, monkeypatch):
     made = []
 
     class Watched(ServerProbe):
-        def __init__(self, node, service):
-            super().__init__(node, service)
+        def __init__(self, node, service, is_ready):
+            super().__init__(node, service, is_ready)
             made.append(sorted(client.srv_name for client in node.clients))
 
     monkeypatch.setattr("dart_skill_nodes.client.graph_client.ServerProbe", Watched)
@@ -76,6 +79,23 @@ def test_a_younger_client_gets_a_link_of_its_own(ros, process, monkeypatch):
         assert asking.call(client, Trigger.Request()).success
         assert asking.call(client, Trigger.Request()).success
         assert [names.count("/asked") for names in made] == list(range(1, clients + 1))
+    asking.close()
+
+
+def test_what_is_asked_waits_until_the_client_has_found_its_server(ros, process, monkeypatch):
+    """On a busy machine a server's parameters may be found, and answer, before its other services: a request to those goes to nobody."""
+    served = process("served")
+    served.node.create_service(Trigger, "/asked", lambda request, response: Trigger.Response(success=True))
+    server = ActionServer(served.node, Practice, "/practice", lambda handle: handle.succeed() or Practice.Result(success=True))
+    asking = GraphClient(dead=lambda: served.spin() or "")
+    client = asking.node.create_client(Trigger, "/asked")
+    for found, ask in ((client, lambda: asking.call(client, Trigger.Request())), (asking._practice, lambda: asking.practise(throws=1))):
+        name = "service_is_ready" if found is client else "server_is_ready"
+        asked, is_ready = [], getattr(found, name)
+        monkeypatch.setattr(found, name, lambda asked=asked, is_ready=is_ready: asked.append(is_ready()) or (asked[-1] and len(asked) > 20))
+        assert ask().success
+        assert len(asked) > 20
+    server.destroy()
     asking.close()
 
 

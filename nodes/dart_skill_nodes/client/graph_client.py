@@ -72,8 +72,9 @@ class GraphClient:
         """Wait for every action and service; GraphFailure names what is silent."""
         for client in (self._learn, self._sequence.reset_client, self._sequence.pause_client):
             self.reach(client, limit)
-        for action in ("/throw", "/teach") if teacher else ("/throw",):
-            self._reach_action(action, limit)
+        self._reach_action(self._sequence.action_client, "/throw", limit)
+        if teacher:
+            self._reach_action(self._teach, "/teach", limit)
 
     def wait_for_learner(self, limit: float = START) -> None:
         """Wait for whoever learns, as in a replay without an arm; GraphFailure if nobody does."""
@@ -84,13 +85,13 @@ class GraphClient:
 
         Each client has a link of its own, made after it: an older link says nothing of whether the server has found a younger client.
         """
-        self._up(client, client.srv_name, limit)
+        self._up(client, client.srv_name, client.service_is_ready, limit)
 
-    def _reach_action(self, name: str, limit: float | None = None) -> None:
-        self._up(name, f"{name}/_action/send_goal", limit)
+    def _reach_action(self, client: ActionClient, name: str, limit: float | None = None) -> None:
+        self._up(client, f"{name}/_action/send_goal", client.server_is_ready, limit)
 
-    def _up(self, asking: object, service: str, limit: float | None) -> None:
-        link = self._links.get(asking) or self._links.setdefault(asking, ServerProbe(self.node, service))
+    def _up(self, client: object, service: str, is_ready: Callable[[], bool], limit: float | None) -> None:
+        link = self._links.get(client) or self._links.setdefault(client, ServerProbe(self.node, service, is_ready))
         limit = self._patience if limit is None else limit
         until = time.monotonic() + limit
         while not link.up():
@@ -100,6 +101,7 @@ class GraphClient:
 
     def teach(self, target: np.ndarray) -> Teach.Result:
         """Guided throws at one basket until one goes in."""
+        self._reach_action(self._teach, "/teach")
         handle = self._accepted(self._teach.send_goal_async(Teach.Goal(target=conversions.point(target))), "/teach")
         result = self.wait(handle.get_result_async(), "the lesson").result
         self._taught += result.success
@@ -180,7 +182,7 @@ class GraphClient:
         """
         goal = Practice.Goal(throws=throws, targets=[conversions.point(target) for target in targets])
         goal.follow_basket, goal.only_throw = follow_basket, only_throw
-        self._reach_action("/practice")
+        self._reach_action(self._practice, "/practice")
         sent = self._practice.send_goal_async(goal, feedback_callback=lambda message: on_feedback(message.feedback))
         handle = self._accepted(sent, "/practice")
         result = handle.get_result_async()

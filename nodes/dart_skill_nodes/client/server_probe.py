@@ -3,10 +3,13 @@
 In DDS a client finds its server before the server finds the client, by seconds on a bad day; an answer given in between is lost for
 good. A server that was killed stays on the graph for 20 s and takes requests that nobody answers. `service_is_ready` is true in both
 cases. So a call that must not get lost is preceded by a question that may: the parameters of the server's node, asked again until
-answered. Endpoints are announced in the order in which they were made, so whoever reaches the youngest reaches the older ones.
+answered. Endpoints are announced in the order in which they were made, so a server that has found the youngest of a client's has found the
+older ones. It says nothing of the way back: services of parameters are the oldest of a server, and a client that has found them may not
+have found the others. A request that it sends then goes to nobody, so the client must be ready, too.
 """
 
 import time
+from collections.abc import Callable
 
 from rcl_interfaces.srv import ListParameters
 from rclpy.node import Node
@@ -18,10 +21,13 @@ UNKNOWN = "_NODE_NAME_UNKNOWN_"
 
 
 class ServerProbe:
-    """From a client of `node` to the node that serves `service`. Poll `up` between turns of the executor until it is true."""
+    """From a client of `node` to the node that serves `service`. Poll `up` between turns of the executor until it is true.
 
-    def __init__(self, node: Node, service: str):
-        self._node, self._service = node, service
+    is_ready: of the client, its `service_is_ready` or `server_is_ready`.
+    """
+
+    def __init__(self, node: Node, service: str, is_ready: Callable[[], bool]):
+        self._node, self._service, self._is_ready = node, service, is_ready
         self._probe, self._questions, self._asked, self._is_up = None, [], 0.0, False
 
     def renew(self) -> None:
@@ -29,23 +35,26 @@ class ServerProbe:
         self._is_up = False
 
     def up(self) -> bool:
-        """Whether the server has answered since `renew`; asks it if that is not so, and time to."""
-        if self._is_up or self._answered():
+        """Whether the server has answered since `renew`, and the client has found it; asks the server if that is not so, and time to."""
+        if self._is_up:
             return True
-        if self._probe is None:
+        if self._answered():
+            if self._is_ready():
+                self._settle()
+        elif self._probe is None:
             self._probe = self._make_probe()
         elif time.monotonic() - self._asked > AGAIN and self._probe.service_is_ready():
             self._asked = time.monotonic()
             self._questions.append(self._probe.call_async(ListParameters.Request(prefixes=["use_sim_time"])))
-        return False
+        return self._is_up
 
     def _answered(self) -> bool:
-        if not any(question.done() for question in self._questions):
-            return False
+        return any(question.done() for question in self._questions)
+
+    def _settle(self) -> None:
         for question in self._questions:
             self._probe.remove_pending_request(question)
         self._questions, self._asked, self._is_up = [], 0.0, True
-        return True
 
     def _make_probe(self):
         server = self._server()

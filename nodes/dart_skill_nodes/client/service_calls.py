@@ -1,6 +1,7 @@
 """Calls of services and actions from coroutines: they wait until the other side can really answer, and say who is missing."""
 
 import time
+from collections.abc import Callable
 
 import numpy as np
 from dart_skill_msgs.msg import TrialOutcome
@@ -21,18 +22,18 @@ ARRIVAL = 5.0
 
 
 class ServiceCalls:
-    """Whoever calls for a node; one link per service is kept."""
+    """Whoever calls for a node; one link per client is kept."""
 
     def __init__(self, node: Node):
         self._node = node
-        self._links: dict[str, ServerProbe] = {}
+        self._links: dict[object, ServerProbe] = {}
 
     async def call(self, client, request, may_refuse: bool = False):
         """Response of a service; CallFailed with the remedy if nobody serves it, does not answer, or says no."""
-        await self._linked(client.srv_name)
+        link = await self._linked(client, client.srv_name, client.service_is_ready)
         response = await answer(self._node, client, request, PATIENCE)
         if response is None:
-            self._links[client.srv_name].renew()
+            link.renew()
             raise CallFailed(f"no answer from {client.srv_name} in {PATIENCE:.0f} s")
         if not response.success and not may_refuse:
             raise CallFailed(f"{client.srv_name}: {response.message}")
@@ -40,7 +41,7 @@ class ServiceCalls:
 
     async def send(self, client: ActionClient, name: str, goal, on_feedback):
         """Handle of a goal that was accepted; CallFailed if nobody serves the action, does not answer, or refuses it."""
-        await self._linked(f"{name}/_action/send_goal")
+        await self._linked(client, f"{name}/_action/send_goal", client.server_is_ready)
         accepted = Promise()
         sent = client.send_goal_async(goal, feedback_callback=lambda message: on_feedback(message.feedback))
         sent.add_done_callback(lambda done: accepted.keep(done.result()))
@@ -51,11 +52,11 @@ class ServiceCalls:
             raise CallFailed(f"{name} refused the goal: another one is under way")
         return handle
 
-    async def _linked(self, service: str) -> None:
-        link = self._links.setdefault(service, ServerProbe(self._node, service))
+    async def _linked(self, client, service: str, is_ready: Callable[[], bool]) -> ServerProbe:
+        link = self._links.setdefault(client, ServerProbe(self._node, service, is_ready))
         for _ in range(2000):  # a graph that has just been started finds itself within seconds
             if link.up():
-                return
+                return link
             await pause(self._node, 0.01)
         raise CallFailed(f"nobody serves {service}: start the node that does")
 

@@ -47,7 +47,7 @@ class ThrowSequence:
         self._node, self._calls, self._frame_id, self._simulated = node, calls, frame_id, simulated
         self.reset_client = node.create_client(Reset, "/simulation/reset")
         self.pause_client = node.create_client(SetBool, "/simulation/pause")
-        self._action = ActionClient(node, Throw, "/throw")
+        self.action_client = ActionClient(node, Throw, "/throw")
         self._under_way: ThrowUnderWay | None = None
 
     async def reset(self, basket: np.ndarray | None = None) -> Time:
@@ -79,7 +79,7 @@ class ThrowSequence:
             throw.over.keep(done.result().result)
             throw.armed.keep()
 
-        throw.handle = await self._calls.send(self._action, "/throw", goal, on_feedback)
+        throw.handle = await self._calls.send(self.action_client, "/throw", goal, on_feedback)
         self._under_way = throw
         throw.handle.get_result_async().add_done_callback(on_result)
         await within(self._node, throw.armed, LONGEST_THROW)
@@ -88,12 +88,12 @@ class ThrowSequence:
 
     async def end(self, throw: ThrowUnderWay) -> Throw.Result:
         """Result of a throw that has begun, and hold the world again; CallFailed if it takes too long, or the commander has gone."""
-        watch = self._node.create_timer(LOOK, lambda: None if self._action.server_is_ready() else throw.over.keep(), clock=WALL)
+        watch = self._node.create_timer(LOOK, lambda: None if self.action_client.server_is_ready() else throw.over.keep(), clock=WALL)
         result = await within(self._node, throw.over, LONGEST_THROW)
         self._node.destroy_timer(watch)
         self._under_way = None
         if result is None:
-            why = f"no answer in {LONGEST_THROW:.0f} s" if self._action.server_is_ready() else "nobody serves /throw any more"
+            why = f"no answer in {LONGEST_THROW:.0f} s" if self.action_client.server_is_ready() else "nobody serves /throw any more"
             raise CallFailed(f"the throw has no result: {why}")
         await self.hold(True)
         return result

@@ -114,7 +114,7 @@ class CommanderNode(Node):
         self._states = hear_joint_states(self, self._on_state)
         self.create_subscription(Time, "/skill_learner/heartbeat", self._on_heartbeat, 10)
         self._planner = self.create_client(PlanThrow, "/skill_learner/plan_throw")
-        self._planner_link = ServerProbe(self, self._planner.srv_name)
+        self._planner_link = ServerProbe(self, self._planner.srv_name, self._planner.service_is_ready)
         self.create_service(SetBool, "~/release_arm", self._on_release_arm)
         self._stops = self.create_publisher(Time, "~/stopped", 10)
         self.create_service(MoveArm, "~/move_to", self._on_move_to)
