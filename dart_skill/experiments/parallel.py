@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import multiprocessing
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -22,13 +23,20 @@ def run_all(function: Callable, tasks: Sequence, jobs: int = 0, scheduler: str =
     if jobs <= 1:
         yield from ((index, function(task)) for index, task in enumerate(tasks))
         return
-    with ProcessPoolExecutor(jobs) as pool:
+    with ProcessPoolExecutor(jobs, mp_context=_workers(function)) as pool:
         futures = {pool.submit(function, task): index for index, task in enumerate(tasks)}
         try:
             for future in as_completed(futures):
                 yield futures[future], future.result()
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _workers(function: Callable) -> multiprocessing.context.BaseContext:
+    """How processes are made: never as copies of this one. Who asks may have threads, or nodes of ROS, which a copy would end again."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([getattr(function, "func", function).__module__])
+    return context
 
 
 def _on_dask(function: Callable, tasks: Sequence, scheduler: str) -> Iterator[tuple[int, Any]]:

@@ -3,13 +3,13 @@
 `dart-skill experiment throws` prints the table that README and docs/skill.md quote.
 """
 
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from tqdm import tqdm
 
+from dart_skill.experiments.parallel import run_all
 from dart_skill.experiments.scatter_bound import best_share
 from dart_skill.fleet import FLEET, arm_with
 from dart_skill.recording import Demonstration
@@ -130,12 +130,9 @@ def run(
     settings: tuple[str, ...] = (),
 ) -> list[Throw]:
     """All seeds, `jobs` processes at a time; a progress bar on stderr when it is a terminal. arms, settings: as in `run_seed`."""
-    results = []
     one = partial(run_seed, names=names, demonstrations=demonstrations, throws=throws, arms=arms, settings=settings)
-    with ProcessPoolExecutor(jobs) as pool:
-        for part in tqdm(pool.map(one, seeds), total=len(seeds), unit="seed", disable=None):
-            results += part
-    return results
+    parts = dict(tqdm(run_all(one, seeds, jobs), total=len(seeds), unit="seed", disable=None))
+    return [throw for index in range(len(seeds)) for throw in parts[index]]
 
 
 def summarise(results: list[Throw]) -> list[dict]:

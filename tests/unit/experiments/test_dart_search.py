@@ -22,6 +22,13 @@ def short(monkeypatch):
     best_scores.cache_clear()
 
 
+OPEN = []
+
+
+def what_is_open(_):
+    return tuple(OPEN)
+
+
 def square(number):
     if number == 13:
         raise ValueError("thirteen")
@@ -83,6 +90,15 @@ def test_a_scheduler_without_dask_here_is_answered_with_the_remedy(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ValueError, match=r"tcp://127.0.0.1:8786 needs Dask here too: pip install -r requirements/optional.txt"):
         dict(run_all(square, [1], scheduler="tcp://127.0.0.1:8786"))
+
+
+def test_a_process_is_no_copy_of_the_one_that_asks():
+    """A copy ends nodes of ROS and threads that are not its own, when it collects garbage: that once was a segmentation fault."""
+    OPEN.append("a node")
+    try:
+        assert dict(run_all(what_is_open, [0, 0], jobs=2)) == {0: (), 1: ()}
+    finally:
+        OPEN.clear()
 
 
 def test_an_error_in_a_process_comes_out():
