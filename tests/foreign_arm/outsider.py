@@ -6,8 +6,10 @@ import re
 import signal
 import subprocess
 import tempfile
+import time
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 from dart_skill_msgs.action import Practice, Throw
@@ -17,6 +19,10 @@ from rclpy.action import ActionClient
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
+from dart_skill_nodes.process.signals import ENDS_WITH
+
+PENDING = 30.0
+"""What comes late is waited for so long [s, wall clock]. Fast DDS repeats what got lost on a busy machine after 3 s, or twice that."""
 RECORDERS = ("/demonstration_recorder", "/again")
 """The one of the layout, and one that a test starts."""
 SERVICES = {
@@ -34,7 +40,8 @@ def running(command, log):
     """A process with its output in a file, which is ended as by Ctrl-C."""
     log.parent.mkdir(parents=True, exist_ok=True)
     with log.open("w") as output:
-        process = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT, start_new_session=True, cwd=log.parent)
+        ends = {**os.environ, ENDS_WITH: str(os.getpid())}  # whatever becomes of the tests
+        process = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT, start_new_session=True, cwd=log.parent, env=ends)
         try:
             yield process
         finally:
@@ -78,14 +85,14 @@ class Outsider(Node):
         return future.result()
 
     def call(self, name, limit=60.0, **fields):
-        """Call a service until it no longer says that its answer is pending, for 5 s of the arm's time at most."""
+        """Call a service until it no longer says that its answer is pending, for PENDING on the wall clock at most."""
         self.driver.run_until(self._calls[name].service_is_ready, limit)
-        for _ in range(50):
+        until = time.monotonic() + PENDING
+        while True:
             response = self._wait(self._calls[name].call_async(SERVICES[name].Request(**fields)), limit)
-            if not getattr(response, "pending", False):
+            if not getattr(response, "pending", False) or time.monotonic() > until:
                 return response
             self.driver.run(0.1)
-        return response
 
     def do(self, *tasks, limit=300.0):
         """Let the person do these, until the end of the last one."""
@@ -129,10 +136,23 @@ class Outsider(Node):
         self.asked, self.helps = [], False
         return self._wait(self._practice.send_goal_async(Practice.Goal(**goal)), limit)
 
-    def cancel(self, handle, limit=60.0):
-        """The result of a goal that is cancelled now."""
-        self._wait(handle.cancel_goal_async(), limit)
-        return self.result(handle, limit)
+    def until_asked(self, words, limit=60.0):
+        """Go on until the coach asked for something with these words in it."""
+        try:
+            self.driver.run_until(lambda: any(words in text for text in self.asked), limit)
+        except TimeoutError as error:
+            raise TimeoutError(f"{error}: the coach asked for {self.asked}") from None
+
+    @contextmanager
+    def practising(self, **goal):
+        """A goal of the coach's, which is cancelled at the end, whatever comes meanwhile: its result is that of the context then."""
+        practice, handle = SimpleNamespace(result=None), self.start_practice(**goal)
+        assert handle.accepted
+        try:
+            yield practice
+        finally:
+            self._wait(handle.cancel_goal_async(), 60.0)
+            practice.result = self.result(handle)
 
     def result(self, handle, limit=60.0):
         """The result of a goal."""

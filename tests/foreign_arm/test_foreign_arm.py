@@ -9,13 +9,15 @@ import pytest
 pytest.importorskip("mujoco", reason="the second arm needs MuJoCo: pip install -r requirements/test.txt, or make setup")
 
 from dart_skill_msgs.action import Throw  # noqa: E402
+from geometry_msgs.msg import Point  # noqa: E402
 
 from dart_skill.recording import read_dropped  # noqa: E402
 from tests.foreign_arm import published  # noqa: E402
 from tests.foreign_arm.outsider import running  # noqa: E402
-from tests.foreign_arm.session import LESSONS, TARGETS, session, teach  # noqa: E402
+from tests.foreign_arm.session import LESSONS, TARGETS, rim, session, teach  # noqa: E402
 
 HAND_DELAY_MS = 45.0
+TOO_FAR = rim(3.0, 0.2)
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +107,7 @@ def test_the_coach_says_where_a_basket_shall_stand_and_waits_for_it(lesson, thro
 
 def test_an_arm_that_was_stopped_does_not_go_on_by_itself(lesson, throws):
     handle = lesson.start_practice(throws=1, follow_basket=True)
-    lesson.driver.run_until(lambda: lesson.asked, 60.0)
+    lesson.until_asked("")
     assert lesson.call("/commander/stop").success
     result = lesson.result(handle)
     assert (result.success, result.message) == (False, "the arm was stopped with /commander/stop")
@@ -124,14 +126,41 @@ def test_a_person_teaches_with_the_enter_key(lesson, throws):
     assert lesson.call("/skill_learner/drop_demonstration", id=kept).success
 
 
+def test_where_no_plan_reaches_the_basket_it_is_asked_for_elsewhere(lesson, throws):
+    lesson.driver.plant.place_basket(TOO_FAR)
+    with lesson.practising(throws=1, follow_basket=True):
+        lesson.until_asked("put the basket elsewhere")
+        assert "m from the base axis; the demonstrations reach" in lesson.asked[-1]
+        lesson.driver.plant.place_basket(TARGETS[0])
+        lesson.until_asked("the ball")
+
+
+def test_a_basket_that_is_carried_on_is_noticed_before_the_ball_is_there(lesson, throws):
+    lesson.driver.plant.place_basket(TARGETS[0])
+    with lesson.practising(throws=1, follow_basket=True):
+        lesson.until_asked("the ball")
+        lesson.driver.plant.place_basket(TOO_FAR)
+        lesson.until_asked("put the basket elsewhere")
+
+
+def test_a_target_without_a_plan_costs_one_throw_and_nobody_carries_a_basket_there(lesson, throws):
+    targets = [Point(**dict(zip("xyz", place, strict=True))) for place in (TOO_FAR, TARGETS[0])]
+    lesson.driver.plant.place_basket(TARGETS[1])
+    with lesson.practising(targets=targets, only_throw=True) as practice:
+        lesson.until_asked("")
+        x, y, z = TARGETS[0]
+        assert lesson.asked[0] == f"put the basket at x {x:.2f}, y {y:.2f}, with its rim at z {z:.2f} m"
+    result = practice.result
+    assert (result.thrown, len(result.outcomes), result.outcomes[0].landing_seen) == (0, 1, False)
+
+
 def test_nothing_is_thrown_while_the_ball_is_not_in_the_hand(lesson, throws):
     """Nor does the arm, until practice is cancelled."""
     openings = len(lesson.driver.openings)
     lesson.driver.plant.put_ball(np.array([1.0, 1.0, published.BALL_RADIUS]))
-    handle = lesson.start_practice(throws=1, follow_basket=True)
-    lesson.driver.run_until(lambda: any("from its place in the hand" in text for text in lesson.asked), 60.0)
-    result = lesson.cancel(handle)
-    assert (result.thrown, result.message) == (0, "cancelled")
+    with lesson.practising(throws=1, follow_basket=True) as practice:
+        lesson.until_asked("from its place in the hand")
+    assert (practice.result.thrown, practice.result.message) == (0, "cancelled")
     assert len(lesson.driver.openings) == openings
 
 

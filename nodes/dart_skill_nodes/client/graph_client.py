@@ -130,9 +130,12 @@ class GraphClient:
         self.call(self.node.create_client(Trigger, "/demonstration_recorder/start"), Trigger.Request())
 
     def stop_demonstration(self) -> StopDemonstration.Response:
-        """What was recorded since the start, kept as a demonstration if there is a throw in it."""
+        """What was recorded since the start, kept as a demonstration if there is a throw in it; poses that are late are waited for."""
         client = self.node.create_client(StopDemonstration, "/demonstration_recorder/stop")
-        return self.call(client, StopDemonstration.Request(keep=True), may_refuse=True)
+        until = time.monotonic() + self._patience
+        while (response := self.call(client, StopDemonstration.Request(keep=True), may_refuse=True)).pending and time.monotonic() < until:
+            self._rest()
+        return response
 
     def demonstrations(self, configuration: str = "") -> ListDemonstrations.Response:
         """What the learner has heard, and what can be made of it."""

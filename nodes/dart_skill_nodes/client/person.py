@@ -101,6 +101,16 @@ class Person:
         text = f"put the basket at x {x:.2f}, y {y:.2f}, with its rim at z {z:.2f} m"
         return await self._until(text, lambda: self._basket_at(target))
 
+    async def another_basket(self, place: np.ndarray, why: str) -> None:
+        """Wait until the basket is seen elsewhere than at a place (3,) for which there is no plan, and why."""
+
+        def moved() -> bool:
+            if not self._carried(place):
+                raise ValueError("")
+            return True
+
+        await self._until(f"put the basket elsewhere: {why}", moved)
+
     async def bring(self, posture: np.ndarray) -> None:
         """Move the arm to a posture (7,) and wait until it rests there."""
         if self._is_at(posture):
@@ -113,32 +123,49 @@ class Person:
             await self._calls.call(self._stop, Trigger.Request())
             raise
 
-    async def ball(self, seat: np.ndarray) -> None:
-        """Wait until the ball rests at its seat (3,) in the hand of a held arm, and has rested there while the person stood back."""
+    async def ball(self, seat: np.ndarray, basket: np.ndarray) -> bool:
+        """Wait until the ball rests at its seat (3,) in the hand of a held arm, and has rested there while the person stood back.
+
+        False as soon as the basket rests elsewhere than at a place (3,): what was planned for it is not thrown.
+        """
         seconds = self._patience.stand_back
-        await self._until("put the ball into the hand, then stand back", lambda: self._check_ball(seat))
+        text = "put the ball into the hand, then stand back"
+        if not await self._until(text, lambda: not self._carried(basket) and self._check_ball(seat)):
+            return False
         begun_ns = self._tracked.newest_ns
         self.ask(f"stand back: the arm throws in {seconds:.0f} s")
 
         def stood_back() -> bool:
             nonlocal begun_ns
+            if self._carried(basket):
+                return False
             try:
                 self._check_ball(seat)
             except ValueError as error:
                 begun_ns = self._tracked.newest_ns
-                raise ValueError(f"{error}: put the ball into the hand, then stand back") from error
+                raise ValueError(f"{error}: {text}") from error
             if self._tracked.newest_ns - begun_ns < seconds * 1e9:
                 raise ValueError("")
             return True
 
-        await self._until("", stood_back)
+        return await self._until("", stood_back) and self._stays(basket)
 
-    def basket_moved(self, place: np.ndarray) -> bool:
-        """Whether the basket is seen elsewhere than at a place (3,), or not at all."""
+    def _carried(self, place: np.ndarray) -> bool:
+        """Whether the basket rests elsewhere than at a place (3,). Somebody who stands before it for a moment has not carried it."""
         try:
-            return float(np.linalg.norm(self._where_basket() - place)) > self._patience.basket_tolerance
+            return not self._is_near(place, self._where_basket())
         except ValueError:
-            return True
+            return False
+
+    def _stays(self, place: np.ndarray) -> bool:
+        """Whether the basket is seen at rest at a place (3,)."""
+        try:
+            return self._is_near(place, self._where_basket())
+        except ValueError:
+            return False
+
+    def _is_near(self, place: np.ndarray, seen: np.ndarray) -> bool:
+        return float(np.linalg.norm(place - seen)) <= self._patience.basket_tolerance
 
     # conditions: each returns what was waited for, or raises ValueError with what is missing
 
@@ -148,7 +175,7 @@ class Person:
     def _basket_at(self, target: np.ndarray) -> np.ndarray:
         seen = self._where_basket()
         x, y, z = target - seen
-        if float(np.linalg.norm(target - seen)) > self._patience.basket_tolerance:
+        if not self._is_near(target, seen):
             raise ValueError(f"the basket is seen elsewhere: move it by x {x:+.2f}, y {y:+.2f}, z {z:+.2f} m")
         return seen
 

@@ -13,6 +13,10 @@ FRAME_NS = 10_000_000
 """Between two frames of the cameras."""
 SILENCE = 5.0
 """A sensor that is silent for longer sees nothing: what is lost on the way is repeated within 3 s [s, wall clock]."""
+LAG_NS = 250_000_000
+"""A body that was not seen for so long may be hidden, or its poses are still on their way."""
+REPAIRED = 4.0
+"""By then poses that got lost on the way have come: Fast DDS repeats them within 3 s [s, wall clock]."""
 MEMORY_NS = 60_000_000_000
 """What was seen longer ago is forgotten, unless a throw is being recorded."""
 
@@ -40,6 +44,7 @@ class TrackedBodies:
 
     def __init__(self, frame_id: str, complain: Callable[[str], None]):
         self.log, self._newest_of, self._forgotten_ns = ThrowLog(), {}, 0
+        self._awaited, self._since = 0, 0.0  # up to where poses are waited for, and since when on the wall clock
         self._frame_id, self._complain, self._wrong_frame = frame_id, complain, ""
         self._add = {
             "hand": lambda ns, pose: self.log.add_hand(ns, conversions.vector(pose.position), conversions.quaternion(pose.orientation)),
@@ -56,9 +61,31 @@ class TrackedBodies:
         """Forget what was seen; a new recording begins."""
         self.log.clear()
 
-    def has_all_until(self, ns: int) -> bool:
-        """Whether every pose up to a stamp has come: one that is a frame newer has, and a frame's poses are sent together."""
-        return self.newest_ns >= ns + FRAME_NS
+    def has_all_until(self, ns: int, now: float) -> bool:
+        """Whether every pose up to a stamp has come, by an instant of the wall clock [s].
+
+        One that is a frame newer has come, and no body is far behind: poses of one body may lag behind the others' by seconds, where some
+        were lost on the way. A body that lags for longer than REPAIRED is hidden, as a ball in its basket may be.
+        """
+        if self.newest_ns < ns + FRAME_NS:
+            return False
+        return self._comes_no_more(ns, min(self._newest_of.values()), now)
+
+    def has_hand_until(self, ns: int, now: float) -> bool:
+        """The same of the hand alone, and of what has come: somebody who does not say up to when waits for no body that may be hidden."""
+        return self._comes_no_more(ns, self._newest_of.get("hand", 0), now)
+
+    def _comes_no_more(self, ns: int, newest: int, now: float) -> bool:
+        if newest >= ns - LAG_NS:
+            return True
+        if self._awaited != ns:
+            self._awaited, self._since = ns, now
+        return now - self._since > REPAIRED
+
+    @property
+    def farthest_behind(self) -> tuple[str, int]:
+        """Role of the body whose poses are farthest behind, and the stamp of its newest [ns]; no role without a pose."""
+        return min(self._newest_of.items(), key=lambda one: one[1], default=("", 0))
 
     def take(self, role: str, data: bytes) -> None:
         """A pose of hand, ball or basket, serialised."""

@@ -125,18 +125,25 @@ class CoachNode(Node):
         """The basket where throws are worst, of those for which the learner has a plan."""
         baskets = self._region.spread(self.p["candidates"], self._rng)
         for k in self._curriculum.order(baskets):
-            response = await self._plan_for(baskets[k], may_refuse=True)
+            response = await self._plan_for(baskets[k])
             if response.success:
                 return baskets[k]
         raise CallFailed(f"{self._plan.srv_name} has no plan for any of {len(baskets)} baskets: {response.message}")
 
-    async def _plan_for(self, target: np.ndarray, may_refuse: bool = False) -> PlanThrow.Response:
+    async def _plan_for(self, target: np.ndarray) -> PlanThrow.Response:
+        """A plan for a target (3,), or why it has none; CallFailed if no target has."""
         request = PlanThrow.Request(target=conversions.point(target))
         request.header.frame_id = self.p["frame_id"]
-        return await self._calls.call(self._plan, request, may_refuse=may_refuse)
+        response = await self._calls.call(self._plan, request, may_refuse=True)
+        if not (response.success or response.unreachable):
+            raise CallFailed(f"{self._plan.srv_name}: {response.message}")
+        return response
 
     async def _one_throw(self, number: int, target: np.ndarray | None, result: Practice.Result) -> None:
         """target (3,), where the basket is put; None: where it is seen."""
+        if self._person and target is not None and not (planned := await self._plan_for(target)).success:
+            self._not_thrown(number, target, planned.message, result)  # before a person carries a basket there
+            return
         prepare = self._prepare_with_person if self._person else self._prepare_in_simulation
         target, first_stamp = await prepare(number, target)
         if reason := self._withdrawn():
@@ -159,6 +166,12 @@ class CoachNode(Node):
                 raise CallFailed(f"throw {number}: {thrown.message}")  # somebody should look at the arm before it moves again
             await self._person.bring(np.array(thrown.plan.start_posture))
 
+    def _not_thrown(self, number: int, target: np.ndarray, why: str, result: Practice.Result) -> None:
+        """A target (3,) that the arm does not reach costs its own throw, and not those after it."""
+        self._curriculum.give_up(target)
+        result.outcomes.append(conversions.unseen_outcome_msg(target, self.p["frame_id"], 0))
+        self._goal.publish_feedback(Practice.Feedback(number=number, phase="done", outcome=result.outcomes[-1], message=why))
+
     async def _prepare_in_simulation(self, number: int, target: np.ndarray | None) -> tuple[np.ndarray, Time]:
         """Where the basket is (3,), and the stamp of the first state of a world that was reset for a throw at it."""
         self._feed(number, "resetting")
@@ -174,9 +187,11 @@ class CoachNode(Node):
         while True:
             place = await self._person.basket(target)
             planned = await self._plan_for(place)
+            if not planned.success:
+                await self._person.another_basket(place, planned.message)
+                continue
             await self._person.bring(np.array(planned.plan.start_posture))
-            await self._person.ball(conversions.vector(planned.seat))
-            if not self._person.basket_moved(place):
+            if await self._person.ball(conversions.vector(planned.seat), place):
                 break
         if not self._goal.request.only_throw:
             await self._recording.start()

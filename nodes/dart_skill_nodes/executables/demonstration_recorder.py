@@ -41,7 +41,7 @@ from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink
 from dart_skill_nodes.comms.joint_states import JOINT_STATES
 from dart_skill_nodes.comms.qos import LATCHED, WALL
 from dart_skill_nodes.comms.raw_batches import TAKE, RawBatches, RawMessage
-from dart_skill_nodes.comms.tracked_bodies import FRAME_NS, Arrivals, TrackedBodies
+from dart_skill_nodes.comms.tracked_bodies import Arrivals, TrackedBodies
 from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Parameter, autostart, declare, run
 
 TABLE = [
@@ -73,7 +73,7 @@ class DemonstrationRecorder(BagKeeper):
         super().__init__("demonstration_recorder")
         self.p = declare(self, "demonstration_recorder.yaml", TABLE)
         self.declare_parameter("autostart", True)
-        self._bag, self._count, self._recording, self._now_ns = None, 0, False, 0
+        self._bag, self._count, self._recording, self._now_ns, self._up_to = None, 0, False, 0, 0
         self._fault, self._joints = "", b""  # what is wrong with the arm's states, and the newest of them, serialised
         self._marked = Marks()
         self._unwritten: list[DemonstrationMark] = []
@@ -214,7 +214,7 @@ class DemonstrationRecorder(BagKeeper):
         self._tracked.clear()
         self._newest.clear()
         self._heard.clear()
-        self._recording = True
+        self._recording, self._up_to = True, 0
         response.success, response.message = True, str(self._bag.writer.path)
         return response
 
@@ -224,21 +224,27 @@ class DemonstrationRecorder(BagKeeper):
             return response
         self._take()
         until = conversions.stamp_ns(request.until)
-        response.pending = self._arrived_ns < until  # never, if the caller asks for what there is
+        self._up_to = until or self._up_to or self._now_ns  # who gives no stamp asks for what there is, and again for the same
+        response.pending = self._lag_behind(until) if until else not self._tracked.has_hand_until(self._up_to, time.monotonic())
         if response.pending:
-            response.success, response.message = False, f"messages have come up to {self._arrived_ns} ns only, not {until} ns"
+            response.success, response.message = False, f"{self._come} only, not {self._up_to} ns: call again"
             return response
         self._recording = False
-        return self._cut(request, response, until or self._now_ns)
+        return self._cut(request, response, self._up_to)
 
-    @property
-    def _arrived_ns(self) -> int:
-        """Up to this stamp everything has come: a stream that was heard since ~/start may lag behind the others. A button that was pressed
-        is no stream.
+    def _lag_behind(self, until: int) -> bool:
+        """Whether messages up to a stamp are still on their way: a stream that was heard since ~/start may lag behind the others. A button
+        that was pressed is no stream.
         """
         streams = (topic for topic, heard in self._heard.items() if heard >= STREAM and topic in self._needed)
         steps = (self._newest[topic] for topic in streams if topic not in self._role_of)
-        return min(self._tracked.newest_ns - FRAME_NS, min(steps, default=0))
+        return min(steps, default=0) < until or not self._tracked.has_all_until(until, time.monotonic())
+
+    @property
+    def _come(self) -> str:
+        """Up to when poses have come, for whoever waits for more."""
+        role, behind_ns = self._tracked.farthest_behind
+        return f"poses have come up to {self._tracked.newest_ns} ns, of the {role or 'hand'} up to {behind_ns} ns"
 
     def _on_judge(self, request, response):
         if self._bag is None:
@@ -246,9 +252,9 @@ class DemonstrationRecorder(BagKeeper):
             return response
         opened, until = conversions.stamp_ns(request.opened), conversions.stamp_ns(request.until)
         self._take()
-        response.pending = not self._tracked.has_all_until(until)
+        response.pending = not self._tracked.has_all_until(until, time.monotonic())
         if response.pending:
-            response.message = f"poses have come up to {self._tracked.newest_ns} ns only, not {until} ns"
+            response.message = f"{self._come} only, not {until} ns"
             return response
         self._take()  # what was sent before the newest pose
         if not self._tracked.remembers(opened):

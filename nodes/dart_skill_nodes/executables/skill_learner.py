@@ -183,8 +183,8 @@ class SkillLearner(Node):
             plan = self._skill.plan(conversions.vector(request.target))
             response.success, response.plan = True, conversions.plan_msg(plan, self.p["frame_id"])
             response.seat = conversions.point(self._skill.skill.seat)
-        except (ValueError, Unreachable) as error:
-            response.success, response.message = False, str(error)
+        except ValueError as error:
+            response.success, response.unreachable, response.message = False, isinstance(error, Unreachable), str(error)
         return response
 
     def _on_add_trial(self, request, response):

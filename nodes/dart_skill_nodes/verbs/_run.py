@@ -110,7 +110,7 @@ def throw_with_person(client: "GraphClient", targets: Sequence["np.ndarray"] | N
     tell = partial(tell_practice, before=0, messages=messages)
     wanted = {"throws": 1, "follow_basket": True} if targets is None else {"targets": targets}
     result = client.practise(**wanted, only_throw=True, on_feedback=tell)
-    if not result.success:
+    if len(result.outcomes) < (1 if targets is None else len(targets)):
         raise GraphFailure(f"/practice: {result.message}")
     return [throw_result(outcome, messages.get(k, "")) for k, outcome in enumerate(result.outcomes, start=1)]
 
