@@ -21,6 +21,8 @@ from std_srvs.srv import SetBool, Trigger
 
 from dart_skill_nodes.process.signals import ENDS_WITH
 
+LIMIT, LONG = 180.0, 300.0
+"""Nothing takes longer, on whatever machine: answers and starting nodes; commands and what a person does [s, wall clock]."""
 PENDING = 30.0
 """What comes late is waited for so long [s, wall clock]. Fast DDS repeats what got lost on a busy machine after 3 s, or twice that."""
 RECORDERS = ("/demonstration_recorder", "/again")
@@ -55,7 +57,9 @@ def running(command, log):
 
 def hardware_graph(folder):
     """The hardware layout, until the end of the context; its log and the bag of demonstrations are in the folder."""
-    command = ["dart-skill", "up", "--layout", "hardware", "--set", "coach.stand_back=1.0", "--output", str(folder / "up")]
+    settings = ("coach.stand_back=1.0", "commander.learner_timeout=30.0")  # the second one: a busy machine is no dead learner
+    command = ["dart-skill", "up", "--layout", "hardware", "--output", str(folder / "up")]
+    command += [word for setting in settings for word in ("--set", setting)]
     return running(command, folder / "up.log")
 
 
@@ -72,7 +76,7 @@ class Outsider(Node):
         self.create_subscription(Practice.Impl.FeedbackMessage, "/practice/_action/feedback", self._hear, 50)
         self.asked, self.helps = [], False  # what the coach asked of the person, in words, and whether the person does it
 
-    def wait_for_graph(self, limit=60.0):
+    def wait_for_graph(self, limit=LIMIT):
         """Until every service and the action are there, and a second longer: a server may find its client later."""
         actions = (self._throw, self._practice)
         there = [client for name, client in self._calls.items() if not name.startswith(RECORDERS[1])]
@@ -84,7 +88,7 @@ class Outsider(Node):
         self.driver.run_until(future.done, limit)
         return future.result()
 
-    def call(self, name, limit=60.0, **fields):
+    def call(self, name, limit=LIMIT, **fields):
         """Call a service until it no longer says that its answer is pending, for PENDING on the wall clock at most."""
         self.driver.run_until(self._calls[name].service_is_ready, limit)
         until = time.monotonic() + PENDING
@@ -94,7 +98,7 @@ class Outsider(Node):
                 return response
             self.driver.run(0.1)
 
-    def do(self, *tasks, limit=300.0):
+    def do(self, *tasks, limit=LONG):
         """Let the person do these, until the end of the last one."""
         self.driver.person.begin(*tasks)
         self.driver.run_until(lambda: not self.driver.person.busy, limit)
@@ -131,12 +135,12 @@ class Outsider(Node):
         goal.header.frame_id = "world"
         return self._act(self._throw, goal, limit)
 
-    def start_practice(self, limit=60.0, **goal):
+    def start_practice(self, limit=LIMIT, **goal):
         """The handle of a goal of the coach's, with a person who does nothing."""
         self.asked, self.helps = [], False
         return self._wait(self._practice.send_goal_async(Practice.Goal(**goal)), limit)
 
-    def until_asked(self, words, limit=60.0):
+    def until_asked(self, words, limit=LIMIT):
         """Go on until the coach asked for something with these words in it."""
         try:
             self.driver.run_until(lambda: any(words in text for text in self.asked), limit)
@@ -151,14 +155,14 @@ class Outsider(Node):
         try:
             yield practice
         finally:
-            self._wait(handle.cancel_goal_async(), 60.0)
+            self._wait(handle.cancel_goal_async(), LIMIT)
             practice.result = self.result(handle)
 
-    def result(self, handle, limit=60.0):
+    def result(self, handle, limit=LIMIT):
         """The result of a goal."""
         return self._wait(handle.get_result_async(), limit).result
 
-    def type(self, *words, before_enter=(), limit=300.0):
+    def type(self, *words, before_enter=(), limit=LONG):
         """Type a command, with a person who does what the coach asks; the object that it prints as JSON, and what it says meanwhile.
 
         before_enter: what is done, one after the other, before the command is given the Enter key that it asks for.

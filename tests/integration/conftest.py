@@ -105,10 +105,10 @@ class Diagnoses:
 
 
 def wait_for(client, condition, limit=60.0, what="the condition"):
-    """Spin until the condition holds; the test fails with its name when it never does."""
+    """Spin until the condition holds; the test fails with its name when it never does. what: in words, or a function that has them then."""
     until = time.monotonic() + limit
     while not condition():
-        assert time.monotonic() < until, f"{what} did not come true in {limit:.0f} s"
+        assert time.monotonic() < until, f"{what() if callable(what) else what} did not come true in {limit:.0f} s"
         client.spin()
 
 

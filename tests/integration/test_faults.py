@@ -69,7 +69,7 @@ def test_a_recorder_that_is_held_up_loses_nothing(make_graph, tmp_path):
         recorded = diagnoses.values.get("demonstration_recorder", {})
         return all(int(recorded.get(topic, 0)) > 2_400_000_000 // period for topic, period in periods.items())
 
-    wait_for(client, has_caught_up, what="the recorder has everything")
+    wait_for(client, has_caught_up, what=lambda: f"the recorder has everything: it says {diagnoses.values}")
     graph.stop()
     with BagReader(tmp_path / "bag") as bag:
         for topic, period in periods.items():
