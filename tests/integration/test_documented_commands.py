@@ -248,8 +248,8 @@ TYPED = {
     "dart-skill experiment practice --methods residual --demonstrations 3 --throws 20 --tested-after 0,10,20 --seeds 20": Run(
         "--throws 1 --tested-after 0,1 --tests 1 --seeds 1", says="residual"
     ),
-    "dart-skill experiment practice --methods residual --arms fleet --first-seed 2000 --seeds 30 --throws 50 "
-    "--tested-after 0,10,50": Elsewhere("unit/experiments/test_practice.py::test_a_tiny_run_practises_and_is_tested"),
+    "dart-skill experiment practice --methods residual --arms fleet --first-seed 2000 --seeds 40 --throws 50 "
+    "--tested-after 0,10,25,50 --again 6": Elsewhere("unit/experiments/test_practice.py::test_a_tiny_run_practises_and_is_tested"),
     "dart-skill experiment practice --methods residual --throws 50 --tested-after 0,10,20,50 --again 16 --seeds 20": Elsewhere(
         "unit/experiments/test_practice.py::test_the_floor_is_what_one_plan_scatters_and_is_measured_when_all_else_is_done"
     ),
