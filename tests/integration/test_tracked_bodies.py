@@ -27,35 +27,30 @@ def see(bodies, role, first_ns, last_ns):
         bodies.take(role, serialize_message(message))
 
 
-def test_nothing_is_waited_for_when_all_has_come(tracked):
-    assert tracked.has_all_until(GIGA, 0.0)
-    assert not tracked.has_all_until(GIGA + 1, 0.0), "the next frame may be on its way"
+def test_nobody_is_late_when_all_has_come(tracked):
+    assert tracked.has_frames_until(GIGA) and not tracked.is_late("ball", GIGA, 0.0)
+    assert not tracked.has_frames_until(GIGA + 1), "the next frame may be on its way"
 
 
-def test_a_body_that_lags_is_waited_for_until_it_comes(tracked):
-    for role in ("hand", "basket"):
-        see(tracked, role, GIGA, 2 * GIGA)
-    assert not tracked.has_all_until(2 * GIGA - FRAME_NS, 0.0)
-    assert tracked.farthest_behind == ("ball", GIGA + FRAME_NS)
+def test_a_body_that_lags_is_late_until_it_comes(tracked):
+    see(tracked, "hand", GIGA, 2 * GIGA)
+    assert tracked.has_frames_until(2 * GIGA - FRAME_NS)
+    assert tracked.is_late("ball", 2 * GIGA, 0.0) and not tracked.is_late("hand", 2 * GIGA, 0.0)
+    assert tracked.farthest_behind[1] == GIGA + FRAME_NS
     see(tracked, "ball", GIGA, 2 * GIGA)
-    assert tracked.has_all_until(2 * GIGA - FRAME_NS, 0.1)
+    assert not tracked.is_late("ball", 2 * GIGA, 0.1)
 
 
 def test_a_body_that_is_hidden_is_not_waited_for_longer_than_a_loss_takes(tracked):
-    see(tracked, "hand", GIGA, 2 * GIGA)
-    until = 2 * GIGA - FRAME_NS
-    assert not tracked.has_all_until(until, 100.0)
-    assert not tracked.has_all_until(until, 100.0 + 0.9 * REPAIRED)
-    assert tracked.has_all_until(until, 100.1 + REPAIRED)
+    assert tracked.is_late("ball", 2 * GIGA, 100.0)
+    assert tracked.is_late("ball", 2 * GIGA, 100.0 + 0.9 * REPAIRED)
+    assert not tracked.is_late("ball", 2 * GIGA, 100.1 + REPAIRED)
+    assert tracked.is_late("basket", 2 * GIGA, 100.1 + REPAIRED), "each body has its own time"
 
 
 def test_a_few_frames_without_a_body_are_not_waited_for(tracked):
-    see(tracked, "hand", GIGA, GIGA + 11 * FRAME_NS)
-    assert tracked.has_all_until(GIGA + 10 * FRAME_NS, 0.0)
+    assert not tracked.is_late("ball", GIGA + 10 * FRAME_NS, 0.0)
 
 
-def test_who_takes_what_there_is_waits_for_the_hand_alone(tracked):
-    see(tracked, "basket", GIGA, 2 * GIGA)
-    assert not tracked.has_hand_until(2 * GIGA, 0.0)
-    see(tracked, "hand", GIGA, 2 * GIGA)
-    assert tracked.has_hand_until(2 * GIGA, 0.0)
+def test_a_body_that_was_never_seen_is_not_late():
+    assert not TrackedBodies("world", pytest.fail).is_late("ball", GIGA, 0.0)

@@ -1,7 +1,7 @@
 """From what the sensors saw to a demonstration, and to what became of a throw."""
 
 from dart_skill.skill.observe._at_rest import basket_at_rest, check_ball_in_hand
-from dart_skill.skill.observe._cutting import ARRIVAL_NS, RESET_NS, THRESHOLDS, ThrowLog, judged, watched_until
+from dart_skill.skill.observe._cutting import ARRIVAL_NS, RESET_NS, THRESHOLDS, ThrowLog, judged, seen_down, watched_until
 from dart_skill.skill.observe._free_flight import FreeFlight, find_flight
 from dart_skill.skill.observe._noise import column_noise, position_noise
 from dart_skill.skill.observe._outcome import Outcome, Release, fit_release, judge_flight
@@ -25,6 +25,7 @@ __all__ = [
     "judge_flight",
     "position_noise",
     "judged",
+    "seen_down",
     "watched_until",
     "worlds",
 ]

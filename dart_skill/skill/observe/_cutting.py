@@ -41,6 +41,12 @@ def judged(log: ThrowLog, target: np.ndarray, rim_radius: float, opened_ns: int,
     return outcome, log.release_between(opened_ns - BEFORE_NS, until_ns)
 
 
+def seen_down(log: ThrowLog, target: np.ndarray, rim_radius: float, opened_ns: int, until_ns: int) -> bool:
+    """Whether the ball was seen until it had come down through the plane of a rim (3,), so that later poses change no landing."""
+    outcome = judge_flight(*log.ball_between(opened_ns, until_ns), target, rim_radius)
+    return outcome.landing_seen and log.ball.stamps[-1] >= opened_ns + outcome.landing_time * 1e9
+
+
 @dataclass
 class _Stream:
     """Samples of one sensor: stamps [ns] and rows of numbers, in the order of their stamps."""

@@ -44,7 +44,7 @@ class TrackedBodies:
 
     def __init__(self, frame_id: str, complain: Callable[[str], None]):
         self.log, self._newest_of, self._forgotten_ns = ThrowLog(), {}, 0
-        self._awaited, self._since = 0, 0.0  # up to where poses are waited for, and since when on the wall clock
+        self._awaited: dict[str, tuple[int, float]] = {}  # by role, up to where poses are waited for, and since when on the wall clock
         self._frame_id, self._complain, self._wrong_frame = frame_id, complain, ""
         self._add = {
             "hand": lambda ns, pose: self.log.add_hand(ns, conversions.vector(pose.position), conversions.quaternion(pose.orientation)),
@@ -61,26 +61,22 @@ class TrackedBodies:
         """Forget what was seen; a new recording begins."""
         self.log.clear()
 
-    def has_all_until(self, ns: int, now: float) -> bool:
-        """Whether every pose up to a stamp has come, by an instant of the wall clock [s].
+    def has_frames_until(self, ns: int) -> bool:
+        """Whether the frames up to a stamp have come: a pose of a later one has."""
+        return self.newest_ns >= ns + FRAME_NS
 
-        One that is a frame newer has come, and no body is far behind: poses of one body may lag behind the others' by seconds, where some
-        were lost on the way. A body that lags for longer than REPAIRED is hidden, as a ball in its basket may be.
+    def is_late(self, role: str, ns: int, now: float) -> bool:
+        """Whether poses of a body up to a stamp may still come, at an instant of the wall clock [s].
+
+        They may lag behind those of the others by seconds, where some were lost on the way: each body has a topic of its own. A body that
+        lags for longer than REPAIRED is hidden, as a ball in its basket may be; one that was never seen is not late.
         """
-        if self.newest_ns < ns + FRAME_NS:
+        if role not in self._newest_of or self._newest_of[role] >= ns - LAG_NS:
             return False
-        return self._comes_no_more(ns, min(self._newest_of.values()), now)
-
-    def has_hand_until(self, ns: int, now: float) -> bool:
-        """The same of the hand alone, and of what has come: somebody who does not say up to when waits for no body that may be hidden."""
-        return self._comes_no_more(ns, self._newest_of.get("hand", 0), now)
-
-    def _comes_no_more(self, ns: int, newest: int, now: float) -> bool:
-        if newest >= ns - LAG_NS:
-            return True
-        if self._awaited != ns:
-            self._awaited, self._since = ns, now
-        return now - self._since > REPAIRED
+        awaited, since = self._awaited.get(role, (0, 0.0))
+        if awaited != ns:
+            self._awaited[role] = awaited, since = ns, now
+        return now - since <= REPAIRED
 
     @property
     def farthest_behind(self) -> tuple[str, int]:

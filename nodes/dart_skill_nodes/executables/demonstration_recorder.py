@@ -10,6 +10,7 @@ from datetime import datetime
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 from dart_skill_msgs.msg import Demonstration as DemonstrationMsg
 from dart_skill_msgs.msg import DemonstrationMark
 from dart_skill_msgs.srv import JudgeThrow, StopDemonstration
@@ -34,7 +35,7 @@ from dart_skill.recording import (
 from dart_skill.recording.grip_signal import OPEN, read_command
 from dart_skill.robot import ArmState
 from dart_skill.skill.learn import DEFAULT, prepare
-from dart_skill.skill.observe import ThrowFinder, judged, watched_until
+from dart_skill.skill.observe import ThrowFinder, judged, seen_down, watched_until
 from dart_skill.world import ROLES, pose_topic
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink
@@ -225,20 +226,26 @@ class DemonstrationRecorder(BagKeeper):
         self._take()
         until = conversions.stamp_ns(request.until)
         self._up_to = until or self._up_to or self._now_ns  # who gives no stamp asks for what there is, and again for the same
-        response.pending = self._lag_behind(until) if until else not self._tracked.has_hand_until(self._up_to, time.monotonic())
-        if response.pending:
-            response.success, response.message = False, f"{self._come} only, not {self._up_to} ns: call again"
+        if (until and self._streams_lag(until)) or self._body_lags("hand") or self._body_lags("basket"):
+            response.pending, response.message = True, f"{self._come} only, not {self._up_to} ns: call again"
             return response
-        self._recording = False
-        return self._cut(request, response, self._up_to)
+        return self._cut(request, response)
 
-    def _lag_behind(self, until: int) -> bool:
+    def _streams_lag(self, until: int) -> bool:
         """Whether messages up to a stamp are still on their way: a stream that was heard since ~/start may lag behind the others. A button
         that was pressed is no stream.
         """
         streams = (topic for topic, heard in self._heard.items() if heard >= STREAM and topic in self._needed)
         steps = (self._newest[topic] for topic in streams if topic not in self._role_of)
-        return min(steps, default=0) < until or not self._tracked.has_all_until(until, time.monotonic())
+        return min(steps, default=0) < until or not self._tracked.has_frames_until(until)
+
+    def _body_lags(self, role: str) -> bool:
+        return self._tracked.is_late(role, self._up_to, time.monotonic())
+
+    def _ball_lags(self, target: np.ndarray, opened: int, until: int) -> bool:
+        """Whether poses of the ball may be on their way that decide where it came down."""
+        late = self._tracked.is_late("ball", until, time.monotonic())
+        return late and not seen_down(self._tracked.log, target, self.p["basket_radius"], opened, until)
 
     @property
     def _come(self) -> str:
@@ -252,16 +259,14 @@ class DemonstrationRecorder(BagKeeper):
             return response
         opened, until = conversions.stamp_ns(request.opened), conversions.stamp_ns(request.until)
         self._take()
-        response.pending = not self._tracked.has_all_until(until, time.monotonic())
-        if response.pending:
-            response.message = f"{self._come} only, not {until} ns"
-            return response
-        self._take()  # what was sent before the newest pose
-        if not self._tracked.remembers(opened):
-            response.message = f"the throw at {opened} ns is too long ago: it was forgotten"
-            return response
         target, log = conversions.vector(request.target), self._tracked.log
         try:
+            if not self._tracked.has_frames_until(until) or self._ball_lags(target, opened, until):
+                response.pending, response.message = True, f"{self._come} only, not {until} ns"
+                return response
+            self._take()  # what was sent before the newest pose
+            if not self._tracked.remembers(opened):
+                raise ValueError(f"the throw at {opened} ns is too long ago: it was forgotten")
             outcome, release = judged(log, target, self.p["basket_radius"], opened, until or self._tracked.newest_ns)
         except ValueError as error:
             response.message = str(error)
@@ -269,17 +274,23 @@ class DemonstrationRecorder(BagKeeper):
         response.success, response.outcome = True, conversions.outcome_msg(outcome, target, self.p["frame_id"], opened, release)
         return response
 
-    def _cut(self, request, response, until: int):
+    def _cut(self, request, response):
+        log = self._tracked.log
         try:
-            log = self._tracked.log
-            one = log.cut(demonstration_id(log.opened_ns or 0), until, self._thresholds)
-            response.success, response.demonstration = True, conversions.demonstration_msg(one)
+            one = log.cut(demonstration_id(log.opened_ns or 0), self._up_to, self._thresholds)
+            response.pending = self._ball_lags(one.target, log.opened_ns, self._up_to)
         except ValueError as error:
-            response.success, response.message = False, str(error)
-            self.get_logger().error(f"no demonstration: {error}")
+            response.message, response.pending = str(error), self._body_lags("ball")
+        if response.pending:
+            response.message = f"{self._come} only, not {self._up_to} ns: call again"
             return response
+        self._recording, response.success = False, not response.message
+        if not response.success:
+            self.get_logger().error(f"no demonstration: {response.message}")
+            return response
+        response.demonstration = conversions.demonstration_msg(one)
         if request.keep:
-            response.message = self._keep(one, until)
+            response.message = self._keep(one, self._up_to)
             response.readable = not response.message
         return response
 

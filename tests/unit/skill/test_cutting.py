@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dart_skill.movement import VelocityThreshold
-from dart_skill.skill.observe import ThrowLog, watched_until
+from dart_skill.skill.observe import ThrowLog, seen_down, watched_until
 
 MS = 1_000_000
 START_NS = 5_000 * MS
@@ -239,6 +239,17 @@ def test_a_ball_that_was_seen_to_leave_the_hand_stands_in_for_the_button():
     assert np.isnan(first.hand_opened) and second.hand_opened > 0.0
     assert first.stamp_ns == second.stamp_ns
     np.testing.assert_array_equal(first.hand_position, second.hand_position)
+
+
+@pytest.mark.parametrize(("seen_for", "down"), [(0.45, False), (0.55, False), (0.75, True), (1.2, True)])
+def test_a_ball_is_seen_down_when_its_last_pose_is_below_the_rim(seen_for, down):
+    """Without drag from 2 m at 3.5 m/s level it comes through a rim at 0.4 m after 0.571 s; what is seen later is no matter."""
+    log, ms = ThrowLog(), np.arange(0, round(1000 * seen_for), 10)
+    for at in ms:
+        time = 1e-3 * at
+        log.add_ball(int(OPENED_NS + at * MS), np.array([3.5 * time, 0.0, 2.0 - 0.5 * 9.81 * time**2]))
+    rim = np.array([3.5 * 0.571, 0.0, 0.4])
+    assert seen_down(log, rim, 0.15, OPENED_NS, OPENED_NS + 1_500 * MS) == down
 
 
 def test_a_throw_is_watched_as_long_as_its_samples_are_sure_to_have_come():
