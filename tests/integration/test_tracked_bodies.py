@@ -1,11 +1,17 @@
 """Poses of one body may lag behind those of another: each has a topic, and what got lost on one of them is repeated seconds later."""
 
+import numpy as np
 import pytest
+from dart_skill_msgs.srv import JudgeThrow
 from geometry_msgs.msg import PoseStamped
 from rclpy.serialization import serialize_message
 
+from dart_skill.world import ROLES, pose_topic
 from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.qos import COMPLETE
 from dart_skill_nodes.comms.tracked_bodies import FRAME_NS, REPAIRED, TrackedBodies
+
+from .conftest import wait_for
 
 GIGA = 1_000_000_000
 
@@ -54,3 +60,46 @@ def test_a_few_frames_without_a_body_are_not_waited_for(tracked):
 
 def test_a_body_that_was_never_seen_is_not_late():
     assert not TrackedBodies("world", pytest.fail).is_late("ball", GIGA, 0.0)
+
+
+RIM = np.array([2.0, 0.0, 0.4])
+OPENED_NS, UNTIL_NS = GIGA, 2 * GIGA
+
+
+def poses(role, first_ns, last_ns):
+    """What cameras say at 100 Hz of a hand and a basket that rest, and of a ball that flies into the basket from 2 m above the floor."""
+    for ns in range(first_ns, last_ns + 1, FRAME_NS):
+        time = max(0.0, 1e-9 * (ns - OPENED_NS))
+        place = {"hand": (0.0, 0.0, 2.0), "basket": RIM, "ball": (3.5 * time, 0.0, max(0.2, 2.0 - 0.5 * 9.81 * time**2))}[role]
+        message = PoseStamped()
+        message.header.frame_id, message.header.stamp = "world", conversions.time_msg(ns)
+        message.pose.position, message.pose.orientation.w = conversions.point(np.array(place)), 1.0
+        yield message
+
+
+def test_a_throw_is_not_judged_by_half_a_flight(make_graph, tmp_path):
+    """The ball's poses come later than the others': the recorder says so, and what it says of the landing is said by all of them."""
+    graph, client = make_graph(None)
+    graph.start("demonstration_recorder", {"bag": str(tmp_path / "bag")})
+    publishers = {role: client.node.create_publisher(PoseStamped, pose_topic(role), COMPLETE) for role in ROLES}
+    judge = client.node.create_client(JudgeThrow, "/demonstration_recorder/judge")
+    client.reach(judge)
+    wait_for(client, lambda: all(one.get_subscription_count() for one in publishers.values()), what="a recorder that hears all bodies")
+    asked = JudgeThrow.Request(target=conversions.point(RIM), opened=conversions.time_msg(OPENED_NS), until=conversions.time_msg(UNTIL_NS))
+
+    def publish(role, first_ns, last_ns):
+        for message in poses(role, first_ns, last_ns):
+            publishers[role].publish(message)
+
+    def answer():
+        return client.call(judge, asked, may_refuse=True)
+
+    publish("ball", 0, OPENED_NS + 300_000_000)
+    for role in ("basket", "hand"):
+        publish(role, 0, UNTIL_NS + FRAME_NS)
+    wait_for(client, lambda: "of the ball up to" in answer().message, what="a recorder that misses the ball")
+    assert answer().pending
+    publish("ball", OPENED_NS + 310_000_000, UNTIL_NS)
+    wait_for(client, lambda: not answer().pending, limit=0.9 * REPAIRED, what="a judgement")
+    assert answer().outcome.landing_seen
+    assert answer().outcome.landing_error == pytest.approx(abs(3.5 * np.sqrt(2.0 * 1.6 / 9.81) - RIM[0]), abs=0.02)

@@ -41,10 +41,10 @@ def judged(log: ThrowLog, target: np.ndarray, rim_radius: float, opened_ns: int,
     return outcome, log.release_between(opened_ns - BEFORE_NS, until_ns)
 
 
-def seen_down(log: ThrowLog, target: np.ndarray, rim_radius: float, opened_ns: int, until_ns: int) -> bool:
-    """Whether the ball was seen until it had come down through the plane of a rim (3,), so that later poses change no landing."""
-    outcome = judge_flight(*log.ball_between(opened_ns, until_ns), target, rim_radius)
-    return outcome.landing_seen and log.ball.stamps[-1] >= opened_ns + outcome.landing_time * 1e9
+def seen_down(log: ThrowLog, target: np.ndarray, opened_ns: int, until_ns: int) -> bool:
+    """Whether the ball was seen above the plane of a rim (3,) and last below it, so that later poses change no landing."""
+    _, position = log.ball_between(opened_ns, until_ns)
+    return len(position) > 0 and bool(position[:, 2].max() > target[2] > position[-1, 2])
 
 
 @dataclass

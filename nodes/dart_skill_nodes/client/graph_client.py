@@ -114,9 +114,7 @@ class GraphClient:
         """
         at_least = (0 if bag else self._taught) if at_least is None else at_least
         request = Learn.Request(bag=bag, configuration=configuration, at_least=at_least, without=list(without))
-        until = time.monotonic() + self._patience
-        while (response := self.call(self._learn, request, may_refuse=True)).pending and time.monotonic() < until:
-            self._rest()
+        response = self._call_while_pending(self._learn, request)
         if not response.success:
             raise GraphFailure(f"{self._learn.srv_name}: {response.message}")
         return response
@@ -132,10 +130,7 @@ class GraphClient:
     def stop_demonstration(self) -> StopDemonstration.Response:
         """What was recorded since the start, kept as a demonstration if there is a throw in it; poses that are late are waited for."""
         client = self.node.create_client(StopDemonstration, "/demonstration_recorder/stop")
-        until = time.monotonic() + self._patience
-        while (response := self.call(client, StopDemonstration.Request(keep=True), may_refuse=True)).pending and time.monotonic() < until:
-            self._rest()
-        return response
+        return self._call_while_pending(client, StopDemonstration.Request(keep=True))
 
     def demonstrations(self, configuration: str = "") -> ListDemonstrations.Response:
         """What the learner has heard, and what can be made of it."""
@@ -211,6 +206,13 @@ class GraphClient:
         response = self.wait(client.call_async(request), client.srv_name)
         if not response.success and not may_refuse:
             raise GraphFailure(f"{client.srv_name}: {response.message}")
+        return response
+
+    def _call_while_pending(self, client, request):
+        """Response of a service that may say that its answer is pending: asked again until it does not, or the patience is over."""
+        until = time.monotonic() + self._patience
+        while (response := self.call(client, request, may_refuse=True)).pending and time.monotonic() < until:
+            self._rest()
         return response
 
     def carry_out(self, coroutine: Coroutine, what: str):

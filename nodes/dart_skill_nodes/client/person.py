@@ -105,7 +105,7 @@ class Person:
         """Wait until the basket is seen elsewhere than at a place (3,) for which there is no plan, and why."""
 
         def moved() -> bool:
-            if not self._carried(place):
+            if self._rests_at(place) is not False:
                 raise ValueError("")
             return True
 
@@ -130,14 +130,14 @@ class Person:
         """
         seconds = self._patience.stand_back
         text = "put the ball into the hand, then stand back"
-        if not await self._until(text, lambda: not self._carried(basket) and self._check_ball(seat)):
+        if not await self._until(text, lambda: self._rests_at(basket) is not False and self._check_ball(seat)):
             return False
         begun_ns = self._tracked.newest_ns
         self.ask(f"stand back: the arm throws in {seconds:.0f} s")
 
         def stood_back() -> bool:
             nonlocal begun_ns
-            if self._carried(basket):
+            if self._rests_at(basket) is False:
                 return False
             try:
                 self._check_ball(seat)
@@ -148,21 +148,14 @@ class Person:
                 raise ValueError("")
             return True
 
-        return await self._until("", stood_back) and self._stays(basket)
+        return await self._until("", stood_back) and self._rests_at(basket) is True
 
-    def _carried(self, place: np.ndarray) -> bool:
-        """Whether the basket rests elsewhere than at a place (3,). Somebody who stands before it for a moment has not carried it."""
-        try:
-            return not self._is_near(place, self._where_basket())
-        except ValueError:
-            return False
-
-    def _stays(self, place: np.ndarray) -> bool:
-        """Whether the basket is seen at rest at a place (3,)."""
+    def _rests_at(self, place: np.ndarray) -> bool | None:
+        """Whether the basket rests at a place (3,); None where it is not seen at rest: somebody who stands before it has not carried it."""
         try:
             return self._is_near(place, self._where_basket())
         except ValueError:
-            return False
+            return None
 
     def _is_near(self, place: np.ndarray, seen: np.ndarray) -> bool:
         return float(np.linalg.norm(place - seen)) <= self._patience.basket_tolerance

@@ -245,7 +245,7 @@ class DemonstrationRecorder(BagKeeper):
     def _ball_lags(self, target: np.ndarray, opened: int, until: int) -> bool:
         """Whether poses of the ball may be on their way that decide where it came down."""
         late = self._tracked.is_late("ball", until, time.monotonic())
-        return late and not seen_down(self._tracked.log, target, self.p["basket_radius"], opened, until)
+        return late and not seen_down(self._tracked.log, target, opened, until)
 
     @property
     def _come(self) -> str:

@@ -249,7 +249,7 @@ def test_a_ball_is_seen_down_when_its_last_pose_is_below_the_rim(seen_for, down)
         time = 1e-3 * at
         log.add_ball(int(OPENED_NS + at * MS), np.array([3.5 * time, 0.0, 2.0 - 0.5 * 9.81 * time**2]))
     rim = np.array([3.5 * 0.571, 0.0, 0.4])
-    assert seen_down(log, rim, 0.15, OPENED_NS, OPENED_NS + 1_500 * MS) == down
+    assert seen_down(log, rim, OPENED_NS, OPENED_NS + 1_500 * MS) == down
 
 
 def test_a_throw_is_watched_as_long_as_its_samples_are_sure_to_have_come():
