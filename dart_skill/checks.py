@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike
 
 # Samples up to this size, and scales down to its reciprocal, have a variance that neither overflows nor loses digits.
 LARGEST_LEARNABLE = 1e145
+FARTHEST = 1000.0
+"""No hand, ball or basket is farther away from the arm: a place beyond it is given in another unit, or is an error [m]."""
 
 
 def as_finite(value: ArrayLike, name: str, ndim: int | None = None) -> np.ndarray:
@@ -68,6 +70,14 @@ def as_vector(value: ArrayLike, name: str, length: int | None = None) -> np.ndar
     return vector
 
 
+def as_place(value: ArrayLike, name: str) -> np.ndarray:
+    """A place (3,) within `FARTHEST` [m] of the origin in each direction; ValueError for what is no place."""
+    place = np.asarray(value, dtype=float)
+    if place.shape != (3,) or not bool((np.abs(place) <= FARTHEST).all()):  # NaN is not within it either
+        raise ValueError(f"{name} is at {place.tolist()}: give three finite numbers in metres, none beyond {FARTHEST:.0f} m")
+    return place
+
+
 def as_weights(value: ArrayLike | None, n_samples: int, name: str = "weights") -> np.ndarray:
     """Weights (n_samples,), not negative and not all zero; ones when None."""
     if value is None:
@@ -115,6 +125,8 @@ def as_covariances(value: ArrayLike, name: str, shape: tuple[int, ...]) -> np.nd
     matrices = as_finite(value, name)
     if matrices.shape != shape:
         raise ValueError(f"{name} must have shape {shape}, got {matrices.shape}")
+    if np.abs(matrices).max(initial=0.0) > LARGEST_LEARNABLE**2:
+        raise ValueError(f"{name} holds {np.abs(matrices).max():g}, too large for a variance; choose a larger unit")
     transposed = np.swapaxes(matrices, -1, -2)
     scale = np.sqrt(np.abs(np.diagonal(matrices, axis1=-2, axis2=-1)))
     allowed = 1e-8 * scale[..., :, None] * scale[..., None, :] + np.finfo(float).tiny

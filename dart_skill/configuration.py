@@ -27,17 +27,22 @@ def world_parameters() -> dict:
     return dict(load_yaml("world.yaml")["/**"]["ros__parameters"])
 
 
+def limit_parameters() -> dict:
+    """The entries of config/limits.yaml by name, which are parameters of every node that moves the arm."""
+    return dict(load_yaml("limits.yaml")["/**"]["ros__parameters"])
+
+
 def node_file(node: str) -> str:
     """Name of the file of config/ with the parameters of a node."""
     return "optitrack.yaml" if node == "mock_optitrack" else f"{node}.yaml"
 
 
 def node_parameters(name: str, node: str) -> dict:
-    """Parameters of one node from a ROS parameter file of config/, and those of world.yaml that it does not set itself, without ROS."""
+    """Parameters of one node from a ROS parameter file of config/, without ROS; those of world and limits that it does not set, too."""
     content = load_yaml(name)
     if node not in content:
         raise KeyError(f"{name} has no section '{node}', only {sorted(content)}")
-    return {**world_parameters(), **content[node]["ros__parameters"]}
+    return {**world_parameters(), **limit_parameters(), **content[node]["ros__parameters"]}
 
 
 def _folders() -> list[Path]:

@@ -4,6 +4,13 @@ import os
 import socket
 
 import pytest
+from hypothesis import settings
+
+# The same examples in every run; HYPOTHESIS_PROFILE=explore looks for new ones, and HYPOTHESIS_PROFILE=long for many of them.
+settings.register_profile("same", derandomize=True, deadline=None)
+settings.register_profile("explore", derandomize=False, deadline=None)
+settings.register_profile("long", derandomize=False, deadline=None, max_examples=5000)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
 FIRST_LOCK_PORT = 7200  # domain d is taken by whoever holds UDP port 7200 + d; DDS uses ports from 7400 on
 DOMAINS = range(1, 101)

@@ -28,7 +28,7 @@ def safety_lines(limits: Mapping, description: WamDescription, simulated: bool) 
     return [
         line(
             "strongest force", graded(force, firmest, STRONGEST_FORCE), f"{force:g} N", f"at most {firmest:g} N at first",
-            "begin with a low strongest_force in config/commander.yaml, an empty hand and the nearest basket",
+            "begin with a low strongest_force in config/limits.yaml, an empty hand and the nearest basket",
         ),
         _speed_line(hand, simulated),
         line(

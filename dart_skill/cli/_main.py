@@ -5,6 +5,7 @@ import os
 import sys
 
 from dart_skill.cli import _completion, bag, check, darts, experiment, graph_verbs, learn, report, view
+from dart_skill.cli._printable import in_a_line
 
 TAB = "With TAB, bash and zsh complete commands, options and values: source tools/env.sh, or tools/completion.bash (.zsh) alone."
 
@@ -25,7 +26,7 @@ def main(arguments: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except (ValueError, OSError, ImportError) as error:
-        print(f"dart-skill: {error}", file=sys.stderr)
+        print(f"dart-skill: {in_a_line(str(error) or type(error).__name__)}", file=sys.stderr)
         return 1
 
 

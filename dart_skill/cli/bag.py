@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dart_skill.cli import graph_verbs
+from dart_skill.cli._printable import printable
 
 if TYPE_CHECKING:
     from dart_skill.recording.bags import Recovery
@@ -94,13 +95,13 @@ def _info(options: argparse.Namespace) -> int:
         except (ValueError, OSError) as error:
             if single:
                 raise
-            print(f"dart-skill: {error}", file=sys.stderr)
+            print(f"dart-skill: {printable(str(error))}", file=sys.stderr)
             told.append({"path": str(path), "error": str(error)})
     readable = [one for one in told if "error" not in one]
     if options.json:
         print(json.dumps(told[0] if single else told, indent=1))
     elif readable:
-        print("\n\n".join(map(_info_text, readable)))
+        print("\n\n".join(printable(_info_text(one)) for one in readable))
         if single:
             print(f"\nnext: dart-skill bag check {shlex.quote(str(options.bags[0]))}")
     return int(len(readable) < len(told))
@@ -209,7 +210,7 @@ def _check(options: argparse.Namespace) -> int:
         print(json.dumps([{"bag": str(path), **asdict(one)} for path, findings in found.items() for one in findings], indent=1))
     else:
         for path, findings in found.items():
-            print("\n".join([*map(str, findings), _verdict(path, findings)]))
+            print("\n".join(map(printable, [*map(str, findings), _verdict(path, findings)])))
         if damaged := [path for path, findings in found.items() if _is_for_recovery(findings)]:
             print(f"next: dart-skill bag recover {shlex.quote(str(damaged[0]))}")
     return int(any(one.severity == "error" for findings in found.values() for one in findings))
@@ -232,7 +233,7 @@ def _recover(options: argparse.Namespace) -> int:
     from dart_skill.recording.bags import recover
 
     result = recover(options.bag, _output(options, options.bag, "recovered"))
-    print(json.dumps(_recovery_json(result), indent=1) if options.json else _recovery_text(result))
+    print(json.dumps(_recovery_json(result), indent=1) if options.json else printable(_recovery_text(result)))
     return int(not (sum(result.messages.values()) or result.n_attachments or result.is_complete))
 
 

@@ -69,9 +69,12 @@ def heat_map(spread: Spread | float | ArrayLike, spacing: float = 1.0, half_widt
     spread: a Spread, a sigma [mm] of at least 1, or a covariance (2, 2) [mm^2].
     """
     spread, spacing = as_spread(spread), as_number(spacing, "spacing")
-    n_half = int(as_number(half_width, "half_width") / spacing + 1e-9)
-    if (2 * n_half + 1) ** 2 > LARGEST_GRID:
-        raise ValueError(f"spacing {spacing:g} mm makes {(2 * n_half + 1) ** 2} aims; at most {LARGEST_GRID} fit: choose a larger spacing")
+    steps = as_number(half_width, "half_width") / spacing + 1e-9
+    if not 1.0 <= steps:
+        raise ValueError(f"spacing {spacing:g} mm is more than the half of the board, {half_width:g} mm: choose a smaller spacing")
+    if (2.0 * steps + 1.0) ** 2 > LARGEST_GRID:
+        raise ValueError(f"spacing {spacing:g} mm makes more than the {LARGEST_GRID} aims that fit: choose a larger spacing")
+    n_half = int(steps)
     narrowest = spread.deviations[0]
     if narrowest < SMALLEST_FOR_GRID:
         raise ValueError(

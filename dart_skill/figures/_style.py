@@ -17,6 +17,8 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Ellipse, Rectangle
 
+from dart_skill.files import new_file
+
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 BLUE, VERMILION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
 GREY = "#777777"
@@ -56,8 +58,10 @@ def save(figure: Figure, folder: str | Path, name: str) -> list[Path]:
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     svg, png = folder / f"{name}.svg", folder / f"{name}.png"
-    figure.savefig(svg, metadata={"Date": None, "Creator": "dart_skill"})
-    figure.savefig(png, dpi=PNG_DPI, metadata={"Software": None})
+    with new_file(svg, replace=True) as file:
+        figure.savefig(file, format="svg", metadata={"Date": None, "Creator": "dart_skill"})
+    with new_file(png, replace=True) as file:
+        figure.savefig(file, format="png", dpi=PNG_DPI, metadata={"Software": None})
     return [svg, png]
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_count, as_number
+from dart_skill.files import new_file
 from dart_skill.policy_search._exploration import EXPLORATIONS
 from dart_skill.policy_search._weights import check_weighting
 
@@ -231,7 +232,8 @@ class Search(ABC):
 
     def save(self, path: str | Path) -> None:
         """Write `state()` to a file, as JSON."""
-        Path(path).write_text(json.dumps(self.state(), allow_nan=False), encoding="utf-8")
+        with new_file(path, replace=True) as file:
+            file.write(json.dumps(self.state(), allow_nan=False).encode())
 
     @classmethod
     def load(cls: type[AnySearch], path: str | Path) -> AnySearch:

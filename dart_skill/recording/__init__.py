@@ -28,7 +28,8 @@ from dart_skill.recording.demonstration import (
     read_demonstrations,
     stamp_ns,
 )
-from dart_skill.recording.grip_signal import GripSignal, Opening, read_command
+from dart_skill.recording.grip_signal import OLDER_COMMAND, GripSignal, Opening, completed_command, read_command
+from dart_skill.recording.log_time import LogTime
 from dart_skill.recording.marks import MARK_TOPIC, MARK_TYPE, Marks, check_known, demonstration_id, read_dropped
 
 __all__ = [
@@ -39,9 +40,11 @@ __all__ = [
     "BagWriter",
     "Demonstration",
     "GripSignal",
+    "LogTime",
     "MARK_TOPIC",
     "MARK_TYPE",
     "Marks",
+    "OLDER_COMMAND",
     "Opening",
     "TopicInfo",
     "check_known",
@@ -54,6 +57,7 @@ __all__ = [
     "is_stamped",
     "message",
     "qos_yaml",
+    "completed_command",
     "read_command",
     "read_demonstrations",
     "read_dropped",

@@ -14,14 +14,18 @@ from typing import Any
 import numpy as np
 from rosbags.typesys.store import Typestore
 
-from dart_skill.checks import check_samples, check_unit_quaternions
+from dart_skill.checks import FARTHEST, as_place, check_samples, check_unit_quaternions
 from dart_skill.constants import N_JOINTS
 from dart_skill.recording.bags import BagError, BagReader, header_content, message, pose_content, stamp_content, vector_content
-from dart_skill.world import the_world
+from dart_skill.world import joint_names, joint_order, the_world
 
 DEMONSTRATION_TYPE = "dart_skill_msgs/msg/Demonstration"
 DEMONSTRATION_TOPIC = "/demonstrations"
 _ITEMS = {"hand": "geometry_msgs/msg/PoseStamped", "ball": "geometry_msgs/msg/PointStamped", "joints": "sensor_msgs/msg/JointState"}
+LONGEST = 120.0
+"""No throw takes longer, with all that is recorded before and after it [s]."""
+WIDEST_ANGLE, FASTEST_JOINT = 2.0 * np.pi, 100.0
+"""No joint of an arm is farther from its zero [rad], or faster [rad/s]: beyond it are degrees, or errors."""
 
 
 def _none(width: int | None = None) -> Callable[[], np.ndarray]:
@@ -68,9 +72,7 @@ class Demonstration:
         if int(self.stamp_ns) != self.stamp_ns or self.stamp_ns < 0:
             raise ValueError(f"{self}: stamp_ns = {self.stamp_ns} must be whole nanoseconds, not negative")
         name = f"demonstration {self.id}"
-        target = np.asarray(self.target, dtype=float)
-        if target.shape != (3,) or not np.all(np.isfinite(target)):
-            raise ValueError(f"{name}: target must be a finite (3,) point, got {self.target}")
+        target = as_place(self.target, f"{name}: its target")
         hand_time, hand_position = check_samples(f"{name}, hand", self.hand_time, self.hand_position, least=2)
         ball_time, ball_position = check_samples(f"{name}, ball", self.ball_time, self.ball_position, least=0)
         joint_time, joint_position = check_samples(f"{name}, joints", self.joint_time, self.joint_position, least=0, width=N_JOINTS)
@@ -86,6 +88,7 @@ class Demonstration:
             joint_position=joint_position,
             joint_velocity=velocity,
         )
+        self._check_ranges(name)
         object.__setattr__(self, "stamp_ns", int(self.stamp_ns))
         object.__setattr__(self, "joint_names", tuple(self.joint_names))
         self._check_events(name)
@@ -99,11 +102,23 @@ class Demonstration:
             array.setflags(write=False)
             object.__setattr__(self, name, array)
 
+    def _check_ranges(self, name: str) -> None:
+        """No memory is asked for, and no sum overflows, on account of a number that no throw has."""
+        limits = {
+            "hand_time": (LONGEST, "s"), "hand_position": (FARTHEST, "m"), "ball_time": (LONGEST, "s"), "ball_position": (FARTHEST, "m"),
+            "joint_time": (LONGEST, "s"), "joint_position": (WIDEST_ANGLE, "rad"), "joint_velocity": (FASTEST_JOINT, "rad/s"),
+        }  # fmt: skip
+        for field_name, (limit, unit) in limits.items():
+            values = np.abs(getattr(self, field_name))
+            if values.size and values.max() > limit:
+                sample, most = int(np.unravel_index(values.argmax(), values.shape)[0]), float(values.max())
+                raise ValueError(f"{name}: {field_name} of sample {sample} is {most:.4g} {unit}: no throw goes beyond {limit:.4g} {unit}")
+
     def _check_events(self, name: str) -> None:
         events = {"motion_start": self.motion_start, "motion_stop": self.motion_stop, "hand_opened": self.hand_opened}
         for event, seconds in events.items():
-            if np.isinf(seconds):
-                raise ValueError(f"{name}: {event} = {seconds}: give seconds, or nan if unknown")
+            if abs(seconds) > LONGEST:
+                raise ValueError(f"{name}: {event} = {seconds:.4g} s: give at most {LONGEST:.0f} s after its stamp, or nan if unknown")
             object.__setattr__(self, event, float(seconds))
         if self.motion_stop < self.motion_start:
             raise ValueError(f"{name}: motion_stop {self.motion_stop} s lies before motion_start {self.motion_start} s")
@@ -138,13 +153,13 @@ def demonstration_from_message(msg: Any) -> Demonstration:
         ball_time=_times(ball, origin),
         ball_position=_rows([_vector(item.point) for item in ball], 3),
         joint_time=_times(joints, origin),
-        joint_position=_rows([item.position for item in joints], N_JOINTS),
-        joint_velocity=_rows([item.velocity for item in joints], N_JOINTS),
+        joint_position=_rows([_of_arm(item.name, item.position) for item in joints], N_JOINTS),
+        joint_velocity=_rows([_of_arm(item.name, item.velocity) for item in joints], N_JOINTS),
         motion_start=_event(msg.motion_start, origin),
         motion_stop=_event(msg.motion_stop, origin),
         hand_opened=_event(msg.hand_opened, origin),
         frame_id=msg.header.frame_id,
-        joint_names=tuple(joints[0].name) if len(joints) else (),
+        joint_names=_names(joints[0].name) if len(joints) else (),
     )
 
 
@@ -218,6 +233,23 @@ def _times(items: Iterable[Any], origin: int) -> np.ndarray:
 
 def _vector(item: Any) -> list[float]:
     return [item.x, item.y, item.z]
+
+
+def _is_arm(names: Sequence[str]) -> bool:
+    """Whether these are the names of the arm's joints; another driver has its own, and gives them in the arm's order."""
+    return set(names) == set(joint_names())
+
+
+def _names(names: Sequence[str]) -> tuple[str, ...]:
+    return joint_names() if _is_arm(names) else tuple(names)
+
+
+def _of_arm(names: Sequence[str], values: Sequence[float]) -> Sequence[float]:
+    """Values of one state in the order of the arm's joints, by their names where it has those."""
+    if not _is_arm(names) or len(values) != len(names):
+        return values
+    order = joint_order(tuple(names))
+    return values if isinstance(order, slice) else [values[k] for k in order]
 
 
 def _rows(rows: Sequence[Sequence[float]], width: int) -> np.ndarray:

@@ -42,7 +42,7 @@ class GripSignal:
             self.pushes.append(stamp)
         if grip != OPEN:
             return False
-        opens, self._open_ns = stamp - self._open_ns > HELD_NS, stamp
+        opens, self._open_ns = abs(stamp - self._open_ns) > HELD_NS, stamp  # the stray stamp of one command hides no later ones
         if opens:
             self.openings.append(stamp)
         return opens
@@ -63,9 +63,26 @@ class GripSignal:
         del self.pushes[: bisect_right(self.pushes, stamp_ns)]
 
 
+OLDER_COMMAND = "RIHS01_309ab091da6a01af101f027efd310e3d02b14738f815986b003527407ec706b8"
+"""Type hash of WamCommand as it was without `speed` and `sender`, in bags recorded before November 2026."""
+
+
+def completed_command(data: bytes) -> bytes:
+    """A serialised older WamCommand as one of today: at the careful level, of nobody who says who it is."""
+    length = struct.unpack_from("<I" if data[1] & 1 else ">I", data, 12)[0]
+    end_of_grip = 4 + (12 + length + 7) // 8 * 8 + 105
+    return data[:end_of_grip] + bytes(7)  # speed, two bytes of padding, sender
+
+
 def read_command(data: bytes) -> tuple[int, bool, int]:
-    """Stamp [ns], whether there is a wrench, and grip of a serialised WamCommand: of 500 in a second one opens the hand."""
-    order = "<" if data[1] & 1 else ">"
-    sec, nanosec, length = struct.unpack_from(order + "iII", data, 4)
-    start = 4 + (12 + length + 7) // 8 * 8
-    return sec * GIGA + nanosec, any(data[start : start + 48]), data[start + 104]
+    """Stamp [ns], whether there is a wrench, and grip of a serialised WamCommand: of 500 in a second one opens the hand.
+
+    ValueError for bytes that are none.
+    """
+    try:
+        order = "<" if data[1] & 1 else ">"
+        sec, nanosec, length = struct.unpack_from(order + "iII", data, 4)
+        start = 4 + (12 + length + 7) // 8 * 8
+        return sec * GIGA + nanosec, any(data[start : start + 48]), data[start + 104]
+    except (struct.error, IndexError):
+        raise ValueError(f"{len(data)} bytes are no WamCommand") from None

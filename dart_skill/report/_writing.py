@@ -6,6 +6,7 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+from dart_skill.files import new_file
 from dart_skill.report._page import page_of
 from dart_skill.report._pictures import pictures, save_pictures
 from dart_skill.report._run import About, read_run
@@ -30,7 +31,8 @@ def write_page(
     drawn = pictures(run)
     page, output = page_of(run, drawn), Path(output)
     output.parent.mkdir(parents=True, exist_ok=True)
-    output.write_text(page, encoding="utf-8", newline="\n")
+    with new_file(output, replace=True) as file:
+        file.write(page.encode())
     return [output, *(save_pictures(drawn, figures) if figures is not None else ())]
 
 

@@ -1,7 +1,7 @@
 """The WAM: its description, its URDF, the controller's model of it, and the impedance law."""
 
 from dart_skill.robot._actuation import Actuation
-from dart_skill.robot._command import ArmState, Command, Grip, all_finite, check_command
+from dart_skill.robot._command import ArmState, Command, Grip, Speed, all_finite, check_command
 from dart_skill.robot._commander import STRETCHED, Commander, CommanderSettings, Mode, PlanRefused
 from dart_skill.robot._description import Ball, WamDescription, wam_description
 from dart_skill.robot._effort_bridge import BridgePhase, BridgeSettings, EffortBridge
@@ -10,6 +10,7 @@ from dart_skill.robot._model import ArmModel
 from dart_skill.robot._registration import Registration
 from dart_skill.robot._registration_file import load_registration, save_registration
 from dart_skill.robot._registration_fit import KnownRegistration, RegistrationFit, Sightings, fit_registration, measure_registration
+from dart_skill.robot._safety import SafetyLimits, SafetyModule, check_push
 from dart_skill.robot._throw_plan import Gains, HandPath, ThrowPlan
 from dart_skill.robot._transforms import Transform, fixed_transforms, joint_transforms
 from dart_skill.robot._urdf import write_urdf
@@ -37,13 +38,17 @@ __all__ = [
     "PoseGains",
     "Reference",
     "STRETCHED",
+    "SafetyLimits",
+    "SafetyModule",
     "Sightings",
+    "Speed",
     "ThrowPlan",
     "Transform",
     "WamDescription",
     "all_finite",
     "attractor_acceleration",
     "check_command",
+    "check_push",
     "fit_registration",
     "fixed_transforms",
     "joint_transforms",

@@ -17,6 +17,13 @@ class Grip(IntEnum):
     OPEN = 2
 
 
+class Speed(IntEnum):
+    """Level of speed that a command needs, of config/limits.yaml; the values are those of dart_skill_msgs/WamCommand."""
+
+    CAREFUL = 0
+    THROW = 1
+
+
 @dataclass(frozen=True)
 class ArmState:
     """What the arm's own sensors tell at one instant.
@@ -36,17 +43,18 @@ class Command:
     """An answer to the state of `stamp_ns`.
 
     wrench (6,): force [N] and moment [N m] at the hand frame's origin, world axes; joint_torque (7,) [N m] is added to J' wrench.
-    The arm adds gravity compensation by itself.
+    The arm adds gravity compensation by itself. speed: the level that it may move with.
     """
 
     stamp_ns: int
     wrench: np.ndarray = field(default_factory=lambda: np.zeros(6))
     joint_torque: np.ndarray = field(default_factory=lambda: np.zeros(N_JOINTS))
     grip: Grip = Grip.UNSPECIFIED
+    speed: Speed = Speed.CAREFUL
 
     def answering(self, stamp_ns: int) -> "Command":
         """The same command, held as the answer to a later state; what the hand was told is not told again."""
-        return Command(stamp_ns, self.wrench, self.joint_torque)
+        return Command(stamp_ns, self.wrench, self.joint_torque, speed=self.speed)
 
 
 def all_finite(values: np.ndarray) -> bool:

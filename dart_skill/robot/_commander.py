@@ -18,7 +18,7 @@ import scipy
 
 from dart_skill.configuration import node_parameters
 from dart_skill.constants import N_JOINTS
-from dart_skill.robot._command import ArmState, Command, Grip, all_finite
+from dart_skill.robot._command import ArmState, Command, Grip, Speed, all_finite
 from dart_skill.robot._description import WamDescription, wam_description
 from dart_skill.robot._impedance import (
     Impedance,
@@ -30,8 +30,9 @@ from dart_skill.robot._impedance import (
     rotation_error,
     tracking_acceleration,
 )
-from dart_skill.robot._model import ArmModel, HandState
+from dart_skill.robot._model import ArmModel
 from dart_skill.robot._registration import Registration
+from dart_skill.robot._safety import SafetyLimits, SafetyModule
 from dart_skill.robot._throw_plan import ThrowPlan
 
 STRETCHED = 0.005
@@ -41,6 +42,10 @@ TRACKING = ("joints", "hand", "none")
 
 LARGEST_CONTRADICTION = 0.05, 0.15
 """What a plan says of cameras and arm may put the hand so far from where the measured registration does [m], [rad]."""
+RESTS = 0.05
+"""A stop is over when no joint is faster [rad/s]."""
+NO_TORQUE = np.zeros(N_JOINTS)
+"""What the commander asks of a joint is cut to its limit: there is nothing to watch."""
 LONGEST_STOP = 2.0
 """An arm that still creeps after so long, because gravity is compensated badly, is held where it is [s]."""
 
@@ -58,6 +63,10 @@ class Mode(Enum):
     MOVING = "moving"
 
 
+CAREFUL = (Mode.HOLDING, Mode.MOVING, Mode.APPROACHING, Mode.SETTLING)
+"""In the others the arm may be as fast as a throw: an arm that is released is guided through one, and one that stops was in one."""
+
+
 @dataclass(frozen=True)
 class CommanderSettings:
     """Gains and limits; each is a parameter of the commander node, and its value stands in config/commander.yaml.
@@ -70,13 +79,11 @@ class CommanderSettings:
     * approach_speed: fastest joint on the way to the start of a throw [rad/s].
     * settle_speed, settle_time: the arm rests below this joint speed [rad/s], for so long before a throw [s].
     * settle_limit: the throw begins even if the arm does not rest for so long [s].
-    * strongest_force, strongest_moment: the wrench is cut there [N], [N m].
-    * fastest_hand: beyond it plans are refused and throws stopped [m/s].
     * farthest_error: distance of the hand from the plan at which a throw is stopped [m].
     * longest_gap: between two states of the arm; after a longer one the arm is held where it is found [s].
-    * joint_margin: to the end of a joint's range, at which a throw is stopped [rad].
     * follow_time: the hand stays on the plan so long after the release [s]. Then joint damping brings the arm to rest: the plan beyond
       is of no use to the ball, and leads through the stretched arm.
+    * limits: of the arm, from config/limits.yaml.
     """
 
     tracking: str
@@ -89,13 +96,10 @@ class CommanderSettings:
     settle_speed: float
     settle_time: float
     settle_limit: float
-    strongest_force: float
-    strongest_moment: float
-    fastest_hand: float
     farthest_error: float
     longest_gap: float
-    joint_margin: float
     follow_time: float
+    limits: SafetyLimits
 
     def __post_init__(self) -> None:
         if self.tracking not in TRACKING:
@@ -104,12 +108,13 @@ class CommanderSettings:
     @classmethod
     def from_parameters(cls, parameters: Mapping) -> "CommanderSettings":
         """Settings from the parameters of the commander node."""
-        return cls(**{f.name: parameters[f.name] for f in fields(cls)})
+        own = {f.name: parameters[f.name] for f in fields(cls) if f.name != "limits"}
+        return cls(**own, limits=SafetyLimits.from_parameters(parameters))
 
     @classmethod
     def configured(cls, **changes: float | str) -> "CommanderSettings":
-        """Settings of config/commander.yaml, some of them changed; KeyError names what is no setting."""
-        if unknown := set(changes) - {f.name for f in fields(cls)}:
+        """Settings of config/commander.yaml and limits.yaml, some of them changed; KeyError names what is no setting."""
+        if unknown := set(changes) - {f.name for kind in (cls, SafetyLimits) for f in fields(kind) if f.name != "limits"}:
             raise KeyError(f"{', '.join(sorted(unknown))}: no setting of the commander")
         return cls.from_parameters({**node_parameters("commander.yaml", "commander"), **changes})
 
@@ -146,11 +151,13 @@ class Commander:
         self._empty = Impedance(ArmModel(self._description, ball_in_hand=False), share)
         self._servo = JointServo(self._empty)
         s = self.settings
+        self._safety = SafetyModule(s.limits, self._description)
         self._tracking = PoseGains.of(
             (s.tracking_stiffness, s.tracking_damping), (s.tracking_stiffness_rotation, s.tracking_damping_rotation)
         )
-        self._mode, self.message = Mode.HOLDING, ""
+        self._mode, self.message, self.stopped_by = Mode.HOLDING, "", ""
         self._hold: np.ndarray | None = None
+        self._found = False  # whether the arm that is held was seen to rest since it was left to others
         self._requested: ThrowPlan | None = None
         self._requested_move: np.ndarray | None = None
         self._opened = False
@@ -194,8 +201,14 @@ class Commander:
 
     def _check_ready(self) -> None:
         """PlanRefused unless the arm is held at rest, so that it may begin to move."""
+        self.check_free_to_move()
         if self.throwing or self.moving or self._mode == Mode.STOPPING:
             raise PlanRefused("a throw is under way, or the arm has not come to rest: wait for it or stop it first")
+
+    def check_free_to_move(self) -> None:
+        """PlanRefused while the arm is stopped until a reset, or released."""
+        if self.stopped_by:
+            raise PlanRefused(f"the arm is {self.stopped_by}, and stays so until it is reset: look at it, then call /commander/reset")
         if self._mode == Mode.FREE:
             raise PlanRefused("the arm is released, and somebody may hold it: hold it first (~/release_arm with false)")
 
@@ -213,7 +226,8 @@ class Commander:
         posture = np.asarray(posture, dtype=float)
         if posture.shape != (N_JOINTS,) or not np.isfinite(posture).all():
             raise PlanRefused(f"the posture is {posture.tolist()}: give {N_JOINTS} finite joint angles")
-        check_range("the posture", posture, self._lower + self.settings.joint_margin, self._upper - self.settings.joint_margin)
+        margin = self.settings.limits.joint_margin
+        check_range("the posture", posture, self._lower + margin, self._upper - margin)
         self._requested_move, self.message = posture, ""
         return self._time_to(posture, state.position)
 
@@ -221,12 +235,27 @@ class Commander:
         """Leave the arm to gravity compensation alone, or hold it again where it is."""
         if self.throwing or self.moving:
             raise PlanRefused("a throw is under way, or the arm moves to a posture: stop it before it is released (~/stop)")
-        self._mode, self._hold = (Mode.FREE if free else Mode.HOLDING), None
+        if free and self.stopped_by:
+            self.check_free_to_move()
+        self._mode, self._hold, self._found = (Mode.FREE if free else Mode.HOLDING), None, False
 
-    def stop(self, reason: str) -> None:
-        """Bring the arm to a damped stop and hold it; `reason` is kept as the message."""
+    @property
+    def warning(self) -> str:
+        """What is near a limit of config/limits.yaml now; empty if nothing is."""
+        return self._safety.warning
+
+    def stop(self, reason: str, until_reset: bool = False) -> None:
+        """Bring the arm to a damped stop and hold it; `reason` is kept as the message. until_reset: nothing moves it before `reset`."""
+        self.stopped_by = self.stopped_by or (reason if until_reset else "")
         self.message, self._requested, self._requested_move = reason, None, None
         self._mode, self._entered_ns, self._braking = Mode.STOPPING, None, None
+
+    def reset(self) -> None:
+        """An arm that was stopped, by somebody or by a limit, may move again; PlanRefused while it still comes to rest."""
+        if self._mode == Mode.STOPPING:
+            raise PlanRefused("the arm has not come to rest yet: look at it, and call /commander/reset again")
+        self.stopped_by = ""
+        self._safety.reset()
 
     def step(self, state: ArmState) -> Command:
         """The command that answers `state`."""
@@ -242,11 +271,25 @@ class Commander:
         if self._entered_ns is None:
             self._entered_ns = state.stamp_ns
         self.time = (state.stamp_ns - self._entered_ns) * 1e-9
-        return self._ANSWERS[self._mode](self, state)
+        command = self._answer(state)
+        fault = self._safety.look(state.position, state.velocity, NO_TORQUE, command.speed)
+        if fault and not self.stopped_by:
+            self.stop(f"stopped: {fault}", until_reset=True)
+            command = self._answer(state)
+        return self._safety.limited(command, state.position)
+
+    def _answer(self, state: ArmState) -> Command:
+        """That of the mode, with the level of speed that the mode needs."""
+        command = self._ANSWERS[self._mode](self, state)
+        return command if self._mode in CAREFUL else replace(command, speed=Speed.THROW)
 
     # one method per mode
 
     def _holding(self, state: ArmState) -> Command:
+        if not self._found and np.abs(state.velocity).max() > RESTS:
+            self._enter(Mode.STOPPING, state)
+            return self._stopping(state)
+        self._found = True
         if self._hold is None:
             self._hold = state.position.copy()
         zero = np.zeros(N_JOINTS)
@@ -288,7 +331,7 @@ class Commander:
         hand = impedance.model.hand_state(state.position, state.velocity)
         reference = self._references.at(self.time)
         self.reference, self.tracking_error = reference, math.dist(reference.position, hand.position)
-        if reason := self._limit_broken(state, hand):
+        if reason := self._limit_broken(state):
             self.stop(reason)
             return self._stopping(state)
         if self.settings.tracking == "joints":
@@ -334,8 +377,8 @@ class Commander:
         return self._come_to_rest(state)
 
     def _come_to_rest(self, state: ArmState) -> Command:
-        if np.abs(state.velocity).max() < 0.05 or self.time > LONGEST_STOP:
-            self._hold = None
+        if np.abs(state.velocity).max() < RESTS or self.time > LONGEST_STOP:
+            self._hold, self._found = None, True
             self._enter(Mode.HOLDING, state)
             return self._holding(state)
         if self.settings.tracking != "joints":
@@ -368,7 +411,7 @@ class Commander:
             self.message = f"no state of the arm for {gap:.2f} s during a throw"
         if self._mode == Mode.MOVING:
             self.message = f"no state of the arm for {gap:.2f} s while it moved to a posture"
-        self._hold = None
+        self._hold, self._found = None, False
         if self._mode != Mode.FREE:
             self._mode = Mode.HOLDING
 
@@ -394,19 +437,17 @@ class Commander:
 
     def _cut(self, wrench: np.ndarray) -> np.ndarray:
         force, moment = math.sqrt(wrench[:3] @ wrench[:3]), math.sqrt(wrench[3:] @ wrench[3:])
-        most_force, most_moment = self.settings.strongest_force, self.settings.strongest_moment
+        most_force, most_moment = self.settings.limits.strongest_force, self.settings.limits.strongest_moment
         if force <= most_force and moment <= most_moment:
             return wrench
         return np.repeat([min(1.0, most_force / max(1e-9, force)), min(1.0, most_moment / max(1e-9, moment))], 3) * wrench
 
-    def _limit_broken(self, state: ArmState, hand: HandState) -> str:
+    def _limit_broken(self, state: ArmState) -> str:
         over = np.maximum(state.position - self._upper, self._lower - state.position)
-        if over.max() > -self.settings.joint_margin:
+        limits = self.settings.limits
+        if over.max() > -limits.joint_margin:
             j = int(over.argmax())
-            return f"j{j + 1} is at {state.position[j]:.3f} rad, closer than {self.settings.joint_margin} rad to the end of its range"
-        speed = math.sqrt(hand.linear @ hand.linear)
-        if speed > self.settings.fastest_hand:
-            return f"the hand moves at {speed:.2f} m/s, faster than the limit of {self.settings.fastest_hand} m/s"
+            return f"j{j + 1} is at {state.position[j]:.3f} rad, closer than {limits.joint_margin} rad to the end of its range"
         if self.tracking_error > self.settings.farthest_error and self.time < self._plan.release:
             return f"the hand is {self.tracking_error:.3f} m from the plan, farther than the limit of {self.settings.farthest_error} m"
         return ""
@@ -438,8 +479,9 @@ def check_plan(plan: ThrowPlan, settings: CommanderSettings, description: WamDes
     lower, upper = description.of_joints("lower"), description.of_joints("upper")
     check_range("the start posture", plan.start_posture, lower, upper)
     speed = float(np.linalg.norm(plan.path.velocity[:, :3], axis=1).max())
-    if speed > settings.fastest_hand:
-        raise PlanRefused(f"the plan moves the hand at {speed:.2f} m/s; the limit is {settings.fastest_hand} m/s: choose a nearer basket")
+    fastest = settings.limits.fastest_hand
+    if speed > fastest:
+        raise PlanRefused(f"the plan moves the hand at {speed:.2f} m/s; the limit is {fastest} m/s: choose a nearer basket")
     shoulder = np.array([0.0, 0.0, description.mount_height + description.shoulder_height])
     reach = description.reach
     swing = plan.path.position[plan.path.time <= plan.release]

@@ -19,6 +19,7 @@ from dart_skill.constants import N_JOINTS
 from dart_skill.robot._command import ArmState, Command, Grip, all_finite
 from dart_skill.robot._description import WamDescription
 from dart_skill.robot._model import ArmModel
+from dart_skill.robot._safety import SafetyLimits, SafetyModule
 
 LONGEST_STEP = 0.01
 """An effort changes by no more than in so long, however long nobody asked [s]."""
@@ -43,6 +44,7 @@ class BridgeSettings:
     * damping: of a joint that is stopped (7,) [N m s/rad].
     * damping_limit: strongest damping torque (7,) [N m].
     * command_timeout, state_timeout: the arm is stopped when commands, or states, were silent for longer [s].
+    * limits: of speed, range and workspace, of config/limits.yaml; the bridge is the arm's own safety module, and patient as one.
     """
 
     frame_id: str
@@ -53,6 +55,7 @@ class BridgeSettings:
     damping_limit: np.ndarray
     command_timeout: float
     state_timeout: float
+    limits: SafetyLimits
 
     def __post_init__(self) -> None:
         for name in ("torque_limit", "torque_rate", "damping", "damping_limit"):
@@ -66,7 +69,8 @@ class BridgeSettings:
     @classmethod
     def from_parameters(cls, parameters: Mapping) -> BridgeSettings:
         """Settings from the parameters of the node."""
-        return cls(**{f.name: parameters[f.name] for f in fields(cls)})
+        own = {f.name: parameters[f.name] for f in fields(cls) if f.name != "limits"}
+        return cls(**own, limits=SafetyLimits.from_parameters(parameters))
 
 
 class EffortBridge:
@@ -82,6 +86,7 @@ class EffortBridge:
         self.settings = settings
         self.phase, self.message, self.clipped = BridgePhase.WAITING, "no state of the arm yet", 0
         self._model = ArmModel(description)
+        self._safety = SafetyModule(settings.limits, description, settings.limits.patience)
         self._state: ArmState | None = None
         self._state_at = self._command_at = 0.0
         self._command: Command | None = None
@@ -149,6 +154,7 @@ class EffortBridge:
         if self._state is None or now - self._state_at > self.settings.state_timeout:
             return "no states of the arm come: is its driver running?"
         self.phase, self.message, self._command = BridgePhase.WAITING, "no command since the reset", None
+        self._safety.reset()
         return ""
 
     def _refused(self, command: Command, frame_id: str, now: float) -> str:
@@ -178,6 +184,8 @@ class EffortBridge:
             self.stop(f"no state of the arm for {max(step, now - self._state_at):.3f} s")
         elif silent > limits.command_timeout:
             self.stop(f"no command for {silent:.3f} s: is the commander running?")
+        elif fault := self._safety.look(self._state.position, self._state.velocity, np.zeros(N_JOINTS), self._command.speed):
+            self.stop(fault)
 
     def _wanted(self, state: ArmState) -> np.ndarray:
         """Efforts before they are limited: of the command, or of the damping."""

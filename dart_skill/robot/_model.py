@@ -5,6 +5,7 @@ Frames: joint i's frame is the URDF's link frame; `hand` is bhand_base (DH frame
 the floor below the base axis.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,6 +74,14 @@ class ArmModel:
         pin.computeJointJacobians(self._model, self._data, q)
         jacobian = pin.getJointJacobian(self._model, self._data, 4, pin.LOCAL_WORLD_ALIGNED)
         return self._data.oMi[4].translation.copy(), jacobian[:3]
+
+    def speeds(self, q: np.ndarray, qd: np.ndarray) -> tuple[list[float], float, float]:
+        """Position (3,) of the hand in the world [m], and the speeds of hand and elbow [m/s]."""
+        pin.forwardKinematics(self._model, self._data, q, qd)
+        hand = pin.getFrameVelocity(self._model, self._data, self._hand, pin.LOCAL).linear.tolist()
+        elbow = pin.getVelocity(self._model, self._data, 4, pin.LOCAL).linear.tolist()
+        place = pin.updateFramePlacement(self._model, self._data, self._hand).translation.tolist()
+        return place, math.hypot(*hand), math.hypot(*elbow)
 
     def mass_matrix(self, q: np.ndarray, rotors: bool = True) -> np.ndarray:
         """Joint-space inertia (7, 7) [kg m^2], with the rotors' reflected inertia unless told otherwise."""

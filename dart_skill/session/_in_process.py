@@ -130,6 +130,7 @@ class Session:
 
     def throw(self, plan: ThrowPlan) -> Trial:
         """One planned throw."""
+        self._look_after_the_arm()
         arm = self._begin(plan.target)
         self.commander.throw(plan)
 
@@ -138,7 +139,15 @@ class Session:
 
         return self._run(arm, plan.target, step, lambda: self.commander.mode in RESTING, "throw")
 
+    def _look_after_the_arm(self) -> None:
+        """An arm that a limit stopped in the last throw may move again in a world that is built anew."""
+        if self.commander.stopped_by:
+            self.plant.reset()
+            self.commander.step(self.plant.arm_state)
+            self.commander.reset()
+
     def _guided_throw(self, target: np.ndarray, correct: bool) -> Trial:
+        self._look_after_the_arm()
         self.commander.release_arm(True)
         arm = self._begin(target, guided=True)
         self.teacher.begin(target, arm, correct)
@@ -216,6 +225,8 @@ class Session:
     def _trial(self, target: np.ndarray, states: list[PlantState], kind: str, over_ns: int) -> Trial:
         state = self.plant.state
         self._look_back(state.stamp_ns)
+        if self.plant.fault:
+            raise ValueError(f"the arm's safety module stopped it: {self.plant.fault}")
         if self._log.opened_ns is None and self.commander.message:
             raise ValueError(f"the throw was stopped: {self.commander.message}")
         until_ns = over_ns - ARRIVAL_NS

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from dart_skill.files import new_file
+
 
 @dataclass(frozen=True)
 class ThrowResult:
@@ -173,7 +175,8 @@ def write_summary(summary: DemoSummary, folder: Path) -> Path:
     """`summary.json` in a folder, which is made if need be; returns its path."""
     path = Path(folder) / "summary.json"
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(summary.to_json(), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    with new_file(path, replace=True) as file:
+        file.write((json.dumps(summary.to_json(), indent=1, allow_nan=False) + "\n").encode())
     return path
 
 

@@ -174,6 +174,8 @@ class Sample:
     quaternion: np.ndarray  # (4,) x, y, z, w
 
 
+MOST_MISSED = 360_000
+"""Frames that never came are drawn all the same: those of an hour."""
 NO_CAPSULES = (np.empty((0, 2, 3)), np.empty(0))
 
 
@@ -286,13 +288,15 @@ class MotionCapture:
         return _Draws(noise[rows], (until[1:] > frame)[rows], latency.astype(int).tolist())
 
     def _since_the_last(self, numbers: Sequence[int | None]) -> list[int]:
-        """How many frames after the next one each is; ValueError for a frame that was there already."""
+        """How many frames after the next one each is; ValueError for one that was there already, or that is hours away."""
         rows, following = [], 0
         for number in numbers:
             row = following if number is None else number - self._frames_drawn
             if row < following:
                 last = self._frames_drawn + following - 1
                 raise ValueError(f"frame {number} of the episode comes after frame {last}: give them in order")
+            if row > MOST_MISSED:
+                raise ValueError(f"frame {number} of the episode is {row} frames after the last one that came: reset the world")
             rows.append(row)
             following = row + 1
         return rows

@@ -19,7 +19,21 @@ import pybullet
 from pybullet_utils.bullet_client import BulletClient
 
 from dart_skill.constants import AIR_DENSITY, N_JOINTS
-from dart_skill.robot import Actuation, ArmState, Ball, Command, Grip, WamDescription, check_command, wam_description, write_urdf
+from dart_skill.robot import (
+    Actuation,
+    ArmState,
+    Ball,
+    Command,
+    Grip,
+    SafetyLimits,
+    SafetyModule,
+    Speed,
+    WamDescription,
+    check_command,
+    check_push,
+    wam_description,
+    write_urdf,
+)
 from dart_skill.simulation._basket import Basket, basket_urdf
 from dart_skill.simulation._board import DART, Board
 from dart_skill.simulation._transmission import Encoders, Transmission
@@ -27,9 +41,10 @@ from dart_skill.simulation._transmission import Encoders, Transmission
 HAND_LINK_INDEX = N_JOINTS
 JOINTS = list(range(N_JOINTS))
 ZEROS = [0.0] * N_JOINTS
+NO_TORQUE = np.zeros(N_JOINTS)
 OF_EACH_JOINT = ("start_posture", "mass_scale", "joint_stiffness", "joint_offset")
 """Settings with a number for each joint."""
-NO_PARAMETERS = ("step_ns", "reset_ns", "hand_clearance", "basket", "board")
+NO_PARAMETERS = ("step_ns", "reset_ns", "hand_clearance", "basket", "board", "limits")
 """Settings that are no parameters of the simulator of that name."""
 
 
@@ -57,6 +72,7 @@ class PlantSettings:
     * seat_spread: standard deviation of a coordinate of where the ball sits in the hand [m].
     * release_turn, release_speed: standard deviations of the direction [rad] and of the speed, as a share, with which it leaves the hand.
     * board: where there is one, darts are thrown at it, and there is no basket.
+    * limits: that the arm's own safety module watches; None: it has none.
     """
 
     step_ns: int = 2_000_000
@@ -83,6 +99,7 @@ class PlantSettings:
     release_turn: float = 0.0
     release_speed: float = 0.0
     board: Board | None = None
+    limits: SafetyLimits | None = None
 
     @property
     def step(self) -> float:
@@ -99,7 +116,7 @@ class PlantSettings:
         )
         own: dict[str, Any] = {one.name: parameters[one.name] for one in fields(cls) if one.name not in NO_PARAMETERS}
         each = {name: tuple(float(value) for value in own[name]) for name in OF_EACH_JOINT}
-        return cls(basket=basket, **{**own, **each})
+        return cls(basket=basket, limits=SafetyLimits.from_parameters(parameters), **{**own, **each})
 
     def __post_init__(self) -> None:
         for name in OF_EACH_JOINT:
@@ -150,6 +167,11 @@ class PlantState:
         return ArmState(self.stamp_ns, self.position, self.velocity)
 
 
+@dataclass(frozen=True)
+class Braking(Command):
+    """Motors shorted, as the arm does it by itself: no controller asks for its torque."""
+
+
 class Plant:
     """The simulated world. `reset` begins an episode, `step` advances it by one control period.
 
@@ -177,6 +199,7 @@ class Plant:
         s = self.settings
         self._actuation = Actuation(self.description, s.friction_scale, s.motor_scale, s.stiction)
         self._encoders = Encoders(np.array(s.joint_offset), s.encoder_step, s.speed_filter, s.step)
+        self._safety = SafetyModule(s.limits, self.description, s.limits.patience) if s.limits else None
         stiffness = np.array(s.joint_stiffness)
         self._transmission = Transmission(stiffness, self._reflected, self._actuation) if s.elastic else None
         real = self._as_built()
@@ -229,6 +252,8 @@ class Plant:
         self._effort = np.zeros(N_JOINTS)
         self._commands: list[Command] = []
         self._encoders.reset()
+        if self._safety is not None:
+            self._safety.reset()
         if self._transmission is not None:
             start = np.array(self.settings.start_posture)
             self._transmission.rest(start, self._loaded_arm.bias(list(start), ZEROS))
@@ -268,6 +293,8 @@ class Plant:
         answers = [answer for answer in (command, push) if answer is not None]
         for answer in answers:
             check_command(answer, self._stamp_ns)
+        if push is not None and self.settings.limits is not None:
+            check_push(push, self.settings.limits)
         acting = self._delayed(command)
         self._obey_grip(acting.grip)
         if push is not None:
@@ -299,7 +326,9 @@ class Plant:
         motors = self._velocity if self._transmission is None else self._transmission.velocity
         asked = command.joint_torque + self._in_joints(self._nominal_arm, seen, command.wrench)
         asked += (1.0 - self.settings.gravity_error) * self._nominal_arm.bias(seen, ZEROS)
-        self._effort = self._actuation.deliverable(asked, motors)
+        watched = NO_TORQUE if isinstance(command, Braking) else asked
+        faulty = self._safety is not None and self._safety.look(self._seen_position, self._seen_velocity, watched, command.speed)
+        self._effort = self._actuation.braking(motors) if faulty else self._actuation.deliverable(asked, motors)
         outside = 0.0 if push is None else push.joint_torque + self._in_joints(self._empty_arm, q, push.wrench)
         arm = self._loaded_arm if self._held is not None else self._empty_arm
         inertia, bias = arm.inertia(q), arm.bias(q, self._qd)
@@ -335,7 +364,7 @@ class Plant:
 
     def braking(self) -> Command:
         """The command of an arm whose controller is silent: motors shorted, a damped stop, as Barrett's safety system does it."""
-        return Command(self._stamp_ns, joint_torque=self._actuation.braking(self._velocity))
+        return Braking(self._stamp_ns, joint_torque=self._actuation.braking(self._velocity), speed=Speed.THROW)
 
     def open_hand(self) -> None:
         """Begin to open the hand, as a command with Grip.OPEN does."""
@@ -451,6 +480,16 @@ class Plant:
         exact = self._seen_position is self._position
         self._seen_q = self._q if exact else self._seen_position.tolist()
         self._seen_qd = self._qd if self._seen_velocity is self._velocity else self._seen_velocity.tolist()
+
+    @property
+    def fault(self) -> str:
+        """Which limit the arm's safety module found passed: until a reset the motors are shorted. Empty if all is well."""
+        return "" if self._safety is None else self._safety.fault
+
+    @property
+    def warning(self) -> str:
+        """What is near a limit now."""
+        return "" if self._safety is None else self._safety.warning
 
     @property
     def state_stamp_ns(self) -> int:

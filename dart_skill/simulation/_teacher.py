@@ -19,6 +19,8 @@ from dart_skill.surface import BASKETS, RIMS, Game
 
 SWING_JOINTS = (1, 3, 5)
 """J2, J4 and J6 move the hand in the vertical plane of the throw."""
+NEAREST = 0.3
+"""A basket nearer to the axis of the base stands on the base plate, which is 0.36 m long (docs/sources.md) [m]."""
 
 
 @dataclass(frozen=True)
@@ -174,6 +176,9 @@ class Teacher:
         target = np.array(target, dtype=float)
         if target.shape != (3,) or not np.isfinite(target).all():
             raise ValueError(f"target {target} is not three finite numbers: give the centre of the rim in metres")
+        if np.hypot(*target[:2]) < NEAREST:
+            what, where = self._game.surface.what, np.round(target, 3).tolist()
+            raise ValueError(f"a {what} at {where} stands on the base of the arm: place it at least {NEAREST} m from its axis")
         base, azimuth = self._model.description.joints[0], float(np.arctan2(target[1], target[0]))
         if not base.lower < azimuth < base.upper:
             what = self._game.surface.what

@@ -28,7 +28,10 @@ MOST_LESSONS, MOST_THROWS = 30, 50
 
 @dataclass(frozen=True)
 class Request:
-    """What somebody asked for with a control: "teach", "learn", "throw", "practice", "stop", "place_basket" or "set", and its details."""
+    """What somebody asked for with a control, and its details.
+
+    what: "teach", "learn", "throw", "practice", "stop", "reset", "place_basket" or "set".
+    """
 
     what: str
     values: Mapping[str, Any] = field(default_factory=dict)
@@ -79,6 +82,7 @@ class Panel:
         self._errors: list[tuple[float, bool]] = []
         self._says = self._gui.add_html("")
         self._stop = self._button("Stop", lambda: Request("stop"), colours.VERMILION)
+        self._reset = self._button("Reset after a stop", lambda: Request("reset"))
         tabs = self._gui.add_tab_group()
         with tabs.add_tab("Run"):
             self._add_learning()

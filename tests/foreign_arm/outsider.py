@@ -57,7 +57,7 @@ def running(command, log):
 
 def hardware_graph(folder):
     """The hardware layout, until the end of the context; its log and the bag of demonstrations are in the folder."""
-    settings = ("coach.stand_back=1.0", "commander.learner_timeout=30.0")  # the second one: a busy machine is no dead learner
+    settings = ("coach.stand_back=1.0",)
     command = ["dart-skill", "up", "--layout", "hardware", "--output", str(folder / "up")]
     command += [word for setting in settings for word in ("--set", setting)]
     return running(command, folder / "up.log")
@@ -175,7 +175,9 @@ class Outsider(Node):
             try:
                 for number, act in enumerate(before_enter, start=1):
                     self.driver.run_until(lambda n=number: said.read_text().count("press Enter") >= n or process.poll() is not None, limit)
+                    assert process.poll() is None, said.read_text()
                     act()
+                    assert process.poll() is None, said.read_text()
                     process.stdin.write("\n")
                     process.stdin.flush()
                 self.driver.run_until(lambda: process.poll() is not None, limit)

@@ -48,7 +48,7 @@ def graphs(folder):
 
     def make(layout="composed", seed=0, extra=None, remappings=None):
         graph = Graph(folder / f"logs_{len(started)}", remappings or {})
-        client = GraphClient(graph.dead, name=f"coach_{len(started)}")
+        client = GraphClient(graph.dead, name=f"coach_{len(started)}", appears=60.0)  # a busy machine starts nodes slowly
         started.append((graph, client))
         if layout is not None:
             graph.start_all(layout, seed, folder / f"bag_{len(started)}", extra)
@@ -145,9 +145,9 @@ def answer(state, command, frame="world", **fields):
     command.publish(message)
 
 
-def begin_slow_throw(client, joints, target):
+def begin_slow_throw(client, joints, target, speed_factor=0.4):
     """A throw that is under way, with time to interfere: the arm moves. Future of its result, and the goal's handle."""
-    client.set_parameters("/wam_simulator", {"speed_factor": 0.4})
+    client.set_parameters("/wam_simulator", {"speed_factor": speed_factor})
     result, handle = client.start_throw(target)
 
     def moves():

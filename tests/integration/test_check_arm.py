@@ -21,6 +21,7 @@ from dart_skill.robot import (
     Impedance,
     Registration,
     RegistrationFit,
+    Speed,
     fit_registration,
     load_registration,
     save_registration,
@@ -47,6 +48,7 @@ class Leader:
         self._message = WamCommand()
         self._message.header.frame_id = "world"
         self._first_ns, self.count, self.swing, self.fastest = None, 0, 0.5, np.inf
+        self._swings = 0.0
         self._command = client.node.create_publisher(WamCommand, "/wam/command", COMPLETE)
         client.node.create_subscription(JointState, "/joint_states", self._lead, LOOP)
 
@@ -54,10 +56,10 @@ class Leader:
         state = conversions.arm_state(message)
         self._first_ns = self._first_ns or state.stamp_ns
         time = (state.stamp_ns - self._first_ns) * 1e-9
-        share = min(1.0, time / 3.0)
-        wanted = MIDDLE + share * self.swing * np.sin(time * np.array([0.9, 0.7, 1.1, 0.8, 1.3, 1.0, 1.2]) + np.arange(7))
+        self._swings += np.clip(self.swing - self._swings, -5e-4, 5e-4)  # nobody jerks an arm
+        wanted = MIDDLE + self._swings * np.sin(time * np.array([0.9, 0.7, 1.1, 0.8, 1.3, 1.0, 1.2]) + np.arange(7))
         torque = self._servo.torque(state.position, state.velocity, wanted, np.zeros(7), np.zeros(7))
-        self._command.publish(conversions.fill_command(self._message, Command(state.stamp_ns, joint_torque=torque)))
+        self._command.publish(conversions.fill_command(self._message, Command(state.stamp_ns, joint_torque=torque, speed=Speed.THROW)))
         self.count += 1
         self.fastest = np.abs(state.velocity).max()
 

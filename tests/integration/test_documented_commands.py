@@ -85,6 +85,7 @@ REPORT = Elsewhere("unit/report/test_page.py::test_the_command_writes_the_page_a
 HARDWARE = "foreign_arm/test_foreign_arm.py::"
 WITHOUT = Elsewhere("unit/session/test_from_bag.py::test_a_demonstration_can_be_left_out_by_its_id")
 ON_HARDWARE = Elsewhere(f"{HARDWARE}test_every_state_of_the_arm_is_answered")
+FAULTS = Elsewhere("integration/test_fault_cases.py::test_the_client_is_told_the_arm_rests_and_all_works_again")
 VIEW = Elsewhere("unit/view/test_rerun.py::test_every_file_of_a_split_bag_is_opened_with_a_layout_of_its_own")
 
 TYPED = {
@@ -97,6 +98,7 @@ TYPED = {
     "python3 -m pytest tests/unit/repository/test_imports.py": TESTS,
     'python3 -m pytest tests/unit -k "spring and damper" -n 2': TESTS,
     "python3 -m pytest tests/integration/test_strangers.py -x": TESTS,
+    "HYPOTHESIS_PROFILE=long python3 -m pytest tests/integration/test_fuzz.py": TESTS,
     "python3 -m tests.reference.results tests/reference/results.json": TESTS,
     "make benchmark": MAKE,
     "make docs": MAKE,
@@ -161,6 +163,7 @@ TYPED = {
     "ros2 service call /commander/release_arm std_srvs/srv/SetBool '{data: false}'": FULL_ROS,
     "ros2 service call /commander/move_to dart_skill_msgs/srv/MoveArm '{posture: [0.0, -1.1, 0.0, -0.6, 0.0, -0.55, 0.0]}'": FULL_ROS,
     "ros2 service call /commander/stop std_srvs/srv/Trigger": FULL_ROS,
+    "ros2 service call /commander/reset std_srvs/srv/Trigger": FULL_ROS,
     "ros2 service call /skill_learner/demonstrations dart_skill_msgs/srv/ListDemonstrations": FULL_ROS,
     "ros2 service call /skill_learner/drop_demonstration dart_skill_msgs/srv/DropDemonstration "
     "'{id: demonstration_1795379669631609360}'": FULL_ROS,
@@ -236,6 +239,9 @@ TYPED = {
     "--configurations default,shown_release,em,two_frames,autonomous,weighted,cross_validated,thesis,thesis_local": Elsewhere(
         "unit/cli/test_usage.py::test_the_throws_experiment_gives_one_row_per_throw_as_json"
     ),
+    "dart-skill experiment faults --list": Run(says="kill_commander_swing"),
+    "dart-skill experiment faults --case kill_commander_swing": FAULTS,
+    "dart-skill experiment faults --page docs/faults.md": FAULTS,
     "dart-skill experiment repeatability --throws 50": Run("--throws 1 --demonstrations 3", says="1.60 +1 "),
     "dart-skill experiment basket --models default,autonomous,weighted,thesis,thesis_local,shown_release --figure figures": Run(
         "--models thesis --seeds 1 --throws 1 --demonstrations 3", says="thesis", leaves="figures/*.svg"

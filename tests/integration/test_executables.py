@@ -3,6 +3,7 @@
 import shutil
 import signal
 import subprocess
+import sys
 
 import pytest
 import rclpy
@@ -52,3 +53,22 @@ def test_starts_with_ros2_run_and_ends_on_sigint(ros, tmp_path, executable):
     text = (tmp_path / "log").read_text()
     for complaint in ("Traceback", "Error occurred", "context is invalid"):
         assert complaint not in text, text
+
+
+CANNOT = {
+    "demonstration_recorder": (["-p", "basket_radius:=.nan"], "basket_radius"),
+    "teacher": (["-p", "seed:=text"], "seed"),
+    "composed": (["-p", "wam_simulator:mass_scale:=[1.0]"], "mass_scale"),
+    "viewer": (["-p", "host:=no.such.host.invalid"], "no.such.host.invalid"),
+    "bag_player": (["-p", "bag:=nowhere"], "nowhere: no such bag"),
+}
+
+
+@pytest.mark.parametrize("executable", CANNOT)
+def test_a_node_that_cannot_start_says_why_in_a_line_and_ends(tmp_path, executable):
+    arguments, reason = CANNOT[executable]
+    command = [sys.executable, "-m", f"dart_skill_nodes.executables.{executable}", "--ros-args", *arguments]
+    ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    told = ended.stdout + ended.stderr
+    assert ended.returncode == 1 and "Traceback" not in told, told
+    assert reason in told.splitlines()[-1] and told.splitlines()[-1].startswith(executable), told

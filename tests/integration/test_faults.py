@@ -95,7 +95,7 @@ def test_in_real_time_a_silent_commander_brakes_the_arm(make_graph):
     until = time.monotonic() + 20.0
     while state.fastest < 0.3:
         assert time.monotonic() < until, f"the arm never moved faster than {state.fastest:.2f} rad/s"
-        answer(state, command, joint_torque=push)
+        answer(state, command, joint_torque=push, speed=WamCommand.SPEED_THROW)
         client.spin()
     wait_for(client, lambda: state.fastest < 0.05, what="the arm is braked")
-    wait_for(client, lambda: "braked" in said.of.get("wam_simulator", ""), what="the simulator says so")
+    wait_for(client, lambda: "braked" in said.of.get("wam_simulator", ""), what=lambda: f"braked: {said.of}")

@@ -134,7 +134,7 @@ def test_a_learner_that_dies_during_a_throw_stops_the_arm_and_is_named(taught):
     """The last test of this graph: it has no learner any more."""
     graph, client = taught
     joints = Joints(client)
-    result, _ = begin_slow_throw(client, joints, BETWEEN)
+    result, _ = begin_slow_throw(client, joints, BETWEEN, speed_factor=0.15)  # a dead node is missed after 4 s
     learner = graph.processes.pop("skill_learner")
     learner.kill()
     learner.wait()

@@ -2,13 +2,15 @@
 
 import numpy as np
 import pytest
+import rclpy
 from dart_skill_msgs.msg import SimulationState, WamCommand
 from dart_skill_msgs.srv import PlaceBasket, Reset, Step
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Point
 from std_srvs.srv import SetBool, Trigger
 
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.comms.qos import LOOP
+from dart_skill_nodes.comms.qos import LATCHED, LOOP
 
 from .conftest import Diagnoses, Joints, answer, wait_for
 
@@ -63,12 +65,50 @@ def test_nonsense_on_the_command_topic_moves_nothing(simulator):
     assert np.isfinite(state.message.position).all()
 
 
-def test_a_second_commander_is_reported(simulator):
-    client, _, _ = simulator
-    said = Diagnoses(client)
-    second = client.node.create_publisher(WamCommand, "/wam/command", LOOP)
-    wait_for(client, lambda: "nodes publish /wam/command" in said.of.get("wam_simulator", ""), what="the report")
-    client.node.destroy_publisher(second)
+def test_a_second_commander_is_named_and_not_obeyed(simulator):
+    """With a command that would turn the arm; the first one goes on moving it."""
+    client, state, command = simulator
+    said, node = Diagnoses(client), rclpy.create_node("stranger")
+    second = node.create_publisher(WamCommand, "/wam/command", LOOP)
+
+    def is_named():
+        answer(state, second, sender=7, joint_torque=np.full(7, 2.0))
+        return "stranger publishes /wam/command, too" in said.of.get("wam_simulator", "")
+
+    before = state.newest_ns
+    wait_for(client, is_named, what="the report")
+    assert state.newest_ns == before
+
+    def goes_on():
+        answer(state, command)
+        return state.newest_ns > before
+
+    node.destroy_node()
+    wait_for(client, lambda: "stranger" not in said.of.get("wam_simulator", "stranger"), what="the stranger is forgotten")
+    wait_for(client, goes_on, what="the first one is obeyed again")
+
+
+def test_a_command_that_is_too_strong_stops_the_arm_until_it_is_reset(simulator):
+    """As the safety module of a real arm does: its motors are shorted, and everybody is told."""
+    client, state, command = simulator
+    said, safety = Diagnoses(client), []
+    client.node.create_subscription(DiagnosticStatus, "/wam/safety", lambda message: safety.append(message), LATCHED)
+
+    def is_stopped():
+        answer(state, command, joint_torque=np.full(7, 1e9))
+        return bool(safety) and safety[-1].level == DiagnosticStatus.ERROR
+
+    wait_for(client, is_stopped, what="the arm is stopped")
+    assert "is asked for" in safety[-1].message and joints_at_rest(state)
+    wait_for(client, lambda: "until a reset" in said.of.get("wam_simulator", ""), what="the diagnosis")
+    reset = client.node.create_client(Reset, "/simulation/reset")
+    assert client.call(reset, Reset.Request()).success
+    wait_for(client, lambda: safety[-1].level == DiagnosticStatus.OK, what="the end of the fault")
+
+
+def joints_at_rest(state):
+    """Whether no joint is faster than gravity makes it in a few steps [rad/s]."""
+    return np.abs(state.message.velocity).max() < 1.0
 
 
 def test_pause_step_and_reset(simulator):

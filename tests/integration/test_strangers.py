@@ -5,18 +5,24 @@ import time
 
 import numpy as np
 import pytest
-from dart_skill_msgs.action import Throw
-from dart_skill_msgs.srv import Reset
+from builtin_interfaces.msg import Time
+from dart_skill_msgs.action import Teach, Throw
+from dart_skill_msgs.msg import SimulationState, ThrowPlan, WamCommand
+from dart_skill_msgs.srv import AddTrial, Reset
+from geometry_msgs.msg import Point, Pose, PoseStamped
 from rclpy.action import ActionClient
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
+from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
 from dart_skill.regions import targets_for
+from dart_skill.world import joint_names, pose_topic
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import LOOP
 
-from .conftest import teach_and_learn, wait_for
+from .conftest import Diagnoses, teach_and_learn, wait_for
 
 SHOWN = targets_for(0, 2, 2)[0]
 TARGET = (SHOWN[0] + SHOWN[1]) / 2
@@ -51,6 +57,10 @@ class Stranger:
         handle = self.client.wait(sent, "/throw")
         assert handle.accepted
         return handle, handle.get_result_async()
+
+    def free(self):
+        """An arm that was stopped may move again."""
+        self.client.call(self.client.node.create_client(Trigger, "/commander/reset"), Trigger.Request())
 
     def watch(self, seconds):
         """Let simulated time go on."""
@@ -113,7 +123,62 @@ def test_stop_during_planning_means_that_nothing_is_thrown(graph, stranger, slow
     outcome = graph.client.wait(result, "the throw").result
     assert (outcome.code, outcome.message) == (Throw.Goal.OUTCOME_STOPPED, "stopped by ~/stop")
     stranger.watch(2.0)
+    stranger.free()
     assert stranger.fastest < RESTING, f"the arm moved at {stranger.fastest:.2f} rad/s after it was stopped"
+
+
+def test_an_arm_that_was_stopped_stays_so_until_it_is_reset(graph, stranger):
+    client, said = graph.client, Diagnoses(graph.client)
+    client.call(stranger.stop, Trigger.Request())
+    _, result = stranger.begin()
+    refused = client.wait(result, "the throw").result
+    assert refused.code == Throw.Goal.OUTCOME_REFUSED and "call /commander/reset" in refused.message
+    practised = client.practise(targets=[TARGET, TARGET])
+    assert not practised.success and "/commander/reset" in practised.message
+    wait_for(client, lambda: "stopped by ~/stop: call /commander/reset" in said.of.get("commander", ""), what="the reason on /diagnostics")
+    assert stranger.fastest < RESTING
+    stranger.free()
+    assert client.throw(TARGET).code == Throw.Goal.OUTCOME_THROWN
+
+
+def test_a_released_arm_does_not_throw(graph, stranger):
+    graph.client.release_arm(True)
+    _, result = stranger.begin()
+    refused = graph.client.wait(result, "the throw").result
+    graph.client.release_arm(False)
+    assert refused.code == Throw.Goal.OUTCOME_REFUSED and "released" in refused.message
+
+
+def test_stop_ends_practice(graph, stranger):
+    client, asked = graph.client, []
+
+    def on_feedback(feedback):
+        if feedback.phase == "throwing" and not asked:
+            asked.append(stranger.stop.call_async(Trigger.Request()))
+
+    practised = client.practise(targets=[TARGET] * 3, only_throw=True, on_feedback=on_feedback)
+    assert not practised.success and "stopped" in practised.message
+    assert len(practised.outcomes) <= 1, "it went on to the next throw"
+    stranger.free()
+
+
+@pytest.mark.parametrize("how", ["stop", "cancel"])
+def test_a_lesson_ends_at_once_when_it_is_stopped_or_cancelled(graph, stranger, how):
+    client = graph.client
+    teach = ActionClient(client.node, Teach, "/teach")
+    wait_for(client, teach.server_is_ready, what="the teacher")
+    handle = client.wait(teach.send_goal_async(Teach.Goal(target=conversions.point(SHOWN[0]))), "/teach")
+    stranger.fastest = 0.0
+    wait_for(client, lambda: stranger.fastest > 0.5, what="the arm is guided")
+    since_ns = stranger.newest_ns
+    client.wait(handle.cancel_goal_async() if how == "cancel" else stranger.stop.call_async(Trigger.Request()), how)
+    lesson = client.wait(handle.get_result_async(), "the lesson")
+    assert not lesson.result.success and {"stop": "stopped by", "cancel": "cancelled"}[how] in lesson.result.message
+    assert (stranger.newest_ns - since_ns) * 1e-9 < 5.0, "of simulated time, with the second of a reset"
+    teach.destroy()
+    if how == "stop":
+        stranger.free()
+    assert client.teach(SHOWN[0]).success, "the next lesson"
 
 
 def test_a_goal_that_is_cancelled_while_it_is_planned_moves_nothing(graph, stranger, slow_learner):
@@ -164,3 +229,69 @@ def test_an_arm_that_cannot_be_is_refused_when_it_is_set_and_not_at_a_reset(grap
         graph.client.set_parameters("/wam_simulator", change)
     stranger.watch(0.5)
     assert not graph.dead()
+
+
+def garbage(length=40):
+    """Bytes that begin as a serialised message does."""
+    return b"\x00\x01\x00\x00" + b"\xff" * length
+
+
+def pose(**position):
+    message = PoseStamped(pose=Pose(position=Point(**position)))
+    message.header.frame_id = "world"
+    return message
+
+
+def before_time(message):
+    message.header.stamp.sec = -1
+    return message
+
+
+NAN = float("nan")
+HOSTILE = {
+    "a pose before time began": (pose_topic("hand"), before_time(pose()), "demonstration_recorder"),
+    "a pose beyond this world": (pose_topic("ball"), pose(x=1e308), "demonstration_recorder"),
+    "a pose that is none": (pose_topic("basket"), pose(z=NAN), "demonstration_recorder"),
+    "a pose of a few bytes": (pose_topic("hand"), garbage(0), "demonstration_recorder"),
+    "a pose of other bytes": (pose_topic("hand"), garbage(), "demonstration_recorder"),
+    "six joints": ("/joint_states", JointState(name=list("abcdef"), position=[0.0] * 6, velocity=[0.0] * 6), "commander"),
+    "joints that are no numbers": ("/joint_states", JointState(name=joint_names(), position=[NAN] * 7, velocity=[0.0] * 7), "commander"),
+    "a push of other bytes": ("/wam/teacher_wrench", garbage(), None),
+    "a world before time began": ("/simulation/state", before_time(SimulationState()), "mock_optitrack"),
+    "a world that is none": ("/simulation/state", SimulationState(joint_position=[NAN] * 7), "mock_optitrack"),
+    "a time before time began": ("/clock", Clock(clock=Time(sec=-1)), "mock_optitrack"),
+}
+
+
+@pytest.mark.parametrize("what", HOSTILE)
+def test_a_message_that_cannot_be_used_ends_no_node_and_is_named(graph, stranger, what):
+    topic, message, node = HOSTILE[what]
+    kind = {"/joint_states": JointState, "/wam/teacher_wrench": WamCommand, "/simulation/state": SimulationState, "/clock": Clock}
+    sender = graph.client.node.create_publisher(kind.get(topic, PoseStamped), topic, LOOP)
+    said = Diagnoses(graph.client)
+    wait_for(graph.client, sender.get_subscription_count, what="a subscriber")
+
+    def is_named():
+        sender.publish(message)  # again and again: a message may get lost
+        return node is None or f"refused on {topic}" in said.of.get(node, "") or topic in said.of.get(node, "")
+
+    wait_for(graph.client, is_named, what=lambda: f"{node} says so: {said.of}")
+    graph.client.node.destroy_publisher(sender)
+    stranger.watch(0.1)
+    assert not graph.dead()
+
+
+def test_after_all_that_the_arm_is_taught_and_throws(graph):
+    """Nothing that was refused is left behind anywhere."""
+    lesson = graph.client.teach(np.zeros(3))
+    assert not lesson.success and "on the base of the arm" in lesson.message
+    lesson = graph.client.teach(TARGET)
+    assert lesson.success, lesson.message
+    assert graph.client.throw(TARGET).code == Throw.Goal.OUTCOME_THROWN
+
+
+def test_a_trial_whose_plan_is_empty_is_refused(graph):
+    add = graph.client.node.create_client(AddTrial, "/skill_learner/add_trial")
+    plan = ThrowPlan(trajectory=MultiDOFJointTrajectory(joint_names=["attractor", "hand"], points=[MultiDOFJointTrajectoryPoint()]))
+    response = graph.client.call(add, AddTrial.Request(plan=plan), may_refuse=True)
+    assert not response.success and "point 0 of the plan's trajectory has 0 transforms" in response.message

@@ -12,6 +12,7 @@ import rclpy
 from dart_skill_msgs.msg import SimulationState
 from geometry_msgs.msg import PoseStamped
 from rclpy.serialization import serialize_message
+from std_srvs.srv import SetBool
 from visualization_msgs.msg import Marker, MarkerArray
 
 from dart_skill.regions import targets_for
@@ -144,6 +145,10 @@ def test_everything_is_taught_learned_thrown_and_practised_from_the_page(live):
         until(lambda: page.is_disabled("Teach"), "a lesson that has begun")
         page.click("Stop")
         until(lambda: not page.is_disabled("Teach") and page.says("stopped"), "the end of the lesson", 120.0)
+        page.click("Throw")
+        until(lambda: page.says("call /commander/reset"), "an arm that stays stopped")
+        page.click("Reset after a stop")
+        until(lambda: page.says("the arm may move again"), "the reset")
 
 
 def test_a_taken_port_is_told_in_one_line(tmp_path):
@@ -235,6 +240,8 @@ def test_in_a_browser_the_basket_is_dragged_and_a_click_throws(taught, tmp_path)
     with Page(tmp_path / "browser", url) as page:
         wait_for(client, lambda: page.button("Throw"), 90.0, "the page")
         begin = truth.basket.copy()
+        pause = client.node.create_client(SetBool, "/simulation/pause")
+        client.call(pause, SetBool.Request(data=False))  # in a world that is held the cameras see nothing new
 
         def look(condition, what, limit=60.0):
             """Take pictures until one fulfils the condition."""

@@ -1,21 +1,13 @@
 """What several tests of the arm share: plants that are closed again, a plan that was not learned, demonstrations that were taught once."""
 
-import os
-
 import numpy as np
 import pytest
-from hypothesis import settings
 from scipy.spatial.transform import Rotation
 
 from dart_skill.flight import landing
 from dart_skill.robot import ArmModel, Gains, HandPath, ThrowPlan
 from dart_skill.session import Session
 from dart_skill.simulation import Plant, PlantSettings
-
-# The same examples in every run; HYPOTHESIS_PROFILE=explore looks for new ones.
-settings.register_profile("same", derandomize=True)
-settings.register_profile("explore", derandomize=False)
-settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
 READY = (0.0, -0.90, 0.0, -0.75, 0.0, -0.35, 0.0)
 """A posture between throws: cocked, hand behind the shoulder."""

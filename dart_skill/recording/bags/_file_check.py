@@ -185,7 +185,7 @@ class FileCheck:
         self._contained = defaultdict(list)
         try:
             raw = chunk.unpack()
-            for message in messages_of(raw):
+            for message in messages_of(raw, most=chunk.most_records):
                 self._message(message)
                 self._contained[message.channel].append((message.log_time_ns, message.place))
         except DamagedError as error:

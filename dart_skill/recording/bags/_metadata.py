@@ -11,7 +11,9 @@ from typing import Any
 
 import yaml
 
+from dart_skill.files import open_file
 from dart_skill.recording.bags._disk_sync import sync_folder
+from dart_skill.recording.bags._yaml_text import LARGEST_TEXT, load
 from dart_skill.recording.mcap import McapFile
 
 METADATA_VERSION = 9
@@ -102,14 +104,39 @@ def write_metadata_file(folder: Path, metadata: dict) -> None:
 
 def read_metadata_file(folder: Path) -> dict:
     """Metadata of a bag folder; ValueError if its metadata.yaml is damaged, FileNotFoundError without one."""
-    try:
-        content = yaml.load((folder / METADATA_FILE).read_text(encoding="utf-8"), Loader=_LOADER)
-    except yaml.YAMLError as error:
-        raise ValueError(f"{METADATA_FILE} is no YAML: {error}") from error
+    with open_file(folder / METADATA_FILE) as stream:
+        text = stream.read(4 * LARGEST_TEXT + 1).decode("utf-8")
+    content = load(text, METADATA_FILE)
     found = content.get(_ROOT) if isinstance(content, dict) else None
     if not isinstance(found, dict):
         raise ValueError(f"{METADATA_FILE} has no mapping '{_ROOT}'")
+    _check_kinds(found)
     return found
+
+
+_KINDS: dict[str, tuple[type, type]] = {
+    "relative_file_paths": (list, str),
+    "files": (list, dict),
+    "topics_with_message_count": (list, dict),
+    "custom_data": (dict, str),
+}
+
+
+def _check_kinds(metadata: dict) -> None:
+    """ValueError for an entry of metadata that is of another kind than rosbag2 writes."""
+    for name, (outer, inner) in _KINDS.items():
+        value: Any = metadata.get(name)
+        items = value.values() if isinstance(value, dict) else value
+        if value is not None and not (isinstance(value, outer) and all(isinstance(item, inner) for item in items)):
+            raise ValueError(f"its {METADATA_FILE} misuses {name}: it must be a {outer.__name__} of {inner.__name__}")
+    for name in ("storage_identifier", "compression_format", "compression_mode", "ros_distro"):
+        if not isinstance(metadata.get(name) or "", str):
+            raise ValueError(f"its {METADATA_FILE} misuses {name}: it must be a text")
+    for topic in metadata.get("topics_with_message_count") or []:
+        if not isinstance(topic.get("topic_metadata"), dict) or not isinstance(topic["topic_metadata"].get("name"), str):
+            raise ValueError(f"its {METADATA_FILE} misuses topics_with_message_count: a topic has no name")
+        if not isinstance(topic.get("message_count", 0), int):
+            raise ValueError(f"its {METADATA_FILE} misuses message_count: that of topic {topic['topic_metadata']['name']} is no number")
 
 
 def is_plain_mcap(metadata: dict) -> bool:
@@ -121,18 +148,18 @@ def is_plain_mcap(metadata: dict) -> bool:
 def parse_record(values: Mapping[str, str]) -> dict:
     """Metadata in the record of a file; empty if they cannot be read."""
     try:
-        found = yaml.load(values.get(RECORD_KEY, ""), Loader=_LOADER)
-    except yaml.YAMLError:
-        return {}
-    return found if isinstance(found, dict) else {}
+        found = load(values.get(RECORD_KEY, ""), f"the record {RECORD_NAME}")
+        if isinstance(found, dict):
+            _check_kinds(found)
+            return found
+    except ValueError:
+        pass
+    return {}
 
 
 def parse_qos(topic: str, text: str) -> list:
     """QoS profiles of a topic from their YAML text."""
-    try:
-        return yaml.load(text, Loader=_LOADER) or []
-    except yaml.YAMLError as error:
-        raise ValueError(f"QoS of topic {topic} is no YAML: {error}") from error
+    return load(text, f"QoS of topic {topic}") or []
 
 
 def _times(file: FileMetadata) -> dict:
@@ -155,9 +182,6 @@ def _topic(topic: TopicMetadata) -> dict:
         },
         "message_count": topic.count,
     }
-
-
-_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 _Dumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)

@@ -12,6 +12,7 @@ from typing import Any
 
 from rosbags.typesys.store import Typestore
 
+from dart_skill.files import NoFile, require_file
 from dart_skill.recording.bags._file_check import NO_MESSAGES, REWRITE, SEVERITIES, FileCheck, Finding
 from dart_skill.recording.bags._files import files_in, named_files, part_number
 from dart_skill.recording.bags._metadata import METADATA_FILE, is_plain_mcap, read_metadata_file
@@ -27,7 +28,7 @@ def check_bag(path: str | os.PathLike, types: Typestore | None = None) -> list[F
     path = Path(path)
     if not path.exists():
         return [Finding("error", str(path), "no such bag")]
-    if path.is_file():
+    if not path.is_dir():
         return check_file(path, types)
     findings: list[Finding] = []
     metadata = _metadata_of(path, findings)
@@ -52,8 +53,10 @@ def check_bag(path: str | os.PathLike, types: Typestore | None = None) -> list[F
 def check_file(path: str | os.PathLike, types: Typestore | None = None) -> list[Finding]:
     """What is wrong with a single file of a bag, the worst first; empty if nothing is. types: as for `check_bag`."""
     path = Path(path)
-    if not path.is_file():
-        return [Finding("error", str(path), "no such file")]
+    try:
+        require_file(path)
+    except OSError as error:
+        return [Finding("error", str(path), str(error) if isinstance(error, NoFile) else "no such file")]
     if path.suffix != ".mcap":
         return _checked_by_reading(path, types)
     return _sorted(FileCheck(path, types).findings)

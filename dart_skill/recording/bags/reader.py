@@ -12,11 +12,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 
+import zstandard
 from mcap.records import Attachment
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinitionFormat
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
+from dart_skill.files import open_file, require_file
 from dart_skill.recording.bags._files import SUFFIXES, files_in, named_files, part_number
 from dart_skill.recording.bags._metadata import (
     METADATA_FILE,
@@ -26,14 +28,19 @@ from dart_skill.recording.bags._metadata import (
     parse_record,
     read_metadata_file,
 )
+from dart_skill.recording.bags._yaml_text import check as check_yaml
 from dart_skill.recording.bags.messages import deserialize
-from dart_skill.recording.mcap import END_OF_TIME, BagMessage, DamagedError, McapInput, in_time_order
+from dart_skill.recording.mcap import END_OF_TIME, LARGEST_UNPACKED, USUAL_RATIO, BagMessage, DamagedError, McapInput, in_time_order
 
 _RECOVER = (
     "the file is cut off or damaged, its recorder was probably stopped before it closed the bag:"
     " 'dart-skill bag recover' makes a new bag of what is in it"
 )
 _FORMATS = {MessageDefinitionFormat.MSG: "ros2msg", MessageDefinitionFormat.IDL: "ros2idl"}
+
+
+MOST_LINES, MOST_LINES_OF_ALL, LARGEST_DEFINITION = 5_000, 20_000, 1_000_000
+"""Of the definition of a type, with all that it nests, of all definitions of a bag, and characters of one: they take 0.4 ms a line."""
 
 
 class BagError(ValueError):
@@ -100,7 +107,7 @@ class BagReader:
         self.path = Path(path)
         files = _storage_files(self.path)
         with _explained(self.path):
-            metadata = read_metadata_file(self.path) if (self.path / METADATA_FILE).is_file() else None
+            metadata = read_metadata_file(self.path) if self.path.is_dir() and (self.path / METADATA_FILE).exists() else None
             self._source = source = _open(self.path, files, metadata)
             self.types, self._unknown = embedded_types(source.definitions(), types)
         self.topics, self.files, self.metadata = source.topics, source.files, source.metadata
@@ -245,12 +252,15 @@ class _McapSource:
             for number, channel in file.channels.items():
                 name, known = channel.topic, found.get(channel.topic)
                 told = told_of.get(name, {})
+                qos = told.get("offered_qos_profiles") or channel.metadata.get("offered_qos_profiles", "")
+                if isinstance(qos, str):
+                    check_yaml(qos, f"QoS of topic {name}")
                 found[name] = TopicInfo(
                     name,
                     (known and known.type_name) or file.type_name(channel) or told.get("type", ""),
                     file.counts[number] + (known.count if known else 0),
                     told.get("type_description_hash") or channel.metadata.get("topic_type_hash", ""),
-                    tuple(parse_qos(told.get("offered_qos_profiles") or channel.metadata.get("offered_qos_profiles", ""))),
+                    tuple(parse_qos(qos)),
                     channel.message_encoding,
                 )
         return found
@@ -262,6 +272,8 @@ class _RosbagsSource:
     def __init__(self, path: Path, files: list[Path], metadata: dict | None):
         from rosbags.rosbag2 import Reader
 
+        for file in named_files(path, metadata or {}) or files:
+            _check_compressed(file)
         self.metadata = metadata or {}
         self._reader = reader = Reader(path if metadata else files[0])
         reader.open()
@@ -318,6 +330,19 @@ class _RosbagsSource:
             self._reader.close()
 
 
+def _check_compressed(file: Path) -> None:
+    """BagError for a file that unpacks to far more than it is; `rosbags` would put all of it on the disk."""
+    require_file(file)
+    if file.suffix not in (".zstd", ".zst"):
+        return
+    size, most = 0, max(LARGEST_UNPACKED, USUAL_RATIO * file.stat().st_size)
+    with open_file(file) as stream, zstandard.ZstdDecompressor().stream_reader(stream) as unpacked:
+        while part := unpacked.read(2**20):
+            size += len(part)
+            if size > most:
+                raise BagError(f"{file.name} unpacks to more than {most} bytes: no recording is so much larger than its file")
+
+
 def _told_extent(item: dict) -> tuple[int, int, int]:
     """Count, first and last log time of a file, as metadata.yaml tells them."""
     start = item["starting_time"]["nanoseconds_since_epoch"]
@@ -328,11 +353,15 @@ def _storage_files(path: Path) -> list[Path]:
     """Files that hold a bag's messages, in order; BagError if there are none, or several that are not one bag's."""
     if not path.exists():
         raise BagError(f"{path}: no such bag")
+    if not path.is_dir():
+        require_file(path)
     if path.is_file() and path.suffix not in SUFFIXES:
         raise BagError(f"{path}: a bag is a folder with metadata.yaml, or a .mcap or .db3 file")
     files = [path] if path.is_file() else files_in(path)
     if not files and not any(path.glob("*.zstd")):
         raise BagError(f"{path}: no .mcap file in this folder")
+    for file in files:
+        require_file(file)
     empty = [file.name for file in files if file.stat().st_size == 0]
     if empty:
         raise BagError(f"{path}: {', '.join(empty)} is empty (0 bytes): the recorder stopped before its first write")
@@ -378,14 +407,26 @@ def _open(path: Path, files: list[Path], metadata: dict | None) -> _McapSource |
 
 def embedded_types(definitions: Iterable[tuple[str, str, str]], types: Typestore | None) -> tuple[Typestore, dict[str, str]]:
     """Types that the bag defines, and those of `types` that it lacks; and why the others are unknown."""
-    found, unknown = {}, {}
+    found, unknown, lines = {}, {}, 0
     for name, encoding, text in dict.fromkeys(definitions):  # each file of a split bag has all of them
+        own = text.count("\n") + text.count(";") + 1
+        lines += own
+        if own > MOST_LINES or lines > MOST_LINES_OF_ALL or len(text) > LARGEST_DEFINITION:
+            unknown[name] = f"whose definition in the bag is too long: {own} lines of {lines} so far, {len(text)} characters"
+            continue
         try:
             found.update(_types_in(name, encoding, text))
         except Exception as error:  # generated parsers meet arbitrary text
             unknown[name] = f"whose definition in the bag is damaged ({error})"
     store = get_typestore(Stores.EMPTY)
-    store.register(found)
+    try:
+        store.register(found)
+    except Exception:  # two definitions that cannot be in one store, or names that are none: as many as can be
+        for name, fields in found.items():
+            try:
+                store.register({name: fields})
+            except Exception as error:
+                unknown[name] = f"whose definition in the bag is damaged ({error})"
     if types is not None:
         store.register({name: types.fielddefs[name] for name in types.fielddefs.keys() - found.keys()})
     return store, unknown

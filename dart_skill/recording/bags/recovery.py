@@ -18,6 +18,7 @@ from zlib import crc32
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema
 
+from dart_skill.files import require_file
 from dart_skill.recording.bags._disk_sync import sync_folder
 from dart_skill.recording.bags._files import files_in, named_files, part_number
 from dart_skill.recording.bags._metadata import (
@@ -41,7 +42,6 @@ from dart_skill.recording.mcap import (
     Record,
     Summary,
     mapped,
-    messages_of,
     parse_header,
     read_definitions,
     read_summary,
@@ -147,7 +147,8 @@ def _input(path: Path) -> tuple[list[Path], dict]:
     """Files of the bag in order, also those that are missing, and what metadata.yaml tells."""
     if not path.exists():
         raise BagError(f"{path}: no such bag")
-    if path.is_file():
+    if not path.is_dir():
+        require_file(path)
         files, told = [path], {}
     else:
         files = files_in(path, (".mcap",))
@@ -155,7 +156,7 @@ def _input(path: Path) -> tuple[list[Path], dict]:
             told = read_metadata_file(path)
             named = named_files(path, told)
             files = [file for file in named if file.suffix == ".mcap"] + [file for file in files if file not in named]
-        except (FileNotFoundError, ValueError, TypeError):
+        except (OSError, ValueError, TypeError):
             told = {}
     if not files or any(file.suffix != ".mcap" for file in files):
         raise BagError(f"{path}: no .mcap file to recover: only bags of MCAP files can be")
@@ -410,7 +411,7 @@ class _FileRecovery:
         is_chunk = not is_index and (kind == Opcode.CHUNK or damage.offset in self.chunk_places)
         reason, messages = damage.reason, 0 if is_index or damage.offset == 0 else None
         if damage.rest is not None:
-            count = self._messages(messages_of(damage.rest.unpack_part(), cut_off=True), False)
+            count = self._messages(damage.rest.messages_of_part(), False)
             reason += f", in a chunk, of which {count} messages could still be read"
         if is_index and damage.end > damage.offset:
             reason += "; only an index is concerned, which is made anew"

@@ -2,7 +2,7 @@
 
 from dart_skill.recording.mcap.reader import END_OF_TIME, BagMessage, McapInput, in_time_order
 from dart_skill.recording.mcap.records import Chunk, DamagedError, Message, Summary, messages_of, parse_header, read_summary
-from dart_skill.recording.mcap.walk import Damage, Record, mapped, read_definitions, walk
+from dart_skill.recording.mcap.walk import LARGEST_UNPACKED, USUAL_RATIO, Damage, Record, mapped, read_definitions, walk
 from dart_skill.recording.mcap.writer import CHUNK_SIZE, McapChannel, McapFile
 
 __all__ = [
@@ -12,12 +12,14 @@ __all__ = [
     "Chunk",
     "Damage",
     "DamagedError",
+    "LARGEST_UNPACKED",
     "McapChannel",
     "McapFile",
     "McapInput",
     "Message",
     "Record",
     "Summary",
+    "USUAL_RATIO",
     "in_time_order",
     "mapped",
     "messages_of",

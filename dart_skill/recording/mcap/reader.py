@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, ChunkIndex, McapRecord, Metadata
 
+from dart_skill.files import open_file
 from dart_skill.recording.mcap.records import RECORD, DamagedError, Summary, parse, parse_chunk, parse_header, read_summary
 from dart_skill.recording.mcap.walk import Damage, Record, mapped, read_definitions, walk
 
@@ -60,7 +61,7 @@ class McapInput:
     def __init__(self, path: Path):
         self.path = path
         self._chunks: list[ChunkIndex] | None = None  # what is known of all messages
-        self._stream = open(path, "rb")
+        self._stream = open_file(path)
         try:
             with mapped(path) as data:
                 self.header, _ = parse_header(data)
@@ -158,7 +159,8 @@ class McapInput:
             record = self._at(place, chunk.chunk_length)
             if len(record) < RECORD.size or RECORD.unpack_from(record) != (Opcode.CHUNK, len(record) - RECORD.size):
                 raise DamagedError("no chunk begins there")
-            return _messages_in(parse_chunk(memoryview(record)[RECORD.size :]).unpack(), wanted, start_ns, stop_ns)
+            packed_chunk = parse_chunk(memoryview(record)[RECORD.size :])
+            return _messages_in(packed_chunk.unpack(), packed_chunk.most_records, wanted, start_ns, stop_ns)
         except (DamagedError, struct.error) as error:
             raise DamagedError(f"the chunk at byte {place} of {self.path.name} is damaged: {error}") from error
 
@@ -194,15 +196,19 @@ def _undamaged(data: memoryview) -> Iterator[Record]:
         yield found
 
 
-def _messages_in(raw: bytes, wanted: dict[int, tuple[str, str]], start_ns: int, stop_ns: int) -> list[BagMessage]:
+def _messages_in(raw: bytes, most: int, wanted: dict[int, tuple[str, str]], start_ns: int, stop_ns: int) -> list[BagMessage]:
     """The same as `messages_of` in less time, of what is wanted, in order of log time."""
     found: list[BagMessage] = []
     in_order, last, fields, place, end = True, 0, _FIELDS.unpack_from, 0, len(raw)
     append, new, info = found.append, tuple.__new__, wanted.get
     while place < end - 30:
         opcode, length, channel, stamp = fields(raw, place)
-        begin, place = place + 31, place + 9 + length
+        begin, place, most = place + 31, place + 9 + length, most - 1
+        if most < 0:
+            raise DamagedError("it has more records than its compressed bytes can tell apart")
         if opcode != 5:
+            if opcode == 0:
+                raise DamagedError("no record begins where the one before it ends")
             continue
         if place > end or length < 22:
             raise DamagedError("a message reaches beyond its end")

@@ -28,7 +28,12 @@ PARSED = frozenset(Opcode) - {Opcode.MESSAGE, Opcode.CHUNK, Opcode.MESSAGE_INDEX
 """Opcodes of what `parse` reads."""
 _CHUNK_HEAD = struct.Struct("<QQQII")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
-_LARGEST_CHUNK = 2**30
+LARGEST_CHUNK = 2**28
+"""No writer makes larger ones: they are unpacked in memory [bytes]."""
+PIECE = 64
+"""Of a chunk that was cut off is unpacked at once: of zstd they become 2 MB at most [bytes]."""
+USUAL_RECORDS = 10_000
+"""A chunk may have so many records; of more, each takes at least a byte of the compressed chunk."""
 _UNREADABLE = (ValueError, struct.error, McapError, OverflowError, MemoryError)  # what `mcap` makes of bytes that are no records
 
 
@@ -77,8 +82,8 @@ class Chunk:
 
     def unpack(self) -> bytes:
         """Its records, with their size and CRC (where it has one) checked; DamagedError."""
-        if self.size > _LARGEST_CHUNK:
-            raise DamagedError(f"the chunk says that it holds {self.size} bytes")
+        if self.size > LARGEST_CHUNK:
+            raise DamagedError(f"the chunk says that it holds {self.size} bytes, more than the {LARGEST_CHUNK} that are unpacked")
         try:
             raw = _DECOMPRESS[self.compression](self.records, self.size)
         except KeyError:
@@ -92,12 +97,25 @@ class Chunk:
             raise DamagedError(f"the chunk holds {len(raw)} bytes instead of {self.size}")
         return raw
 
-    def unpack_part(self) -> bytes:
-        """As many of its records as a chunk gives that was cut off."""
+    @property
+    def most_records(self) -> int:
+        """Of more, somebody made it to be slow."""
+        return USUAL_RECORDS + len(self.records)
+
+    def messages(self) -> Iterator[Message]:
+        """Its messages; DamagedError."""
+        return messages_of(self.unpack(), most=self.most_records)
+
+    def messages_of_part(self) -> Iterator[Message]:
+        """As many of its messages as a chunk gives that was cut off."""
+        return messages_of(self._unpack_part(), cut_off=True, most=self.most_records)
+
+    def _unpack_part(self) -> bytes:
+        limit = min(self.size, LARGEST_CHUNK)
         if self.compression == "zstd":
-            return _whole_blocks(zstandard.ZstdDecompressor().decompressobj(), self.records)
+            return _whole_blocks(zstandard.ZstdDecompressor().decompressobj(), self.records, limit)
         if self.compression == "lz4":
-            return _whole_blocks(lz4.frame.LZ4FrameDecompressor(), self.records)
+            return _whole_blocks(lz4.frame.LZ4FrameDecompressor(), self.records, limit)
         return bytes(self.records) if not self.compression else b""
 
 
@@ -172,25 +190,28 @@ def parse_message_index(content: memoryview) -> tuple[int, list[tuple[int, int]]
     return channel, list(struct.iter_unpack("<QQ", content[6:]))
 
 
-def records_of(raw: bytes | memoryview, cut_off: bool = False) -> Iterator[tuple[int, int, int]]:
+def records_of(raw: bytes | memoryview, cut_off: bool = False, most: int | None = None) -> Iterator[tuple[int, int, int]]:
     """Opcode, begin and end of the content of each record in a chunk; DamagedError where one reaches beyond it.
 
-    cut_off: stop there instead.
+    cut_off: stop there instead. most: DamagedError for more records.
     """
-    place, size = 0, len(raw)
+    place, size, left = 0, len(raw), len(raw) if most is None else most
     while place < size:
+        left -= 1
+        if left < 0:
+            raise DamagedError(f"the chunk has more than {most} records, which is more than its compressed bytes can tell apart")
         opcode, length = RECORD.unpack_from(raw, place) if place + RECORD.size <= size else (0, size)
         begin, place = place + RECORD.size, place + RECORD.size + length
-        if place > size or (opcode == Opcode.MESSAGE and length < _MESSAGE_HEAD.size):
+        if place > size or opcode == 0 or (opcode == Opcode.MESSAGE and length < _MESSAGE_HEAD.size):
             if cut_off:
                 return
             raise DamagedError("a record in the chunk reaches beyond it")
         yield opcode, begin, place
 
 
-def messages_of(raw: bytes, cut_off: bool = False) -> Iterator[Message]:
-    """The messages among the records of a chunk; DamagedError and cut_off as for `records_of`."""
-    for opcode, begin, end in records_of(raw, cut_off):
+def messages_of(raw: bytes, cut_off: bool = False, most: int | None = None) -> Iterator[Message]:
+    """The messages among the records of a chunk; DamagedError, cut_off and most as for `records_of`."""
+    for opcode, begin, end in records_of(raw, cut_off, most):
         if opcode == Opcode.MESSAGE:
             channel, sequence, log_time, publish_time = _MESSAGE_HEAD.unpack_from(raw, begin)
             yield Message(begin - RECORD.size, channel, sequence, log_time, publish_time, raw[begin + _MESSAGE_HEAD.size : end])
@@ -247,25 +268,39 @@ def _footer(data: memoryview) -> Footer:
     return footer
 
 
-def _whole_blocks(decompressor: Any, data: memoryview) -> bytes:
-    """What a decompressor gives before the end or the damage of its input."""
-    parts = []
+def _whole_blocks(decompressor: Any, data: memoryview, limit: int) -> bytes:
+    """What a decompressor gives before the end or the damage of its input, or before it has given more than the limit [bytes]."""
+    parts, size = [], 0
     try:
-        for begin in range(0, len(data), 4096):
-            parts.append(decompressor.decompress(bytes(data[begin : begin + 4096])))
+        for begin in range(0, len(data), PIECE):
+            parts.append(decompressor.decompress(bytes(data[begin : begin + PIECE])))
+            size += len(parts[-1])
+            if size > limit:
+                break
     except (zstandard.ZstdError, RuntimeError, EOFError):
         pass
     return b"".join(parts)
 
 
 def _zstd(records: memoryview, size: int) -> bytes:
-    if zstandard.frame_content_size(records) > _LARGEST_CHUNK:
-        raise zstandard.ZstdError("it says that it is larger than 1 GiB")
+    if zstandard.frame_content_size(records) > LARGEST_CHUNK:
+        raise zstandard.ZstdError(f"it says that it holds more than {LARGEST_CHUNK} bytes")
     return zstandard.ZstdDecompressor().decompress(records, max_output_size=size)
+
+
+def _lz4(records: memoryview, size: int) -> bytes:
+    for limit in (size, LARGEST_CHUNK):  # the chunk's size may be what is damaged: then its CRC tells
+        decompressor = lz4.frame.LZ4FrameDecompressor()
+        raw: bytes = decompressor.decompress(bytes(records), max_length=limit + 1)
+        if decompressor.eof or len(raw) <= limit:
+            break
+    if not decompressor.eof:
+        raise EOFError(f"it holds more than {LARGEST_CHUNK} bytes" if len(raw) > LARGEST_CHUNK else "its end is missing")
+    return raw
 
 
 _DECOMPRESS = {
     "": lambda records, _size: bytes(records),
     "zstd": _zstd,
-    "lz4": lambda records, _size: lz4.frame.decompress(records),
+    "lz4": _lz4,
 }

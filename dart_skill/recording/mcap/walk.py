@@ -17,6 +17,7 @@ from pathlib import Path
 from mcap.opcode import Opcode
 from mcap.records import Channel, McapRecord, Schema
 
+from dart_skill.files import open_file
 from dart_skill.recording.mcap.records import (
     MAGIC,
     PARSED,
@@ -33,6 +34,8 @@ from dart_skill.recording.mcap.records import (
 )
 
 _ANY_RECORD = re.compile(rb"(?=[\x01-\x0f].{5}\x00\x00\x00)", re.DOTALL)
+LARGEST_UNPACKED, USUAL_RATIO = 2**30, 1000
+"""All that is packed in a file may be so many bytes, or so many times as large as the file: more is a bomb, which takes hours to read."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,7 @@ class Record:
     def messages(self) -> Iterator[Message]:
         """Those of a chunk, or the one that it is itself; none for other records. DamagedError."""
         if self.opcode == Opcode.CHUNK:
-            yield from messages_of(self.chunk().unpack())
+            yield from self.chunk().messages()
         elif self.opcode == Opcode.MESSAGE:
             yield from messages_of(RECORD.pack(self.opcode, len(self.content)) + self.content)
 
@@ -92,7 +95,7 @@ def mapped(path: Path) -> Iterator[memoryview]:
     if path.stat().st_size == 0:
         yield memoryview(b"")
         return
-    with open(path, "rb") as stream:
+    with open_file(path) as stream:
         content = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
     view = memoryview(content)
     try:
@@ -113,10 +116,17 @@ def walk(data: memoryview, summary: Summary | None = None) -> Iterator[Record | 
     if place == 0:
         place = _next_record(data, min(8, size), known) if size < 17 or data[8] != Opcode.HEADER else 8
         yield Damage(0, place, "the file magic is invalid")
+    unpacked = 0
     while place < size:
         found = _record_at(data, place)
         if isinstance(found, Damage):
             found = _chunk_at(data, place, found.reason) or _skipped(data, found, known)
+        if isinstance(found, Record) and found.opcode == Opcode.CHUNK:
+            unpacked += found.chunk().size
+            if unpacked > max(LARGEST_UNPACKED, USUAL_RATIO * found.end):
+                reason = f"the chunks say that they hold {unpacked} bytes, in a file of {size}: the rest is left out"
+                yield Damage(found.offset, size, reason)
+                return
         yield found
         place = found.end
         if isinstance(found, Record) and found.opcode == Opcode.FOOTER:
@@ -138,7 +148,7 @@ def read_definitions(data: memoryview, summary: Summary | None = None) -> tuple[
         if item.opcode == Opcode.CHUNK:
             chunk = item.chunk()
             with suppress(DamagedError):
-                (vouched if chunk.crc else others).extend(_definitions_in(chunk.unpack()))
+                (vouched if chunk.crc else others).extend(_definitions_in(chunk.unpack(), chunk.most_records))
         elif item.opcode in (Opcode.SCHEMA, Opcode.CHANNEL) and isinstance(record := item.parsed(), Schema | Channel):
             others.append(record)
     latest_first = [*vouched, *others][::-1]  # so that the first of a number stays
@@ -146,9 +156,9 @@ def read_definitions(data: memoryview, summary: Summary | None = None) -> tuple[
     return schemas, {record.id: record for record in latest_first if isinstance(record, Channel)}
 
 
-def _definitions_in(raw: bytes) -> Iterator[Schema | Channel]:
-    """Of a chunk's records; DamagedError."""
-    for opcode, begin, end in records_of(raw):
+def _definitions_in(raw: bytes, most: int) -> Iterator[Schema | Channel]:
+    """Of a chunk's records, which are not more than `most`; DamagedError."""
+    for opcode, begin, end in records_of(raw, most=most):
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
             definition = parse(opcode, raw[begin:end])
             assert isinstance(definition, Schema | Channel)

@@ -4,51 +4,101 @@ A model is a cache of its demonstrations: loading learns it again, to the last b
 """
 
 import json
+import math
 import zipfile
-import zlib
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
+from dart_skill.files import new_file, open_file
 from dart_skill.recording import Demonstration
 from dart_skill.robot import KnownRegistration, Registration
 from dart_skill.skill.learn._configuration import SkillConfiguration
 
-FORMAT = "dart_skill model 1"
+KIND, VERSION = "dart_skill model", 1
+"""What a model file says it is. The version changes when older files cannot be read as they are any more."""
 NO_THROWS = np.empty((0, 4))
+LARGEST = 2**28
+"""Of all that a model file holds: thousands of demonstrations [bytes]."""
 
 
 def save_model(
     path: str | Path, demonstrations: list[Demonstration], configuration: SkillConfiguration, practised: np.ndarray = NO_THROWS
 ) -> None:
-    """Write a model to `path`, which must not exist; the folder must. practised (n, 6): `Correction.throws`."""
+    """Write a model to `path`, which must not exist; the folder must. It is there whole, or not at all.
+
+    practised (n, 6): `Correction.throws`.
+    """
     path = Path(path)
     if not path.parent.is_dir():
         raise FileNotFoundError(f"there is no folder {path.parent} to save a model in")
-    content: dict[str, Any] = {"format": np.array(FORMAT), "configuration": np.array(json.dumps(_plain(configuration)))}
+    content: dict[str, Any] = {"format": np.array(f"{KIND} {VERSION}"), "configuration": np.array(json.dumps(_plain(configuration)))}
     content["practised"] = np.asarray(practised, dtype=float)
     for k, demonstration in enumerate(demonstrations):
         content |= {f"{k:04d}.{f.name}": np.array(getattr(demonstration, f.name)) for f in fields(Demonstration)}
-    with open(path, "xb") as file:
+    with new_file(path) as file:
         np.savez_compressed(file, **content)
 
 
 def load_model(path: str | Path) -> tuple[list[Demonstration], SkillConfiguration, np.ndarray]:
-    """Demonstrations, configuration, and practised throws (n, 6), in older files (n, 4), of a model file; ValueError if it is not one."""
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            content = dict(archive)
-        if str(content.pop("format")) != FORMAT:
-            raise ValueError("unknown format")
-        # Models from before there was a choice let go when the teacher did.
-        configuration = _configuration({"release": "shown", **json.loads(str(content.pop("configuration")))})
-        practised = content.pop("practised", NO_THROWS)
-        demonstrations = [_demonstration(content, k) for k in sorted({name.split(".")[0] for name in content})]
-    except (KeyError, ValueError, EOFError, TypeError, AttributeError, zipfile.BadZipFile, zlib.error) as error:
-        raise ValueError(f"{path} is not a model file of dart_skill: {error}") from error
+    """Demonstrations, configuration, and practised throws (n, 6), in older files (n, 4), of a model file.
+
+    ValueError if it is not one, or one of another version.
+    """
+    with open_file(path) as file:
+        try:
+            content = _arrays(file)
+            _check_format(str(content.pop("format")))
+            # Models from before there was a choice let go when the teacher did.
+            configuration = _configuration({"release": "shown", **json.loads(str(content.pop("configuration")))})
+            practised = _practised(content.pop("practised", NO_THROWS))
+            demonstrations = [_demonstration(content, k) for k in sorted({name.split(".")[0] for name in content})]
+        except Exception as error:  # zip, zlib, JSON and NumPy each have their own for bytes that they do not expect
+            raise ValueError(f"{path} is not a model file of dart_skill: {error or type(error).__name__}") from error
     return demonstrations, configuration, practised
+
+
+def _arrays(file: BinaryIO) -> dict[str, np.ndarray]:
+    """Everything in an archive, once it is known how much that is."""
+    with zipfile.ZipFile(file) as archive:
+        members = archive.infolist()
+        size = sum(member.file_size for member in members)
+        if size > LARGEST:
+            raise ValueError(f"it says that it holds {size} bytes, more than the {LARGEST} that a model may have")
+        for member in members:
+            _check_size(archive, member)
+    file.seek(0)
+    with np.load(file, allow_pickle=False) as loaded:
+        return dict(loaded)
+
+
+def _check_size(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> None:
+    """An array takes the memory that its head says, whatever follows: the two must agree."""
+    with archive.open(member) as stream:
+        version = np.lib.format.read_magic(stream)
+        read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}.get(version)
+        if read is None:
+            raise ValueError(f"{member.filename} has the unknown array format {version}")
+        shape, _, dtype = read(stream)
+        if stream.tell() + math.prod(shape) * dtype.itemsize != member.file_size:
+            raise ValueError(f"{member.filename} says that it has the shape {shape}, but it has {member.file_size} bytes")
+
+
+def _check_format(found: str) -> None:
+    kind, _, version = found.rpartition(" ")
+    if kind != KIND:
+        raise ValueError(f"its format is '{found[:100]}', not '{KIND} {VERSION}'")
+    if version != str(VERSION):
+        raise ValueError(f"it has version {version[:20]}, and this dart_skill reads version {VERSION}: learn from the bag again")
+
+
+def _practised(values: np.ndarray) -> np.ndarray:
+    values = np.asarray(values)
+    if values.ndim != 2 or values.shape[1] not in (4, 6) or not np.issubdtype(values.dtype, np.floating):
+        raise ValueError(f"its practised throws have the shape {values.shape}: (n, 4) or (n, 6) numbers are known")
+    return values
 
 
 def _plain(configuration: SkillConfiguration) -> dict[str, Any]:

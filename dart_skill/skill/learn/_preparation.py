@@ -11,9 +11,10 @@ from functools import lru_cache
 
 import numpy as np
 
+from dart_skill.constants import N_JOINTS
 from dart_skill.movement import angles_from_quaternions, attractor_from_motion, smooth_derivatives, turn_about_z, turn_matrix
 from dart_skill.recording import Demonstration
-from dart_skill.robot import ArmModel, Sightings, wam_description
+from dart_skill.robot import ArmModel, Sightings, measure_registration, wam_description
 from dart_skill.skill.learn._configuration import SkillConfiguration
 from dart_skill.skill.learn._registration import sightings
 from dart_skill.skill.observe import FreeFlight, Release, column_noise, find_flight, fit_release, judge_flight, position_noise
@@ -26,6 +27,11 @@ SOONEST, LATEST = -0.005, 0.3
 (docs/sources.md), so that they are well away from a ball after the later time [s]. What is seen beyond is something else: clocks that
 disagree, or a button that was pressed for another reason.
 """
+OUTSIDE = 1.0
+"""A motion begins and ends within what was recorded of the hand, or not longer before or after [s]."""
+OFF_POSITION, OFF_ANGLE = 0.015, 0.08
+"""So far off are the motion that the cameras saw and that of the arm's joints at most, wherever the cameras stand: ten times as much as of
+the worst arm of the fleet, root mean square [m], [rad]."""
 
 
 @dataclass(frozen=True)
@@ -102,6 +108,11 @@ def prepare(demonstration: Demonstration, configuration: SkillConfiguration) -> 
 
 def _prepare(demonstration: Demonstration, configuration: SkillConfiguration) -> PreparedThrow:
     d = demonstration
+    if not (d.hand_time[0] - OUTSIDE <= d.motion_start <= d.motion_stop <= d.hand_time[-1] + OUTSIDE):
+        recorded = f"from {d.hand_time[0]:.4g} to {d.hand_time[-1]:.4g} s"
+        raise ValueError(f"its motion is from {d.motion_start:.4g} to {d.motion_stop:.4g} s, but the hand was recorded {recorded}")
+    both = sightings(d, _kinematics())
+    _check_joints(both)
     ball, surface = configuration.game.projectile, configuration.game.surface
     free = find_flight(d.ball_time, d.ball_position, ball) if len(d.ball_time) else None
     grip = wam_description().hand.ball_centre
@@ -131,10 +142,22 @@ def _prepare(demonstration: Demonstration, configuration: SkillConfiguration) ->
         release=release,
         release_time=float(release.time - shared),
         start_posture=_start_posture(d, azimuth),
-        sightings=sightings(d, _kinematics()),
+        sightings=both,
         hand_delay=_hand_delay(release.time - d.hand_opened),
         noise=float(noise[0]),
     )
+
+
+def _check_joints(both: Sightings) -> None:
+    """ValueError for joints that move the hand otherwise than the cameras saw it: in another order or unit, or of another arm."""
+    if len(both) < 3:
+        return
+    off = measure_registration(both)
+    if off.position_error > OFF_POSITION or off.angle_error > OFF_ANGLE:
+        far = f"{100 * off.position_error:.0f} cm and {np.degrees(off.angle_error):.0f} degrees"
+        raise ValueError(
+            f"by its joints the hand moved otherwise than the cameras saw it, by {far}: give them in radians, in the arm's order"
+        )
 
 
 @lru_cache(maxsize=1)
@@ -161,8 +184,10 @@ def _start_pose(demonstration: Demonstration, azimuth: float, angles: np.ndarray
 
 
 def _start_posture(demonstration: Demonstration, azimuth: float) -> np.ndarray:
-    """Joints before the motion (7,), J1 relative to the azimuth."""
+    """Joints before the motion (7,), J1 relative to the azimuth; nan where they were not recorded."""
     d = demonstration
+    if not len(d.joint_time):
+        return np.full(N_JOINTS, np.nan)
     posture = np.median(d.joint_position[_or_first(d.joint_time <= d.motion_start)], axis=0)
     posture[0] -= azimuth
     return posture

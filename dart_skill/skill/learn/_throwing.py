@@ -123,7 +123,7 @@ class ThrowingSkill:
         self._moving = [throw.between(self._start, self._stop + MARGIN) for throw in throws]
         self.release = float(np.average([throw.release_time for throw in throws], weights=self.credence))
         self._start_pose = np.median([throw.start_pose for throw in throws], axis=0)
-        self._posture = np.median([throw.start_posture for throw in throws], axis=0)
+        self._posture = _median_posture([throw.start_posture for throw in throws])
         self.registration = fit_registration([throw.sightings for throw in throws], configuration.registration)
         self.hand_delay = _median_of_seen([throw.hand_delay - self.registration.delay for throw in throws])
         self.seat = np.median([throw.release.grip for throw in throws], axis=0)
@@ -141,6 +141,14 @@ class ThrowingSkill:
         for throw in self.throws:
             for part in (throw.task, throw.time, throw.attractor):
                 digest.update(np.ascontiguousarray(part).tobytes())
+        return digest.hexdigest()[:16]
+
+    @cached_property
+    def posture_id(self) -> str:
+        """Digest of what plans are made from besides: start posture, registration, seat of the ball and delay of the hand."""
+        digest = hashlib.sha256(repr(self.registration).encode())
+        for part in (self._posture, self.seat, np.array(self.hand_delay)):
+            digest.update(np.ascontiguousarray(part).tobytes())
         return digest.hexdigest()[:16]
 
     def plan(self, target: np.ndarray) -> ThrowPlan:
@@ -386,6 +394,12 @@ def credence_of(noise: Sequence[float]) -> np.ndarray:
     own = np.asarray(noise, dtype=float)
     usual = max(float(np.median(own)), FINE)
     return np.square(usual / np.maximum(own, usual))
+
+
+def _median_posture(postures: list[np.ndarray]) -> np.ndarray:
+    """Median of the postures (7,) of those whose joints were recorded; nan if those of none were."""
+    seen = [posture for posture in postures if np.isfinite(posture).all()]
+    return np.median(seen or postures, axis=0)
 
 
 def _median_of_seen(values: list[float]) -> float:

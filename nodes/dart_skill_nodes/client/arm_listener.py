@@ -6,7 +6,6 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from rclpy.qos import ReliabilityPolicy
-from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
@@ -40,7 +39,7 @@ class ArmListener:
             newest = message if message.topic == JOINT_STATES else newest
         if newest is None:
             return None
-        state = deserialize_message(newest.data, JointState)
+        state = conversions.decoded(newest.data, JointState)
         return conversions.stamp_ns(state.header.stamp) * 1e-9, _of_arm(state, state.position)
 
     @property
@@ -56,7 +55,7 @@ class ArmListener:
     def heard(self) -> Heard:
         """Everything so far."""
         clock = self._messages[CLOCK]
-        told = np.array([conversions.stamp_ns(deserialize_message(one.data, Clock).clock) for one in clock], dtype=np.int64)
+        told = np.array([conversions.stamp_ns(conversions.decoded(one.data, Clock).clock) for one in clock], dtype=np.int64)
         when = np.array([one.received_ns for one in clock], dtype=np.int64)
         poses = {role: self._poses(topic, when, told) for role, topic in self._topics.items()}
         takers = _ends(self._node.get_subscriptions_info_by_topic(COMMANDS))
@@ -69,7 +68,7 @@ class ArmListener:
         self._batches.close()
 
     def _joints(self, when: np.ndarray, told: np.ndarray) -> JointStream:
-        states = [(one.received_ns, deserialize_message(one.data, JointState)) for one in self._messages[JOINT_STATES]]
+        states = [(one.received_ns, conversions.decoded(one.data, JointState)) for one in self._messages[JOINT_STATES]]
         lengths = [len(message.position) for _, message in states]
         usual = max(set(lengths), key=lengths.count) if lengths else 0
         same = [(received, message) for received, message in states if len(message.position) == usual]
@@ -85,7 +84,7 @@ class ArmListener:
         )
 
     def _poses(self, topic: str, when: np.ndarray, told: np.ndarray) -> PoseStream:
-        messages = [(one.received_ns, deserialize_message(one.data, PoseStamped)) for one in self._messages[topic]]
+        messages = [(one.received_ns, conversions.decoded(one.data, PoseStamped)) for one in self._messages[topic]]
         return PoseStream(
             **self._stream(topic, messages, when, told),
             position=np.array([conversions.vector(one.pose.position) for _, one in messages]).reshape(-1, 3),

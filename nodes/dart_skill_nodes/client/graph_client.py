@@ -11,17 +11,19 @@ from dart_skill_msgs.srv import DropDemonstration, Learn, ListDemonstrations, St
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.action import ActionClient
+from rclpy.action.client import ClientGoalHandle
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
 from dart_skill.world import the_world
 from dart_skill_nodes.client.failures import GraphFailure
-from dart_skill_nodes.client.server_probe import ServerProbe
+from dart_skill_nodes.client.server_probe import APPEARS, ServerProbe
 from dart_skill_nodes.client.service_calls import ServiceCalls
 from dart_skill_nodes.client.throw_sequence import ThrowSequence, ThrowUnderWay
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import start
+from dart_skill_nodes.comms.presence import LOOK, Presence, be_alive, servers
 from dart_skill_nodes.process.graph_processes import START
 from dart_skill_nodes.process.node_base import make_executor
 
@@ -32,12 +34,14 @@ ASK_AGAIN = 0.1
 class GraphClient:
     """Blocking calls for scripts and tests; `dead` tells of a process of the graph that has ended, empty if all run.
 
+    patience, appears: for an answer, and for somebody to serve at all [s, wall clock].
     throw_seconds (2,): all throws so far, simulated and on the wall clock [s].
     """
 
-    def __init__(self, dead: Callable[[], str] = lambda: "", name: str = "client", patience: float = 180.0):
+    def __init__(self, dead: Callable[[], str] = lambda: "", name: str = "client", patience: float = 180.0, appears: float = APPEARS):
         self.node = rclpy.create_node(name)
-        self._executor, self._dead, self._patience = make_executor(), dead, patience
+        be_alive(self.node)
+        self._executor, self._dead, self._patience, self._appears = make_executor(), dead, patience, appears
         self._executor.add_node(self.node)
         self._teach = ActionClient(self.node, Teach, "/teach")
         self._practice = ActionClient(self.node, Practice, "/practice")
@@ -58,7 +62,7 @@ class GraphClient:
     def wait_until_gone(self, nodes: Iterable[str], limit: float = 30.0) -> None:
         """Wait until none of these nodes is on the graph; GraphFailure names those that stay.
 
-        A process that was killed, or whose farewell got lost, stays on the graph for the 20 s of its participant's lease. Its services look
+        A process that was killed, or whose farewell got lost, stays on the graph until its participant's lease is over. Its services look
         ready, and take requests that nobody will ever answer.
         """
         until = time.monotonic() + limit
@@ -84,6 +88,7 @@ class GraphClient:
         """Wait until a client of the node can ask its service and is answered; GraphFailure if nobody serves it.
 
         Each client has a link of its own, made after it: an older link says nothing of whether the server has found a younger client.
+        limit: default: the client's patience where there is a server, and as long as one may take to be found where there is none.
         """
         self._up(client, client.srv_name, client.service_is_ready, limit)
 
@@ -92,20 +97,21 @@ class GraphClient:
 
     def _up(self, client: object, service: str, is_ready: Callable[[], bool], limit: float | None) -> None:
         link = self._links.get(client) or self._links.setdefault(client, ServerProbe(self.node, service, is_ready))
-        limit = self._patience if limit is None else limit
-        until = time.monotonic() + limit
+        begun = time.monotonic()
         while not link.up():
-            if time.monotonic() > until:
-                raise GraphFailure(f"nobody serves {service} after {limit:.0f} s")
+            waited = time.monotonic() - begun
+            if link.is_hopeless(waited, self._patience, self._appears) if limit is None else waited > limit:
+                raise GraphFailure(link.why)
             self.spin()
 
     def teach(self, target: np.ndarray) -> Teach.Result:
         """Guided throws at one basket until one goes in."""
         self._reach_action(self._teach, "/teach")
-        handle = self._accepted(self._teach.send_goal_async(Teach.Goal(target=conversions.point(target))), "/teach")
-        result = self.wait(handle.get_result_async(), "the lesson").result
+        handle, server = self._accepted(self._teach.send_goal_async(Teach.Goal(target=conversions.point(target))), "/teach")
+        result = self.wait(handle.get_result_async(), "the lesson", needed=server).result
         self._taught += result.success
-        self.call(self._sequence.pause_client, SetBool.Request(data=True))
+        if result.success:
+            self.call(self._sequence.pause_client, SetBool.Request(data=True))
         return result
 
     def learn(self, bag: str = "", configuration: str = "", at_least: int | None = None, without: Iterable[str] = ()) -> Learn.Response:
@@ -146,13 +152,14 @@ class GraphClient:
         """Whether the coach of the graph resets a simulator before each throw; GraphFailure if there is no coach to say so."""
         client = self.node.create_client(GetParameters, "/coach/get_parameters")
         self.reach(client, limit)
-        return self.wait(client.call_async(GetParameters.Request(names=["simulated"])), client.srv_name).values[0].bool_value
+        return self._asked(client, GetParameters.Request(names=["simulated"])).values[0].bool_value
 
     def throw(self, target: np.ndarray) -> Throw.Result:
         """One throw at a basket that is put there, from a world that is reset."""
         under_way = self._begin_throw(target)
         begun = time.monotonic()
-        outcome = self.wait(under_way.handle.get_result_async(), "the throw").result
+        commander = servers(self.node, "/throw/_action/send_goal")
+        outcome = self.wait(under_way.handle.get_result_async(), "the throw", needed=commander).result
         self.throw_seconds += conversions.seconds(outcome.duration), time.monotonic() - begun
         self.carry_out(self._sequence.end(under_way), "the throw")
         return outcome
@@ -182,13 +189,13 @@ class GraphClient:
         goal.follow_basket, goal.only_throw = follow_basket, only_throw
         self._reach_action(self._practice, "/practice")
         sent = self._practice.send_goal_async(goal, feedback_callback=lambda message: on_feedback(message.feedback))
-        handle = self._accepted(sent, "/practice")
+        handle, server = self._accepted(sent, "/practice")
         result = handle.get_result_async()
         try:
-            return self.wait(result, "practice", patience=np.inf).result
+            return self.wait(result, "practice", patience=np.inf, needed=server).result
         except KeyboardInterrupt:
             handle.cancel_goal_async()
-            self.wait(result, "the end of practice")
+            self.wait(result, "the end of practice", needed=server)
             raise
 
     def set_parameters(self, node: str, values: dict[str, float]) -> None:
@@ -196,14 +203,14 @@ class GraphClient:
         client = self.node.create_client(SetParameters, f"{node}/set_parameters")
         self.reach(client)
         request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg() for name, value in values.items()])
-        for name, result in zip(values, self.wait(client.call_async(request), client.srv_name).results, strict=True):
+        for name, result in zip(values, self._asked(client, request).results, strict=True):
             if not result.successful:
                 raise GraphFailure(f"{node} does not take {name} = {values[name]}: {result.reason}")
 
     def call(self, client, request, may_refuse: bool = False):
         """Response of a service; GraphFailure if it says no, unless it may."""
         self.reach(client)
-        response = self.wait(client.call_async(request), client.srv_name)
+        response = self._asked(client, request)
         if not response.success and not may_refuse:
             raise GraphFailure(f"{client.srv_name}: {response.message}")
         return response
@@ -221,15 +228,24 @@ class GraphClient:
         start(self.node, coroutine, lambda value, error: done.set_exception(error) if error is not None else done.set_result(value))
         return self.wait(done, what)
 
-    def wait(self, future, what: str, patience: float | None = None):
-        """Result of a future; GraphFailure when a process died or the patience is over."""
+    def wait(self, future, what: str, patience: float | None = None, needed: Presence | None = None):
+        """Result of a future; GraphFailure when a process died, whoever is needed for it has gone, or the patience is over."""
         patience = self._patience if patience is None else patience
-        until = time.monotonic() + patience
+        begun = looked = time.monotonic()
         while not future.done():
             self.spin()
-            if time.monotonic() > until:
+            now = time.monotonic()
+            if now - begun > patience:
                 raise GraphFailure(f"{what} took longer than {patience:.0f} s")
+            if needed is not None and now - looked > LOOK:
+                looked = now
+                if needed.gone and not future.done():
+                    raise GraphFailure(f"{needed} has gone before the end of {what}: start it again")
         return future.result()
+
+    def _asked(self, client, request):
+        """Response of a service that was reached."""
+        return self.wait(client.call_async(request), client.srv_name, needed=servers(self.node, client.srv_name))
 
     def spin(self) -> None:
         """Let messages come in for a moment."""
@@ -243,11 +259,13 @@ class GraphClient:
         while time.monotonic() < again:
             self.spin()
 
-    def _accepted(self, sent, what: str):
-        handle = self.wait(sent, what)
+    def _accepted(self, sent, what: str) -> tuple[ClientGoalHandle, Presence]:
+        """Handle of a goal that was sent, and its server."""
+        server = servers(self.node, f"{what}/_action/send_goal")
+        handle = self.wait(sent, what, needed=server)
         if not handle.accepted:
             raise GraphFailure(f"{what} refused the goal: another one is under way")
-        return handle
+        return handle, server
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:

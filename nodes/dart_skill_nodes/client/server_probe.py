@@ -1,7 +1,7 @@
 """Whether a service can really be asked: its server takes requests, and its answers come back.
 
 In DDS a client finds its server before the server finds the client, by seconds on a bad day; an answer given in between is lost for
-good. A server that was killed stays on the graph for 20 s and takes requests that nobody answers. `service_is_ready` is true in both
+good. A server that was killed stays on the graph for seconds and takes requests that nobody answers. `service_is_ready` is true in both
 cases. So a call that must not get lost is preceded by a question that may: the parameters of the server's node, asked again until
 answered. Endpoints are announced in the order in which they were made, so a server that has found the youngest of a client's has found the
 older ones. It says nothing of the way back: services of parameters are the oldest of a server, and a client that has found them may not
@@ -14,10 +14,20 @@ from collections.abc import Callable
 from rcl_interfaces.srv import ListParameters
 from rclpy.node import Node
 
+from dart_skill_nodes.comms.presence import UNKNOWN, Presence, servers
+
 AGAIN = 0.5
 """A question is asked again after so long [s, wall clock]."""
-UNKNOWN = "_NODE_NAME_UNKNOWN_"
-"""What the middleware calls the node of an endpoint that was discovered before it."""
+APPEARS = 4.0
+"""For somebody to serve at all: a graph that has just been started finds itself within seconds [s, wall clock]."""
+COMES_BACK = 0.7
+"""For one that has gone, and may just have been started again [s, wall clock]."""
+PATIENCE = 20.0
+"""For an answer of somebody who is there [s, wall clock]."""
+
+
+SERVES = {"throw": "commander", "teach": "teacher", "practice": "coach", "simulation": "wam_simulator", "bhand": "wam_simulator"}
+"""Nodes that serve under other names than their own."""
 
 
 class ServerProbe:
@@ -29,15 +39,20 @@ class ServerProbe:
     def __init__(self, node: Node, service: str, is_ready: Callable[[], bool]):
         self._node, self._service, self._is_ready = node, service, is_ready
         self._probe, self._questions, self._asked, self._is_up = None, [], 0.0, False
+        self._server_then: Presence | None = None
 
     def renew(self) -> None:
         """Ask anew: what was true before may have changed."""
         self._is_up = False
 
     def up(self) -> bool:
-        """Whether the server has answered since `renew`, and the client has found it; asks the server if that is not so, and time to."""
-        if self._is_up:
+        """Whether the server has answered since `renew`, and the client has found it; asks the server if that is not so, and time to.
+
+        A server that takes the place of one that has gone is asked anew.
+        """
+        if self._is_up and not (self._server_then is not None and self._server_then.gone):
             return True
+        self._is_up = False
         if self._answered():
             if self._is_ready():
                 self._settle()
@@ -48,6 +63,26 @@ class ServerProbe:
             self._questions.append(self._probe.call_async(ListParameters.Request(prefixes=["use_sim_time"])))
         return self._is_up
 
+    def is_hopeless(self, waited: float, patience: float = PATIENCE, appears: float = APPEARS) -> bool:
+        """Whether it is in vain to wait for the server any longer than [s]: it has gone, nobody has appeared, or it does not answer."""
+        there = servers(self._node, self._service)
+        if (there or self._is_ready()) and not there.gone:
+            return waited > patience
+        return waited > (COMES_BACK if self.was_up else appears)
+
+    @property
+    def was_up(self) -> bool:
+        """Whether somebody has ever served."""
+        return self._server_then is not None
+
+    @property
+    def why(self) -> str:
+        """What to say when the server is not up."""
+        if self._server_then:
+            return f"{self._server_then} has gone: nobody serves {self._service} any more; start it again"
+        first = self._service.split("/")[1]
+        return f"nobody serves {self._service}: start {SERVES.get(first, first)}"
+
     def _answered(self) -> bool:
         return any(question.done() for question in self._questions)
 
@@ -55,6 +90,7 @@ class ServerProbe:
         for question in self._questions:
             self._probe.remove_pending_request(question)
         self._questions, self._asked, self._is_up = [], 0.0, True
+        self._server_then = servers(self._node, self._service)
 
     def _make_probe(self):
         server = self._server()

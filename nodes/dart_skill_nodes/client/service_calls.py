@@ -1,7 +1,7 @@
 """Calls of services and actions from coroutines: they wait until the other side can really answer, and say who is missing."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 
 import numpy as np
 from dart_skill_msgs.msg import TrialOutcome
@@ -11,12 +11,11 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from dart_skill_nodes.client.failures import CallFailed
-from dart_skill_nodes.client.server_probe import ServerProbe
+from dart_skill_nodes.client.server_probe import PATIENCE, ServerProbe
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import Promise, answer, pause, within
+from dart_skill_nodes.comms.presence import NO_CAMERAS, Presence, servers
 
-PATIENCE = 20.0
-"""For an answer [s, wall clock]."""
 ARRIVAL = 5.0
 """For more of what the cameras have seen of a throw [s, wall clock]."""
 
@@ -28,13 +27,14 @@ class ServiceCalls:
         self._node = node
         self._links: dict[object, ServerProbe] = {}
 
-    async def call(self, client, request, may_refuse: bool = False):
-        """Response of a service; CallFailed with the remedy if nobody serves it, does not answer, or says no."""
+    async def call(self, client, request, may_refuse: bool = False, patience: float = PATIENCE):
+        """Response of a service; CallFailed with the remedy if nobody serves it, does not answer within patience [s], or says no."""
         link = await self._linked(client, client.srv_name, client.service_is_ready)
-        response = await answer(self._node, client, request, PATIENCE)
+        asked = servers(self._node, client.srv_name)
+        response = await answer(self._node, client, request, patience, asked)
         if response is None:
             link.renew()
-            raise CallFailed(f"no answer from {client.srv_name} in {PATIENCE:.0f} s")
+            raise CallFailed(_unanswered(client.srv_name, asked, patience))
         if not response.success and not may_refuse:
             raise CallFailed(f"{client.srv_name}: {response.message}")
         return response
@@ -45,20 +45,38 @@ class ServiceCalls:
         accepted = Promise()
         sent = client.send_goal_async(goal, feedback_callback=lambda message: on_feedback(message.feedback))
         sent.add_done_callback(lambda done: accepted.keep(done.result()))
-        handle = await within(self._node, accepted, PATIENCE)
+        asked = servers(self._node, f"{name}/_action/send_goal")
+        handle = await within(self._node, accepted, PATIENCE, asked)
         if handle is None:
-            raise CallFailed(f"no answer from {name} in {PATIENCE:.0f} s")
+            raise CallFailed(_unanswered(name, asked, PATIENCE))
         if not handle.accepted:
             raise CallFailed(f"{name} refused the goal: another one is under way")
         return handle
 
+    def has_reached(self, client) -> bool:
+        """Whether somebody has ever answered a client."""
+        return client in self._links and self._links[client].was_up
+
+    async def kept(self, name: str, promise: Promise, limit: float):
+        """Value of a promise that an action's server keeps; CallFailed if that takes longer than the limit, or the server goes."""
+        asked = servers(self._node, f"{name}/_action/send_goal")
+        value = await within(self._node, promise, limit, asked)
+        if value is None:
+            raise CallFailed(_unanswered(name, asked, limit))
+        return value
+
     async def _linked(self, client, service: str, is_ready: Callable[[], bool]) -> ServerProbe:
         link = self._links.setdefault(client, ServerProbe(self._node, service, is_ready))
-        for _ in range(2000):  # a graph that has just been started finds itself within seconds
-            if link.up():
-                return link
+        begun = time.monotonic()
+        while not link.up():
+            if link.is_hopeless(time.monotonic() - begun):
+                raise CallFailed(link.why)
             await pause(self._node, 0.01)
-        raise CallFailed(f"nobody serves {service}: start the node that does")
+        return link
+
+
+def _unanswered(name: str, asked: Presence, limit: float) -> str:
+    return f"{asked} has gone before it answered {name}: start it again" if asked.gone else f"no answer from {name} in {limit:.0f} s"
 
 
 class Recording:
@@ -69,12 +87,19 @@ class Recording:
         self._start = node.create_client(Trigger, "/demonstration_recorder/start")
         self._stop = node.create_client(StopDemonstration, "/demonstration_recorder/stop")
 
-    async def start(self) -> None:
-        """From now on a throw is looked at. In a graph that has just been started every topic must come to the recorder first."""
-        for _ in range(100):
+    async def start(self, let_run: Callable[[], Awaitable] | None = None) -> None:
+        """From now on a throw is looked at. In a graph that has just been started every topic must come to the recorder first.
+
+        let_run: lets a simulated world run that is held: nothing comes from it to a recorder that was started meanwhile.
+        """
+        for attempt in range(100):
             response = await self._calls.call(self._start, Trigger.Request(), may_refuse=True)
             if response.success:
                 return
+            if response.message.startswith(NO_CAMERAS):
+                break
+            if attempt == 0 and let_run is not None:
+                await let_run()
             await pause(self._node, 0.1)
         raise CallFailed(f"{self._start.srv_name}: {response.message}")
 

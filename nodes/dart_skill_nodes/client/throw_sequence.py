@@ -19,13 +19,10 @@ from std_srvs.srv import SetBool
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.service_calls import ServiceCalls
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.comms.coroutines import Promise, within
-from dart_skill_nodes.comms.qos import WALL
+from dart_skill_nodes.comms.coroutines import Promise
 
 LONGEST_THROW = 120.0
 """Of the answer to a throw [s, wall clock]."""
-LOOK = 2.0
-"""Whether the commander is still there is looked at so often [s, wall clock]."""
 
 
 @dataclass
@@ -60,7 +57,7 @@ class ThrowSequence:
         try:
             return (await self._calls.call(self.reset_client, request)).stamp
         except CallFailed as failure:
-            if self.reset_client.service_is_ready():
+            if self._calls.has_reached(self.reset_client):
                 raise
             raise CallFailed(f"{failure}; with a real arm start the coach with simulated:=false, as the layout hardware does") from failure
 
@@ -73,28 +70,25 @@ class ThrowSequence:
         def on_feedback(feedback: Throw.Feedback) -> None:
             on_phase(feedback.phase)
             if feedback.phase == "armed":
-                throw.armed.keep()
+                throw.armed.keep(True)
 
         def on_result(done) -> None:
             throw.over.keep(done.result().result)
-            throw.armed.keep()
+            throw.armed.keep(True)
 
         throw.handle = await self._calls.send(self.action_client, "/throw", goal, on_feedback)
         self._under_way = throw
         throw.handle.get_result_async().add_done_callback(on_result)
-        await within(self._node, throw.armed, LONGEST_THROW)
+        await self._calls.kept("/throw", throw.armed, LONGEST_THROW)
         await self.hold(False)
         return throw
 
     async def end(self, throw: ThrowUnderWay) -> Throw.Result:
         """Result of a throw that has begun, and hold the world again; CallFailed if it takes too long, or the commander has gone."""
-        watch = self._node.create_timer(LOOK, lambda: None if self.action_client.server_is_ready() else throw.over.keep(), clock=WALL)
-        result = await within(self._node, throw.over, LONGEST_THROW)
-        self._node.destroy_timer(watch)
-        self._under_way = None
-        if result is None:
-            why = f"no answer in {LONGEST_THROW:.0f} s" if self.action_client.server_is_ready() else "nobody serves /throw any more"
-            raise CallFailed(f"the throw has no result: {why}")
+        try:
+            result = await self._calls.kept("/throw", throw.over, LONGEST_THROW)
+        finally:
+            self._under_way = None
         await self.hold(True)
         return result
 

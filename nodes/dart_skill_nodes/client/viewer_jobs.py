@@ -18,8 +18,9 @@ from dart_skill_nodes.client.service_calls import ServiceCalls
 from dart_skill_nodes.client.throw_sequence import ThrowSequence
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import Promise, pause, start
-from dart_skill_nodes.comms.qos import WALL
 
+LONGEST_JOB = 86_400.0
+"""Of practice and lessons [s, wall clock]."""
 LOOK_STEPS = 20
 """Steps of a world that is held, in which the cameras see that the basket was moved: more than their latency."""
 SEEN_WITHIN, SEEN_AFTER = 0.02, 3.0
@@ -57,6 +58,7 @@ class ViewerJobs:
         self._step = node.create_client(Step, "/simulation/step")
         self._place = node.create_client(PlaceBasket, "/simulation/place_basket")
         self._stop = node.create_client(Trigger, "/commander/stop")
+        self._reset = node.create_client(Trigger, "/commander/reset")
         self._jobs = {"teach": self._teach, "learn": self._learn_from_all, "throw": self._throw, "practice": self._practise}
 
     def obey(self, request: Request) -> None:
@@ -69,6 +71,8 @@ class ViewerJobs:
                 start(self._node, self._place_basket(), self._placed)
         elif what == "stop":
             start(self._node, self._stop_all(), self._ended_aside)
+        elif what == "reset":
+            start(self._node, self._free_arm(), self._ended_aside)
         elif what == "set":
             start(self._node, self._set(**values), self._ended_aside)
         elif self._job:
@@ -186,7 +190,11 @@ class ViewerJobs:
         if not self._stop.service_is_ready():
             raise CallFailed("nobody serves /commander/stop: is the commander running?")
         await self._calls.call(self._stop, Trigger.Request())
-        return "stopped"
+        return "stopped until it is reset"
+
+    async def _free_arm(self) -> str:
+        await self._calls.call(self._reset, Trigger.Request())
+        return "the arm may move again"
 
     async def _set(self, node: str, name: str, value: float) -> str:
         await self._inspector.set(node, name, value)
@@ -198,14 +206,9 @@ class ViewerJobs:
         try:
             self._handle = await self._calls.send(client, f"/{name}", goal, on_feedback)
             self._handle.get_result_async().add_done_callback(lambda done: over.keep(done.result().result))
-            watch = self._node.create_timer(2.0, lambda: None if client.server_is_ready() else over.keep(), clock=WALL)
-            result = await over
-            self._node.destroy_timer(watch)
+            return await self._calls.kept(f"/{name}", over, LONGEST_JOB)
         finally:
             self._handle = None
-        if result is None:
-            raise CallFailed(f"nobody serves /{name} any more: its node has ended")
-        return result
 
 
 def in_words(error: float, in_basket: bool) -> str:

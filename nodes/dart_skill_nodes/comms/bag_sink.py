@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
+from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
@@ -12,10 +12,11 @@ from dart_skill.recording import BagWriter, definition, is_stamped, qos_yaml, ty
 from dart_skill.robot import wam_description, write_urdf
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import WALL
+from dart_skill_nodes.comms.refusals import GuardedLifecycleNode
 
 FLUSH = 1.0
 """What came more than so long ago is safe from a crash [s, wall clock]."""
-PARAMETER_FILES = ("world.yaml", "wam.yaml", "wam_simulator.yaml", "optitrack.yaml", "commander.yaml", "teacher.yaml")
+PARAMETER_FILES = ("world.yaml", "limits.yaml", "wam.yaml", "wam_simulator.yaml", "optitrack.yaml", "commander.yaml", "teacher.yaml")
 
 
 class BagSink:
@@ -42,8 +43,11 @@ class BagSink:
         self._add(topic, type_name, [qos])
 
     def stamp_ns(self, topic: str, data: bytes) -> int | None:
-        """The stamp that a serialised message begins with; None where messages of the topic have none."""
-        return conversions.leading_stamp_ns(data) if self._stamped.get(topic, True) else None
+        """The stamp that a serialised message begins with; None where messages of the topic have none, or this one has none that can be."""
+        try:
+            return conversions.leading_stamp_ns(data) if self._stamped.get(topic, True) else None
+        except ValueError:
+            return None  # the message is recorded all the same
 
     def write(self, topic: str, log_ns: int, stamp_ns: int, data: bytes) -> None:
         """Append a message, unless recording has stopped."""
@@ -79,7 +83,7 @@ class BagSink:
             self.failure = str(error)
 
 
-class BagKeeper(LifecycleNode):
+class BagKeeper(GuardedLifecycleNode):
     """A managed node with a bag, which is closed whichever way the node ends; `_close` is called once or more."""
 
     def _close(self) -> None:

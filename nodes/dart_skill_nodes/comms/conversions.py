@@ -1,5 +1,9 @@
-"""Between messages and the library's dataclasses. Stamps are integer nanoseconds, quaternions x, y, z, w."""
+"""Between messages and the library's dataclasses. Stamps are integer nanoseconds, quaternions x, y, z, w.
 
+Here, and nowhere else, the fields of messages are checked: what comes out are finite numbers of the right shape, or a ValueError.
+"""
+
+import math
 import struct
 from collections.abc import Sequence
 
@@ -10,16 +14,20 @@ from dart_skill_msgs.msg import ThrowPlan as ThrowPlanMsg
 from dart_skill_msgs.msg import TrialOutcome, WamCommand
 from geometry_msgs.msg import Point, PointStamped, PoseStamped, Transform, Twist
 from nav_msgs.msg import Path
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
+from dart_skill.checks import as_place
 from dart_skill.recording import Demonstration, demonstration_from_message, fill_demonstration_message
-from dart_skill.robot import ArmState, Command, Gains, Grip, HandPath, Registration, ThrowPlan
+from dart_skill.robot import ArmState, Command, Gains, Grip, HandPath, Registration, Speed, ThrowPlan, all_finite
 from dart_skill.skill.observe import Outcome, Release
 from dart_skill.world import joint_order
 
 GIGA = 1_000_000_000
+UNIT = 1e-3
+"""A quaternion's length is 1 within this."""
 NEW = {
     "geometry_msgs/msg/PoseStamped": PoseStamped,
     "geometry_msgs/msg/PointStamped": PointStamped,
@@ -27,14 +35,37 @@ NEW = {
 }
 
 
+LEADING_STAMP = struct.Struct("<4xiI")
+"""A stamp behind the encapsulation (CDR, little-endian, as on every machine that ROS 2 supports)."""
+
+
+def decoded(data: bytes, kind: type):
+    """The message of a type in serialised bytes; ValueError if they are none."""
+    try:
+        return deserialize_message(data, kind)
+    except Exception as error:  # rclpy raises whatever its middleware does
+        raise ValueError(f"{len(data)} bytes are no {kind.__name__}: the publisher has another type, or sends damaged bytes") from error
+
+
 def stamp_ns(stamp: Time | Duration) -> int:
     """A stamp or duration as nanoseconds."""
     return stamp.sec * GIGA + stamp.nanosec
 
 
+def checked_stamp_ns(stamp: Time, what: str = "it") -> int:
+    """A stamp as nanoseconds; ValueError, with `what` it is of, for one before time began."""
+    if stamp.sec < 0 or stamp.nanosec >= GIGA:
+        raise ValueError(f"{what} is stamped {stamp.sec} s and {stamp.nanosec} ns: stamps are not negative, and below 1 s of nanoseconds")
+    return stamp.sec * GIGA + stamp.nanosec
+
+
 def leading_stamp_ns(data: bytes) -> int:
-    """The stamp that serialised messages begin with whose first field is a header or a time."""
-    sec, nanosec = struct.unpack_from("<iI", data, 4)
+    """The stamp that serialised messages begin with whose first field is a header or a time; ValueError for one that is none."""
+    if len(data) < LEADING_STAMP.size:
+        raise ValueError(f"{len(data)} bytes are no message that begins with a stamp")
+    sec, nanosec = LEADING_STAMP.unpack_from(data)
+    if sec < 0 or nanosec >= GIGA:
+        raise ValueError(f"it is stamped {sec} s and {nanosec} ns: stamps are not negative, and below 1 s of nanoseconds")
     return sec * GIGA + nanosec
 
 
@@ -71,9 +102,22 @@ def vector(message) -> np.ndarray:
     return np.array([message.x, message.y, message.z])
 
 
+def place(message, what: str) -> np.ndarray:
+    """x, y, z of a point as a place (3,) in this world [m]; ValueError, with `what` is there, for one that is none."""
+    return as_place(vector(message), what)
+
+
 def quaternion(message) -> np.ndarray:
     """x, y, z, w of a quaternion message as (4,)."""
     return np.array([message.x, message.y, message.z, message.w])
+
+
+def unit_quaternion(message, what: str) -> np.ndarray:
+    """x, y, z, w of a quaternion message as (4,); ValueError, with `what` is turned so, for one that is not of unit length."""
+    turn = quaternion(message)
+    if not abs(math.hypot(*turn) - 1.0) < UNIT:
+        raise ValueError(f"the orientation of {what} is {turn.tolist()}: give a quaternion of unit length, x, y, z, w")
+    return turn
 
 
 def set_vector(message, values) -> None:
@@ -98,7 +142,10 @@ def arm_state(message: JointState) -> ArmState:
         order = joint_order(names)
     except ValueError as error:
         raise ValueError(f"/joint_states: {error}") from error
-    return ArmState(stamp_ns(message.header.stamp), np.array(position)[order], np.array(velocity)[order])
+    state = ArmState(checked_stamp_ns(message.header.stamp, "/joint_states"), np.array(position)[order], np.array(velocity)[order])
+    if not (all_finite(state.position) and all_finite(state.velocity)):
+        raise ValueError(f"/joint_states: positions {state.position}, velocities {state.velocity}: the driver must give finite numbers")
+    return state
 
 
 def order_of(names: Sequence[str], wanted: Sequence[str], what: str) -> list[int]:
@@ -116,15 +163,15 @@ def fill_command(message: WamCommand, command: Command) -> WamCommand:
     force, torque = message.wrench.force, message.wrench.torque
     force.x, force.y, force.z, torque.x, torque.y, torque.z = fx, fy, fz, mx, my, mz
     message.joint_torque = command.joint_torque
-    message.grip = int(command.grip)
+    message.grip, message.speed = int(command.grip), int(command.speed)
     return message
 
 
 def command(message: WamCommand) -> Command:
-    """The command in a message; ValueError for an unknown grip."""
+    """The command in a message; ValueError for an unknown grip or speed."""
     force, torque = message.wrench.force, message.wrench.torque
     wrench = np.array([force.x, force.y, force.z, torque.x, torque.y, torque.z])
-    return Command(stamp_ns(message.header.stamp), wrench, np.array(message.joint_torque), Grip(message.grip))
+    return Command(stamp_ns(message.header.stamp), wrench, np.array(message.joint_torque), Grip(message.grip), Speed(message.speed))
 
 
 def demonstration(message: DemonstrationMsg) -> Demonstration:
@@ -187,9 +234,7 @@ def path_msg(plan: ThrowPlanMsg) -> Path:
 
 def plan(message: ThrowPlanMsg) -> ThrowPlan:
     """The plan in a message; ValueError for a trajectory that is not one of attractor and hand."""
-    if list(message.trajectory.joint_names) != ["attractor", "hand"]:
-        raise ValueError(f"a plan's trajectory is of attractor and hand, not of {list(message.trajectory.joint_names)}")
-    points = message.trajectory.points
+    points = _checked_points(message.trajectory)
     attractor = [_pose(p.transforms[0]) for p in points]
     hand = [_pose(p.transforms[1]) for p in points]
     return ThrowPlan(
@@ -213,6 +258,17 @@ def plan(message: ThrowPlanMsg) -> ThrowPlan:
         model_id=message.model_id,
         registration=_registration(message),
     )
+
+
+def _checked_points(trajectory: MultiDOFJointTrajectory) -> Sequence[MultiDOFJointTrajectoryPoint]:
+    """Points of a trajectory of attractor and hand, each with all of both."""
+    if list(trajectory.joint_names) != ["attractor", "hand"]:
+        raise ValueError(f"a plan's trajectory is of attractor and hand, not of {list(trajectory.joint_names)}")
+    for k, point in enumerate(trajectory.points):
+        if not len(point.transforms) == len(point.velocities) == len(point.accelerations) == 2:
+            counts = f"{len(point.transforms)} transforms, {len(point.velocities)} velocities and {len(point.accelerations)} accelerations"
+            raise ValueError(f"point {k} of the plan's trajectory has {counts}: give two of each, of attractor and hand")
+    return trajectory.points
 
 
 def _rigid(turn: Sequence[float], shift: Sequence[float]) -> Transform:

@@ -10,6 +10,7 @@ from rclpy.action import ActionServer
 from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
 
+from dart_skill_nodes.comms.presence import LOOK, Presence
 from dart_skill_nodes.comms.qos import WALL
 
 
@@ -57,11 +58,14 @@ def start(node: Node, routine: Coroutine, ended: Callable[[object, Exception | N
     advance()
 
 
-async def within(node: Node, promise: Promise, limit: float):
-    """Value of a promise, or None if it is not kept within the limit [s, wall clock]."""
-    timer = node.create_timer(limit, promise.keep, clock=WALL)
+async def within(node: Node, promise: Promise, limit: float, *needed: Presence):
+    """Value of a promise, or None if it is not kept within the limit [s, wall clock], or as soon as one that is needed for it has gone."""
+    timers = [node.create_timer(limit, promise.keep, clock=WALL)]
+    if needed:
+        timers.append(node.create_timer(LOOK, lambda: promise.keep() if any(one.gone for one in needed) else None, clock=WALL))
     value = await promise
-    node.destroy_timer(timer)
+    for timer in timers:
+        node.destroy_timer(timer)
     return value
 
 
@@ -70,11 +74,11 @@ async def pause(node: Node, seconds: float) -> None:
     await within(node, Promise(), seconds)
 
 
-async def answer(node: Node, client, request, limit: float):
-    """Response of a service, or None if there is none within the limit [s, wall clock]."""
+async def answer(node: Node, client, request, limit: float, *needed: Presence):
+    """Response of a service; None if there is none within the limit [s, wall clock], or as soon as one that is needed for it has gone."""
     promise = Promise()
     client.call_async(request).add_done_callback(lambda done: promise.keep(done.result()))
-    return await within(node, promise, limit)
+    return await within(node, promise, limit, *needed)
 
 
 def finish(goal_handle: ServerGoalHandle, succeeded: bool) -> None:

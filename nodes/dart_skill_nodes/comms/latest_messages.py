@@ -9,6 +9,7 @@ import numpy as np
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
+from dart_skill.checks import FARTHEST
 from dart_skill_nodes.comms.raw_batches import never_called, taken, unspun_node
 
 POSE_BYTES = 7 * 8
@@ -38,13 +39,18 @@ class LatestMessages:
 
 
 def poses_of(messages: list[bytes], frame_id: str) -> np.ndarray:
-    """Positions and quaternions x, y, z, w (n, 7) of serialised PoseStamped; ValueError if one is in another frame.
+    """Positions and quaternions x, y, z, w (n, 7) of serialised PoseStamped; ValueError if one is in another frame, or is no pose.
 
     The seven numbers end the message, whatever the length of the frame's name before them (CDR, little-endian, as on every machine that
     ROS 2 supports). Decoding whole messages takes thirty times as long.
     """
     for data in messages:
-        name = data[FRAME_AT + 4 : FRAME_AT + 3 + struct.unpack_from("<I", data, FRAME_AT)[0]].decode()
+        if len(data) < FRAME_AT + 4 + POSE_BYTES:
+            raise ValueError(f"{len(data)} bytes are no pose")
+        name = data[FRAME_AT + 4 : FRAME_AT + 3 + struct.unpack_from("<I", data, FRAME_AT)[0]].decode(errors="replace")
         if name != frame_id:
-            raise ValueError(f"poses are in frame '{name}', not '{frame_id}'")
-    return np.frombuffer(b"".join(data[-POSE_BYTES:] for data in messages), dtype="<f8").reshape(-1, 7)
+            raise ValueError(f"poses are in frame '{name[:100]}', not '{frame_id}'")
+    poses = np.frombuffer(b"".join(data[-POSE_BYTES:] for data in messages), dtype="<f8").reshape(-1, 7)
+    if not (np.abs(poses) <= FARTHEST).all():
+        raise ValueError("a pose is not finite, or beyond this world")
+    return poses

@@ -7,7 +7,10 @@ from dart_skill_nodes.comms import conversions
 
 
 def ellipsoids(message: MarkerArray, frame_id: str) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Spheres in a frame by namespace: centres (K, 3), quaternions x, y, z, w (K, 4), diameters (K, 3). The rest is left out."""
+    """Spheres in a frame by namespace: centres (K, 3), quaternions x, y, z, w (K, 4), diameters (K, 3). The rest is left out.
+
+    ValueError for a sphere that is nowhere.
+    """
     groups: dict[str, list[Marker]] = {}
     for marker in message.markers:
         if marker.type == Marker.SPHERE and marker.action == Marker.ADD and marker.header.frame_id == frame_id:
@@ -16,6 +19,7 @@ def ellipsoids(message: MarkerArray, frame_id: str) -> dict[str, tuple[np.ndarra
 
 
 def _arrays(markers: list[Marker]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    centres = [conversions.vector(one.pose.position) for one in markers]
-    quaternions = [conversions.quaternion(one.pose.orientation) for one in markers]
-    return np.array(centres), np.array(quaternions), np.array([conversions.vector(one.scale) for one in markers])
+    centres = [conversions.place(one.pose.position, f"marker {one.id}") for one in markers]
+    quaternions = [conversions.unit_quaternion(one.pose.orientation, f"marker {one.id}") for one in markers]
+    scales = [conversions.place(one.scale, f"the end of marker {one.id}") for one in markers]
+    return np.array(centres), np.array(quaternions), np.array(scales)

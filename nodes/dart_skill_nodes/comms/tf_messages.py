@@ -7,7 +7,6 @@ from collections.abc import Collection, Iterator
 
 from geometry_msgs.msg import PoseStamped
 from rclpy.qos import QoSProfile
-from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from dart_skill.recording import serialize, types_for
@@ -32,22 +31,20 @@ class TfMessages:
         self._begun, self._shown_ns = False, {}
 
     def messages(self, topic: str, ns: int, data: bytes) -> Iterator[tuple[str, bytes]]:
-        """Topics and serialised messages to follow a message of `topic`, received at `ns`."""
+        """Topics and serialised messages to follow a message of `topic`, received at `ns`; ValueError for one that cannot be shown."""
         if not self._begun:
             self._begun = True
             yield from self._first(ns)
         if "/tf" not in self.topics or not (topic == "/joint_states" or topic.startswith(POSE)) or self._is_early(topic, ns):
             return
         if topic == "/joint_states":
-            try:
-                state = conversions.arm_state(deserialize_message(data, JointState))
-            except ValueError:
-                return  # the commander says what is wrong with it
+            state = conversions.arm_state(conversions.decoded(data, JointState))
             yield "/tf", _tf(joint_transforms(wam_description(), state.position), state.stamp_ns)
-        elif (message := deserialize_message(data, PoseStamped)).header.frame_id == self._frame_id:
-            pose, body = message.pose, topic.removeprefix(POSE).split("/")[0]
-            seen = Transform(self._frame_id, body, conversions.vector(pose.position), conversions.quaternion(pose.orientation))
-            yield "/tf", _tf([seen], conversions.stamp_ns(message.header.stamp))
+        elif (message := conversions.decoded(data, PoseStamped)).header.frame_id == self._frame_id:
+            body = topic.removeprefix(POSE).split("/")[0]
+            position = conversions.place(message.pose.position, body)
+            seen = Transform(self._frame_id, body, position, conversions.unit_quaternion(message.pose.orientation, body))
+            yield "/tf", _tf([seen], conversions.checked_stamp_ns(message.header.stamp, body))
 
     def _first(self, ns: int) -> Iterator[tuple[str, bytes]]:
         if "/robot_description" in self.topics:

@@ -3,8 +3,8 @@
 from collections import deque
 from collections.abc import Callable
 
-from geometry_msgs.msg import PoseStamped
-from rclpy.serialization import deserialize_message
+import numpy as np
+from geometry_msgs.msg import Pose, PoseStamped
 
 from dart_skill.skill.observe import RESET_NS, ThrowLog
 from dart_skill_nodes.comms import conversions
@@ -36,6 +36,12 @@ class Arrivals:
         return max(self._sure_ns, min(newest_ns))
 
 
+def _sample(role: str, pose: Pose) -> tuple[np.ndarray, ...]:
+    """What is kept of a pose: position (3,), and of the hand its quaternion (4,). A ball's orientation may be anything."""
+    position = conversions.place(pose.position, f"the {role}")
+    return (position, conversions.unit_quaternion(pose.orientation, "the hand")) if role == "hand" else (position,)
+
+
 class TrackedBodies:
     """Keeps a ThrowLog of the poses of hand, ball and basket.
 
@@ -46,11 +52,6 @@ class TrackedBodies:
         self.log, self._newest_of, self._forgotten_ns = ThrowLog(), {}, 0
         self._awaited: dict[str, tuple[int, float]] = {}  # by role, up to where poses are waited for, and since when on the wall clock
         self._frame_id, self._complain, self._wrong_frame = frame_id, complain, ""
-        self._add = {
-            "hand": lambda ns, pose: self.log.add_hand(ns, conversions.vector(pose.position), conversions.quaternion(pose.orientation)),
-            "ball": lambda ns, pose: self.log.add_ball(ns, conversions.vector(pose.position)),
-            "basket": lambda ns, pose: self.log.add_basket(ns, conversions.vector(pose.position)),
-        }
 
     @property
     def newest_ns(self) -> int:
@@ -84,19 +85,19 @@ class TrackedBodies:
         return min(self._newest_of.items(), key=lambda one: one[1], default=("", 0))
 
     def take(self, role: str, data: bytes) -> None:
-        """A pose of hand, ball or basket, serialised."""
-        message = deserialize_message(data, PoseStamped)
+        """A pose of hand, ball or basket, serialised; ValueError, and nothing has changed, for what is no pose of this world."""
+        message = conversions.decoded(data, PoseStamped)
         if message.header.frame_id != self._frame_id:
             if not self._wrong_frame:
                 self._complain(f"{role} poses are in '{message.header.frame_id}', not '{self._frame_id}': ignored")
             self._wrong_frame = message.header.frame_id
             return
-        ns = conversions.stamp_ns(message.header.stamp)
+        ns, sample = conversions.checked_stamp_ns(message.header.stamp, f"the {role}"), _sample(role, message.pose)
         newest = self._newest_of.get(role, 0)
         if ns < newest - RESET_NS:  # the clock was set back: another simulator, or a bag that is played again
             self.log.clear()
             self._newest_of, self._forgotten_ns, newest = {}, 0, 0
-        self._add[role](ns, message.pose)
+        {"hand": self.log.add_hand, "ball": self.log.add_ball, "basket": self.log.add_basket}[role](ns, *sample)
         self._newest_of[role] = max(newest, ns)
 
     def forget_old(self) -> None:

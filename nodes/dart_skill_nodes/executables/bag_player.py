@@ -5,7 +5,6 @@
 
 import math
 import re
-import sys
 import threading
 import time
 from collections import Counter
@@ -14,15 +13,15 @@ from collections.abc import Iterable
 from dart_skill_msgs.srv import Step
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.duration import Duration
-from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import SetBool
 
-from dart_skill.recording import BagReader, TopicInfo, type_hash, types_for
+from dart_skill.recording import OLDER_COMMAND, BagReader, TopicInfo, completed_command, type_hash, types_for
 from dart_skill.recording.bags import CLOCK_TOPIC, CLOCK_TYPE, Due, Pace, Playback, Selection
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.matching_qos import message_class
 from dart_skill_nodes.comms.qos import CLOCK
+from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, run
 
 TABLE = [
@@ -44,7 +43,7 @@ PATIENCE = Duration(seconds=10)
 """At the end, for reliable subscribers to acknowledge everything; Fast DDS asks them every 3 s."""
 
 
-class BagPlayer(Node):
+class BagPlayer(GuardedNode):
     """Publishes from a thread of its own, so that no callback delays a message. `finished`: everything was published."""
 
     def __init__(self):
@@ -54,6 +53,7 @@ class BagPlayer(Node):
         self._bag = BagReader(self.p["bag"])
         self._playback = Playback(self._bag, self._selection())
         self._publishers_of = {topic: self._publisher(topic, info) for topic, info in self._playback.topics.items()}
+        self._older = {topic for topic, info in self._playback.topics.items() if info.type_hash == OLDER_COMMAND}
         if self._playback.makes_clock:
             self._publishers_of[CLOCK_TOPIC] = self.create_publisher(message_class(CLOCK_TYPE), CLOCK_TOPIC, CLOCK)
         self._awaited = self._awaited_topics()
@@ -98,7 +98,7 @@ class BagPlayer(Node):
         except (ImportError, AttributeError, ValueError) as error:
             self.get_logger().warning(f"{info.name} is not played: {error}")
             return False
-        if info.type_hash and info.type_hash != here:
+        if info.type_hash not in ("", here, OLDER_COMMAND):
             self.get_logger().warning(f"{info.name} is not played: its {info.type_name} differs from the one that is installed here")
             return False
         return True
@@ -134,7 +134,7 @@ class BagPlayer(Node):
         for due in dues:
             if not self._wait_for(due):
                 return
-            self._publishers_of[due.topic].publish(due.data)
+            self._publishers_of[due.topic].publish(completed_command(due.data) if due.topic in self._older else due.data)
             self._hold_back(due)
             self._published, self._position_ns = self._published + 1, due.stamp_ns
         self._wait_for_acknowledgements()
@@ -210,10 +210,7 @@ def _quality(info: TopicInfo) -> QoSProfile:
 
 def main(args: list[str] | None = None) -> None:
     """Entry point of `ros2 run dart_skill bag_player`."""
-    try:
-        run(lambda: [BagPlayer()], args, over=lambda nodes: all(node.finished for node in nodes))
-    except (ValueError, OSError) as error:
-        sys.exit(f"bag_player: {error}")
+    run(lambda: [BagPlayer()], args, over=lambda nodes: all(node.finished for node in nodes))
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ Action /practice. What it knows of a throw comes from the motion capture, throug
 before each throw; with a real arm a person puts the ball into the hand, and the coach says when.
 """
 
+import time
 from functools import partial
 
 import numpy as np
@@ -12,7 +13,6 @@ from dart_skill_msgs.action import Practice, Throw
 from dart_skill_msgs.srv import AddTrial, PlanThrow
 from geometry_msgs.msg import PoseStamped
 from rclpy.action import CancelResponse, GoalResponse
-from rclpy.node import Node
 
 from dart_skill.regions import Region
 from dart_skill.skill.improve import Curriculum
@@ -25,6 +25,9 @@ from dart_skill_nodes.client.throw_sequence import ThrowSequence
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, finish_by_success, within
 from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions
+from dart_skill_nodes.comms.presence import LEASE, LOOK, Presence, no_cameras, subscribers
+from dart_skill_nodes.comms.qos import WALL
+from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, run
 
 TABLE = [
@@ -45,7 +48,7 @@ TABLE = [
 ]
 
 
-class CoachNode(Node):
+class CoachNode(GuardedNode):
     """Practice as an action: reset, or ask the person, throw, look, learn, and again."""
 
     def __init__(self):
@@ -53,7 +56,9 @@ class CoachNode(Node):
         self.p = declare(self, "coach.yaml", TABLE)
         self._region = Region(**{name: self.p[name] for name in ("near", "far", "side", "rim")})
         self._rng, self._curriculum = np.random.default_rng([self.p["seed"], 5]), Curriculum()
-        self._goal, self._sighting, self._stopped = None, None, False
+        self._goal, self._sighting, self._stopped = None, None, ""
+        self._client: Presence | None = None  # who waits for the result
+        self._looked, self._unseen = time.monotonic(), ""
         self._calls = ServiceCalls(self)
         self._recording = Recording(self, self._calls)
         self._sequence = ThrowSequence(self, self._calls, self.p["frame_id"], lambda: self.p["simulated"])
@@ -63,6 +68,7 @@ class CoachNode(Node):
         self._add_trial = self.create_client(AddTrial, "/skill_learner/add_trial")
         self._cameras = MatchingSubscriptions(self)
         self._cameras.subscribe(pose_topic(self.p["basket_body"]), self._on_basket, PoseStamped)
+        self.create_timer(LOOK, self._watch, clock=WALL)
         accept = {"goal_callback": self._on_goal, "cancel_callback": self._on_cancel}
         self._action = CoroutineActionServer(self, Practice, "/practice", self._practise, finish_by_success, **accept)
         self._diagnostics = Diagnostics(self, lambda: (OK, "practising" if self._goal else "waiting", {}))
@@ -82,9 +88,10 @@ class CoachNode(Node):
         return CancelResponse.ACCEPT
 
     async def _practise(self, goal_handle) -> Practice.Result:
-        self._goal, result = goal_handle, Practice.Result()
+        self._goal, result, self._stopped = goal_handle, Practice.Result(), ""
+        self._client, self._why_not = subscribers(self, "/practice/_action/feedback"), ""  # the latter: of the last throw that was not made
         try:
-            targets = [conversions.vector(point) for point in goal_handle.request.targets]
+            targets = [conversions.place(point, "a target") for point in goal_handle.request.targets]
             follow, wanted = goal_handle.request.follow_basket, goal_handle.request.throws or len(targets)
             if follow and targets:
                 raise ValueError("follow_basket throws where the cameras see the basket: give no targets")
@@ -92,14 +99,14 @@ class CoachNode(Node):
                 raise ValueError("nothing to do: give a number of throws, or targets")
             if self._person:
                 self._check_no_simulator()
-                self._stopped, self._person.withdrawn = False, self._withdrawn
+                self._person.withdrawn = self._withdrawn
             for number in range(1, wanted + 1):
                 target = None if follow else targets[(number - 1) % len(targets)] if targets else await self._choose()
+                self._go_on()
                 await self._one_throw(number, target, result)
-                if goal_handle.is_cancel_requested:
-                    raise CallFailed("cancelled")
+                self._go_on()
             result.success = result.thrown == wanted
-            result.message = f"{result.thrown} of {wanted} throws made, {result.learned} learned from"
+            result.message = f"{result.thrown} of {wanted} throws made, {result.learned} learned from{self._why_not}"
         except (CallFailed, ValueError) as error:
             result.success, result.message = False, str(error)
             self.get_logger().error(f"practice ends: {error}")
@@ -108,13 +115,29 @@ class CoachNode(Node):
         return result
 
     def _withdrawn(self) -> str:
-        """Why nothing shall be thrown any more; empty if it may. A real arm that somebody stopped does not go on by itself."""
-        if self._goal.is_cancel_requested:
-            return "cancelled"
-        return "the arm was stopped with /commander/stop" if self._person and self._stopped else ""
+        """Why nothing shall be thrown any more; empty if it may. An arm that somebody stopped does not go on by itself."""
+        return "cancelled" if self._goal.is_cancel_requested else self._stopped
+
+    def _go_on(self) -> None:
+        """CallFailed if practice shall not go on."""
+        if reason := self._withdrawn():
+            raise CallFailed(reason)
 
     def _on_stop(self, _) -> None:
-        self._stopped = True
+        self._stopped = "the arm was stopped with /commander/stop"
+
+    def _watch(self) -> None:
+        """Practice ends when nobody waits for it any more, and when this node was away for so long that it was given up."""
+        now, before = time.monotonic(), self._looked
+        self._looked, self._unseen = now, no_cameras(self, pose_topic(self.p["ball_body"]))
+        if self._goal is None or self._stopped:
+            return
+        if self._client is not None and self._client.gone:
+            self._stopped = f"{self._client} has gone, who asked for practice"
+        elif now - before > LEASE:
+            self._stopped = f"the coach was held up for {now - before:.1f} s"
+        if self._stopped:
+            self._sequence.cancel()
 
     def _check_no_simulator(self) -> None:
         """Who was told that there is no simulator, and finds one, throws nothing: one of the two is a mistake."""
@@ -146,19 +169,20 @@ class CoachNode(Node):
             return
         prepare = self._prepare_with_person if self._person else self._prepare_in_simulation
         target, first_stamp = await prepare(number, target)
-        if reason := self._withdrawn():
-            raise CallFailed(reason)
+        self._go_on()
         self._feed(number, "throwing")
         thrown = await self._sequence.end(await self._sequence.begin(target, first_stamp))
         feedback = Practice.Feedback(number=number, phase="done", outcome=thrown.outcome, message=thrown.message)
         if thrown.code == Throw.Goal.OUTCOME_THROWN:
             result.thrown += 1
+            self._check_cameras(f"throw {number} was not seen: ")
             if not self._goal.request.only_throw:
                 self._feed(number, "learning")
                 learned = await self._learn_from(thrown, target, result)
                 feedback.message = learned or feedback.message.removeprefix("thrown").removeprefix("; ")
         else:
             self._curriculum.give_up(target)
+            self._why_not = f"; throw {number}: {thrown.message}"
         result.outcomes.append(thrown.outcome)
         self._goal.publish_feedback(feedback)
         if self._person:
@@ -169,6 +193,7 @@ class CoachNode(Node):
     def _not_thrown(self, number: int, target: np.ndarray, why: str, result: Practice.Result) -> None:
         """A target (3,) that the arm does not reach costs its own throw, and not those after it."""
         self._curriculum.give_up(target)
+        self._why_not = f"; throw {number}: {why}"
         result.outcomes.append(conversions.unseen_outcome_msg(target, self.p["frame_id"], 0))
         self._goal.publish_feedback(Practice.Feedback(number=number, phase="done", outcome=result.outcomes[-1], message=why))
 
@@ -176,7 +201,7 @@ class CoachNode(Node):
         """Where the basket is (3,), and the stamp of the first state of a world that was reset for a throw at it."""
         self._feed(number, "resetting")
         if not self._goal.request.only_throw:
-            await self._recording.start()
+            await self._recording.start(lambda: self._sequence.hold(False))
         first_stamp = await self._sequence.reset(target)
         target = await self._basket_seen(conversions.stamp_ns(first_stamp)) if target is None else target
         return target, first_stamp
@@ -218,7 +243,7 @@ class CoachNode(Node):
         if self._sighting is None or conversions.stamp_ns(message.header.stamp) < self._sighting_since_ns:
             return
         if message.header.frame_id == self.p["frame_id"]:
-            self._sighting.keep(conversions.vector(message.pose.position))
+            self._sighting.keep(conversions.place(message.pose.position, "the basket"))
 
     async def _learn_from(self, thrown: Throw.Result, target: np.ndarray, result: Practice.Result) -> str:
         """Give the throw to the learner; why it was not learned from, if so."""
@@ -234,6 +259,11 @@ class CoachNode(Node):
         self._curriculum.tell(target, left if np.isfinite(left) else thrown.outcome.landing_error)
         result.learned += told.success
         return told.message
+
+    def _check_cameras(self, what: str = "") -> None:
+        """CallFailed without cameras: nothing is seen of a throw then, and nothing is learned from it."""
+        if self._unseen:
+            raise CallFailed(f"{what}{self._unseen}")
 
     def _feed(self, number: int, phase: str) -> None:
         self._goal.publish_feedback(Practice.Feedback(number=number, phase=phase))

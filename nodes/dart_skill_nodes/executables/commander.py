@@ -11,27 +11,32 @@ from builtin_interfaces.msg import Time
 from dart_skill_msgs.action import Throw
 from dart_skill_msgs.msg import WamCommand
 from dart_skill_msgs.srv import MoveArm, PlanThrow
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from rclpy.action import CancelResponse, GoalResponse
-from rclpy.node import Node
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
 from dart_skill.robot import ArmState, Commander, CommanderSettings, Mode, PlanRefused, load_registration
 from dart_skill.skill.observe import ARRIVAL_NS
+from dart_skill.world import pose_topic
 from dart_skill_nodes.client.failures import CallFailed
-from dart_skill_nodes.client.server_probe import ServerProbe
 from dart_skill_nodes.client.service_calls import Judge, ServiceCalls
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, answer, finish, pause
-from dart_skill_nodes.comms.joint_states import hear_joint_states
+from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, finish, pause
+from dart_skill_nodes.comms.joint_states import JOINT_STATES, hear_joint_states
+from dart_skill_nodes.comms.obeyed_publisher import new_sender
+from dart_skill_nodes.comms.presence import LEASE, Presence, no_cameras, others, publishers, servers, subscribers
 from dart_skill_nodes.comms.qos import COMPLETE, FRAMES, LATCHED, WALL
+from dart_skill_nodes.comms.refusals import GuardedNode
+from dart_skill_nodes.process.limits import LIMITS
 from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Parameter, declare, run
 
 TABLE = [
     Parameter("frame_id", "frame of targets, plans and wrenches"),
+    Parameter("ball_body", "tracked body that is the ball: without it nobody sees what becomes of a throw, and none is made"),
     Parameter("tracking", "what keeps the arm on the motion that (7.19) predicts: joints, hand or none"),
     Parameter("tracking_stiffness", "pull towards the predicted motion, per unit mass [1/s^2]", 0.0, 10_000.0),
     Parameter("tracking_damping", "its damping [1/s]", 0.0, 400.0),
@@ -42,24 +47,26 @@ TABLE = [
     Parameter("settle_speed", "the arm rests below this joint speed [rad/s]", 0.001, 0.5),
     Parameter("settle_time", "rest before a throw [s]", 0.0, 2.0),
     Parameter("settle_limit", "throw even if the arm does not rest for so long [s]", 0.1, 10.0),
-    Parameter("strongest_force", "wrenches are cut there [N]", 1.0, 500.0),
-    Parameter("strongest_moment", "wrenches are cut there [N m]", 1.0, 200.0),
-    Parameter("fastest_hand", "plans and throws beyond it are refused and stopped [m/s]", 0.1, 8.0),
     Parameter("farthest_error", "distance from the plan at which a throw is stopped [m]", 0.01, 1.0),
     Parameter("longest_gap", "between two states of the arm [s]", 0.004, 5.0),
-    Parameter("joint_margin", "to the end of a joint's range, at which a throw is stopped [rad]", 0.0, 0.5),
     Parameter("follow_time", "the hand stays on the plan so long after the release [s]", 0.0, 1.0),
     Parameter("watch_time", "the ball is watched so long after the hand was told to open [s]", 0.3, 5.0),
     Parameter("registration_file", "cameras and arm as `dart-skill check arm --write` measured them; empty: plans are believed"),
     Parameter("plan_timeout", "for the learner's answer [s, wall clock]", 0.1, 120.0),
-    Parameter("learner_timeout", "a throw is stopped when the learner is silent for longer [s, wall clock]", 0.2, 60.0),
+    Parameter("states_timeout", "a motion ends when a real arm's states are silent for longer [s, wall clock]", 0.1, 60.0),
+    *LIMITS,
 ]
 FEEDBACK_NS = 50_000_000
 
 WATCH = 0.1
 """What a throw needs besides the arm is looked at so often [s, wall clock]."""
-STATE_PATIENCE = 5.0
+STATE_PATIENCE = 4.0
 """For the state of the arm that a goal's stamp names [s, wall clock]."""
+FINDS = 3.0
+"""For what a throw needs to be found [s, wall clock]."""
+QUIET = 0.5
+"""No state for so long: time stands still, or nobody publishes any [s, wall clock]."""
+STOPPED = "stopped by ~/stop"
 
 
 class Withdrawn(Exception):
@@ -70,18 +77,20 @@ class Withdrawn(Exception):
 class GoalUnderWay:
     """A goal of /throw, from its acceptance to its result.
 
-    withdrawn: why it must not move the arm any more, empty if it may. armed: the commander has its plan, and the arm may move for it.
-    ended_ns: the stamp at which the throw and the watching of the ball end, None before that is known. silence: of the learner
-    [s, wall clock].
+    client, learner: who waits for its result, and who made its plan. withdrawn: why it must not move the arm any more, empty if it may.
+    armed: the commander has its plan, and the arm may move for it. newest_ns: stamp of the last state that it saw. ended_ns: the stamp at
+    which the throw and the watching of the ball end, None before that is known.
     """
 
     handle: object
+    client: Presence
+    learner: Presence
     withdrawn: str = ""
     armed: bool = False
     over: Promise = field(default_factory=Promise)
+    newest_ns: int = 0
     ended_ns: int | None = None
     fed_ns: int = 0
-    silence: float = 0.0
 
 
 SIMULATED = "/simulation/state"
@@ -92,7 +101,7 @@ NOT_FOR_AN_ARM = (
 )
 
 
-class CommanderNode(Node):
+class CommanderNode(GuardedNode):
     """Action /throw, the command topic, and services that free, hold and stop the arm."""
 
     def __init__(self):
@@ -101,24 +110,30 @@ class CommanderNode(Node):
         measured = load_registration(self.p["registration_file"]).registration if self.p["registration_file"] else None
         self._commander = Commander(CommanderSettings.from_parameters(self.p), measured=measured)
         self._state: ArmState | None = None
-        self._message = WamCommand()
+        self._message = WamCommand(sender=new_sender())
         self._message.header.frame_id = self.p["frame_id"]
         self._fault = ""
         self._goal: GoalUnderWay | None = None
-        self._watched = time.monotonic()  # when the learner's silence was last looked at [s, wall clock]
+        self._unseen = ""  # why nobody would see a throw
+        self._awake = time.monotonic()  # when something was last done [s, wall clock]
+        self._strangers: list[str] = []  # who commands the arm, too
+        self._arm_fault = ""  # why the arm's own safety module has stopped it
+        self._watched, self._silence = time.monotonic(), 0.0  # when was last looked, and for how long no state has come [s, wall clock]
+        self._arm: Presence | None = None  # who publishes the states
+        self._guide: Presence | None = None  # who guides an arm that was released to a simulated person
         self._command = self.create_publisher(WamCommand, "/wam/command", COMPLETE)
         self._attractor = self.create_publisher(PoseStamped, "~/attractor", FRAMES)
         self._plan = self.create_publisher(Path, "~/plan", LATCHED)
         calls = ServiceCalls(self)
-        self._judge = Judge(self, calls)
+        self._calls, self._judge = calls, Judge(self, calls)
         self._states = hear_joint_states(self, self._on_state)
-        self.create_subscription(Time, "/skill_learner/heartbeat", self._on_heartbeat, 10)
         self._planner = self.create_client(PlanThrow, "/skill_learner/plan_throw")
-        self._planner_link = ServerProbe(self, self._planner.srv_name, self._planner.service_is_ready)
+        self.create_subscription(DiagnosticStatus, "/wam/safety", self._on_safety, LATCHED)
         self.create_service(SetBool, "~/release_arm", self._on_release_arm)
         self._stops = self.create_publisher(Time, "~/stopped", 10)
         self.create_service(MoveArm, "~/move_to", self._on_move_to)
         self.create_service(Trigger, "~/stop", self._on_stop)
+        self.create_service(Trigger, "~/reset", self._on_reset)
         accept = {"goal_callback": self._on_goal, "cancel_callback": self._on_cancel}
         self._action = CoroutineActionServer(self, Throw, "/throw", self._throw, self._finish, **accept)
         self._diagnostics = Diagnostics(self, self._describe)
@@ -127,21 +142,23 @@ class CommanderNode(Node):
     # the control step
 
     def _on_state(self, message: JointState) -> None:
+        self._notice_a_gap()
         try:
             state = conversions.arm_state(message)
             if self._state is None or state.stamp_ns != self._state.stamp_ns:
                 command = self._commander.step(state)
                 conversions.fill_command(self._message, command)
-            self._state, self._fault = state, ""
+            self._state, self._fault, self._silence = state, "", 0.0
         except ValueError as error:
-            self._complain(str(error))
-            return
+            self._fault = str(error)
+            raise
         self._command.publish(self._message)
         if self._goal is not None and self._goal.armed:
             self._follow_goal(self._goal, state)
 
     def _follow_goal(self, goal: GoalUnderWay, state: ArmState) -> None:
         """What a throw under way needs besides the control step: feedback, and its end."""
+        goal.newest_ns = state.stamp_ns
         if state.stamp_ns - goal.fed_ns >= FEEDBACK_NS:
             goal.fed_ns = state.stamp_ns
             self._feed(self._commander.mode.value if self._commander.throwing else "watching")
@@ -173,7 +190,8 @@ class CommanderNode(Node):
             self._commander.stop(reason)
 
     async def _throw(self, goal_handle) -> Throw.Result:
-        self._goal = GoalUnderWay(goal_handle)
+        client = subscribers(self, "/throw/_action/feedback")
+        self._goal = GoalUnderWay(goal_handle, client, servers(self, self._planner.srv_name))
         target = conversions.vector(goal_handle.request.target)
         result = Throw.Result(code=Throw.Goal.OUTCOME_REFUSED, outcome=conversions.unseen_outcome_msg(target, self.p["frame_id"], 0))
         try:
@@ -181,7 +199,7 @@ class CommanderNode(Node):
             plan = await self._ask_for_plan(goal_handle.request, result)
             if plan is not None:
                 await self._execute(plan, result)
-        except (PlanRefused, ValueError) as error:
+        except (PlanRefused, ValueError, CallFailed) as error:
             result.message = str(error)
         except Withdrawn as reason:
             result.code, result.message = Throw.Goal.OUTCOME_STOPPED, str(reason)
@@ -193,21 +211,13 @@ class CommanderNode(Node):
         if goal.header.frame_id not in ("", self.p["frame_id"]):
             result.message = f"the target is in frame '{goal.header.frame_id}', not '{self.p['frame_id']}'"
             return None
-        if self._state is None:
-            result.message = "no /joint_states yet: is the arm, or wam_simulator, running?"
+        if missing := await self._missing():
+            result.message = missing
             return None
-        if self.p["tracking"] == "hand" and not self.count_publishers(SIMULATED):
-            result.message = NOT_FOR_AN_ARM
-            return None
-        if not await self._planner_is_there():
-            result.message = "nobody serves /skill_learner/plan_throw: start skill_learner"
-            return None
+        self._commander.check_free_to_move()
         request = PlanThrow.Request(target=goal.target)
         request.header.frame_id = self.p["frame_id"]
-        response = await answer(self, self._planner, request, self.p["plan_timeout"])
-        if response is None:
-            result.message = f"the learner gave no plan within {self.p['plan_timeout']} s"
-            return None
+        response = await self._calls.call(self._planner, request, may_refuse=True, patience=self.p["plan_timeout"])
         if not response.success:
             result.message = response.message
             return None
@@ -215,14 +225,23 @@ class CommanderNode(Node):
         self._plan.publish(conversions.path_msg(response.plan))
         return conversions.plan(response.plan)
 
-    async def _planner_is_there(self) -> bool:
-        """Whether somebody plans, given the time in which a graph that has just been started finds itself."""
-        self._planner_link.renew()
-        for _ in range(500):
-            if self._planner_link.up():
-                return True
-            await pause(self, 0.01)
-        return False
+    async def _missing(self) -> str:
+        """What a throw needs and is not there, once a commander that has just been started could have found it; empty if nothing."""
+        until = time.monotonic() + FINDS
+        while (missing := self._missing_now()) and time.monotonic() < until and not self._goal.withdrawn:
+            await pause(self, WATCH)
+        return missing
+
+    def _missing_now(self) -> str:
+        if self._state is None:
+            return self._fault or "no /joint_states yet: is the arm, or wam_simulator, running?"
+        if self.p["tracking"] == "hand" and not self.count_publishers(SIMULATED):
+            return NOT_FOR_AN_ARM
+        if self._strangers:
+            return f"{', '.join(self._strangers)} publishes /wam/command, too: end it, one commands an arm"
+        if self._arm_fault:
+            return f"the arm's safety module has stopped it ({self._arm_fault}): look at the arm, and reset it"
+        return f"{self._unseen}; nobody would see where the ball goes" if self._unseen else ""
 
     async def _execute(self, plan, result) -> None:
         goal = self._goal
@@ -230,11 +249,11 @@ class CommanderNode(Node):
         if goal.withdrawn:
             raise Withdrawn(goal.withdrawn)
         self._commander.throw(plan)
-        begun_ns = self._state.stamp_ns
+        begun_ns = goal.newest_ns = self._state.stamp_ns
         goal.armed = True
         self._feed("armed")
         await goal.over
-        result.duration = conversions.duration_msg((self._state.stamp_ns - begun_ns) * 1e-9)
+        result.duration = conversions.duration_msg((goal.newest_ns - begun_ns) * 1e-9)
         opened_ns = self._commander.opened_ns
         if self._commander.message or opened_ns is None:
             result.code = Throw.Goal.OUTCOME_STOPPED
@@ -242,12 +261,14 @@ class CommanderNode(Node):
         else:
             result.code, result.message = Throw.Goal.OUTCOME_THROWN, "thrown"
         if opened_ns is not None:
-            await self._let_judge(plan.target, opened_ns, goal.ended_ns - ARRIVAL_NS, result)
+            await self._let_judge(plan.target, opened_ns, 0 if goal.ended_ns is None else goal.ended_ns - ARRIVAL_NS, result)
 
     async def _let_judge(self, target: np.ndarray, opened_ns: int, until_ns: int, result) -> None:
-        """What the cameras saw of the throw; a throw that nobody judges has been made all the same."""
+        """What the cameras saw of the throw; a throw that nobody judges has been made all the same. until_ns: 0: what has come."""
         try:
             result.outcome = await self._judge.outcome(target, opened_ns, until_ns)
+            if not result.outcome.landing_seen and self._unseen:
+                result.message += f"; not seen: {self._unseen}"
         except CallFailed as failure:
             conversions.set_stamp(result.outcome.header.stamp, opened_ns)
             result.message += f"; nobody judged it: {failure}"
@@ -255,7 +276,7 @@ class CommanderNode(Node):
     async def _state_of_goal(self, stamp_ns: int) -> None:
         """The states that the goal knows of are answered before it is obeyed; ValueError if the one that it names does not come."""
         until = time.monotonic() + STATE_PATIENCE
-        while self._state.stamp_ns < stamp_ns and not self._goal.withdrawn:
+        while not self._goal.withdrawn and (self._state is None or self._state.stamp_ns < stamp_ns):
             if time.monotonic() > until:
                 raise ValueError(f"the goal is stamped {stamp_ns} ns, but the arm's states have come up to {self._state.stamp_ns} ns only")
             await pause(self, 0.01)
@@ -282,23 +303,71 @@ class CommanderNode(Node):
 
     # the rest
 
-    def _on_heartbeat(self, _) -> None:
-        if self._goal is not None:
-            self._goal.silence = 0.0
-
     def _watch(self) -> None:
-        """A throw needs its learner alive, and the states of the arm: a node that died stops the arm."""
+        """Whether those are there without whom the arm must not move, by the clock of the wall and by what DDS says of them."""
         gap, self._watched = time.monotonic() - self._watched, time.monotonic()
-        goal = self._goal
-        if goal is None or not goal.armed or not self._commander.throwing:
-            return
-        goal.silence += min(gap, 2 * WATCH)  # who was held up itself has heard nobody
-        if goal.silence > self.p["learner_timeout"]:
-            self._commander.stop(f"skill_learner has been silent for {goal.silence:.1f} s: is it still running? The arm was stopped")
+        self._notice_a_gap()
+        self._silence += min(gap, 2 * WATCH)  # who was held up itself has heard nobody
+        if self._state is not None and (silent := self._states_ended()):
+            self._lose_arm(silent)
+        if self._commander.mode == Mode.FREE and self._guide is not None and self._guide.gone:
+            self._commander.stop(f"{self._guide} has gone while it guided the arm: the arm is braked and held")
+        self._unseen = no_cameras(self, pose_topic(self.p["ball_body"]))
+        self._strangers = others(self, "/wam/command")
+        if self._goal is not None:
+            self._watch_goal(self._goal)
+
+    def _notice_a_gap(self) -> None:
+        """A commander that was frozen withdraws its goal. One whose timers wait, because states come as fast as they can, was not."""
+        now, before = time.monotonic(), self._awake
+        self._awake = now
+        if self._goal is not None and now - before > LEASE:
+            self._withdraw(f"the commander was held up for {now - before:.1f} s")
+
+    def _watch_goal(self, goal: GoalUnderWay) -> None:
+        if goal.client.gone:
+            self._withdraw(f"{goal.client} has gone, who asked for the throw")
+        if goal.armed and self._commander.throwing and goal.learner.gone:
+            self._withdraw(f"{goal.learner} has gone during the throw: start it again")
+        if goal.armed and goal.withdrawn and self._silence > QUIET:
+            goal.over.keep()  # no state will tell when the arm rests: time stands still
+
+    def _states_ended(self) -> str:
+        """Why no states come any more; empty while they may. A simulator that is there may hold time as long as it likes."""
+        if self._arm is None:
+            self._arm = publishers(self, JOINT_STATES)
+        if self._arm.gone and self._silence > QUIET:
+            return f"{self._arm} has gone: no {JOINT_STATES} any more"
+        moves = self._commander.throwing or self._commander.moving
+        if moves and self._silence > self.p["states_timeout"] and not self.count_publishers(SIMULATED):
+            return f"no {JOINT_STATES} for {self._silence:.1f} s: is the arm's driver running?"
+        return ""
+
+    def _lose_arm(self, reason: str) -> None:
+        """Nothing is known of the arm any more: what was under way is over, and is said so."""
+        self._withdraw(reason)
+        self._commander.stop(reason)
+        self._state, self._arm, self._fault = None, None, reason
+        self.get_logger().error(reason)
+        if self._goal is not None:
+            self._goal.over.keep()
+
+    def _on_safety(self, message: DiagnosticStatus) -> None:
+        """What the arm's own safety module says; it needs no answer: it has stopped the arm already."""
+        self._arm_fault = message.message if message.level == ERROR else ""
+        if self._arm_fault:
+            reason = f"the arm's safety module stopped it: {self._arm_fault}"
+            self._withdraw(reason)
+            self._commander.stop(reason)
+            self.get_logger().error(reason)
 
     def _on_release_arm(self, request, response):
         try:
+            if request.data and self._goal is not None:
+                raise PlanRefused("a throw is being planned or is under way: stop it before the arm is released (~/stop)")
             self._commander.release_arm(request.data)
+            simulated = request.data and self.count_publishers(SIMULATED)
+            self._guide = publishers(self, "/wam/teacher_wrench") if simulated else None
             response.success = True
         except PlanRefused as error:
             response.success, response.message = False, str(error)
@@ -317,20 +386,29 @@ class CommanderNode(Node):
         return response
 
     def _on_stop(self, request, response):
-        self._withdraw("stopped by ~/stop")
-        self._commander.stop("stopped by ~/stop")
+        self._withdraw(STOPPED)
+        self._commander.stop(STOPPED, until_reset=True)
         self._stops.publish(conversions.time_msg(0 if self._state is None else self._state.stamp_ns))  # whoever would move it next
         response.success = True
         return response
 
-    def _complain(self, text: str) -> None:
-        if text != self._fault:
-            self.get_logger().error(text)
-        self._fault = text
+    def _on_reset(self, request, response):
+        try:
+            if self._goal is not None:
+                raise PlanRefused("the throw that was stopped has not ended yet: call /commander/reset again")
+            self._commander.reset()
+            response.success = True
+        except PlanRefused as error:
+            response.success, response.message = False, str(error)
+        return response
 
     def _describe(self):
-        level = ERROR if self._fault else (WARN if self._state is None else OK)
+        stopped = self._commander.stopped_by
+        level = ERROR if self._fault else (WARN if self._state is None or stopped else OK)
         text = self._fault or ("no /joint_states yet" if self._state is None else self._commander.mode.value)
+        text += f", {stopped}: call /commander/reset" if stopped else ""
+        if (near := self._commander.warning) and level == OK:
+            level, text = WARN, f"{text}; {near}"
         return level, text, {"mode": self._commander.mode.value, "last": self._commander.message}
 
 

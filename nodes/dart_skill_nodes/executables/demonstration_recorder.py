@@ -15,7 +15,7 @@ from dart_skill_msgs.msg import Demonstration as DemonstrationMsg
 from dart_skill_msgs.msg import DemonstrationMark
 from dart_skill_msgs.srv import JudgeThrow, StopDemonstration
 from rclpy.lifecycle import TransitionCallbackReturn
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
@@ -26,6 +26,7 @@ from dart_skill.recording import (
     MARK_TOPIC,
     MARK_TYPE,
     Demonstration,
+    LogTime,
     Marks,
     demonstration_id,
     demonstration_message,
@@ -40,6 +41,7 @@ from dart_skill.world import ROLES, pose_topic
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink
 from dart_skill_nodes.comms.joint_states import JOINT_STATES
+from dart_skill_nodes.comms.presence import no_cameras
 from dart_skill_nodes.comms.qos import LATCHED, WALL
 from dart_skill_nodes.comms.raw_batches import TAKE, RawBatches, RawMessage
 from dart_skill_nodes.comms.tracked_bodies import Arrivals, TrackedBodies
@@ -74,7 +76,7 @@ class DemonstrationRecorder(BagKeeper):
         super().__init__("demonstration_recorder")
         self.p = declare(self, "demonstration_recorder.yaml", TABLE)
         self.declare_parameter("autostart", True)
-        self._bag, self._count, self._recording, self._now_ns, self._up_to = None, 0, False, 0, 0
+        self._bag, self._count, self._recording, self._time, self._up_to = None, 0, False, LogTime(), 0
         self._fault, self._joints = "", b""  # what is wrong with the arm's states, and the newest of them, serialised
         self._marked = Marks()
         self._unwritten: list[DemonstrationMark] = []
@@ -140,14 +142,15 @@ class DemonstrationRecorder(BagKeeper):
         if self._bag is None:
             return  # a last tick of the timer, when all is closed
         for message in self._messages.take():
-            ns = self._bag.stamp_ns(message.topic, message.data)
-            ns = self._now_ns if ns is None else ns
-            self._now_ns, self._newest[message.topic] = max(self._now_ns, ns), ns
-            self._heard[message.topic] += 1
-            if message.topic in self._recorded:
-                self._bag.write(message.topic, self._now_ns, ns, message.data)
-            self._look(message, ns)
-            self._silent.discard(message.topic)
+            stamp_ns = self._bag.stamp_ns(message.topic, message.data)
+            usable = stamp_ns is None or self.refusals.accepts(message.topic, self._time.take, message.topic, stamp_ns)
+            ns = self._time.now_ns if stamp_ns is None else stamp_ns
+            if message.topic in self._recorded:  # whatever it is
+                self.refusals.accepts(message.topic, self._bag.write, message.topic, self._time.now_ns, ns, message.data)
+            if usable and self.refusals.accepts(message.topic, self._look, message, ns):
+                self._newest[message.topic] = ns
+                self._heard[message.topic] += 1
+                self._silent.discard(message.topic)
         self._write_marks()
         if self._finder:
             self._find()
@@ -173,7 +176,7 @@ class DemonstrationRecorder(BagKeeper):
     def _arm_state(self) -> ArmState | None:
         """The newest state of the arm; None if it is not one, and what is wrong with it is kept."""
         try:
-            state, self._fault = conversions.arm_state(deserialize_message(self._joints, JointState)), ""
+            state, self._fault = conversions.arm_state(conversions.decoded(self._joints, JointState)), ""
             return state
         except ValueError as error:
             if str(error) != self._fault:
@@ -205,6 +208,9 @@ class DemonstrationRecorder(BagKeeper):
         if self._finder:
             response.success, response.message = False, "throws are cut automatically here: ~/start needs 'automatic' to be false"
             return response
+        if self._cameras_gone:
+            response.success, response.message = False, self._cameras_gone
+            return response
         if silent := ", ".join(sorted(self._silent | (set(self._role_of) & set(self._messages.missing)))):
             response.success, response.message = False, f"nothing has come on {silent} yet: is the node running that publishes it?"
             return response
@@ -225,8 +231,8 @@ class DemonstrationRecorder(BagKeeper):
             return response
         self._take()
         until = conversions.stamp_ns(request.until)
-        self._up_to = until or self._up_to or self._now_ns  # who gives no stamp asks for what there is, and again for the same
-        if (until and self._streams_lag(until)) or self._body_lags("hand") or self._body_lags("basket"):
+        self._up_to = until or self._up_to or self._time.now_ns  # who gives no stamp asks for what there is, and again for the same
+        if not self._cameras_gone and ((until and self._streams_lag(until)) or self._body_lags("hand") or self._body_lags("basket")):
             response.pending, response.message = True, f"{self._come} only, not {self._up_to} ns: call again"
             return response
         return self._cut(request, response)
@@ -238,6 +244,12 @@ class DemonstrationRecorder(BagKeeper):
         streams = (topic for topic, heard in self._heard.items() if heard >= STREAM and topic in self._needed)
         steps = (self._newest[topic] for topic in streams if topic not in self._role_of)
         return min(steps, default=0) < until or not self._tracked.has_frames_until(until)
+
+    @property
+    def _cameras_gone(self) -> str:
+        """What to say when poses have come, and nobody publishes any more; empty else."""
+        gone = [no_cameras(self, topic) for topic in sorted(self._role_of)]
+        return gone[0] if self._tracked.newest_ns and all(gone) else ""
 
     def _body_lags(self, role: str) -> bool:
         return self._tracked.is_late(role, self._up_to, time.monotonic())
@@ -259,9 +271,11 @@ class DemonstrationRecorder(BagKeeper):
             return response
         opened, until = conversions.stamp_ns(request.opened), conversions.stamp_ns(request.until)
         self._take()
-        target, log = conversions.vector(request.target), self._tracked.log
+        log = self._tracked.log
         try:
-            if not self._tracked.has_frames_until(until) or self._ball_lags(target, opened, until):
+            target = conversions.place(request.target, "the target")
+            come = self._tracked.has_frames_until(until) and not self._ball_lags(target, opened, until)
+            if not come and not self._cameras_gone:
                 response.pending, response.message = True, f"{self._come} only, not {until} ns"
                 return response
             self._take()  # what was sent before the newest pose
@@ -278,9 +292,10 @@ class DemonstrationRecorder(BagKeeper):
         log = self._tracked.log
         try:
             one = log.cut(demonstration_id(log.opened_ns or 0), self._up_to, self._thresholds)
-            response.pending = self._ball_lags(one.target, log.opened_ns, self._up_to)
+            response.pending = self._ball_lags(one.target, log.opened_ns, self._up_to) and not self._cameras_gone
         except ValueError as error:
-            response.message, response.pending = str(error), self._body_lags("ball")
+            response.pending = self._body_lags("ball") and not self._cameras_gone
+            response.message = f"not seen: {self._cameras_gone}; {error}" if self._cameras_gone else str(error)
         if response.pending:
             response.message = f"{self._come} only, not {self._up_to} ns: call again"
             return response
@@ -302,7 +317,7 @@ class DemonstrationRecorder(BagKeeper):
             # Not by serialize_message: Fast DDS's size estimate leaves stray bytes behind empty sequences.
             types = types_for(DEMONSTRATION_TYPE)
             content = serialize(types, DEMONSTRATION_TYPE, demonstration_message(types, one))
-            self._bag.write(DEMONSTRATION_TOPIC, self._now_ns, until, content)
+            self._bag.write(DEMONSTRATION_TOPIC, self._time.now_ns, until, content)
         self._bag.flush()
         try:
             prepare(one, DEFAULT)
@@ -319,13 +334,13 @@ class DemonstrationRecorder(BagKeeper):
 
     def _write_marks(self) -> None:
         """Into the bag, as soon as its time has begun."""
-        if not (self._unwritten and self._now_ns and DEMONSTRATION_TOPIC in self.p["topics"]):
+        if not (self._unwritten and self._time.now_ns and DEMONSTRATION_TOPIC in self.p["topics"]):
             return
         if not self._has_marks:
             self._bag.add_own(MARK_TOPIC, MARK_TYPE, LATCHED)
         self._has_marks = True
         for mark in self._unwritten:
-            self._bag.write(MARK_TOPIC, self._now_ns, self._now_ns, serialize_message(mark))
+            self._bag.write(MARK_TOPIC, self._time.now_ns, self._time.now_ns, serialize_message(mark))
         self._unwritten.clear()
         self._bag.flush()
 
@@ -337,8 +352,8 @@ class DemonstrationRecorder(BagKeeper):
         values |= self._bag.writer.counts
         if self._bag.failure:
             return ERROR, self._bag.failure, values
-        if self._fault:
-            return ERROR, self._fault, values
+        if fault := self._fault or self._cameras_gone:
+            return ERROR, fault, values
         return OK, "recording" if self._recording or self._finder else "waiting", values
 
 

@@ -7,7 +7,6 @@ until `~/reset`.
 import time
 
 from dart_skill_msgs.msg import WamCommand
-from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64MultiArray
@@ -18,6 +17,8 @@ from dart_skill.world import joint_names
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.joint_states import hear_joint_states
 from dart_skill_nodes.comms.qos import LATCHED, LOOP, WALL
+from dart_skill_nodes.comms.refusals import GuardedNode
+from dart_skill_nodes.process.limits import LIMITS
 from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Parameter, declare, run
 
 TABLE = [
@@ -31,6 +32,7 @@ TABLE = [
     Parameter("damping_limit", "strongest damping torque of each [N m]"),
     Parameter("command_timeout", "the arm is stopped when commands were silent for longer [s]", 0.004, 5.0),
     Parameter("state_timeout", "the same for states [s]", 0.004, 5.0),
+    *LIMITS,
 ]
 WATCH = 0.01
 """Silence is looked for so often [s, wall clock]."""
@@ -38,7 +40,7 @@ EFFORTS = QoSProfile(depth=1)
 """As effort controllers subscribe: reliable; only the newest counts."""
 
 
-class EffortBridgeNode(Node):
+class EffortBridgeNode(GuardedNode):
     """Efforts for the controller, the opening of the hand on ~/hand_open, and the service ~/reset."""
 
     def __init__(self):

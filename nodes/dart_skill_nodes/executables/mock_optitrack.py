@@ -8,15 +8,16 @@ must give the same throw on a busy machine too; `reliability: best_effort` is wh
 from dart_skill_msgs.msg import SimulationState
 from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.msg import ParameterDescriptor
-from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
+from rclpy.lifecycle import TransitionCallbackReturn
 from rosgraph_msgs.msg import Clock
 
-from dart_skill.configuration import node_parameters, world_parameters
+from dart_skill.configuration import limit_parameters, node_parameters, world_parameters
 from dart_skill.robot import ArmModel
 from dart_skill.simulation import BasketWalls, LatencyQueue, MotionCapture, PlantSettings
 from dart_skill.world import ROLES, pose_topic
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import CLOCK, FRAMES, POSES
+from dart_skill_nodes.comms.refusals import GuardedLifecycleNode
 from dart_skill_nodes.process.node_base import OK, WARN, Diagnostics, Parameter, autostart, declare_row, refuse_what_is_not_finite, run
 
 STEP_NS = PlantSettings().step_ns
@@ -50,7 +51,7 @@ TEXTS = {
 }
 
 
-class MockOptitrack(LifecycleNode):
+class MockOptitrack(GuardedLifecycleNode):
     """Camera system as a managed node; it configures and activates itself unless `autostart` is false."""
 
     def __init__(self):
@@ -69,7 +70,8 @@ class MockOptitrack(LifecycleNode):
         values = node_parameters("optitrack.yaml", "mock_optitrack")
         for row in WORLD:
             declare_row(self, row, values[row.name])
-        values = {name: value for name, value in values.items() if name not in world_parameters()}
+        shared = {**world_parameters(), **limit_parameters()}
+        values = {name: value for name, value in values.items() if name not in shared}
         cameras = values.pop("cameras")
         for name, default in values.items():
             self.declare_parameter(name, default, ParameterDescriptor(description=TEXTS.get(name, name), read_only=True))
@@ -117,7 +119,7 @@ class MockOptitrack(LifecycleNode):
     # frames
 
     def _on_state(self, message: SimulationState) -> None:
-        ns = conversions.stamp_ns(message.header.stamp)
+        ns = conversions.checked_stamp_ns(message.header.stamp, "the state")
         frame_ns = round(1e9 / self._capture.config.rate)
         if not self._active or (message.step * STEP_NS) % frame_ns or ns == self._frame_ns:
             return  # an unanswered state is published again: it is the same frame
@@ -128,7 +130,7 @@ class MockOptitrack(LifecycleNode):
         self._frame_ns = ns
         bodies = {name: self._pose(getattr(message, name)) for name in self._capture.config.bodies}
         radius, depth = (self.get_parameter(name).value for name in ("basket_radius", "basket_depth"))
-        walls = BasketWalls(conversions.vector(message.basket.position), radius, depth)
+        walls = BasketWalls(conversions.place(message.basket.position, "the basket"), radius, depth)
         capsules = self._kinematics.link_capsules(message.joint_position, message.base_turn)
         samples = self._capture.observe(ns, message.episode, bodies, capsules, walls, message.step * STEP_NS // frame_ns)
         for name in set(bodies) - {sample.name for sample in samples}:

@@ -11,9 +11,9 @@ from pathlib import Path
 
 from rclpy.lifecycle import TransitionCallbackReturn
 
-from dart_skill.recording import types_for
-from dart_skill_nodes.comms import conversions
+from dart_skill.recording import LogTime, types_for
 from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink
+from dart_skill_nodes.comms.conversions import leading_stamp_ns
 from dart_skill_nodes.comms.matching_qos import message_class
 from dart_skill_nodes.comms.qos import WALL
 from dart_skill_nodes.comms.raw_batches import TAKE, RawBatches, RawMessage
@@ -65,7 +65,7 @@ class Recorder(BagKeeper):
             self.get_logger().error(f"not configured: {error}")
             return TransitionCallbackReturn.FAILURE
         self._kept, self._made, self._refused = set(), set(), {}
-        self._simulated, self._clock_ns, self._early = self.get_parameter("use_sim_time").value, 0, []
+        self._simulated, self._clock, self._early = self.get_parameter("use_sim_time").value, LogTime(), []
         self._messages = RawBatches(self)
         if self._simulated:
             self._listen(CLOCK_TOPIC, keep=self._is_wanted(CLOCK_TOPIC))
@@ -127,19 +127,18 @@ class Recorder(BagKeeper):
             return
         for message in self._messages.take():
             if message.topic == CLOCK_TOPIC and self._simulated:
-                self._clock_ns = max(self._clock_ns, conversions.leading_stamp_ns(message.data))
+                self.refusals.accepts(CLOCK_TOPIC, lambda data: self._clock.take(CLOCK_TOPIC, leading_stamp_ns(data)), message.data)
             if not self._active or message.topic not in self._kept:
                 continue
-            if self._simulated and not self._clock_ns:
+            if self._simulated and not self._clock.now_ns:
                 self._early.append(message)  # latched before time began
                 continue
-            for early in self._early:
-                self._write(early)
+            for one in (*self._early, message):
+                self.refusals.accepts(one.topic, self._write, one)
             self._early.clear()
-            self._write(message)
 
     def _write(self, message: RawMessage) -> None:
-        log_ns = self._clock_ns if self._simulated else message.received_ns
+        log_ns = self._clock.now_ns if self._simulated else message.received_ns
         stamp_ns = self._bag.stamp_ns(message.topic, message.data)
         self._bag.write(message.topic, log_ns, log_ns if stamp_ns is None else stamp_ns, message.data)
         if self.p["transforms"]:

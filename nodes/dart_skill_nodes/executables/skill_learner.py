@@ -1,15 +1,12 @@
 """The skill learner: hears demonstrations, or reads them from a bag, learns DS-GMR, and plans throws on request."""
 
-import threading
 from dataclasses import replace
 from itertools import cycle
 
 import numpy as np
-from builtin_interfaces.msg import Time
 from dart_skill_msgs.msg import Demonstration, DemonstrationMark, DemonstrationStatus
 from dart_skill_msgs.srv import AddTrial, DropDemonstration, Learn, ListDemonstrations, ModelFile, PlanThrow
 from geometry_msgs.msg import Point
-from rclpy.node import Node
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -20,6 +17,7 @@ from dart_skill.skill.improve import PracticeSettings, PractisingSkill
 from dart_skill.skill.learn import SkillConfiguration, Unreachable, component_ellipsoids, configuration, load_model, prepare, save_model
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import LATCHED, SYSTEM
+from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.node_base import OK, WARN, Diagnostics, Parameter, declare, run
 
 TABLE = [
@@ -29,14 +27,13 @@ TABLE = [
     Parameter("practice_capacity", "demonstrations and trials that are remembered, 0: all", 0, 100_000),
     Parameter("practice_forget", "which trial goes when the memory is full: oldest or crowded"),
     Parameter("registration_file", "cameras and arm as `dart-skill check arm --write` measured them; empty: told from the throws alone"),
-    Parameter("heartbeat_period", "of ~/heartbeat [s, wall clock]", 0.01, 1.0),
 ]
 
 COLOURS = (ColorRGBA(g=0.62, b=0.45, a=0.5), ColorRGBA(r=0.34, g=0.71, b=0.91, a=0.4), ColorRGBA(r=0.8, g=0.47, b=0.65, a=0.4))
 """Of the product of the frames, and of the frames (Okabe and Ito)."""
 
 
-class SkillLearner(Node):
+class SkillLearner(GuardedNode):
     """Services ~/learn, ~/plan_throw, ~/add_trial, ~/save, ~/load, ~/demonstrations, ~/drop_demonstration; Gaussians on ~/model."""
 
     def __init__(self):
@@ -58,21 +55,7 @@ class SkillLearner(Node):
         self.create_service(AddTrial, "~/add_trial", self._on_add_trial)
         self.create_service(ModelFile, "~/save", self._on_save)
         self.create_service(ModelFile, "~/load", self._on_load)
-        self._heartbeat = self.create_publisher(Time, "~/heartbeat", 10)
-        self._ended = threading.Event()
-        self._beating = threading.Thread(target=self._beat, name="heartbeat")
-        self._beating.start()
         self._diagnostics = Diagnostics(self, self._describe)
-
-    def _beat(self) -> None:
-        """From a thread of its own: who learns for a while is alive."""
-        while not self._ended.wait(self.p["heartbeat_period"]):
-            self._heartbeat.publish(self.get_clock().now().to_msg())
-
-    def destroy_node(self) -> None:
-        self._ended.set()
-        self._beating.join()
-        super().destroy_node()
 
     def _on_demonstration(self, message: Demonstration) -> None:
         try:
@@ -180,7 +163,7 @@ class SkillLearner(Node):
                 raise ValueError(f"the target is in frame '{request.header.frame_id}', not '{self.p['frame_id']}'")
             if self._skill is None:
                 raise ValueError("nothing is learned yet: call ~/learn, or ~/load a model")
-            plan = self._skill.plan(conversions.vector(request.target))
+            plan = self._skill.plan(conversions.place(request.target, "the target"))
             response.success, response.plan = True, conversions.plan_msg(plan, self.p["frame_id"])
             response.seat = conversions.point(self._skill.skill.seat)
         except ValueError as error:
@@ -251,7 +234,7 @@ class SkillLearner(Node):
         practice, correction = self._skill.practice, self._skill.correction
         values = {"heard": len(self._heard), "learned_from": len(practice.demonstrations), "kept_out": len(practice.kept_out)}
         values["practised"] = 0 if correction is None else len(correction)
-        return OK, "ready to plan", {**values, "model_id": self._skill.skill.model_id}
+        return OK, "ready to plan", {**values, "model_id": self._skill.skill.model_id, "posture_id": self._skill.skill.posture_id}
 
 
 def main(args: list[str] | None = None) -> None:

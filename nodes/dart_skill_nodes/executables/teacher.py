@@ -4,29 +4,37 @@ Action /teach. While it guides, the teacher takes part in the simulator's handsh
 /wam/teacher_wrench. It sees the ball through the motion capture like everybody else, and starts and stops the recorder.
 """
 
+import time
+from contextlib import suppress
+
+import numpy as np
+from builtin_interfaces.msg import Time
 from dart_skill_msgs.action import Teach
 from dart_skill_msgs.msg import WamCommand
 from dart_skill_msgs.srv import Reset
 from rclpy.action import CancelResponse, GoalResponse
-from rclpy.node import Node
-from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
 
 from dart_skill.robot import Command, Grip
 from dart_skill.simulation import Person, Phase, Teacher
 from dart_skill.skill.observe import ARRIVAL_NS
+from dart_skill.world import pose_topic
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.service_calls import Judge, Recording, ServiceCalls
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, finish_by_success, pause
-from dart_skill_nodes.comms.joint_states import hear_joint_states
-from dart_skill_nodes.comms.qos import COMPLETE
+from dart_skill_nodes.comms.joint_states import JOINT_STATES, hear_joint_states
+from dart_skill_nodes.comms.obeyed_publisher import new_sender
+from dart_skill_nodes.comms.presence import LEASE, LOOK, no_cameras, publishers, subscribers
+from dart_skill_nodes.comms.qos import COMPLETE, WALL
+from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, run
 
 TABLE = [
     Parameter("seed", "everything random comes from it", 0, 2**31 - 1),
     Parameter("frame_id", "frame of targets and wrenches"),
+    Parameter("ball_body", "tracked body that is the ball: without it nobody sees what becomes of a throw"),
     Parameter("max_attempts", "throws at one basket at most", 1, 100),
     Parameter("watch_time", "the ball is watched so long after the button was pressed [s]", 0.3, 5.0),
     Parameter("release_point", "standard deviation of the release point [m]", 0.0, 0.2),
@@ -46,7 +54,15 @@ TABLE = [
 ]
 
 
-class TeacherNode(Node):
+RESTS = 0.05
+"""An arm that is let go of rests below this joint speed [rad/s]."""
+FINDS = 15
+"""Looks for the cameras, until there are none."""
+LONGEST_BRAKE = 10
+"""Looks at an arm that is braked, until it is not waited for any more."""
+
+
+class TeacherNode(GuardedNode):
     """Guided throws as an action."""
 
     def __init__(self):
@@ -54,16 +70,19 @@ class TeacherNode(Node):
         self.p = declare(self, "teacher.yaml", TABLE)
         self._teacher = Teacher(self.p["seed"], person=Person.from_parameters(self.p))
         self._goal, self._over, self._begin, self._last_ns = None, None, None, None
+        self._withdrawn, self._unseen, self._needed, self._looked, self._speed = "", "", (), time.monotonic(), 0.0
         calls = ServiceCalls(self)
         self._call, self._recording, self._judge = calls.call, Recording(self, calls), Judge(self, calls)
-        self._message = WamCommand()
+        self._message = WamCommand(sender=new_sender())
         self._message.header.frame_id = self.p["frame_id"]
         self._wrench = self.create_publisher(WamCommand, "/wam/teacher_wrench", COMPLETE)
         self._states = hear_joint_states(self, self._on_state, raw=True)
         self._reset = self.create_client(Reset, "/simulation/reset")
         self._pause = self.create_client(SetBool, "/simulation/pause")
         self._free_arm = self.create_client(SetBool, "/commander/release_arm")
-        accept = {"goal_callback": self._on_goal, "cancel_callback": lambda _: CancelResponse.ACCEPT}
+        self.create_subscription(Time, "/commander/stopped", lambda _: self._withdraw("stopped by /commander/stop"), 10)
+        self.create_timer(LOOK, self._watch, clock=WALL)
+        accept = {"goal_callback": self._on_goal, "cancel_callback": self._on_cancel}
         self._action = CoroutineActionServer(self, Teach, "/teach", self._teach, finish_by_success, **accept)
         self._diagnostics = Diagnostics(self, lambda: (OK, self._teacher.phase.value, {}))
 
@@ -72,13 +91,24 @@ class TeacherNode(Node):
     def _on_state(self, data: bytes) -> None:
         if self._goal is None:
             return
-        state = conversions.arm_state(deserialize_message(data, JointState))
+        self._notice_a_gap()
+        state = conversions.arm_state(conversions.decoded(data, JointState))
         if state.stamp_ns != self._last_ns:
-            self._last_ns = state.stamp_ns
-            conversions.fill_command(self._message, self._push(state))
+            self._last_ns, self._speed = state.stamp_ns, float(np.abs(state.velocity).max())
+            conversions.fill_command(self._message, self._try_to_push(state))
         self._wrench.publish(self._message)
         if self._over is not None and self._ended_ns is not None and self._last_ns >= self._ended_ns:
             self._over.keep()
+
+    def _try_to_push(self, state) -> Command:
+        """The push for a state; a person who does not know how to go on pushes no more, and the lesson ends."""
+        try:
+            return self._push(state)
+        except ValueError as error:
+            self._guiding = False
+            if self._over is not None:
+                self._over.keep(str(error))
+            return Command(state.stamp_ns)
 
     def _push(self, state) -> Command:
         if self._begin is not None:
@@ -102,32 +132,74 @@ class TeacherNode(Node):
             return GoalResponse.REJECT
         return GoalResponse.ACCEPT
 
+    def _on_cancel(self, _) -> CancelResponse:
+        self._withdraw("cancelled")
+        return CancelResponse.ACCEPT
+
+    def _withdraw(self, reason: str) -> None:
+        """The lesson under way goes on no more: the hands let go of the arm."""
+        if self._goal is None or self._withdrawn:
+            return
+        self._withdrawn, self._guiding, self._begin = reason, False, None
+        if self._over is not None:
+            self._over.keep()
+
+    def _notice_a_gap(self) -> None:
+        """A teacher that was frozen lets go. One whose timers wait, because states come as fast as they can, was not."""
+        now, before = time.monotonic(), self._looked
+        self._looked = now
+        if now - before > LEASE:
+            self._withdraw(f"the teacher was held up for {now - before:.1f} s")
+
+    def _watch(self) -> None:
+        """A lesson needs whoever moves the arm, and whoever asked for it."""
+        self._unseen = no_cameras(self, pose_topic(self.p["ball_body"]))
+        self._notice_a_gap()
+        if self._goal is None:
+            return
+        for one in self._needed:
+            if one.gone:
+                self._withdraw(f"{one} has gone during the lesson")
+
     async def _teach(self, goal_handle) -> Teach.Result:
-        self._goal, self._guiding = goal_handle, False
+        self._goal, self._guiding, self._withdrawn, self._looked = goal_handle, False, "", time.monotonic()
+        self._needed = publishers(self, JOINT_STATES), publishers(self, "/wam/command"), subscribers(self, "/teach/_action/feedback")
         result = Teach.Result()
         try:
             await self._lesson(goal_handle, result)
         except (CallFailed, ValueError) as error:
             result.success, result.message = False, str(error)
             self.get_logger().error(f"the lesson ends: {error}")
+            await self._let_go()
         finally:
             self._goal, self._over = None, None
         return result
 
+    async def _let_go(self) -> None:
+        """After a lesson that was broken off: the commander brakes the arm, and the simulator waits for no teacher."""
+        simulator, commander = (one.gone for one in self._needed[:2])
+        with suppress(CallFailed):
+            await self._call(self._free_arm, SetBool.Request(data=False)) if not commander else None
+            for _ in range(0 if simulator or commander or not self._withdrawn else LONGEST_BRAKE):
+                if self._speed < RESTS:
+                    break
+                await pause(self, LOOK)
+        with suppress(CallFailed):
+            await self._call(self._reset, Reset.Request(paused=True)) if not simulator else None
+
     async def _lesson(self, goal_handle, result) -> None:
-        target = conversions.vector(goal_handle.request.target)
+        target = conversions.place(goal_handle.request.target, "the target")
         attempts = goal_handle.request.max_attempts or self.p["max_attempts"]
         for attempt in range(1, attempts + 1):
             result.attempts = attempt
+            await self._need_cameras()
             self._feed("preparing", attempt)
             self._teacher.check(target, attempt > 1)
             await self._guided_throw(target, attempt)
             outcome = result.outcome = await self._judge.outcome(target, self._opened_ns, self._ended_ns - ARRIVAL_NS)
             reason = "" if outcome.in_basket else "missed"
             kept = await self._recording.stop(self._ended_ns - ARRIVAL_NS, bool(outcome.in_basket), reason)
-            if goal_handle.is_cancel_requested:
-                result.message = "cancelled"
-                break
+            self._go_on()
             if outcome.in_basket and kept.success:
                 result.success, result.message = True, "in"
                 break
@@ -139,22 +211,39 @@ class TeacherNode(Node):
 
     async def _guided_throw(self, target, attempt: int) -> None:
         self._guiding, self._ended_ns, self._opened_ns = False, None, 0
-        await self._recording.start()
+        await self._recording.start(lambda: self._call(self._pause, SetBool.Request(data=False)))
         await self._call(self._free_arm, SetBool.Request(data=True))
         reset = Reset.Request(move_basket=True, basket=conversions.point(target), paused=True, guided=True)
         first = await self._call(self._reset, reset)
         await self._until(lambda: (self._last_ns or 0) >= conversions.stamp_ns(first.stamp), "the state after the reset")
+        self._go_on()
         self._begin, self._over = (target, attempt > 1), Promise()
         self._feed("armed", attempt)
         await self._call(self._pause, SetBool.Request(data=False))
-        await self._over
+        failure = await self._over
+        self._go_on()
         await self._call(self._pause, SetBool.Request(data=True))
         await self._call(self._free_arm, SetBool.Request(data=False))
+        if failure:
+            raise CallFailed(failure)
+
+    async def _need_cameras(self) -> None:
+        """CallFailed without cameras, once a teacher that has just been started could have found them."""
+        for _ in range(FINDS):
+            if not self._unseen:
+                return
+            await pause(self, LOOK)
+        raise CallFailed(f"{self._unseen}; nobody would see where the ball goes")
+
+    def _go_on(self) -> None:
+        """CallFailed if the lesson shall not go on."""
+        if self._withdrawn:
+            raise CallFailed(self._withdrawn)
 
     async def _until(self, condition, what: str) -> None:
         """Wait for a message that the graph has sent already; CallFailed if it does not come in 10 s."""
         for _ in range(1000):
-            if condition():
+            if condition() or self._withdrawn:
                 return
             await pause(self, 0.01)
         raise CallFailed(f"{what} did not arrive in 10 s")

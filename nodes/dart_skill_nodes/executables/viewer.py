@@ -11,14 +11,12 @@ from dart_skill_msgs.action import Practice, Teach
 from dart_skill_msgs.msg import Demonstration
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
-from rclpy.node import Node
-from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from visualization_msgs.msg import Marker, MarkerArray
 
 from dart_skill.regions import Region
 from dart_skill.simulation import Basket
-from dart_skill.view import Panel, Request, Scene, ViewUnavailable, open_server, url_of
+from dart_skill.view import Panel, Request, Scene, open_server, url_of
 from dart_skill.world import ROLES, pose_topic
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.node_inspector import NodeInspector, NodeStatuses
@@ -28,6 +26,7 @@ from dart_skill_nodes.comms.coroutines import start
 from dart_skill_nodes.comms.latest_messages import LatestMessages, poses_of
 from dart_skill_nodes.comms.markers import ellipsoids
 from dart_skill_nodes.comms.qos import LATCHED, WALL
+from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, run
 
 TABLE = [
@@ -51,7 +50,7 @@ CAMERAS = "mock_optitrack"
 PICTURES_PER_PATH = 3
 
 
-class Viewer(Node):
+class Viewer(GuardedNode):
     """Topics into the scene, requests of the panel into actions and services."""
 
     def __init__(self):
@@ -113,7 +112,7 @@ class Viewer(Node):
             self._send_paths()
             return
         if states:
-            self._scene.move_arm(conversions.arm_state(deserialize_message(states[-1], JointState)).position)
+            self._scene.move_arm(conversions.arm_state(conversions.decoded(states[-1], JointState)).position)
         if len(poses["hand"]):
             self._scene.move_hand(poses["hand"][-1, :3], poses["hand"][-1, 3:])
         if len(poses["ball"]):
@@ -193,10 +192,10 @@ class Viewer(Node):
             self._scene.show_cameras(await self._inspector.cameras(f"/{name}"))
 
     def _inspected(self, _, error: Exception | None) -> None:
-        if isinstance(error, CallFailed | ValueError | KeyError):
+        if isinstance(error, CallFailed | KeyError):
             self.get_logger().warning(f"not shown: {error}")
         elif error is not None:
-            raise error
+            self.refusals.add("/diagnostics", error)
 
     def _describe(self):
         return OK, url_of(self._server), {"browsers": len(self._server.get_clients()), "demonstrations": len(self._demonstrations)}
@@ -209,10 +208,7 @@ class Viewer(Node):
 
 def main(args: list[str] | None = None) -> None:
     """Entry point of `ros2 run dart_skill viewer`."""
-    try:
-        run(lambda: [Viewer()], args)
-    except ViewUnavailable as error:
-        raise SystemExit(f"viewer: {error}") from None
+    run(lambda: [Viewer()], args)
 
 
 if __name__ == "__main__":

@@ -6,13 +6,14 @@ silent. Real time: steps follow the machine's clock, the last command is held, a
 """
 
 import time
+from functools import partial
 
 import numpy as np
 from dart_skill_msgs.msg import SimulationState, WamCommand
 from dart_skill_msgs.srv import PlaceBasket, Reset, Step
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.node import Node
 from rosgraph_msgs.msg import Clock as ClockMsg
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -21,7 +22,11 @@ from std_srvs.srv import SetBool, Trigger
 from dart_skill.robot import wam_description, write_urdf
 from dart_skill.simulation import Plant, PlantSettings
 from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.obeyed_publisher import ObeyedPublisher
+from dart_skill_nodes.comms.presence import Presence, publishers
 from dart_skill_nodes.comms.qos import CLOCK, COMPLETE, FRAMES, LATCHED, LOOP, WALL
+from dart_skill_nodes.comms.refusals import GuardedNode
+from dart_skill_nodes.process.limits import LIMITS
 from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Parameter, declare, run
 
 TABLE = [
@@ -55,15 +60,20 @@ TABLE = [
     Parameter("basket_radius", "free opening of the basket [m]", 0.05, 1.0),
     Parameter("basket_depth", "rim to floor of the basket [m]", 0.05, 1.0),
     Parameter("basket_restitution", "of the basket's walls and floor", 0.0, 1.0),
+    *LIMITS,
     Parameter("ground_truth_period", "steps between messages on /simulation/state", 1, 1000),
 ]
 CHANGEABLE = [row.name for row in TABLE if not row.read_only and row.name != "speed_factor"]
 """What can change while the simulator runs, from the next reset on."""
+RESTS = 0.05
+"""An arm whose guide has gone is braked until no joint is faster [rad/s]."""
+COMMANDS = {"commander": "/wam/command", "teacher": "/wam/teacher_wrench"}
+"""Who moves the arm, and where."""
 CATCH_UP = 25
 """Real time: steps made at once at most after the machine was late."""
 
 
-class WamSimulator(Node):
+class WamSimulator(GuardedNode):
     """The plant behind topics and services. See the module's text for the handshake."""
 
     def __init__(self):
@@ -72,6 +82,8 @@ class WamSimulator(Node):
         self._plant = Plant(PlantSettings.from_parameters(self.p), self.p["seed"])
         self._paused, self._guided, self._budget = self.p["start_paused"], False, 0
         self._answers, self._fault, self._steps_made = {}, "", 0
+        self._guide: Presence | None = None  # who guides the arm
+        self._left = ""  # why nobody guides it any more, until it rests
         self._make_topics()
         self._make_services()
         self.add_on_set_parameters_callback(self._refuse_no_arm)
@@ -95,8 +107,11 @@ class WamSimulator(Node):
         self._tool_msg, self._clock_msg, self._truth_msg = PoseStamped(), ClockMsg(), SimulationState()
         for message in (self._joint_msg, self._tool_msg, self._truth_msg):
             message.header.frame_id = frame
-        self.create_subscription(WamCommand, "/wam/command", lambda m: self._on_answer("commander", m), LOOP)
-        self.create_subscription(WamCommand, "/wam/teacher_wrench", lambda m: self._on_answer("teacher", m), LOOP)
+        self._safety = self.create_publisher(DiagnosticStatus, "/wam/safety", LATCHED)
+        self._said_of_safety = None
+        self._obeyed = {who: ObeyedPublisher(self, topic) for who, topic in COMMANDS.items()}
+        for who, topic in COMMANDS.items():
+            self.create_subscription(WamCommand, topic, partial(self._on_answer, who), LOOP)
 
     def _make_services(self) -> None:
         self.create_service(Reset, "/simulation/reset", self._on_reset)
@@ -116,6 +131,12 @@ class WamSimulator(Node):
         ns = conversions.stamp_ns(message.header.stamp)
         if self.p["lockstep"] and (ns != self._plant.state_stamp_ns or who not in self._engaged or who in self._answers):
             return
+        if not self._obeyed[who].accepts(message.sender):
+            return
+        if ns > self._plant.state_stamp_ns:
+            raise ValueError(f"it is stamped {ns} ns, ahead of the arm, which is at {self._plant.state_stamp_ns} ns")
+        if (last := self._answers.get(who)) is not None and ns < last.stamp_ns:
+            raise ValueError(f"it is stamped {ns} ns, before the one of {last.stamp_ns} ns that is obeyed: out of order")
         if message.header.frame_id != self.p["frame_id"]:
             self._complain(f"a command of the {who} is in frame '{message.header.frame_id}', not '{self.p['frame_id']}': ignored")
             return
@@ -140,14 +161,25 @@ class WamSimulator(Node):
 
     def _step(self, command, push) -> bool:
         try:
-            self._plant.step(command, push)
+            self._plant.step(self._plant.braking() if self._left else command, push)
         except ValueError as error:
             self._complain(f"no step: {error}")
             return False
         self._steps_made += 1
+        self._tell_of_safety()
+        if self._left and np.abs(self._plant.joint_velocity).max() < RESTS:
+            self._left = ""
         if self.p["lockstep"]:
             self._fault = ""
         return True
+
+    def _tell_of_safety(self) -> None:
+        """On /wam/safety, when it changes: all is well, something is near its limit, or the motors are shorted until a reset."""
+        fault, warning = self._plant.fault, self._plant.warning
+        said = ERROR if fault else WARN if warning else OK
+        if said != self._said_of_safety:
+            self._said_of_safety = said
+            self._safety.publish(DiagnosticStatus(level=said, name="wam safety", message=fault or warning, hardware_id="wam"))
 
     def _pace(self) -> None:
         """Hold back so that simulated time does not run faster than speed_factor times the machine's."""
@@ -174,6 +206,9 @@ class WamSimulator(Node):
     def _held_command(self, who: str):
         """The last command as an answer to the present state; braking when it is too old."""
         now, last = self._plant.state_stamp_ns, self._answers.get(who)
+        if self._guided and "teacher" in self._answers and self._held_push() is None:
+            self._complain(f"no push of the teacher for more than {self.p['command_timeout']} s: the arm is braked")
+            return self._plant.braking()
         if last is None or (now - last.stamp_ns) * 1e-9 > self.p["command_timeout"]:
             if last is not None:
                 self._complain(f"no command for more than {self.p['command_timeout']} s: the arm is braked")
@@ -190,13 +225,17 @@ class WamSimulator(Node):
 
     def _on_reset(self, request, response):
         try:
-            basket = conversions.vector(request.basket) if request.move_basket else None
+            basket = conversions.place(request.basket, "the basket") if request.move_basket else None
             self._take_changes()
             state = self._plant.reset(basket)
         except ValueError as error:
             response.success, response.message = False, str(error)
             return response
         self._paused, self._guided, self._answers, self._budget = request.paused, request.guided, {}, 0
+        self._tell_of_safety()
+        for one in self._obeyed.values():
+            one.forget()
+        self._guide, self._left = publishers(self, "/wam/teacher_wrench") if request.guided else None, ""
         self._publish()
         response.success, response.episode = True, state.episode
         response.stamp = conversions.time_msg(state.stamp_ns)
@@ -237,7 +276,7 @@ class WamSimulator(Node):
 
     def _on_place_basket(self, request, response):
         try:
-            self._plant.place_basket(conversions.vector(request.position))
+            self._plant.place_basket(conversions.place(request.position, "the basket"))
             response.success = True
         except ValueError as error:
             response.success, response.message = False, str(error)
@@ -290,7 +329,14 @@ class WamSimulator(Node):
     # saying what goes on
 
     def _watch(self) -> None:
-        """Publish an unanswered state again: whoever came late, or lost it, gets it now."""
+        """Publish an unanswered state again: whoever came late, or lost it, gets it now. Nobody waits for a teacher that has gone."""
+        for one in self._obeyed.values():
+            one.look()
+        if self._guide is not None and self._guide.gone:
+            self._left = f"{self._guide} has gone: guiding ends, the arm is braked"
+            self.get_logger().error(self._left)
+            self._guided, self._guide = False, None
+            self._advance() if self.p["lockstep"] else None
         stamp, now = self._plant.state_stamp_ns, time.monotonic()
         if stamp != self._mark[1]:
             self._mark = (now, stamp)
@@ -312,11 +358,13 @@ class WamSimulator(Node):
         before, last = getattr(self, "_rate_mark", (now - 1.0, steps))
         self._rate_mark = (now, steps)
         factor = (steps - last) * self._plant.settings.step / max(1e-6, now - before)
-        commanders = self.count_publishers("/wam/command")
-        level = ERROR if self._fault else (WARN if self._paused or commanders > 1 else OK)
-        message = self._fault or ("paused" if self._paused else "running")
-        if commanders > 1:
-            message += f"; {commanders} nodes publish /wam/command, the first answer to a state counts"
+        stopped = f"stopped by the arm's safety module until a reset: {self._plant.fault}" if self._plant.fault else ""
+        fault = stopped or self._fault or self._left
+        strangers = [f"{name} publishes {COMMANDS[who]}, too" for who, one in self._obeyed.items() for name in one.others]
+        level = ERROR if fault else (WARN if self._paused or strangers else OK)
+        message = fault or ("paused" if self._paused else "running")
+        if strangers:
+            message += f"; {', '.join(strangers)}: it is not obeyed, end it"
         return level, message, {"real_time_factor": f"{factor:.2f}", "steps": steps, "engaged": ", ".join(self._engaged)}
 
     def destroy_node(self) -> None:

@@ -2,8 +2,10 @@
 
 import math
 import os
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -14,7 +16,9 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from dart_skill.configuration import node_parameters
+from dart_skill_nodes.comms.presence import be_alive
 from dart_skill_nodes.comms.qos import SYSTEM, WALL
+from dart_skill_nodes.comms.refusals import GuardedLifecycleNode, GuardedNode, in_a_line
 from dart_skill_nodes.process.signals import Interrupts
 
 
@@ -74,15 +78,22 @@ def _descriptor(row: Parameter, default) -> ParameterDescriptor:
 
 
 class Diagnostics:
-    """A node's status on /diagnostics, once a second of the wall clock: `describe` gives level, message and values."""
+    """A node's status on /diagnostics, once a second of the wall clock: `describe` gives level, message and values.
 
-    def __init__(self, node: Node, describe: Callable[[], tuple[bytes, str, dict]]):
+    What the node refused of late is a warning, and the counts of all that it refused are among the values.
+    """
+
+    def __init__(self, node: GuardedNode | GuardedLifecycleNode, describe: Callable[[], tuple[bytes, str, dict]]):
         self._node, self._describe = node, describe
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         node.create_timer(1.0, self.publish, clock=WALL)
 
     def publish(self) -> None:
         level, message, values = self._describe()
+        refusals = self._node.refusals
+        if refusals.recent:
+            level, message = max(level, WARN), f"{message}; {refusals.recent}"
+        values = {**values, **{f"{place} refused": count for place, count in refusals.counts.items()}}
         status = DiagnosticStatus(level=level, name=self._node.get_name(), message=message, hardware_id="wam")
         status.values = [KeyValue(key=key, value=str(value)) for key, value in {**values, "process": os.getpid()}.items()]
         array = DiagnosticArray(status=[status])
@@ -103,16 +114,22 @@ def make_executor():
 
 
 def run(
-    make_nodes: Callable[[], list[Node]], args: list[str] | None = None, over: Callable[[list[Node]], bool] = lambda nodes: False
+    make_nodes: Callable[[], list[Node]],
+    args: list[str] | None = None,
+    over: Callable[[list[Node]], bool] = lambda nodes: False,
+    program: str = "",
 ) -> None:
-    """Main function of every executable: start nodes, spin until told to stop, or until it is over, shut down in order."""
+    """Main function of every executable: start nodes, spin until told to stop, or until it is over, shut down in order.
+
+    A node that cannot start ends the process with status 1 and one line, which begins with the name of the program.
+    """
     interrupts = Interrupts()
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     nodes: list[Node] = []
     try:
+        nodes = _started(make_nodes, args, program or Path(sys.argv[0]).stem)
         executor = make_executor()
-        nodes = make_nodes()
         for node in nodes:
+            be_alive(node)
             executor.add_node(node)
         while rclpy.ok() and not interrupts and not over(nodes):
             executor.spin_once(timeout_sec=0.1)
@@ -122,6 +139,17 @@ def run(
         for node in nodes:
             node.destroy_node()
         rclpy.try_shutdown()
+
+
+def _started(make_nodes: Callable[[], list[Node]], args: list[str] | None, program: str) -> list[Node]:
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+        return make_nodes()
+    except Exception as error:  # rclpy has its own for parameters and arguments that it does not take
+        defect = isinstance(error, TypeError | LookupError | AttributeError | ArithmeticError | AssertionError)
+        text = in_a_line(error) if defect else " ".join(str(error).split())
+        print(f"{program}: {text or type(error).__name__}", file=sys.stderr, flush=True)
+        os._exit(1)  # nodes that had started already have threads, which nobody would end
 
 
 def autostart(node: LifecycleNode) -> None:

@@ -184,7 +184,7 @@ def on_running_graph(wait: Callable[["GraphClient"], None], task: Callable[["Gra
     from dart_skill_nodes.client.graph_client import GraphClient
 
     rclpy.init()
-    client = GraphClient(name="verb")
+    client = GraphClient(name="verb", appears=PATIENCE)
     try:
         try:
             wait(client)

@@ -87,11 +87,7 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         return players
 
     begun = time.monotonic()
-    try:
-        run(make, _ros_arguments(player_parameters(options)), over=lambda nodes: nodes[0].finished)
-    except (ValueError, OSError) as error:
-        print(f"dart-skill bag play: {error}", file=sys.stderr)
-        return 1
+    run(make, _ros_arguments(player_parameters(options)), over=lambda nodes: nodes[0].finished, program="dart-skill bag play")
     if options.json:
         took = round(time.monotonic() - begun, 3)
         print(json.dumps({**players[0].p, "finished": players[0].finished, "seconds": took}, indent=1))

@@ -7,6 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from dart_skill.cli.names import CHANGES, PRACTICE_METHODS
+from dart_skill.files import new_file
 from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES, Graph, of_executables
 from dart_skill_nodes.verbs._options import add_run, asked, check_run
 from dart_skill_nodes.verbs._run import PATIENCE, carried_out, on_running_graph, parameter_texts, print_result, say, teach, tell_practice
@@ -159,7 +160,8 @@ def write_report(summary: dict, options: argparse.Namespace, asked_for: list[tup
     from dart_skill.report import PAGE, About, write_page
     from dart_skill.session import ThrowResult
 
-    (options.output / "summary.json").write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    with new_file(options.output / "summary.json", replace=True) as file:
+        file.write((json.dumps(summary, indent=1, allow_nan=False) + "\n").encode())
     changed = options.change != "none"
     facts = {
         "Seed": str(options.seed),

@@ -484,3 +484,19 @@ def test_learn_is_a_command_and_its_errors_have_status_1(tmp_path, bag, capsys):
     with pytest.raises(SystemExit) as end:
         main(["learn", str(bag), "--raw", "--demonstrations-topic"])
     assert end.value.code == 2
+
+
+def test_what_a_bag_says_does_not_reach_the_terminal_as_it_is(tmp_path, capsys):
+    """Names in a bag may hold what clears a screen, or types for the user."""
+    wicked = "\x1b[2J\x07\r/topic\u202e"
+    with BagWriter(tmp_path / "bag", custom_data={wicked: wicked}) as bag:
+        bag.add_topic("/a" + wicked, "std_msgs/msg/String", "string data\n", "", wicked)
+        bag.add_attachment(wicked, "x", wicked)
+        bag.write("/a" + wicked, 1, 1, b"\0\1\0\0\2\0\0\0a\0")
+    for verb in ("info", "check"):
+        main(["bag", verb, str(tmp_path / "bag")])
+    main(["bag", "recover", str(tmp_path / "bag"), "--output", str(tmp_path / "kept")])
+    main(["bag", "info", str(tmp_path / wicked.replace("/", ""))])
+    told = capsys.readouterr()
+    assert all(one.isprintable() or one == "\n" for one in told.out + told.err)
+    assert r"\x1b[2J" in told.out

@@ -1,12 +1,16 @@
 """`dart-skill darts`: what it prints, as text and as JSON, what it writes, and how it ends."""
 
 import argparse
+import contextlib
 import io
 import json
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
+from dart_skill.cli import main
 from dart_skill.cli.darts import add_to
 from dart_skill.darts import estimate_from_scores, local_optima
 
@@ -169,3 +173,34 @@ def test_bad_values_are_named(run, arguments, words):
     """The command line turns a ValueError into its message and status 1."""
     with pytest.raises(ValueError, match=words):
         run(*arguments)
+
+
+@pytest.mark.parametrize("spacing", [1e308, 1e-308, 171.0])
+def test_a_grid_that_cannot_be_is_refused(run, spacing):
+    with pytest.raises(ValueError, match="choose a (smaller|larger) spacing"):
+        run("heatmap", "--sigma", 20, "--spacing", spacing)
+
+
+NUMBERS = st.sampled_from(["0", "-1", "1e-308", "1e308", "-1e308", "nan", "inf", "1e12", "20", "x", ""])
+OPTIONS = {
+    "heatmap": (["--spacing"], ["--covariance", 3], ["--bias", 2]),
+    "aim": (["--sigma"], ["--covariance", 3], ["--bias", 2]),
+    "leg": (["--start"], ["--remaining"], ["--turn-start"]),
+}
+
+
+@given(st.sampled_from(sorted(OPTIONS)), st.data())
+@settings(max_examples=max(20, settings.default.max_examples // 4), suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_whatever_numbers_are_given_the_answer_is_one_line_or_a_result(tmp_path, verb, data):
+    """With a spread of 20 mm where that is not what is tried, so that nothing here takes long."""
+    option, *count = data.draw(st.sampled_from(OPTIONS[verb]))
+    values = [data.draw(NUMBERS) for _ in range(*count or [1])]
+    spread = [] if option in ("--sigma", "--covariance") else ["--sigma", "20"]
+    out, said = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(said):
+        try:
+            status = main(["darts", verb, *spread, option, *values, "--output", str(tmp_path / "out")])
+        except SystemExit as usage:
+            status = usage.code
+    assert status in (0, 1, 2)
+    assert status != 1 or len(said.getvalue().splitlines()) == 1

@@ -22,6 +22,7 @@ from dart_skill.recording import (
     serialize,
     typestore,
 )
+from dart_skill.world import joint_names
 
 ORIGIN_NS = 1_700_000_123_456_789_012
 
@@ -151,7 +152,7 @@ def test_bags_without_valid_demonstrations_are_refused(tmp_path, types):
     [
         ({"id": ""}, "id of a demonstration"),
         ({"stamp_ns": 0.5}, "whole nanoseconds"),
-        ({"target": [1.0, np.nan, 0.0]}, "target must be a finite"),
+        ({"target": [1.0, np.nan, 0.0]}, "its target is at .*nan"),
         ({"hand_time": np.zeros(20)}, "hand: time does not increase after sample 0"),
         ({"hand_time": [0.0], "hand_position": np.zeros((1, 3))}, "1 samples, need at least 2"),
         ({"hand_quaternion": np.full((20, 4), 0.6)}, "quaternion 0 has norm 1.2"),
@@ -162,6 +163,12 @@ def test_bags_without_valid_demonstrations_are_refused(tmp_path, types):
         ({"motion_stop": 0.02}, "motion_stop 0.02 s lies before"),
         ({"hand_opened": np.inf}, "hand_opened = inf"),
         ({"joint_names": ("a",)}, "1 joint names, need 7"),
+        ({"hand_position": np.full((20, 3), 1e308)}, "hand_position of sample 0 is 1e[+]308 m"),
+        ({"target": [1e308, 0.0, 0.0]}, "its target is at .* none beyond 1000 m"),
+        ({"hand_opened": 1.1e9}, "hand_opened = 1.1e[+]09 s: give at most 120 s after its stamp"),
+        ({"hand_time": np.append(np.arange(19) * 0.01, 5e8)}, "hand_time of sample 19 is 5e[+]08 s"),
+        ({"joint_position": np.full((10, 7), 57.3)}, "joint_position of sample 0 is 57.3 rad"),
+        ({"joint_velocity": np.full((10, 7), -1e300)}, "joint_velocity of sample 0 is 1e[+]300 rad/s"),
     ],
 )
 def test_what_is_no_demonstration_is_refused_by_name(changes, reason):
@@ -184,3 +191,19 @@ def test_demonstrations_cannot_be_changed_by_accident():
     with pytest.raises(ValueError, match="read-only"):
         demonstration.hand_position[0] = 1.0
     assert replace(demonstration, id="other").id == "other"
+
+
+def test_joints_are_taken_by_their_names(types):
+    """A driver may give them in another order; one with names of its own gives them in the arm's."""
+    order, original = [6, 0, 5, 1, 4, 2, 3], make()
+    msg = demonstration_message(types, original)
+    for state, position, velocity in zip(msg.joints, original.joint_position, original.joint_velocity, strict=True):
+        state.name = [joint_names()[k] for k in order]
+        state.position, state.velocity = position[order], velocity[order]
+    read = demonstration_from_message(msg)
+    assert read.joint_names == joint_names()
+    np.testing.assert_array_equal(read.joint_position, original.joint_position)
+    np.testing.assert_array_equal(read.joint_velocity, original.joint_velocity)
+    for state in msg.joints:
+        state.name = list("abcdefg")
+    np.testing.assert_array_equal(demonstration_from_message(msg).joint_position, original.joint_position[:, order])

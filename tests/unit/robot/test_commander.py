@@ -19,6 +19,8 @@ from dart_skill.robot import (
     Mode,
     PlanRefused,
     Registration,
+    Speed,
+    wam_description,
 )
 from dart_skill.robot._throw_plan import same_plan
 
@@ -148,6 +150,39 @@ def test_a_released_arm_is_not_moved():
     commander.release_arm(True)
     with pytest.raises(PlanRefused, match="somebody may hold it"):
         commander.move_to(REST, at(0))
+
+
+def test_an_arm_that_is_stopped_until_a_reset_does_nothing_before_it():
+    commander = Commander()
+    commander.step(at(0))
+    commander.stop("stopped by hand", until_reset=True)
+    with pytest.raises(PlanRefused, match="not come to rest"):
+        commander.reset()
+    commander.step(at(PERIOD))
+    assert commander.mode == Mode.HOLDING
+    for moving in (lambda: commander.move_to(REST, at(PERIOD)), lambda: commander.release_arm(True)):
+        with pytest.raises(PlanRefused, match="stopped by hand, and stays so until it is reset"):
+            moving()
+    commander.stop("another reason", until_reset=True)
+    assert commander.stopped_by == "stopped by hand", "the first one is the cause"
+    commander.step(at(2 * PERIOD))
+    commander.reset()
+    commander.move_to(REST, at(2 * PERIOD))
+
+
+@pytest.mark.parametrize("how", ["started anew", "not free any more", "after a gap"])
+def test_an_arm_that_is_found_moving_is_braked_before_it_is_held(how):
+    commander, moving = Commander(), np.full(7, 2.0)
+    if how != "started anew":
+        commander.step(at(0))
+    if how == "not free any more":
+        commander.release_arm(True)
+        commander.step(at(PERIOD, REST, moving))
+        commander.release_arm(False)
+    command = commander.step(at(10**9 if how == "after a gap" else 2 * PERIOD, REST, moving))
+    assert commander.mode == Mode.STOPPING and (command.joint_torque * moving <= 0.0).all()
+    commander.step(at(2 * 10**9, REST + 0.2))
+    assert commander.mode == Mode.HOLDING
 
 
 def test_a_free_arm_is_left_to_gravity_compensation():
@@ -326,8 +361,39 @@ def test_a_hand_that_is_too_fast_is_stopped_with_its_speed(plan):
     commander = Commander()
     stamp = throwing(commander, plan)
     command = commander.step(at(stamp + PERIOD, plan.start_posture, [0.0, 8.0, 0, 0, 0, 0, 0]))
-    assert commander.mode == Mode.STOPPING and "faster than the limit of 5.5 m/s" in commander.message
+    assert commander.mode == Mode.STOPPING and "moves at" in commander.message and "the limit of a throw is" in commander.message
     assert command.joint_torque[1] < 0
+
+
+def test_an_arm_that_passed_a_limit_moves_no_more_until_it_is_reset(plan):
+    """The same speed is right in a throw, and wrong on the way to a posture."""
+    commander = Commander()
+    fast = [0.0, 2.0, 0, 0, 0, 0, 0]
+    commander.step(at(0, plan.start_posture, np.zeros(7)))
+    commander.release_arm(True)
+    assert commander.step(at(PERIOD, plan.start_posture, fast)).speed is Speed.THROW and not commander.stopped_by
+    commander.release_arm(False)
+    commander.step(at(2 * PERIOD, plan.start_posture, np.zeros(7)))
+    commander.step(at(3 * PERIOD, plan.start_posture, fast))
+    assert "the limit of an arm that does not throw is 1" in commander.stopped_by
+    for step in range(4, 20):
+        commander.step(at(step * PERIOD, plan.start_posture, np.zeros(7)))
+    with pytest.raises(PlanRefused, match="the arm is stopped: the (hand|elbow) moves at .* and stays so until it is reset"):
+        commander.throw(plan)
+    commander.reset()
+    commander.throw(plan)
+
+
+def test_an_answer_asks_no_joint_for_more_than_its_motor_has(plan):
+    """With a pull towards a hand that is far away: the whole command is weakened, so that it pulls where it did."""
+    limits = CommanderSettings.configured(torque_share=0.45, farthest_error=10.0)
+    commander, model, peak = Commander(limits), ArmModel(), wam_description().of_joints("peak_torque")
+    stamp = throwing(commander, plan)
+    position = plan.start_posture + 0.3
+    command = commander.step(at(stamp + PERIOD, position, np.zeros(7)))
+    asked = command.joint_torque + model.jacobian(position).T @ command.wrench
+    share = (np.abs(asked) + np.abs(model.gravity_torque(position))) / peak
+    assert 0.44 < share.max() <= 0.45 + 1e-9
 
 
 def throwing(commander, plan):
@@ -485,7 +551,7 @@ def test_settings_come_from_the_parameters_of_the_node():
     assert CommanderSettings.from_parameters(parameters) == CommanderSettings.configured()
     with pytest.raises(KeyError, match="fastest_foot"):
         CommanderSettings.configured(fastest_foot=1.0)
-    assert CommanderSettings.from_parameters({**parameters, "fastest_hand": 2.0}).fastest_hand == 2.0
+    assert CommanderSettings.from_parameters({**parameters, "fastest_hand": 2.0}).limits.fastest_hand == 2.0
 
 
 def test_a_held_command_does_not_open_the_hand_again():

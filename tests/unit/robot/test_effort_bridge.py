@@ -111,6 +111,8 @@ FAULTS = {
     "no command by the stamps": (lambda arm: [arm.state() for _ in range(30)], "no command for 0.05"),
     "no command by the clock": (lambda arm: wait(arm, 0.06), "no state of the arm for 0.06"),
     "states after a gap": (lambda arm: gap(arm, 60 * MS), "no state of the arm for 0.06"),
+    "a hand that is too fast": (lambda arm: arm.state(qd=[0, 2.5, 0, 0, 0, 0, 0]), "the limit of an arm that does not throw"),
+    "a joint beyond its range": (lambda arm: arm.state(q=[*Q[:3], 3.2, *Q[4:]]), "j4 is at 3.200 rad"),
     "stamps that jump back": (lambda arm: gap(arm, -500 * MS), "jumped back by 0.498 s"),
 }  # fmt: skip
 

@@ -114,3 +114,13 @@ def test_a_throw_that_is_stopped_before_the_release_says_why(learned):
     with pytest.raises(ValueError, match="stopped: .*farther than the limit of 1e-05 m"):
         session.throw(learned)
     session.close()
+
+
+def test_a_person_who_is_too_fast_is_stopped_and_the_next_throw_can_be_made(learned):
+    """The limit holds for this throw of the person only: nothing is latched in a world that is built anew."""
+    session = Session(seed=11, commander=CommanderSettings.configured(fastest_hand=2.9, fastest_elbow=0.3))
+    for attempt in (lambda: session.teach(BASKET), lambda: session.teach(BASKET), lambda: session.throw(learned)):
+        with pytest.raises(ValueError, match="stopped.* moves at") as caught:
+            attempt()
+        assert not isinstance(caught.value, PlanRefused) and "the elbow moves at" in session.commander.stopped_by
+    session.close()

@@ -374,3 +374,12 @@ def test_another_world_of_the_cameras_turns_and_shifts_all_bodies_alike():
 def test_stamps_of_receipt_are_late_and_messages_are_not():
     late, usual = poses(clean(stamp_delay=0.012))["hand"], poses(clean())["hand"]
     assert late.stamp_ns - usual.stamp_ns == 12_000_000 and late.publish_ns == usual.publish_ns
+
+
+def test_a_frame_that_is_hours_away_asks_for_no_memory_and_changes_nothing():
+    """The number comes with a message, and every frame before it would be drawn."""
+    system, other = MotionCapture(PARAMETERS, seed=0), MotionCapture(PARAMETERS, seed=0)
+    with pytest.raises(ValueError, match="frame 858993459 of the episode is 858993459 frames after .*: reset the world"):
+        system.observe(0, 0, scene(), number=858_993_459)
+    seen, expected = system.observe(0, 0, scene()), other.observe(0, 0, scene())
+    assert [one.position.tolist() for one in seen] == [one.position.tolist() for one in expected]

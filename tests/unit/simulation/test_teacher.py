@@ -206,3 +206,10 @@ def test_a_person_comes_from_the_parameters_of_the_node():
     parameters = node_parameters("teacher.yaml", "teacher")
     assert Person.from_parameters(parameters) == Person(), "config and defaults agree"
     assert Person.from_parameters({**parameters, "tremble": 1.5}).tremble == 1.5
+
+
+@pytest.mark.parametrize("target", [(0.0, 0.0, 0.0), (0.0, 0.0, 0.4), (0.1, 0.1, 0.4)])
+def test_a_basket_on_the_base_of_the_arm_is_refused(target):
+    """What a miss there says of the next aim is not a number."""
+    with pytest.raises(ValueError, match="stands on the base of the arm"):
+        Teacher().check(np.array(target))

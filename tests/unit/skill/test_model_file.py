@@ -1,18 +1,22 @@
 """A model on disk: the same plan after loading, and nothing but a model is accepted."""
 
+import contextlib
 import io
 import json
+import os
 import pickle
 import zipfile
 from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from dart_skill.recording import Demonstration
 from dart_skill.robot import KnownRegistration, Registration
 from dart_skill.robot._throw_plan import same_plan
-from dart_skill.skill.learn import CONFIGURATIONS, DEFAULT, learn, load_model, save_model
+from dart_skill.skill.learn import CONFIGURATIONS, DEFAULT, _model_file, learn, load_model, save_model
 
 BASKET = np.array([1.8, 0.1, 0.4])
 
@@ -22,6 +26,14 @@ def saved(tmp_path, demonstrations):
     path = tmp_path / "throw.npz"
     save_model(path, demonstrations, DEFAULT)
     return path
+
+
+@pytest.fixture(scope="module")
+def whole_model(tmp_path_factory, demonstrations):
+    """Bytes of a model of one demonstration."""
+    path = tmp_path_factory.mktemp("whole") / "throw.npz"
+    save_model(path, demonstrations[:1], DEFAULT)
+    return path.read_bytes()
 
 
 def test_a_loaded_model_plans_the_same_throw_to_the_last_bit(saved, demonstrations):
@@ -124,6 +136,56 @@ def test_what_is_no_model_is_refused_by_name(tmp_path, kind):
     path = tmp_path / "garbage.npz"
     path.write_bytes(GARBAGE[kind])
     with pytest.raises(ValueError, match="garbage.npz is not a model file of dart_skill"):
+        load_model(path)
+
+
+def test_another_version_is_named(saved):
+    content = dict(np.load(saved))
+    content["format"] = np.array("dart_skill model 7")
+    np.savez(saved, **content)
+    with pytest.raises(ValueError, match="it has version 7, and this dart_skill reads version 1: learn from the bag again"):
+        load_model(saved)
+
+
+def test_no_memory_is_taken_for_what_an_array_only_says_of_itself(saved):
+    head = io.BytesIO()
+    np.lib.format.write_array_header_1_0(head, {"descr": "<f8", "fortran_order": False, "shape": (10**13, 3)})
+    with zipfile.ZipFile(saved, "a") as archive:
+        archive.writestr("0000.more.npy", head.getvalue() + bytes(100))
+    with pytest.raises(ValueError, match="says that it has the shape"):
+        load_model(saved)
+
+
+def test_a_model_that_would_fill_the_memory_is_refused_before_it_does(saved, monkeypatch):
+    monkeypatch.setattr(_model_file, "LARGEST", 1000)
+    with pytest.raises(ValueError, match="more than the 1000 that a model may have"):
+        load_model(saved)
+
+
+def test_a_pipe_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "model")
+    with pytest.raises(OSError, match="model is a named pipe, and not a file"):
+        load_model(tmp_path / "model")
+
+
+def test_a_full_disk_leaves_no_half_a_model(tmp_path, demonstrations, monkeypatch):
+    def full(file, **arrays):
+        file.write(b"PK half a model")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(_model_file.np, "savez_compressed", full)
+    with pytest.raises(OSError, match="No space left"):
+        save_model(tmp_path / "throw.npz", demonstrations, DEFAULT)
+    assert not list(tmp_path.iterdir())
+
+
+@given(st.integers(0, 10**9), st.integers(1, 255))
+def test_any_changed_byte_is_refused_or_changes_nothing(whole_model, tmp_path_factory, place, change):
+    content = bytearray(whole_model)
+    content[place % len(content)] ^= change
+    path = tmp_path_factory.getbasetemp() / "changed.npz"
+    path.write_bytes(bytes(content))
+    with contextlib.suppress(ValueError):
         load_model(path)
 
 

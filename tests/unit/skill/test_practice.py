@@ -1,5 +1,6 @@
 """The memory of practice: trials relabelled with where they landed, strange ones kept out, a full memory that forgets."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -23,7 +24,8 @@ def bulged(demonstration, name, size):
 
     hand = moved(demonstration.hand_time, demonstration.hand_position)
     ball = moved(demonstration.ball_time, demonstration.ball_position)
-    return replace(demonstration, id=name, hand_position=hand, ball_position=ball)
+    nobody = {"joint_time": np.empty(0), "joint_position": np.empty((0, 7)), "joint_velocity": np.empty((0, 7))}
+    return replace(demonstration, id=name, hand_position=hand, ball_position=ball, **nobody)  # joints would say that it did not
 
 
 def test_a_trial_is_a_demonstration_of_where_it_landed(demonstrations):
@@ -144,3 +146,35 @@ def test_a_delay_that_no_hand_can_have_is_none(demonstrations):
     skill = learn([replace(one, hand_opened=one.hand_opened + 0.2) for one in demonstrations])
     plan = skill.plan(demonstrations[2].target)
     assert skill.hand_delay == 0.0 and plan.open_hand == pytest.approx(plan.release)
+
+
+POISON = {
+    "joints in reverse order": (lambda d: {"joint_position": d.joint_position[:, ::-1]}, "by its joints the hand moved otherwise"),
+    "joints that never moved": (lambda d: {"joint_position": 0.0 * d.joint_position}, "by its joints the hand moved otherwise"),
+    "motion nobody knows of": (lambda d: {"motion_start": np.nan, "motion_stop": np.nan}, "its motion is from nan"),
+    "motion before it was recorded": (lambda d: {"motion_start": -100.0}, "its motion is from -100"),
+    "a ball that stayed for minutes": (lambda d: {"ball_time": d.ball_time + 100.0}, "occluded|no hand samples"),
+}
+
+
+@pytest.mark.parametrize("kind", POISON)
+def test_a_poisoned_demonstration_is_named_and_the_others_are_learned_from(demonstrations, kind):
+    spoil, reason = POISON[kind]
+    bad = replace(demonstrations[0], id="bad", **spoil(demonstrations[0]))
+    practice = Practice([*demonstrations, bad])
+    assert list(practice.kept_out) == ["bad"] and re.search(reason, practice.kept_out["bad"])
+    assert practice.learn().model_id == learn(demonstrations).model_id
+
+
+def test_a_demonstration_without_joints_takes_no_posture_away(demonstrations):
+    nobody = {"joint_time": np.empty(0), "joint_position": np.empty((0, 7)), "joint_velocity": np.empty((0, 7))}
+    skill = learn([*demonstrations, replace(demonstrations[0], id="unseen", **nobody)])
+    assert np.isfinite(skill.plan(demonstrations[2].target).start_posture).all()
+
+
+def test_the_posture_has_a_name_of_its_own(demonstrations):
+    """The name of a model leaves out what does not change the movement: from where it starts."""
+    moved = [replace(one, joint_position=one.joint_position + [0, 0, 0, 0, 0, 0, 0.01]) for one in demonstrations]
+    first, second = learn(demonstrations), learn(moved)
+    assert first.model_id == second.model_id and first.posture_id != second.posture_id
+    assert first.posture_id == learn(demonstrations).posture_id

@@ -383,6 +383,7 @@ def test_a_pointer_in_the_sky_leaves_the_basket_where_it_was_dragged_to(page, as
         ("Throw", "throw", {}),
         ("Practise", "practice", {"throws": 10, "follow_basket": False}),
         ("Stop", "stop", {}),
+        ("Reset after a stop", "reset", {}),
     ],
 )
 def test_a_click_asks_for_what_the_button_says(page, asked, label, what, values):

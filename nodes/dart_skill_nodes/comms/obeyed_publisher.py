@@ -1,0 +1,59 @@
+"""Of several publishers of commands one is obeyed: the first, and when that has gone, one of the same name, as after a restart.
+
+Each publisher puts a number of its own into its commands (WamCommand.sender), by which they are told apart.
+"""
+
+import secrets
+
+from rclpy.node import Node
+
+from dart_skill_nodes.comms.presence import UNKNOWN, Presence, publishers
+
+
+def new_sender() -> int:
+    """A number by which commands of one publisher are known; 0 is that of those who do not say."""
+    return secrets.randbelow(2**32 - 1) + 1
+
+
+class ObeyedPublisher:
+    """Whether a command comes from the publisher that is obeyed.
+
+    others: names of the nodes that publish the topic, too, and are not obeyed.
+    """
+
+    def __init__(self, node: Node, topic: str):
+        self.others: list[str] = []
+        self._node, self._topic = node, topic
+        self._presence: Presence | None = None
+        self._gid, self._name, self._sender = b"", "", None
+        self._dead: set[bytes] = set()
+
+    def forget(self) -> None:
+        """Whoever publishes next may be obeyed, if the one that was has gone: somebody decided to go on with another one."""
+        if not self._gid:
+            self._name = ""
+
+    def accepts(self, sender: int) -> bool:
+        """Whether a command with this number is obeyed."""
+        if self._sender is None or sender != self._sender:
+            self.look()
+            if self._gid and self._sender is None and not self.others:
+                self._sender = sender
+        return bool(self._gid) and sender == self._sender and (sender != 0 or not self.others)
+
+    def look(self) -> None:
+        """See who is there. To be called now and then, too: one that was killed leaves the graph long after its end."""
+        there = {bytes(one.endpoint_gid): one.node_name for one in self._node.get_publishers_info_by_topic(self._topic)}
+        if self._gid and (self._gid not in there or (self._presence and self._presence.gone)):
+            self._dead.add(self._gid)
+            self._gid, self._sender = b"", None
+        alive = {gid: name for gid, name in there.items() if gid not in self._dead}
+        if not self._gid and len(alive) == 1:
+            self._obey(*next(iter(alive.items())))
+        if self._gid and self._name in ("", UNKNOWN):
+            self._name = alive[self._gid]
+        self.others = sorted(name for gid, name in alive.items() if gid != self._gid)
+
+    def _obey(self, gid: bytes, name: str) -> None:
+        if self._name in ("", UNKNOWN, name):
+            self._gid, self._name, self._presence = gid, name, publishers(self._node, self._topic)

@@ -1,0 +1,190 @@
+"""Whether somebody is still there: who served, published or asked when it mattered.
+
+A process that ends says so, and DDS takes its endpoints off the graph at once. One that was killed or frozen stays there for the 20 s of
+its participant's lease. So each node offers liveliness on a topic of its own, `~/_alive`, and whoever needs it looks at that: threads of
+the middleware assert it, so a node whose Python code is busy is alive, and so is one on a busy machine. Nothing is ever published there.
+
+Liveliness is polled: callbacks of QoS events deadlock with rclpy's EventsExecutor. A shorter lease of the participants would tell all
+clients, but a node that was frozen for longer is then not always found again (Fast DDS 2.14).
+"""
+
+import time
+from collections import Counter
+from collections.abc import Callable
+from weakref import WeakKeyDictionary
+
+import rclpy
+from rclpy.context import Context
+from rclpy.duration import Duration
+from rclpy.event_handler import QoSSubscriptionEventType
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.qos import LivelinessPolicy, QoSProfile
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+from std_msgs.msg import Empty
+
+LEASE = 3.5
+"""Whoever is not heard of for so long is taken for dead; a process may be held up for 3 s [s, wall clock]."""
+PULSE = 0.5
+"""Fast DDS asserts all topics of a process as often as the shortest of their leases needs it; this one is there for that [s]."""
+SURE = 0.5
+"""A silence that lasts so long beyond the lease is one [s, wall clock]."""
+LOOK = 0.2
+"""Whether somebody is still there is looked at so often [s, wall clock]."""
+NO_CAMERAS = "no cameras"
+UNKNOWN = "_NODE_NAME_UNKNOWN_"
+"""What the middleware calls the node of an endpoint that was discovered before it."""
+
+
+_HERE: set[str] = set()
+"""Nodes of this process: they live as long as it does, and Fast DDS asserts no liveliness within a process."""
+
+
+def be_alive(node: Node) -> None:
+    """Let others know within LEASE when this node is dead or frozen."""
+    _HERE.add(node.get_fully_qualified_name())
+    node.create_publisher(Empty, "~/_alive", _quality(LEASE))
+    node.create_publisher(Empty, "~/_pulse", _quality(PULSE))
+
+
+def _quality(lease: float) -> QoSProfile:
+    return QoSProfile(depth=1, liveliness=LivelinessPolicy.AUTOMATIC, liveliness_lease_duration=Duration(seconds=lease))
+
+
+class _Pulse:
+    """The liveliness of the nodes of one name, as this process sees it. losses: how many have fallen silent so far, and stayed so.
+
+    Only a loss is believed: Fast DDS may forget to tell a subscription that a publisher lives, and miscounts those that do when a dead one
+    leaves. Who was dead before anybody looked is known to be so when its lease is over.
+    """
+
+    def __init__(self, node: Node, name: str):
+        self._node, self._topic = node, f"{name}/_alive"
+        self._there, self._silent, self.losses, self._worse = 0, 0, 0, 0.0
+        self._subscription = node.create_subscription(Empty, self._topic, lambda _: None, _quality(LEASE))
+        with self._subscription.handle:
+            kind = QoSSubscriptionEventType.RCL_SUBSCRIPTION_LIVELINESS_CHANGED
+            self._event = rclpy_implementation.EventHandle(self._subscription.handle, kind)
+
+    def look(self) -> None:
+        """Take in what has changed."""
+        there, self._there = self._there, self._node.count_publishers(self._topic)
+        with self._event:
+            status = self._event.take_event()
+        lost = status.not_alive_count_change if status is not None and status.alive_count_change else 0
+        if lost > 0:
+            self._worse = time.monotonic()
+        self.losses += lost
+        left = max(0, there - self._there)
+        self._silent = max(0, self._silent + lost - left)
+
+    @property
+    def silent(self) -> int:
+        """How many of those that are on the graph say nothing any more."""
+        return self._silent
+
+    @property
+    def is_dead(self) -> bool:
+        """Whether none of them lives."""
+        return self._silent >= max(1, self._there)
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether a silence lasts: whoever was held up itself takes others for dead until it has heard what they said meanwhile."""
+        return time.monotonic() - self._worse > SURE
+
+
+class _Pulses:
+    """Of all nodes that the nodes of this process have needed, on a hidden node that nobody spins.
+
+    One for all: of two subscriptions in a process, Fast DDS tells only the first one that a publisher is alive.
+    """
+
+    def __init__(self, context: Context):
+        self._node = rclpy.create_node("_presence", context=context, start_parameter_services=False, enable_rosout=False)
+        self._of: dict[str, _Pulse] = {}
+        context.on_shutdown(self.close)
+
+    def of(self, name: str) -> _Pulse:
+        """The pulse of the nodes of a name, looked at now."""
+        if name not in self._of:
+            self._of[name] = _Pulse(self._node, name)
+        self._of[name].look()
+        return self._of[name]
+
+    def close(self) -> None:
+        """With the context."""
+        self._of.clear()
+        self._node.destroy_node()
+
+
+_PULSES: WeakKeyDictionary[Context, _Pulses] = WeakKeyDictionary()
+
+
+def _pulse(node: Node, name: str) -> _Pulse:
+    if node.context not in _PULSES:
+        _PULSES[node.context] = _Pulses(node.context)
+    return _PULSES[node.context].of(name)
+
+
+class Presence:
+    """Those who are there now, as `node` sees them. `gone`: not one of them is there any more; never, where nobody was known."""
+
+    def __init__(self, node: Node, look: Callable[[], list[TopicEndpointInfo]]):
+        self._node, self._look, self._gone = node, look, False
+        there = [one for one in look() if one.node_name != UNKNOWN]
+        self._known = {bytes(one.endpoint_gid) for one in there}
+        self._endpoints = Counter(f"{one.node_namespace.rstrip('/')}/{one.node_name}" for one in there)
+        self._losses = {name: _pulse(node, name).losses for name in self._endpoints}
+
+    @property
+    def gone(self) -> bool:
+        """Whether all have left, died or were frozen; whoever thaws is met anew, by another Presence."""
+        self._gone = self._gone or (bool(self._known) and self._are_gone())
+        return self._gone
+
+    def _are_gone(self) -> bool:
+        if not any(bytes(one.endpoint_gid) in self._known for one in self._look()):
+            return True
+        return all(self._is_dead(name, count) for name, count in self._endpoints.items())
+
+    def _is_dead(self, name: str, count: int) -> bool:
+        """One that took the place of a dead one may live already: as many are silent as were there then."""
+        if name in _HERE:
+            return False
+        pulse = _pulse(self._node, name)
+        return pulse.is_sure and (pulse.is_dead or pulse.losses - self._losses[name] >= count)
+
+    def __bool__(self) -> bool:
+        return bool(self._known)
+
+    def __str__(self) -> str:
+        return ", ".join(sorted(name.rsplit("/", 1)[1] for name in self._endpoints)) or "a node"
+
+
+def servers(node: Node, service: str) -> Presence:
+    """Who serves a service; an action's is `<action>/_action/send_goal`."""
+    return Presence(node, lambda: node.get_publishers_info_by_topic(f"rr{service}Reply", no_mangle=True))
+
+
+def publishers(node: Node, topic: str) -> Presence:
+    """Who publishes a topic."""
+    return Presence(node, lambda: node.get_publishers_info_by_topic(topic))
+
+
+def subscribers(node: Node, topic: str) -> Presence:
+    """Who hears a topic; the clients of an action hear `<action>/_action/feedback`."""
+    return Presence(node, lambda: node.get_subscriptions_info_by_topic(topic))
+
+
+def others(node: Node, topic: str) -> list[str]:
+    """Names of the nodes other than this one that publish a topic and live."""
+    there = Counter(f"{one.node_namespace.rstrip('/')}/{one.node_name}" for one in node.get_publishers_info_by_topic(topic))
+    there[node.get_fully_qualified_name()] -= 1
+    return sorted(name.rsplit("/", 1)[1] for name, count in there.items() if count > 0 and count > _pulse(node, name).silent)
+
+
+def no_cameras(node: Node, topic: str) -> str:
+    """What to say if nobody publishes the poses of a body; empty if somebody does. Whoever needs to know looks often."""
+    there = publishers(node, topic)
+    return f"{NO_CAMERAS}: nobody publishes {topic}" if not there or there.gone else ""

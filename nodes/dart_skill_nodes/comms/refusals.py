@@ -1,0 +1,110 @@
+"""What a node does with a message that it cannot use: nothing, but it says so. The message is counted by where it came from, and its reason
+stands in the log and on /diagnostics. One place for all callbacks of all nodes: a `GuardedNode` survives whatever it is sent.
+"""
+
+import time
+import traceback
+from collections import Counter
+from collections.abc import Callable
+
+from rclpy.executors import ExternalShutdownException
+from rclpy.lifecycle import LifecycleNode
+from rclpy.node import Node
+
+SAID_AGAIN = 5.0
+"""A place that goes on refusing is named in the log so often [s, wall clock]: a stream of bad messages is no stream of lines."""
+SHOWN = 10.0
+"""The last refusal is the node's status for so long [s, wall clock]; the counts stay."""
+
+
+class Refusals:
+    """What was refused, by place: a topic, a service, a timer. complain: called with a line for the log.
+
+    counts: by place.
+    """
+
+    def __init__(self, complain: Callable[[str], None]):
+        self.counts: Counter[str] = Counter()
+        self._complain, self._said = complain, {}
+        self._last, self._last_at = "", -SHOWN
+
+    @property
+    def recent(self) -> str:
+        """The last refusal with its reason; empty when that is long ago."""
+        return self._last if time.monotonic() - self._last_at < SHOWN else ""
+
+    def add(self, place: str, error: Exception) -> str:
+        """Count a refusal; the line that says what was refused, and why."""
+        now = time.monotonic()
+        self.counts[place] += 1
+        self._last, self._last_at = f"refused on {place}: {in_a_line(error)}", now
+        if now - self._said.get(place, -SAID_AGAIN) >= SAID_AGAIN:
+            self._said[place] = now
+            self._complain(f"{self._last} ({self.counts[place]} so far)")
+        return self._last
+
+    def accepts(self, place: str, function: Callable, *arguments) -> bool:
+        """Call a function; False if it refuses its arguments, however it does."""
+        try:
+            function(*arguments)
+        except ExternalShutdownException:
+            raise
+        except Exception as error:  # foreign bytes meet code that was written for good ones
+            self.add(place, error)
+            return False
+        return True
+
+
+def in_a_line(error: Exception) -> str:
+    """What an error says; of one that is no plain refusal also where it was raised, as that is a defect of ours."""
+    text = " ".join(str(error).split())[:500]
+    if isinstance(error, ValueError):
+        return text
+    frames = traceback.extract_tb(error.__traceback__)
+    where = f" at {frames[-1].filename.rsplit('/', 1)[-1]}:{frames[-1].lineno}" if frames else ""
+    return f"{type(error).__name__}{where}: {text}"
+
+
+class _Guarded:
+    """Before Node or LifecycleNode: no callback of a subscription, a service or a timer ends the node."""
+
+    def __init__(self, name: str, **options):
+        self.refusals = Refusals(lambda text: self.get_logger().error(text))
+        super().__init__(name, **options)
+
+    def create_subscription(self, msg_type, topic, callback, qos_profile, **options):
+        def hear(message) -> None:
+            self.refusals.accepts(topic, callback, message)
+
+        return super().create_subscription(msg_type, topic, hear, qos_profile, **options)
+
+    def create_service(self, srv_type, srv_name, callback, **options):
+        def answer(request, response):
+            try:
+                return callback(request, response)
+            except Exception as error:  # a request may hold anything
+                return _refusing(srv_type.Response(), self.refusals.add(srv_name, error))
+
+        return super().create_service(srv_type, srv_name, answer, **options)
+
+    def create_timer(self, timer_period_sec, callback, *arguments, **options):
+        def tick() -> None:
+            self.refusals.accepts(f"timer {getattr(callback, '__name__', '')}".strip(), callback)
+
+        return super().create_timer(timer_period_sec, tick, *arguments, **options)
+
+
+class GuardedNode(_Guarded, Node):
+    """A node that survives what it is sent."""
+
+
+class GuardedLifecycleNode(_Guarded, LifecycleNode):
+    """A managed node that survives what it is sent."""
+
+
+def _refusing(response, text: str):
+    """An empty response that says no, where its type has fields for that."""
+    for name, value in (("success", False), ("message", text)):
+        if hasattr(response, name):
+            setattr(response, name, value)
+    return response

@@ -1,0 +1,46 @@
+"""`dart-skill experiment faults`: kills and freezes the nodes of the real graph one after the other, and judges what comes of it."""
+
+import argparse
+import json
+import tempfile
+from pathlib import Path
+
+from dart_skill_nodes.process.discovery import choose_domain
+from dart_skill_nodes.verbs._run import say
+from dart_skill_nodes.verbs.faults.cases import named
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the verb."""
+    parser.description = "Kill and freeze the nodes of the real graph one after the other, and judge what comes of it."
+    parser.add_argument("--case", metavar="TEXT", help="only cases whose names hold this text (default: all of them, about an hour)")
+    parser.add_argument("--list", action="store_true", help="the names of the cases, and nothing else")
+    parser.add_argument("--output", type=Path, help="folder for bags and logs (default: a new one, which is taken away at the end)")
+    parser.add_argument("--bag", type=Path, default=Path("bags/throws"), help="what is replayed (default bags/throws)")
+    parser.add_argument("--page", type=Path, metavar="FILE", help="write the table as a page, too: docs/faults.md")
+    parser.add_argument("--json", action="store_true", help="JSON instead of the table")
+
+
+def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
+    """Run the cases; exit status 1 if one of them is not as it must be."""
+    cases = named(options.case)
+    if options.list:
+        print("\n".join(case.name for case in cases))
+        return 0
+    choose_domain()
+    import rclpy
+
+    from dart_skill_nodes.verbs.faults.bench import run_all
+    from dart_skill_nodes.verbs.faults.reactions import as_json, page
+
+    rclpy.init(args=[])
+    try:
+        with tempfile.TemporaryDirectory(prefix="faults_") as folder:
+            reactions, usual = run_all(cases, (options.output or Path(folder)).resolve(), options.bag, say)
+    finally:
+        rclpy.try_shutdown()
+    table = page(reactions, usual)
+    if options.page:
+        options.page.write_text(table, encoding="utf-8")
+    print(json.dumps([as_json(one, usual) for one in reactions], indent=1) if options.json else table)
+    return int(any(one.faults(usual) for one in reactions))

@@ -1,0 +1,77 @@
+"""Some cases of `dart-skill experiment faults`: a node is killed, frozen or held up, on one graph that has to work again each time."""
+
+from contextlib import closing
+
+import pytest
+
+from dart_skill_nodes.verbs.faults.bench import Bench
+from dart_skill_nodes.verbs.faults.cases import CASES, named
+from dart_skill_nodes.verbs.faults.reactions import Reaction, as_json, page
+
+from .conftest import RUNNING
+
+ON_A_BUSY_MACHINE = 60.0
+"""For an answer [s, wall clock]: docs/faults.md has what is measured on one that has nothing else to do."""
+CHEAP = (
+    "kill_wam_simulator_swing",
+    "kill_commander_swing",
+    "kill_skill_learner_planning",
+    "kill_mock_optitrack_swing",
+    "kill_demonstration_recorder_swing",
+    "kill_teacher_lesson",
+    "kill_coach_practice",
+    "kill_recorder_idle",
+)
+
+
+@pytest.fixture(scope="module")
+def bench(ros, tmp_path_factory):
+    """The graph, taught, with a client that no fault surprises."""
+    folder = tmp_path_factory.mktemp("bench")
+    RUNNING.append(folder)
+    with closing(Bench(folder)) as bench:
+        bench.start()
+        yield bench
+    RUNNING.remove(folder)
+
+
+@pytest.mark.parametrize("name", CHEAP)
+def test_the_client_is_told_the_arm_rests_and_all_works_again(bench, name):
+    (case,) = named(name)
+    reaction = bench.run(case)
+    assert not reaction.faults(bench.usual, ON_A_BUSY_MACHINE), reaction
+
+
+def test_cases_have_names_of_their_own():
+    assert len({case.name for case in CASES}) == len(CASES) >= 80
+    with pytest.raises(ValueError, match="no case is called 'kill_the_cat'"):
+        named("kill_the_cat")
+
+
+def reaction(**changes):
+    """One that is as it must be, but for changes."""
+    (case,) = named("kill_commander_swing")
+    fields = {"succeeded": False, "answer": "commander has gone", "seconds": 4.0, "fastest": 3.0, "strongest": 20.0, "last": 0.0}
+    fields |= {"pushed": (), "bag": "", "afterwards": "", "within": 9.0}
+    return Reaction(case, **(fields | changes))
+
+
+@pytest.mark.parametrize(
+    "changes, said",
+    [
+        ({}, ""),
+        ({"seconds": 6.0}, "answered after 6.0 s"),
+        ({"answer": "no answer"}, "does not name the cause"),
+        ({"fastest": 9.0}, "9.0 rad/s"),
+        ({"strongest": 99.0}, "99 Nm"),
+        ({"last": 1.0}, "still moves at 1.00 rad/s"),
+        ({"bag": "its bag is not whole"}, "its bag is not whole"),
+        ({"afterwards": "does not work again: x"}, "does not work again: x"),
+    ],
+)
+def test_what_is_wrong_is_said(changes, said):
+    one, usual = reaction(**changes), (4.0, 60.0)
+    wrong = one.faults(usual)
+    assert len(wrong) == bool(said) and said in "".join(wrong)
+    assert (said or "| ok |") in page([one], usual)
+    assert as_json(one, usual)["wrong"] == wrong

@@ -1,0 +1,98 @@
+"""Who is still there: a process that is killed or frozen is missed, one that is busy or held up for a while is not."""
+
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+import rclpy
+from std_srvs.srv import Trigger
+
+from dart_skill_nodes.comms.presence import PULSE, Presence, be_alive, servers
+
+BUSY = """
+import rclpy
+from std_srvs.srv import Trigger
+from dart_skill_nodes.comms.presence import be_alive
+rclpy.init()
+node = rclpy.create_node("busy")
+be_alive(node)
+node.create_service(Trigger, "~/serve", lambda request, response: response)
+while True:
+    sum(range(10**6))  # and never spins
+"""
+LIMIT = 60.0
+
+
+@pytest.fixture
+def node(ros):
+    node = rclpy.create_node("watching")
+    yield node
+    node.destroy_node()
+
+
+@pytest.fixture
+def start():
+    """Starts a node that is busy with Python code, in a process of its own."""
+    started = []
+
+    def go():
+        started.append(subprocess.Popen([sys.executable, "-c", BUSY]))
+        return started[-1]
+
+    yield go
+    for process in started:
+        process.kill()
+        process.wait()
+
+
+def come(node, count=1):
+    """Those who serve, as soon as so many do, and one at least lives."""
+    until = time.monotonic() + LIMIT
+    while True:
+        there = servers(node, "/busy/serve")
+        if sum(there._endpoints.values()) >= count and not there.gone:
+            time.sleep(4 * PULSE)  # it has said so: who dies before that is missed only when its lease is over
+            return there
+        assert time.monotonic() < until, "it never came"
+        time.sleep(0.05)
+
+
+def wait_until_gone(presence):
+    until = time.monotonic() + LIMIT
+    while not presence.gone:
+        assert time.monotonic() < until, "it was never missed"
+        time.sleep(0.05)
+
+
+def test_a_process_that_is_busy_is_there_and_one_that_is_killed_or_frozen_is_not(node, start):
+    process = start()
+    there = come(node)
+    assert str(there) == "busy"
+    process.send_signal(signal.SIGSTOP)
+    wait_until_gone(there)
+    process.send_signal(signal.SIGCONT)
+    again = come(node)
+    assert not again.gone and there.gone, "met anew"
+    process.kill()
+    wait_until_gone(again)
+    second = start()
+    new = come(node, count=2)  # the one that was killed stays on the graph for 20 s
+    assert again.gone and not new.gone
+    second.kill()
+    wait_until_gone(new)
+
+
+def test_nodes_of_one_process_do_not_miss_each_other_and_nobody_is_never_gone(node):
+    other = rclpy.create_node("other")
+    be_alive(other)
+    other.create_service(Trigger, "~/serve", lambda request, response: response)
+    until = time.monotonic() + LIMIT
+    while not (there := servers(node, "/other/serve")):
+        assert time.monotonic() < until
+        time.sleep(0.05)
+    assert not there.gone
+    other.destroy_node()
+    wait_until_gone(there)
+    assert not Presence(node, lambda: []).gone
