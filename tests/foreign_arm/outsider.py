@@ -30,6 +30,7 @@ RECORDERS = ("/demonstration_recorder", "/again")
 SERVICES = {
     "/commander/release_arm": SetBool,
     "/commander/stop": Trigger,
+    "/commander/reset": Trigger,
     **{f"{recorder}/{name}": kind for recorder in RECORDERS for name, kind in (("start", Trigger), ("stop", StopDemonstration))},
     "/skill_learner/learn": Learn,
     "/skill_learner/demonstrations": ListDemonstrations,

@@ -111,6 +111,9 @@ def test_an_arm_that_was_stopped_does_not_go_on_by_itself(lesson, throws):
     assert lesson.call("/commander/stop").success
     result = lesson.result(handle)
     assert (result.success, result.message) == (False, "the arm was stopped with /commander/stop")
+    refused = lesson.call("/commander/release_arm", data=True)
+    assert not refused.success and "call /commander/reset" in refused.message
+    assert lesson.call("/commander/reset").success
 
 
 def test_a_person_teaches_with_the_enter_key(lesson, throws):

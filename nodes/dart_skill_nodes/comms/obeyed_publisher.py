@@ -1,6 +1,7 @@
 """Of several publishers of commands one is obeyed: the first, and when that has gone, one of the same name, as after a restart.
 
-Each publisher puts a number of its own into its commands (WamCommand.sender), by which they are told apart.
+Each publisher puts a number of its own into its commands (WamCommand.sender), by which they are told apart. One that was silent and comes
+back, as after it was frozen, is obeyed again unless another one has taken its place.
 """
 
 import secrets
@@ -25,35 +26,41 @@ class ObeyedPublisher:
         self.others: list[str] = []
         self._node, self._topic = node, topic
         self._presence: Presence | None = None
-        self._gid, self._name, self._sender = b"", "", None
-        self._dead: set[bytes] = set()
+        self._gid, self._name, self._sender, self._gone = b"", "", None, False
+        self._replaced: set[bytes] = set()
 
     def forget(self) -> None:
         """Whoever publishes next may be obeyed, if the one that was has gone: somebody decided to go on with another one."""
-        if not self._gid:
+        if not self._gid or self._gone:
             self._name = ""
 
     def accepts(self, sender: int) -> bool:
         """Whether a command with this number is obeyed."""
-        if self._sender is None or sender != self._sender:
+        if self._sender is None or sender != self._sender or self._gone:
             self.look()
             if self._gid and self._sender is None and not self.others:
                 self._sender = sender
+            if self._gone and sender == self._sender:
+                self._meet()  # it speaks, so it lives, whatever was heard of it
         return bool(self._gid) and sender == self._sender and (sender != 0 or not self.others)
 
     def look(self) -> None:
         """See who is there. To be called now and then, too: one that was killed leaves the graph long after its end."""
         there = {bytes(one.endpoint_gid): one.node_name for one in self._node.get_publishers_info_by_topic(self._topic)}
-        if self._gid and (self._gid not in there or (self._presence and self._presence.gone)):
-            self._dead.add(self._gid)
-            self._gid, self._sender = b"", None
-        alive = {gid: name for gid, name in there.items() if gid not in self._dead}
-        if not self._gid and len(alive) == 1:
-            self._obey(*next(iter(alive.items())))
-        if self._gid and self._name in ("", UNKNOWN):
-            self._name = alive[self._gid]
-        self.others = sorted(name for gid, name in alive.items() if gid != self._gid)
+        self._replaced &= set(there)
+        self._gone = bool(self._gid) and (self._gid not in there or self._presence.gone)
+        rivals = {gid: name for gid, name in there.items() if gid != self._gid and gid not in self._replaced}
+        if len(rivals) == 1 and (self._gone or not self._gid):
+            self._obey(*next(iter(rivals.items())))
+        if self._gid in there and self._name in ("", UNKNOWN):
+            self._name = there[self._gid]
+        self.others = sorted(name for gid, name in rivals.items() if gid != self._gid)
 
     def _obey(self, gid: bytes, name: str) -> None:
         if self._name in ("", UNKNOWN, name):
-            self._gid, self._name, self._presence = gid, name, publishers(self._node, self._topic)
+            self._replaced.add(self._gid)
+            self._gid, self._name, self._sender = gid, name, None
+            self._meet()
+
+    def _meet(self) -> None:
+        self._presence, self._gone = publishers(self._node, self._topic), False

@@ -184,7 +184,16 @@ def others(node: Node, topic: str) -> list[str]:
     return sorted(name.rsplit("/", 1)[1] for name, count in there.items() if count > 0 and count > _pulse(node, name).silent)
 
 
-def no_cameras(node: Node, topic: str) -> str:
-    """What to say if nobody publishes the poses of a body; empty if somebody does. Whoever needs to know looks often."""
-    there = publishers(node, topic)
-    return f"{NO_CAMERAS}: nobody publishes {topic}" if not there or there.gone else ""
+class Cameras:
+    """Who publishes the poses of a body. Whoever needs to know looks often."""
+
+    def __init__(self, node: Node, topic: str):
+        self._node, self._topic, self._there = node, topic, None
+
+    @property
+    def missing(self) -> str:
+        """What to say if nobody publishes them now; empty if somebody does."""
+        if self._there and not self._there.gone:
+            return ""
+        self._there = publishers(self._node, self._topic)
+        return "" if self._there and not self._there.gone else f"{NO_CAMERAS}: nobody publishes {self._topic}"

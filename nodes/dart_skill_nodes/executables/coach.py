@@ -25,7 +25,7 @@ from dart_skill_nodes.client.throw_sequence import ThrowSequence
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, finish_by_success, within
 from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions
-from dart_skill_nodes.comms.presence import LEASE, LOOK, Presence, no_cameras, subscribers
+from dart_skill_nodes.comms.presence import LEASE, LOOK, Cameras, Presence, subscribers
 from dart_skill_nodes.comms.qos import WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, run
@@ -58,6 +58,7 @@ class CoachNode(GuardedNode):
         self._rng, self._curriculum = np.random.default_rng([self.p["seed"], 5]), Curriculum()
         self._goal, self._sighting, self._stopped = None, None, ""
         self._client: Presence | None = None  # who waits for the result
+        self._cameras = Cameras(self, pose_topic(self.p["ball_body"]))
         self._looked, self._unseen = time.monotonic(), ""
         self._calls = ServiceCalls(self)
         self._recording = Recording(self, self._calls)
@@ -129,7 +130,7 @@ class CoachNode(GuardedNode):
     def _watch(self) -> None:
         """Practice ends when nobody waits for it any more, and when this node was away for so long that it was given up."""
         now, before = time.monotonic(), self._looked
-        self._looked, self._unseen = now, no_cameras(self, pose_topic(self.p["ball_body"]))
+        self._looked, self._unseen = now, self._cameras.missing
         if self._goal is None or self._stopped:
             return
         if self._client is not None and self._client.gone:

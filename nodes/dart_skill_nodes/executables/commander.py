@@ -28,7 +28,7 @@ from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, finish, pause
 from dart_skill_nodes.comms.joint_states import JOINT_STATES, hear_joint_states
 from dart_skill_nodes.comms.obeyed_publisher import new_sender
-from dart_skill_nodes.comms.presence import LEASE, Presence, no_cameras, others, publishers, servers, subscribers
+from dart_skill_nodes.comms.presence import LEASE, LOOK, Cameras, Presence, others, publishers, servers, subscribers
 from dart_skill_nodes.comms.qos import COMPLETE, FRAMES, LATCHED, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.limits import LIMITS
@@ -58,8 +58,6 @@ TABLE = [
 ]
 FEEDBACK_NS = 50_000_000
 
-WATCH = 0.1
-"""What a throw needs besides the arm is looked at so often [s, wall clock]."""
 STATE_PATIENCE = 4.0
 """For the state of the arm that a goal's stamp names [s, wall clock]."""
 FINDS = 3.0
@@ -114,6 +112,7 @@ class CommanderNode(GuardedNode):
         self._message.header.frame_id = self.p["frame_id"]
         self._fault = ""
         self._goal: GoalUnderWay | None = None
+        self._cameras = Cameras(self, pose_topic(self.p["ball_body"]))
         self._unseen = ""  # why nobody would see a throw
         self._awake = time.monotonic()  # when something was last done [s, wall clock]
         self._strangers: list[str] = []  # who commands the arm, too
@@ -137,7 +136,7 @@ class CommanderNode(GuardedNode):
         accept = {"goal_callback": self._on_goal, "cancel_callback": self._on_cancel}
         self._action = CoroutineActionServer(self, Throw, "/throw", self._throw, self._finish, **accept)
         self._diagnostics = Diagnostics(self, self._describe)
-        self.create_timer(WATCH, self._watch, clock=WALL)
+        self.create_timer(LOOK, self._watch, clock=WALL)
 
     # the control step
 
@@ -229,7 +228,7 @@ class CommanderNode(GuardedNode):
         """What a throw needs and is not there, once a commander that has just been started could have found it; empty if nothing."""
         until = time.monotonic() + FINDS
         while (missing := self._missing_now()) and time.monotonic() < until and not self._goal.withdrawn:
-            await pause(self, WATCH)
+            await pause(self, LOOK)
         return missing
 
     def _missing_now(self) -> str:
@@ -307,12 +306,12 @@ class CommanderNode(GuardedNode):
         """Whether those are there without whom the arm must not move, by the clock of the wall and by what DDS says of them."""
         gap, self._watched = time.monotonic() - self._watched, time.monotonic()
         self._notice_a_gap()
-        self._silence += min(gap, 2 * WATCH)  # who was held up itself has heard nobody
+        self._silence += min(gap, 2 * LOOK)  # who was held up itself has heard nobody
         if self._state is not None and (silent := self._states_ended()):
             self._lose_arm(silent)
         if self._commander.mode == Mode.FREE and self._guide is not None and self._guide.gone:
             self._commander.stop(f"{self._guide} has gone while it guided the arm: the arm is braked and held")
-        self._unseen = no_cameras(self, pose_topic(self.p["ball_body"]))
+        self._unseen = self._cameras.missing
         self._strangers = others(self, "/wam/command")
         if self._goal is not None:
             self._watch_goal(self._goal)

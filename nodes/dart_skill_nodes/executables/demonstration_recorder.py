@@ -41,7 +41,7 @@ from dart_skill.world import ROLES, pose_topic
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink
 from dart_skill_nodes.comms.joint_states import JOINT_STATES
-from dart_skill_nodes.comms.presence import no_cameras
+from dart_skill_nodes.comms.presence import Cameras
 from dart_skill_nodes.comms.qos import LATCHED, WALL
 from dart_skill_nodes.comms.raw_batches import TAKE, RawBatches, RawMessage
 from dart_skill_nodes.comms.tracked_bodies import Arrivals, TrackedBodies
@@ -107,6 +107,7 @@ class DemonstrationRecorder(BagKeeper):
             return TransitionCallbackReturn.FAILURE
         self._tracked = TrackedBodies(self.p["frame_id"], self.get_logger().error)
         self._role_of = {pose_topic(self.p[f"{role}_body"]): role for role in ROLES}
+        self._cameras = [Cameras(self, topic) for topic in sorted(self._role_of)]
         self._recorded = {*self.p["topics"], *self._role_of}
         self._needed = {JOINT_STATES, "/wam/command", "/wam/teacher_wrench", *self._role_of}
         self._silent = {JOINT_STATES, "/wam/command", *(t for t, role in self._role_of.items() if role == "hand")}
@@ -248,7 +249,7 @@ class DemonstrationRecorder(BagKeeper):
     @property
     def _cameras_gone(self) -> str:
         """What to say when poses have come, and nobody publishes any more; empty else."""
-        gone = [no_cameras(self, topic) for topic in sorted(self._role_of)]
+        gone = [missing for one in self._cameras if (missing := one.missing)]
         return gone[0] if self._tracked.newest_ns and all(gone) else ""
 
     def _body_lags(self, role: str) -> bool:

@@ -26,7 +26,7 @@ from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, finish_by_success, pause
 from dart_skill_nodes.comms.joint_states import JOINT_STATES, hear_joint_states
 from dart_skill_nodes.comms.obeyed_publisher import new_sender
-from dart_skill_nodes.comms.presence import LEASE, LOOK, no_cameras, publishers, subscribers
+from dart_skill_nodes.comms.presence import LEASE, LOOK, Cameras, publishers, subscribers
 from dart_skill_nodes.comms.qos import COMPLETE, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, run
@@ -70,6 +70,7 @@ class TeacherNode(GuardedNode):
         self.p = declare(self, "teacher.yaml", TABLE)
         self._teacher = Teacher(self.p["seed"], person=Person.from_parameters(self.p))
         self._goal, self._over, self._begin, self._last_ns = None, None, None, None
+        self._cameras = Cameras(self, pose_topic(self.p["ball_body"]))
         self._withdrawn, self._unseen, self._needed, self._looked, self._speed = "", "", (), time.monotonic(), 0.0
         calls = ServiceCalls(self)
         self._call, self._recording, self._judge = calls.call, Recording(self, calls), Judge(self, calls)
@@ -153,7 +154,7 @@ class TeacherNode(GuardedNode):
 
     def _watch(self) -> None:
         """A lesson needs whoever moves the arm, and whoever asked for it."""
-        self._unseen = no_cameras(self, pose_topic(self.p["ball_body"]))
+        self._unseen = self._cameras.missing
         self._notice_a_gap()
         if self._goal is None:
             return

@@ -23,7 +23,7 @@ from dart_skill.robot import wam_description, write_urdf
 from dart_skill.simulation import Plant, PlantSettings
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.obeyed_publisher import ObeyedPublisher
-from dart_skill_nodes.comms.presence import Presence, publishers
+from dart_skill_nodes.comms.presence import LOOK, Presence, publishers
 from dart_skill_nodes.comms.qos import CLOCK, COMPLETE, FRAMES, LATCHED, LOOP, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.limits import LIMITS
@@ -89,6 +89,7 @@ class WamSimulator(GuardedNode):
         self.add_on_set_parameters_callback(self._refuse_no_arm)
         self._diagnostics = Diagnostics(self, self._describe)
         self._mark = (time.monotonic(), 0)
+        self.create_timer(LOOK, self._watch_those_who_move, clock=WALL)
         self.create_timer(0.1, self._watch, clock=WALL)
         if not self.p["lockstep"]:
             self._wall_due = time.monotonic()
@@ -328,8 +329,8 @@ class WamSimulator(GuardedNode):
 
     # saying what goes on
 
-    def _watch(self) -> None:
-        """Publish an unanswered state again: whoever came late, or lost it, gets it now. Nobody waits for a teacher that has gone."""
+    def _watch_those_who_move(self) -> None:
+        """Who commands the arm, and whether somebody guides it still: nobody waits for a teacher that has gone."""
         for one in self._obeyed.values():
             one.look()
         if self._guide is not None and self._guide.gone:
@@ -337,6 +338,9 @@ class WamSimulator(GuardedNode):
             self.get_logger().error(self._left)
             self._guided, self._guide = False, None
             self._advance() if self.p["lockstep"] else None
+
+    def _watch(self) -> None:
+        """Publish an unanswered state again: whoever came late, or lost it, gets it now."""
         stamp, now = self._plant.state_stamp_ns, time.monotonic()
         if stamp != self._mark[1]:
             self._mark = (now, stamp)
