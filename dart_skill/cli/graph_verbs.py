@@ -1,5 +1,5 @@
 """Verbs that the ROS 2 nodes run: `dart-skill up`, `demo`, `practice`, `teach`, `demonstrations`, `throw`, `learn` without a bag,
-`bag play`, `check arm`, `experiment faults`.
+`bag play`, `check arm`, `experiment faults`, `experiment soak`.
 
 The library knows no ROS. Each of these verbs is a module of `dart_skill_nodes.verbs` with `add_arguments(parser)` and
 `main(options, parser)`, found by its name where the nodes are installed.
@@ -19,6 +19,7 @@ HELP = {
     "demonstrations": "what a graph that runs was shown so far; drop a bad one",
     "throw": "throws of the arm, on a graph that runs",
     "faults": "kill and freeze the nodes of a graph one after the other: what the arm does, and what clients are told",
+    "soak": "practise for hours: does memory, speed, or anything else change?",
     "arm": "listen to the arm and its cameras: a table of what is measured and asked, go or no go",
     "play": "publish a bag's messages over ROS, as they were recorded",
 }

@@ -5,9 +5,9 @@ Nothing else imports `dart_skill.experiments`.
 
 import argparse
 
-from dart_skill.cli.experiment import basket, darts, faults, figure, landscapes, practice, repeatability, search, throws
+from dart_skill.cli.experiment import basket, darts, faults, figure, landscapes, practice, repeatability, search, soak, throws
 
-EXPERIMENTS = (throws, basket, practice, darts, repeatability, search, landscapes, figure, faults)
+EXPERIMENTS = (throws, basket, practice, darts, repeatability, search, landscapes, figure, faults, soak)
 
 
 def add_to(commands: argparse._SubParsersAction) -> None:

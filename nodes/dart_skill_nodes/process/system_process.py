@@ -75,3 +75,18 @@ def _state(pid: int) -> tuple[str, int]:
     except OSError:
         return ENDED[0], 0
     return words[0], int(words[19])
+
+
+def memory_of(pid: int) -> int:
+    """Resident memory of a process [bytes]; OSError if there is none of this number."""
+    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+def threads_of(pid: int) -> int:
+    """How many threads a process has."""
+    return len(os.listdir(f"/proc/{pid}/task"))
+
+
+def descriptors_of(pid: int) -> int:
+    """How many files and sockets a process has open."""
+    return len(os.listdir(f"/proc/{pid}/fd"))

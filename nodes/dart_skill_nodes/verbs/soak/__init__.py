@@ -1,0 +1,122 @@
+"""`dart-skill experiment soak`: practice for hours on the real graph; does it stay as it was?"""
+
+import argparse
+import json
+import time
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dart_skill.files import new_file
+from dart_skill_nodes.process.graph_processes import NODES, SIMULATED, Graph, of_executables
+from dart_skill_nodes.process.system_process import descriptors_of, memory_of, threads_of
+from dart_skill_nodes.verbs._options import add_arm, differences, output_folder
+from dart_skill_nodes.verbs._run import carried_out, say, teach
+from dart_skill_nodes.verbs.soak.samples import Sample, Usage, changes, curve
+
+if TYPE_CHECKING:
+    from dart_skill_nodes.client.graph_client import GraphClient
+
+ROUND = 10
+"""Throws between two samples."""
+DEMONSTRATIONS = 3
+PLANS = "/commander/plan"
+"""The commander publishes one for each throw."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the verb."""
+    parser.description = (
+        "Practise on the real graph for hours. After every ten throws look at the memory, the threads and the open descriptors of its "
+        "processes, and at the speed of its loop; at the end look for every throw in the bag."
+    )
+    parser.add_argument("--minutes", type=float, default=120.0, help="of practice (default 120)")
+    parser.add_argument("--warm-up", type=float, metavar="MINUTES", help="are not judged (default: a tenth of it)")
+    parser.add_argument("--layout", choices=SIMULATED, default="composed", help="processes of the graph (default composed)")
+    parser.add_argument("--seed", type=int, default=0, help="everything random comes from it (default 0)")
+    parser.add_argument("--output", type=Path, help="folder for bag, samples.json, curve and logs (default output/soak_<date>)")
+    add_arm(parser)
+    parser.add_argument("--json", action="store_true", help="the samples as JSON on stdout")
+
+
+def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
+    """Run the soak; exit status 1 if something did not stay as it was."""
+    if not options.minutes > 0.0 or options.seed < 0:
+        parser.error(f"--minutes is {options.minutes}, --seed {options.seed}: give more than 0, and at least 0")
+    options.warm_up = 0.1 * options.minutes if options.warm_up is None else options.warm_up
+    options.differs, options.output = differences(parser, options), output_folder(parser, options.output)
+    samples = carried_out(run, options, "the soak")
+    if samples is None:
+        return 1
+    try:
+        wrong = changes(samples, options.warm_up) + _missing(samples[-1].thrown, options.output / "bag")
+    except ValueError as error:
+        wrong = [str(error)]
+    told = {"samples": [asdict(one) for one in samples], "wrong": wrong}
+    with new_file(options.output / "samples.json", replace=True) as file:
+        file.write((json.dumps(told, indent=1) + "\n").encode())
+    _draw(samples, options)
+    print(json.dumps(told) if options.json else "\n".join([_told(samples), *(wrong or ["all stayed as it was"])]))
+    return int(bool(wrong))
+
+
+def run(options: argparse.Namespace) -> list[Sample]:
+    """The soak on a graph of its own."""
+    from dart_skill_nodes.client.graph_client import GraphClient
+
+    with Graph(options.output / "logs") as graph:
+        client = GraphClient(graph.dead)
+        client.wait_until_gone(NODES)
+        graph.start_all(options.layout, options.seed, options.output / "bag", of_executables(options.layout, options.differs))
+        client.wait_until_ready()
+        teach(client, options.seed, DEMONSTRATIONS)
+        say(client.learn().message)
+        samples = _practise(client, graph, options)
+        client.close()
+    return samples
+
+
+def _practise(client: "GraphClient", graph: Graph, options: argparse.Namespace) -> list[Sample]:
+    samples: list[Sample] = []
+    begun, thrown, stamp = time.monotonic(), 0, 0.0
+    while (time.monotonic() - begun) / 60.0 < options.minutes:
+        asked = time.monotonic()
+        result = client.practise(ROUND)
+        now, before, stamp = time.monotonic(), stamp, _stamp(result)
+        thrown += result.thrown
+        usage = {name: _usage(process.pid) for name, process in graph.processes.items()}
+        if before:  # the first round says when the world's time was what
+            samples.append(Sample((now - begun) / 60.0, thrown, (stamp - before) / (now - asked), usage))
+            say(_told(samples))
+    return samples
+
+
+def _stamp(result) -> float:
+    from dart_skill_nodes.comms import conversions
+
+    return conversions.stamp_ns(result.outcomes[-1].header.stamp) * 1e-9
+
+
+def _usage(pid: int) -> Usage:
+    return Usage(memory_of(pid) / 1e6, threads_of(pid), descriptors_of(pid))
+
+
+def _missing(thrown: int, bag: Path) -> list[str]:
+    """Throws that are not in the bag, in words."""
+    from dart_skill.recording.bags import BagReader
+
+    with BagReader(bag) as reader:
+        found = reader.topics[PLANS].count if PLANS in reader.topics else 0
+    return [f"the bag has {found} throws of {thrown}"] if found < thrown else []
+
+
+def _draw(samples: list[Sample], options: argparse.Namespace) -> None:
+    from dart_skill.figures import save
+
+    save(curve(samples, options.warm_up), options.output, "soak")
+
+
+def _told(samples: list[Sample]) -> str:
+    last = samples[-1]
+    memory = ", ".join(f"{name} {one.memory:.0f} MB" for name, one in last.usage.items())
+    return f"{last.minutes:6.1f} min: {last.thrown} throws, {last.speed:.2f} times real time; {memory}"
