@@ -20,8 +20,7 @@ if TYPE_CHECKING:
 ROUND = 10
 """Throws between two samples."""
 DEMONSTRATIONS = 3
-PLANS = "/commander/plan"
-"""The commander publishes one for each throw."""
+COMMANDS = "/wam/command"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -102,12 +101,16 @@ def _usage(pid: int) -> Usage:
 
 
 def _missing(thrown: int, bag: Path) -> list[str]:
-    """Throws that are not in the bag, in words."""
+    """Throws that are not in the bag, in words: lessons open the hand, too."""
     from dart_skill.recording.bags import BagReader
+    from dart_skill.recording.grip_signal import GripSignal
 
+    grip = GripSignal()
     with BagReader(bag) as reader:
-        found = reader.topics[PLANS].count if PLANS in reader.topics else 0
-    return [f"the bag has {found} throws of {thrown}"] if found < thrown else []
+        for message in reader.messages([COMMANDS], decode=False):
+            grip.take_command(message.data)
+    found = len(grip.openings)
+    return [f"the hand opened {found} times in the bag, for {thrown} throws"] if found < thrown else []
 
 
 def _draw(samples: list[Sample], options: argparse.Namespace) -> None:
