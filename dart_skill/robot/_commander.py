@@ -46,6 +46,8 @@ RESTS = 0.05
 """A stop is over when no joint is faster [rad/s]."""
 NO_TORQUE = np.zeros(N_JOINTS)
 """What the commander asks of a joint is cut to its limit: there is nothing to watch."""
+JUMP = 0.1, 30.0
+"""A joint moves less between two states than this [rad], and this speed [rad/s] times the time between them: else it is another arm's."""
 LONGEST_STOP = 2.0
 """An arm that still creeps after so long, because gravity is compensated badly, is held where it is [s]."""
 
@@ -165,6 +167,7 @@ class Commander:
         self._braking: tuple[np.ndarray, np.ndarray] | None = None
         self._entered_ns: int | None = 0
         self._last_ns: int | None = None
+        self._last: ArmState | None = None
         self.time, self.tracking_error = float("nan"), float("nan")
         self.reference: Reference | None = None
         self.opened_ns: int | None = None
@@ -261,6 +264,7 @@ class Commander:
         """The command that answers `state`."""
         if not (all_finite(state.position) and all_finite(state.velocity)):
             raise ValueError(f"joint state of {state.stamp_ns} ns is not finite: {state.position}, {state.velocity}")
+        self._refuse_jump(state)
         self._notice_gap(state)
         if self._requested is not None:
             self._begin_throw(self._requested, state)
@@ -400,6 +404,18 @@ class Commander:
     }
 
     # helpers
+
+    def _refuse_jump(self, state: ArmState) -> None:
+        """ValueError for a state that the arm cannot have come to from the last one; after a gap it may be anywhere."""
+        last = self._last
+        if last is None or not 0.0 <= (gap := (state.stamp_ns - last.stamp_ns) * 1e-9) <= self.settings.longest_gap:
+            self._last = state
+            return
+        jump = np.abs(state.position - last.position)
+        if (most := float(jump.max())) > JUMP[0] + JUMP[1] * gap:
+            name = self._description.joints[int(jump.argmax())].name
+            raise ValueError(f"{name} jumped by {most:.2f} rad within {gap:.3f} s: that is another arm, or the message is damaged")
+        self._last = state
 
     def _notice_gap(self, state: ArmState) -> None:
         """After a gap in the states, as when the world was reset, the arm is held where it is found; a free arm stays free."""
