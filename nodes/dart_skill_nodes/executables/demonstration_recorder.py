@@ -257,11 +257,11 @@ class DemonstrationRecorder(BagKeeper):
         return gone[0] if self._tracked.newest_ns and all(gone) else ""
 
     def _body_lags(self, role: str) -> bool:
-        return self._tracked.is_late(role, self._up_to, time.monotonic())
+        return self._tracked.is_late(role, self._up_to)
 
     def _ball_lags(self, target: np.ndarray, opened: int, until: int) -> bool:
         """Whether poses of the ball may be on their way that decide where it came down."""
-        late = self._tracked.is_late("ball", until, time.monotonic())
+        late = self._tracked.is_late("ball", until)
         return late and not seen_down(self._tracked.log, target, opened, until)
 
     @property

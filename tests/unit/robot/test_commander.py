@@ -390,7 +390,8 @@ def test_an_answer_asks_no_joint_for_more_than_its_motor_has(plan):
     commander, model, peak = Commander(limits), ArmModel(), wam_description().of_joints("peak_torque")
     stamp = throwing(commander, plan)
     position = plan.start_posture + 0.3
-    command = commander.step(at(stamp + PERIOD, position, np.zeros(7)))
+    commander.step(at(stamp + PERIOD, plan.start_posture + 0.15, np.zeros(7)))
+    command = commander.step(at(stamp + 2 * PERIOD, position, np.zeros(7)))
     asked = command.joint_torque + model.jacobian(position).T @ command.wrench
     share = (np.abs(asked) + np.abs(model.gravity_torque(position))) / peak
     assert 0.44 < share.max() <= 0.45 + 1e-9

@@ -246,7 +246,11 @@ class Bench:
             if case.phase == "idle":
                 hurt.now()
                 self._let_come(KNOWN if case.fault == ATTACK else 0.0)
+            until = time.monotonic() + BACK
             succeeded, answer, asked = self._try(lambda: self._job(case))
+            while not hurt.at and not succeeded and time.monotonic() < until:  # a node that was started anew is not yet known to all
+                self._let_come(SETTLE)
+                succeeded, answer, asked = self._try(lambda: self._job(case))
             answered = time.monotonic()
             self._let_come(SETTLE)
             if case.goes_on and succeeded:
