@@ -424,9 +424,9 @@ class Commander:
         if 0.0 <= gap <= self.settings.longest_gap:
             return
         if self._mode in (Mode.APPROACHING, Mode.SETTLING, Mode.THROWING, Mode.FOLLOWING_THROUGH):
-            self.message = f"no state of the arm for {gap:.2f} s during a throw"
+            self.message = f"{_gone_by(gap)} during a throw"
         if self._mode == Mode.MOVING:
-            self.message = f"no state of the arm for {gap:.2f} s while it moved to a posture"
+            self.message = f"{_gone_by(gap)} while it moved to a posture"
         self._hold, self._found = None, False
         if self._mode != Mode.FREE:
             self._mode = Mode.HOLDING
@@ -467,6 +467,11 @@ class Commander:
         if self.tracking_error > self.settings.farthest_error and self.time < self._plan.release:
             return f"the hand is {self.tracking_error:.3f} m from the plan, farther than the limit of {self.settings.farthest_error} m"
         return ""
+
+
+def _gone_by(gap: float) -> str:
+    """A gap between two states [s], in words."""
+    return f"no state of the arm for {gap:.2f} s" if gap > 0.0 else f"the states of the arm went back in time by {-gap:.3f} s"
 
 
 def registered(plan: ThrowPlan, measured: Registration | None) -> ThrowPlan:

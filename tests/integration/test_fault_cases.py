@@ -36,7 +36,7 @@ def bench(ros, tmp_path_factory):
     """The graph, taught, with a client that no fault surprises."""
     folder = tmp_path_factory.mktemp("bench")
     RUNNING.append(folder)
-    with closing(Bench(folder, extra=())) as bench:
+    with closing(Bench(folder, extra=(), speed=0.0)) as bench:
         bench.start()
         yield bench
     RUNNING.remove(folder)

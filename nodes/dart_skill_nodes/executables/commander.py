@@ -167,7 +167,8 @@ class CommanderNode(GuardedNode):
             goal.fed_ns = state.stamp_ns
             self._feed(self._commander.mode.value if self._commander.throwing else "watching")
             self._publish_attractor(state)
-        if goal.ended_ns is None and not self._commander.throwing:
+        rests = self._commander.mode != Mode.STOPPING  # who holds the world at the result finds an arm that can be reset
+        if goal.ended_ns is None and not self._commander.throwing and rests:
             opened = self._commander.opened_ns
             watch = 0 if opened is None else round(self.p["watch_time"] * 1e9)
             goal.ended_ns = max(state.stamp_ns, (opened or 0) + watch)

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
+import numpy as np
 from dart_skill_msgs.action import Throw
 from rcl_interfaces.srv import GetParameters
 from std_msgs.msg import String
@@ -47,6 +48,10 @@ from dart_skill_nodes.verbs.faults.stranger import DONE, ORDERS
 SEED = 0
 SWINGS = 1.5
 """Joint speed that only a throw reaches: approaches are slower [rad/s]."""
+LESSONS = 4.0
+"""Speed of the fastest joint before the wrist in the thirteen lessons of bags/demonstrations [rad/s]."""
+ENOUGH = 2
+"""Demonstrations that are learned from."""
 SETTLE = 1.0
 """The arm is watched so long after the client's answer [s, wall clock]."""
 PATIENCE = 30.0
@@ -78,11 +83,13 @@ class Bench:
     """One graph, on which cases are tried one after the other until one leaves it broken.
 
     extra: nodes besides those of the layout that are there from the start; others of BYSTANDERS are started when a case needs them.
+    speed: of simulated time in a case, 0: as fast as it goes.
     """
 
     layout = "processes"
 
-    def __init__(self, folder: Path, extra: tuple[str, ...] = (RECORDER, VIEWER)):
+    def __init__(self, folder: Path, extra: tuple[str, ...] = (RECORDER, VIEWER), speed: float = 1.0):
+        self._speed = speed
         self._folder, self._graph, self._bags, self._extra = folder, Graph(folder / "logs"), 0, extra
         self._bag_of: dict[str, Path] = {}
         self._disk: SmallDisk | None = None
@@ -96,10 +103,11 @@ class Bench:
         self.client.node.create_subscription(kind, "/throw/_action/feedback", self._on_feedback, 10)
         self._orders = self.client.node.create_publisher(String, ORDERS, 10)
         self._done: set[str] = set()
+        self._lessons = 0  # that the recorder has kept since it was started: who learns anew hears of no others
         self.client.node.create_subscription(String, DONE, lambda message: self._done.add(message.data), LATCHED)
         self._reset_arm = self.client.node.create_client(Trigger, "/commander/reset")
         self._shown, (self._target,) = targets_for(SEED, 2, 1)
-        self.usual = (0.0, float(wam_description().of_joints("peak_torque").max()))
+        self.usual = (LESSONS, float(wam_description().of_joints("peak_torque").max()))
 
     def close(self) -> None:
         """End all processes."""
@@ -122,11 +130,9 @@ class Bench:
         self.client.wait_until_ready()
         self._hurry(True)
         for target in self._shown:
-            lesson = self.client.teach(target)
-            if not lesson.success:
-                raise GraphFailure(f"the bench has no lesson: {lesson.message}")
-        self.client.learn()
-        self.client.throw(self._target)
+            self._lesson(target)
+        self._learn()
+        self._throw()
         self._hurry(False)
         self._learn_what_is_usual()
 
@@ -136,8 +142,9 @@ class Bench:
 
     def _start(self, node: str) -> None:
         parameters = parameters_of(node, self.layout, SEED, str(self._new_bag(node)))
+        self._lessons = 0 if node == DEMONSTRATIONS else self._lessons
         if node == SIMULATOR:
-            parameters["speed_factor"] = 1.0  # moments are hit, and the meter keeps up
+            parameters["speed_factor"] = self._speed
         if node == RECORDER:
             parameters["bag"] = str(self._bag_of[node])
         if node == VIEWER:
@@ -177,6 +184,8 @@ class Bench:
         if case.fault == FULL_DISK:
             self._disk, self._filled = SmallDisk(self._folder / f"disk_{self._bags}"), case.node
             self._start_again(case.node)
+        elif case.node == LEARNER and case.fault == KILL and self._lessons < ENOUGH:
+            self._works(*[self._lesson] * (ENOUGH - self._lessons))
         elif case.node in BYSTANDERS and case.node not in self._graph.processes:
             self._start(case.node)
             self._reach(case.node)
@@ -288,10 +297,12 @@ class Bench:
             return self._learn()
         return self._throw()
 
-    def _lesson(self) -> str:
-        lesson = self.client.teach(self._shown[0])
+    def _lesson(self, target: np.ndarray | None = None) -> str:
+        """At a target (3,); default: another one each time."""
+        lesson = self.client.teach(self._shown[self._lessons % len(self._shown)] if target is None else target)
         if not lesson.success:
             raise GraphFailure(lesson.message)
+        self._lessons += 1
         return lesson.message
 
     def _practice(self) -> str:
@@ -302,7 +313,7 @@ class Bench:
         return practised.message
 
     def _learn(self) -> str:
-        return self.client.learn(at_least=2).message
+        return self.client.learn(at_least=ENOUGH).message
 
     def _throw(self) -> str:
         thrown = self.client.throw(self._target)
@@ -325,7 +336,6 @@ class Bench:
         """End what hurts: start a killed node again, let a frozen one go on, send the stranger away; what is wrong with its bag."""
         if case.fault in (*OF_TOPICS, ATTACK):
             self._order_and_wait(end=True)
-            self.client.call(self._reset_arm, Trigger.Request(), may_refuse=True)  # an arm that was stopped stays so until then
             return ""
         wrong = ""
         if case.fault == FULL_DISK and self._disk is not None:
@@ -370,6 +380,8 @@ class Bench:
         try:
             if case.fault in OF_NODES:
                 self._reach(case.node)
+            elif not succeeded:
+                self.client.call(self._reset_arm, Trigger.Request(), may_refuse=True)  # an arm that was stopped stays so until then
             self._works(*self._jobs_afterwards(case, succeeded))
         except FAILURES as failure:
             return f"does not work again: {failure}"
@@ -395,7 +407,8 @@ class Bench:
 
     def _hurry(self, hurry: bool) -> None:
         """Time as fast as it can go, or so that moments are hit and the meter keeps up."""
-        self.client.set_parameters(f"/{SIMULATOR}", {"speed_factor": 0.0 if hurry else 1.0})
+        if self._speed:
+            self.client.set_parameters(f"/{SIMULATOR}", {"speed_factor": 0.0 if hurry else self._speed})
 
     def _let_come(self, seconds: float) -> None:
         until = time.monotonic() + seconds

@@ -110,7 +110,7 @@ OF_ATTACKS: dict[str, dict[str, str]] = {
         **dict.fromkeys(("strong_commands", "future_commands", "nan_commands", "strong_pushes", "poses_before_time"), GOES_ON),
         **dict.fromkeys(("poses_beyond_the_world", "clock_before_time", "parameters", "release", "second_goal", "garbage"), GOES_ON),
         "commands_under_its_number": ANY,
-        "reversed_states": "publish /joint_states",
+        "reversed_states": "publish /joint_states|went back in time",
         "six_joints": "publish /joint_states",
         "stop": "stopped by ~/stop",
         "reset": ANY,

@@ -20,7 +20,7 @@ class Reaction:
     """Of the graph to one case.
 
     * answer, seconds: what the client was told, and how long after the fault [s, wall clock].
-    * fastest, strongest: of all joints after the fault [rad/s], [N m]; last: speed of the fastest joint when the watching ended.
+    * fastest, strongest: of the joints before the wrist, and of all, after the fault [rad/s], [N m]; last: of all when the watching ended.
     * pushed: who sent commands that push after the fault; at_once: whether commander and teacher did so in one step.
     * bag: what is wrong with the bag of a recorder that was killed, empty if nothing is.
     * afterwards: why the graph does not work again with only the faulty node started again, empty if it does; within [s, wall clock].
@@ -87,8 +87,8 @@ it is there, whatever its Python code is busy with, and 4 s after their last wor
 still, though nobody holds it, is noticed after 4.4 s. Where it depends on which message was hurt, the client must be
 told, but not within a time.
 
-Speed and torque are those of the fastest and the strongest joint after the fault, from the ground truth of the
-simulator. Under `pushed` stands who sent commands that push; those of a stranger are not obeyed.
+Speed and torque are those of the fastest joint before the wrist and of the strongest joint after the fault, from the
+ground truth of the simulator. Under `pushed` stands who sent commands that push; those of a stranger are not obeyed.
 """
 MEANING = {
     "kill": "SIGKILL; then the node is started again.",
@@ -111,7 +111,7 @@ def page(reactions: list[Reaction], usual: tuple[float, float]) -> str:
     lines = [
         HEAD,
         f"{good} of {len(reactions)} cases are as they must be. In throws and lessons without a fault the fastest joint",
-        f"makes {usual[0]:.1f} rad/s, and the strongest motor has {usual[1]:.0f} Nm.",
+        f"before the wrist makes {usual[0]:.1f} rad/s, and the strongest motor has {usual[1]:.0f} Nm.",
     ]
     for fault in FAULTS:
         if of_fault := [one for one in reactions if one.case.fault == fault]:
