@@ -57,6 +57,8 @@ TABLE = [
 
 RESTS = 0.05
 """An arm that is let go of rests below this joint speed [rad/s]."""
+LONGEST_GAP = 0.1
+"""Between two states of an arm that is guided [s]."""
 FINDS = 15
 """Looks for the cameras, until there are none."""
 LONGEST_BRAKE = 10
@@ -97,12 +99,19 @@ class TeacherNode(GuardedNode):
         self._notice_a_gap()
         state = conversions.arm_state(conversions.decoded(data, JointState))
         if state.stamp_ns != self._last_ns:
+            self._notice_a_jump(state.stamp_ns)
             self._last_ns, self._speed = state.stamp_ns, float(np.abs(state.velocity).max())
             self._time.goes_on()
             conversions.fill_command(self._message, self._try_to_push(state))
         self._wrench.publish(self._message)
         if self._over is not None and self._ended_ns is not None and self._last_ns >= self._ended_ns:
             self._over.keep()
+
+    def _notice_a_jump(self, ns: int) -> None:
+        """A person lets go of an arm that is suddenly elsewhere: somebody reset the world, or states got lost."""
+        gap = 0.0 if self._last_ns is None else (ns - self._last_ns) * 1e-9
+        if self._guiding and not 0.0 <= gap <= LONGEST_GAP:
+            self._withdraw(f"the arm's time jumped by {gap:.2f} s while it was guided: did somebody reset the world?")
 
     def _try_to_push(self, state) -> Command:
         """The push for a state; a person who does not know how to go on pushes no more, and the lesson ends."""
