@@ -17,17 +17,16 @@ ON_A_BUSY_MACHINE = 60.0
 CHEAP = (
     "kill_wam_simulator_swing",
     "kill_skill_learner_planning",
-    "freeze_demonstration_recorder_swing",
-    "hold_up_commander_swing",
     "freeze_commander_lesson",
-    "kill_teacher_lesson",
-    "kill_coach_practice",
-    "full_disk_demonstration_recorder_lesson",
+    "hold_up_mock_optitrack_swing",
+    "full_disk_demonstration_recorder_practice",
     "attack_strong_commands_swing",
     "attack_reversed_states_swing",
+    "attack_garbage_swing",
     "attack_guided_reset_lesson",
-    "lose_command_swing",
+    "duplicate_command_swing",
     "corrupt_command_swing",
+    "lose_command_swing",
 )
 
 

@@ -41,7 +41,7 @@ from dart_skill_nodes.verbs.faults.cases import (
     Case,
 )
 from dart_skill_nodes.verbs.faults.hurt import Hurt
-from dart_skill_nodes.verbs.faults.reactions import Reaction
+from dart_skill_nodes.verbs.faults.reactions import AT_REST, Reaction
 from dart_skill_nodes.verbs.faults.small_disk import SmallDisk
 from dart_skill_nodes.verbs.faults.stranger import DONE, ORDERS
 
@@ -52,8 +52,8 @@ LESSONS = 4.0
 """Speed of the fastest joint before the wrist in the thirteen lessons of bags/demonstrations [rad/s]."""
 ENOUGH = 2
 """Demonstrations that are learned from."""
-SETTLE = 1.0
-"""The arm is watched so long after the client's answer [s, wall clock]."""
+SETTLE, RESTS = 1.0, 0.5
+"""The arm is watched so long after the client's answer, or until it has rested for the latter [s, wall clock]."""
 PATIENCE = 30.0
 """A client without an answer after so long has none [s, wall clock]."""
 BACK = 60.0
@@ -204,7 +204,6 @@ class Bench:
             self._need_stranger()
             self._order_and_wait(relay=topic, heard=topic + BEHIND)
         self.client.wait_until_ready()
-        self._works(self._throw)
 
     def _need_stranger(self) -> None:
         if self._stranger is not None:
@@ -261,7 +260,7 @@ class Bench:
                 self._let_come(SETTLE)
                 succeeded, answer, asked = self._try(lambda: self._job(case))
             answered = time.monotonic()
-            self._let_come(SETTLE)
+            self._watch_it_rest()
             if case.goes_on and succeeded:
                 self._learn_what_is_usual()
         finally:
@@ -410,6 +409,13 @@ class Bench:
         if self._speed:
             self.client.set_parameters(f"/{SIMULATOR}", {"speed_factor": 0.0 if hurry else self._speed})
 
+    def _watch_it_rest(self) -> None:
+        """Until the arm has rested for a while, or should have come to rest."""
+        moved = begun = time.monotonic()
+        while time.monotonic() < min(moved + RESTS, begun + SETTLE):
+            self.client.spin()
+            moved = time.monotonic() if self.meter.speed > AT_REST else moved
+
     def _let_come(self, seconds: float) -> None:
         until = time.monotonic() + seconds
         while time.monotonic() < until:
@@ -472,6 +478,14 @@ class ReplayBench(Bench):
         return ""
 
 
+def _reaction(bench: Bench, case: Case) -> Reaction:
+    """Of a graph to a case; one that could not even be tried leaves a graph that is replaced."""
+    try:
+        return bench.run(case)
+    except FAILURES as failure:
+        return Reaction(case, False, str(failure), 0.0, 0.0, 0.0, 0.0, (), False, "", f"not tried: {failure}", 0.0)
+
+
 def run_all(cases: list[Case], folder: Path, played: Path, say: Callable[[str], None]) -> tuple[list[Reaction], tuple[float, float]]:
     """Reactions to cases; and the speed of the joints without a fault, and the torque that the arm has at most.
 
@@ -487,7 +501,7 @@ def run_all(cases: list[Case], folder: Path, played: Path, say: Callable[[str], 
         with closing(ReplayBench(here, played) if replay else Bench(here)) as bench:
             bench.start()
             while left and (left[0].phase == "replay") == replay:
-                reactions.append(bench.run(left.pop(0)))
+                reactions.append(_reaction(bench, left.pop(0)))
                 usual = (max(usual[0], bench.usual[0]), max(usual[1], bench.usual[1]))
                 wrong = "; ".join(reactions[-1].faults(usual))
                 say(f"{reactions[-1].case.name}: {reactions[-1].seconds:.1f} s: {reactions[-1].answer}: {wrong or 'ok'}")
