@@ -111,7 +111,7 @@ class TeacherNode(GuardedNode):
         """A person lets go of an arm that is suddenly elsewhere: somebody reset the world, or states got lost."""
         gap = 0.0 if self._last_ns is None else (ns - self._last_ns) * 1e-9
         if self._guiding and not 0.0 <= gap <= LONGEST_GAP:
-            self._withdraw(f"the arm's time jumped by {gap:.2f} s while it was guided: did somebody reset the world?")
+            self._withdraw(f"the arm's time jumped by {gap:.3f} s while it was guided: did somebody reset the world?")
 
     def _try_to_push(self, state) -> Command:
         """The push for a state; a person who does not know how to go on pushes no more, and the lesson ends."""
