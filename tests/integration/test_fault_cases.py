@@ -18,7 +18,7 @@ CHEAP = (
     "kill_wam_simulator_swing",
     "kill_skill_learner_planning",
     "freeze_commander_lesson",
-    "hold_up_mock_optitrack_swing",
+    "hold_up_commander_swing",
     "full_disk_demonstration_recorder_practice",
     "attack_strong_commands_swing",
     "attack_reversed_states_swing",

@@ -22,6 +22,7 @@ from rclpy.action import ActionClient
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
+from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -271,7 +272,7 @@ ATTACKS: dict[str, Callable[[Stranger], None]] = {
 def main() -> None:
     """Until it is told to end."""
     interrupts = Interrupts()
-    rclpy.init(args=[])
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     stranger, executor = Stranger(), make_executor()
     executor.add_node(stranger)
     while rclpy.ok() and not interrupts:
