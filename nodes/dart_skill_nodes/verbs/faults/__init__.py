@@ -16,7 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--case", metavar="TEXT", help="only cases whose names hold this text (default: all, which takes half an hour)")
     parser.add_argument("--list", action="store_true", help="the names of the cases, and nothing else")
     parser.add_argument("--output", type=Path, help="folder for bags and logs (default: a new one, which is taken away at the end)")
-    parser.add_argument("--bag", type=Path, default=Path("bags/throws"), help="what is replayed (default bags/throws)")
+    parser.add_argument("--bag", type=Path, default=Path("bags/demonstrations"), help="what is replayed (default bags/demonstrations)")
     parser.add_argument("--page", type=Path, metavar="FILE", help="write the table as a page, too: docs/faults.md")
     parser.add_argument("--json", action="store_true", help="JSON instead of the table")
 
