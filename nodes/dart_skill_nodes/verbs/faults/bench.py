@@ -43,7 +43,7 @@ from dart_skill_nodes.verbs.faults.cases import (
 from dart_skill_nodes.verbs.faults.hurt import Hurt
 from dart_skill_nodes.verbs.faults.reactions import AT_REST, Reaction
 from dart_skill_nodes.verbs.faults.small_disk import SmallDisk
-from dart_skill_nodes.verbs.faults.stranger import DONE, ORDERS
+from dart_skill_nodes.verbs.faults.stranger import DONE, NAME, ORDERS
 
 SEED = 0
 SWINGS = 1.5
@@ -156,6 +156,7 @@ class Bench:
         if (process := self._graph.processes.pop(node, None)) is not None:
             process.send_signal(signal.SIGINT)
             process.wait(BACK)
+            self.client.wait_until_gone((node,))
         self._start(node)
         self._reach(node)
 
@@ -194,6 +195,7 @@ class Bench:
         """Let the messages of a publisher go through the stranger, and no others."""
         before, self._relayed = self._relayed, relayed
         self._end_stranger()
+        self.client.wait_until_gone((NAME,))
         self._graph.remappings.clear()
         if before is not None and (relayed is None or before[1] != relayed[1]):
             self._start_again(before[1])

@@ -72,7 +72,7 @@ ARM = {name: name for name in (SIMULATOR, COMMANDER)}
 THROW = {**ARM, LEARNER: GOES_ON, CAMERAS: UNSEEN, DEMONSTRATIONS: DEMONSTRATIONS, TEACHER: GOES_ON, COACH: GOES_ON, **BYSTANDERS}
 """Of a throw under way: what each node is to it."""
 OF_KILLED: dict[str, dict[str, str]] = {
-    "idle": {**THROW, LEARNER: LEARNER, CAMERAS: "no cameras", TEACHER: TEACHER, COACH: COACH},
+    "idle": {**THROW, LEARNER: LEARNER, TEACHER: TEACHER, COACH: COACH},
     "lesson": {**THROW, TEACHER: TEACHER},
     "learning": {LEARNER: LEARNER, **dict.fromkeys((DEMONSTRATIONS, SIMULATOR, COMMANDER), GOES_ON)},
     "planning": {**THROW, LEARNER: LEARNER},
