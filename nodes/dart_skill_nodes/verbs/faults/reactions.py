@@ -3,7 +3,7 @@
 import re
 from dataclasses import asdict, dataclass
 
-from dart_skill_nodes.verbs.faults.cases import ANY, FAULTS, Case
+from dart_skill_nodes.verbs.faults.cases import ANY, CASES, FAULTS, Case
 
 ANSWERED = 5.0
 """Every client has its answer within so long of the fault [s, wall clock]."""
@@ -113,6 +113,8 @@ def page(reactions: list[Reaction], usual: tuple[float, float]) -> str:
         f"{good} of {len(reactions)} cases are as they must be. In throws and lessons without a fault the fastest joint",
         f"before the wrist makes {usual[0]:.1f} rad/s, and the strongest motor has {usual[1]:.0f} Nm.",
     ]
+    if len(reactions) < len(CASES):
+        lines += ["", f"Only these {len(reactions)} of the {len(CASES)} cases were tried."]
     for fault in FAULTS:
         if of_fault := [one for one in reactions if one.case.fault == fault]:
             lines += ["", f"## {fault}", "", MEANING[fault], "", *_table(of_fault, usual)]
