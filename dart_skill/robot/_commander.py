@@ -46,6 +46,8 @@ RESTS = 0.05
 """A stop is over when no joint is faster [rad/s]."""
 NO_TORQUE = np.zeros(N_JOINTS)
 """What the commander asks of a joint is cut to its limit: there is nothing to watch."""
+JUMP = 0.1, 30.0
+"""A joint moves less between two states than this [rad], and this speed [rad/s] times the time between them: else it is another arm's."""
 LONGEST_STOP = 2.0
 """An arm that still creeps after so long, because gravity is compensated badly, is held where it is [s]."""
 
@@ -165,6 +167,7 @@ class Commander:
         self._braking: tuple[np.ndarray, np.ndarray] | None = None
         self._entered_ns: int | None = 0
         self._last_ns: int | None = None
+        self._last: ArmState | None = None
         self.time, self.tracking_error = float("nan"), float("nan")
         self.reference: Reference | None = None
         self.opened_ns: int | None = None
@@ -261,6 +264,7 @@ class Commander:
         """The command that answers `state`."""
         if not (all_finite(state.position) and all_finite(state.velocity)):
             raise ValueError(f"joint state of {state.stamp_ns} ns is not finite: {state.position}, {state.velocity}")
+        self._refuse_jump(state)
         self._notice_gap(state)
         if self._requested is not None:
             self._begin_throw(self._requested, state)
@@ -401,6 +405,18 @@ class Commander:
 
     # helpers
 
+    def _refuse_jump(self, state: ArmState) -> None:
+        """ValueError for a state that the arm cannot have come to from the last one; after a gap it may be anywhere."""
+        last = self._last
+        if last is None or not 0.0 <= (gap := (state.stamp_ns - last.stamp_ns) * 1e-9) <= self.settings.longest_gap:
+            self._last = state
+            return
+        jump = np.abs(state.position - last.position)
+        if (most := float(jump.max())) > JUMP[0] + JUMP[1] * gap:
+            name = self._description.joints[int(jump.argmax())].name
+            raise ValueError(f"{name} jumped by {most:.2f} rad within {gap:.3f} s: that is another arm, or the message is damaged")
+        self._last = state
+
     def _notice_gap(self, state: ArmState) -> None:
         """After a gap in the states, as when the world was reset, the arm is held where it is found; a free arm stays free."""
         gap = 0.0 if self._last_ns is None else (state.stamp_ns - self._last_ns) * 1e-9
@@ -408,9 +424,9 @@ class Commander:
         if 0.0 <= gap <= self.settings.longest_gap:
             return
         if self._mode in (Mode.APPROACHING, Mode.SETTLING, Mode.THROWING, Mode.FOLLOWING_THROUGH):
-            self.message = f"no state of the arm for {gap:.2f} s during a throw"
+            self.message = f"{_gone_by(gap)} during a throw"
         if self._mode == Mode.MOVING:
-            self.message = f"no state of the arm for {gap:.2f} s while it moved to a posture"
+            self.message = f"{_gone_by(gap)} while it moved to a posture"
         self._hold, self._found = None, False
         if self._mode != Mode.FREE:
             self._mode = Mode.HOLDING
@@ -451,6 +467,11 @@ class Commander:
         if self.tracking_error > self.settings.farthest_error and self.time < self._plan.release:
             return f"the hand is {self.tracking_error:.3f} m from the plan, farther than the limit of {self.settings.farthest_error} m"
         return ""
+
+
+def _gone_by(gap: float) -> str:
+    """A gap between two states [s], in words."""
+    return f"no state of the arm for {gap:.2f} s" if gap > 0.0 else f"the states of the arm went back in time by {-gap:.3f} s"
 
 
 def registered(plan: ThrowPlan, measured: Registration | None) -> ThrowPlan:

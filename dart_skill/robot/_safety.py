@@ -159,7 +159,7 @@ class SafetyModule:
         level = [
             (elbow_speed / fastest_elbow, f"the elbow moves at {elbow_speed:.2f} m/s; the limit of {of} is {fastest_elbow:g} m/s"),
             (hand_speed / fastest_hand, f"the hand moves at {hand_speed:.2f} m/s; the limit of {of} is {fastest_hand:g} m/s"),
-            (shares[j], f"j{j + 1} is asked for {torques[j]:.1f} N m; the limit is {self._strongest[j]:.1f} N m"),
+            (shares[j], f"j{j + 1} is asked for {torques[j]:.4g} N m; the limit is {self._strongest[j]:.1f} N m"),
         ]
         return max(level)[1]
 

@@ -1,12 +1,14 @@
-"""Some cases of `dart-skill experiment faults`: a node is killed, frozen or held up, on one graph that has to work again each time."""
+"""Some cases of `dart-skill experiment faults`: something is hurt on one graph, which has to work again each time."""
 
 from contextlib import closing
 
 import pytest
 
 from dart_skill_nodes.verbs.faults.bench import Bench
-from dart_skill_nodes.verbs.faults.cases import CASES, named
+from dart_skill_nodes.verbs.faults.cases import CASES, FAULTS, OF_ATTACKS, PHASES, named
 from dart_skill_nodes.verbs.faults.reactions import Reaction, as_json, page
+from dart_skill_nodes.verbs.faults.small_disk import SmallDisk
+from dart_skill_nodes.verbs.faults.stranger import ATTACKS
 
 from .conftest import RUNNING
 
@@ -14,13 +16,17 @@ ON_A_BUSY_MACHINE = 60.0
 """For an answer [s, wall clock]: docs/faults.md has what is measured on one that has nothing else to do."""
 CHEAP = (
     "kill_wam_simulator_swing",
-    "kill_commander_swing",
     "kill_skill_learner_planning",
-    "kill_mock_optitrack_swing",
-    "kill_demonstration_recorder_swing",
-    "kill_teacher_lesson",
-    "kill_coach_practice",
-    "kill_recorder_idle",
+    "freeze_commander_lesson",
+    "hold_up_commander_swing",
+    "full_disk_demonstration_recorder_practice",
+    "attack_strong_commands_swing",
+    "attack_reversed_states_swing",
+    "attack_garbage_swing",
+    "attack_guided_reset_lesson",
+    "duplicate_command_swing",
+    "corrupt_command_swing",
+    "lose_command_swing",
 )
 
 
@@ -29,7 +35,7 @@ def bench(ros, tmp_path_factory):
     """The graph, taught, with a client that no fault surprises."""
     folder = tmp_path_factory.mktemp("bench")
     RUNNING.append(folder)
-    with closing(Bench(folder)) as bench:
+    with closing(Bench(folder, extra=(), speed=0.0)) as bench:
         bench.start()
         yield bench
     RUNNING.remove(folder)
@@ -48,11 +54,29 @@ def test_cases_have_names_of_their_own():
         named("kill_the_cat")
 
 
+def test_every_fault_has_cases_and_every_attack_too():
+    assert {case.fault for case in CASES} == set(FAULTS) and {case.phase for case in CASES} == set(PHASES)
+    assert {what for of in OF_ATTACKS.values() for what in of} == set(ATTACKS)
+
+
+def test_a_small_disk_is_full_when_it_is_filled_and_then_free_again(tmp_path):
+    disk = SmallDisk(tmp_path / "disk")
+    if not disk.is_real:
+        pytest.skip("mounting a file system needs the rights for it")
+    with closing(disk):
+        disk.fill(0)
+        with pytest.raises(OSError, match="No space"):
+            (disk.folder / "bag").write_bytes(bytes(5000))
+        disk.free()
+        (disk.folder / "bag").write_bytes(bytes(5000))
+    assert not (tmp_path / "disk" / "bag").exists()
+
+
 def reaction(**changes):
     """One that is as it must be, but for changes."""
     (case,) = named("kill_commander_swing")
     fields = {"succeeded": False, "answer": "commander has gone", "seconds": 4.0, "fastest": 3.0, "strongest": 20.0, "last": 0.0}
-    fields |= {"pushed": (), "bag": "", "afterwards": "", "within": 9.0}
+    fields |= {"pushed": (), "at_once": False, "bag": "", "afterwards": "", "within": 9.0}
     return Reaction(case, **(fields | changes))
 
 
@@ -65,6 +89,7 @@ def reaction(**changes):
         ({"fastest": 9.0}, "9.0 rad/s"),
         ({"strongest": 99.0}, "99 Nm"),
         ({"last": 1.0}, "still moves at 1.00 rad/s"),
+        ({"at_once": True}, "pushed at once"),
         ({"bag": "its bag is not whole"}, "its bag is not whole"),
         ({"afterwards": "does not work again: x"}, "does not work again: x"),
     ],

@@ -22,7 +22,7 @@ from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import LOOP
 
-from .conftest import Diagnoses, teach_and_learn, wait_for
+from .conftest import Diagnoses, Joints, begin_slow_throw, teach_and_learn, wait_for
 
 SHOWN = targets_for(0, 2, 2)[0]
 TARGET = (SHOWN[0] + SHOWN[1]) / 2
@@ -197,6 +197,16 @@ def test_a_throw_can_be_cancelled_in_a_running_world(graph, stranger):
     wait_for(graph.client, lambda: "approaching" in stranger.phases, what="the approach")
     graph.client.wait(handle.cancel_goal_async(), "the cancellation")
     assert graph.client.wait(result, "the throw").result.message == "cancelled"
+
+
+def test_a_throw_that_is_stopped_ends_when_the_arm_rests(graph, stranger):
+    """Whoever holds the world when the result is there finds an arm that can be reset."""
+    result, _ = begin_slow_throw(graph.client, Joints(graph.client), TARGET)
+    graph.client.call(stranger.stop, Trigger.Request())
+    assert graph.client.wait(result, "the throw").result.code == Throw.Goal.OUTCOME_STOPPED
+    graph.client.call(stranger.pause, SetBool.Request(data=True))
+    stranger.free()
+    graph.client.set_parameters("/wam_simulator", {"speed_factor": 0.0})
 
 
 def test_a_goal_that_waits_for_a_state_that_never_comes_is_refused(graph, stranger):

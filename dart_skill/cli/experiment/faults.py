@@ -1,4 +1,4 @@
-"""`dart-skill experiment faults`: what the real graph does when a node is killed or frozen. The nodes run it (`graph_verbs`)."""
+"""`dart-skill experiment faults`: what the real graph does when things go wrong. The nodes run it (`graph_verbs`)."""
 
 from __future__ import annotations
 

@@ -12,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.action import ActionClient
 from rclpy.action.client import ClientGoalHandle
+from rclpy.client import Client
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
@@ -48,6 +49,7 @@ class GraphClient:
         self._learn = self.node.create_client(Learn, "/skill_learner/learn")
         self._sequence = ThrowSequence(self.node, ServiceCalls(self.node), the_world().frame_id)
         self._links: dict[object, ServerProbe] = {}
+        self._setters: dict[str, Client] = {}
         self._taught, self.simulated_steps, self.throw_seconds = 0, 0, np.zeros(2)
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
 
@@ -200,7 +202,9 @@ class GraphClient:
 
     def set_parameters(self, node: str, values: dict[str, float]) -> None:
         """Set numbers of a node; GraphFailure if it refuses one."""
-        client = self.node.create_client(SetParameters, f"{node}/set_parameters")
+        if node not in self._setters:
+            self._setters[node] = self.node.create_client(SetParameters, f"{node}/set_parameters")
+        client = self._setters[node]
         self.reach(client)
         request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg() for name, value in values.items()])
         for name, result in zip(values, self._asked(client, request).results, strict=True):

@@ -15,6 +15,7 @@ from dart_skill_nodes.client.server_probe import PATIENCE, ServerProbe
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import Promise, answer, pause, within
 from dart_skill_nodes.comms.presence import NO_CAMERAS, Presence, servers
+from dart_skill_nodes.comms.refusals import NOT_RECORDED
 
 ARRIVAL = 5.0
 """For more of what the cameras have seen of a throw [s, wall clock]."""
@@ -96,7 +97,7 @@ class Recording:
             response = await self._calls.call(self._start, Trigger.Request(), may_refuse=True)
             if response.success:
                 return
-            if response.message.startswith(NO_CAMERAS):
+            if response.message.startswith((NO_CAMERAS, NOT_RECORDED)):
                 break
             if attempt == 0 and let_run is not None:
                 await let_run()

@@ -12,7 +12,7 @@ from dart_skill.recording import BagWriter, definition, is_stamped, qos_yaml, ty
 from dart_skill.robot import wam_description, write_urdf
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import WALL
-from dart_skill_nodes.comms.refusals import GuardedLifecycleNode
+from dart_skill_nodes.comms.refusals import NOT_RECORDED, GuardedLifecycleNode
 
 FLUSH = 1.0
 """What came more than so long ago is safe from a crash [s, wall clock]."""
@@ -79,7 +79,7 @@ class BagSink:
             write(*arguments)
         except OSError as error:
             if not self.failure:
-                self._node.get_logger().error(f"recording has stopped: {error}")
+                self._node.get_logger().error(f"{NOT_RECORDED}: {error}")
             self.failure = str(error)
 
 

@@ -1,6 +1,6 @@
 """/joint_states as every node hears them that answers them: with what the driver offers, in the order of the arm's joints by their names.
 
-Names are looked at where a message becomes a state of the arm (`conversions.arm_state`).
+One that was late on its way is left out. Names are looked at where a message becomes a state of the arm (`conversions.arm_state`).
 """
 
 from collections.abc import Callable
@@ -8,14 +8,34 @@ from collections.abc import Callable
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
+from dart_skill_nodes.comms.conversions import leading_stamp_ns, stamp_ns
 from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions
 from dart_skill_nodes.comms.qos import LOOP
 
 JOINT_STATES = "/joint_states"
 
 
+class InOrder:
+    """Calls back with messages in the order of their stamps. One that is older than the one before is refused with a ValueError: it was
+    late. If the next one is older, too, time was set back, as by a simulator that was started again, and it counts.
+    """
+
+    def __init__(self, callback: Callable, stamp_of: Callable[..., int]):
+        self._callback, self._stamp_of = callback, stamp_of
+        self._newest, self._was_late = 0, False
+
+    def __call__(self, message) -> None:
+        ns = self._stamp_of(message)
+        self._was_late = ns < self._newest and not self._was_late
+        if self._was_late:
+            raise ValueError(f"it is stamped {ns} ns, and came after the one of {self._newest} ns: out of order")
+        self._newest = ns
+        self._callback(message)
+
+
 def hear_joint_states(node: Node, callback: Callable, raw: bool = False) -> MatchingSubscriptions:
     """Call back with every state, serialised if raw: reliably from the start, best effort as soon as a driver offers no more."""
     heard = MatchingSubscriptions(node)
-    heard.subscribe(JOINT_STATES, callback, JointState, depth=LOOP.depth, raw=raw, at_once=True)
+    in_order = InOrder(callback, leading_stamp_ns if raw else lambda message: stamp_ns(message.header.stamp))
+    heard.subscribe(JOINT_STATES, in_order, JointState, depth=LOOP.depth, raw=raw, at_once=True)
     return heard

@@ -13,6 +13,8 @@ from rclpy.node import Node
 
 SAID_AGAIN = 5.0
 """A place that goes on refusing is named in the log so often [s, wall clock]: a stream of bad messages is no stream of lines."""
+NOT_RECORDED = "recording has stopped"
+"""Said of a bag that cannot be written to any more. No demonstration is made of what is in no bag: it would be gone with the learner."""
 SHOWN = 10.0
 """The last refusal is the node's status for so long [s, wall clock]; the counts stay."""
 

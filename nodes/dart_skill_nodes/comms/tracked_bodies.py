@@ -1,5 +1,6 @@
 """Hand, ball and basket as the motion capture sees them: a log of their poses, and up to which stamp everything has arrived."""
 
+import time
 from collections import deque
 from collections.abc import Callable
 
@@ -45,10 +46,12 @@ def _sample(role: str, pose: Pose) -> tuple[np.ndarray, ...]:
 class TrackedBodies:
     """Keeps a ThrowLog of the poses of hand, ball and basket.
 
-    frame_id: poses in another frame are ignored, and `complain` is told so once.
+    frame_id: poses in another frame are ignored, and `complain` is told so once. clock: of the wall [s].
     """
 
-    def __init__(self, frame_id: str, complain: Callable[[str], None]):
+    def __init__(self, frame_id: str, complain: Callable[[str], None], clock: Callable[[], float] = time.monotonic):
+        self._clock = clock
+        self._behind: dict[str, float] = {}  # by role, since when poses of others come that are newer than its own by LAG_NS
         self.log, self._newest_of, self._forgotten_ns = ThrowLog(), {}, 0
         self._awaited: dict[str, tuple[int, float]] = {}  # by role, up to where poses are waited for, and since when on the wall clock
         self._frame_id, self._complain, self._wrong_frame = frame_id, complain, ""
@@ -66,18 +69,20 @@ class TrackedBodies:
         """Whether the frames up to a stamp have come: a pose of a later one has."""
         return self.newest_ns >= ns + FRAME_NS
 
-    def is_late(self, role: str, ns: int, now: float) -> bool:
-        """Whether poses of a body up to a stamp may still come, at an instant of the wall clock [s].
+    def is_late(self, role: str, ns: int) -> bool:
+        """Whether poses of a body up to a stamp may still come.
 
         They may lag behind those of the others by seconds, where some were lost on the way: each body has a topic of its own. A body that
-        lags for longer than REPAIRED is hidden, as a ball in its basket may be; one that was never seen is not late.
+        lags behind them, or is waited for, for longer than REPAIRED is hidden, as a ball in its basket may be; one that was never seen is
+        not late.
         """
         if role not in self._newest_of or self._newest_of[role] >= ns - LAG_NS:
             return False
         awaited, since = self._awaited.get(role, (0, 0.0))
+        now = self._clock()
         if awaited != ns:
             self._awaited[role] = awaited, since = ns, now
-        return now - since <= REPAIRED
+        return now - min(since, self._behind.get(role, since)) <= REPAIRED
 
     @property
     def farthest_behind(self) -> tuple[str, int]:
@@ -96,9 +101,16 @@ class TrackedBodies:
         newest = self._newest_of.get(role, 0)
         if ns < newest - RESET_NS:  # the clock was set back: another simulator, or a bag that is played again
             self.log.clear()
-            self._newest_of, self._forgotten_ns, newest = {}, 0, 0
+            self._newest_of, self._behind, self._forgotten_ns, newest = {}, {}, 0, 0
         {"hand": self.log.add_hand, "ball": self.log.add_ball, "basket": self.log.add_basket}[role](ns, *sample)
         self._newest_of[role] = max(newest, ns)
+        self._note_who_lags(role, ns)
+
+    def _note_who_lags(self, role: str, ns: int) -> None:
+        self._behind.pop(role, None)
+        for other, newest in self._newest_of.items():
+            if newest < ns - LAG_NS and other not in self._behind:
+                self._behind[other] = self._clock()
 
     def forget_old(self) -> None:
         """Forget what is older than MEMORY_NS."""

@@ -31,6 +31,7 @@ from dart_skill_nodes.comms.obeyed_publisher import new_sender
 from dart_skill_nodes.comms.presence import LEASE, LOOK, Cameras, Presence, others, publishers, servers, subscribers
 from dart_skill_nodes.comms.qos import COMPLETE, FRAMES, LATCHED, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
+from dart_skill_nodes.comms.time_of_the_arm import TimeOfTheArm
 from dart_skill_nodes.process.limits import LIMITS
 from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Parameter, declare, run
 
@@ -117,7 +118,8 @@ class CommanderNode(GuardedNode):
         self._awake = time.monotonic()  # when something was last done [s, wall clock]
         self._strangers: list[str] = []  # who commands the arm, too
         self._arm_fault = ""  # why the arm's own safety module has stopped it
-        self._watched, self._silence = time.monotonic(), 0.0  # when was last looked, and for how long no state has come [s, wall clock]
+        self._rivals = ""  # why it is not known which arm's states come
+        self._time = TimeOfTheArm(self)
         self._arm: Presence | None = None  # who publishes the states
         self._guide: Presence | None = None  # who guides an arm that was released to a simulated person
         self._command = self.create_publisher(WamCommand, "/wam/command", COMPLETE)
@@ -142,12 +144,15 @@ class CommanderNode(GuardedNode):
 
     def _on_state(self, message: JointState) -> None:
         self._notice_a_gap()
+        if self._rivals:
+            return
         try:
             state = conversions.arm_state(message)
             if self._state is None or state.stamp_ns != self._state.stamp_ns:
                 command = self._commander.step(state)
                 conversions.fill_command(self._message, command)
-            self._state, self._fault, self._silence = state, "", 0.0
+                self._time.goes_on()
+            self._state, self._fault = state, ""
         except ValueError as error:
             self._fault = str(error)
             raise
@@ -162,7 +167,8 @@ class CommanderNode(GuardedNode):
             goal.fed_ns = state.stamp_ns
             self._feed(self._commander.mode.value if self._commander.throwing else "watching")
             self._publish_attractor(state)
-        if goal.ended_ns is None and not self._commander.throwing:
+        rests = self._commander.mode != Mode.STOPPING  # who holds the world at the result finds an arm that can be reset
+        if goal.ended_ns is None and not self._commander.throwing and rests:
             opened = self._commander.opened_ns
             watch = 0 if opened is None else round(self.p["watch_time"] * 1e9)
             goal.ended_ns = max(state.stamp_ns, (opened or 0) + watch)
@@ -236,6 +242,8 @@ class CommanderNode(GuardedNode):
             return self._fault or "no /joint_states yet: is the arm, or wam_simulator, running?"
         if self.p["tracking"] == "hand" and not self.count_publishers(SIMULATED):
             return NOT_FOR_AN_ARM
+        if self._rivals:
+            return self._rivals
         if self._strangers:
             return f"{', '.join(self._strangers)} publishes /wam/command, too: end it, one commands an arm"
         if self._arm_fault:
@@ -260,7 +268,8 @@ class CommanderNode(GuardedNode):
         else:
             result.code, result.message = Throw.Goal.OUTCOME_THROWN, "thrown"
         if opened_ns is not None:
-            await self._let_judge(plan.target, opened_ns, 0 if goal.ended_ns is None else goal.ended_ns - ARRIVAL_NS, result)
+            watched = goal.ended_ns is not None and not goal.withdrawn
+            await self._let_judge(plan.target, opened_ns, goal.ended_ns - ARRIVAL_NS if watched else 0, result)
 
     async def _let_judge(self, target: np.ndarray, opened_ns: int, until_ns: int, result) -> None:
         """What the cameras saw of the throw; a throw that nobody judges has been made all the same. until_ns: 0: what has come."""
@@ -304,9 +313,9 @@ class CommanderNode(GuardedNode):
 
     def _watch(self) -> None:
         """Whether those are there without whom the arm must not move, by the clock of the wall and by what DDS says of them."""
-        gap, self._watched = time.monotonic() - self._watched, time.monotonic()
+        self._time.look()
         self._notice_a_gap()
-        self._silence += min(gap, 2 * LOOK)  # who was held up itself has heard nobody
+        self._look_for_rivals()
         if self._state is not None and (silent := self._states_ended()):
             self._lose_arm(silent)
         if self._commander.mode == Mode.FREE and self._guide is not None and self._guide.gone:
@@ -315,6 +324,17 @@ class CommanderNode(GuardedNode):
         self._strangers = others(self, "/wam/command")
         if self._goal is not None:
             self._watch_goal(self._goal)
+
+    def _look_for_rivals(self) -> None:
+        """Two who publish states are two arms, of which it commands none: nobody could say whose state a command answers."""
+        drivers = others(self, JOINT_STATES)
+        rivals = f"{' and '.join(drivers)} publish {JOINT_STATES}: end one of them, nothing is commanded until then"
+        rivals = rivals if len(drivers) > 1 else ""
+        if rivals and rivals != self._rivals:
+            self.get_logger().error(rivals)
+            self._withdraw(rivals)
+            self._commander.stop(rivals)
+        self._rivals = rivals
 
     def _notice_a_gap(self) -> None:
         """A commander that was frozen withdraws its goal. One whose timers wait, because states come as fast as they can, was not."""
@@ -328,18 +348,20 @@ class CommanderNode(GuardedNode):
             self._withdraw(f"{goal.client} has gone, who asked for the throw")
         if goal.armed and self._commander.throwing and goal.learner.gone:
             self._withdraw(f"{goal.learner} has gone during the throw: start it again")
-        if goal.armed and goal.withdrawn and self._silence > QUIET:
+        if goal.armed and not goal.withdrawn and self._time.stalled:
+            self._withdraw(self._time.stalled)
+        if goal.armed and goal.withdrawn and self._time.silence > QUIET:
             goal.over.keep()  # no state will tell when the arm rests: time stands still
 
     def _states_ended(self) -> str:
         """Why no states come any more; empty while they may. A simulator that is there may hold time as long as it likes."""
         if self._arm is None:
             self._arm = publishers(self, JOINT_STATES)
-        if self._arm.gone and self._silence > QUIET:
+        if self._arm.gone and self._time.silence > QUIET:
             return f"{self._arm} has gone: no {JOINT_STATES} any more"
         moves = self._commander.throwing or self._commander.moving
-        if moves and self._silence > self.p["states_timeout"] and not self.count_publishers(SIMULATED):
-            return f"no {JOINT_STATES} for {self._silence:.1f} s: is the arm's driver running?"
+        if moves and self._time.silence > self.p["states_timeout"] and not self.count_publishers(SIMULATED):
+            return f"no {JOINT_STATES} for {self._time.silence:.1f} s: is the arm's driver running?"
         return ""
 
     def _lose_arm(self, reason: str) -> None:
@@ -403,8 +425,8 @@ class CommanderNode(GuardedNode):
 
     def _describe(self):
         stopped = self._commander.stopped_by
-        level = ERROR if self._fault else (WARN if self._state is None or stopped else OK)
-        text = self._fault or ("no /joint_states yet" if self._state is None else self._commander.mode.value)
+        level = ERROR if self._fault or self._rivals else (WARN if self._state is None or stopped else OK)
+        text = self._fault or self._rivals or ("no /joint_states yet" if self._state is None else self._commander.mode.value)
         text += f", {stopped}: call /commander/reset" if stopped else ""
         if (near := self._commander.warning) and level == OK:
             level, text = WARN, f"{text}; {near}"

@@ -44,6 +44,7 @@ from dart_skill_nodes.comms.joint_states import JOINT_STATES
 from dart_skill_nodes.comms.presence import Cameras
 from dart_skill_nodes.comms.qos import LATCHED, WALL
 from dart_skill_nodes.comms.raw_batches import TAKE, RawBatches, RawMessage
+from dart_skill_nodes.comms.refusals import NOT_RECORDED
 from dart_skill_nodes.comms.tracked_bodies import Arrivals, TrackedBodies
 from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Parameter, autostart, declare, run
 
@@ -206,6 +207,9 @@ class DemonstrationRecorder(BagKeeper):
         if self._bag is None:
             response.success, response.message = False, "no bag is open: configure this node first"
             return response
+        if self._bag.failure:
+            response.success, response.message = False, f"{NOT_RECORDED}: {self._bag.failure}"
+            return response
         if self._finder:
             response.success, response.message = False, "throws are cut automatically here: ~/start needs 'automatic' to be false"
             return response
@@ -253,11 +257,11 @@ class DemonstrationRecorder(BagKeeper):
         return gone[0] if self._tracked.newest_ns and all(gone) else ""
 
     def _body_lags(self, role: str) -> bool:
-        return self._tracked.is_late(role, self._up_to, time.monotonic())
+        return self._tracked.is_late(role, self._up_to)
 
     def _ball_lags(self, target: np.ndarray, opened: int, until: int) -> bool:
         """Whether poses of the ball may be on their way that decide where it came down."""
-        late = self._tracked.is_late("ball", until, time.monotonic())
+        late = self._tracked.is_late("ball", until)
         return late and not seen_down(self._tracked.log, target, opened, until)
 
     @property
@@ -305,7 +309,10 @@ class DemonstrationRecorder(BagKeeper):
             self.get_logger().error(f"no demonstration: {response.message}")
             return response
         response.demonstration = conversions.demonstration_msg(one)
-        if request.keep:
+        self._bag.flush()
+        if self._bag.failure:
+            response.success, response.message = False, f"{NOT_RECORDED}: {self._bag.failure}"
+        elif request.keep:
             response.message = self._keep(one, self._up_to)
             response.readable = not response.message
         return response

@@ -29,6 +29,7 @@ from dart_skill_nodes.comms.obeyed_publisher import new_sender
 from dart_skill_nodes.comms.presence import LEASE, LOOK, Cameras, publishers, subscribers
 from dart_skill_nodes.comms.qos import COMPLETE, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
+from dart_skill_nodes.comms.time_of_the_arm import TimeOfTheArm
 from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, run
 
 TABLE = [
@@ -56,6 +57,8 @@ TABLE = [
 
 RESTS = 0.05
 """An arm that is let go of rests below this joint speed [rad/s]."""
+LONGEST_GAP = 0.1
+"""Between two states of an arm that is guided [s]."""
 FINDS = 15
 """Looks for the cameras, until there are none."""
 LONGEST_BRAKE = 10
@@ -71,6 +74,7 @@ class TeacherNode(GuardedNode):
         self._teacher = Teacher(self.p["seed"], person=Person.from_parameters(self.p))
         self._goal, self._over, self._begin, self._last_ns = None, None, None, None
         self._cameras = Cameras(self, pose_topic(self.p["ball_body"]))
+        self._time = TimeOfTheArm(self)
         self._withdrawn, self._unseen, self._needed, self._looked, self._speed = "", "", (), time.monotonic(), 0.0
         calls = ServiceCalls(self)
         self._call, self._recording, self._judge = calls.call, Recording(self, calls), Judge(self, calls)
@@ -95,11 +99,19 @@ class TeacherNode(GuardedNode):
         self._notice_a_gap()
         state = conversions.arm_state(conversions.decoded(data, JointState))
         if state.stamp_ns != self._last_ns:
+            self._notice_a_jump(state.stamp_ns)
             self._last_ns, self._speed = state.stamp_ns, float(np.abs(state.velocity).max())
+            self._time.goes_on()
             conversions.fill_command(self._message, self._try_to_push(state))
         self._wrench.publish(self._message)
         if self._over is not None and self._ended_ns is not None and self._last_ns >= self._ended_ns:
             self._over.keep()
+
+    def _notice_a_jump(self, ns: int) -> None:
+        """A person lets go of an arm that is suddenly elsewhere: somebody reset the world, or states got lost."""
+        gap = 0.0 if self._last_ns is None else (ns - self._last_ns) * 1e-9
+        if self._guiding and not 0.0 <= gap <= LONGEST_GAP:
+            self._withdraw(f"the arm's time jumped by {gap:.3f} s while it was guided: did somebody reset the world?")
 
     def _try_to_push(self, state) -> Command:
         """The push for a state; a person who does not know how to go on pushes no more, and the lesson ends."""
@@ -155,12 +167,15 @@ class TeacherNode(GuardedNode):
     def _watch(self) -> None:
         """A lesson needs whoever moves the arm, and whoever asked for it."""
         self._unseen = self._cameras.missing
+        self._time.look()
         self._notice_a_gap()
         if self._goal is None:
             return
         for one in self._needed:
             if one.gone:
                 self._withdraw(f"{one} has gone during the lesson")
+        if self._guiding and self._time.stalled:
+            self._withdraw(self._time.stalled)
 
     async def _teach(self, goal_handle) -> Teach.Result:
         self._goal, self._guiding, self._withdrawn, self._looked = goal_handle, False, "", time.monotonic()
@@ -182,7 +197,7 @@ class TeacherNode(GuardedNode):
         with suppress(CallFailed):
             await self._call(self._free_arm, SetBool.Request(data=False)) if not commander else None
             for _ in range(0 if simulator or commander or not self._withdrawn else LONGEST_BRAKE):
-                if self._speed < RESTS:
+                if self._speed < RESTS or self._time.stalled:
                     break
                 await pause(self, LOOK)
         with suppress(CallFailed):

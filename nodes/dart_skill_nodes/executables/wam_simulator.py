@@ -16,7 +16,7 @@ from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.msg import SetParametersResult
 from rosgraph_msgs.msg import Clock as ClockMsg
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
+from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
 
 from dart_skill.robot import wam_description, write_urdf
@@ -26,6 +26,7 @@ from dart_skill_nodes.comms.obeyed_publisher import ObeyedPublisher
 from dart_skill_nodes.comms.presence import LOOK, Presence, publishers
 from dart_skill_nodes.comms.qos import CLOCK, COMPLETE, FRAMES, LATCHED, LOOP, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
+from dart_skill_nodes.comms.time_of_the_arm import HELD
 from dart_skill_nodes.process.limits import LIMITS
 from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Parameter, declare, run
 
@@ -110,6 +111,8 @@ class WamSimulator(GuardedNode):
             message.header.frame_id = frame
         self._safety = self.create_publisher(DiagnosticStatus, "/wam/safety", LATCHED)
         self._said_of_safety = None
+        self._held_out = self.create_publisher(Bool, HELD, LATCHED)
+        self._hold(self._paused)
         self._obeyed = {who: ObeyedPublisher(self, topic) for who, topic in COMMANDS.items()}
         for who, topic in COMMANDS.items():
             self.create_subscription(WamCommand, topic, partial(self._on_answer, who), LOOP)
@@ -232,7 +235,8 @@ class WamSimulator(GuardedNode):
         except ValueError as error:
             response.success, response.message = False, str(error)
             return response
-        self._paused, self._guided, self._answers, self._budget = request.paused, request.guided, {}, 0
+        self._guided, self._answers, self._budget = request.guided, {}, 0
+        self._hold(request.paused)
         self._tell_of_safety()
         for one in self._obeyed.values():
             one.forget()
@@ -256,8 +260,12 @@ class WamSimulator(GuardedNode):
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
+    def _hold(self, held: bool) -> None:
+        self._paused = held
+        self._held_out.publish(Bool(data=held))
+
     def _on_pause(self, request, response):
-        self._paused = request.data
+        self._hold(request.data)
         response.success, response.message = True, "paused" if request.data else "running"
         if self.p["lockstep"]:
             self._advance()

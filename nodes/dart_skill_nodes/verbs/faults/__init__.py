@@ -1,4 +1,4 @@
-"""`dart-skill experiment faults`: kills and freezes the nodes of the real graph one after the other, and judges what comes of it."""
+"""`dart-skill experiment faults`: hurts the real graph in one place after the other, and judges what comes of it."""
 
 import argparse
 import json
@@ -12,11 +12,11 @@ from dart_skill_nodes.verbs.faults.cases import named
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
-    parser.description = "Kill and freeze the nodes of the real graph one after the other, and judge what comes of it."
-    parser.add_argument("--case", metavar="TEXT", help="only cases whose names hold this text (default: all of them, about an hour)")
+    parser.description = "Hurt the real graph in one place after the other: nodes, messages, disks, strangers. Judge what comes of it."
+    parser.add_argument("--case", metavar="TEXT", help="only cases whose names hold this text (default: all, which takes half an hour)")
     parser.add_argument("--list", action="store_true", help="the names of the cases, and nothing else")
     parser.add_argument("--output", type=Path, help="folder for bags and logs (default: a new one, which is taken away at the end)")
-    parser.add_argument("--bag", type=Path, default=Path("bags/throws"), help="what is replayed (default bags/throws)")
+    parser.add_argument("--bag", type=Path, default=Path("bags/demonstrations"), help="what is replayed (default bags/demonstrations)")
     parser.add_argument("--page", type=Path, metavar="FILE", help="write the table as a page, too: docs/faults.md")
     parser.add_argument("--json", action="store_true", help="JSON instead of the table")
 

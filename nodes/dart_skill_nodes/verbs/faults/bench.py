@@ -1,6 +1,9 @@
 """The graph under test: started, taught, hurt in one place at one moment, watched meanwhile, and asked to work again."""
 
+import json
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from contextlib import closing
@@ -8,87 +11,59 @@ from pathlib import Path
 
 import numpy as np
 from dart_skill_msgs.action import Throw
-from dart_skill_msgs.msg import WamCommand
 from rcl_interfaces.srv import GetParameters
-from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
 from dart_skill.recording.bags import check_bag, recover
 from dart_skill.regions import targets_for
 from dart_skill.robot import wam_description
 from dart_skill_nodes.client.failures import CallFailed, GraphFailure
 from dart_skill_nodes.client.graph_client import GraphClient
-from dart_skill_nodes.comms.raw_batches import RawBatches
+from dart_skill_nodes.comms.qos import LATCHED
 from dart_skill_nodes.process.graph_processes import LAYOUTS, Graph, parameters_of
-from dart_skill_nodes.verbs.faults.cases import HELD_UP, HOLD_UP, KILL, Case
-from dart_skill_nodes.verbs.faults.reactions import Reaction
+from dart_skill_nodes.verbs.faults.arm_meter import ArmMeter
+from dart_skill_nodes.verbs.faults.cases import (
+    ATTACK,
+    BYSTANDERS,
+    COACH,
+    DEMONSTRATIONS,
+    FREEZE,
+    FULL_DISK,
+    KILL,
+    LEARNER,
+    OF_NODES,
+    OF_TOPICS,
+    RECORDER,
+    SIMULATOR,
+    TEACHER,
+    VIEWER,
+    Case,
+)
+from dart_skill_nodes.verbs.faults.hurt import Hurt
+from dart_skill_nodes.verbs.faults.reactions import AT_REST, Reaction
+from dart_skill_nodes.verbs.faults.small_disk import SmallDisk
+from dart_skill_nodes.verbs.faults.stranger import DONE, NAME, ORDERS
 
 SEED = 0
 SWINGS = 1.5
 """Joint speed that only a throw reaches: approaches are slower [rad/s]."""
-STANDS_NS = 700_000_000
-"""Without a new state for so long the time of the arm stands still [ns, wall clock]."""
-SETTLE = 1.0
-"""The arm is watched so long after the client's answer [s, wall clock]."""
+LESSONS = 4.0
+"""Speed of the fastest joint before the wrist in the thirteen lessons of bags/demonstrations [rad/s]."""
+ENOUGH = 2
+"""Demonstrations that are learned from."""
+SETTLE, RESTS = 1.0, 0.5
+"""The arm is watched so long after the client's answer, or until it has rested for the latter [s, wall clock]."""
 PATIENCE = 30.0
 """A client without an answer after so long has none [s, wall clock]."""
 BACK = 60.0
 """For a node that was started again, and for each thing that is then tried [s, wall clock]."""
-PUSHERS = {"/wam/command": "commander", "/wam/teacher_wrench": "teacher"}
-EXTRA = ("recorder", "viewer")
+KNOWN = 1.0
+"""An attack that was begun is known to all after so long [s, wall clock]."""
 REPLAYED = LAYOUTS["replay"]
-LOOKED_AT = 20
-"""One of so many commands is looked at."""
 FAILURES = (GraphFailure, CallFailed, ValueError)
-
-
-class ArmMeter:
-    """How fast and how strong the joints were, and who pushed, since `clear`."""
-
-    def __init__(self, client: GraphClient):
-        self._batches = RawBatches(client.node)
-        for topic in ("/joint_states", *PUSHERS):
-            self._batches.listen(topic)
-        self._seen = dict.fromkeys(PUSHERS, 0)
-        self._stamp, self.newest_ns = (0, 0), 0
-        self.clear()
-
-    @property
-    def speed(self) -> float:
-        """Of the fastest joint now [rad/s]; none where the arm's time stands still."""
-        return self.last if time.time_ns() - self.newest_ns < STANDS_NS else 0.0
-
-    def clear(self) -> None:
-        """Forget what was."""
-        self.fastest = self.strongest = self.last = 0.0
-        self.pushed: set[str] = set()
-
-    def take(self) -> None:
-        """Look at what has come."""
-        for message in self._batches.take():
-            if message.topic == "/joint_states":
-                state = deserialize_message(message.data, JointState)
-                self.last = float(np.abs(state.velocity).max())
-                self.fastest = max(self.fastest, self.last)
-                self.strongest = max(self.strongest, float(np.abs(state.effort).max()))
-                stamp = (state.header.stamp.sec, state.header.stamp.nanosec)
-                if stamp != self._stamp:  # the simulator repeats a state that nobody answers
-                    self._stamp, self.newest_ns = stamp, message.received_ns
-                continue
-            self._seen[message.topic] += 1
-            if self._seen[message.topic] % LOOKED_AT == 0:
-                command = deserialize_message(message.data, WamCommand)
-                if np.abs(command.joint_torque).max() > 0.0 or _force(command) > 0.0:
-                    self.pushed.add(PUSHERS[message.topic])
-
-    def close(self) -> None:
-        """Hear nothing any more."""
-        self._batches.close()
-
-
-def _force(command: WamCommand) -> float:
-    force = command.wrench.force
-    return abs(force.x) + abs(force.y) + abs(force.z)
+BEHIND = "_behind_the_stranger"
+"""What a topic is called by its publisher when the stranger stands before it."""
 
 
 class WatchedClient(GraphClient):
@@ -105,20 +80,34 @@ class WatchedClient(GraphClient):
 
 
 class Bench:
-    """One graph, on which cases are tried one after the other until one leaves it broken."""
+    """One graph, on which cases are tried one after the other until one leaves it broken.
+
+    extra: nodes besides those of the layout that are there from the start; others of BYSTANDERS are started when a case needs them.
+    speed: of simulated time in a case, 0: as fast as it goes.
+    """
 
     layout = "processes"
 
-    def __init__(self, folder: Path):
-        self._folder, self._graph, self._bags = folder, Graph(folder / "logs"), 0
+    def __init__(self, folder: Path, extra: tuple[str, ...] = (RECORDER, VIEWER), speed: float = 1.0):
+        self._speed = speed
+        self._folder, self._graph, self._bags, self._extra = folder, Graph(folder / "logs"), 0, extra
         self._bag_of: dict[str, Path] = {}
+        self._disk: SmallDisk | None = None
+        self._stranger: subprocess.Popen | None = None
+        self._relayed: tuple[str, str] | None = None  # topic before whose publisher the stranger stands, and that publisher
         self.client = WatchedClient()
-        self.meter = ArmMeter(self.client)
+        self.meter = ArmMeter(self.client.node)
         self.client.meanwhile.append(self.meter.take)
         self._planning = False
         kind = Throw.Impl.FeedbackMessage
         self.client.node.create_subscription(kind, "/throw/_action/feedback", self._on_feedback, 10)
+        self._orders = self.client.node.create_publisher(String, ORDERS, 10)
+        self._done: set[str] = set()
+        self._lessons = 0  # that the recorder has kept since it was started: who learns anew hears of no others
+        self.client.node.create_subscription(String, DONE, lambda message: self._done.add(message.data), LATCHED)
+        self._reset_arm = self.client.node.create_client(Trigger, "/commander/reset")
         self._shown, (self._target,) = targets_for(SEED, 2, 1)
+        self.usual = (LESSONS, float(wam_description().of_joints("peak_torque").max()))
 
     def close(self) -> None:
         """End all processes."""
@@ -126,23 +115,25 @@ class Bench:
         self.client.close()
         for process in self._graph.processes.values():
             process.send_signal(signal.SIGCONT)
+        self._end_stranger()
         self._graph.stop()
+        if self._disk is not None:
+            self._disk.close()
 
     # the graph
 
     def start(self) -> None:
         """Start everything, and teach it."""
-        self.client.wait_until_gone((*LAYOUTS[self.layout], *EXTRA))
-        for node in (*LAYOUTS[self.layout], *EXTRA):
+        self.client.wait_until_gone((*LAYOUTS[self.layout], *BYSTANDERS))
+        for node in (*LAYOUTS[self.layout], *self._extra):
             self._start(node)
         self.client.wait_until_ready()
+        self._hurry(True)
         for target in self._shown:
-            lesson = self.client.teach(target)
-            if not lesson.success:
-                raise GraphFailure(f"the bench has no lesson: {lesson.message}")
-        self.client.learn()
-        self.client.throw(self._target)
-        self.usual = (0.0, float(wam_description().of_joints("peak_torque").max()))
+            self._lesson(target)
+        self._learn()
+        self._throw()
+        self._hurry(False)
         self._learn_what_is_usual()
 
     def _learn_what_is_usual(self) -> None:
@@ -151,42 +142,127 @@ class Bench:
 
     def _start(self, node: str) -> None:
         parameters = parameters_of(node, self.layout, SEED, str(self._new_bag(node)))
-        if node == "wam_simulator":
-            parameters["speed_factor"] = 1.0  # moments are hit, and the meter keeps up
-        if node == "recorder":
+        self._lessons = 0 if node == DEMONSTRATIONS else self._lessons
+        if node == SIMULATOR:
+            parameters["speed_factor"] = self._speed
+        if node == RECORDER:
             parameters["bag"] = str(self._bag_of[node])
-        if node == "viewer":
+        if node == VIEWER:
             parameters["port"] = 0
         self._graph.start(node, parameters)
 
+    def _start_again(self, node: str) -> None:
+        """End it in order, and start it anew."""
+        if (process := self._graph.processes.pop(node, None)) is not None:
+            process.send_signal(signal.SIGINT)
+            process.wait(BACK)
+            self.client.wait_until_gone((node,))
+        self._start(node)
+        self._reach(node)
+
+    def _reach(self, node: str) -> None:
+        """Wait until a node answers."""
+        asked = self.client.node.create_client(GetParameters, f"/{node}/get_parameters")
+        self.client.reach(asked, BACK)
+
     def _new_bag(self, node: str) -> Path:
         self._bags += 1
-        self._bag_of[node] = self._folder / f"{node}_{self._bags}"
+        on_small_disk = self._disk is not None and node == self._filled
+        self._bag_of[node] = (self._disk.folder if on_small_disk else self._folder) / f"{node}_{self._bags}"
         return self._bag_of[node]
 
     def _on_feedback(self, message) -> None:
         self._planning = self._planning or message.feedback.phase == "planning"
 
+    # what a case needs besides
+
+    def _arrange(self, case: Case) -> None:
+        relayed = (case.topic, case.node) if case.topic else None
+        if relayed != self._relayed:
+            self._stand_before(relayed)
+        if case.fault in (*OF_TOPICS, ATTACK):
+            self._need_stranger()
+        if case.fault == FULL_DISK:
+            self._disk, self._filled = SmallDisk(self._folder / f"disk_{self._bags}"), case.node
+            self._start_again(case.node)
+        elif case.node == LEARNER and case.fault == KILL and self._lessons < ENOUGH:
+            self._works(*[self._lesson] * (ENOUGH - self._lessons))
+        elif case.node in BYSTANDERS and case.node not in self._graph.processes:
+            self._start(case.node)
+            self._reach(case.node)
+
+    def _stand_before(self, relayed: tuple[str, str] | None) -> None:
+        """Let the messages of a publisher go through the stranger, and no others."""
+        before, self._relayed = self._relayed, relayed
+        self._end_stranger()
+        self.client.wait_until_gone((NAME,))
+        self._graph.remappings.clear()
+        if before is not None and (relayed is None or before[1] != relayed[1]):
+            self._start_again(before[1])
+        if relayed is not None:
+            topic, node = relayed
+            self._graph.remappings[node] = {topic: topic + BEHIND}
+            self._start_again(node)
+            self._need_stranger()
+            self._order_and_wait(relay=topic, heard=topic + BEHIND)
+        self.client.wait_until_ready()
+
+    def _need_stranger(self) -> None:
+        if self._stranger is not None:
+            return
+        with open(self._folder / "logs" / "stranger.log", "ab") as log:
+            command = [sys.executable, "-m", "dart_skill_nodes.verbs.faults.stranger"]
+            self._stranger = subprocess.Popen(command, stdout=log, stderr=log, stdin=subprocess.DEVNULL)
+        self._order_and_wait(end=True)
+
+    def _end_stranger(self) -> None:
+        if self._stranger is not None:
+            self._stranger.send_signal(signal.SIGINT)
+            self._stranger.wait(BACK)
+        self._stranger = None
+
+    def _order(self, **what) -> None:
+        self._done.discard(text := json.dumps(what))
+        self._orders.publish(String(data=text))
+
+    def _order_and_wait(self, **what) -> None:
+        """Until it is done; said again, as a stranger that has just been started may not have heard it."""
+        until, again = time.monotonic() + BACK, 0.0
+        self._done.discard(text := json.dumps(what))
+        while text not in self._done:
+            if time.monotonic() > until:
+                raise GraphFailure(f"the stranger does not do {text}")
+            if time.monotonic() > again:
+                again = time.monotonic() + SETTLE
+                self._orders.publish(String(data=text))
+            self.client.spin()
+
     # a case
 
     def run(self, case: Case) -> Reaction:
         """Try one case."""
-        hurt = _Hurt(self._graph, case, self._is_time(case))
+        self._arrange(case)
+        hurt = Hurt(self._graph, case, self._is_time(case), self._order, self._disk)
         self._planning = False
         self.meter.take()
-        self.meter.clear()
-        hold_planning = case.phase == "planning" and case.node != "skill_learner"
+        self.meter.begin()
+        hold_planning = case.phase == "planning" and case.node != LEARNER
         if case.phase == "planning":
-            self._signal("skill_learner", signal.SIGSTOP)
-        watch = [hurt.look, *([lambda: hurt.at and self._signal("skill_learner", signal.SIGCONT)] if hold_planning else [])]
-        hurt.on_hurt = self.meter.clear
+            self._signal(LEARNER, signal.SIGSTOP)
+        watch = [hurt.look, *([lambda: hurt.at and self._signal(LEARNER, signal.SIGCONT)] if hold_planning else [])]
+        hurt.on_hurt = self.meter.begin_anew
         self.client.meanwhile += watch
         try:
             if case.phase == "idle":
                 hurt.now()
+                self._let_come(KNOWN if case.fault == ATTACK else 0.0)
+            until = time.monotonic() + BACK
             succeeded, answer, asked = self._try(lambda: self._job(case))
+            while not hurt.at and not succeeded and time.monotonic() < until:  # a node that was started anew is not yet known to all
+                self._let_come(SETTLE)
+                succeeded, answer, asked = self._try(lambda: self._job(case))
             answered = time.monotonic()
-            self._let_come(SETTLE)
+            self._watch_it_rest()
             if case.goes_on and succeeded:
                 self._learn_what_is_usual()
         finally:
@@ -195,13 +271,13 @@ class Bench:
         if not hurt.at:
             raise GraphFailure(f"{case.name}: its moment never came: {answer}")
         seconds = max(0.0, answered - max(hurt.at, asked))
-        measured = self.meter.fastest, self.meter.strongest, self.meter.speed, tuple(sorted(self.meter.pushed))
+        measured = self.meter.fastest, self.meter.strongest, self.meter.speed, self.meter.pushed, self.meter.at_once
         if case.phase == "planning":
-            self._signal("skill_learner", signal.SIGCONT)
+            self._signal(LEARNER, signal.SIGCONT)
         begun = time.monotonic()
         bag = self._mend(case)
-        self.meter.clear()
-        afterwards = self._works_again(case)
+        self.meter.begin()
+        afterwards = self._works_again(case, succeeded)
         self._learn_what_is_usual()
         return Reaction(case, succeeded, answer, seconds, *measured, bag, afterwards, time.monotonic() - begun)
 
@@ -214,18 +290,20 @@ class Bench:
 
     def _job(self, case: Case) -> str:
         """What the client asks for; what it is told, in words. GraphFailure if it comes to nothing."""
-        if case.phase == "lesson" or (case.phase == "idle" and case.node == "teacher"):
+        if case.phase == "lesson" or (case.phase == "idle" and case.node == TEACHER):
             return self._lesson()
-        if case.phase == "practice" or (case.phase == "idle" and case.node == "coach"):
+        if case.phase == "practice" or (case.phase == "idle" and case.node == COACH):
             return self._practice()
-        if case.phase == "learning" or (case.phase == "idle" and case.node == "skill_learner"):
-            return self.client.learn().message
+        if case.phase == "learning" or (case.phase == "idle" and case.node == LEARNER):
+            return self._learn()
         return self._throw()
 
-    def _lesson(self) -> str:
-        lesson = self.client.teach(self._shown[0])
+    def _lesson(self, target: np.ndarray | None = None) -> str:
+        """At a target (3,); default: another one each time."""
+        lesson = self.client.teach(self._shown[self._lessons % len(self._shown)] if target is None else target)
         if not lesson.success:
             raise GraphFailure(lesson.message)
+        self._lessons += 1
         return lesson.message
 
     def _practice(self) -> str:
@@ -234,6 +312,9 @@ class Bench:
         if not practised.success or practised.learned < practised.thrown:
             raise GraphFailure("; ".join([practised.message, *filter(None, messages)]))
         return practised.message
+
+    def _learn(self) -> str:
+        return self.client.learn(at_least=ENOUGH).message
 
     def _throw(self) -> str:
         thrown = self.client.throw(self._target)
@@ -253,50 +334,89 @@ class Bench:
     # afterwards
 
     def _mend(self, case: Case) -> str:
-        """Start a killed node again, let a frozen one go on; what is wrong with the bag of a killed recorder."""
-        if case.fault != KILL:
-            self._signal(case.node, signal.SIGCONT)
+        """End what hurts: start a killed node again, let a frozen one go on, send the stranger away; what is wrong with its bag."""
+        if case.fault in (*OF_TOPICS, ATTACK):
+            self._order_and_wait(end=True)
             return ""
-        wrong = self._check_bag(case.node) if case.node in ("recorder", "demonstration_recorder") else ""
-        self._start(case.node)
+        wrong = ""
+        if case.fault == FULL_DISK and self._disk is not None:
+            wrong = self._mend_disk(case, self._disk)
+        elif case.fault != KILL:
+            self._signal(case.node, signal.SIGCONT)
+        else:
+            wrong = self._check_bag(case.node) if case.node in (RECORDER, DEMONSTRATIONS) else ""
+            self._start(case.node)
+        return wrong
+
+    def _mend_disk(self, case: Case, disk: SmallDisk) -> str:
+        full, self._disk = self._bag_of[case.node], None
+        disk.free()
+        self._start_again(case.node)
+        wrong = self._whole(full)
+        disk.close()
         return wrong
 
     def _check_bag(self, node: str) -> str:
-        killed = self._bag_of[node]
-        recovered = recover(killed, killed.with_name(f"{killed.name}_recovered"))
+        return self._whole(self._bag_of[node])
+
+    def _whole(self, bag: Path) -> str:
+        """What is wrong with a bag that was not closed, once it is recovered."""
+        recovered = recover(bag, self._folder / f"{bag.name}_recovered")
         errors = [str(finding) for finding in check_bag(recovered.path) if finding.severity == "error"]
         if errors or not sum(recovered.messages.values()):
             return f"its bag is not whole: {errors or 'no message'}"
         return ""
 
-    def _works_again(self, case: Case) -> str:
-        """Why teaching, learning, throwing and practising do not work again within BACK; empty if they do.
+    def _works_again(self, case: Case, succeeded: bool) -> str:
+        """Why what the case can have broken does not work again within BACK; empty if it does.
 
         Tried again: whoever was frozen has to end what it did when it was.
         """
         until = time.monotonic() + BACK
-        while (why := self._tries_all(case)) and time.monotonic() < until:
+        while (why := self._tries(case, succeeded)) and time.monotonic() < until:
             self._let_come(SETTLE)
         return why
 
-    def _tries_all(self, case: Case) -> str:
+    def _tries(self, case: Case, succeeded: bool) -> str:
         try:
-            asked = self.client.node.create_client(GetParameters, f"/{case.node}/get_parameters")
-            self.client.reach(asked, BACK)
-            self.client.wait_until_ready(BACK)
-            self._hurry(True)
-            self._lesson() if case.phase == "lesson" or case.node == "teacher" else None
-            self.client.learn(at_least=2)
-            self._throw()
-            self._practice() if case.phase == "practice" or case.node == "coach" else None
-            self._hurry(False)
+            if case.fault in OF_NODES:
+                self._reach(case.node)
+            elif not succeeded:
+                self.client.call(self._reset_arm, Trigger.Request(), may_refuse=True)  # an arm that was stopped stays so until then
+            self._works(*self._jobs_afterwards(case, succeeded))
         except FAILURES as failure:
             return f"does not work again: {failure}"
         return ""
 
+    def _jobs_afterwards(self, case: Case, succeeded: bool) -> list[Callable[[], str]]:
+        """What needs the node that was hurt, or else what it was hurt in; nothing where that succeeded in spite of the fault."""
+        if case.node in BYSTANDERS or (succeeded and case.fault not in (KILL, FREEZE)):
+            return []
+        learn = [self._learn] if case.node == LEARNER else []
+        if case.phase == "lesson" or case.node == TEACHER:
+            return [*learn, self._lesson]
+        return [*learn, self._practice if case.phase == "practice" or case.node == COACH else self._throw]
+
+    def _works(self, *jobs: Callable[[], str]) -> None:
+        """Do what the client may ask for, as fast as it goes; GraphFailure if it does not work."""
+        if not jobs:
+            return
+        self._hurry(True)
+        for job in jobs:
+            job()
+        self._hurry(False)
+
     def _hurry(self, hurry: bool) -> None:
         """Time as fast as it can go, or so that moments are hit and the meter keeps up."""
-        self.client.set_parameters("/wam_simulator", {"speed_factor": 0.0 if hurry else 1.0})
+        if self._speed:
+            self.client.set_parameters(f"/{SIMULATOR}", {"speed_factor": 0.0 if hurry else self._speed})
+
+    def _watch_it_rest(self) -> None:
+        """Until the arm has rested for a while, or should have come to rest."""
+        moved = begun = time.monotonic()
+        while time.monotonic() < min(moved + RESTS, begun + SETTLE):
+            self.client.spin()
+            moved = time.monotonic() if self.meter.speed > AT_REST else moved
 
     def _let_come(self, seconds: float) -> None:
         until = time.monotonic() + seconds
@@ -309,35 +429,6 @@ class Bench:
             process.send_signal(number)
 
 
-class _Hurt:
-    """Does to a node what the case says, when it is time."""
-
-    def __init__(self, graph: Graph, case: Case, is_time: Callable[[], bool]):
-        self._graph, self._case, self._is_time = graph, case, is_time
-        self.at, self._held, self.on_hurt = 0.0, False, lambda: None
-
-    def look(self) -> None:
-        """Whenever something may have come."""
-        if not self.at and self._is_time():
-            self.now()
-        if self._held and time.monotonic() - self.at > HELD_UP:
-            self._held = False
-            self._graph.processes[self._case.node].send_signal(signal.SIGCONT)
-
-    def now(self) -> None:
-        """Do it."""
-        process = self._graph.processes[self._case.node]
-        self.at = time.monotonic()
-        if self._case.fault == KILL:
-            del self._graph.processes[self._case.node]
-            process.kill()
-            process.wait()
-        else:
-            process.send_signal(signal.SIGSTOP)
-        self._held = self._case.fault == HOLD_UP
-        self.on_hurt()
-
-
 class ReplayBench(Bench):
     """A graph that replays a bag: player, recorder and learner."""
 
@@ -346,18 +437,18 @@ class ReplayBench(Bench):
     def __init__(self, folder: Path, bag: Path):
         self._played = bag
         super().__init__(folder)
+        self.usual = (0.0, 0.0)
 
     def start(self) -> None:
         self.client.wait_until_gone(REPLAYED)
-        self.usual = (0.0, 0.0)
 
     def run(self, case: Case) -> Reaction:
         """Each case replays the bag from its beginning, on a graph of its own."""
         for node in REPLAYED:
             self._start(node)
         self.client.wait_for_learner()
-        hurt = _Hurt(self._graph, case, lambda: self.meter.fastest > SWINGS)
-        self.meter.clear()
+        hurt = Hurt(self._graph, case, lambda: self.meter.fastest > SWINGS, self._order)
+        self.meter.begin()
         self.client.meanwhile.append(hurt.look)
         try:
             until = time.monotonic() + BACK
@@ -368,13 +459,13 @@ class ReplayBench(Bench):
             self.client.meanwhile.remove(hurt.look)
         seconds, begun = time.monotonic() - asked, time.monotonic()
         bag = self._mend(case)
-        if case.node == "demonstration_recorder" and case.fault == KILL:
+        if case.node == DEMONSTRATIONS and case.fault == KILL:
             self._graph.processes.pop("bag_player").kill()  # who records anew wants the bag from its beginning
             self._start("bag_player")
         afterwards = self._learns()
         self._graph.stop()
         self.client.wait_until_gone(REPLAYED)
-        return Reaction(case, succeeded, answer, seconds, 0.0, 0.0, 0.0, (), bag, afterwards, time.monotonic() - begun)
+        return Reaction(case, succeeded, answer, seconds, 0.0, 0.0, 0.0, (), False, bag, afterwards, time.monotonic() - begun)
 
     def _start(self, node: str) -> None:
         parameters = parameters_of(node, "replay", bag=str(self._new_bag(node)), played=str(self._played), rate=4.0)
@@ -383,10 +474,18 @@ class ReplayBench(Bench):
     def _learns(self) -> str:
         try:
             self.client.wait_for_learner(BACK)
-            self.client.learn(at_least=2)
+            self._learn()
         except FAILURES as failure:
             return f"does not work again: {failure}"
         return ""
+
+
+def _reaction(bench: Bench, case: Case) -> Reaction:
+    """Of a graph to a case; one that could not even be tried leaves a graph that is replaced."""
+    try:
+        return bench.run(case)
+    except FAILURES as failure:
+        return Reaction(case, False, str(failure), 0.0, 0.0, 0.0, 0.0, (), False, "", f"not tried: {failure}", 0.0)
 
 
 def run_all(cases: list[Case], folder: Path, played: Path, say: Callable[[str], None]) -> tuple[list[Reaction], tuple[float, float]]:
@@ -404,7 +503,7 @@ def run_all(cases: list[Case], folder: Path, played: Path, say: Callable[[str], 
         with closing(ReplayBench(here, played) if replay else Bench(here)) as bench:
             bench.start()
             while left and (left[0].phase == "replay") == replay:
-                reactions.append(bench.run(left.pop(0)))
+                reactions.append(_reaction(bench, left.pop(0)))
                 usual = (max(usual[0], bench.usual[0]), max(usual[1], bench.usual[1]))
                 wrong = "; ".join(reactions[-1].faults(usual))
                 say(f"{reactions[-1].case.name}: {reactions[-1].seconds:.1f} s: {reactions[-1].answer}: {wrong or 'ok'}")

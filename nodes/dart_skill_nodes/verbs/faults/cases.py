@@ -1,10 +1,17 @@
-"""The cases of `dart-skill experiment faults` as data: which node, what happens to it, when, and what the client is to be told."""
+"""The cases of `dart-skill experiment faults` as data: what is hurt, how, when, and what the client is to be told."""
 
 from dataclasses import dataclass
 
+from dart_skill.world import pose_topic
+
 KILL, FREEZE, HOLD_UP = "kill", "freeze", "hold_up"
 """SIGKILL, and started again; SIGSTOP until the client has its answer; SIGSTOP for HELD_UP seconds, after which all goes on."""
-FAULTS = (KILL, FREEZE, HOLD_UP)
+LOSE, DROP, DELAY, DUPLICATE, CORRUPT = "lose", "drop", "delay", "duplicate", "corrupt"
+"""Of a topic: every message is lost from then on; or one in 20 is lost, late, damaged; or each comes twice."""
+FULL_DISK, ATTACK = "full_disk", "attack"
+"""A bag's file system is full; a foreign node does what nobody should."""
+OF_NODES, OF_TOPICS = (KILL, FREEZE, HOLD_UP), (LOSE, DROP, DELAY, DUPLICATE, CORRUPT)
+FAULTS = (*OF_NODES, *OF_TOPICS, FULL_DISK, ATTACK)
 PHASES = ("idle", "lesson", "learning", "planning", "swing", "practice", "replay")
 HELD_UP = 3.0
 """[s, wall clock]"""
@@ -12,104 +19,131 @@ HELD_UP = 3.0
 
 @dataclass(frozen=True)
 class Case:
-    """One fault. expected: a regular expression that the answer to the client has; goes_on: what the client asked for succeeds anyway."""
+    """One fault.
+
+    * what: the node, the short name of a topic, or the name of an attack (`stranger.ATTACKS`).
+    * expected: a regular expression that the answer to the client has. goes_on: what the client asked for succeeds anyway.
+    """
 
     fault: str
-    node: str
+    what: str
     phase: str
     expected: str
     goes_on: bool = False
 
     @property
     def name(self) -> str:
-        return f"{self.fault}_{self.node}_{self.phase}"
+        return f"{self.fault}_{self.what}_{self.phase}"
+
+    @property
+    def topic(self) -> str:
+        """Whose messages are hurt; empty if none are."""
+        return TOPICS[self.what][0] if self.fault in OF_TOPICS else ""
+
+    @property
+    def node(self) -> str:
+        """That is hurt, or whose messages are; empty if it is none in particular."""
+        if self.fault in OF_TOPICS:
+            return TOPICS[self.what][1]
+        return "" if self.fault == ATTACK else self.what
 
 
 GOES_ON = "^$"
 """The table's word for a client that notices nothing."""
+ANY = "^(?!.*took longer)"
+"""The table's word for a client that is told anything, success or not, and whenever: it depends on which message was hurt."""
 SIMULATOR, COMMANDER, LEARNER, CAMERAS = "wam_simulator", "commander", "skill_learner", "mock_optitrack"
 DEMONSTRATIONS, TEACHER, COACH, RECORDER, VIEWER = "demonstration_recorder", "teacher", "coach", "recorder", "viewer"
 UNSEEN = "not seen|no cameras"
+STALLED = "time has stood still"
 
-EXPECTED: dict[str, dict[str, str]] = {
-    "idle": {
-        SIMULATOR: SIMULATOR,
-        COMMANDER: COMMANDER,
-        LEARNER: LEARNER,
-        CAMERAS: "no cameras",
-        DEMONSTRATIONS: DEMONSTRATIONS,
-        TEACHER: TEACHER,
-        COACH: COACH,
-        RECORDER: GOES_ON,
-        VIEWER: GOES_ON,
-    },
-    "lesson": {
-        SIMULATOR: SIMULATOR,
-        COMMANDER: COMMANDER,
-        LEARNER: GOES_ON,
-        CAMERAS: UNSEEN,
-        DEMONSTRATIONS: DEMONSTRATIONS,
-        TEACHER: TEACHER,
-        COACH: GOES_ON,
-        RECORDER: GOES_ON,
-        VIEWER: GOES_ON,
-    },
-    "learning": {LEARNER: LEARNER, DEMONSTRATIONS: GOES_ON, SIMULATOR: GOES_ON, COMMANDER: GOES_ON},
-    "planning": {
-        SIMULATOR: SIMULATOR,
-        COMMANDER: COMMANDER,
-        LEARNER: LEARNER,
-        CAMERAS: UNSEEN,
-        DEMONSTRATIONS: DEMONSTRATIONS,
-        TEACHER: GOES_ON,
-        COACH: GOES_ON,
-        RECORDER: GOES_ON,
-        VIEWER: GOES_ON,
-    },
-    "swing": {
-        SIMULATOR: SIMULATOR,
-        COMMANDER: COMMANDER,
-        LEARNER: GOES_ON,
-        CAMERAS: UNSEEN,
-        DEMONSTRATIONS: DEMONSTRATIONS,
-        TEACHER: GOES_ON,
-        COACH: GOES_ON,
-        RECORDER: GOES_ON,
-        VIEWER: GOES_ON,
-    },
-    "practice": {
-        SIMULATOR: SIMULATOR,
-        COMMANDER: COMMANDER,
-        LEARNER: LEARNER,
-        CAMERAS: UNSEEN,
-        DEMONSTRATIONS: DEMONSTRATIONS,
-        TEACHER: GOES_ON,
-        COACH: COACH,
-        RECORDER: GOES_ON,
-        VIEWER: GOES_ON,
-    },
+TOPICS = {
+    "joint_states": ("/joint_states", SIMULATOR),
+    "command": ("/wam/command", COMMANDER),
+    "teacher_wrench": ("/wam/teacher_wrench", TEACHER),
+    "hand_pose": (pose_topic("hand"), CAMERAS),
+    "ball_pose": (pose_topic("ball"), CAMERAS),
+    "basket_pose": (pose_topic("basket"), CAMERAS),
+}
+"""By its short name, a topic and its publisher."""
+
+BYSTANDERS = dict.fromkeys((RECORDER, VIEWER), GOES_ON)
+ARM = {name: name for name in (SIMULATOR, COMMANDER)}
+THROW = {**ARM, LEARNER: GOES_ON, CAMERAS: UNSEEN, DEMONSTRATIONS: DEMONSTRATIONS, TEACHER: GOES_ON, COACH: GOES_ON, **BYSTANDERS}
+"""Of a throw under way: what each node is to it."""
+OF_KILLED: dict[str, dict[str, str]] = {
+    "idle": {**THROW, LEARNER: LEARNER, TEACHER: TEACHER, COACH: COACH},
+    "lesson": {**THROW, TEACHER: TEACHER},
+    "learning": {LEARNER: LEARNER, **dict.fromkeys((DEMONSTRATIONS, SIMULATOR, COMMANDER), GOES_ON)},
+    "planning": {**THROW, LEARNER: LEARNER},
+    "swing": THROW,
+    "practice": {**THROW, LEARNER: LEARNER, COACH: COACH},
     "replay": {LEARNER: LEARNER, DEMONSTRATIONS: GOES_ON, "bag_player": GOES_ON},
 }
 """What the client is told, by phase and by the node that is killed or frozen in it."""
+OF_MESSAGES: dict[str, dict[str, dict[str, str]]] = {
+    "swing": {
+        "joint_states": {LOSE: STALLED, DROP: GOES_ON, DELAY: GOES_ON, DUPLICATE: GOES_ON, CORRUPT: ANY},
+        "command": {LOSE: STALLED, DROP: GOES_ON, DELAY: GOES_ON, DUPLICATE: GOES_ON, CORRUPT: ANY},
+        "hand_pose": {LOSE: GOES_ON, CORRUPT: GOES_ON},
+        "ball_pose": {LOSE: UNSEEN, DROP: GOES_ON, DELAY: GOES_ON, DUPLICATE: GOES_ON, CORRUPT: GOES_ON},
+    },
+    "lesson": {
+        "joint_states": {LOSE: STALLED, CORRUPT: ANY},
+        "command": {LOSE: STALLED},
+        "teacher_wrench": {LOSE: STALLED, DROP: GOES_ON, DELAY: GOES_ON, DUPLICATE: GOES_ON, CORRUPT: ANY},
+        "hand_pose": {LOSE: ANY, DROP: GOES_ON, DELAY: GOES_ON, DUPLICATE: GOES_ON, CORRUPT: ANY},
+        "ball_pose": {LOSE: ANY},
+        "basket_pose": {LOSE: ANY, CORRUPT: ANY},
+    },
+    "practice": {"ball_pose": {LOSE: ANY}, "hand_pose": {LOSE: ANY}},
+}
+"""The same by phase, topic, and what becomes of its messages. A ball whose poses are lost is hidden from the cameras."""
+OF_FULL_DISKS: dict[str, dict[str, str]] = {
+    "lesson": {DEMONSTRATIONS: "recording has stopped", RECORDER: GOES_ON},
+    "practice": {DEMONSTRATIONS: "recording has stopped"},
+    "swing": {RECORDER: GOES_ON},
+}
+"""The same by phase and by the node whose bag fills its disk."""
+OF_ATTACKS: dict[str, dict[str, str]] = {
+    "swing": {
+        **dict.fromkeys(("strong_commands", "future_commands", "nan_commands", "strong_pushes", "poses_before_time"), GOES_ON),
+        **dict.fromkeys(("poses_beyond_the_world", "clock_before_time", "parameters", "release", "second_goal", "garbage"), GOES_ON),
+        "commands_under_its_number": ANY,
+        "reversed_states": "publish /joint_states|went back in time",
+        "six_joints": "publish /joint_states",
+        "stop": "stopped by ~/stop",
+        "reset": ANY,
+        "guided_reset": ANY,
+    },
+    "lesson": {
+        **dict.fromkeys(("strong_commands", "nan_commands", "strong_pushes", "poses_before_time", "garbage"), GOES_ON),
+        "lesson_at_the_origin": GOES_ON,
+        "reversed_states": ANY,
+        **dict.fromkeys(("reset", "guided_reset"), "time jumped"),
+        "stop": "stopped by /commander/stop",
+    },
+    "idle": {"strong_commands": "publishes /wam/command, too", "reversed_states": "publish /joint_states", "guided_reset": GOES_ON},
+    "practice": {"stop": "stopped"},
+}
+"""The same by phase, and by what a foreign node does in it."""
 
 
 def _cases() -> tuple[Case, ...]:
-    fatal = [
-        Case(fault, node, phase, expected, expected == GOES_ON)
-        for phase, nodes in EXPECTED.items()
-        for node, expected in nodes.items()
-        for fault in (KILL, FREEZE)
-    ]
-    held = [Case(HOLD_UP, node, phase, GOES_ON, True) for phase in ("lesson", "swing") for node in EXPECTED[phase]]
-    return (*fatal, *held)
+    table = [(fault, what, phase, told) for phase, of in OF_KILLED.items() for what, told in of.items() for fault in (KILL, FREEZE)]
+    table += [(HOLD_UP, node, phase, GOES_ON) for phase in ("lesson", "swing") for node in OF_KILLED[phase]]
+    table += [(fault, what, phase, told) for phase, of in OF_MESSAGES.items() for what, how in of.items() for fault, told in how.items()]
+    table += [(FULL_DISK, node, phase, told) for phase, of in OF_FULL_DISKS.items() for node, told in of.items()]
+    table += [(ATTACK, what, phase, told) for phase, of in OF_ATTACKS.items() for what, told in of.items()]
+    return tuple(Case(fault, what, phase, told, told == GOES_ON) for fault, what, phase, told in table)
 
 
 CASES = _cases()
 
 
 def named(pattern: str | None) -> list[Case]:
-    """Cases whose names hold a text, all of them without one; ValueError if there is none."""
+    """Cases whose names hold a text, all of them without one, in an order in which little is started anew; ValueError if there is none."""
     chosen = [case for case in CASES if pattern is None or pattern in case.name]
     if not chosen:
         raise ValueError(f"no case is called '{pattern}': dart-skill experiment faults --list names them")
-    return sorted(chosen, key=lambda case: (case.phase == "replay", PHASES.index(case.phase), FAULTS.index(case.fault)))
+    return sorted(chosen, key=lambda case: (case.phase == "replay", case.topic, PHASES.index(case.phase), FAULTS.index(case.fault)))
