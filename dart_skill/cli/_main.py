@@ -5,7 +5,7 @@ import os
 import sys
 
 from dart_skill.cli import _completion, bag, check, darts, experiment, graph_verbs, learn, report, view
-from dart_skill.cli._printable import in_a_line
+from dart_skill.cli.printable import in_a_line
 
 TAB = "With TAB, bash and zsh complete commands, options and values: source tools/env.sh, or tools/completion.bash (.zsh) alone."
 
@@ -34,7 +34,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="dart-skill", description="A robot arm that learns to throw from demonstrations.", epilog=TAB)
     parser.set_defaults(takes_anything=False)
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for name in ("up", "demo", "practice", "teach", "demonstrations"):
+    for name in ("up", "status", "demo", "practice", "teach", "demonstrations"):
         graph_verbs.add_to(commands, name)
     check.add_to(commands)
     learn.add_to(commands)

@@ -86,6 +86,7 @@ HARDWARE = "foreign_arm/test_foreign_arm.py::"
 WITHOUT = Elsewhere("unit/session/test_from_bag.py::test_a_demonstration_can_be_left_out_by_its_id")
 ON_HARDWARE = Elsewhere(f"{HARDWARE}test_every_state_of_the_arm_is_answered")
 FAULTS = Elsewhere("integration/test_fault_cases.py::test_the_client_is_told_the_arm_rests_and_all_works_again")
+STATUS = Elsewhere("integration/test_running_graph.py::test_the_status_of_a_graph_that_is_well")
 VIEW = Elsewhere("unit/view/test_rerun.py::test_every_file_of_a_split_bag_is_opened_with_a_layout_of_its_own")
 
 TYPED = {
@@ -119,6 +120,7 @@ TYPED = {
     "dart-skill up --viewer": OnTheGraph("--output up", says="all nodes are ready"),
     "ros2 run dart_skill recorder --ros-args -p bag:=monday -p use_sim_time:=true": OnTheGraph(),
     "dart-skill teach --count 5": OnTheGraph("--count 2", says="2 of 2 throws shown"),
+    "dart-skill status": STATUS,
     "dart-skill learn": OnTheGraph(says="model [0-9a-f]+"),
     "dart-skill learn --at-least 3": OnTheGraph("--at-least 2", says="model [0-9a-f]+"),
     "dart-skill demonstrations": OnTheGraph(says="taught: a throw to"),
