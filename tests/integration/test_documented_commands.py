@@ -87,6 +87,7 @@ WITHOUT = Elsewhere("unit/session/test_from_bag.py::test_a_demonstration_can_be_
 ON_HARDWARE = Elsewhere(f"{HARDWARE}test_every_state_of_the_arm_is_answered")
 FAULTS = Elsewhere("integration/test_fault_cases.py::test_the_client_is_told_the_arm_rests_and_all_works_again")
 STATUS = Elsewhere("integration/test_running_graph.py::test_the_status_of_a_graph_that_is_well")
+BESIDE = Elsewhere("integration/test_bag_play.py::test_commands_are_played_where_they_are_asked_for_and_no_arm_is")
 VIEW = Elsewhere("unit/view/test_rerun.py::test_every_file_of_a_split_bag_is_opened_with_a_layout_of_its_own")
 
 TYPED = {
@@ -150,7 +151,7 @@ TYPED = {
     "dart-skill check arm": ARM,
     "dart-skill check arm --postures 10 --write cameras.yaml": ARM,
     "ros2 run dart_skill demonstration_recorder --ros-args -p automatic:=true": BY_HAND,
-    "dart-skill bag play bags/demonstrations --rate 0 --exclude /demonstrations "
+    "dart-skill bag play bags/demonstrations --rate 0 --commands --exclude /demonstrations "
     "--wait-for '/joint_states|/wam/(command|teacher_wrench)|/vrpn_mocap/.*/pose'": BY_HAND,
     "ros2 launch dart_skill throwing.launch.py": FULL_ROS,
     "ros2 launch dart_skill hardware.launch.py": FULL_ROS,
@@ -194,6 +195,8 @@ TYPED = {
     "dart-skill bag play monday --start 3 --duration 5 --topics '/vrpn_mocap/.*' --remap /vrpn_mocap/hand/pose:=/hand/pose": Run(
         "--rate 0", says="playing monday"
     ),
+    "dart-skill bag play monday --commands --wait-for /wam/command": BESIDE,
+    "ros2 bag play monday --exclude-regex '.*/wam/(command|teacher_wrench)|/joint_states'": FULL_ROS,
     "dart-skill bag play monday --paused --clock 500 --wait-for /joint_states": Run(until="playing monday"),
     "dart-skill learn monday": Run(
         says="learned from 2 of [3-9] throws with .*; the hand opens [0-9]+ ms after it is told to", leaves="monday_model.npz"

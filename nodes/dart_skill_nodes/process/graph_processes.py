@@ -60,7 +60,7 @@ def parameters_of(executable: str, layout: str, seed=0, bag="", played="", rate=
     if layout == "replay" and executable == "demonstration_recorder":
         parameters["automatic"] = True
     if executable == "bag_player":
-        parameters |= {"bag": played, "rate": rate, "exclude": ["/demonstrations"], "awaited": [cut_out_of()]}
+        parameters |= {"bag": played, "rate": rate, "exclude": ["/demonstrations"], "commands": True, "awaited": [cut_out_of()]}
     return parameters
 
 
