@@ -196,7 +196,6 @@ TYPED = {
         "--rate 0", says="playing monday"
     ),
     "dart-skill bag play monday --commands --wait-for /wam/command": BESIDE,
-    "ros2 bag play monday --exclude-regex '.*/wam/(command|teacher_wrench)|/joint_states'": FULL_ROS,
     "dart-skill bag play monday --paused --clock 500 --wait-for /joint_states": Run(until="playing monday"),
     "dart-skill learn monday": Run(
         says="learned from 2 of [3-9] throws with .*; the hand opens [0-9]+ ms after it is told to", leaves="monday_model.npz"

@@ -19,6 +19,7 @@ from dart_skill.configuration import node_parameters
 from dart_skill_nodes.comms.presence import be_alive
 from dart_skill_nodes.comms.qos import SYSTEM, WALL
 from dart_skill_nodes.comms.refusals import GuardedLifecycleNode, GuardedNode, in_a_line
+from dart_skill_nodes.process.discovery import hear_loopback_alone
 from dart_skill_nodes.process.signals import Interrupts
 
 
@@ -123,6 +124,7 @@ def run(
 
     A node that cannot start ends the process with status 1 and one line, which begins with the name of the program.
     """
+    hear_loopback_alone()
     interrupts = Interrupts()
     nodes: list[Node] = []
     try:
