@@ -4,7 +4,7 @@ import argparse
 import os
 import sys
 
-from dart_skill.cli import _completion, bag, check, darts, experiment, graph_verbs, learn, report, view
+from dart_skill.cli import _completion, bag, check, darts, experiment, graph_verbs, learn, report, security, view
 from dart_skill.cli.printable import in_a_line
 
 TAB = "With TAB, bash and zsh complete commands, options and values: source tools/env.sh, or tools/completion.bash (.zsh) alone."
@@ -39,6 +39,6 @@ def _parser() -> argparse.ArgumentParser:
     check.add_to(commands)
     learn.add_to(commands)
     graph_verbs.add_to(commands, "throw")
-    for verb in (bag, view, report, experiment, darts):
+    for verb in (bag, view, report, experiment, darts, security):
         verb.add_to(commands)
     return parser
