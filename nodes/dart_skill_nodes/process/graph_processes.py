@@ -33,6 +33,8 @@ TAKING_TURNS = ("wam_simulator", "commander", "composed")
 """They wait for each other at every step: on one core they hand over faster than from core to core (1.6 times, on two cores)."""
 OVERRIDE = "ROS_SECURITY_ENCLAVE_OVERRIDE"
 """Environment variable: the enclave of the process that starts the graph, not of the nodes."""
+TOKEN = "DART_SKILL_VIEW_TOKEN"
+"""Environment variable: what the address of the viewer's page must hold; each viewer makes one of its own where it is not set."""
 START = 180.0
 """For a graph to start: seven processes with all that they import, on a machine that has other things to do [s, wall clock]."""
 SEEDED = ("composed", "wam_simulator", "mock_optitrack", "demonstration_recorder", "teacher", "coach")
