@@ -1,8 +1,14 @@
-"""`dart-skill`: nouns and verbs; results on stdout, progress on stderr; exit status 0, 1 (failed) or 2 (usage)."""
+"""`dart-skill`: nouns and verbs; results on stdout, progress on stderr; exit status 0, 1 (failed), 2 (usage),
+130 or 143 (ended by Ctrl-C or SIGTERM).
+"""
 
 import argparse
 import os
+import signal
 import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from dart_skill.cli import _completion, bag, check, darts, experiment, graph_verbs, learn, report, security, view
 from dart_skill.cli.printable import in_a_line
@@ -19,15 +25,36 @@ def main(arguments: list[str] | None = None) -> int:
     if unknown and not options.takes_anything:
         parser.error(f"unrecognized arguments: {' '.join(unknown)}")
     try:
-        status = options.run(options)
-        sys.stdout.flush()
-        return status
+        with _ends_in_order():
+            status = options.run(options)
+            sys.stdout.flush()
+            return status
+    except KeyboardInterrupt:
+        print("dart-skill: stopped", file=sys.stderr)
+        return 128 + signal.SIGINT
     except BrokenPipeError:  # `dart-skill ... | head`: nobody reads on, and the interpreter would complain about it at its end
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except (ValueError, OSError, ImportError) as error:
         print(f"dart-skill: {in_a_line(str(error) or type(error).__name__)}", file=sys.stderr)
         return 1
+
+
+@contextmanager
+def _ends_in_order() -> Iterator[None]:
+    """SIGTERM ends what runs as Ctrl-C does, so that nothing of it is left; verbs of the nodes have handlers of their own."""
+    if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
+        yield
+        return
+    signal.signal(signal.SIGTERM, _end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def _end(number: int, _: object) -> None:
+    raise SystemExit(128 + number)
 
 
 def _parser() -> argparse.ArgumentParser:
