@@ -1,10 +1,15 @@
 """How processes are placed, and how coroutines wait."""
 
 import os
+import time
 
 import pytest
+import rclpy
+from std_msgs.msg import Empty
 
-from dart_skill_nodes.comms.coroutines import Promise, start
+from dart_skill_nodes.comms.coroutines import Promise, pause, start
+from dart_skill_nodes.comms.qos import WALL
+from dart_skill_nodes.process.node_base import make_executor
 
 
 class Executor:
@@ -69,6 +74,31 @@ def test_the_error_of_a_routine_goes_to_whoever_started_it():
 
     start(Owner(), routine(), lambda result, error: ended.append(str(error)))
     assert ended == ["no"]
+
+
+def test_a_watchdog_is_called_when_it_is_due_while_routines_wait_beside_it(ros):
+    """rclpy's EventsExecutor calls a timer too often, and then not for seconds, when others of its clock come and go."""
+    node, executor, calls, period = rclpy.create_node("busy"), make_executor(), [], 0.05
+    executor.add_node(node)
+    begun = time.monotonic()
+    node.create_timer(period, lambda: calls.append(time.monotonic()), clock=WALL)
+    again = node.create_publisher(Empty, "~/again", 10)
+
+    def routine(_):
+        time.sleep(0.002)
+        again.publish(Empty())
+        start(node, pause(node, 0.01), lambda result, error: None)
+
+    node.create_subscription(Empty, "~/again", routine, 10)
+    while again.get_subscription_count() == 0:
+        executor.spin_once(timeout_sec=0.1)
+    for _ in range(3):
+        again.publish(Empty())
+    while len(calls) < 40:
+        executor.spin_once(timeout_sec=0.1)
+    node.destroy_node()
+    for number, called in enumerate(calls, start=1):
+        assert called - begun >= number * period - 0.01, f"call {number} came too early"
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_getaffinity") or len(os.sched_getaffinity(0)) < 2, reason="one core")

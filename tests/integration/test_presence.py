@@ -15,6 +15,9 @@ BUSY = """
 import rclpy
 from std_srvs.srv import Trigger
 from dart_skill_nodes.comms.presence import be_alive
+from dart_skill_nodes.process import system_process
+if {elsewhere}:
+    system_process._machine = lambda: "another machine"
 rclpy.init()
 node = rclpy.create_node("busy")
 be_alive(node)
@@ -37,8 +40,8 @@ def start():
     """Starts a node that is busy with Python code, in a process of its own."""
     started = []
 
-    def go():
-        started.append(subprocess.Popen([sys.executable, "-c", BUSY]))
+    def go(elsewhere=False):
+        started.append(subprocess.Popen([sys.executable, "-c", BUSY.format(elsewhere=elsewhere)]))
         return started[-1]
 
     yield go
@@ -82,6 +85,14 @@ def test_a_process_that_is_busy_is_there_and_one_that_is_killed_or_frozen_is_not
     assert again.gone and not new.gone
     second.kill()
     wait_until_gone(new)
+
+
+def test_a_process_of_another_machine_is_missed_when_its_lease_is_over(node, start):
+    process = start(elsewhere=True)
+    there = come(node)
+    assert not there.gone
+    process.kill()
+    wait_until_gone(there)
 
 
 def test_nodes_of_one_process_do_not_miss_each_other_and_nobody_is_never_gone(node):

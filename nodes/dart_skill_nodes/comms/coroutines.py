@@ -4,6 +4,7 @@ rclpy's EventsExecutor steps a coroutine that awaits a future over and over unti
 action (measured with rclpy 7.1.6). A routine is resumed once, when the promise that it waits for is kept.
 """
 
+import time
 from collections.abc import Callable, Coroutine
 
 from rclpy.action import ActionServer
@@ -11,7 +12,7 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
 
 from dart_skill_nodes.comms.presence import LOOK, Presence
-from dart_skill_nodes.comms.qos import WALL
+from dart_skill_nodes.comms.qos import WAITS
 
 
 class Promise:
@@ -60,13 +61,18 @@ def start(node: Node, routine: Coroutine, ended: Callable[[object, Exception | N
 
 async def within(node: Node, promise: Promise, limit: float, *needed: Presence):
     """Value of a promise, or None if it is not kept within the limit [s, wall clock], or as soon as one that is needed for it has gone."""
-    timers = [node.create_timer(limit, promise.keep, clock=WALL)]
-    if needed:
-        timers.append(node.create_timer(LOOK, lambda: promise.keep() if any(one.gone for one in needed) else None, clock=WALL))
-    value = await promise
-    for timer in timers:
-        node.destroy_timer(timer)
-    return value
+    until = time.monotonic() + limit
+    while not promise.kept and (left := until - time.monotonic()) > 0.0 and not any(one.gone for one in needed):
+        await _kept_or_over(node, promise, min(left, LOOK) if needed else left)
+    return await promise if promise.kept else None
+
+
+async def _kept_or_over(node: Node, promise: Promise, seconds: float) -> None:
+    either = Promise()
+    promise.when_kept(either.keep)
+    timer = node.create_timer(seconds, either.keep, clock=WAITS)
+    await either
+    node.destroy_timer(timer)
 
 
 async def pause(node: Node, seconds: float) -> None:

@@ -1,8 +1,9 @@
 """Whether somebody is still there: who served, published or asked when it mattered.
 
 A process that ends says so, and DDS takes its endpoints off the graph at once. One that was killed or frozen stays there for the 20 s of
-its participant's lease. So each node offers liveliness on a topic of its own, `~/_alive`, and whoever needs it looks at that: threads of
-the middleware assert it, so a node whose Python code is busy is alive, and so is one on a busy machine. Nothing is ever published there.
+its participant's lease. So each node says on a latched topic of its own, `~/_alive`, which process it is, and on the same machine the
+system is asked about that process: a killed one is missed at once, and one that waits for a core is not. Of a node on another machine the
+liveliness of that topic is looked at, which threads of the middleware assert: a node whose Python code is busy is alive.
 
 Liveliness is polled: callbacks of QoS events deadlock with rclpy's EventsExecutor. A shorter lease of the participants would tell all
 clients, but a node that was frozen for longer is then not always found again (Fast DDS 2.14).
@@ -19,9 +20,11 @@ from rclpy.duration import Duration
 from rclpy.event_handler import QoSSubscriptionEventType
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
-from rclpy.qos import LivelinessPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
-from std_msgs.msg import Empty
+from std_msgs.msg import Empty, String
+
+from dart_skill_nodes.process.system_process import SystemProcess
 
 LEASE = 3.5
 """Whoever is not heard of for so long is taken for dead; a process may be held up for 3 s [s, wall clock]."""
@@ -43,39 +46,69 @@ _HERE: set[str] = set()
 def be_alive(node: Node) -> None:
     """Let others know within LEASE when this node is dead or frozen."""
     _HERE.add(node.get_fully_qualified_name())
-    node.create_publisher(Empty, "~/_alive", _quality(LEASE))
+    said = node.create_publisher(String, "~/_alive", _quality(LEASE))
+    said.publish(String(data=SystemProcess.this().name))
     node.create_publisher(Empty, "~/_pulse", _quality(PULSE))
 
 
 def _quality(lease: float) -> QoSProfile:
-    return QoSProfile(depth=1, liveliness=LivelinessPolicy.AUTOMATIC, liveliness_lease_duration=Duration(seconds=lease))
+    latched = DurabilityPolicy.TRANSIENT_LOCAL
+    return QoSProfile(
+        depth=16, durability=latched, liveliness=LivelinessPolicy.AUTOMATIC, liveliness_lease_duration=Duration(seconds=lease)
+    )
 
 
 class _Pulse:
-    """The liveliness of the nodes of one name, as this process sees it. losses: how many have fallen silent so far, and stayed so.
+    """The lives of the nodes of one name, as this process sees them. losses: how many have fallen silent so far, and stayed so.
 
-    Only a loss is believed: Fast DDS may forget to tell a subscription that a publisher lives, and miscounts those that do when a dead one
-    leaves. Who was dead before anybody looked is known to be so when its lease is over.
+    Where they have said which processes they are, and those run on this machine, the system knows. Else the middleware: only a loss is
+    believed then, as Fast DDS may forget to tell a subscription that a publisher lives, and miscounts those that do when a dead one leaves.
+    Who was dead before anybody looked is known to be so when its lease is over.
     """
 
     def __init__(self, node: Node, name: str):
         self._node, self._topic = node, f"{name}/_alive"
         self._there, self._silent, self.losses, self._worse = 0, 0, 0, 0.0
-        self._subscription = node.create_subscription(Empty, self._topic, lambda _: None, _quality(LEASE))
+        self._lives: dict[SystemProcess, bool] = {}
+        self._subscription = node.create_subscription(String, self._topic, lambda _: None, _quality(LEASE))
         with self._subscription.handle:
             kind = QoSSubscriptionEventType.RCL_SUBSCRIPTION_LIVELINESS_CHANGED
             self._event = rclpy_implementation.EventHandle(self._subscription.handle, kind)
 
     def look(self) -> None:
         """Take in what has changed."""
-        there, self._there = self._there, self._node.count_publishers(self._topic)
+        before, self._there = self._there, self._node.count_publishers(self._topic)
+        self._hear()
+        if self._lives:
+            self._look_at_processes()
+        else:
+            self._look_at_leases(before)
+
+    def _hear(self) -> None:
+        """Which processes they are; nobody spins this node."""
+        with self._subscription.handle:
+            while (taken := self._subscription.handle.take_message(String, False)) is not None:
+                process = SystemProcess.named(taken[0].data)
+                if process is not None:
+                    self._lives.setdefault(process, True)
+
+    def _look_at_processes(self) -> None:
+        for process, lived in self._lives.items():
+            self._lives[process] = process.lives(LEASE)
+            self.losses += lived and not self._lives[process]
+        alive = sum(self._lives.values())
+        self._silent = min(len(self._lives) - alive, max(0, self._there - alive))
+        if alive and not self._silent:
+            self._lives = {process: True for process, lives in self._lives.items() if lives}
+
+    def _look_at_leases(self, before: int) -> None:
         with self._event:
             status = self._event.take_event()
         lost = status.not_alive_count_change if status is not None and status.alive_count_change else 0
         if lost > 0:
             self._worse = time.monotonic()
         self.losses += lost
-        left = max(0, there - self._there)
+        left = max(0, before - self._there)
         self._silent = max(0, self._silent + lost - left)
 
     @property
@@ -91,7 +124,7 @@ class _Pulse:
     @property
     def is_sure(self) -> bool:
         """Whether a silence lasts: whoever was held up itself takes others for dead until it has heard what they said meanwhile."""
-        return time.monotonic() - self._worse > SURE
+        return bool(self._lives) or time.monotonic() - self._worse > SURE
 
 
 class _Pulses:

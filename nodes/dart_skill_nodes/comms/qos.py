@@ -25,6 +25,9 @@ CLOCK = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 """For /clock, as rclpy itself subscribes to it."""
 
 WALL = Clock(clock_type=ClockType.STEADY_TIME)
-"""For watchdogs: a machine's time, never the simulation's."""
+"""For watchdogs: a machine's time, never the simulation's. No timer comes or goes on it while a node works (see WAITS)."""
+WAITS = Clock(clock_type=ClockType.STEADY_TIME)
+"""The same time for timers that come and go. Each new timer on a clock makes rclpy's EventsExecutor call those of that clock again that are
+due and not yet called; a repeating one skips a period for each such call, and was silent for up to 25 s (rclpy 7.1.6)."""
 SYSTEM = Clock(clock_type=ClockType.SYSTEM_TIME)
 """For stamps that do not belong to the time of the world: the date."""

@@ -67,8 +67,8 @@ class CoachNode(GuardedNode):
         self.create_subscription(Time, "/commander/stopped", self._on_stop, 10)
         self._plan = self.create_client(PlanThrow, "/skill_learner/plan_throw")
         self._add_trial = self.create_client(AddTrial, "/skill_learner/add_trial")
-        self._cameras = MatchingSubscriptions(self)
-        self._cameras.subscribe(pose_topic(self.p["basket_body"]), self._on_basket, PoseStamped)
+        self._baskets = MatchingSubscriptions(self)
+        self._baskets.subscribe(pose_topic(self.p["basket_body"]), self._on_basket, PoseStamped)
         self.create_timer(LOOK, self._watch, clock=WALL)
         accept = {"goal_callback": self._on_goal, "cancel_callback": self._on_cancel}
         self._action = CoroutineActionServer(self, Practice, "/practice", self._practise, finish_by_success, **accept)

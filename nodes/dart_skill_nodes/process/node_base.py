@@ -3,6 +3,7 @@
 import math
 import os
 import sys
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +22,9 @@ from dart_skill_nodes.comms.qos import SYSTEM, WALL
 from dart_skill_nodes.comms.refusals import GuardedLifecycleNode, GuardedNode, in_a_line
 from dart_skill_nodes.process.discovery import hear_loopback_alone
 from dart_skill_nodes.process.signals import Interrupts
+
+ENDS_WITHIN = 0.1
+"""Whether it was told to end, a process looks so often [s, wall clock]: not after each of thousands of messages a second."""
 
 
 @dataclass(frozen=True)
@@ -133,14 +137,29 @@ def run(
         for node in nodes:
             be_alive(node)
             executor.add_node(node)
-        while rclpy.ok() and not interrupts and not over(nodes):
-            executor.spin_once(timeout_sec=0.1)
+        ends = OnceIn(ENDS_WITHIN, lambda: interrupts or over(nodes) or not rclpy.ok())
+        while not ends():
+            executor.spin_once(timeout_sec=ENDS_WITHIN)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
         for node in nodes:
             node.destroy_node()
         rclpy.try_shutdown()
+
+
+class OnceIn:
+    """A question that is asked once in so many seconds of the wall clock, however often it is called; False in between."""
+
+    def __init__(self, seconds: float, question: Callable[[], bool]):
+        self._seconds, self._question, self._due = seconds, question, 0.0
+
+    def __call__(self) -> bool:
+        now = time.monotonic()
+        if now < self._due:
+            return False
+        self._due = now + self._seconds
+        return bool(self._question())
 
 
 def _started(make_nodes: Callable[[], list[Node]], args: list[str] | None, program: str) -> list[Node]:
