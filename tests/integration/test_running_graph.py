@@ -58,7 +58,7 @@ def status(client, *arguments):
 def test_the_status_of_a_graph_that_is_well(graph):
     code, said = status(graph[1], "--json")
     told = json.loads(said)
-    assert (code, told["ok"], told["problems"], told["commanders"]) == (0, True, [], ["commander"])
+    assert (code, told["ok"], told["problems"], told["commanders"]) == (0, True, [], ["commander"]), said
     assert {node["name"] for node in told["nodes"]} == set(NODES)
     topics = {topic["topic"]: topic for topic in told["topics"]}
     assert topics["/joint_states"]["rate"] > 10.0 and topics["/joint_states"]["lost"] == 0

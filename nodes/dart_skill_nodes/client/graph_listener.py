@@ -33,7 +33,7 @@ from dart_skill_nodes.process.limits import LIMITS
 DIAGNOSTICS, SAFETY = "/diagnostics", "/wam/safety"
 STATES = (READY, WARNING, ERROR, SILENT)
 HAVE_LIMITS = ("commander", "wam_simulator", "effort_bridge")
-LONGER = 3.0
+LONGER = 6.0
 """Nodes that have said nothing yet, or have not answered, are waited for so much longer [s, wall clock]."""
 
 
