@@ -90,6 +90,7 @@ def main() -> None:
     rclpy.init()
     played = {"bag": options.bag, "duration": options.seconds, "clock_rate": 0.0, "topics": f"[{','.join(TOPICS)}]"}
     played["awaited"] = played["topics"]
+    played["commands"] = "true"
     own = [part for name, value in played.items() for part in ("-p", f"{name}:={value}")]
     commands = {
         "bag_player": [sys.executable, "-m", "dart_skill_nodes.executables.bag_player", "--ros-args", *own],

@@ -1,11 +1,17 @@
-"""`dart-skill`: nouns and verbs; results on stdout, progress on stderr; exit status 0, 1 (failed) or 2 (usage)."""
+"""`dart-skill`: nouns and verbs; results on stdout, progress on stderr; exit status 0, 1 (failed), 2 (usage),
+130 or 143 (ended by Ctrl-C or SIGTERM).
+"""
 
 import argparse
 import os
+import signal
 import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 
-from dart_skill.cli import _completion, bag, check, darts, experiment, graph_verbs, learn, report, view
-from dart_skill.cli._printable import in_a_line
+from dart_skill.cli import _completion, bag, check, darts, experiment, graph_verbs, learn, report, security, view
+from dart_skill.cli.printable import in_a_line
 
 TAB = "With TAB, bash and zsh complete commands, options and values: source tools/env.sh, or tools/completion.bash (.zsh) alone."
 
@@ -19,9 +25,13 @@ def main(arguments: list[str] | None = None) -> int:
     if unknown and not options.takes_anything:
         parser.error(f"unrecognized arguments: {' '.join(unknown)}")
     try:
-        status = options.run(options)
-        sys.stdout.flush()
-        return status
+        with _ends_in_order():
+            status = options.run(options)
+            sys.stdout.flush()
+            return status
+    except KeyboardInterrupt:
+        print("dart-skill: stopped", file=sys.stderr)
+        return 128 + signal.SIGINT
     except BrokenPipeError:  # `dart-skill ... | head`: nobody reads on, and the interpreter would complain about it at its end
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
@@ -30,15 +40,32 @@ def main(arguments: list[str] | None = None) -> int:
         return 1
 
 
+@contextmanager
+def _ends_in_order() -> Iterator[None]:
+    """SIGTERM ends what runs as Ctrl-C does, so that nothing of it is left; verbs of the nodes have handlers of their own."""
+    if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
+        yield
+        return
+    signal.signal(signal.SIGTERM, _end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def _end(number: int, _: object) -> None:
+    raise SystemExit(128 + number)
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="dart-skill", description="A robot arm that learns to throw from demonstrations.", epilog=TAB)
     parser.set_defaults(takes_anything=False)
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for name in ("up", "demo", "practice", "teach", "demonstrations"):
+    for name in ("up", "status", "demo", "practice", "teach", "demonstrations"):
         graph_verbs.add_to(commands, name)
     check.add_to(commands)
     learn.add_to(commands)
     graph_verbs.add_to(commands, "throw")
-    for verb in (bag, view, report, experiment, darts):
+    for verb in (bag, view, report, experiment, darts, security):
         verb.add_to(commands)
     return parser

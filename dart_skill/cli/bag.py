@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dart_skill.cli import graph_verbs
-from dart_skill.cli._printable import printable
+from dart_skill.cli.printable import printable
 
 if TYPE_CHECKING:
     from dart_skill.recording.bags import Recovery

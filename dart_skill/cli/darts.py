@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from dart_skill.cli.experiment import search
+from dart_skill.files import new_file
 
 if TYPE_CHECKING:
     import numpy as np
@@ -126,7 +127,8 @@ def _write_csv(heat: HeatMap, path: str) -> None:
 
     x, y = np.meshgrid(heat.x, heat.y)
     rows = np.column_stack([x.ravel(), y.ravel(), heat.expected_score.ravel()])
-    np.savetxt(path, rows, fmt="%.6g", delimiter=",", header="x_mm,y_mm,expected_score", comments="")
+    with new_file(path, replace=True) as file:
+        np.savetxt(file, rows, fmt="%.6g", delimiter=",", header="x_mm,y_mm,expected_score", comments="")
 
 
 def _aim(options: argparse.Namespace) -> int:

@@ -1,4 +1,4 @@
-"""Verbs that the ROS 2 nodes run: `dart-skill up`, `demo`, `practice`, `teach`, `demonstrations`, `throw`, `learn` without a bag,
+"""Verbs that the ROS 2 nodes run: `dart-skill up`, `status`, `demo`, `practice`, `teach`, `demonstrations`, `throw`, `learn` without a bag,
 `bag play`, `check arm`, `experiment faults`, `experiment soak`.
 
 The library knows no ROS. Each of these verbs is a module of `dart_skill_nodes.verbs` with `add_arguments(parser)` and
@@ -13,6 +13,7 @@ from types import ModuleType
 
 HELP = {
     "up": "start the node graph, watch it, and end it with Ctrl-C",
+    "status": "the graph that runs, as a person reads it: nodes, rates, losses, limits, who commands; what is wrong",
     "demo": "the main job over real nodes: teach, learn, throw",
     "practice": "own throws over real nodes, each of which is learned from",
     "teach": "throws that a person guides, on a graph that runs",

@@ -8,6 +8,8 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dart_skill.files import new_file
+
 if TYPE_CHECKING:
     from dart_skill.report import Run
 
@@ -42,8 +44,8 @@ def _report(options: argparse.Namespace) -> int:
     run = read_run(bag, About(f"Throws of the bag '{bag.resolve().name}'", configuration=options.configuration))
     page = page_of(run, pictures(run))
     output.parent.mkdir(parents=True, exist_ok=True)
-    with open(output, "x", encoding="utf-8", newline="\n") as file:
-        file.write(page)
+    with new_file(output) as file:
+        file.write(page.encode())
     print(json.dumps(_as_json(run, output), indent=1) if options.json else _as_text(run, output))
     return 0
 

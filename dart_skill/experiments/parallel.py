@@ -5,16 +5,23 @@ from __future__ import annotations
 import importlib
 import multiprocessing
 import os
+import signal
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from typing import Any
+
+ORPHANED = 1.0
+"""A worker looks so often whether the process that wants its results is still there [s]."""
 
 
 def run_all(function: Callable, tasks: Sequence, jobs: int = 0, scheduler: str = "") -> Iterator[tuple[int, Any]]:
     """(index, function(task)) of every task as it finishes, in any order.
 
     jobs: processes on this machine, 0 for one per core; scheduler: address of a Dask scheduler, whose workers have this package installed.
-    An exception of a task is raised here, and the tasks not begun are not run.
+    An exception of a task is raised here, and the tasks not begun are not run. Ctrl-C, or no interest in more results, ends the workers at
+    once; they end by themselves when this process does, however that goes.
     """
     if scheduler:
         yield from _on_dask(function, tasks, scheduler)
@@ -23,11 +30,15 @@ def run_all(function: Callable, tasks: Sequence, jobs: int = 0, scheduler: str =
     if jobs <= 1:
         yield from ((index, function(task)) for index, task in enumerate(tasks))
         return
-    with ProcessPoolExecutor(jobs, mp_context=_workers(function)) as pool:
+    with ProcessPoolExecutor(jobs, mp_context=_workers(function), initializer=_begin_worker) as pool:
         futures = {pool.submit(function, task): index for index, task in enumerate(tasks)}
         try:
             for future in as_completed(futures):
                 yield futures[future], future.result()
+        except (KeyboardInterrupt, SystemExit, GeneratorExit):
+            for worker in list(pool._processes.values()):  # it has no public way to end a task that runs (from Python 3.14 on)
+                worker.terminate()
+            raise
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
 
@@ -37,6 +48,18 @@ def _workers(function: Callable) -> multiprocessing.context.BaseContext:
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload([getattr(function, "func", function).__module__])
     return context
+
+
+def _begin_worker() -> None:
+    """In each worker: Ctrl-C is for whoever asked, who then ends the workers; and an orphan ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
+
+
+def _end_with(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(ORPHANED)
+    os._exit(1)
 
 
 def _on_dask(function: Callable, tasks: Sequence, scheduler: str) -> Iterator[tuple[int, Any]]:

@@ -6,7 +6,7 @@ What is used of it is imported only then: the command line opens bags in Rerun w
 
 from dart_skill.view._panel import Knob, NodeStatus, Panel, Request
 from dart_skill.view._scene import Scene
-from dart_skill.view._server import ViewUnavailable, open_server, url_of
+from dart_skill.view._server import ViewUnavailable, new_token, open_server, url_of, with_token
 from dart_skill.view.rerun_bag import RerunUnavailable
 
 __all__ = [
@@ -17,6 +17,8 @@ __all__ = [
     "RerunUnavailable",
     "Scene",
     "ViewUnavailable",
+    "new_token",
     "open_server",
     "url_of",
+    "with_token",
 ]

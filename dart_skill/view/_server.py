@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import hmac
 import importlib
 import io
 import ipaddress
+import secrets
 import socket
 from collections.abc import Mapping
 from types import ModuleType
@@ -30,17 +32,17 @@ def load_viser() -> ModuleType:
         ) from error
 
 
-def open_server(host: str = "127.0.0.1", port: int = 0, title: str = "dart_skill") -> Any:
+def open_server(host: str = "127.0.0.1", port: int = 0, title: str = "dart_skill", token: str = "") -> Any:
     """A running viser.ViserServer, empty, for `Scene` and `Panel`.
 
-    host: address to listen on; port: 0 for any free one, else that one and no other. ViewUnavailable if viser is missing or the port is
-    taken. Stop it with its method `stop`.
+    host: address to listen on; port: 0 for any free one, else that one and no other. token: only who has it is let in (`with_token`);
+    empty: everybody. ViewUnavailable if viser is missing or the port is taken. Stop it with its method `stop`.
     """
     viser = load_viser()
     _check_free(host, port)
     with contextlib.redirect_stdout(io.StringIO()):  # viser prints a panel; whoever opens a server says so in its own way
         server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
-    _refuse_other_origins(server)
+    _refuse_strangers(server, token)
     server.request_share_url = _never_share  # any client may ask viser for a public address; an arm is not to be had from outside
     server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
     return server
@@ -51,6 +53,21 @@ def url_of(server: Any) -> str:
     host = server.get_host()
     host = "127.0.0.1" if host in ("0.0.0.0", "::", "") else host
     return f"http://{f'[{host}]' if ':' in host else host}:{server.get_port()}"
+
+
+def new_token() -> str:
+    """A secret for the address of a page, which nobody guesses."""
+    return secrets.token_urlsafe(16)
+
+
+def with_token(url: str, token: str) -> str:
+    """The address of a page, of which the browser opens the websocket with the token: viser takes its address as a parameter."""
+    return f"{url}/?websocket={url.replace('http', 'ws', 1)}/{token}"
+
+
+def has_token(path: str, token: str) -> bool:
+    """Whether a websocket was opened with the token, if there is one."""
+    return not token or hmac.compare_digest(path.partition("?")[0].strip("/").encode(), token.encode())
 
 
 def is_own_page(headers: Mapping[str, str]) -> bool:
@@ -76,13 +93,15 @@ def _is_own_name(name: str) -> bool:
     return True
 
 
-def _refuse_other_origins(server: Any) -> None:
+def _refuse_strangers(server: Any, token: str) -> None:
     websockets = server._websock_server  # viser has no public way to see the request of a connection
 
     async def check(connection: Any) -> None:
         socket_of_client = websockets._live_connections[connection.client_id]
         if not is_own_page(socket_of_client.request.headers):
             await socket_of_client.close(POLICY_VIOLATION, "pages of other origins do not move this arm")
+        elif not has_token(socket_of_client.request.path, token):
+            await socket_of_client.close(POLICY_VIOLATION, "open the whole address that the viewer prints")
 
     websockets.on_client_connect(check)
 

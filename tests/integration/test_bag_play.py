@@ -6,6 +6,8 @@ import subprocess
 import sys
 
 import pytest
+import rclpy
+from std_msgs.msg import String
 
 from tests.texts import write_texts
 
@@ -60,6 +62,50 @@ def test_a_loop_ends_with_ctrl_c(bag, play, make_graph):
     said, complaint = player.communicate()
     assert player.returncode == 0 and not json.loads(said)["finished"] and "Traceback" not in complaint
     listener.close()
+
+
+@pytest.fixture
+def throw(tmp_path):
+    """What stands for a recorded throw: the names are those of an arm."""
+    return write_texts(tmp_path / "throw", ("/joint_states", "/wam/command", "/hand/commands"), 50)
+
+
+def test_commands_are_played_where_they_are_asked_for_and_no_arm_is(throw, play, make_graph):
+    _, client = make_graph(None)
+    listener = Listener(client, ["/joint_states", "/wam/command", "/hand/commands", "/recorded"])
+    for options, heard in (
+        (["--wait-for", "/recorded", "--remap", "/wam/command:=/recorded"], {"/joint_states", "/recorded"}),
+        (["--wait-for", "/joint_states", ".*/commands?", "--commands"], {"/joint_states", "/wam/command", "/hand/commands"}),
+    ):
+        for texts in listener.heard.values():
+            texts.clear()
+        player = play(throw, "--rate", "10", *options)
+        wait_for(client, lambda player=player: player.poll() is not None, what="the end of the bag")
+        client.spin()
+        assert player.returncode == 0 and {topic for topic, texts in listener.heard.items() if texts} == heard, options
+    listener.close()
+
+
+@pytest.mark.parametrize(
+    ("options", "has_states", "complaint"),
+    [
+        ([], True, " publishes /joint_states: an arm is there"),
+        (["--commands", "--exclude", "/joint_states"], True, " publishes /joint_states: an arm is there"),
+        (["--commands"], False, "driver hears /wam/command, and may move an arm"),
+    ],
+)
+def test_nothing_that_an_arm_would_take_for_its_own_is_played_beside_one(throw, play, make_graph, options, has_states, complaint):
+    _, client = make_graph(None)
+    driver = rclpy.create_node("driver")
+    commands = []
+    driver.create_publisher(String, "/joint_states", 10) if has_states else None
+    driver.create_subscription(String, "/wam/command", commands.append, 10)
+    player = play(throw, "--loop", *options)
+    wait_for(client, lambda: player.poll() is not None, what="the end of the player")
+    _, told = player.communicate()
+    rclpy.spin_once(driver, timeout_sec=0.1)
+    driver.destroy_node()
+    assert player.returncode == 1 and complaint in told and commands == [], told
 
 
 @pytest.mark.parametrize(

@@ -121,7 +121,7 @@ def test_viewers_find_the_arm_its_description_and_its_transforms(recorded):
 def test_a_bag_plays_as_it_was_recorded(recorded, make_graph):
     graph, client = make_graph(None)
     listener = Listener(client, STEPPED)
-    graph.start("bag_player", {"bag": str(recorded), "rate": 4.0, "awaited": f"[{','.join(STEPPED)}]"})
+    graph.start("bag_player", {"bag": str(recorded), "rate": 4.0, "commands": True, "awaited": f"[{','.join(STEPPED)}]"})
     player = wait_for_end(graph, client, "bag_player")
     client.spin()
     listener.close()
@@ -175,7 +175,7 @@ def test_a_bag_teaches_through_the_nodes_what_it_teaches_without(make_graph, rec
     graph.start("demonstration_recorder", {"bag": str(tmp_path / "again"), "automatic": True})
     inputs = ["/joint_states", "/wam/command", "/wam/teacher_wrench", *POSES]
     played = {"topics": f"[{','.join(inputs)}]", "awaited": f"[{','.join(inputs)}]", "clock_rate": 0.0}
-    graph.start("bag_player", {"bag": str(bag), "rate": rate, **played})
+    graph.start("bag_player", {"bag": str(bag), "rate": rate, "commands": True, **played})
     wait_for_end(graph, client, "bag_player")
     learned = client.learn(at_least=len(taught))
     assert (learned.demonstrations, learned.model_id) == (len(taught), expected.skill.model_id)

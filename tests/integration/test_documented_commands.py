@@ -86,6 +86,11 @@ HARDWARE = "foreign_arm/test_foreign_arm.py::"
 WITHOUT = Elsewhere("unit/session/test_from_bag.py::test_a_demonstration_can_be_left_out_by_its_id")
 ON_HARDWARE = Elsewhere(f"{HARDWARE}test_every_state_of_the_arm_is_answered")
 FAULTS = Elsewhere("integration/test_fault_cases.py::test_the_client_is_told_the_arm_rests_and_all_works_again")
+STATUS = Elsewhere("integration/test_running_graph.py::test_the_status_of_a_graph_that_is_well")
+BESIDE = Elsewhere("integration/test_bag_play.py::test_commands_are_played_where_they_are_asked_for_and_no_arm_is")
+PROFILE = Elsewhere("integration/test_discovery.py::test_a_node_listens_on_loopback_alone_and_a_client_without_the_profile_finds_it")
+POLICY = Elsewhere("unit/test_permissions.py::test_the_command_writes_the_policy_and_no_file_over_another")
+SECURITY = Not("needs a full ROS installation with SROS 2; what the policy allows is compared with a graph in test_main_job.py")
 VIEW = Elsewhere("unit/view/test_rerun.py::test_every_file_of_a_split_bag_is_opened_with_a_layout_of_its_own")
 
 TYPED = {
@@ -107,6 +112,15 @@ TYPED = {
     "pip install 'viser>=1.1,<1.2'": NETWORK,
     "pip install -r requirements/optional.txt": NETWORK,
     "export ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET": MACHINES,
+    "export FASTRTPS_DEFAULT_PROFILES_FILE=$PWD/config/fastdds_loopback.xml": PROFILE,
+    "dart-skill security policy.xml": POLICY,
+    "ros2 run dart_skill commander --ros-args --enclave /dart_skill/commander": SECURITY,
+    "ros2 security create_keystore keystore": SECURITY,
+    "ros2 security generate_artifacts -k keystore -p policy.xml": SECURITY,
+    "export ROS_SECURITY_KEYSTORE=$PWD/keystore": SECURITY,
+    "export ROS_SECURITY_ENABLE=true": SECURITY,
+    "export ROS_SECURITY_STRATEGY=Enforce": SECURITY,
+    "export ROS_SECURITY_ENCLAVE_OVERRIDE=/dart_skill/client": SECURITY,
     "export ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST": MACHINES,
     "export ROS_DOMAIN_ID=42": MACHINES,
     "export ROS_STATIC_PEERS='192.168.10.2;192.168.10.3'": MACHINES,
@@ -119,6 +133,7 @@ TYPED = {
     "dart-skill up --viewer": OnTheGraph("--output up", says="all nodes are ready"),
     "ros2 run dart_skill recorder --ros-args -p bag:=monday -p use_sim_time:=true": OnTheGraph(),
     "dart-skill teach --count 5": OnTheGraph("--count 2", says="2 of 2 throws shown"),
+    "dart-skill status": STATUS,
     "dart-skill learn": OnTheGraph(says="model [0-9a-f]+"),
     "dart-skill learn --at-least 3": OnTheGraph("--at-least 2", says="model [0-9a-f]+"),
     "dart-skill demonstrations": OnTheGraph(says="taught: a throw to"),
@@ -148,7 +163,7 @@ TYPED = {
     "dart-skill check arm": ARM,
     "dart-skill check arm --postures 10 --write cameras.yaml": ARM,
     "ros2 run dart_skill demonstration_recorder --ros-args -p automatic:=true": BY_HAND,
-    "dart-skill bag play bags/demonstrations --rate 0 --exclude /demonstrations "
+    "dart-skill bag play bags/demonstrations --rate 0 --commands --exclude /demonstrations "
     "--wait-for '/joint_states|/wam/(command|teacher_wrench)|/vrpn_mocap/.*/pose'": BY_HAND,
     "ros2 launch dart_skill throwing.launch.py": FULL_ROS,
     "ros2 launch dart_skill hardware.launch.py": FULL_ROS,
@@ -192,6 +207,7 @@ TYPED = {
     "dart-skill bag play monday --start 3 --duration 5 --topics '/vrpn_mocap/.*' --remap /vrpn_mocap/hand/pose:=/hand/pose": Run(
         "--rate 0", says="playing monday"
     ),
+    "dart-skill bag play monday --commands --wait-for /wam/command": BESIDE,
     "dart-skill bag play monday --paused --clock 500 --wait-for /joint_states": Run(until="playing monday"),
     "dart-skill learn monday": Run(
         says="learned from 2 of [3-9] throws with .*; the hand opens [0-9]+ ms after it is told to", leaves="monday_model.npz"
@@ -428,7 +444,11 @@ def fill(message, values: dict) -> None:
 def check_ros2(command: str) -> None:
     """Whether the nodes have what a `ros2` command asks for, and its YAML fits the type."""
     words = shlex.split(command)
-    if words[1] == "launch":
+    if words[1] == "run":
+        assert (ROOT / "nodes" / "dart_skill_nodes" / "executables" / f"{words[3]}.py").is_file()
+    elif words[1] == "security":
+        assert words[2] in ("create_keystore", "generate_artifacts")
+    elif words[1] == "launch":
         assert (ROOT / "launch" / words[3]).is_file()
     elif words[1] == "param":
         assert f"\n| `{words[4]}` \\* |" in rows_of(words[3].strip("/")), f"{words[3]} has no parameter {words[4]} that may be changed"

@@ -46,6 +46,15 @@ def refuse(message):
     raise ValueError(f"'{message.data}' is nothing\nthat I know")
 
 
+def test_every_one_of_many_calls_at_once_is_answered(spin):
+    node, asking = GuardedNode("busy"), GuardedNode("asking")
+    node.create_service(Trigger, "~/ask", lambda request, response: response)
+    client = asking.create_client(Trigger, "/busy/ask")
+    spin(client.service_is_ready, node, asking)
+    answers = [client.call_async(Trigger.Request()) for _ in range(200)]
+    spin(lambda: all(answer.done() for answer in answers))
+
+
 def test_what_a_callback_refuses_is_counted_and_shown(spin):
     node, heard = GuardedNode("fussy"), []
     node.create_subscription(String, "/words", refuse, 10)

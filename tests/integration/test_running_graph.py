@@ -1,16 +1,21 @@
 """One graph for many: what it refuses before it has learned, and what it does, and stops, afterwards."""
 
+import json
 import signal
+import subprocess
+import sys
 import time
 
 import numpy as np
 import pytest
-from dart_skill_msgs.msg import SimulationState
+from dart_skill_msgs.msg import SimulationState, WamCommand
 from dart_skill_msgs.srv import Learn, PlaceBasket, Reset
 
+from dart_skill.configuration import load_yaml
 from dart_skill.regions import targets_for
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.process.graph_processes import NODES
 
 from .conftest import Joints, begin_slow_throw, teach_and_learn, wait_for
 
@@ -38,6 +43,35 @@ def client(taught):
     yield taught[1]
     taught[1].set_parameters("/wam_simulator", {"speed_factor": 0.0})
     taught[1].learn()
+
+
+def status(client, *arguments):
+    """Exit status and output of `dart-skill status`, while the client goes on."""
+    command = [sys.executable, "-m", "dart_skill.cli", "status", *arguments]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    wait_for(client, lambda: process.poll() is not None, what="the status")
+    said, complaint = process.communicate()
+    assert complaint == "", complaint
+    return process.returncode, said
+
+
+def test_the_status_of_a_graph_that_is_well(graph):
+    code, said = status(graph[1], "--json")
+    told = json.loads(said)
+    assert (code, told["ok"], told["problems"], told["commanders"]) == (0, True, [], ["commander"]), said
+    assert {node["name"] for node in told["nodes"]} == set(NODES)
+    topics = {topic["topic"]: topic for topic in told["topics"]}
+    assert topics["/joint_states"]["rate"] > 10.0 and topics["/joint_states"]["lost"] == 0
+    limits = load_yaml("limits.yaml")["/**"]["ros__parameters"]
+    assert told["limits"] == {"commander": limits, "wam_simulator": limits} and told["safety"] == ["ready", ""]
+
+
+def test_the_status_names_a_second_commander(graph):
+    _, client = graph
+    stranger = client.node.create_publisher(WamCommand, "/wam/command", 10)
+    code, said = status(client)
+    client.node.destroy_publisher(stranger)
+    assert code == 1 and "wrong: coach_0 and commander command the arm (/wam/command): end one" in said, said
 
 
 def test_before_anything_is_learned_throws_and_practice_say_so(graph):
@@ -142,3 +176,5 @@ def test_a_learner_that_dies_during_a_throw_stops_the_arm_and_is_named(taught):
     assert outcome.code == 3, outcome.message
     assert "skill_learner" in outcome.message
     wait_for(client, lambda: joints.fastest < 0.05, what="the arm comes to rest")
+    code, said = status(client)
+    assert code == 1 and "wrong: no skill_learner: " in said, said

@@ -126,6 +126,8 @@ def test_pause_step_and_reset(simulator):
             answer(state, command)
         return False
 
+    refused = client.call(step, Step.Request(steps=2**32 - 1), may_refuse=True)
+    assert not refused.success and "1 to 100000 at a time" in refused.message
     for _ in range(3):
         keep_answering()
         client.spin()

@@ -104,8 +104,9 @@ def test_a_recording_is_replayed_into_a_model(start):
     end(process)
 
 
-def test_without_a_graph_the_verbs_say_how_to_start_it(start):
-    done = subprocess.run([sys.executable, "-m", "dart_skill.cli", "throw"], capture_output=True, text=True, timeout=PATIENCE)
+@pytest.mark.parametrize("verb", ["throw", "status"])
+def test_without_a_graph_the_verbs_say_how_to_start_it(verb):
+    done = subprocess.run([sys.executable, "-m", "dart_skill.cli", verb], capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 1 and "'dart-skill up' starts it" in done.stderr
 
 

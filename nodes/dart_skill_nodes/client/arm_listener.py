@@ -11,14 +11,12 @@ from sensor_msgs.msg import JointState
 
 from dart_skill.arm_check import Endpoint, Heard, JointStream, PoseStream
 from dart_skill.world import joint_order, the_world
+from dart_skill_nodes.client.live_arm import NO_DRIVERS
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.joint_states import JOINT_STATES
 from dart_skill_nodes.comms.raw_batches import RawBatches, RawMessage
-from dart_skill_nodes.process.graph_processes import NODES
 
 COMMANDS, CLOCK = "/wam/command", "/clock"
-NO_DRIVERS = {*NODES, "recorder", "viewer", "bag_player"} - {"wam_simulator"}
-"""Nodes of this package that take commands in, and carry none out; so do those of hidden names, which begin with an underscore."""
 
 
 class ArmListener:

@@ -35,11 +35,14 @@ class MatchingSubscriptions:
     """Subscriptions of a node that wait for their publishers, and follow them when a less reliable one joins.
 
     owner: another node, which nobody spins, to make them on: whoever takes the messages out by itself wants that.
+    on_look: called with a topic and the publishers that are heard, whenever the graph was looked at.
+    strange: topics that somebody publishes with another type than the one that is heard, so that none of that comes; and who does.
     """
 
-    def __init__(self, node: Node, owner: Node | None = None):
-        self._node, self._owner, self._topics = node, owner or node, {}
-        self._timer = node.create_timer(LOOK_AGAIN, self._look, clock=WALL)
+    def __init__(self, node: Node, owner: Node | None = None, on_look: Callable[[str, frozenset[bytes]], None] = lambda *_: None):
+        self._node, self._owner, self._topics, self._on_look = node, owner or node, {}, on_look
+        self.strange: dict[str, str] = {}
+        self._timer = node.create_timer(LOOK_AGAIN, self.look, clock=WALL)
 
     def subscribe(
         self,
@@ -60,7 +63,7 @@ class MatchingSubscriptions:
         self._topics[name] = _Topic(callback, message_type, depth, raw, on_offer)
         if at_once:
             self._make(name, self._topics[name], (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE))
-        self._look()
+        self.look()
 
     @property
     def subscriptions(self) -> dict[str, Subscription]:
@@ -77,16 +80,28 @@ class MatchingSubscriptions:
         self._node.destroy_timer(self._timer)
         self._topics = {}  # one more tick of the timer may be under way
 
-    def _look(self) -> None:
+    def look(self) -> None:
+        """Follow what publishers offer now."""
         for name, topic in self._topics.items():
             offers = self._node.get_publishers_info_by_topic(name)
-            if not offers:
-                continue
-            if not topic.offered:
-                topic.offered, topic.type = True, topic.type or message_class(offers[0].topic_type)
-                topic.on_offer(offers)
-            if (chosen := _matching_all([offer.qos_profile for offer in offers])) != topic.chosen:
+            if offers and topic.type is None:
+                topic.type = message_class(offers[0].topic_type)
+            heard = self._heard(name, topic, offers)
+            if heard and not topic.offered:
+                topic.offered = True
+                topic.on_offer(heard)
+            if heard and (chosen := _matching_all([offer.qos_profile for offer in heard])) != topic.chosen:
                 self._make(name, topic, chosen)
+            self._on_look(name, frozenset(bytes(offer.endpoint_gid) for offer in heard))
+
+    def _heard(self, name: str, topic: _Topic, offers: list[TopicEndpointInfo]) -> list[TopicEndpointInfo]:
+        """Those that publish the type that is heard; DDS hands over nothing of the others, and says nothing of it."""
+        wanted = type_name(topic.type) if topic.type else ""
+        for offer in offers:
+            if offer.topic_type != wanted and name not in self.strange:
+                self.strange[name] = f"{offer.node_name} publishes {name} as {offer.topic_type}, which is not the {wanted} that is heard"
+                self._node.get_logger().warning(self.strange[name])
+        return [offer for offer in offers if offer.topic_type == wanted]
 
     def _make(self, name: str, topic: _Topic, chosen: tuple[ReliabilityPolicy, DurabilityPolicy]) -> None:
         if topic.subscription is not None:
@@ -100,6 +115,12 @@ def message_class(type_name: str) -> type:
     """Class of a message type as package/msg/Name; ImportError if its package is not installed."""
     package, kind, name = type_name.split("/")
     return getattr(importlib.import_module(f"{package}.{kind}"), name)
+
+
+def type_name(message_type: type) -> str:
+    """Of a message class, as package/msg/Name."""
+    package, kind = message_type.__module__.split(".")[:2]
+    return f"{package}/{kind}/{message_type.__name__}"
 
 
 def _matching_all(offers: list[QoSProfile]) -> tuple[ReliabilityPolicy, DurabilityPolicy]:

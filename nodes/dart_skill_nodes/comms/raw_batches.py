@@ -32,8 +32,35 @@ class RawMessage(NamedTuple):
 
 @dataclass
 class _Numbering:
+    """What is known of the numbers that the publisher of a topic gives its messages, which each publisher counts for itself.
+
+    A gap is a loss if one publisher, and the same one, was there before it and after it: at two looks at the graph and at every message
+    between them. Gaps since the last look are `open`; mixed: several publishers were there since then.
+    """
+
     expected: int = 0
     lost: int = 0
+    open: int = 0
+    mixed: bool = False
+    publishers: frozenset[bytes] = frozenset()
+
+    def count(self, numbers: list[int | None], publishers: int) -> None:
+        """Take in the numbers of messages that came while so many published the topic; one that was started again begins anew."""
+        self.mixed |= publishers != 1
+        for number in numbers:
+            if number is None:
+                return
+            if self.expected and number > self.expected:
+                self.open += number - self.expected
+            self.expected = number + 1
+
+    def look(self, publishers: frozenset[bytes]) -> None:
+        """Settle what was counted since the last look, now that these publish the topic."""
+        if self.mixed or publishers != self.publishers:
+            self.expected = 0
+        elif len(publishers) == 1:
+            self.lost += self.open
+        self.open, self.mixed, self.publishers = 0, False, publishers
 
 
 class RawBatches:
@@ -41,8 +68,8 @@ class RawBatches:
 
     def __init__(self, node: Node):
         self._unspun = unspun_node(f"_{node.get_name()}_raw_batches")
-        self._offered = MatchingSubscriptions(node, self._unspun)
         self._numbering: dict[str, _Numbering] = {}
+        self._offered = MatchingSubscriptions(node, self._unspun, self._on_look)
 
     def listen(self, topic: str, on_offer=lambda offers: None) -> None:
         """Hear a topic from its first publisher on; on_offer is called with what its publishers say, before anything is heard."""
@@ -60,8 +87,13 @@ class RawBatches:
         return self._offered.missing
 
     @property
+    def strange(self) -> dict[str, str]:
+        """Topics that somebody publishes with another type than the one that is heard, so that none of that comes; and who does."""
+        return self._offered.strange
+
+    @property
     def lost(self) -> dict[str, int]:
-        """Messages that were sent and never came, by topic, of topics with a single publisher."""
+        """Messages that were sent and never came, by topic, while one and the same node published it."""
         return {topic: numbering.lost for topic, numbering in self._numbering.items() if numbering.lost}
 
     def take(self) -> list[RawMessage]:
@@ -72,15 +104,20 @@ class RawBatches:
             for data, info in taken(subscription):
                 numbers.append(info["publication_sequence_number"])
                 message.append(RawMessage(info["received_timestamp"], topic, data))
-            if numbers and subscription.get_publisher_count() == 1:
-                _count(self._numbering[topic], numbers)
+            if numbers:
+                self._numbering[topic].count(numbers, subscription.get_publisher_count())
         message.sort(key=lambda one: one.received_ns)
         return message
 
     def close(self) -> None:
-        """Hear nothing any more."""
+        """Hear nothing any more; what was lost stays known."""
+        self._offered.look()
         self._offered.close()
         self._unspun.destroy_node()
+
+    def _on_look(self, topic: str, publishers: frozenset[bytes]) -> None:
+        if topic in self._numbering:
+            self._numbering[topic].look(publishers)
 
 
 def unspun_node(name: str) -> Node:
@@ -101,13 +138,3 @@ def taken(subscription: Subscription) -> Iterator[tuple[bytes, dict]]:
 def never_called(data: bytes) -> None:
     """For the callbacks of such subscriptions."""
     raise NotImplementedError("messages are taken, nobody is called")
-
-
-def _count(numbering: _Numbering, numbers: list[int | None]) -> None:
-    """Gaps in the numbers that a publisher gave; one that was started again begins anew."""
-    for number in numbers:
-        if number is None:
-            return
-        if numbering.expected and number > numbering.expected:
-            numbering.lost += number - numbering.expected
-        numbering.expected = number + 1

@@ -11,6 +11,8 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.lifecycle import LifecycleNode
 from rclpy.node import Node
 
+from dart_skill_nodes.comms.qos import CALLS
+
 SAID_AGAIN = 5.0
 """A place that goes on refusing is named in the log so often [s, wall clock]: a stream of bad messages is no stream of lines."""
 NOT_RECORDED = "recording has stopped"
@@ -87,7 +89,10 @@ class _Guarded:
             except Exception as error:  # a request may hold anything
                 return _refusing(srv_type.Response(), self.refusals.add(srv_name, error))
 
-        return super().create_service(srv_type, srv_name, answer, **options)
+        return super().create_service(srv_type, srv_name, answer, **{"qos_profile": CALLS, **options})
+
+    def create_client(self, srv_type, srv_name, **options):
+        return super().create_client(srv_type, srv_name, **{"qos_profile": CALLS, **options})
 
     def create_timer(self, timer_period_sec, callback, *arguments, **options):
         def tick() -> None:

@@ -1,14 +1,16 @@
 """The bag player: publishes what a bag holds, with the quality of service that was recorded, at any rate, with /clock.
 
 ~/pause (SetBool) and ~/step (a number of messages, while paused) steer it, and so does the parameter `rate`. It ends with the bag.
+Commands of a recording are played only where somebody asks for them, and no states or commands beside an arm that is there.
 """
 
 import math
 import re
+import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 from dart_skill_msgs.srv import Step
 from rcl_interfaces.msg import SetParametersResult
@@ -18,17 +20,20 @@ from std_srvs.srv import SetBool
 
 from dart_skill.recording import OLDER_COMMAND, BagReader, TopicInfo, completed_command, type_hash, types_for
 from dart_skill.recording.bags import CLOCK_TOPIC, CLOCK_TYPE, Due, Pace, Playback, Selection
+from dart_skill_nodes.client.live_arm import Hearers, arm_beside, commands_an_arm
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.matching_qos import message_class
-from dart_skill_nodes.comms.qos import CLOCK
+from dart_skill_nodes.comms.presence import LOOK
+from dart_skill_nodes.comms.qos import CLOCK, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
-from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, run
+from dart_skill_nodes.process.node_base import ERROR, OK, Diagnostics, Parameter, declare, run
 
 TABLE = [
     Parameter("bag", "folder or .mcap file"),
     Parameter("rate", "seconds of the bag per second; 0: as fast as can be", 0.0, 1e6, read_only=False),
     Parameter("topics", "regular expressions; a topic is played that one of them matches as a whole"),
     Parameter("exclude", "regular expressions; a topic that one of them matches as a whole is not played"),
+    Parameter("commands", "play topics on which an arm takes commands, too; never beside an arm that is there"),
     Parameter("remap", "recorded=published name; '=': none"),
     Parameter("start", "begin so long after the bag's first message [s]", 0.0, 1e9),
     Parameter("duration", "end so long after that [s]; 0: with the bag", 0.0, 1e9),
@@ -37,6 +42,8 @@ TABLE = [
     Parameter("clock_rate", "of /clock, unless the bag has one [1/s of the bag's time]; 0: none", 0.0, 10_000.0),
     Parameter("awaited", "regular expressions: topics, as published, that must have a subscriber before playing begins; '': none"),
 ]
+FINDS = 2.0
+"""For an arm to be found, before a command is played [s, wall clock]."""
 DEPTH = 10_000
 """Of publishers at least, whatever was recorded, so that what is lost on the way can be repeated; no subscriber sees it."""
 PATIENCE = Duration(seconds=10)
@@ -44,11 +51,14 @@ PATIENCE = Duration(seconds=10)
 
 
 class BagPlayer(GuardedNode):
-    """Publishes from a thread of its own, so that no callback delays a message. `finished`: everything was published."""
+    """Publishes from a thread of its own, so that no callback delays a message. `finished`: everything was published. `refusal`: why not
+    everything was: an arm is there.
+    """
 
     def __init__(self):
         super().__init__("bag_player")
         self.p = declare(self, "bag_player.yaml", TABLE)
+        self.refusal, self._made = "", time.monotonic()
         self.finished, self._stopping, self._steps, self._published, self._position_ns = False, False, 0, 0, 0
         self._bag = BagReader(self.p["bag"])
         self._playback = Playback(self._bag, self._selection())
@@ -64,6 +74,9 @@ class BagPlayer(GuardedNode):
         self.create_service(Step, "~/step", self._on_step)
         self.add_on_set_parameters_callback(self._on_parameters)
         self._diagnostics = Diagnostics(self, self._describe)
+        self._hearers = Hearers(self, self._publishers_of)
+        self._watch_arms()
+        self.create_timer(LOOK, self._watch_arms, clock=WALL)
         self._thread = threading.Thread(target=self._play, name="playing")
         self._thread.start()
 
@@ -79,16 +92,25 @@ class BagPlayer(GuardedNode):
 
     def _selection(self) -> Selection:
         played = Selection(self.p["topics"], self.p["exclude"])
-        unknown = [name for name, info in self._bag.topics.items() if played.matches(name) and not self._is_known(info)]
+        remap = dict(text.split("=", 1) for text in self.p["remap"] if text.strip("="))
+        chosen = {name: info for name, info in self._bag.topics.items() if played.matches(name)}
+        unknown = [name for name, info in chosen.items() if self._would_command(remap.get(name, name)) or not self._is_known(info)]
         return Selection(
             topics=self.p["topics"],
             exclude=[*self.p["exclude"], *map(re.escape, unknown)],
-            remap=dict(text.split("=", 1) for text in self.p["remap"] if text.strip("=")),
+            remap=remap,
             start=self.p["start"],
             duration=self.p["duration"] or math.inf,
             loop=self.p["loop"],
             clock_rate=self.p["clock_rate"],
         )
+
+    def _would_command(self, topic: str) -> bool:
+        """Whether a topic is left out because it moves arms, and nobody asked for that; says so."""
+        if self.p["commands"] or not commands_an_arm(topic):
+            return False
+        self.get_logger().info(f"{topic} is not played: it would command an arm (parameter commands)")
+        return True
 
     def _is_known(self, info: TopicInfo) -> bool:
         """Whether a topic's type is installed here, in the version that the bag has; says why not."""
@@ -116,7 +138,7 @@ class BagPlayer(GuardedNode):
     # playing, in the thread
 
     def _play(self) -> None:
-        if self._are_awaited():
+        if self._are_awaited() and self._is_alone():
             with self._changed:
                 self._pace.begin(time.monotonic())
             self._publish_all(self._playback)
@@ -129,6 +151,23 @@ class BagPlayer(GuardedNode):
                 self._awaited = [topic for topic in self._awaited if not self._publishers_of[topic].get_subscription_count()]
                 self._changed.wait(0.05)
             return not self._stopping
+
+    def _is_alone(self) -> bool:
+        """Before the first command, wait until an arm that is there would have been found; False if playing was stopped."""
+        commands = any(map(commands_an_arm, self._publishers_of))
+        with self._changed:
+            while commands and not self._stopping and (left := self._made + FINDS - time.monotonic()) > 0.0:
+                self._changed.wait(left)
+            return not self._stopping
+
+    def _watch_arms(self) -> None:
+        """Stop when an arm is there that would take what is played for its own, or for a command."""
+        if self.finished or self.refusal:
+            return
+        reason = arm_beside(self, self._publishers_of) or self._hearers.look()
+        with self._changed:
+            self.refusal, self._stopping = reason, self._stopping or bool(reason)
+            self._changed.notify()
 
     def _publish_all(self, dues: Iterable[Due]) -> None:
         for due in dues:
@@ -153,6 +192,8 @@ class BagPlayer(GuardedNode):
                 self._changed.wait(None if math.isinf(wait) else wait)
             self._steps -= self._steps > 0 and due.topic != CLOCK_TOPIC
             self._pace.reach(due.position_ns, time.monotonic())
+            while not self._stopping and not self._hearers.are_known(due.topic, self._publishers_of[due.topic].get_subscription_count()):
+                self._changed.wait(0.05)  # whoever has just joined is looked at first
             return not self._stopping
 
     def _wait_for_acknowledgements(self) -> None:
@@ -189,6 +230,8 @@ class BagPlayer(GuardedNode):
         return SetParametersResult(successful=True)
 
     def _describe(self):
+        if self.refusal:
+            return ERROR, f"not played: {self.refusal}", {"published": self._published}
         state = "finished" if self.finished else ("paused" if self._pace.paused else "playing")
         if awaited := self._awaited:
             state = f"waiting for a subscriber of {', '.join(awaited)}"
@@ -208,9 +251,25 @@ def _quality(info: TopicInfo) -> QoSProfile:
     )
 
 
+def play(args: list[str] | None, program: str, tell: Callable[[BagPlayer], None] = lambda player: None) -> BagPlayer:
+    """Play until the end, Ctrl-C or a refusal, which is said; tell: called with the player when it begins."""
+    players: list[BagPlayer] = []
+
+    def make() -> list[BagPlayer]:
+        players.append(BagPlayer())
+        tell(players[0])
+        return players
+
+    run(make, args, over=lambda nodes: nodes[0].finished or bool(nodes[0].refusal), program=program)
+    if players[0].refusal:
+        print(f"{program}: not played: {players[0].refusal}", file=sys.stderr, flush=True)
+    return players[0]
+
+
 def main(args: list[str] | None = None) -> None:
     """Entry point of `ros2 run dart_skill bag_player`."""
-    run(lambda: [BagPlayer()], args, over=lambda nodes: all(node.finished for node in nodes))
+    if play(args, "bag_player").refusal:
+        sys.exit(1)
 
 
 if __name__ == "__main__":

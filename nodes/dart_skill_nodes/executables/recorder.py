@@ -90,7 +90,7 @@ class Recorder(BagKeeper):
         for timer in self._ticking:
             self.destroy_timer(timer)
         self._messages.close()
-        self._bag.close({"lost": json.dumps(self._messages.lost), "not recorded": json.dumps(self._refused)})
+        self._bag.close({"lost": json.dumps(self._messages.lost), "not recorded": json.dumps(self._not_recorded)})
         self._bag = self._messages = self._tf = None
 
     # topics
@@ -112,6 +112,11 @@ class Recorder(BagKeeper):
                 self.get_logger().warning(f"{topic} is not recorded: {error}")
                 continue
             self._listen(topic)
+
+    @property
+    def _not_recorded(self) -> dict[str, str]:
+        """Why messages of a topic are not in the bag."""
+        return {**self._refused, **self._messages.strange}
 
     def _listen(self, topic: str, keep: bool = True) -> None:
         if keep:
@@ -162,8 +167,10 @@ class Recorder(BagKeeper):
         values |= {f"{topic} lost": count for topic, count in self._messages.lost.items()}
         if self._bag.failure:
             return ERROR, self._bag.failure, values
-        if self._messages.lost or self._refused:
-            return WARN, f"messages were lost, or topics are not recorded: {', '.join([*self._messages.lost, *self._refused])}", values
+        if missed := [f"{topic}: {count} messages were lost" for topic, count in self._messages.lost.items()]:
+            return WARN, "; ".join([*missed, *self._not_recorded.values()]), values
+        if self._not_recorded:
+            return WARN, f"not recorded: {'; '.join(self._not_recorded.values())}", values
         return OK, "recording" if self._active else "paused", values
 
 

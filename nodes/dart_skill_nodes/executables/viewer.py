@@ -4,6 +4,7 @@ It hears sensors, markers and status, never the ground truth. The page's server 
 queue, and the scene changes in the executor's thread, `rate` times a second whatever the rates of the topics.
 """
 
+import os
 import queue
 
 import numpy as np
@@ -16,7 +17,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from dart_skill.regions import Region
 from dart_skill.simulation import Basket
-from dart_skill.view import Panel, Request, Scene, open_server, url_of
+from dart_skill.view import Panel, Request, Scene, new_token, open_server, url_of, with_token
 from dart_skill.world import ROLES, pose_topic
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.node_inspector import NodeInspector, NodeStatuses
@@ -27,10 +28,11 @@ from dart_skill_nodes.comms.latest_messages import LatestMessages, poses_of
 from dart_skill_nodes.comms.markers import ellipsoids
 from dart_skill_nodes.comms.qos import LATCHED, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
+from dart_skill_nodes.process.graph_processes import TOKEN
 from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, run
 
 TABLE = [
-    Parameter("host", "address to listen on; whoever reaches the page moves the arm"),
+    Parameter("host", "address to listen on; whoever has the address of the page, with its token, moves the arm"),
     Parameter("port", "of the page; 0: any free one, which is printed", 0, 65535),
     Parameter("rate", "of the pictures [1/s, wall clock]", 1.0, 100.0),
     Parameter("frame_id", "frame of all positions; others are not shown"),
@@ -57,7 +59,9 @@ class Viewer(GuardedNode):
         super().__init__("viewer")
         self.p = declare(self, "viewer.yaml", TABLE)
         region = Region(**{name: self.p[name] for name in ("near", "far", "side", "rim")})
-        self._server = open_server(self.p["host"], self.p["port"])
+        given = os.environ.get(TOKEN, "")
+        token = given or new_token()
+        self._server = open_server(self.p["host"], self.p["port"], token=token)
         self._requests: queue.SimpleQueue[Request] = queue.SimpleQueue()
         basket = Basket(radius=self.p["basket_radius"], depth=self.p["basket_depth"])
         self._scene = Scene(self._server, region=region, basket=basket)
@@ -73,7 +77,8 @@ class Viewer(GuardedNode):
         self._diagnostics = Diagnostics(self, self._describe)
         self.create_timer(1.0 / self.p["rate"], self._tick, clock=WALL)
         self.create_timer(1.0, lambda: self._panel.show_nodes(self._status.now()), clock=WALL)
-        self.get_logger().info(f"the live view is at {url_of(self._server)}")
+        url = url_of(self._server)  # whoever gave the token knows the rest of the address, and a log need not
+        self.get_logger().info(f"the live view is at {url if given else with_token(url, token)}")
 
     def _subscribe(self) -> None:
         self._latest = LatestMessages(self)

@@ -70,6 +70,8 @@ RESTS = 0.05
 """An arm whose guide has gone is braked until no joint is faster [rad/s]."""
 COMMANDS = {"commander": "/wam/command", "teacher": "/wam/teacher_wrench"}
 """Who moves the arm, and where."""
+MOST_STEPS = 100_000
+"""Of one call of ~/step: 200 s of simulated time."""
 CATCH_UP = 25
 """Real time: steps made at once at most after the machine was late."""
 
@@ -273,9 +275,9 @@ class WamSimulator(GuardedNode):
 
     def _on_step(self, request, response):
         """Accepts the steps; they are made as the answers come (a service callback cannot wait for them in this rclpy)."""
-        response.success = self._paused and request.steps > 0 and self.p["lockstep"] and not self._budget
+        response.success = self._paused and 0 < request.steps <= MOST_STEPS and self.p["lockstep"] and not self._budget
         if not response.success:
-            response.message = "steps are made in lockstep, while paused, at least 1 at a time, one call after the other"
+            response.message = f"steps are made in lockstep, while paused, 1 to {MOST_STEPS} at a time, one call after the other"
             return response
         self._budget = int(request.steps)
         end_ns = self._plant.state_stamp_ns + self._budget * self._plant.settings.step_ns

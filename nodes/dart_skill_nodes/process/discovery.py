@@ -1,13 +1,34 @@
-"""Where the graph is found: on this machine alone, and on a ROS domain. Imported before rclpy starts."""
+"""Where the graph is found and heard: on this machine alone, and on a ROS domain. Imported before rclpy starts."""
 
 import os
 import socket
 from contextlib import closing
 
+from dart_skill.configuration import config_path
+
+RANGE, PEERS = "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS"
+PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+"""Where Fast DDS finds its profiles, up to version 2 and from 3 on."""
+
 
 def stay_on_this_machine() -> None:
     """Limit discovery to this machine, unless the user chose otherwise. Call before rclpy starts."""
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    os.environ.setdefault(RANGE, "LOCALHOST")
+    hear_loopback_alone()
+
+
+def hear_loopback_alone() -> None:
+    """Where discovery is limited to this machine, let sockets of DDS listen on 127.0.0.1 alone, unless the user chose profiles or named
+    peers. Else they listen on every address, whatever the range of discovery. Call before rclpy starts.
+    """
+    ours = str(config_path("fastdds_loopback.xml"))
+    limited = os.environ.get(RANGE) == "LOCALHOST" and not os.environ.get(PEERS)
+    chosen = any(os.environ.get(name) not in (None, "", ours) for name in PROFILES)
+    for name in PROFILES:
+        if limited and not chosen:
+            os.environ[name] = ours
+        elif os.environ.get(name) == ours:
+            del os.environ[name]  # of a process that started this one, before the range was changed
 
 
 def choose_domain() -> None:

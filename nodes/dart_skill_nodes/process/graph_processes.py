@@ -13,6 +13,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from dart_skill.permissions import ROOT as ENCLAVES
 from dart_skill.world import the_world
 from dart_skill_nodes.process.signals import ENDS_WITH
 
@@ -30,6 +31,10 @@ NODES_OF = {"composed": NODES[:-1]}
 """Nodes of an executable that has several."""
 TAKING_TURNS = ("wam_simulator", "commander", "composed")
 """They wait for each other at every step: on one core they hand over faster than from core to core (1.6 times, on two cores)."""
+OVERRIDE = "ROS_SECURITY_ENCLAVE_OVERRIDE"
+"""Environment variable: the enclave of the process that starts the graph, not of the nodes."""
+TOKEN = "DART_SKILL_VIEW_TOKEN"
+"""Environment variable: what the address of the viewer's page must hold; each viewer makes one of its own where it is not set."""
 START = 180.0
 """For a graph to start: seven processes with all that they import, on a machine that has other things to do [s, wall clock]."""
 SEEDED = ("composed", "wam_simulator", "mock_optitrack", "demonstration_recorder", "teacher", "coach")
@@ -60,7 +65,7 @@ def parameters_of(executable: str, layout: str, seed=0, bag="", played="", rate=
     if layout == "replay" and executable == "demonstration_recorder":
         parameters["automatic"] = True
     if executable == "bag_player":
-        parameters |= {"bag": played, "rate": rate, "exclude": ["/demonstrations"], "awaited": [cut_out_of()]}
+        parameters |= {"bag": played, "rate": rate, "exclude": ["/demonstrations"], "commands": True, "awaited": [cut_out_of()]}
     return parameters
 
 
@@ -97,12 +102,14 @@ class Graph:
         """Start an executable of this package; parameters go on its command line, and so do the graph's remappings."""
         arguments = [("-p", f"{name}:={_text(value)}") for name, value in (parameters or {}).items()]
         arguments += [("-r", f"{name}:={other}") for name, other in self.remappings.get(executable, {}).items()]
+        if os.environ.get("ROS_SECURITY_ENABLE") == "true":
+            arguments.append(("--enclave", f"{ENCLAVES}/{executable}"))
         command = [sys.executable, "-m", f"dart_skill_nodes.executables.{executable}"]
         if arguments:
             command += ["--ros-args", *(part for argument in arguments for part in argument)]
         self.logs.mkdir(parents=True, exist_ok=True)
         with open(self.logs / f"{executable}.log", "ab") as log:
-            environment = {**os.environ, ENDS_WITH: str(os.getpid())}
+            environment = {name: value for name, value in os.environ.items() if name != OVERRIDE} | {ENDS_WITH: str(os.getpid())}
             process = subprocess.Popen(command, stdout=log, stderr=log, stdin=subprocess.DEVNULL, env=environment)
         self.processes[executable] = process
         _place(process, executable)

@@ -20,6 +20,7 @@ from dart_skill.configuration import node_parameters
 from dart_skill_nodes.comms.presence import be_alive
 from dart_skill_nodes.comms.qos import SYSTEM, WALL
 from dart_skill_nodes.comms.refusals import GuardedLifecycleNode, GuardedNode, in_a_line
+from dart_skill_nodes.process.discovery import hear_loopback_alone
 from dart_skill_nodes.process.signals import Interrupts
 
 ENDS_WITHIN = 0.1
@@ -127,6 +128,7 @@ def run(
 
     A node that cannot start ends the process with status 1 and one line, which begins with the name of the program.
     """
+    hear_loopback_alone()
     interrupts = Interrupts()
     nodes: list[Node] = []
     try:

@@ -3,12 +3,12 @@
 import argparse
 import json
 import math
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 from dart_skill_nodes.process.discovery import stay_on_this_machine
+from dart_skill_nodes.verbs._run import say
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,6 +26,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         metavar="REGEX",
         help="no topic that one of these matches (default: /parameter_events, /rosout and the like)",
+    )
+    parser.add_argument(
+        "--commands", action="store_true", help="play topics on which an arm takes commands, too; refused beside an arm that is there"
     )
     parser.add_argument("--remap", nargs="+", type=_remapping, metavar="OLD:=NEW", help="publish a topic under another name")
     parser.add_argument(
@@ -46,6 +49,7 @@ def player_parameters(options: argparse.Namespace) -> dict[str, object]:
         "start_paused": options.paused or None,
         "topics": options.topics,
         "exclude": options.exclude,
+        "commands": options.commands or None,
         "remap": options.remap,
         "clock_rate": options.clock,
         "awaited": options.wait_for,
@@ -76,22 +80,15 @@ def _remapping(text: str) -> str:
 def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Play; returns the exit status."""
     stay_on_this_machine()
-    from dart_skill_nodes.executables.bag_player import BagPlayer
-    from dart_skill_nodes.process.node_base import run
-
-    players: list[BagPlayer] = []
-
-    def make() -> list[BagPlayer]:
-        players.append(BagPlayer())
-        print(f"playing {options.bag}; Ctrl-C ends it", file=sys.stderr, flush=True)
-        return players
+    from dart_skill_nodes.executables.bag_player import play
 
     begun = time.monotonic()
-    run(make, _ros_arguments(player_parameters(options)), over=lambda nodes: nodes[0].finished, program="dart-skill bag play")
+    arguments = _ros_arguments(player_parameters(options))
+    player = play(arguments, "dart-skill bag play", lambda _: say(f"playing {options.bag}; Ctrl-C ends it"))
     if options.json:
         took = round(time.monotonic() - begun, 3)
-        print(json.dumps({**players[0].p, "finished": players[0].finished, "seconds": took}, indent=1))
-    return 0
+        print(json.dumps({**player.p, "finished": player.finished, "refused": player.refusal, "seconds": took}, indent=1))
+    return 1 if player.refusal else 0
 
 
 def _ros_arguments(parameters: dict[str, object]) -> list[str]:

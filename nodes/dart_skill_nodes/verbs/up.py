@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import os
 import sys
 import time
 from collections.abc import Iterator
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.process.discovery import stay_on_this_machine
-from dart_skill_nodes.process.graph_processes import LAYOUTS, SIMULATED, START, Graph, nodes_of, of_executables, parameters_of
+from dart_skill_nodes.process.graph_processes import LAYOUTS, SIMULATED, START, TOKEN, Graph, nodes_of, of_executables, parameters_of
 from dart_skill_nodes.process.signals import Interrupts
 from dart_skill_nodes.verbs._options import add_arm, differences, output_folder
 
@@ -85,7 +86,15 @@ class Status:
             elif status.name in self.silent or (status.name in self._said and self._said[status.name] != status.level):
                 self.silent.discard(status.name)
                 self._said[status.name] = status.level
-                self._tell(LEVELS[status.level], node=status.name, message=status.message, seconds=round(time.monotonic() - self._begun, 1))
+                message = page(status.message) if status.name == "viewer" and " " not in status.message else status.message
+                self._tell(LEVELS[status.level], node=status.name, message=message, seconds=round(time.monotonic() - self._begun, 1))
+
+
+def page(url: str) -> str:
+    """The whole address of the viewer's page: its status, which everybody hears, is without the token."""
+    from dart_skill.view import with_token
+
+    return with_token(url, os.environ[TOKEN])
 
 
 def executables(options: argparse.Namespace) -> dict[str, dict]:
@@ -100,7 +109,10 @@ def executables(options: argparse.Namespace) -> dict[str, dict]:
     if options.record:
         wanted["recorder"] = {"bag": str(options.record.resolve()), "use_sim_time": options.layout in SIMULATED}
     if options.viewer:
+        from dart_skill.view import new_token
+
         wanted["viewer"] = {}
+        os.environ.setdefault(TOKEN, new_token())
     return wanted
 
 

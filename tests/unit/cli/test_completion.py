@@ -57,7 +57,7 @@ def tab(line, executable, folder=ROOT):
     return done.stdout.splitlines()
 
 
-COMMANDS = ["up", "demo", "practice", "teach", "demonstrations", "check", "learn", "throw", "bag", "view", "report", "experiment", "darts"]
+COMMANDS = "up status demo practice teach demonstrations check learn throw bag view report experiment darts security".split()
 
 
 @needs_bash

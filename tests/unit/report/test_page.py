@@ -209,6 +209,14 @@ def test_the_page_lies_beside_the_bag():
     assert page_beside(Path("/bags/throws/throws_0.mcap")) == Path("/bags/throws/throws_0_report.html")
 
 
+def test_a_page_that_cannot_be_written_leaves_no_part_of_it(tmp_path, monkeypatch):
+    monkeypatch.setattr("dart_skill.report._run.read_run", lambda bag, about: run_of("demonstrations"))
+    monkeypatch.setattr("dart_skill.report.pictures", lambda run: [])
+    monkeypatch.setattr("dart_skill.report.page_of", lambda run, drawn: "<html>" + "\ud800")  # no text that a file takes
+    assert main(["report", str(BAGS / "demonstrations"), "--output", str(tmp_path / "page.html")]) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_the_command_writes_the_page_and_says_where(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("dart_skill.report._run.read_run", lambda bag, about: run_of("demonstrations"))
     monkeypatch.setattr("dart_skill.report._page._replay", lambda run: (None, "not now"))

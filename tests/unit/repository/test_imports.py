@@ -10,7 +10,7 @@ from tests.paths import ROOT
 SOURCES = {"dart_skill": ROOT / "dart_skill", "dart_skill_nodes": ROOT / "nodes" / "dart_skill_nodes"}
 LAYERS = (
     {"constants", "configuration", "files"},
-    {"world", "fleet", "checks", "geometry"},
+    {"world", "fleet", "checks", "geometry", "permissions"},
     {"flight", "mixture", "regions"},
     {"surface", "movement", "policy_search", "darts", "recording", "robot"},
     {"simulation", "skill.observe"},

@@ -492,6 +492,22 @@ def test_a_page_of_another_origin_is_turned_away_before_it_can_click(server, ask
         program.wait_for(lambda: asked, what="the request of a program")
 
 
+def test_only_who_has_the_token_is_let_in():
+    server, asked = view.open_server(token="xyzzy"), []
+    try:
+        url = view.url_of(server)
+        view.Panel(server, view.Scene(server), asked.append)
+        for wrong in (url, view.with_token(url, "xyzz"), view.with_token(url, "xyzzy/more")):
+            with pytest.raises(ConnectionClosed) as closed, PageClient(wrong) as stranger:
+                stranger.wait_for(lambda: False, limit=20.0)
+            assert closed.value.rcvd.code == 1008 and not asked
+        with PageClient(view.with_token(url, "xyzzy"), origin=url) as page:
+            page.click("Stop")
+            page.wait_for(lambda: asked, what="the request of the page")
+    finally:
+        server.stop()
+
+
 def test_nobody_gets_a_public_address(server):
     assert server.request_share_url() is None
 

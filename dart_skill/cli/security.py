@@ -1,0 +1,31 @@
+"""`dart-skill security`: the policy of ROS 2 Security for the graph, with the least that each process needs."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from dart_skill.files import new_file
+
+NEXT = (
+    "next: ros2 security create_keystore keystore && ros2 security generate_artifacts -k keystore -p {path}\n"
+    "then: export ROS_SECURITY_KEYSTORE=$PWD/keystore ROS_SECURITY_ENABLE=true ROS_SECURITY_STRATEGY=Enforce (docs/security.md)"
+)
+
+
+def add_to(commands: argparse._SubParsersAction) -> None:
+    """Add `security` to the commands of `dart-skill`."""
+    text = "write the policy of ROS 2 Security for the graph: what each process may publish, hear, serve and call"
+    parser = commands.add_parser("security", help=text, description=f"{text[0].upper()}{text[1:]}. It needs no ROS.")
+    parser.add_argument("policy", metavar="POLICY", type=Path, help="the new file, XML, for ros2 security generate_artifacts")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the policy; returns the exit status."""
+    from dart_skill.permissions import policy, processes
+
+    with new_file(options.policy) as stream:
+        stream.write(policy().encode())
+    print(f"{options.policy}: {len(processes())} enclaves\n{NEXT.format(path=options.policy)}")
+    return 0

@@ -1,0 +1,86 @@
+"""What each node of the graph may do, as a policy of ROS 2 Security (SROS 2): one enclave for each process, least privilege.
+
+config/permissions.yaml says it by node. An enclave has the permissions of all nodes of its process. The policy is what `ros2 security
+generate_artifacts` takes.
+"""
+
+from xml.etree import ElementTree
+
+from dart_skill.configuration import load_yaml
+
+FILE = "permissions.yaml"
+ROOT = "/dart_skill"
+"""Enclaves stand below this path: /dart_skill/commander."""
+PARAMETERS = (
+    "describe_parameters",
+    "get_parameter_types",
+    "get_parameters",
+    "list_parameters",
+    "set_parameters",
+    "set_parameters_atomically",
+)
+READS = PARAMETERS[:4]
+LIFE_CYCLE = ("change_state", "get_state", "get_available_states", "get_available_transitions", "get_transition_graph")
+KINDS = {
+    "publishes": ("topic", "publish"),
+    "hears": ("topic", "subscribe"),
+    "serves": ("service", "reply"),
+    "calls": ("service", "request"),
+    "executes": ("action", "execute"),
+    "commands": ("action", "call"),
+}
+"""Keys of the file, and what the policy calls them."""
+COMMON = {
+    "publishes": ("/rosout", "/parameter_events", "/diagnostics", "~/_alive", "~/_pulse"),
+    "hears": ("/clock", "/*/_alive"),
+    "serves": (*(f"~/{name}" for name in PARAMETERS), "~/get_type_description", "/_*/get_type_description"),
+    "calls": ("/*/list_parameters",),
+}
+"""What every node may do: tell how it is, have parameters, know who lives, and ask whether a server answers."""
+
+
+def permissions_of(section: str) -> dict[str, list[str]]:
+    """Everything that a node of config/permissions.yaml may do, by the keys of `KINDS`; ValueError if it has no section there."""
+    own = _section(section)
+    granted = {kind: [*COMMON.get(kind, ()), *own.get(kind, ())] for kind in KINDS}
+    if own.get("managed"):
+        granted["serves"] += [f"~/{name}" for name in LIFE_CYCLE]
+        granted["publishes"].append("~/transition_event")
+    granted["calls"] += [f"/{other}/{name}" for other in own.get("asks", ()) for name in READS]
+    granted["calls"] += [f"/{other}/set_parameters" for other in own.get("sets", ())]
+    return {kind: [f"/{name}" if name == "*" else name for name in names] for kind, names in granted.items()}
+
+
+def processes() -> dict[str, list[str]]:
+    """The sections of the file that make up each process, by the name of its enclave."""
+    return {name: list(_section(name).get("runs", [name])) for name in load_yaml(FILE)}
+
+
+def policy() -> str:
+    """The policy as XML, with an enclave for each process."""
+    root = ElementTree.Element("policy", version="0.2.0")
+    inside = ElementTree.SubElement(root, "enclaves")
+    for enclave, sections in processes().items():
+        profiles = ElementTree.SubElement(ElementTree.SubElement(inside, "enclave", path=f"{ROOT}/{enclave}"), "profiles")
+        for section in sections:
+            for node in _section(section).get("names", [section]):
+                _add_profile(profiles, node, permissions_of(section))
+    ElementTree.indent(root)
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'
+
+
+def _section(name: str) -> dict:
+    sections = load_yaml(FILE)
+    if name not in sections:
+        raise ValueError(f"{FILE} has no section '{name}', only {sorted(sections)}")
+    return sections[name]
+
+
+def _add_profile(profiles: ElementTree.Element, node: str, permissions: dict[str, list[str]]) -> None:
+    profile = ElementTree.SubElement(profiles, "profile", ns="/", node=node)
+    for kind, names in permissions.items():
+        what, rule = KINDS[kind]
+        if names:
+            expressions = ElementTree.SubElement(profile, f"{what}s", {rule: "ALLOW"})
+            for name in names:
+                ElementTree.SubElement(expressions, what).text = name

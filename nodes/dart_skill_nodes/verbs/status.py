@@ -1,0 +1,163 @@
+"""`dart-skill status`: the graph that runs, as a person reads it."""
+
+import argparse
+import json
+import math
+from collections.abc import Iterable
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+from dart_skill.cli.printable import printable
+from dart_skill_nodes.client.graph_report import GraphReport
+from dart_skill_nodes.process.discovery import stay_on_this_machine
+from dart_skill_nodes.process.signals import Interrupts
+from dart_skill_nodes.verbs._run import say
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+USUAL = 2.5
+"""Every node tells its status once a second [s]."""
+APPEARS = 4.0
+"""For a graph that runs to be found at all [s]."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the verb."""
+    parser.description = (
+        "Listens to the graph that runs, moves nothing, and prints its nodes, topics, limits, and who commands the arm. Exit status 0 if "
+        "nothing is wrong, else 1; what a node only warns of is not wrong."
+    )
+    parser.add_argument("--duration", type=float, default=USUAL, metavar="S", help=f"listen for so long [s] (default {USUAL:g})")
+    parser.add_argument("--json", action="store_true", help="the same as JSON")
+
+
+def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
+    """Look and tell; returns the exit status."""
+    if not (0.0 < options.duration < math.inf):
+        parser.error(f"--duration is {options.duration}; it must be positive and finite")
+    stay_on_this_machine()
+    report = look(options.duration)
+    if report is None:
+        from dart_skill_nodes.client.graph_listener import this_domain
+
+        problem = f"nothing runs in ROS domain {this_domain()} on this machine: 'dart-skill up' starts it, or set ROS_DOMAIN_ID"
+        if options.json:
+            print(json.dumps({"ok": False, "problems": [problem]}))
+        else:
+            say(f"dart-skill status: {problem}")
+        return 1
+    print(json.dumps(as_json(report)) if options.json else as_text(report))
+    return 1 if report.problems else 0
+
+
+def look(seconds: float) -> GraphReport | None:
+    """What is found in so long [s]; None if there is nothing."""
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
+    from dart_skill_nodes.process.node_base import make_executor
+
+    interrupts = Interrupts()
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node, executor = rclpy.create_node("status"), make_executor()
+        executor.add_node(node)
+
+        def spin() -> None:
+            if interrupts:
+                raise KeyboardInterrupt
+            executor.spin_once(timeout_sec=0.02)
+
+        try:
+            return _look(node, spin, seconds)
+        finally:
+            executor.shutdown()
+            node.destroy_node()
+    finally:
+        rclpy.try_shutdown()
+
+
+def _look(node: "Node", spin, seconds: float) -> GraphReport | None:
+    from dart_skill_nodes.client.graph_listener import GraphListener, this_domain
+
+    listener = GraphListener(node, spin)
+    try:
+        if not listener.find(APPEARS):
+            return None
+        listener.listen(seconds)
+        return listener.report(this_domain())
+    finally:
+        listener.close()
+
+
+def as_json(report: GraphReport) -> dict:
+    """The report with what is derived from it."""
+    derived = {"ok": not report.problems, "problems": report.problems, "commanders": report.commanders, "refusals": report.refusals}
+    return {**derived, **asdict(report)}
+
+
+def as_text(report: GraphReport) -> str:
+    """The report as tables and lines."""
+    parts = [_heading(report), _nodes(report), _topics(report), _arm(report), _limits(report), _refusals(report), _problems(report)]
+    return printable("\n\n".join(part for part in parts if part))  # nodes of strangers may say anything
+
+
+def _heading(report: GraphReport) -> str:
+    processes = len({node.process for node in report.nodes if node.process})
+    text = f"ROS domain {report.domain}: {len(report.nodes)} nodes in {processes} processes, listened to for {report.seconds:.1f} s"
+    return text + (f"; also there: {', '.join(report.bystanders)}" if report.bystanders else "")
+
+
+def _nodes(report: GraphReport) -> str:
+    return table(("node", "process", "state", "says"), [(one.name, one.process, one.state, one.says) for one in report.nodes])
+
+
+def _topics(report: GraphReport) -> str:
+    rows = [
+        (one.topic, f"{one.rate:.1f}", "none" if one.age is None else f"{one.age:.2f}", str(one.lost), ", ".join(one.publishers))
+        for one in report.topics
+    ]
+    return table(("topic", "per second", "newest [s]", "lost", "published by"), rows) if rows else ""
+
+
+def _arm(report: GraphReport) -> str:
+    commander, pushes = report.node("commander"), report.topic("/wam/teacher_wrench")
+    lines = [f"commanded by   {', '.join(report.commanders) or 'nobody'}"]
+    if commander is not None and "mode" in commander.values:
+        lines.append(f"commander      {commander.values['mode']}; last: {commander.values.get('last') or 'nothing'}")
+    lines.append(f"guided by      {', '.join(pushes.publishers) if pushes is not None and pushes.rate else 'nobody'}")
+    bridge = report.node("effort_bridge")
+    if report.safety is not None:
+        lines.append(f"safety module  {report.safety[0]}{f': {report.safety[1]}' if report.safety[1] else ''}")
+    elif bridge is not None:
+        lines.append(f"effort bridge  {bridge.says}")
+    else:
+        lines.append("safety module  not told: nobody publishes /wam/safety")
+    return "\n".join(lines)
+
+
+def _limits(report: GraphReport) -> str:
+    if not report.limits:
+        return ""
+    name, limits = next(iter(report.limits.items()))
+    return "\n".join([f"limits, as {name} has them", *(f"  {limit:18s} {_number(value)}" for limit, value in limits.items())])
+
+
+def _number(value) -> str:
+    return ", ".join(f"{one:g}" for one in value) if isinstance(value, list) else f"{value:g}"
+
+
+def _refusals(report: GraphReport) -> str:
+    return "\n".join(["refused so far", *(f"  {place}: {count}" for place, count in report.refusals.items())]) if report.refusals else ""
+
+
+def _problems(report: GraphReport) -> str:
+    return "\n".join(f"wrong: {problem}" for problem in report.problems) or "nothing is wrong"
+
+
+def table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+    """Columns as wide as what stands in them, but for the last."""
+    lines = [head, *rows]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return "\n".join("  ".join(text.ljust(width) for text, width in zip(line, widths, strict=True)).rstrip() for line in lines)

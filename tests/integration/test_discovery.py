@@ -1,0 +1,79 @@
+"""Who can be heard, and by whom: sockets of nodes that stay on this machine listen on loopback alone, and every plain client finds them."""
+
+import os
+import socket
+import struct
+from pathlib import Path
+
+import pytest
+
+from dart_skill_nodes.process.discovery import PEERS, PROFILES, RANGE, hear_loopback_alone, stay_on_this_machine
+
+from .conftest import wait_for
+
+EVERYWHERE = "0.0.0.0"
+
+
+def listening(pid):
+    """Address and port of the UDP sockets of a process that have a port of its domain: DDS hears them; it sends from others."""
+    sockets = {os.readlink(link) for link in Path(f"/proc/{pid}/fd").iterdir() if link.exists() or link.is_symlink()}
+    first = 7400 + 250 * int(os.environ["ROS_DOMAIN_ID"])
+    found = []
+    for line in Path(f"/proc/{pid}/net/udp").read_text().splitlines()[1:]:
+        fields = line.split()
+        address, port = fields[1].split(":")
+        if f"socket:[{fields[9]}]" in sockets and first <= int(port, 16) < first + 250:
+            found.append((socket.inet_ntoa(struct.pack("<I", int(address, 16))), int(port, 16)))
+    return found
+
+
+def test_a_node_listens_on_loopback_alone_and_a_client_without_the_profile_finds_it(make_graph):
+    assert not any(name in os.environ for name in PROFILES), "this process is the plain client"
+    graph, client = make_graph(None)
+    graph.start("coach")
+    process = graph.processes["coach"]
+    wait_for(client, lambda: "coach" in client.node.get_node_names(), what="the coach")
+    assert client.is_simulated(), "it answers"
+    heard = listening(process.pid)
+    assert heard and {address for address, _ in heard} == {"127.0.0.1"}, heard
+    assert EVERYWHERE in {address for address, _ in listening(os.getpid())}, "without the profile DDS listens everywhere"
+
+
+@pytest.fixture
+def environment(monkeypatch):
+    """Sets variables for one test, and takes away the others of this matter."""
+
+    def set_to(**variables):
+        for name in (RANGE, PEERS, *PROFILES):
+            monkeypatch.setenv(name, "")  # so that it is put back, whatever the test sets
+            monkeypatch.delenv(name)
+        for name, value in variables.items():
+            monkeypatch.setenv(name, value)
+
+    return set_to
+
+
+@pytest.mark.parametrize(
+    ("variables", "limited"),
+    [
+        ({}, False),
+        ({RANGE: "LOCALHOST"}, True),
+        ({RANGE: "SUBNET"}, False),
+        ({RANGE: "LOCALHOST", PEERS: "robot.local"}, False),
+    ],
+)
+def test_the_profile_is_used_where_discovery_is_limited_to_this_machine(environment, variables, limited):
+    environment(**variables)
+    hear_loopback_alone()
+    assert all(Path(os.environ[name]).is_file() for name in PROFILES) if limited else not any(name in os.environ for name in PROFILES)
+
+
+def test_a_profile_of_the_users_stays_and_ours_goes_with_the_range(environment):
+    environment(**{PROFILES[0]: "mine.xml"})
+    stay_on_this_machine()
+    assert os.environ[PROFILES[0]] == "mine.xml" and PROFILES[1] not in os.environ
+    environment()
+    stay_on_this_machine()
+    os.environ[RANGE] = "SUBNET"
+    stay_on_this_machine()
+    assert not any(name in os.environ for name in PROFILES)

@@ -1,0 +1,116 @@
+"""Whoever is told to end does so without a traceback, and leaves no process behind: Ctrl-C on a terminal, and SIGTERM."""
+
+import os
+import pty
+import signal
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+PATIENCE = 60.0
+EXPERIMENT = ["experiment", "throws", "--seeds", "8", "--demonstrations", "3", "--throws", "1", "--jobs", "2"]
+
+
+class OnTerminal:
+    """A verb with a terminal and a session of its own. said: everything so far."""
+
+    def __init__(self, arguments):
+        self.pid, self._terminal = pty.fork()
+        if self.pid == 0:
+            os.execv(sys.executable, [sys.executable, "-m", "dart_skill.cli", *arguments])
+        os.set_blocking(self._terminal, False)
+        self.said = ""
+
+    def until(self, condition, what):
+        """Wait, and read meanwhile."""
+        limit = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < limit, f"{what} did not come true: {self.said}"
+            self._read()
+            time.sleep(0.02)
+
+    def press_ctrl_c(self):
+        os.write(self._terminal, b"\x03")
+
+    def terminate(self):
+        os.kill(self.pid, signal.SIGTERM)
+
+    def loads(self, library):
+        """Whether the process has a library whose name has this in it."""
+        return library in Path(f"/proc/{self.pid}/maps").read_text()
+
+    @property
+    def others(self):
+        """Other processes of its session that still run, with what they are."""
+        found = {}
+        for stat in Path("/proc").glob("[0-9]*/stat"):
+            try:
+                state, _, _, session = stat.read_text().rpartition(")")[2].split()[:4]
+                if int(session) == self.pid and int(stat.parent.name) != self.pid and state != "Z":
+                    found[int(stat.parent.name)] = (stat.parent / "cmdline").read_text()
+            except OSError:
+                continue
+        return found
+
+    def status(self):
+        """Exit status, when it has ended."""
+        ended = []
+
+        def has_ended():
+            pid, status = os.waitpid(self.pid, os.WNOHANG)
+            ended.extend([os.waitstatus_to_exitcode(status)] if pid else [])
+            return bool(pid)
+
+        self.until(has_ended, "the end")
+        self._read()
+        return ended[0]
+
+    def close(self):
+        for pid in [*self.others, self.pid]:
+            try:
+                os.kill(pid, signal.SIGKILL)
+            except ProcessLookupError:
+                continue
+        os.close(self._terminal)
+
+    def _read(self):
+        try:
+            while text := os.read(self._terminal, 65536):
+                self.said += text.decode(errors="replace")
+        except OSError:  # nothing more now, or ever
+            return
+
+
+@pytest.fixture
+def verb():
+    """Starts a verb on a terminal; what is left of it is killed afterwards."""
+    started = []
+
+    def start(arguments):
+        started.append(OnTerminal(arguments))
+        return started[-1]
+
+    yield start
+    for one in started:
+        one.close()
+
+
+@pytest.mark.parametrize("arguments", [["throw"], ["status", "--duration", "60"], ["check", "arm", "--postures", "9"]])
+def test_ctrl_c_ends_a_verb_without_a_traceback(verb, arguments):
+    process = verb(arguments)
+    process.until(lambda: process.loads("librmw_fastrtps"), "rclpy runs")
+    process.press_ctrl_c()
+    status = process.status()
+    assert "Traceback" not in process.said and status in (1, 130, -signal.SIGINT), process.said
+
+
+@pytest.mark.parametrize(("end", "status"), [(OnTerminal.press_ctrl_c, 130), (OnTerminal.terminate, 143)])
+def test_whoever_computes_on_all_cores_ends_at_once_and_leaves_no_worker(verb, end, status):
+    process = verb(EXPERIMENT)
+    process.until(lambda: sum("multiprocessing" in command for command in process.others.values()) >= 4, "two workers")
+    end(process)
+    assert process.status() == status, process.said
+    assert "Traceback" not in process.said, process.said
+    process.until(lambda: not process.others, f"no process is left of {process.others}")

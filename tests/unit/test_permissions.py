@@ -1,0 +1,48 @@
+"""Permissions by node, and the policy that is made of them; nobody needs ROS for it."""
+
+from xml.etree import ElementTree
+
+import pytest
+
+from dart_skill.cli import main
+from dart_skill.permissions import permissions_of, policy, processes
+from dart_skill_nodes.process.graph_processes import NODES, NODES_OF
+from tests.policies import allowed, may
+
+ALLOWED = allowed(policy())
+COMMANDS = {"rt/wam/command": {"commander"}, "rt/wam/teacher_wrench": {"teacher"}, "rt/joint_states": {"wam_simulator"}}
+
+
+def test_every_node_and_every_process_has_its_enclave():
+    assert set(NODES) <= set(processes()) and processes()["composed"] == list(NODES_OF["composed"])
+    assert set(ALLOWED) == {f"/dart_skill/{name}" for name in processes()}
+
+
+@pytest.mark.parametrize(("topic", "who"), COMMANDS.items())
+def test_what_moves_the_arm_is_said_by_one_node_alone(topic, who):
+    may_say = {path.rsplit("/", 1)[1] for path, (publish, _) in ALLOWED.items() if may(publish, topic)}
+    assert may_say - {"composed"} == who
+
+
+def test_names_become_those_of_dds():
+    publish, subscribe = ALLOWED["/dart_skill/commander"]
+    assert {
+        "rt/commander/plan",
+        "rr/throw/_action/send_goalReply",
+        "rt/throw/_action/feedback",
+        "rq/skill_learner/plan_throwRequest",
+    } <= publish
+    assert {"rq/throw/_action/send_goalRequest", "rq/commander/stopRequest", "rr/skill_learner/plan_throwReply"} <= subscribe
+    assert not may(publish, "rq/commander/stopRequest") and not may(subscribe, "rt/wam/command")
+
+
+def test_the_command_writes_the_policy_and_no_file_over_another(tmp_path, capsys):
+    path = tmp_path / "policy.xml"
+    assert main(["security", str(path)]) == 0
+    assert ElementTree.parse(path).getroot().get("version") == "0.2.0" and "generate_artifacts" in capsys.readouterr().out
+    assert main(["security", str(path)]) == 1 and "exists already" in capsys.readouterr().err
+
+
+def test_a_node_without_a_section_is_named():
+    with pytest.raises(ValueError, match="no section 'nobody'"):
+        permissions_of("nobody")
