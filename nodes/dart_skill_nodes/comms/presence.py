@@ -78,19 +78,23 @@ class _Pulse:
     def look(self) -> None:
         """Take in what has changed."""
         before, self._there = self._there, self._node.count_publishers(self._topic)
+        lost = self._lost()
         self._hear()
         if self._lives:
             self._look_at_processes()
         else:
-            self._look_at_leases(before)
+            self._believe_leases(lost, max(0, before - self._there))
 
     def _hear(self) -> None:
-        """Which processes they are; nobody spins this node."""
+        """Which processes they are; nobody spins this node. One of another machine takes the place of those that died here."""
         with self._subscription.handle:
             while (taken := self._subscription.handle.take_message(String, False)) is not None:
-                process = SystemProcess.named(taken[0].data)
-                if process is not None:
+                if (process := SystemProcess.named(taken[0].data)) is not None:
                     self._lives.setdefault(process, True)
+                elif self._lives:
+                    self._look_at_processes()
+                    self._lives = {process: True for process, lives in self._lives.items() if lives}
+                    self._silent = min(self._silent, max(0, self._there - 1))
 
     def _look_at_processes(self) -> None:
         for process, lived in self._lives.items():
@@ -101,14 +105,16 @@ class _Pulse:
         if alive and not self._silent:
             self._lives = {process: True for process, lives in self._lives.items() if lives}
 
-    def _look_at_leases(self, before: int) -> None:
+    def _lost(self) -> int:
+        """How many leases have run out since the last look."""
         with self._event:
             status = self._event.take_event()
-        lost = status.not_alive_count_change if status is not None and status.alive_count_change else 0
-        if lost > 0:
+        return max(0, status.not_alive_count_change) if status is not None and status.alive_count_change else 0
+
+    def _believe_leases(self, lost: int, left: int) -> None:
+        if lost:
             self._worse = time.monotonic()
         self.losses += lost
-        left = max(0, before - self._there)
         self._silent = max(0, self._silent + lost - left)
 
     @property

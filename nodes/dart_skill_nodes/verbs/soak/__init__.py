@@ -12,10 +12,10 @@ from dart_skill_nodes.process.graph_processes import NODES, SIMULATED, Graph, of
 from dart_skill_nodes.process.system_process import descriptors_of, memory_of, threads_of
 from dart_skill_nodes.verbs._options import add_arm, differences, output_folder
 from dart_skill_nodes.verbs._run import carried_out, say, teach
-from dart_skill_nodes.verbs.soak.samples import Sample, Usage, changes, curve
 
 if TYPE_CHECKING:
     from dart_skill_nodes.client.graph_client import GraphClient
+    from dart_skill_nodes.verbs.soak.samples import Sample, Usage
 
 ROUND = 10
 """Throws between two samples."""
@@ -40,6 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Run the soak; exit status 1 if something did not stay as it was."""
+    from dart_skill_nodes.verbs.soak.samples import changes
+
     if not options.minutes > 0.0 or options.seed < 0:
         parser.error(f"--minutes is {options.minutes}, --seed {options.seed}: give more than 0, and at least 0")
     options.warm_up = 0.1 * options.minutes if options.warm_up is None else options.warm_up
@@ -59,7 +61,7 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     return int(bool(wrong))
 
 
-def run(options: argparse.Namespace) -> list[Sample]:
+def run(options: argparse.Namespace) -> list["Sample"]:
     """The soak on a graph of its own."""
     from dart_skill_nodes.client.graph_client import GraphClient
 
@@ -75,7 +77,9 @@ def run(options: argparse.Namespace) -> list[Sample]:
     return samples
 
 
-def _practise(client: "GraphClient", graph: Graph, options: argparse.Namespace) -> list[Sample]:
+def _practise(client: "GraphClient", graph: Graph, options: argparse.Namespace) -> list["Sample"]:
+    from dart_skill_nodes.verbs.soak.samples import Sample
+
     samples: list[Sample] = []
     begun, thrown, stamp = time.monotonic(), 0, 0.0
     while (time.monotonic() - begun) / 60.0 < options.minutes:
@@ -96,7 +100,9 @@ def _stamp(result) -> float:
     return conversions.stamp_ns(result.outcomes[-1].header.stamp) * 1e-9
 
 
-def _usage(pid: int) -> Usage:
+def _usage(pid: int) -> "Usage":
+    from dart_skill_nodes.verbs.soak.samples import Usage
+
     return Usage(memory_of(pid) / 1e6, threads_of(pid), descriptors_of(pid))
 
 
@@ -113,13 +119,14 @@ def _missing(thrown: int, bag: Path) -> list[str]:
     return [f"the hand opened {found} times in the bag, for {thrown} throws"] if found < thrown else []
 
 
-def _draw(samples: list[Sample], options: argparse.Namespace) -> None:
+def _draw(samples: list["Sample"], options: argparse.Namespace) -> None:
     from dart_skill.figures import save
+    from dart_skill_nodes.verbs.soak.samples import curve
 
     save(curve(samples, options.warm_up), options.output, "soak")
 
 
-def _told(samples: list[Sample]) -> str:
+def _told(samples: list["Sample"]) -> str:
     last = samples[-1]
     memory = ", ".join(f"{name} {one.memory:.0f} MB" for name, one in last.usage.items())
     return f"{last.minutes:6.1f} min: {last.thrown} throws, {last.speed:.2f} times real time; {memory}"
