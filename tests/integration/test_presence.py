@@ -15,7 +15,7 @@ BUSY = """
 import rclpy
 from std_srvs.srv import Trigger
 from dart_skill_nodes.comms.presence import be_alive
-from dart_skill_nodes.process import system_process
+from dart_skill_nodes.comms import system_process
 if {elsewhere}:
     system_process._machine = lambda: "another machine"
 rclpy.init()

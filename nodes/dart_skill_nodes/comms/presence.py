@@ -24,7 +24,7 @@ from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from std_msgs.msg import Empty, String
 
-from dart_skill_nodes.process.system_process import SystemProcess
+from dart_skill_nodes.comms.system_process import SystemProcess
 
 LEASE = 3.5
 """Whoever is not heard of for so long is taken for dead; a process may be held up for 3 s [s, wall clock]."""

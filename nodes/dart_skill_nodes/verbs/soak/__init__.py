@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dart_skill.files import new_file
+from dart_skill_nodes.comms.system_process import descriptors_of, memory_of, threads_of
 from dart_skill_nodes.process.graph_processes import NODES, SIMULATED, Graph, of_executables
-from dart_skill_nodes.process.system_process import descriptors_of, memory_of, threads_of
 from dart_skill_nodes.verbs._options import add_arm, differences, output_folder
 from dart_skill_nodes.verbs._run import carried_out, say, teach
 
