@@ -1,10 +1,12 @@
 """What `dart-skill status` takes for wrong, and how it says so; no graph runs."""
 
+import argparse
 from dataclasses import replace
 
 import pytest
 
 from dart_skill_nodes.client.graph_report import ERROR, READY, SILENT, WARNING, GraphReport, NodeReport, TopicReport
+from dart_skill_nodes.verbs import status
 from dart_skill_nodes.verbs.status import as_text
 
 LIMITS = {"fastest_hand": 5.5, "workspace_low": [-1.2, -1.2, 0.3]}
@@ -70,3 +72,15 @@ def test_what_is_not_wrong_raises_no_alarm(report):
 
 def test_what_a_stranger_says_does_not_reach_the_terminal_as_it_is():
     assert "\x1b" not in as_text(with_commander(says="\x1b[2J"))
+
+
+@pytest.mark.parametrize(
+    ("report", "there"), [(None, "on this machine: "), (replace(WELL, nodes=()), "on this machine, only wam_driver: ")]
+)
+def test_where_no_node_of_the_graph_is_found_something_is_wrong(report, there, monkeypatch, capsys):
+    monkeypatch.setattr(status, "look", lambda seconds: report)
+    parser = argparse.ArgumentParser()
+    status.add_arguments(parser)
+    assert status.main(parser.parse_args([]), parser) == 1
+    said = capsys.readouterr()
+    assert f"{there}'dart-skill up' starts it" in said.err and said.out == ""

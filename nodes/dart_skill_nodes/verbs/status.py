@@ -38,17 +38,21 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         parser.error(f"--duration is {options.duration}; it must be positive and finite")
     stay_on_this_machine()
     report = look(options.duration)
-    if report is None:
-        from dart_skill_nodes.client.graph_listener import this_domain
-
-        problem = f"nothing runs in ROS domain {this_domain()} on this machine: 'dart-skill up' starts it, or set ROS_DOMAIN_ID"
-        if options.json:
-            print(json.dumps({"ok": False, "problems": [problem]}))
-        else:
-            say(f"dart-skill status: {problem}")
+    if report is None or not report.nodes:
+        problem = nothing_runs(() if report is None else report.bystanders)
+        print(json.dumps({"ok": False, "problems": [problem]})) if options.json else say(f"dart-skill status: {problem}")
         return 1
     print(json.dumps(as_json(report)) if options.json else as_text(report))
     return 1 if report.problems else 0
+
+
+def nothing_runs(bystanders: Iterable[str]) -> str:
+    """What to say where no node of the graph is found; bystanders: who else is there."""
+    from dart_skill_nodes.client.graph_listener import this_domain
+
+    others = printable(", ".join(bystanders))
+    there = f", only {others}" if others else ""
+    return f"nothing runs in ROS domain {this_domain()} on this machine{there}: 'dart-skill up' starts it, or set ROS_DOMAIN_ID"
 
 
 def look(seconds: float) -> GraphReport | None:
