@@ -1,9 +1,15 @@
-"""What a soak says of its samples."""
+"""What a soak samples, and what it says of that."""
 
+import os
+import time
 from dataclasses import replace
 
 import pytest
+from dart_skill_msgs.action import Practice
+from dart_skill_msgs.msg import TrialOutcome
 
+from dart_skill_nodes.client.failures import GraphFailure
+from dart_skill_nodes.verbs import soak
 from dart_skill_nodes.verbs.soak.samples import Sample, Usage, changes
 
 WARM_UP = 10.0
@@ -34,3 +40,31 @@ def test_what_changed_after_the_warm_up_is_said(samples, said):
 def test_a_soak_that_was_too_short_says_so():
     with pytest.raises(ValueError, match="0 rounds after 50 min of warm-up"):
         changes(STEADY, 50.0)
+
+
+class Client:
+    """Throws ten times in 10 ms; each throw takes 2 s of the world's time. fails_after: so many rounds."""
+
+    def __init__(self, fails_after=10**6):
+        self.rounds, self.fails_after = 0, fails_after
+
+    def practise(self, throws):
+        time.sleep(0.01)
+        self.rounds += 1
+        result = Practice.Result(success=self.rounds <= self.fails_after, message="the arm is stopped", thrown=throws)
+        result.outcomes = [TrialOutcome() for _ in range(throws)]
+        result.outcomes[-1].header.stamp.sec = 20 * self.rounds
+        return result
+
+
+def test_a_soak_looks_at_its_processes_after_each_round():
+    samples = soak.practise(Client(), {"this": os.getpid()}, minutes=0.001)
+    assert [one.thrown for one in samples] == list(range(20, 20 + 10 * len(samples), 10))
+    assert samples[-1].minutes >= 0.001 and all(one.speed > 1.0 for one in samples)
+    usage = samples[-1].usage["this"]
+    assert 20.0 < usage.memory < 5000.0 and usage.threads >= 1 and usage.descriptors >= 3
+
+
+def test_a_soak_ends_when_the_graph_throws_no_more():
+    with pytest.raises(GraphFailure, match="the arm is stopped"):
+        soak.practise(Client(fails_after=2), {}, minutes=60.0)

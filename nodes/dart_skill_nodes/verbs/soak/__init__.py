@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dart_skill.files import new_file
+from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms.system_process import descriptors_of, memory_of, threads_of
 from dart_skill_nodes.process.graph_processes import NODES, SIMULATED, Graph, of_executables
 from dart_skill_nodes.verbs._options import add_arm, differences, output_folder
@@ -72,31 +73,38 @@ def run(options: argparse.Namespace) -> list["Sample"]:
         client.wait_until_ready()
         teach(client, options.seed, DEMONSTRATIONS)
         say(client.learn().message)
-        samples = _practise(client, graph, options)
+        samples = practise(client, {name: process.pid for name, process in graph.processes.items()}, options.minutes)
         client.close()
     return samples
 
 
-def _practise(client: "GraphClient", graph: Graph, options: argparse.Namespace) -> list["Sample"]:
+def practise(client: "GraphClient", processes: dict[str, int], minutes: float) -> list["Sample"]:
+    """Rounds of throws for so long [min], and a sample after each but the first, which says when the world's time was what.
+
+    processes: numbers of those that are looked at, by name.
+    """
     from dart_skill_nodes.verbs.soak.samples import Sample
 
     samples: list[Sample] = []
     begun, thrown, stamp = time.monotonic(), 0, 0.0
-    while (time.monotonic() - begun) / 60.0 < options.minutes:
+    while not samples or samples[-1].minutes < minutes:
         asked = time.monotonic()
         result = client.practise(ROUND)
         now, before, stamp = time.monotonic(), stamp, _stamp(result)
         thrown += result.thrown
-        usage = {name: _usage(process.pid) for name, process in graph.processes.items()}
-        if before:  # the first round says when the world's time was what
+        if before:
+            usage = {name: _usage(pid) for name, pid in processes.items()}
             samples.append(Sample((now - begun) / 60.0, thrown, (stamp - before) / (now - asked), usage))
             say(_told(samples))
     return samples
 
 
 def _stamp(result) -> float:
+    """Of the last throw of a round [s]; GraphFailure if the graph makes none any more."""
     from dart_skill_nodes.comms import conversions
 
+    if not result.success:
+        raise GraphFailure(result.message)
     return conversions.stamp_ns(result.outcomes[-1].header.stamp) * 1e-9
 
 
