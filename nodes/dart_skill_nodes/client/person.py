@@ -109,8 +109,13 @@ class Person:
 
         await self._until(f"put the basket elsewhere: {why}", moved)
 
-    async def bring(self, posture: np.ndarray) -> None:
-        """Move the arm to a posture (7,) and wait until it rests there."""
+    async def bring(self, posture: np.ndarray, since_ns: int = 0) -> None:
+        """Move the arm to a posture (7,) and wait until it rests there.
+
+        since_ns: the arm may have moved up to this stamp; states before it, which come late on a busy machine, do not say where it is.
+        """
+        if since_ns:
+            await self._until("", lambda: self._check_heard(since_ns), COME_TO_REST)
         if self._is_at(posture):
             return
         self.ask("stand back: the arm moves to where the throw begins")
@@ -173,6 +178,11 @@ class Person:
     def _check_ball(self, seat: np.ndarray) -> bool:
         self._check_held()
         check_ball_in_hand(self._tracked.log, self._tracked.newest_ns, seat, self._patience.seat_tolerance)
+        return True
+
+    def _check_heard(self, since_ns: int) -> bool:
+        if not self._heard or self._state().stamp_ns < since_ns:
+            raise ValueError("no state of the arm has come on /joint_states since it was thrown with: is its driver running?")
         return True
 
     def _check_held(self) -> None:

@@ -189,7 +189,7 @@ class CoachNode(GuardedNode):
         if self._person:
             if thrown.code != Throw.Goal.OUTCOME_THROWN:
                 raise CallFailed(f"throw {number}: {thrown.message}")  # somebody should look at the arm before it moves again
-            await self._person.bring(np.array(thrown.plan.start_posture))
+            await self._person.bring(np.array(thrown.plan.start_posture), conversions.stamp_ns(thrown.outcome.header.stamp))
 
     def _not_thrown(self, number: int, target: np.ndarray, why: str, result: Practice.Result) -> None:
         """A target (3,) that the arm does not reach costs its own throw, and not those after it."""

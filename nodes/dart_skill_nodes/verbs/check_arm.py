@@ -74,13 +74,13 @@ def _refuse_what_cannot_be(options: argparse.Namespace, parser: argparse.Argumen
 
 def listen(options: argparse.Namespace) -> "Heard":
     """Everything that was heard until the options say that it is enough, or Ctrl-C."""
+    interrupts = Interrupts()  # before the imports, in which an interrupt may get lost
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 
     from dart_skill_nodes.client.arm_listener import ArmListener
     from dart_skill_nodes.process.node_base import make_executor
 
-    interrupts = Interrupts()
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     try:
         node, executor = rclpy.create_node("arm_check"), make_executor()

@@ -57,12 +57,12 @@ def nothing_runs(bystanders: Iterable[str]) -> str:
 
 def look(seconds: float) -> GraphReport | None:
     """What is found in so long [s]; None if there is nothing."""
+    interrupts = Interrupts()  # before the imports, in which an interrupt may get lost
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 
     from dart_skill_nodes.process.node_base import make_executor
 
-    interrupts = Interrupts()
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     try:
         node, executor = rclpy.create_node("status"), make_executor()
