@@ -19,6 +19,7 @@ PARAMETERS = (
     "set_parameters",
     "set_parameters_atomically",
 )
+"""Services of every node's parameters."""
 READS = PARAMETERS[:4]
 LIFE_CYCLE = ("change_state", "get_state", "get_available_states", "get_available_transitions", "get_transition_graph")
 KINDS = {

@@ -13,6 +13,7 @@ import tempfile
 import time
 from pathlib import Path
 
+from dart_skill.permissions import PARAMETERS
 from dart_skill_nodes.process.discovery import choose_domain
 
 choose_domain()
@@ -52,14 +53,6 @@ CLASSES = [
     bag_player.BagPlayer,
 ]
 COMMON = {"/rosout", "/parameter_events"}
-OF_EVERY_NODE = (
-    "describe_parameters",
-    "get_parameter_types",
-    "get_parameters",
-    "list_parameters",
-    "set_parameters",
-    "set_parameters_atomically",
-)
 OF_THE_MACHINERY = re.compile(r"/_|/(get_type_description|transition_event|change_state|get_state|get_available_\w+|get_transition_graph)$")
 """Topics and services that every node has, or every managed one."""
 UNTOLD = re.compile(r"use_sim_time$|start_type_description_service$|qos_overrides|cameras\.")
@@ -111,7 +104,7 @@ def interfaces(node: Node) -> list[str]:
     actions = [
         (one.split("/_action/")[0], [kind[0].removesuffix("_SendGoal")]) for one, kind in services if one.endswith("/_action/send_goal")
     ]
-    plain = [one for one in services if "/_action/" not in one[0] and one[0].rsplit("/", 1)[1] not in OF_EVERY_NODE]
+    plain = [one for one in services if "/_action/" not in one[0] and one[0].rsplit("/", 1)[1] not in PARAMETERS]
     rows = [
         f"| {what} | `{topic}` | `{kinds[0]}` |"
         for what, found in (("publishes", topics), ("action", actions), ("service", plain))
