@@ -175,7 +175,6 @@ def test_a_lesson_ends_at_once_when_it_is_stopped_or_cancelled(graph, stranger, 
     lesson = client.wait(handle.get_result_async(), "the lesson")
     assert not lesson.result.success and {"stop": "stopped by", "cancel": "cancelled"}[how] in lesson.result.message
     assert (stranger.newest_ns - since_ns) * 1e-9 < 5.0, "of simulated time, with the second of a reset"
-    teach.destroy()
     if how == "stop":
         stranger.free()
     assert client.teach(SHOWN[0]).success, "the next lesson"

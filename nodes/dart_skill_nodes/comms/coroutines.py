@@ -6,16 +6,22 @@ action (measured with rclpy 7.1.6). A routine is resumed once, when the promise 
 
 import time
 from collections.abc import Callable, Coroutine
+from weakref import WeakKeyDictionary
 
 from rclpy.action import ActionServer
 from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
+from rclpy.timer import Timer
 
 from dart_skill_nodes.comms.presence import LOOK, Presence
 from dart_skill_nodes.comms.qos import WAITS
 
 RESULT_KEPT = 60
 """Whoever asks so late still gets the result of a goal [s]. The 900 s that rclpy has for this let a graph that practises grow by 300 MB."""
+
+NEVER = 1e8
+"""Three years [s]."""
+_KEEPERS: WeakKeyDictionary[Node, Timer] = WeakKeyDictionary()
 
 
 class Promise:
@@ -70,7 +76,17 @@ async def within(node: Node, promise: Promise, limit: float, *needed: Presence):
     return await promise if promise.kept else None
 
 
+def _keep_clock(node: Node) -> None:
+    """A timer that is never due, on one node of an executor: with the last timer of a clock rclpy ends a thread of that clock, and with the
+    next one it starts another.
+    """
+    owner = min(node.executor.get_nodes(), key=lambda one: one.get_fully_qualified_name())
+    if owner not in _KEEPERS:
+        _KEEPERS[owner] = owner.create_timer(NEVER, lambda: None, clock=WAITS)
+
+
 async def _kept_or_over(node: Node, promise: Promise, seconds: float) -> None:
+    _keep_clock(node)
     either = Promise()
     promise.when_kept(either.keep)
     timer = node.create_timer(seconds, either.keep, clock=WAITS)
