@@ -210,10 +210,13 @@ class Commander:
 
     def check_free_to_move(self) -> None:
         """PlanRefused while the arm is stopped until a reset, or released."""
-        if self.stopped_by:
-            raise PlanRefused(f"the arm is {self.stopped_by}, and stays so until it is reset: look at it, then call /commander/reset")
+        self._check_not_stopped()
         if self._mode == Mode.FREE:
             raise PlanRefused("the arm is released, and somebody may hold it: hold it first (~/release_arm with false)")
+
+    def _check_not_stopped(self) -> None:
+        if self.stopped_by:
+            raise PlanRefused(f"the arm is {self.stopped_by}, and stays so until it is reset: look at it, then call /commander/reset")
 
     @property
     def moving(self) -> bool:
@@ -238,8 +241,8 @@ class Commander:
         """Leave the arm to gravity compensation alone, or hold it again where it is."""
         if self.throwing or self.moving:
             raise PlanRefused("a throw is under way, or the arm moves to a posture: stop it before it is released (~/stop)")
-        if free and self.stopped_by:
-            self.check_free_to_move()
+        if free:
+            self._check_not_stopped()
         self._mode, self._hold, self._found = (Mode.FREE if free else Mode.HOLDING), None, False
 
     @property

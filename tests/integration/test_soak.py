@@ -13,7 +13,7 @@ from dart_skill_nodes.verbs import soak
 from dart_skill_nodes.verbs.soak.samples import Sample, Usage, changes
 
 WARM_UP = 10.0
-STEADY = [Sample(float(k), 10 * k, 2.0, {"composed": Usage(300.0, 20, 19), "learner": Usage(200.0, 9, 12)}) for k in range(1, 41)]
+STEADY = [Sample(float(k), 10 * k, 2.0, {"composed": Usage(300.0, 0.3, 20, 19), "learner": Usage(200.0, 0.1, 9, 12)}) for k in range(1, 41)]
 
 
 def changed(**of_last_half):
@@ -31,6 +31,7 @@ def changed(**of_last_half):
         (changed(threads=21), ["composed has 21 threads, it had 20"]),
         (changed(descriptors=25), ["composed has 25 descriptors, it had 19"]),
         (changed(speed=1.8), ["the loop makes 90 % of the speed that it had"]),
+        (changed(processor=0.34), ["the loop needs 110 % of the processor time that it needed"]),
     ],
 )
 def test_what_changed_after_the_warm_up_is_said(samples, said):
@@ -62,6 +63,7 @@ def test_a_soak_looks_at_its_processes_after_each_round():
     assert [one.thrown for one in samples] == list(range(20, 20 + 10 * len(samples), 10))
     assert samples[-1].minutes >= 0.001 and all(one.speed > 1.0 for one in samples)
     usage = samples[-1].usage["this"]
+    assert usage.processor >= 0.0 and any(one.usage["this"].processor > 0.0 for one in samples)
     assert 20.0 < usage.memory < 5000.0 and usage.threads >= 1 and usage.descriptors >= 3
 
 

@@ -83,6 +83,16 @@ def test_a_body_lags_from_when_the_others_went_on_without_it(tracked, wall):
     assert tracked.is_late("ball", 3 * GIGA), "it came, and lags anew"
 
 
+def test_a_body_that_others_are_seen_without_is_hidden_until_it_is_seen(tracked, wall):
+    see(tracked, "ball", GIGA, 2 * GIGA)
+    wall.now += 0.9 * REPAIRED
+    assert not tracked.hidden("hand"), "it may be on its way"
+    wall.now += 0.2 * REPAIRED
+    assert "without the hand for 4 s" in tracked.hidden("hand") and not tracked.hidden("ball")
+    see(tracked, "hand", GIGA, 2 * GIGA)
+    assert not tracked.hidden("hand")
+
+
 def test_a_few_frames_without_a_body_are_not_waited_for(tracked):
     assert not tracked.is_late("ball", GIGA + 10 * FRAME_NS)
 

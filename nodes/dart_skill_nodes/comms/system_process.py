@@ -77,6 +77,12 @@ def _state(pid: int) -> tuple[str, int]:
     return words[0], int(words[19])
 
 
+def processor_time_of(pid: int) -> float:
+    """Processor time that a process has used so far, its threads together [s]; OSError if there is none of this number."""
+    words = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
+
+
 def memory_of(pid: int) -> int:
     """Resident memory of a process [bytes]; OSError if there is none of this number."""
     return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")

@@ -1,5 +1,6 @@
 """Hand, ball and basket as the motion capture sees them: a log of their poses, and up to which stamp everything has arrived."""
 
+import math
 import time
 from collections import deque
 from collections.abc import Callable
@@ -83,6 +84,13 @@ class TrackedBodies:
         if awaited != ns:
             self._awaited[role] = awaited, since = ns, now
         return now - min(since, self._behind.get(role, since)) <= REPAIRED
+
+    def hidden(self, role: str) -> str:
+        """What to say of a body that others were seen without for longer than a loss takes to be repaired; empty if it may be seen."""
+        unseen = self._clock() - self._behind.get(role, math.inf)
+        if unseen <= REPAIRED:
+            return ""
+        return f"the cameras have seen others without the {role} for {unseen:.0f} s: is it hidden, or its marker off?"
 
     @property
     def farthest_behind(self) -> tuple[str, int]:

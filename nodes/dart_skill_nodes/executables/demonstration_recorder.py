@@ -220,8 +220,8 @@ class DemonstrationRecorder(BagKeeper):
             response.success, response.message = False, f"nothing has come on {silent} yet: is the node running that publishes it?"
             return response
         self._take()
-        if self._arm_state() is None:
-            response.success, response.message = False, self._fault
+        if fault := self._tracked.hidden("hand") or ("" if self._arm_state() is not None else self._fault):
+            response.success, response.message = False, fault
             return response
         self._tracked.clear()
         self._newest.clear()

@@ -324,12 +324,13 @@ class Bench:
         return thrown.message
 
     def _try(self, job: Callable[[], str]) -> tuple[bool, str, float]:
-        """Whether a job succeeded, what the client was told, and when it asked."""
-        asked = time.monotonic()
+        """Whether a job succeeded, what the client was told, paths as seen from this graph's folder, and when it asked."""
+        asked, told, succeeded = time.monotonic(), "", False
         try:
-            return True, job(), asked
+            told, succeeded = job(), True
         except FAILURES as failure:
-            return False, str(failure), asked
+            told = str(failure)
+        return succeeded, told.replace(f"{self._folder}/", ""), asked
 
     # afterwards
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from dart_skill.files import new_file
 from dart_skill_nodes.client.failures import GraphFailure
-from dart_skill_nodes.comms.system_process import descriptors_of, memory_of, threads_of
+from dart_skill_nodes.comms.system_process import descriptors_of, memory_of, processor_time_of, threads_of
 from dart_skill_nodes.process.graph_processes import NODES, SIMULATED, Graph, of_executables
 from dart_skill_nodes.verbs._options import add_arm, differences, output_folder
 from dart_skill_nodes.verbs._run import carried_out, say, teach
@@ -86,14 +86,15 @@ def practise(client: "GraphClient", processes: dict[str, int], minutes: float) -
     from dart_skill_nodes.verbs.soak.samples import Sample
 
     samples: list[Sample] = []
-    begun, thrown, stamp = time.monotonic(), 0, 0.0
+    begun, thrown, stamp, used = time.monotonic(), 0, 0.0, dict.fromkeys(processes, 0.0)
     while not samples or samples[-1].minutes < minutes:
         asked = time.monotonic()
         result = client.practise(ROUND)
         now, before, stamp = time.monotonic(), stamp, _stamp(result)
+        already, used = used, {name: processor_time_of(pid) for name, pid in processes.items()}
         thrown += result.thrown
         if before:
-            usage = {name: _usage(pid) for name, pid in processes.items()}
+            usage = {name: _usage(pid, (used[name] - already[name]) / (stamp - before)) for name, pid in processes.items()}
             samples.append(Sample((now - begun) / 60.0, thrown, (stamp - before) / (now - asked), usage))
             say(_told(samples))
     return samples
@@ -108,10 +109,10 @@ def _stamp(result) -> float:
     return conversions.stamp_ns(result.outcomes[-1].header.stamp) * 1e-9
 
 
-def _usage(pid: int) -> "Usage":
+def _usage(pid: int, processor: float) -> "Usage":
     from dart_skill_nodes.verbs.soak.samples import Usage
 
-    return Usage(memory_of(pid) / 1e6, threads_of(pid), descriptors_of(pid))
+    return Usage(memory_of(pid) / 1e6, processor, threads_of(pid), descriptors_of(pid))
 
 
 def _missing(thrown: int, bag: Path) -> list[str]:

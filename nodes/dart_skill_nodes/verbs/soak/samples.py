@@ -14,16 +14,19 @@ if TYPE_CHECKING:
 GROWTH = 0.05
 """The resident memory of a process may grow by this share after the warm-up."""
 SLOWER = 0.95
-"""The loop makes at the end at least this share of the speed that it had after the warm-up."""
+"""The loop makes at the end at least this share of the speed that it had after the warm-up, and needs as little processor time."""
+UNDISTURBED = 90.0
+"""Percentile of the speeds of rounds that are compared: whatever else the machine does makes some of them slower."""
 FEWEST = 8
 """Rounds after the warm-up that can be judged."""
 
 
 @dataclass(frozen=True)
 class Usage:
-    """Of one process. memory: resident [MB]."""
+    """Of one process. memory: resident [MB]; processor: time that it used in this round for a second of the world [s/s]."""
 
     memory: float
+    processor: float
     threads: int
     descriptors: int
 
@@ -55,10 +58,22 @@ def changes(samples: Sequence[Sample], warm_up: float) -> list[str]:
             before, now = (max(getattr(one.usage[name], what) for one in part) for part in (first, last))
             if now > before:
                 said.append(f"{name} has {now} {what}, it had {before}")
-    slower = np.median([one.speed for one in last]) / np.median([one.speed for one in first])
+    slower = _fastest(last) / _fastest(first)
     if slower < SLOWER:
         said.append(f"the loop makes {100 * slower:.0f} % of the speed that it had")
+    costlier = _processor(last) / _processor(first)
+    if costlier > 1.0 / SLOWER:
+        said.append(f"the loop needs {100 * costlier:.0f} % of the processor time that it needed")
     return said
+
+
+def _fastest(samples: Sequence[Sample]) -> float:
+    return float(np.percentile([one.speed for one in samples], UNDISTURBED))
+
+
+def _processor(samples: Sequence[Sample]) -> float:
+    """Of all processes, for a second of the world [s/s]."""
+    return float(np.median([sum(usage.processor for usage in one.usage.values()) for one in samples]))
 
 
 def _mean(samples: Sequence[Sample], name: str, what: str) -> float:
@@ -66,15 +81,15 @@ def _mean(samples: Sequence[Sample], name: str, what: str) -> float:
 
 
 def curve(samples: Sequence[Sample], warm_up: float) -> Figure:
-    """Memory of each process, threads and descriptors of all, and the speed of the loop over the time of the soak."""
+    """Memory of each process, threads and descriptors of all, speed of the loop and its processor time, over the time of the soak."""
     from matplotlib.figure import Figure
 
     from dart_skill.figures import BLACK, house_style
 
     minutes = [one.minutes for one in samples]
     with house_style():
-        figure = Figure(figsize=(7.0, 6.0), layout="constrained")
-        memory, counts, speed = figure.subplots(3, sharex=True)
+        figure = Figure(figsize=(7.0, 8.0), layout="constrained")
+        memory, counts, speed, processor = panels = figure.subplots(4, sharex=True)
         for name in sorted(samples[0].usage):
             memory.plot(minutes, [one.usage[name].memory for one in samples], label=name)
         memory.set(title="Resident memory", ylabel="MB", ylim=(0.0, None))
@@ -82,8 +97,10 @@ def curve(samples: Sequence[Sample], warm_up: float) -> Figure:
             counts.plot(minutes, [sum(getattr(usage, what) for usage in one.usage.values()) for one in samples], label=what)
         counts.set(title="Threads and descriptors of all processes", ylim=(0.0, None))
         speed.plot(minutes, [one.speed for one in samples], color=BLACK)
-        speed.set(title="Speed of the loop", ylabel="times real time", xlabel="min", ylim=(0.0, None))
-        for axes in (memory, counts, speed):
+        speed.set(title="Speed of the loop", ylabel="times real time", ylim=(0.0, None))
+        processor.plot(minutes, [sum(usage.processor for usage in one.usage.values()) for one in samples], color=BLACK)
+        processor.set(title="Processor time for a second of the world", ylabel="s", xlabel="min", ylim=(0.0, None))
+        for axes in panels:
             axes.axvspan(0.0, warm_up, color="0.93", zorder=0)
         memory.legend(ncols=3, loc="lower right")
         counts.legend(loc="lower right")
