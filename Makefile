@@ -4,12 +4,13 @@
 # make docs    the documentation as a website in build/docs; a broken link is an error
 # make linkcheck  do the links to other sites still lead somewhere? needs the internet
 # make benchmark  speed beside other libraries, in an environment of its own; takes minutes, wants a quiet machine
+# make lock    requirements/lock.txt anew: the newest versions that the requirements allow, with their hashes
 # make clean   takes away what set-up made
 # The first call sets everything up and takes minutes; later ones start in seconds.
 
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
-.PHONY: demo test setup docs linkcheck benchmark clean
+.PHONY: demo test setup docs linkcheck benchmark lock clean
 .DEFAULT_GOAL := demo
 
 # A robot does not announce itself to the building until its user says so.
@@ -59,6 +60,14 @@ benchmark: .venv-benchmark/installed
 	@.venv/bin/python3 -m venv .venv-benchmark
 	@$(BENCHMARK_PYTHON) -m pip install --quiet --disable-pip-version-check -r requirements/benchmark.txt
 	@touch $@
+
+# For every Python and platform at once. Which version of uv does it makes no difference to what is locked.
+LOCKED := $(addprefix requirements/,build.txt runtime.txt test.txt ros-pypi.txt)
+
+lock:
+	@$(or $(PYTHON),python3) -m venv build/lock && build/lock/bin/python3 -m pip install --quiet --disable-pip-version-check uv
+	@build/lock/bin/uv pip compile --quiet --upgrade --universal --python-version 3.10 --generate-hashes --no-annotate --no-emit-index-url \
+	  --custom-compile-command "make lock" --output-file requirements/lock.txt $(LOCKED)
 
 clean:
 	rm -rf .venv .venv-benchmark build install log

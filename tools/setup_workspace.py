@@ -32,6 +32,7 @@ INSTALL = ROOT / "install"
 LOG = ROOT / "log" / "setup.log"
 ORIGIN = VENV / "origin.json"
 REQUIREMENTS = ROOT / "requirements"
+LOCK = REQUIREMENTS / "lock.txt"
 STAND_IN = VENV / "ros2_stand_in" / "ros2"  # its folder goes to the end of PATH, so a real ros2 always wins
 
 SYSTEM_ROS = Path("/opt/ros/jazzy")
@@ -349,6 +350,7 @@ CAUSES = (
         "the package index cannot be reached: check the network, the proxy, and pip's settings",
     ),
     (r"No matching distribution found for ([^\s(]+)", r"the package index has no fitting \1"),
+    (r"THESE PACKAGES DO NOT MATCH THE HASHES", "a package is not the one that was locked: do not trust where it came from"),
     (
         r"Python\.h: No such file",
         "Python's headers are missing; on Debian or Ubuntu: apt-get install python3-dev",
@@ -381,11 +383,10 @@ def make_environment(work: Workspace) -> None:
 
 
 def install_packages(work: Workspace) -> None:
-    """Installs with pip what the environment does not have yet."""
+    """Installs with pip what the environment does not have yet; what comes with the wheels of ROS as it was locked, and nothing else."""
     pip = [work.python, "-m", "pip", "install", "--quiet", "--no-input", "--disable-pip-version-check"]
     if work.ros is None:
-        files = [argument for file in requirement_files(work) for argument in ("-r", str(file))]
-        run([*pip, *files], work.environment)
+        run([*pip, "--require-hashes", "-r", str(LOCK)], work.environment)
         rewrite_include_paths(work)
         write_prefix_scripts()
     else:
@@ -534,7 +535,7 @@ def plan(work: Workspace) -> list[Step]:
     """All steps in order, each with the digest of what it depends on."""
     origin = json.dumps(origin_of(work))
     recipe = digest(origin, Path(__file__).resolve())
-    packages = digest(recipe, *requirement_files(work))
+    packages = digest(recipe, *([LOCK] if work.ros is None else requirement_files(work)))
     tools = [REQUIREMENTS / name for name in ("ros-pypi.txt", "build.txt")]
     interfaces = digest(recipe, *tools, ROOT / "msg_schemas")
     setup_files = [ROOT / name for name in ("package.xml", "setup.py", "setup.cfg")]

@@ -13,6 +13,8 @@ import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 from tests.paths import ROOT
 
@@ -143,6 +145,25 @@ def test_every_import_of_the_library_is_in_the_requirements():
     provided |= {"pybullet_utils"} if "pybullet" in provided else set()
     missing = {name: file for name, file in imported("dart_skill").items() if name not in provided}
     assert not missing
+
+
+@pytest.mark.parametrize("python", ["3.10", "3.11", "3.12", "3.13"])
+def test_what_is_locked_is_what_the_requirements_allow(python):
+    here = {"python_version": python, "python_full_version": f"{python}.0"}
+    locked = {}
+    for line in workspace.LOCK.read_text().replace("\\\n", "").splitlines():
+        text, *of_file = [part.strip() for part in line.split("--hash=sha256:")]
+        if text and not text.startswith("#"):
+            requirement = Requirement(text)
+            assert of_file and all(re.fullmatch("[0-9a-f]{64}", one) for one in of_file), f"{text} has no hash: make lock"
+            if requirement.marker is None or requirement.marker.evaluate(here):
+                (locked[canonicalize_name(requirement.name)],) = requirement.specifier
+    for file in ("build", "runtime", "test", "ros-pypi"):
+        for line in (ROOT / "requirements" / f"{file}.txt").read_text().splitlines():
+            wanted = None if line.startswith("#") else Requirement(line)
+            if wanted is not None and (wanted.marker is None or wanted.marker.evaluate(here)):
+                version = locked[canonicalize_name(wanted.name)].version
+                assert wanted.specifier.contains(version), f"{line}: {version} is locked: make lock"
 
 
 def test_everything_that_is_installed_exists(setup_arguments):

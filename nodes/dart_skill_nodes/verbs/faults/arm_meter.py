@@ -25,7 +25,8 @@ STRANGER = "stranger"
 class ArmMeter:
     """What was since `clear`.
 
-    fastest: of the joints that carry the arm [rad/s]; strongest: of all [N m]; last: of the fastest of all at the newest state [rad/s].
+    fastest: of the joints that carry the arm [rad/s]; strongest: of all that are driven, not braked [N m]; last: of the fastest of all at
+    the newest state [rad/s].
     """
 
     def __init__(self, node: Node):
@@ -82,7 +83,7 @@ class ArmMeter:
     def _take_state(self, message: RawMessage, state: SimulationState | JointState, velocity: np.ndarray, effort: np.ndarray) -> None:
         self.last = float(np.abs(velocity).max())
         self.fastest = max(self.fastest, float(np.abs(velocity[:CARRYING]).max()))
-        self.strongest = max(self.strongest, float(np.abs(effort).max(initial=0.0)))
+        self.strongest = max(self.strongest, float(np.abs(effort[effort * velocity[: effort.size] >= 0.0]).max(initial=0.0)))
         stamp = (state.header.stamp.sec, state.header.stamp.nanosec)
         if stamp != self._stamp:  # the simulator repeats a state that nobody answers
             self._stamp, self.newest_ns = stamp, message.received_ns

@@ -9,8 +9,6 @@ ANSWERED = 5.0
 """Every client has its answer within so long of the fault [s, wall clock]."""
 FASTEST = 1.1
 """After a fault the arm is at most so much faster than without one."""
-STRONGEST = 1.1
-"""Motors that are shorted brake with so much more than they drive with at most."""
 AT_REST = 0.1
 """Joint speed at which an arm is held [rad/s]."""
 
@@ -20,7 +18,8 @@ class Reaction:
     """Of the graph to one case.
 
     * answer, seconds: what the client was told, and how long after the fault [s, wall clock].
-    * fastest, strongest: of the joints before the wrist, and of all, after the fault [rad/s], [N m]; last: of all when the watching ended.
+    * fastest, strongest: of the joints before the wrist, and of all that are driven, not braked, after the fault [rad/s], [N m]; last: of
+      all when the watching ended.
     * pushed: who sent commands that push after the fault; at_once: whether commander and teacher did so in one step.
     * bag: what is wrong with the bag of a recorder that was killed, empty if nothing is.
     * afterwards: why the graph does not work again with only the faulty node started again, empty if it does; within [s, wall clock].
@@ -48,7 +47,7 @@ class Reaction:
         wrong = self._wrong_answer(answered)
         for what, value, most in (
             (f"{self.fastest:.1f} rad/s", self.fastest, FASTEST * usual[0]),
-            (f"{self.strongest:.0f} Nm", self.strongest, STRONGEST * usual[1]),
+            (f"{self.strongest:.0f} Nm", self.strongest, usual[1]),
         ):
             if value > most:
                 wrong.append(what)
@@ -87,8 +86,9 @@ it is known within 0.2 s. One that is stopped may go on within 3.5 s. A process 
 after the last word of its middleware, whatever its Python code is busy with. Time that stands still, though nobody holds
 it, is noticed after 4.4 s. Where it depends on which message was hurt, the client must be told, but not within a time.
 
-Speed and torque are those of the fastest joint before the wrist and of the strongest joint after the fault, from the
-ground truth of the simulator. Under `pushed` stands who sent commands that push; those of a stranger are not obeyed.
+Speed and torque are those of the fastest joint before the wrist, and of the joint that is driven hardest, after the
+fault, from the ground truth of the simulator. Shorted motors brake with more than they drive with.
+Under `pushed` stands who sent commands that push; those of a stranger are not obeyed.
 """
 MEANING = {
     "kill": "SIGKILL; then the node is started again.",
