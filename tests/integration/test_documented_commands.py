@@ -255,6 +255,9 @@ TYPED = {
     "--configurations default,shown_release,em,two_frames,autonomous,weighted,cross_validated,thesis,thesis_local": Elsewhere(
         "unit/cli/test_usage.py::test_the_throws_experiment_gives_one_row_per_throw_as_json"
     ),
+    "dart-skill experiment soak --minutes 120 --layout processes --speed 1": Elsewhere(
+        "integration/test_soak.py::test_a_soak_looks_at_its_processes_after_each_round"
+    ),
     "dart-skill experiment soak --minutes 120": Elsewhere("integration/test_soak.py::test_a_soak_looks_at_its_processes_after_each_round"),
     "dart-skill experiment faults --list": Run(says="kill_commander_swing"),
     "dart-skill experiment faults --case kill_commander_swing": FAULTS,

@@ -171,6 +171,10 @@ def carried_out(job: Callable, options: argparse.Namespace, what: str):
         say(f"logs: {options.output / 'logs'}")
     except KeyboardInterrupt:
         say("stopped")
+    except Exception:
+        if rclpy.ok():
+            raise
+        say("stopped")  # by a signal that Python was told to ignore, as in the background of a script: rclpy heard it, and ended
     finally:
         rclpy.try_shutdown()
     return None

@@ -3,7 +3,9 @@
 import argparse
 import json
 import time
+from collections.abc import Iterator
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,6 +24,7 @@ ROUND = 10
 """Throws between two samples."""
 DEMONSTRATIONS = 3
 COMMANDS = "/wam/command"
+FASTEST = 1000.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,6 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--minutes", type=float, default=120.0, help="of practice (default 120)")
     parser.add_argument("--warm-up", type=float, metavar="MINUTES", help="are not judged (default: a tenth of it)")
     parser.add_argument("--layout", choices=SIMULATED, default="composed", help="processes of the graph (default composed)")
+    parser.add_argument("--speed", type=float, default=0.0, help="of the world, times real time (default: as fast as the machine can)")
     parser.add_argument("--seed", type=int, default=0, help="everything random comes from it (default 0)")
     parser.add_argument("--output", type=Path, help="folder for bag, samples.json, curve and logs (default output/soak_<date>)")
     add_arm(parser)
@@ -41,29 +45,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Run the soak; exit status 1 if something did not stay as it was."""
-    from dart_skill_nodes.verbs.soak.samples import changes
+    from dart_skill_nodes.verbs.soak.samples import Sample, changes
 
-    if not options.minutes > 0.0 or options.seed < 0:
-        parser.error(f"--minutes is {options.minutes}, --seed {options.seed}: give more than 0, and at least 0")
+    if not options.minutes > 0.0 or options.seed < 0 or not 0.0 <= options.speed <= FASTEST:
+        parser.error(
+            f"--minutes {options.minutes}, --seed {options.seed}, --speed {options.speed}: more than 0, at least 0, 0 to {FASTEST}"
+        )
     options.warm_up = 0.1 * options.minutes if options.warm_up is None else options.warm_up
     options.differs, options.output = differences(parser, options), output_folder(parser, options.output)
-    samples = carried_out(run, options, "the soak")
-    if samples is None:
+    samples: list[Sample] = []
+    ended = carried_out(partial(run, samples=samples), options, "the soak")
+    if not samples:
         return 1
+    wrong = [] if ended else ["it did not come to its end"]
     try:
-        wrong = changes(samples, options.warm_up) + _missing(samples[-1].thrown, options.output / "bag")
+        wrong += changes(samples, options.warm_up) + _missing(samples[-1].thrown, options.output / "bag")
     except ValueError as error:
-        wrong = [str(error)]
+        wrong.append(str(error))
     told = {"samples": [asdict(one) for one in samples], "wrong": wrong}
     with new_file(options.output / "samples.json", replace=True) as file:
         file.write((json.dumps(told, indent=1) + "\n").encode())
     _draw(samples, options)
-    print(json.dumps(told) if options.json else "\n".join([_told(samples), *(wrong or ["all stayed as it was"])]))
+    print(json.dumps(told) if options.json else "\n".join([_told(samples[-1]), *(wrong or ["all stayed as it was"])]))
     return int(bool(wrong))
 
 
-def run(options: argparse.Namespace) -> list["Sample"]:
-    """The soak on a graph of its own."""
+def run(options: argparse.Namespace, samples: list["Sample"]) -> bool:
+    """The soak on a graph of its own. samples: gets each when it is taken, as a soak may be stopped."""
     from dart_skill_nodes.client.graph_client import GraphClient
 
     with Graph(options.output / "logs") as graph:
@@ -73,21 +81,24 @@ def run(options: argparse.Namespace) -> list["Sample"]:
         client.wait_until_ready()
         teach(client, options.seed, DEMONSTRATIONS)
         say(client.learn().message)
-        samples = practise(client, {name: process.pid for name, process in graph.processes.items()}, options.minutes)
+        client.set_parameters("/wam_simulator", {"speed_factor": options.speed})
+        for sample in practise(client, {name: process.pid for name, process in graph.processes.items()}, options.minutes):
+            samples.append(sample)
+            say(_told(sample))
         client.close()
-    return samples
+    return True
 
 
-def practise(client: "GraphClient", processes: dict[str, int], minutes: float) -> list["Sample"]:
+def practise(client: "GraphClient", processes: dict[str, int], minutes: float) -> Iterator["Sample"]:
     """Rounds of throws for so long [min], and a sample after each but the first, which says when the world's time was what.
 
     processes: numbers of those that are looked at, by name.
     """
     from dart_skill_nodes.verbs.soak.samples import Sample
 
-    samples: list[Sample] = []
-    begun, thrown, stamp, used = time.monotonic(), 0, 0.0, dict.fromkeys(processes, 0.0)
-    while not samples or samples[-1].minutes < minutes:
+    now = begun = time.monotonic()
+    thrown, before, stamp, used = 0, 0.0, 0.0, dict.fromkeys(processes, 0.0)
+    while not before or now - begun < 60.0 * minutes:
         asked = time.monotonic()
         result = client.practise(ROUND)
         now, before, stamp = time.monotonic(), stamp, _stamp(result)
@@ -95,9 +106,7 @@ def practise(client: "GraphClient", processes: dict[str, int], minutes: float) -
         thrown += result.thrown
         if before:
             usage = {name: _usage(pid, (used[name] - already[name]) / (stamp - before)) for name, pid in processes.items()}
-            samples.append(Sample((now - begun) / 60.0, thrown, (stamp - before) / (now - asked), usage))
-            say(_told(samples))
-    return samples
+            yield Sample((now - begun) / 60.0, thrown, (stamp - before) / (now - asked), usage)
 
 
 def _stamp(result) -> float:
@@ -135,7 +144,6 @@ def _draw(samples: list["Sample"], options: argparse.Namespace) -> None:
     save(curve(samples, options.warm_up), options.output, "soak")
 
 
-def _told(samples: list["Sample"]) -> str:
-    last = samples[-1]
+def _told(last: "Sample") -> str:
     memory = ", ".join(f"{name} {one.memory:.0f} MB" for name, one in last.usage.items())
     return f"{last.minutes:6.1f} min: {last.thrown} throws, {last.speed:.2f} times real time; {memory}"
