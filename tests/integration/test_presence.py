@@ -95,6 +95,21 @@ def test_a_process_of_another_machine_is_missed_when_its_lease_is_over(node, sta
     wait_until_gone(there)
 
 
+def test_a_process_that_was_killed_before_it_was_met_is_missed(node, start):
+    """It never told this process anything, and DDS keeps it on the graph for 20 s."""
+    process, began = start(), time.monotonic()
+    while not node.get_publishers_info_by_topic("/busy/_alive"):
+        assert time.monotonic() - began < LIMIT, "it never came"
+        time.sleep(0.005)
+    process.kill()
+    process.wait()
+    killed, there = time.monotonic(), servers(node, "/busy/serve")
+    while there and not there.gone:
+        time.sleep(0.05)
+        there = servers(node, "/busy/serve")
+    assert there.gone and time.monotonic() - killed < 15.0, "only the middleware missed it"
+
+
 def test_nodes_of_one_process_do_not_miss_each_other_and_nobody_is_never_gone(node):
     other = rclpy.create_node("other")
     be_alive(other)

@@ -9,6 +9,7 @@ Liveliness is polled: callbacks of QoS events deadlock with rclpy's EventsExecut
 clients, but a node that was frozen for longer is then not always found again (Fast DDS 2.14).
 """
 
+import os
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -24,7 +25,7 @@ from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from std_msgs.msg import Empty, String
 
-from dart_skill_nodes.comms.system_process import SystemProcess
+from dart_skill_nodes.comms.system_process import LOW_NUMBER, SystemProcess, runs
 
 LEASE = 3.5
 """Whoever is not heard of for so long is taken for dead; a process may be held up for 3 s [s, wall clock]."""
@@ -34,6 +35,8 @@ SURE = 0.5
 """A silence that lasts so long beyond the lease is one [s, wall clock]."""
 LOOK = 0.2
 """Whether somebody is still there is looked at so often [s, wall clock]."""
+FAST_DDS = b"\x01\x0f"
+"""Vendor of a GUID of DDS."""
 NO_CAMERAS = "no cameras"
 UNKNOWN = "_NODE_NAME_UNKNOWN_"
 """What the middleware calls the node of an endpoint that was discovered before it."""
@@ -58,17 +61,27 @@ def _quality(lease: float) -> QoSProfile:
     )
 
 
+def process_of(endpoint: TopicEndpointInfo) -> tuple[bytes, int]:
+    """Machine of an endpoint, empty where the middleware does not say it, and the lower 16 bits of the number of its process.
+
+    Fast DDS makes a participant's GUID of them: vendor (2), machine (2), process (2, little endian), random (2).
+    """
+    gid = bytes(endpoint.endpoint_gid)
+    return (gid[2:4], int.from_bytes(gid[4:6], "little")) if gid[:2] == FAST_DDS else (b"", -1)
+
+
 class _Pulse:
     """The lives of the nodes of one name, as this process sees them. losses: how many have fallen silent so far, and stayed so.
 
     Where they have said which processes they are, and those run on this machine, the system knows. Else the middleware: only a loss is
     believed then, as Fast DDS may forget to tell a subscription that a publisher lives, and miscounts those that do when a dead one leaves.
-    Who was dead before anybody looked is known to be so when its lease is over.
+    Of those who were killed before they met this process nothing ever comes, not even a loss: after LEASE their numbers are looked for.
     """
 
     def __init__(self, node: Node, name: str):
         self._node, self._topic = node, f"{name}/_alive"
         self._there, self._silent, self.losses, self._worse = 0, 0, 0, 0.0
+        self._met, self._since = False, time.monotonic()
         self._lives: dict[SystemProcess, bool] = {}
         self._subscription = node.create_subscription(String, self._topic, lambda _: None, _quality(LEASE))
         with self._subscription.handle:
@@ -109,6 +122,7 @@ class _Pulse:
         """How many leases have run out since the last look."""
         with self._event:
             status = self._event.take_event()
+        self._met = self._met or bool(status is not None and status.alive_count_change)
         return max(0, status.not_alive_count_change) if status is not None and status.alive_count_change else 0
 
     def _believe_leases(self, lost: int, left: int) -> None:
@@ -116,6 +130,15 @@ class _Pulse:
             self._worse = time.monotonic()
         self.losses += lost
         self._silent = max(0, self._silent + lost - left)
+        if not self._met and time.monotonic() - self._since > LEASE:
+            self._silent = max(self._silent, self._ended())
+
+    def _ended(self) -> int:
+        """How many of them are of processes of this machine that have ended, as far as the middleware says which ones they are."""
+        here = [process_of(one) for one in self._node.get_subscriptions_info_by_topic(self._topic)]
+        mine = {machine for machine, number in here if number == os.getpid() & LOW_NUMBER}
+        there = [process_of(one) for one in self._node.get_publishers_info_by_topic(self._topic)]
+        return sum(machine in mine and not runs(number) for machine, number in there)
 
     @property
     def silent(self) -> int:

@@ -11,6 +11,8 @@ from pathlib import Path
 ENDED = "ZXx"
 STOPPED = "Tt"
 """Letters of /proc/<pid>/stat, proc(5): a zombie or dead; stopped by a signal or a debugger."""
+LOW_NUMBER = 0xFFFF
+"""The bits of a process's number that DDS tells."""
 
 
 @cache
@@ -75,6 +77,12 @@ def _state(pid: int) -> tuple[str, int]:
     except OSError:
         return ENDED[0], 0
     return words[0], int(words[19])
+
+
+def runs(low: int) -> bool:
+    """Whether a process runs whose number has these lower 16 bits, be it another one; True where the system does not say."""
+    numbers = [int(one.name) for one in Path("/proc").glob("[0-9]*")]
+    return not numbers or any(number & LOW_NUMBER == low and _state(number)[0] not in ENDED for number in numbers)
 
 
 def processor_time_of(pid: int) -> float:
