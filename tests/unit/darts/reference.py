@@ -1,6 +1,11 @@
-"""Independent integration of Gaussians over the beds of the board, for tests: products of Gauss-Legendre rules in radius and angle."""
+"""For tests: independent integration of Gaussians over the beds of the board, by products of Gauss-Legendre rules in radius and angle, and
+an independent solution of a leg, by bisection.
+"""
 
 import numpy as np
+from scipy.optimize import brentq
+
+from dart_skill.darts import BED_IS_DOUBLE, BED_SCORES, bed_centres, bed_probabilities
 
 EDGES = np.array([0.0, 6.35, 15.9, 99.0, 107.0, 162.0, 170.0])
 NUMBERS = np.array([20, 1, 18, 4, 13, 6, 10, 15, 2, 17, 3, 19, 7, 16, 8, 11, 14, 9, 12, 5])
@@ -33,6 +38,31 @@ def score_probabilities(aim, covariance, scores):
     points, weight, value = nodes(np.sqrt(np.linalg.eigvalsh(covariance)[0]))
     mass = density(points, np.asarray(aim, dtype=float), covariance) * weight
     return np.bincount(value.astype(int), mass, minlength=61)[np.asarray(scores)]
+
+
+def leg(sigma, highest, spacing, dart, turn):
+    """Expected cost (highest + 1,) to finish from each score, by bisection of V(s) = turn + W_3(s); spacing: of the aims [mm]."""
+    steps = np.arange(-170.0 - 2.0 * sigma, 171.0 + 2.0 * sigma, spacing)
+    aims = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    near = np.concatenate([aims[np.hypot(*aims.T) < 170.0 + 2.0 * sigma], bed_centres()])
+    chance = bed_probabilities(near, sigma)
+    value = np.zeros(highest + 1)
+
+    def turn_from(score, guess):
+        after = value.copy()
+        after[score] = guess
+        for _ in range(3):
+            now = np.zeros(highest + 1)
+            for remaining in range(2, score + 1):
+                left = remaining - BED_SCORES
+                bust = (left < 0) | (left == 1) | ((left == 0) & ~BED_IS_DOUBLE)
+                now[remaining] = dart + (chance @ np.where(bust, guess, after[np.maximum(left, 0)])).min()
+            after = now
+        return turn + after[score]
+
+    for score in range(2, highest + 1):
+        value[score] = brentq(lambda guess, score=score: turn_from(score, guess) - guess, 0.5, 1e5, rtol=1e-8)
+    return value
 
 
 def density(points, mean, covariance):

@@ -14,6 +14,7 @@ from dart_skill.darts import (
     simulate_legs,
     solve_leg,
 )
+from tests.unit.darts import reference
 
 UNFINISHABLE = [159, 162, 163, 165, 166, 168, 169]
 """Scores up to 170 that no three darts finish."""
@@ -34,6 +35,29 @@ def test_simulated_legs_take_the_turns_that_the_table_expects(policy):
     error = turns.std() / np.sqrt(len(turns))
     assert turns.mean() == pytest.approx(policy.expected[-1], abs=4 * error), (turns.mean(), policy.expected[-1], error)
     assert (darts >= turns).all() and (darts <= 3 * turns).all()
+
+
+@pytest.mark.parametrize("objective", ["turns", "darts"])
+@pytest.mark.parametrize("sigma", [0.5, 1.0, 2.0, 4.0, 7.0, 8.0, 40.0, 100.0])
+def test_legs_take_what_is_expected_of_every_thrower(sigma, objective):
+    """A guess of V that is too low makes busting seem free, and from it there was no way to the solution for some sigmas."""
+    policy = solve_leg(sigma, objective=objective)
+    played = dict(zip(("turns", "darts"), simulate_legs(policy, 800, np.random.default_rng(3)), strict=True))[objective]
+    error = max(played.std() / np.sqrt(len(played)), 0.02)
+    assert played.mean() == pytest.approx(policy.expected[-1], abs=4 * error), (played.mean(), policy.expected[-1], error)
+    assert policy.expected[-1] >= {"turns": 3.0, "darts": 9.0}[objective] - 1e-9, "faster than a perfect leg"
+    assert (policy.expected[2:] > 0.0).all() and policy.expected[-1] == policy.expected[501]
+
+
+@pytest.mark.parametrize(("sigma", "spacing"), [(2.0, 2.0), (7.0, 3.0), (27.0, 8.0), (80.0, 25.0)])
+@pytest.mark.parametrize("objective", ["turns", "darts"])
+def test_no_aim_of_a_fine_grid_finishes_earlier(sigma, spacing, objective):
+    highest = 12
+    policy = solve_leg(sigma, highest, objective)
+    costs = (0.0, 1.0) if objective == "turns" else (1.0, 0.0)
+    expected = reference.leg(sigma, highest, spacing, *costs)
+    np.testing.assert_array_less(policy.expected[2:], expected[2:] * 1.004)
+    np.testing.assert_allclose(policy.expected[2:], expected[2:], rtol=0.02)
 
 
 def test_darts_are_counted_when_darts_are_to_be_few():

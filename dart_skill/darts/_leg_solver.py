@@ -1,0 +1,244 @@
+"""The fewest expected turns (or darts) to finish a leg, if aims come from a finite set: dynamic programming over turns of 3 darts.
+
+A turn is bust if it would leave 1 or less than 0, or 0 without a double (the double bull is one). Then it ends, and its points
+do not count. V(s) is the expected cost from the score s at the start of a turn. It is computed for s = 2, 3, ... With k darts left
+and r remaining, in a turn that started at s,
+
+    W_k(r) = c + min over aims of the mean over results o of (V(s) if o is bust, else W_{k-1}(r - o)),   W_0 = V,   V(s) = t + W_3(s)
+
+where c and t are the costs of a dart and of a turn. All of it is known but V(s) itself, to which a bust and three misses lead back. For
+fixed aims W_3(s) = a + b V(s). The equation in this one unknown is solved by policy iteration (Howard), which is Newton's method here:
+W_3(s) is concave in V(s), so from any guess the first step leads to the root or above it, and the others down to it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from dart_skill.darts._board import BED_IS_DOUBLE, BED_SCORES
+
+_RESULTS, RESULT_OF_BED = np.unique(2 * BED_SCORES + BED_IS_DOUBLE, return_inverse=True)
+POINTS, IS_DOUBLE = _RESULTS // 2, _RESULTS % 2 == 1
+"""The distinct results of a dart (63,): its points, and whether it is a double."""
+LARGEST_SCORE = 60
+SAFE = LARGEST_SCORE + 2
+"""From this score on no dart can bust."""
+MAX_ROUNDS = 50
+ACCURACY = 1e-6
+"""Relative step after which the aims are not chosen again: better ones would cost less by a small share of it."""
+FEWEST_ENDS = 1e-9
+"""A turn changes the score with at least this probability; a policy with which it never does has a large value then, and not an infinite
+one. It is the best one for a guess that is too low: busting seems to cost nothing.
+"""
+
+
+class Solution(NamedTuple):
+    """expected (start + 1,): V, NaN for 1. choices: with three, two and one darts left the index of the best aim, by the score at the start
+    of the turn and by the points of the turn so far, (start + 1, 1), (start + 1, 61) and (start + 1, 121); -1 where no turn can stand.
+    """
+
+    expected: np.ndarray
+    choices: tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+def after_dart(remaining: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Scores (..., 63) after each result of a dart with these remaining (...), and whether it is bust, where the score means nothing."""
+    left = remaining[..., None] - POINTS
+    return np.maximum(left, 0), (left < 0) | (left == 1) | ((left == 0) & ~IS_DOUBLE)
+
+
+class Everywhere:
+    """In every state every aim may be chosen. results (n, 63): probabilities of the results of a dart at each of n aims."""
+
+    def __init__(self, results: np.ndarray):
+        self.results, self._transposed = results, np.ascontiguousarray(results.T)
+
+    def means(self, darts: int, low: int, values: np.ndarray) -> np.ndarray:
+        """Means (m, n) over the results of a dart of values (m, 63), for the remaining scores low, low + 1, ... with these darts left."""
+        return values @ self._transposed
+
+    def aims(self, darts: int, remaining: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+        """Index (m,) of the aims in those columns of means."""
+        return chosen
+
+
+class Nearby:
+    """In each state only some of the aims may be chosen. near (3, start + 1, n): which, by the darts left less one, and what remains."""
+
+    def __init__(self, results: np.ndarray, near: np.ndarray):
+        self.results = results
+        # scores from which darts can bust have many aims, as their V differs from turn to turn, and the others few
+        self._lists = [[_padded(mask[: _safe(darts)]), _padded(mask[_safe(darts) :])] for darts, mask in enumerate(near, start=1)]
+        self._blocks = [[results[lists] for lists in parts] for parts in self._lists]
+
+    def means(self, darts: int, low: int, values: np.ndarray) -> np.ndarray:
+        """As of Everywhere, (m, k)."""
+        part = int(low >= _safe(darts))
+        first = low - part * _safe(darts)
+        return np.matmul(self._blocks[darts - 1][part][first : first + len(values)], values[..., None])[..., 0]
+
+    def aims(self, darts: int, remaining: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+        """As of Everywhere."""
+        part = int(remaining[0] >= _safe(darts))
+        return self._lists[darts - 1][part][remaining - part * _safe(darts), chosen]
+
+
+def _safe(darts: int) -> int:
+    """From this score on so many darts cannot bust."""
+    return SAFE + LARGEST_SCORE * (darts - 1)
+
+
+def _padded(mask: np.ndarray) -> np.ndarray:
+    """Columns (m, k) in which each row of a mask (m, n) is true; the first of them again where there are fewer, 0 where there is none."""
+    rows, columns = np.nonzero(mask)
+    counts = mask.sum(axis=1)
+    begins = np.cumsum(counts) - counts
+    lists = np.where(counts[:, None] > 0, np.append(columns, 0)[begins, None], np.zeros((1, counts.max(initial=0)), dtype=int))
+    lists[rows, np.arange(len(rows)) - begins[rows]] = columns
+    return lists
+
+
+def solve(choice: Everywhere | Nearby, start: int, dart: float, turn: float, guesses: np.ndarray | None = None) -> Solution:
+    """Policy with the least cost from every score up to `start`.
+
+    choice: between which aims; dart, turn: their costs; guesses (start + 1,): of V. ValueError if no policy finishes.
+    """
+    leg = _Leg(choice, start, dart)
+    for score in range(2, start + 1):
+        guess = guesses[score] if guesses is not None else leg.expected[score - 1] if score > 2 else 1.0
+        this = (_Turn if score < _safe(3) else _SafeTurn)(leg, score)
+        leg.expected[score] = _root(this, float(guess), turn)
+        leg.keep(score, this)
+    return Solution(leg.expected, leg.choices)
+
+
+def _root(turn: _Turn | _SafeTurn, guess: float, cost: float) -> float:
+    """The V(s) that a turn from s costs with it, and the aims of that turn; cost: of a turn."""
+    for _ in range(MAX_ROUNDS):
+        value, slope = turn.value(guess)
+        step = (cost + value - guess) / max(1.0 - slope, FEWEST_ENDS)
+        guess += step
+        if abs(step) <= ACCURACY * guess:
+            return guess  # what the aims of this round really cost
+    raise ValueError(f"no policy was found that finishes from {turn.score}: do the darts reach the board?")
+
+
+class _Leg:
+    """What is known of lower scores."""
+
+    def __init__(self, choice: Everywhere | Nearby, start: int, dart: float):
+        self.dart, self.choice = dart, choice
+        self.left, self.bust = after_dart(np.arange(start + 1))
+        self.expected = np.full(start + 1, np.nan)
+        self.expected[0] = 0.0
+        first, second, last = (np.full((start + 1, 1 + LARGEST_SCORE * used), -1) for used in range(3))
+        self.choices = first, second, last
+        # with the last dart of a turn from a higher score: chances of a bust, and costs without it
+        self.bust_chance = choice.means(1, 0, self.bust[:SAFE].astype(float))
+        self.last_cost = np.full_like(self.bust_chance, np.inf)
+        # with one dart and with two in a turn from a higher score, where none can bust
+        self.safe, self.safe_aim = np.full((2, start + 1), np.nan), np.full((2, start + 1), -1)
+
+    def keep(self, score: int, turn: _Turn | _SafeTurn) -> None:
+        """V of this score is known now: what turns from higher scores need of it, and those aims of this turn that do not depend on V."""
+        if score < SAFE:
+            known = np.where(self.bust[score], 0.0, self.expected[self.left[score]])
+            self.last_cost[score] = self.dart + self.choice.means(1, score, known[None])[0]
+        for darts in (1, 2):
+            lowest = _safe(darts)
+            if score >= lowest:
+                self.safe[darts - 1, score], self.safe_aim[darts - 1, score] = turn.safe(darts)
+            scores = np.arange(max(lowest, score - LARGEST_SCORE * (3 - darts)), score)
+            self.choices[3 - darts][score, score - scores] = self.safe_aim[darts - 1, scores]
+
+    def best(self, darts: int, low: int, costs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The least of costs (m, n) for the scores low, low + 1, ..., and its aim, (m,) each."""
+        chosen, rows = costs.argmin(axis=1), np.arange(len(costs))
+        return costs[rows, chosen], self.choice.aims(darts, low + rows, chosen)
+
+
+class _SafeTurn:
+    """The turn from a score from which no three darts can bust: only misses lead back to it."""
+
+    def __init__(self, leg: _Leg, score: int):
+        self._leg, self.score = leg, score
+        after = np.stack([leg.expected, *leg.safe])[:, leg.left[score]]
+        after[:, 0] = 0.0  # of a miss, which is the first result
+        missed = np.eye(1, len(POINTS))
+        self._costs = [leg.dart + leg.choice.means(darts, score, row[None]) for darts, row in enumerate(after, start=1)]
+        self._misses = [leg.choice.means(darts, score, missed) for darts in (1, 2, 3)]
+
+    def value(self, guess: float) -> tuple[float, float]:
+        """W_3(s) and its derivative, if V(s) is a guess."""
+        leg, score, slope = self._leg, self.score, 1.0
+        for darts, (costs, miss) in enumerate(zip(self._costs, self._misses, strict=True), start=1):
+            (guess,), (aim,) = leg.best(darts, score, costs + guess * miss)
+            slope *= leg.choice.results[aim, 0]
+            leg.choices[3 - darts][score, 0] = aim
+        return float(guess), float(slope)
+
+    def safe(self, darts: int) -> tuple[float, int]:
+        """W_k of the score in a turn that starts higher, and its aim: a miss leads to what is known now."""
+        leg, score = self._leg, self.score
+        after = (leg.expected, leg.safe[0])[darts - 1][score]
+        (value,), (aim,) = leg.best(darts, score, self._costs[darts - 1] + after * self._misses[darts - 1])
+        return float(value), int(aim)
+
+
+class _Turn:
+    """The turn from one score, as a function of its V."""
+
+    def __init__(self, leg: _Leg, score: int):
+        self._leg, self.score = leg, score
+        self._last = slice(max(2, score - 2 * LARGEST_SCORE), min(SAFE, score))
+        lower = max(2, score - LARGEST_SCORE), min(_safe(2), score)
+        self._second = [part for part in (lower, (score, score + 1)) if part[0] < part[1]]
+        after = np.where(leg.bust[score], 0.0, np.where(leg.left[score] < score, leg.expected[leg.left[score]], 0.0))
+        back = leg.bust[score] | (leg.left[score] == score)
+        self._cost, self._slope = leg.choice.means(1, score, after[None]), leg.choice.means(1, score, back[None].astype(float))
+
+    def value(self, guess: float) -> tuple[float, float]:
+        """W_3(s) and its derivative, if V(s) is a guess."""
+        score = self.score
+        after, slopes = self._after_last(guess)
+        two, slopes_of_two = self._known(2), np.zeros(score + 1)
+        for low, end in self._second:
+            two[low:end], slopes_of_two[low:end] = self._darts(low, end, 2, after, slopes, guess)
+        value, slope = self._darts(score, score + 1, 3, two, slopes_of_two, guess)
+        return float(value[0]), float(slope[0])
+
+    def _after_last(self, guess: float) -> tuple[np.ndarray, np.ndarray]:
+        """W_1 of the scores that can remain, and its derivative."""
+        leg, score, last = self._leg, self.score, self._last
+        after, slopes, table = self._known(1), np.zeros(score + 1), leg.choices[2][score]
+        (after[score],), (table[0],) = leg.best(1, score, leg.dart + self._cost + guess * self._slope)
+        slopes[score] = leg.choice.results[table[0]] @ (leg.bust[score] | (leg.left[score] == score))
+        if last.start < last.stop:
+            remaining = np.arange(last.start, last.stop)
+            after[last], aims = leg.best(1, last.start, leg.last_cost[last] + guess * leg.bust_chance[last])
+            slopes[last] = np.einsum("ko,ko->k", leg.choice.results[aims], leg.bust[last])
+            table[score - remaining] = aims
+        return after, slopes
+
+    def _darts(self, low: int, end: int, darts: int, after: np.ndarray, slopes: np.ndarray, guess: float) -> tuple[np.ndarray, np.ndarray]:
+        """W_k of the scores from low to before end, and its derivative, from those of one dart less."""
+        leg, score = self._leg, self.score
+        left, bust = leg.left[low:end], leg.bust[low:end]
+        value, aims = leg.best(darts, low, leg.dart + leg.choice.means(darts, low, np.where(bust, guess, after[left])))
+        leg.choices[3 - darts][score, score - np.arange(low, end)] = aims
+        return value, np.einsum("ko,ko->k", leg.choice.results[aims], np.where(bust, 1.0, slopes[left]))
+
+    def safe(self, darts: int) -> tuple[float, int]:
+        """W_k of the score in a turn that starts higher, and its aim."""
+        leg, score = self._leg, self.score
+        after = (leg.expected, leg.safe[0])[darts - 1][leg.left[score]]
+        (value,), (aim,) = leg.best(darts, score, leg.dart + leg.choice.means(darts, score, after[None]))
+        return float(value), int(aim)
+
+    def _known(self, darts: int) -> np.ndarray:
+        """W_k of all scores from which no dart can bust."""
+        value = self._leg.safe[darts - 1, : self.score + 1].copy()
+        value[0] = 0.0
+        return value
