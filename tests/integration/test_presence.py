@@ -7,9 +7,10 @@ import time
 
 import pytest
 import rclpy
+from std_msgs.msg import Empty
 from std_srvs.srv import Trigger
 
-from dart_skill_nodes.comms.presence import PULSE, Presence, be_alive, servers
+from dart_skill_nodes.comms.presence import LEASE, LOOK, PULSE, Presence, be_alive, others, servers
 
 BUSY = """
 import rclpy
@@ -85,6 +86,21 @@ def test_a_process_that_is_busy_is_there_and_one_that_is_killed_or_frozen_is_not
     assert again.gone and not new.gone
     second.kill()
     wait_until_gone(new)
+
+
+def test_it_is_known_since_when_a_process_is_frozen_whoever_is_looked_at(node, start):
+    """Who asks for it later does not wait for a lease that begins only then."""
+    process, other = start(), rclpy.create_node("other")
+    be_alive(other)
+    other.create_publisher(Empty, "/heard", 1)
+    there = come(node)
+    process.send_signal(signal.SIGSTOP)
+    until = time.monotonic() + LEASE + 1.0
+    while time.monotonic() < until:
+        others(node, "/heard")
+        time.sleep(LOOK)
+    assert there.gone
+    other.destroy_node()
 
 
 def test_a_process_of_another_machine_is_missed_when_its_lease_is_over(node, start):

@@ -82,6 +82,7 @@ class _Pulse:
         self._node, self._topic = node, f"{name}/_alive"
         self._there, self._silent, self.losses, self._worse = 0, 0, 0, 0.0
         self._met, self._since = False, time.monotonic()
+        self.looked = 0.0  # when this was last done [s, wall clock]
         self._lives: dict[SystemProcess, bool] = {}
         self._subscription = node.create_subscription(String, self._topic, lambda _: None, _quality(LEASE))
         with self._subscription.handle:
@@ -90,6 +91,7 @@ class _Pulse:
 
     def look(self) -> None:
         """Take in what has changed."""
+        self.looked = time.monotonic()
         before, self._there = self._there, self._node.count_publishers(self._topic)
         lost = self._lost()
         self._hear()
@@ -168,10 +170,13 @@ class _Pulses:
         context.on_shutdown(self.close)
 
     def of(self, name: str) -> _Pulse:
-        """The pulse of the nodes of a name, looked at now."""
+        """The pulse of the nodes of a name, looked at now; the others now and then, so that it is known since when one is frozen."""
         if name not in self._of:
             self._of[name] = _Pulse(self._node, name)
-        self._of[name].look()
+        now = time.monotonic()
+        for one, pulse in self._of.items():
+            if one == name or now - pulse.looked > LOOK:
+                pulse.look()
         return self._of[name]
 
     def close(self) -> None:
@@ -247,10 +252,10 @@ def others(node: Node, topic: str) -> list[str]:
 
 
 class Cameras:
-    """Who publishes the poses of a body. Whoever needs to know looks often."""
+    """Who publishes the poses of a body. Whoever needs to know looks often. met: whether somebody ever did."""
 
     def __init__(self, node: Node, topic: str):
-        self._node, self._topic, self._there = node, topic, None
+        self._node, self._topic, self._there, self.met = node, topic, None, False
 
     @property
     def missing(self) -> str:
@@ -258,4 +263,5 @@ class Cameras:
         if self._there and not self._there.gone:
             return ""
         self._there = publishers(self._node, self._topic)
+        self.met = self.met or bool(self._there)
         return "" if self._there and not self._there.gone else f"{NO_CAMERAS}: nobody publishes {self._topic}"

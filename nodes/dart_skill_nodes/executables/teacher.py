@@ -59,8 +59,8 @@ RESTS = 0.05
 """An arm that is let go of rests below this joint speed [rad/s]."""
 LONGEST_GAP = 0.1
 """Between two states of an arm that is guided [s]."""
-FINDS = 15
-"""Looks for the cameras, until there are none."""
+FINDS, FINDS_AGAIN = 15, 4
+"""Looks for the cameras, until there are none: by a teacher that has just been started, and by one that knew some."""
 LONGEST_BRAKE = 10
 """Looks at an arm that is braked, until it is not waited for any more."""
 
@@ -245,7 +245,7 @@ class TeacherNode(GuardedNode):
 
     async def _need_cameras(self) -> None:
         """CallFailed without cameras, once a teacher that has just been started could have found them."""
-        for _ in range(FINDS):
+        for _ in range(FINDS_AGAIN if self._cameras.met else FINDS):
             if not self._unseen:
                 return
             await pause(self, LOOK)

@@ -11,6 +11,8 @@ LOSE, DROP, DELAY, DUPLICATE, CORRUPT = "lose", "drop", "delay", "duplicate", "c
 FULL_DISK, ATTACK = "full_disk", "attack"
 """A bag's file system is full; a foreign node does what nobody should."""
 OF_NODES, OF_TOPICS = (KILL, FREEZE, HOLD_UP), (LOSE, DROP, DELAY, DUPLICATE, CORRUPT)
+GARBAGE = "garbage"
+"""The attack that sends bytes which are no messages."""
 FAULTS = (*OF_NODES, *OF_TOPICS, FULL_DISK, ATTACK)
 PHASES = ("idle", "lesson", "learning", "planning", "swing", "practice", "replay")
 HELD_UP = 3.0
@@ -76,11 +78,13 @@ OF_KILLED: dict[str, dict[str, str]] = {
     "lesson": {**THROW, TEACHER: TEACHER},
     "learning": {LEARNER: LEARNER, **dict.fromkeys((DEMONSTRATIONS, SIMULATOR, COMMANDER), GOES_ON)},
     "planning": {**THROW, LEARNER: LEARNER},
-    "swing": THROW,
+    "swing": {**THROW, LEARNER: LEARNER},
     "practice": {**THROW, LEARNER: LEARNER, COACH: COACH},
     "replay": {LEARNER: LEARNER, DEMONSTRATIONS: GOES_ON, "bag_player": GOES_ON},
 }
 """What the client is told, by phase and by the node that is killed or frozen in it."""
+OF_FROZEN = {("swing", LEARNER): GOES_ON}
+"""The same where it is another for a frozen node: a throw is over before it is known that the learner does not go on."""
 OF_MESSAGES: dict[str, dict[str, dict[str, str]]] = {
     "swing": {
         "joint_states": {LOSE: STALLED, DROP: GOES_ON, DELAY: GOES_ON, DUPLICATE: GOES_ON, CORRUPT: ANY},
@@ -108,7 +112,7 @@ OF_FULL_DISKS: dict[str, dict[str, str]] = {
 OF_ATTACKS: dict[str, dict[str, str]] = {
     "swing": {
         **dict.fromkeys(("strong_commands", "future_commands", "nan_commands", "strong_pushes", "poses_before_time"), GOES_ON),
-        **dict.fromkeys(("poses_beyond_the_world", "clock_before_time", "parameters", "release", "second_goal", "garbage"), GOES_ON),
+        **dict.fromkeys(("poses_beyond_the_world", "clock_before_time", "parameters", "release", "second_goal", GARBAGE), GOES_ON),
         "commands_under_its_number": ANY,
         "reversed_states": "publish /joint_states|went back in time",
         "six_joints": "publish /joint_states",
@@ -117,7 +121,7 @@ OF_ATTACKS: dict[str, dict[str, str]] = {
         "guided_reset": ANY,
     },
     "lesson": {
-        **dict.fromkeys(("strong_commands", "nan_commands", "strong_pushes", "poses_before_time", "garbage"), GOES_ON),
+        **dict.fromkeys(("strong_commands", "nan_commands", "strong_pushes", "poses_before_time", GARBAGE), GOES_ON),
         "lesson_at_the_origin": GOES_ON,
         "reversed_states": ANY,
         **dict.fromkeys(("reset", "guided_reset"), "time jumped"),
@@ -130,7 +134,10 @@ OF_ATTACKS: dict[str, dict[str, str]] = {
 
 
 def _cases() -> tuple[Case, ...]:
-    table = [(fault, what, phase, told) for phase, of in OF_KILLED.items() for what, told in of.items() for fault in (KILL, FREEZE)]
+    of_nodes = [(what, phase, told) for phase, of in OF_KILLED.items() for what, told in of.items()]
+    table = [(KILL, *row) for row in of_nodes] + [
+        (FREEZE, what, phase, OF_FROZEN.get((phase, what), told)) for what, phase, told in of_nodes
+    ]
     table += [(HOLD_UP, node, phase, GOES_ON) for phase in ("lesson", "swing") for node in OF_KILLED[phase]]
     table += [(fault, what, phase, told) for phase, of in OF_MESSAGES.items() for what, how in of.items() for fault, told in how.items()]
     table += [(FULL_DISK, node, phase, told) for phase, of in OF_FULL_DISKS.items() for node, told in of.items()]
@@ -141,9 +148,10 @@ def _cases() -> tuple[Case, ...]:
 CASES = _cases()
 
 
-def named(pattern: str | None) -> list[Case]:
-    """Cases whose names hold a text, all of them without one, in an order in which little is started anew; ValueError if there is none."""
-    chosen = [case for case in CASES if pattern is None or pattern in case.name]
-    if not chosen:
-        raise ValueError(f"no case is called '{pattern}': dart-skill experiment faults --list names them")
+def named(*texts: str) -> list[Case]:
+    """Cases whose names hold one of these texts, in an order in which little is started anew; ValueError for a text that none holds."""
+    for text in texts:
+        if not any(text in case.name for case in CASES):
+            raise ValueError(f"no case is called '{text}': dart-skill experiment faults --list names them")
+    chosen = [case for case in CASES if any(text in case.name for text in texts)]
     return sorted(chosen, key=lambda case: (case.phase == "replay", case.topic, PHASES.index(case.phase), FAULTS.index(case.fault)))

@@ -37,6 +37,7 @@ from dart_skill_nodes.comms.qos import COMPLETE, LATCHED, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.node_base import make_executor
 from dart_skill_nodes.process.signals import Interrupts
+from dart_skill_nodes.verbs.faults.cases import GARBAGE
 
 NAME = "stranger"
 ORDERS, DONE = f"/{NAME}/orders", f"/{NAME}/done"
@@ -257,7 +258,7 @@ ATTACKS: dict[str, Callable[[Stranger], None]] = {
     "poses_before_time": partial(_poses, stamp=Time(sec=-1)),
     "poses_beyond_the_world": partial(_poses, position=Point(x=1e308)),
     "clock_before_time": _clock,
-    "garbage": _garbage,
+    GARBAGE: _garbage,
     "guided_reset": _guided_reset,
     "reset": lambda one: one.ask(Reset, "/simulation/reset", Reset.Request()),
     "parameters": _parameters,
