@@ -20,7 +20,7 @@ from dart_skill_nodes.comms import system_process
 if {elsewhere}:
     system_process._machine = lambda: "another machine"
 rclpy.init()
-node = rclpy.create_node("busy")
+node = rclpy.create_node("{name}")
 be_alive(node)
 node.create_service(Trigger, "~/serve", lambda request, response: response)
 while True:
@@ -41,8 +41,8 @@ def start():
     """Starts a node that is busy with Python code, in a process of its own."""
     started = []
 
-    def go(elsewhere=False):
-        started.append(subprocess.Popen([sys.executable, "-c", BUSY.format(elsewhere=elsewhere)]))
+    def go(elsewhere=False, name="busy"):
+        started.append(subprocess.Popen([sys.executable, "-c", BUSY.format(elsewhere=elsewhere, name=name)]))
         return started[-1]
 
     yield go
@@ -51,11 +51,11 @@ def start():
         process.wait()
 
 
-def come(node, count=1):
+def come(node, count=1, name="busy"):
     """Those who serve, as soon as so many do, and one at least lives."""
     until = time.monotonic() + LIMIT
     while True:
-        there = servers(node, "/busy/serve")
+        there = servers(node, f"/{name}/serve")
         if sum(there._endpoints.values()) >= count and not there.gone:
             time.sleep(4 * PULSE)  # it has said so: who dies before that is missed only when its lease is over
             return there
@@ -90,10 +90,10 @@ def test_a_process_that_is_busy_is_there_and_one_that_is_killed_or_frozen_is_not
 
 def test_it_is_known_since_when_a_process_is_frozen_whoever_is_looked_at(node, start):
     """Who asks for it later does not wait for a lease that begins only then."""
-    process, other = start(), rclpy.create_node("other")
+    process, other = start(name="frozen"), rclpy.create_node("other")
     be_alive(other)
     other.create_publisher(Empty, "/heard", 1)
-    there = come(node)
+    there = come(node, name="frozen")
     process.send_signal(signal.SIGSTOP)
     until = time.monotonic() + LEASE + 1.0
     while time.monotonic() < until:

@@ -33,6 +33,8 @@ PULSE = 0.5
 """Fast DDS asserts all topics of a process as often as the shortest of their leases needs it; this one is there for that [s]."""
 SURE = 0.5
 """A silence that lasts so long beyond the lease is one [s, wall clock]."""
+LEAVES = 30.0
+"""A process that died has left the graph: the lease of a participant of Fast DDS is 20 s [s, wall clock]."""
 LOOK = 0.2
 """Whether somebody is still there is looked at so often [s, wall clock]."""
 FAST_DDS = b"\x01\x0f"
@@ -75,15 +77,16 @@ class _Pulse:
 
     Where they have said which processes they are, and those run on this machine, the system knows. Else the middleware: only a loss is
     believed then, as Fast DDS may forget to tell a subscription that a publisher lives, and miscounts those that do when a dead one leaves.
-    Of those who were killed before they met this process nothing ever comes, not even a loss: after LEASE their numbers are looked for.
+    Of those who were killed before they met this process nothing ever comes, not even a loss: after LEASE their processes are looked for.
     """
 
     def __init__(self, node: Node, name: str):
         self._node, self._topic = node, f"{name}/_alive"
         self._there, self._silent, self.losses, self._worse = 0, 0, 0, 0.0
-        self._met, self._since = False, time.monotonic()
+        self._all_said = time.monotonic()  # when all that are on the graph had last said which processes they are
         self.looked = 0.0  # when this was last done [s, wall clock]
         self._lives: dict[SystemProcess, bool] = {}
+        self._died: dict[SystemProcess, float] = {}  # when that was last noticed
         self._subscription = node.create_subscription(String, self._topic, lambda _: None, _quality(LEASE))
         with self._subscription.handle:
             kind = QoSSubscriptionEventType.RCL_SUBSCRIPTION_LIVELINESS_CHANGED
@@ -99,6 +102,10 @@ class _Pulse:
             self._look_at_processes()
         else:
             self._believe_leases(lost, max(0, before - self._there))
+        if self._there <= len(self._lives):
+            self._all_said = time.monotonic()
+        elif time.monotonic() - self._all_said > LEASE:
+            self._silent = max(self._silent, self._ended())
 
     def _hear(self) -> None:
         """Which processes they are; nobody spins this node. One of another machine takes the place of those that died here."""
@@ -112,19 +119,21 @@ class _Pulse:
                     self._silent = min(self._silent, max(0, self._there - 1))
 
     def _look_at_processes(self) -> None:
+        now = time.monotonic()
         for process, lived in self._lives.items():
             self._lives[process] = process.lives(LEASE)
-            self.losses += lived and not self._lives[process]
+            if lived and not self._lives[process]:
+                self.losses += 1
+                self._died[process] = now
         alive = sum(self._lives.values())
         self._silent = min(len(self._lives) - alive, max(0, self._there - alive))
-        if alive and not self._silent:
-            self._lives = {process: True for process, lives in self._lives.items() if lives}
+        if alive:  # one must be left, that it is known to be dead
+            self._lives = {process: lives for process, lives in self._lives.items() if lives or now - self._died[process] < LEAVES}
 
     def _lost(self) -> int:
         """How many leases have run out since the last look."""
         with self._event:
             status = self._event.take_event()
-        self._met = self._met or bool(status is not None and status.alive_count_change)
         return max(0, status.not_alive_count_change) if status is not None and status.alive_count_change else 0
 
     def _believe_leases(self, lost: int, left: int) -> None:
@@ -132,8 +141,6 @@ class _Pulse:
             self._worse = time.monotonic()
         self.losses += lost
         self._silent = max(0, self._silent + lost - left)
-        if not self._met and time.monotonic() - self._since > LEASE:
-            self._silent = max(self._silent, self._ended())
 
     def _ended(self) -> int:
         """How many of them are of processes of this machine that have ended, as far as the middleware says which ones they are."""
