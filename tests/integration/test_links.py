@@ -11,7 +11,8 @@ from rclpy.executors import SingleThreadedExecutor
 from std_srvs.srv import Trigger
 
 from dart_skill_nodes.client.graph_client import GraphClient
-from dart_skill_nodes.client.server_probe import ServerProbe
+from dart_skill_nodes.client.server_probe import APPEARS, COMES_BACK, ServerProbe
+from dart_skill_nodes.client.server_probe import PATIENCE as SERVER_PATIENCE
 
 PATIENCE = 30.0
 
@@ -97,6 +98,26 @@ def test_what_is_asked_waits_until_the_client_has_found_its_server(ros, process,
         assert len(asked) > 20
     server.destroy()
     asking.close()
+
+
+class Endpoints:
+    """Of servers: how many are on the graph, and whether all are dead."""
+
+    def __init__(self, count, gone):
+        self.count, self.gone = count, gone
+
+    def __bool__(self):
+        return self.count > 0
+
+
+@pytest.mark.parametrize(
+    "there, is_ready, waits",
+    [(Endpoints(0, False), False, APPEARS), (Endpoints(1, True), True, COMES_BACK), (Endpoints(1, False), True, SERVER_PATIENCE)],
+)
+def test_a_server_that_died_before_it_was_asked_is_waited_for_as_long_as_one_that_died_after(monkeypatch, there, is_ready, waits):
+    monkeypatch.setattr("dart_skill_nodes.client.server_probe.servers", lambda node, service: there)
+    link = ServerProbe(None, "/asked", lambda: is_ready)
+    assert not link.is_hopeless(0.9 * waits) and link.is_hopeless(1.1 * waits)
 
 
 def _spin_until(processes, condition):

@@ -68,7 +68,7 @@ class ServerProbe:
         there = servers(self._node, self._service)
         if (there or self._is_ready()) and not there.gone:
             return waited > patience
-        return waited > (COMES_BACK if self.was_up else appears)
+        return waited > (COMES_BACK if self.was_up or there else appears)
 
     @property
     def was_up(self) -> bool:
