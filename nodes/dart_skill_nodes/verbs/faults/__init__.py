@@ -5,6 +5,7 @@ import json
 import tempfile
 from pathlib import Path
 
+from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.process.discovery import choose_domain
 from dart_skill_nodes.verbs._run import say
 from dart_skill_nodes.verbs.faults.cases import named
@@ -28,6 +29,8 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     if options.list:
         print("\n".join(case.name for case in cases))
         return 0
+    if options.output and options.output.exists() and any(options.output.iterdir()):
+        parser.error(f"--output {options.output} is not empty: name a new folder")
     choose_domain()
     import rclpy
 
@@ -38,6 +41,9 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     try:
         with tempfile.TemporaryDirectory(prefix="faults_") as folder:
             reactions, usual = run_all(cases, (options.output or Path(folder)).resolve(), options.bag, say)
+    except GraphFailure as failure:
+        say(f"the graph did not start: {failure}")
+        return 1
     finally:
         rclpy.try_shutdown()
     table = page(reactions, usual)
