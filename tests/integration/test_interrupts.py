@@ -3,6 +3,7 @@
 import os
 import pty
 import signal
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -10,6 +11,21 @@ from pathlib import Path
 import pytest
 
 PATIENCE = 60.0
+INTERRUPTED = """
+import sys
+from argparse import Namespace
+from pathlib import Path
+import rclpy
+from dart_skill_nodes.verbs._run import carried_out
+
+def job(options):
+    if sys.argv[2] == "interrupted":
+        rclpy.shutdown()
+    raise RuntimeError("rcl node's context is invalid")
+
+carried_out(job, Namespace(output=Path(sys.argv[1])), "the job")
+"""
+"""Where Python was told to ignore SIGINT, rclpy hears it all the same, and ends its context under the job."""
 EXPERIMENT = ["experiment", "throws", "--seeds", "8", "--demonstrations", "3", "--throws", "1", "--jobs", "2"]
 
 
@@ -114,3 +130,10 @@ def test_whoever_computes_on_all_cores_ends_at_once_and_leaves_no_worker(verb, e
     assert process.status() == status, process.said
     assert "Traceback" not in process.said, process.said
     process.until(lambda: not process.others, f"no process is left of {process.others}")
+
+
+@pytest.mark.parametrize("how, status", [("interrupted", 0), ("defect", 1)])
+def test_a_job_whose_context_has_ended_was_stopped_and_a_defect_is_none(tmp_path, how, status):
+    done = subprocess.run([sys.executable, "-c", INTERRUPTED, str(tmp_path), how], capture_output=True, text=True, timeout=PATIENCE)
+    assert done.returncode == status
+    assert done.stderr.endswith("stopped\n") == (how == "interrupted") and ("Traceback" in done.stderr) == (how == "defect")
