@@ -83,8 +83,9 @@ faulty part was started again. This page is what it writes.
 
 A client must be told within 5 s of the wall clock. On the same machine the system says whether a process has died, and
 it is known within 0.2 s. One that is stopped may go on within 3.5 s. A process of another machine is taken for dead 4 s
-after the last word of its middleware, whatever its Python code is busy with. Time that stands still, though nobody holds
-it, is noticed after 4.4 s. Where it depends on which message was hurt, the client must be told, but not within a time.
+after the last word of its middleware, whatever its Python code is busy with. Time that stands still, though nobody
+holds it, is noticed after 4.4 s. Where it depends on which message was hurt, the client must be told, but not within a
+time.
 
 Speed and torque are those of the fastest joint before the wrist, and of the joint that is driven hardest, after the
 fault, from the ground truth of the simulator. Shorted motors brake with more than they drive with.
