@@ -167,6 +167,10 @@ class PlantState:
         return ArmState(self.stamp_ns, self.position, self.velocity)
 
 
+RENEWED = 50
+"""Episodes after which the physics server is a new one: PyBullet keeps 10 kB of every body that it loads until it is disconnected."""
+
+
 @dataclass(frozen=True)
 class Braking(Command):
     """Motors shorted, as the arm does it by itself: no controller asks for its torque."""
@@ -444,6 +448,9 @@ class Plant:
     # the world
 
     def _build_world(self) -> None:
+        if self._episode % RENEWED == 0:
+            self._world.disconnect()
+            self._world = _connect()
         world = self._world
         world.resetSimulation()
         world.setGravity(0, 0, -self.description.gravity)

@@ -99,6 +99,7 @@ TYPED = {
     "make demo": MAKE,
     'make demo ARGS="--seed 3 --throws 20 --output my_run"': MAKE,
     "make test": MAKE,
+    "make lock": MAKE,
     "python3 -m mypy": TESTS,
     "python3 -m pytest tests/unit/repository/test_imports.py": TESTS,
     'python3 -m pytest tests/unit -k "spring and damper" -n 2': TESTS,
