@@ -20,6 +20,8 @@ AGAIN = 0.5
 """A question is asked again after so long [s, wall clock]."""
 APPEARS = 4.0
 """For somebody to serve at all: a graph that has just been started finds itself within seconds [s, wall clock]."""
+FOUND_DEAD = 0.5
+"""Where a dead one is found, the next one is waited for by so much of that time: it may be starting."""
 COMES_BACK = 0.7
 """For one that has gone, and may just have been started again [s, wall clock]."""
 PATIENCE = 20.0
@@ -68,7 +70,7 @@ class ServerProbe:
         there = servers(self._node, self._service)
         if (there or self._is_ready()) and not there.gone:
             return waited > patience
-        return waited > (COMES_BACK if self.was_up or there else appears)
+        return waited > (COMES_BACK if self.was_up else appears * FOUND_DEAD if there else appears)
 
     @property
     def was_up(self) -> bool:
