@@ -31,8 +31,8 @@ def run_all(function: Callable, tasks: Sequence, jobs: int = 0, scheduler: str =
         yield from ((index, function(task)) for index, task in enumerate(tasks))
         return
     with ProcessPoolExecutor(jobs, mp_context=_workers(function), initializer=_begin_worker) as pool:
-        futures = {pool.submit(function, task): index for index, task in enumerate(tasks)}
-        try:
+        try:  # from the first task on: workers are being started then
+            futures = {pool.submit(function, task): index for index, task in enumerate(tasks)}
             for future in as_completed(futures):
                 yield futures[future], future.result()
         except (KeyboardInterrupt, SystemExit, GeneratorExit):
