@@ -16,6 +16,8 @@ from dart_skill.flight import DART, TENNIS_BALL, Ball, Landing, crossing, landin
 
 BOARD_DIAMETER = 0.451
 """Of a dart board, the black rim around the doubles included [m]."""
+STUCK = 0.02
+"""What is less far before the face of a board is in it: cameras are off by millimetres [m]."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,10 @@ class Rims:
     def far(self, reach: float) -> str:
         """A reach in words."""
         return f"{reach:.2f} m from the base axis"
+
+    def passed(self, path: np.ndarray, target: np.ndarray) -> bool:
+        """Whether what was seen on a path (n, 3) was above the plane of a rim (3,), and last below it."""
+        return len(path) > 0 and bool(path[:, 2].max() > target[2] > path[-1, 2])
 
 
 @dataclass(frozen=True)
@@ -144,8 +150,15 @@ class BoardFace:
 
     def in_world(self, board: np.ndarray) -> np.ndarray:
         """The inverse of `on_board`: points (..., 3) [m] in the world of points (..., 2) [mm] of the board."""
-        up_left = 1e-3 * (np.asarray(board, dtype=float) * [-1.0, 1.0])[..., ::-1]
-        return np.array(self.bull) + up_left @ self.axes.T
+        return self.beside_bull(1e-3 * np.asarray(board, dtype=float))
+
+    def beside_bull(self, right_up: np.ndarray) -> np.ndarray:
+        """Points (..., 3) [m] in the world that are so far to the right and up (..., 2) [m] from the bull."""
+        return np.array(self.bull) + (right_up * [-1.0, 1.0])[..., ::-1] @ self.axes.T
+
+    def passed(self, path: np.ndarray, target: np.ndarray) -> bool:
+        """Whether what was seen on a path (n, 3) was last on the board, or behind its plane."""
+        return len(path) > 0 and self.distance - float(path[-1] @ self.normal) < STUCK
 
 
 Surface = Rims | BoardFace

@@ -10,17 +10,21 @@ from dart_skill.configuration import load_yaml, world_parameters
 
 ROLES = ("hand", "ball", "basket")
 """What a tracked body is in a throw."""
+THROWN = {"throw": ("ball", "basket"), "darts": ("dart", "board")}
+"""Skills of throwing: roles of what is thrown, and of what it is thrown at."""
 
 
 @dataclass(frozen=True)
 class World:
     """The entries of config/world.yaml.
 
+    * skill: its name.
     * frame_id: frame of all poses.
     * hand_body, ball_body, basket_body: names of the tracked bodies.
     * watch_time: how long a flight is watched at most [s].
     * basket_radius: of its rim [m].
     * basket_depth: from the rim to the floor of the basket [m].
+    * board_position: of the bull of a dart board that faces the base axis (3,) [m].
     * near, far, side: the region that baskets stand in: distances straight ahead [m] and largest angle to a side [rad].
     * rim: height of the rim [m].
     * ball_mass: [kg].
@@ -30,6 +34,7 @@ class World:
     * ball_inertia: about any axis through its centre [kg m^2].
     """
 
+    skill: str
     frame_id: str
     hand_body: str
     ball_body: str
@@ -37,6 +42,7 @@ class World:
     watch_time: float
     basket_radius: float
     basket_depth: float
+    board_position: tuple[float, float, float]
     near: float
     far: float
     side: float
@@ -53,8 +59,8 @@ class World:
         return round(self.watch_time * 1e9)
 
     def body(self, role: str) -> str:
-        """Name of the tracked body with a role of `ROLES`."""
-        return {"hand": self.hand_body, "ball": self.ball_body, "basket": self.basket_body}[role]
+        """Name of the tracked body with a role in a skill; one that is not named here is called like its role."""
+        return {"hand": self.hand_body, "ball": self.ball_body, "basket": self.basket_body}.get(role, role)
 
     def pose_topics(self) -> dict[str, str]:
         """Topic of the poses of each role."""
@@ -64,7 +70,8 @@ class World:
 @lru_cache(maxsize=1)
 def the_world() -> World:
     """The world of config/world.yaml; ValueError if an entry is missing, or one is not known."""
-    return World(**_checked(world_parameters()))
+    entries = _checked(world_parameters())
+    return World(**{**entries, "board_position": tuple(entries["board_position"])})
 
 
 def pose_topic(body: str) -> str:

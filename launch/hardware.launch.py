@@ -9,4 +9,4 @@ from launch import LaunchDescription
 
 
 def generate_launch_description() -> LaunchDescription:
-    return description(["hardware"], ["bag", "registration"], ("viewer", "bridge"))
+    return description(["hardware"], ["bag", "registration", "skill"], ("viewer", "bridge"))

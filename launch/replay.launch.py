@@ -8,4 +8,4 @@ from launch import LaunchDescription
 
 
 def generate_launch_description() -> LaunchDescription:
-    return description(["replay"], ["bag", "played", "rate"])
+    return description(["replay"], ["bag", "played", "rate", "skill"])

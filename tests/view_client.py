@@ -21,7 +21,7 @@ class PageClient:
         protocol = f"viser-v{viser.__version__}"
         address = parse_qs(urlsplit(url).query).get("websocket", [url.replace("http", "ws", 1)])[0]
         self._socket = connect(address, subprotocols=[protocol], origin=origin, max_size=None, compression=None)
-        self.texts, self.controls, self.places, self.nodes = {}, {}, {}, {}
+        self.texts, self.controls, self.places, self.nodes, self.commands = {}, {}, {}, {}, {}
         camera = {"wxyz": (1.0, 0.0, 0.0, 0.0), "position": EYE, "look_at": (0.0, 0.0, 0.0), "up_direction": (0.0, 0.0, 1.0)}
         self.send(_messages.ViewerCameraMessage(**camera, fov=1.0, near=0.1, far=100.0, image_height=600, image_width=800))
 
@@ -33,16 +33,22 @@ class PageClient:
         """A click on a button."""
         self.send(_messages.GuiUpdateMessage(self._uuid(label), {"value": True}))
 
+    def press(self, command):
+        """The key of a command."""
+        self.wait_for(lambda: command in self.commands.values(), what=f"a key for '{command}'")
+        uuid = next(uuid for uuid, label in self.commands.items() if label == command)
+        self.send(_messages.CommandTriggerMessage(uuid))
+
     def set(self, label, value):
         """A new value of a slider, a number, a choice or a check box."""
         self.send(_messages.GuiUpdateMessage(self._uuid(label), {"value": value}))
 
-    def drag(self, name, start, *places, let_go=True):
-        """Take hold of a node at a point (3,) of it, move the pointer over each place (3,), and let go."""
+    def drag(self, name, start, *places, let_go=True, modifier=None):
+        """Take hold of a node at a point (3,) of it, move the pointer over each place (3,), and let go; modifier: a key that is held."""
         steps = [("start", start), *(("update", place) for place in places)] + [("end", places[-1])] * let_go
         for phase, place in steps:
             grip, pointer = (tuple(float(x) for x in point) for point in (start, place))
-            self.send(_messages.SceneNodeDragMessage(phase, name, None, grip, (0.5, 0.5), pointer, (0.5, 0.5), "left", None))
+            self.send(_messages.SceneNodeDragMessage(phase, name, None, grip, (0.5, 0.5), pointer, (0.5, 0.5), "left", modifier))
 
     def is_disabled(self, label):
         """Whether a button cannot be clicked."""
@@ -57,14 +63,15 @@ class PageClient:
         until = time.monotonic() + limit
         while not condition():
             assert time.monotonic() < until, f"{what} did not come in {limit:.0f} s; the panel says {list(self.texts.values())[:1]}"
-            self._listen(0.05)
+            self.listen(0.05)
             meanwhile()
 
     def _uuid(self, label):
         self.wait_for(lambda: any(one["label"] == label for one in self.controls.values()), what=f"a control '{label}'")
         return next(uuid for uuid, one in self.controls.items() if one["label"] == label)
 
-    def _listen(self, seconds):
+    def listen(self, seconds=0.001):
+        """Take what has been sent."""
         try:
             frame = self._socket.recv(timeout=seconds)
         except TimeoutError:
@@ -82,6 +89,8 @@ class PageClient:
         elif kind == "GuiUpdateMessage":
             self.texts |= {message["uuid"]: message["updates"]["content"]} if "content" in message["updates"] else {}
             self.controls.get(message["uuid"], {}).update(message["updates"])
+        elif kind == "RegisterCommandMessage":
+            self.commands[message["uuid"]] = message["props"]["label"]
         elif kind == "SetPositionMessage":
             self.places[message["name"]] = np.array(message["position"])
         elif "props" in message and "name" in message:

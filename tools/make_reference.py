@@ -95,9 +95,9 @@ def section(node: Node) -> str:
 def interfaces(node: Node) -> list[str]:
     """Tables of topics, actions and services, as the graph has them."""
     name, until = node.get_name(), time.monotonic() + PATIENCE
-    while name not in node.get_node_names():
+    while not _is_seen_whole(node):
         if time.monotonic() > until:
-            raise TimeoutError(f"{name} is not on the graph after {PATIENCE:.0f} s")
+            raise TimeoutError(f"{name} is not whole on the graph after {PATIENCE:.0f} s")
     ignored = COMMON | ({"/diagnostics"})
     topics = [one for one in node.get_publisher_names_and_types_by_node(name, "/") if one[0] not in ignored and "/_action/" not in one[0]]
     services = node.get_service_names_and_types_by_node(name, "/")
@@ -112,6 +112,16 @@ def interfaces(node: Node) -> list[str]:
         if not OF_THE_MACHINERY.search(topic)
     ]
     return ["| | name | type |", "|---|---|---|", *rows] if rows else []
+
+
+def _is_seen_whole(node: Node) -> bool:
+    """Whether the graph shows all that the node made: a participant is found before its endpoints are."""
+    name = node.get_name()
+    if name not in node.get_node_names():
+        return False
+    published = {topic for topic, _ in node.get_publisher_names_and_types_by_node(name, "/")}
+    served = {service for service, _ in node.get_service_names_and_types_by_node(name, "/")}
+    return published >= {one.topic_name for one in node.publishers} and served >= {one.service_name for one in node.services}
 
 
 def parameters(node: Node) -> list[str]:

@@ -386,7 +386,8 @@ def install_packages(work: Workspace) -> None:
     """Installs with pip what the environment does not have yet; what comes with the wheels of ROS as it was locked, and nothing else."""
     pip = [work.python, "-m", "pip", "install", "--quiet", "--no-input", "--disable-pip-version-check"]
     if work.ros is None:
-        run([*pip, "--require-hashes", "-r", str(LOCK)], work.environment)
+        # The lock is complete. Left to resolve, pip looks at a release that came out later first, and stops: it has no hash.
+        run([*pip, "--require-hashes", "--no-deps", "-r", str(LOCK)], work.environment)
         rewrite_include_paths(work)
         write_prefix_scripts()
     else:

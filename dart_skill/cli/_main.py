@@ -66,6 +66,7 @@ def _parser() -> argparse.ArgumentParser:
     check.add_to(commands)
     learn.add_to(commands)
     graph_verbs.add_to(commands, "throw")
+    graph_verbs.add_to(commands, "execute")
     for verb in (bag, view, report, experiment, darts, security):
         verb.add_to(commands)
     return parser

@@ -31,6 +31,7 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     _add_check(verbs)
     _add_recover(verbs)
     _add_convert(verbs)
+    _add_upgrade(verbs)
     graph_verbs.add_to(verbs, "play")
 
 
@@ -71,6 +72,14 @@ def _add_convert(verbs: argparse._SubParsersAction) -> None:
     _add_new_bag(parser, "converted")
     parser.add_argument("--json", action="store_true", help="what was written and what was wrong as JSON")
     parser.set_defaults(run=_convert)
+
+
+def _add_upgrade(verbs: argparse._SubParsersAction) -> None:
+    parser = verbs.add_parser("upgrade", help="a bag that an earlier version of dart_skill recorded, with the message types of today")
+    parser.add_argument("bag", metavar="BAG", type=Path, help="bag folder or .mcap file, which is not changed")
+    _add_new_bag(parser, "upgraded")
+    parser.add_argument("--json", action="store_true", help="what was converted and copied as JSON")
+    parser.set_defaults(run=_upgrade)
 
 
 def _add_bags(parser: argparse.ArgumentParser) -> None:
@@ -308,3 +317,19 @@ def _converted_json(recording: ThrowRecording, output: Path) -> dict:
         "openings": [asdict(opening) for opening in recording.openings],
         "faults": [asdict(fault) for fault in recording.faults],
     }
+
+
+# upgrade
+
+
+def _upgrade(options: argparse.Namespace) -> int:
+    from dart_skill.recording.upgrade import upgrade
+
+    done = upgrade(options.bag, _output(options, options.bag, "upgraded"))
+    told = {"path": str(done.path), "converted": done.converted, "copied": done.copied, "left_out": done.left_out}
+    lines = [f"{count} messages of {topic} have the type of today" for topic, count in done.converted.items()]
+    lines += [f"{topic} is left out: {reason}" for topic, reason in done.left_out.items()]
+    lines += [f"{done.copied} messages are as they were", f"new bag: {done.path}"]
+    text = "\n".join([*lines, f"next: dart-skill bag info {shlex.quote(str(done.path))}"])
+    print(json.dumps(told, indent=1) if options.json else printable(text))
+    return 0

@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from dart_skill.session import LearnReport
     from dart_skill.skill.improve import PractisingSkill
     from dart_skill.skill.observe import FoundThrow
+    from dart_skill.skills.throw import Throw
+
+THROW = "throw"
+NEXT = "next: ros2 service call /skill_learner/load dart_skill_msgs/srv/ModelFile \"{{path: '{}'}}\""
 
 
 def add_to(commands: argparse._SubParsersAction) -> None:
@@ -41,6 +45,7 @@ def _learn(options: argparse.Namespace) -> int:
     if options.bag is None:
         _refuse_what_needs_a_bag(options)
         return options.run_on_graph(options)
+    from dart_skill.recording import skill_of
     from dart_skill.recording.imports import load_mapping
     from dart_skill.session import learn_from_bag
     from dart_skill.skill.learn import save_model
@@ -52,12 +57,56 @@ def _learn(options: argparse.Namespace) -> int:
     output = options.output or Path(f"{options.bag.resolve().stem}_model.npz")
     if output.exists():
         raise ValueError(f"{output} exists already: name another file with --output")
+    if not options.mapping and (name := skill_of(options.bag)) != THROW:
+        return _learn_skill(options, name, output)
     mapping = load_mapping(options.mapping) if options.mapping else None
     raw = not options.demonstrations_topic
     wanted = {"raw": raw, "with_throws": options.with_throws, "without": options.without}
     skill, report = learn_from_bag(options.bag, mapping, options.configuration or "default", **wanted)
     save_model(output, list(report.learned_from), skill.skill.configuration)
     print(json.dumps(_as_json(skill, report, output), indent=1) if options.json else _as_text(skill, report, output))
+    return 0
+
+
+def _learn_skill(options: argparse.Namespace, name: str, output: Path) -> int:
+    """Another skill than throwing, from the demonstrations that a recorder cut."""
+    from dart_skill.session import learn_skill_from_bag
+    from dart_skill.skill.model import save_skill_model
+    from dart_skill.skill.protocol import load_skill
+    from dart_skill.skills.throw import Throw
+
+    if isinstance(skill := load_skill(name), Throw):
+        return _learn_other_throws(options, skill, output)
+    for option, given in {"--with-throws": options.with_throws, "--configuration": options.configuration}.items():
+        if given:
+            raise ValueError(f"{option} is for throws: {options.bag} is of the skill '{name}'")
+    learned, left_out = learn_skill_from_bag(options.bag, skill, options.without)
+    save_skill_model(output, learned)
+    told: dict[str, object] = {"skill": name, "learned_from": [one.id for one in learned.demonstrations], "left_out": left_out}
+    told = {**told, "duration_s": learned.duration, "model_id": learned.model_id, "model": str(output)}
+    lines = [*(f"{one}: left out: {why}" for one, why in left_out.items())]
+    lines.append(f"learned '{name}' from {len(learned.demonstrations)} demonstrations; a movement takes {learned.duration:.1f} s")
+    lines += [f"model {learned.model_id}: {output}", NEXT.format(output.resolve())]
+    print(json.dumps(told, indent=1) if options.json else "\n".join(lines))
+    return 0
+
+
+def _learn_other_throws(options: argparse.Namespace, skill: Throw, output: Path) -> int:
+    """Throws in another game than at baskets, from the demonstrations that a recorder cut."""
+    from dart_skill.session import learn_throws_from_bag
+    from dart_skill.skill.learn import save_model
+
+    if options.with_throws:
+        raise ValueError(f"--with-throws is for throws at baskets: {options.bag} is of the skill '{skill.name}'")
+    practice, left_out = learn_throws_from_bag(options.bag, skill, options.configuration or "default", options.without)
+    learned = practice.learn()
+    save_model(output, practice.demonstrations, learned.configuration)
+    told: dict[str, object] = {"skill": skill.name, "learned_from": [one.id for one in practice.demonstrations], "left_out": left_out}
+    told = {**told, "model_id": learned.model_id, "model": str(output)}
+    lines = [f"{one}: left out: {why}" for one, why in left_out.items()]
+    lines.append(f"learned '{skill.name}' from {len(practice.demonstrations)} throws")
+    lines += [f"model {learned.model_id}: {output}", NEXT.format(output.resolve())]
+    print(json.dumps(told, indent=1) if options.json else "\n".join(lines))
     return 0
 
 
@@ -86,7 +135,7 @@ def _as_text(skill: PractisingSkill, report: LearnReport, output: Path) -> str:
     )
     lines.append(f"learned from {len(learned)} of {len(report.throws)} throws with '{model.configuration.name}'{delay}")
     lines.append(f"model {model.model_id}: {output}")
-    lines.append(f"next: ros2 service call /skill_learner/load dart_skill_msgs/srv/ModelFile \"{{path: '{output.resolve()}'}}\"")
+    lines.append(NEXT.format(output.resolve()))
     return "\n".join(lines)
 
 

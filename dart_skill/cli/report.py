@@ -33,6 +33,7 @@ def page_beside(bag: Path) -> Path:
 
 
 def _report(options: argparse.Namespace) -> int:
+    from dart_skill.recording import SKILL, skill_of
     from dart_skill.report import About, page_of, pictures, read_run
     from dart_skill.skill.learn import configuration
 
@@ -41,12 +42,35 @@ def _report(options: argparse.Namespace) -> int:
     output = options.output or page_beside(bag)
     if output.exists():
         raise ValueError(f"{output} exists already: name another file with --output")
+    if (name := skill_of(bag)) != SKILL:
+        return _report_of_skill(bag, name, output, options.json)
     run = read_run(bag, About(f"Throws of the bag '{bag.resolve().name}'", configuration=options.configuration))
     page = page_of(run, pictures(run))
     output.parent.mkdir(parents=True, exist_ok=True)
     with new_file(output) as file:
         file.write(page.encode())
     print(json.dumps(_as_json(run, output), indent=1) if options.json else _as_text(run, output))
+    return 0
+
+
+def _report_of_skill(bag: Path, name: str, output: Path, as_json: bool) -> int:
+    """The page of a bag of another skill than throws at baskets."""
+    from dart_skill.report import About, read_skill_run, skill_page_of, skill_pictures
+    from dart_skill.skill.protocol import load_skill
+
+    run = read_skill_run(bag, load_skill(name), About(f"{name.capitalize()}: the bag '{bag.resolve().name}'"))
+    content = skill_page_of(run, skill_pictures(run, None))
+    output.parent.mkdir(parents=True, exist_ok=True)
+    with new_file(output) as file:
+        file.write(content.encode())
+    own = sum(not one.guided for one in run.movements)
+    told = {"skill": name, "bag": os.fspath(run.bag), "report": os.fspath(output), "demonstrations": [one.id for one in run.shown]}
+    lines = [
+        f"{name}: {len(run.shown)} demonstrations, {own} movements of the arm's own",
+        f"report: {output}",
+        f"next: dart-skill view {bag}",
+    ]
+    print(json.dumps({**told, "own": own, "notes": list(run.notes)}, indent=1) if as_json else "\n".join(lines))
     return 0
 
 

@@ -11,6 +11,7 @@ from dart_skill.darts._board import (
     BED_SCORES,
     POSSIBLE_SCORES,
     RADII,
+    SECTOR_ANGLE,
     SECTORS,
     as_target,
     bed_at,
@@ -24,6 +25,7 @@ from dart_skill.darts._estimation import LikelihoodRatio, SpreadEstimate, estima
 from dart_skill.darts._exact import bed_probabilities, expected_score, score_derivatives
 from dart_skill.darts._heat_map import HeatMap, heat_map
 from dart_skill.darts._leg import CheckoutTable, LegPolicy, checkout_table, simulate_legs, solve_leg
+from dart_skill.darts._leg_play import LegDart, LegInPlay
 from dart_skill.darts._optimum import Aim, best_aim, local_optima
 from dart_skill.darts._path import Jump, OptimumPath, optimum_path
 from dart_skill.darts._professionals import PROFESSIONALS, professional
@@ -37,6 +39,8 @@ __all__ = [
     "CheckoutTable",
     "HeatMap",
     "Jump",
+    "LegDart",
+    "LegInPlay",
     "LegPolicy",
     "LikelihoodRatio",
     "ModelBasedAgent",
@@ -44,6 +48,7 @@ __all__ = [
     "POSSIBLE_SCORES",
     "PROFESSIONALS",
     "RADII",
+    "SECTOR_ANGLE",
     "SECTORS",
     "Spread",
     "SpreadByTarget",

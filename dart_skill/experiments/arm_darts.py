@@ -3,111 +3,48 @@
     dart-skill experiment darts --seed 0 --throws 300 --output figures
 
 The two halves of the thesis in one loop: how to throw (chapters 7 and 8) and where to aim (chapter 6). Everything that the loop learns
-from, the score included, is what the cameras saw of the darts.
+from, the score included, is what the cameras saw of the darts. `dart-skill demo --skill darts` does the same with nodes, bit for bit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from dart_skill.configuration import node_parameters
-from dart_skill.darts import ModelBasedAgent, name_at, score
+from dart_skill.darts import ModelBasedAgent
+from dart_skill.experiments.parallel import all_of
 from dart_skill.recording import Demonstration
-from dart_skill.session import Session
+from dart_skill.session import BLOCK, Dart, DartsRun, Session, after_the_throw, as_pair, before_the_throw
 from dart_skill.simulation import Board, PlantSettings, Swing
-from dart_skill.skill.improve import CorrectionSettings, PractisingSkill
-from dart_skill.skill.learn import DEFAULT, SkillConfiguration
-from dart_skill.surface import BoardFace
+from dart_skill.skill.improve import PractisingSkill
+from dart_skill.skill.learn import DEFAULT
+from dart_skill.skill.protocol import Situation
+from dart_skill.skills.darts import Darts
+from dart_skill.surface import BOARD_DIAMETER
 
-BLOCK = 25
-"""Throws of a row of the table, and between two looks at when to let go."""
-UNSEEN = (float("nan"), float("nan"))
-UNKNOWN = ((0.0, 0.0), (0.0, 0.0))
-SHOWN = 0.12
-"""Half the height and width of the part of the board that the teacher aims at [m]."""
-SWING = Swing(cocked=(-1.00, -0.42, -0.60))
-"""The teacher's swing, the elbow less bent at first than for baskets: at this speed the wind-up takes J4 farther back, to its end at -0.9.
-"""
-LEARNING = CorrectionSettings(offsets=(0.05,), lengths=(0.2,), turns=(0.1,), apart=(1e-6, 1e-6), farthest=0.15, memory=40)
-"""A board is smaller than a region of baskets: wherever two surprises are, they are a change. A release that is moved makes old misses
-worthless.
-"""
-PRACTICE = {"none": ("none", 0), "misses": ("residual", 0), "both": ("residual", BLOCK)}
+PRACTICE = {"none": ("none", False), "misses": ("residual", False), "both": ("residual", True)}
 """What is practised: nothing; what repeats in the misses; that, and when to let go."""
-
-
-@dataclass(frozen=True)
-class Dart:
-    """One throw.
-
-    Parameters:
-
-    * aim: (x, y) [mm] on the board.
-    * hit: (x, y) [mm] on the board; nan if the cameras did not see it or nothing was thrown.
-    * score: int, as seen; 0 if nothing was seen.
-    * covariance: (2, 2) [mm^2], spread of the thrower as estimated before the throw; 0 before the first estimate.
-    * expected: float [points], expected score of the aim for that spread; nan before the first estimate.
-    * release_shift: float [s], by which the release was shifted before the throw.
-    * note: str, default "". What went wrong.
-    """
-
-    aim: tuple[float, float]
-    hit: tuple[float, float]
-    score: int
-    covariance: tuple[tuple[float, float], tuple[float, float]]
-    expected: float
-    release_shift: float
-    note: str = ""
-
-
-@dataclass(frozen=True)
-class Run:
-    """All throws of one arm.
-
-    Parameters:
-
-    * seed: int.
-    * practice: one of PRACTICE.
-    * board: (x, y, z) [m], position of the bull.
-    * shown: (x, y) [mm] for each of the teacher's darts: hit minus aim.
-    * darts: one Dart for each throw.
-    """
-
-    seed: int
-    practice: str
-    board: tuple[float, float, float]
-    shown: tuple[tuple[float, float], ...]
-    darts: tuple[Dart, ...]
 
 
 def darts_session(seed: int, board: Board | None = None, **plant: Any) -> Session:
     """A session with a board instead of baskets; plant: settings of the plant that differ from the configured ones."""
-    settings = PlantSettings.from_parameters(node_parameters("wam_simulator.yaml", "wam_simulator"))
-    return Session(seed, replace(settings, board=board or Board(), **plant), swing=SWING)
+    settings, board = PlantSettings.from_parameters(node_parameters("wam_simulator.yaml", "wam_simulator")), board or Board()
+    cocked = Darts.at_board(board.position).cocked
+    assert cocked is not None
+    return Session(seed, replace(settings, board=board, **plant), swing=Swing(cocked))
 
 
-def darts_configuration(board: Board) -> SkillConfiguration:
-    """The default skill, for darts at this board; a plan with finer steps, since its release is moved by milliseconds."""
-    return replace(DEFAULT, name="darts", board=board.position, step=0.002, release="shown")
-
-
-def points_to_show(seed: int, n: int) -> np.ndarray:
-    """Points (n, 2) [mm] of the board for the teacher to aim at: heights and sides in n strata, each used once."""
-    rng = np.random.default_rng([seed, 7])
-    strata = [(rng.permutation(n) + rng.random(n)) / n for _ in range(2)]
-    return 1e3 * SHOWN * (2 * np.stack(strata, axis=1) - 1)
-
-
-def teach(session: Session, points: np.ndarray, face: BoardFace) -> tuple[list[Demonstration], np.ndarray]:
-    """A demonstration for each point (n, 2) [mm] at which the teacher hit the board; misses (m, 2) [mm] of all of the teacher's darts."""
+def teach(session: Session, skill: Darts, situations: Iterable[Situation]) -> tuple[list[Demonstration], np.ndarray]:
+    """A demonstration for each aim with which the teacher hit the board; misses (m, 2) [mm] of all of the teacher's darts."""
     kept, misses = [], []
-    for point in points:
-        lessons = session.teach(face.in_world(point))
-        misses += [face.on_board(lesson.outcome.landing) - point for lesson in lessons]
+    for situation in situations:
+        lessons = session.teach(skill.target(situation))
+        misses += [skill.face.on_board(lesson.outcome.landing) - skill.aim(situation) for lesson in lessons]
         if lessons[-1].outcome.in_basket:
             kept.append(lessons[-1].demonstration)
     return kept, np.array(misses)
@@ -120,7 +57,7 @@ def run(
     practice: str = "both",
     board: Board | None = None,
     each: Callable[[int, Dart], object] | None = None,
-) -> Run:
+) -> DartsRun:
     """One arm from its first lesson on.
 
     Parameters:
@@ -137,105 +74,67 @@ def run(
     if throws < 1 or demonstrations < 2:
         raise ValueError(f"{throws} throws after {demonstrations} demonstrations: give at least 1 and 2")
     board = board or Board()
-    session = darts_session(seed, board)
+    game, session = Darts.at_board(board.position), darts_session(seed, board)
     try:
-        shown, misses = teach(session, points_to_show(seed, demonstrations), board.face)
-        method, steady_every = PRACTICE[practice]
-        skill = PractisingSkill(shown, darts_configuration(board), method, settings=LEARNING, steady_every=steady_every)
-        agent, darts = ModelBasedAgent(learns_from="hits"), []
+        shown, misses = teach(session, game, game.draws(np.random.default_rng([seed, 7]), demonstrations))
+        method, steadies = PRACTICE[practice]
+        steady_every = game.steady_every if steadies else 0
+        skill = PractisingSkill(shown, game.configured_for(DEFAULT), method, settings=game.correction, steady_every=steady_every)
+        agent, darts = game.agent(), []
         for n in range(throws):
-            darts.append(_throw(session, skill, agent, board.face))
+            darts.append(_throw(session, skill, agent, game))
             if each is not None:
                 each(n, darts[-1])
     finally:
         session.close()
-    return Run(seed, practice, board.position, tuple(_pair(miss) for miss in misses), tuple(darts))
+    return DartsRun(seed, practice, board.position, tuple(as_pair(miss) for miss in misses), tuple(darts))
 
 
-def _throw(session: Session, skill: PractisingSkill, agent: ModelBasedAgent, face: BoardFace) -> Dart:
+def over_seeds(seeds: Sequence[int], jobs: int = 1, throws: int = 100, demonstrations: int = 8, practice: str = "both") -> list[DartsRun]:
+    """One arm for each seed, `jobs` processes at a time, at a board of regulation height and distance."""
+    return all_of(partial(_listed, throws=throws, demonstrations=demonstrations, practice=practice), seeds, jobs)
+
+
+def _listed(seed: int, throws: int, demonstrations: int, practice: str) -> list[DartsRun]:
+    return [run(seed, throws, demonstrations, practice)]
+
+
+def table_of_seeds(runs: Sequence[DartsRun]) -> str:
+    """Of each seed the mean score of a dart in the first and the last block of throws, and the median distance from the aim in the last."""
+    head = f"{'seed':>6}{'score, first':>15}{'score, last':>14}{'off, last [mm]':>17}{'on the board':>15}"
+    rows = [_row_of_seed(one) for one in runs]
+    lines = [f"{one.seed:>6}{_columns(row)}{_on_the_board(one):>15}" for one, row in zip(runs, rows, strict=True)]
+    return "\n".join([f"{BLOCK} darts in a block", head, *lines, f"{'median':>6}{_columns(np.median(rows, axis=0))}"])
+
+
+def _columns(row: np.ndarray) -> str:
+    return f"{row[0]:>15.1f}{row[1]:>14.1f}{row[2]:>17.1f}"
+
+
+def _row_of_seed(run: DartsRun) -> np.ndarray:
+    """Mean scores of the first and the last block, and the median distance from the aim in the last (3,)."""
+    first, last = run.darts[:BLOCK], run.darts[-BLOCK:]
+    off = np.linalg.norm([np.subtract(dart.hit, dart.aim) for dart in last], axis=1)
+    return np.array([np.mean([dart.score for dart in first]), np.mean([dart.score for dart in last]), np.nanmedian(off)])
+
+
+def _on_the_board(run: DartsRun) -> str:
+    on = sum(np.hypot(*dart.hit) <= 500.0 * BOARD_DIAMETER for dart in run.darts)  # what was not seen is nan, and not on it
+    return f"{on} of {len(run.darts)}"
+
+
+def _throw(session: Session, skill: PractisingSkill, agent: ModelBasedAgent, game: Darts) -> Dart:
     """Throw one dart where the agent aims; the agent and the skill learn from it."""
-    dart = _before(skill, agent)
+    dart = before_the_throw(agent, skill.release_shift)
     try:
-        plan = skill.plan(face.in_world(agent.aim))
+        plan = skill.plan(game.target(game.aimed(agent.aim)))
         trial = session.throw(plan)
     except ValueError as error:
         agent.cannot()
         return replace(dart, note=str(error))
     if not trial.outcome.landing_seen:
         return replace(dart, note="nobody saw where the dart went")
-    hit = face.on_board(trial.outcome.landing)
+    hit = game.face.on_board(trial.outcome.landing)
     agent.tell(hit)
     told = skill.tell(plan, trial.demonstration)
-    return replace(dart, hit=_pair(hit), score=int(score(hit)), note="" if told.kept else told.reason)
-
-
-def _before(skill: PractisingSkill, agent: ModelBasedAgent) -> Dart:
-    """What is known of a dart before it is thrown."""
-    covariance = UNKNOWN
-    if agent.spread is not None:
-        across, up = agent.spread.covariance
-        covariance = (_pair(across), _pair(up))
-    return Dart(_pair(agent.aim), UNSEEN, 0, covariance, agent.expected_score, skill.release_shift)
-
-
-def _pair(values: np.ndarray) -> tuple[float, float]:
-    """Two numbers (2,) as a tuple."""
-    return float(values[0]), float(values[1])
-
-
-def summarise(run: Run, block: int = BLOCK) -> list[dict]:
-    """One row per block of throws: standard deviation and mean of the misses across and up [mm], beds aimed at, mean and expected score."""
-    return [_row(start + 1, run.darts[start : start + block]) for start in range(0, len(run.darts), block)]
-
-
-def _row(first: int, darts: tuple[Dart, ...]) -> dict:
-    """The row of a block of darts; first: number of its first dart, from 1."""
-    miss = np.array([np.subtract(dart.hit, dart.aim) for dart in darts])
-    seen = np.isfinite(miss).all(axis=1)
-    beds = [name_at(dart.aim) for dart in darts]
-    expected = np.array([dart.expected for dart in darts])
-    return {
-        "first": first,
-        "last": first + len(darts) - 1,
-        "sd_across_mm": float(miss[seen, 0].std()) if seen.any() else None,
-        "sd_up_mm": float(miss[seen, 1].std()) if seen.any() else None,
-        "bias_across_mm": float(miss[seen, 0].mean()) if seen.any() else None,
-        "bias_up_mm": float(miss[seen, 1].mean()) if seen.any() else None,
-        "aims": list(dict.fromkeys(beds)),
-        "mean_score": float(np.mean([dart.score for dart in darts])),
-        "expected_score": float(np.nanmean(expected)) if np.isfinite(expected).any() else None,
-        "release_shift_ms": 1e3 * darts[-1].release_shift,
-        "unseen": int((~seen).sum()),
-    }
-
-
-def table(run: Run) -> str:
-    """The rows of `summarise` as text."""
-    head = f"{'throws':>9}{'across [mm]':>16}{'up [mm]':>16}{'score':>8}{'expected':>10}{'release':>10}  aims"
-    x, _, height = run.board
-    lines = [f"seed {run.seed}, practice {run.practice}, bull {x:.2f} m from the base axis, {height:.2f} m high", head]
-    for row in summarise(run):
-        columns = [
-            f"{_or_dash(row[f'bias_{axis}_mm'], '+.1f')} +- {_or_dash(row[f'sd_{axis}_mm'], '.1f')}".rjust(16) for axis in ("across", "up")
-        ]
-        numbers = f"{row['mean_score']:>8.1f}{_or_dash(row['expected_score'], '.1f'):>10}{row['release_shift_ms']:>+7.0f} ms"
-        aims = f"{row['aims'][0]} to {row['aims'][-1]}" if len(row["aims"]) > 1 else row["aims"][0]
-        lines.append(f"{row['first']:>4}-{row['last']:<4}{''.join(columns)}{numbers}  {aims}")
-    notes = [f"  throw {n}: {dart.note}" for n, dart in enumerate(run.darts, start=1) if dart.note]
-    return "\n".join([*lines, *notes[:10]])
-
-
-def as_json(run: Run) -> dict:
-    """Everything, with None for what is not known."""
-    darts = [{key: _plain(value) for key, value in asdict(dart).items()} for dart in run.darts]
-    return {"seed": run.seed, "practice": run.practice, "board": run.board, "shown": run.shown, "blocks": summarise(run), "darts": darts}
-
-
-def _plain(value: object) -> object:
-    if isinstance(value, tuple):
-        return [_plain(part) for part in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value
-
-
-def _or_dash(value: float | None, form: str) -> str:
-    return "-" if value is None else format(value, form)
+    return after_the_throw(dart, hit, "" if told.kept else told.reason)

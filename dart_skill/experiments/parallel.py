@@ -10,10 +10,21 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
 from typing import Any
 
+from tqdm import tqdm
+
+DEAF = "dart_skill.experiments._deaf_to_ctrl_c"
+"""Makes whoever imports it, and the processes that it makes, deaf to Ctrl-C."""
 ORPHANED = 1.0
 """A worker looks so often whether the process that wants its results is still there [s]."""
+
+
+def all_of(function: Callable, seeds: Sequence[int], jobs: int = 1) -> list[Any]:
+    """What function(seed) lists for every seed, in their order, `jobs` processes at a time; a progress bar where stderr is a terminal."""
+    parts = dict(tqdm(run_all(function, seeds, jobs), total=len(seeds), unit="seed", disable=None))
+    return [one for index in range(len(seeds)) for one in parts[index]]
 
 
 def run_all(function: Callable, tasks: Sequence, jobs: int = 0, scheduler: str = "") -> Iterator[tuple[int, Any]]:
@@ -32,7 +43,8 @@ def run_all(function: Callable, tasks: Sequence, jobs: int = 0, scheduler: str =
         return
     with ProcessPoolExecutor(jobs, mp_context=_workers(function), initializer=_begin_worker) as pool:
         try:  # from the first task on: workers are being started then
-            futures = {pool.submit(function, task): index for index, task in enumerate(tasks)}
+            with _signals_held_back():  # or a worker that was just asked for is not known, and not ended
+                futures = {pool.submit(function, task): index for index, task in enumerate(tasks)}
             for future in as_completed(futures):
                 yield futures[future], future.result()
         except (KeyboardInterrupt, SystemExit, GeneratorExit):
@@ -46,13 +58,29 @@ def run_all(function: Callable, tasks: Sequence, jobs: int = 0, scheduler: str =
 def _workers(function: Callable) -> multiprocessing.context.BaseContext:
     """How processes are made: never as copies of this one. Who asks may have threads, or nodes of ROS, which a copy would end again."""
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([getattr(function, "func", function).__module__])
+    context.set_forkserver_preload([getattr(function, "func", function).__module__, DEAF])
     return context
 
 
+@contextmanager
+def _signals_held_back() -> Iterator[None]:
+    """Ctrl-C and SIGTERM that come meanwhile come afterwards. In other threads than the main one, which hears them, nothing is held."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[int] = []
+    before = {number: signal.signal(number, lambda number, _: came.append(number)) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)
+    for late in came:
+        signal.raise_signal(late)
+
+
 def _begin_worker() -> None:
-    """In each worker: Ctrl-C is for whoever asked, who then ends the workers; and an orphan ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """In each worker: an orphan ends."""
     threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
 
 

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from tqdm import tqdm
 
-from dart_skill.experiments.parallel import run_all
+from dart_skill.experiments.parallel import all_of
 from dart_skill.experiments.scatter_bound import best_share
 from dart_skill.fleet import FLEET, arm_with
 from dart_skill.recording import Demonstration
@@ -131,8 +130,7 @@ def run(
 ) -> list[Throw]:
     """All seeds, `jobs` processes at a time; a progress bar on stderr when it is a terminal. arms, settings: as in `run_seed`."""
     one = partial(run_seed, names=names, demonstrations=demonstrations, throws=throws, arms=arms, settings=settings)
-    parts = dict(tqdm(run_all(one, seeds, jobs), total=len(seeds), unit="seed", disable=None))
-    return [throw for index in range(len(seeds)) for throw in parts[index]]
+    return all_of(one, seeds, jobs)
 
 
 def summarise(results: list[Throw]) -> list[dict]:

@@ -3,10 +3,12 @@
 The same data give the same bytes.
 """
 
+from dart_skill.figures._darts import arm_darts_figure, draw_arm_darts, running
 from dart_skill.figures._execution import SAME_BASKET, ExecutedThrow, draw_execution, executed_throw, execution_figure
 from dart_skill.figures._gaussians import FrameView, draw_gaussians, frame_views, gaussians_figure
 from dart_skill.figures._landings import RIM_RADIUS, draw_landings, landings_figure
 from dart_skill.figures._recordings import COMMAND, Recording, read_recordings
+from dart_skill.figures._skill_trials import draw_trials, trials_figure
 from dart_skill.figures._style import (
     BLACK,
     BLUE,
@@ -30,6 +32,10 @@ from dart_skill.figures._synchronisation import DemonstratedMotion, demonstrated
 from dart_skill.figures.board import draw_board, draw_heat_map, draw_path
 
 __all__ = [
+    "arm_darts_figure",
+    "draw_arm_darts",
+    "running",
+    "trials_figure",
     "BLACK",
     "BLUE",
     "COMMAND",
@@ -56,6 +62,7 @@ __all__ = [
     "draw_landings",
     "draw_path",
     "draw_synchronisation",
+    "draw_trials",
     "executed_throw",
     "execution_figure",
     "frame_views",

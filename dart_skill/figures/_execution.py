@@ -76,7 +76,7 @@ def executed_throw(recordings: Sequence[Recording], plan: ThrowPlan) -> Executed
         place = plan.target.round(3).tolist()
         raise ValueError(f"no recording of a throw at a basket at {place}: is /wam/command in the bag, and did it open the hand?")
     (recording, opened_ns), path = found[-1], plan.path
-    start_ns = _path_start(recording, opened_ns, plan)
+    start_ns = plan.begin_ns(opened_ns, recording.command_stamps)
     hand_time, ball_time = ((stamps - start_ns) * 1e-9 for stamps in (recording.hand_stamps, recording.ball_stamps))
     hand = (hand_time >= 0.0) & (hand_time <= path.duration)
     ball = (ball_time >= plan.release) & (ball_time <= plan.release + FLIGHT_WATCHED)
@@ -99,13 +99,6 @@ def execution_figure(throw: ExecutedThrow, basket: Basket | None = None) -> Figu
         (handles, labels), (more, others) = (axes.get_legend_handles_labels() for axes in (side, error))
         figure.legend([*handles, *more], [*labels, *others], loc="outside lower center", ncols=5)
         return figure
-
-
-def _path_start(recording: Recording, opened_ns: int, plan: ThrowPlan) -> int:
-    """Stamp at which the plan's clock was 0: the hand is told to open with the first command that is due, so it is on their grid."""
-    latest = opened_ns - round(plan.open_hand * 1e9) + 1
-    index = int(np.searchsorted(recording.command_stamps, latest, side="right")) - 1
-    return int(recording.command_stamps[max(index, 0)])
 
 
 def _draw_side(axes: Axes, throw: ExecutedThrow, basket: Basket) -> None:

@@ -4,10 +4,11 @@
 
 from dart_skill.movement._alignment import Fit, check_alignment
 from dart_skill.movement._attractor import attractor_from_motion, critical_damping, follow_attractor
-from dart_skill.movement._autonomous import AutonomousDSGMR, AutonomousPolicy, PhaseRule, StateDriven
+from dart_skill.movement._autonomous import AutonomousDSGMR, AutonomousPolicy, Moment, StateDriven, StateFrame
 from dart_skill.movement._differentiation import Motion, estimate_noise, smooth_derivatives
 from dart_skill.movement._ds_gmr import DSGMR, Reproduction
 from dart_skill.movement._frames import (
+    MovingFrame,
     TaskFrame,
     azimuth_frame,
     azimuth_of,
@@ -36,9 +37,11 @@ from dart_skill.movement._orientation import (
     turn_about_z,
 )
 from dart_skill.movement._primitives import DiscretePrimitive, Execution, PrimitiveState, RhythmicPrimitive, Trajectory
+from dart_skill.movement._reactive import Reaction, ReactivePolicy
 from dart_skill.movement._segmentation import Segment, VelocityThreshold, segment_containing, speed
-from dart_skill.movement._stiffness import critical_damping_matrix, hold_to, stiffness_from_covariance
+from dart_skill.movement._stiffness import critical_damping_matrix, hold_to, stable_gains, stiffness_from_covariance
 from dart_skill.movement._task_parameterised import PartialFrame, TaskParameterisedMixture
+from dart_skill.pace import PhaseRule
 
 __all__ = [
     "AutonomousDSGMR",
@@ -47,14 +50,19 @@ __all__ = [
     "DiscretePrimitive",
     "Execution",
     "Fit",
+    "Moment",
     "Motion",
+    "MovingFrame",
     "PartialFrame",
     "PhaseRule",
     "PrimitiveState",
+    "Reaction",
+    "ReactivePolicy",
     "Reproduction",
     "RhythmicPrimitive",
     "Segment",
     "StateDriven",
+    "StateFrame",
     "TaskFrame",
     "TaskParameterisedMixture",
     "Trajectory",
@@ -90,6 +98,7 @@ __all__ = [
     "segment_containing",
     "smooth_derivatives",
     "speed",
+    "stable_gains",
     "start_frame",
     "stiffness_from_covariance",
     "target_frame",

@@ -29,13 +29,19 @@ from dart_skill.checks import as_count, as_number, as_samples, as_vector
 from dart_skill.mixture import GaussianMixture, regress
 from dart_skill.movement._attractor import attractor_from_motion, discretise
 from dart_skill.movement._attractor_model import AttractorModel
-from dart_skill.movement._frames import TaskFrame
+from dart_skill.movement._frames import MovingFrame, TaskFrame
 from dart_skill.movement._placement import Weights
+from dart_skill.movement._task_parameterised import TaskParameterisedMixture
 from dart_skill.movement._time import as_stamps, uniform_step
+from dart_skill.pace import PhaseRule
 
 UNKNOWN_PACE = 1.0
 """Standard deviation of the robot's pace, relative to the demonstrated one."""
 Push = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
+StateFrame = TaskFrame | MovingFrame | None
+"""A frame that stands still, one that moves, or one that is missing."""
+SLOPE_STEP = 0.01
+"""Over which the change of the state with the phase is measured on either side [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,30 +58,6 @@ class StateDriven:
     position: np.ndarray
     velocity: np.ndarray
     acceleration: np.ndarray
-
-
-@dataclass(frozen=True)
-class PhaseRule:
-    """How the state changes the phase.
-
-    Parameters:
-
-    * slowest: float in (0, 1), default 0.05. Least rate s' of the phase; 1 is the demonstrated pace.
-    * fastest: float above 1, default 4. Largest rate of the phase.
-    * time_constant: float, default 0.05 [s]. T of the correction.
-    * deviation: float, default 0.05 [s]. w, standard deviation of the phase in the correction.
-    """
-
-    slowest: float = 0.05
-    fastest: float = 4.0
-    time_constant: float = 0.05
-    deviation: float = 0.05
-
-    def __post_init__(self) -> None:
-        for name in ("slowest", "fastest", "time_constant", "deviation"):
-            as_number(getattr(self, name), name)
-        if not self.slowest < 1.0 < self.fastest:
-            raise ValueError(f"slowest {self.slowest} and fastest {self.fastest} must lie on either side of 1, the demonstrated pace")
 
 
 class AutonomousDSGMR(AttractorModel):
@@ -112,7 +94,7 @@ class AutonomousDSGMR(AttractorModel):
         self,
         times: Sequence[ArrayLike],
         motions: Sequence[Sequence[ArrayLike]],
-        frames: Sequence[Sequence[TaskFrame]],
+        frames: Sequence[Sequence[StateFrame | Sequence[StateFrame]]],
         weights: Weights = None,
         *,
         attractors: Sequence[ArrayLike] | None = None,
@@ -126,7 +108,8 @@ class AutonomousDSGMR(AttractorModel):
         * times: for each demonstration its stamps (n_i,) [s].
         * motions: for each demonstration position, velocity and acceleration (n_i, d), as `smooth_derivatives` returns them.
           The acceleration may be missing if attractors are given.
-        * frames: for each demonstration P frames of the features [t, u, y], as in `DSGMR.fit`.
+        * frames: for each demonstration P frames of the features [t, u, y], as in `DSGMR.fit`; one that moves is a list with a
+          `MovingFrame` for each sample.
         * weights: as in `DSGMR.fit`.
         * attractors: for each demonstration (n_i, d), default None: computed from the motions by (7.20).
         * inputs: for each demonstration its further inputs u, (q,) or (n_i, q); default None: there are none.
@@ -140,6 +123,22 @@ class AutonomousDSGMR(AttractorModel):
         self._learn(samples, [self._lifted(its_frames) for its_frames in frames], weights, rng)
         self._ends = np.array([(np.min(time), np.max(time)) for time in times]).mean(0)
         return self
+
+    @classmethod
+    def of_mixture(
+        cls,
+        mixture: TaskParameterisedMixture,
+        ends: tuple[float, float],
+        stiffness: ArrayLike = 200.0,
+        damping: ArrayLike | None = None,
+        rule: PhaseRule | None = None,
+        *,
+        n_inputs: int = 0,
+    ) -> AutonomousDSGMR:
+        """The model whose mixture over [t, u, x, x', y] was fitted elsewhere; ends: first and last phase [s]. The rest as of the class."""
+        model = cls(len(mixture.priors_), stiffness, damping, rule, n_inputs=n_inputs)
+        model.mixture_, model._ends = model._with_outputs(mixture), np.array(ends, dtype=float)
+        return model
 
     def _features(self, time: ArrayLike, motion: Sequence[ArrayLike], attractor: ArrayLike | None, inputs: ArrayLike | None) -> np.ndarray:
         """[t, u, x, x', y] (n, 1 + q + 3d)."""
@@ -155,12 +154,36 @@ class AutonomousDSGMR(AttractorModel):
             raise ValueError(f"position, velocity and attractor must be as long, got {len(position)}, {len(velocity)}, {len(attractor)}")
         return np.column_stack([self._with_inputs(time, inputs, len(attractor)), position, velocity, attractor])
 
-    def _lifted(self, frames: Sequence[TaskFrame | None]) -> list[TaskFrame | None]:
-        return [None if frame is None else lift(frame, self.n_inputs) for frame in frames]
+    def _lifted(self, frames: Sequence[StateFrame | Sequence[StateFrame]]) -> list:
+        return [self._lifted(one) if isinstance(one, Sequence) else None if one is None else lift(one, self.n_inputs) for one in frames]
 
-    def product(self, frames: Sequence[TaskFrame | None]) -> GaussianMixture:
+    def product(self, frames: Sequence[StateFrame]) -> GaussianMixture:
         """(7.21): the mixture over [t, u, x, x', y] in the world, for P new frames of the features [t, u, y]; None for a missing one."""
         return self._fitted.product(self._lifted(frames))
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """First and last phase [s]: where the demonstrations began and ended, on the mean."""
+        self._fitted  # noqa: B018 - or a ValueError that says so
+        first, last = self._ends
+        return float(first), float(last)
+
+    def moment(self, frames: Sequence[StateFrame], phase: float, inputs: ArrayLike | None = None) -> Moment:
+        """What belongs to one phase [s], in frames as they are now; inputs: the further inputs u (q,)."""
+        states, spreads, attractors = self._at_phases(frames, phase + SLOPE_STEP * np.array([-1.0, 0.0, 1.0]), inputs)
+        slope = (states[2:] - states[:1]) / (2.0 * SLOPE_STEP)
+        gain, _ = correction(states[1:2], spreads[1:2], slope, self.rule)
+        return Moment(states[1], attractors[1], gain[0])
+
+    def _at_phases(
+        self, frames: Sequence[StateFrame], phases: np.ndarray, inputs: ArrayLike | None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """States z(s) (n, 2d), their covariances R(s) (n, 2d, 2d) and attractors y(s) (n, d) at phases (n,)."""
+        mixture, queries = self.product(frames), self._with_inputs(phases, inputs)
+        n_inputs = queries.shape[1]
+        mean, covariance = regress(mixture, queries, np.arange(n_inputs), np.arange(n_inputs, mixture.n_dims))
+        d = (mixture.n_dims - n_inputs) // 3
+        return mean[:, : 2 * d], covariance[:, : 2 * d, : 2 * d], mean[:, 2 * d :]
 
     def policy(
         self,
@@ -179,18 +202,11 @@ class AutonomousDSGMR(AttractorModel):
         * phase: (n,) [s], equally spaced, default None: `resolution` of them, from the start to the end of the demonstrations.
         * inputs: the further inputs u, (q,) or one row for each phase (n, q); default None: there are none.
         """
-        mixture = self.product(frames)
         if phase is None:
-            first, last = self._ends
-            phase = np.linspace(first, last, as_count(resolution, "resolution", 10))
+            phase = np.linspace(*self.ends, as_count(resolution, "resolution", 10))
         phase = as_stamps(phase, minimum=2)
         uniform_step(phase)  # or a ValueError
-        queries = self._with_inputs(phase, inputs)
-        n_inputs = queries.shape[1]
-        mean, covariance = regress(mixture, queries, np.arange(n_inputs), np.arange(n_inputs, mixture.n_dims))
-        d = (mixture.n_dims - n_inputs) // 3
-        state, spread = mean[:, : 2 * d], covariance[:, : 2 * d, : 2 * d]
-        return AutonomousPolicy(phase, state, spread, mean[:, 2 * d :], self.stiffness, self.damping, self.rule)
+        return AutonomousPolicy(phase, *self._at_phases(frames, phase, inputs), self.stiffness, self.damping, self.rule)
 
     def reproduce(
         self,
@@ -221,6 +237,27 @@ def _one_each(given: Sequence | None, n: int, name: str) -> Sequence:
     return given
 
 
+def correction(state: np.ndarray, spread: np.ndarray, slope: np.ndarray, rule: PhaseRule) -> tuple[np.ndarray, np.ndarray]:
+    """Gain (n, 2d) with which a difference of the state says how far it is ahead [s], and the precision (n, 2d, 2d) of the state.
+
+    state, spread, slope: z(s) (n, 2d), R(s) (n, 2d, 2d) and z_s (n, 2d).
+    """
+    d = state.shape[1] // 2
+    slower = np.hstack([np.zeros_like(state[:, :d]), UNKNOWN_PACE * state[:, d:]])
+    precision = np.linalg.inv(spread + slower[:, :, None] * slower[:, None])
+    weighted = np.einsum("nij,nj->ni", precision, slope)
+    return weighted / (np.einsum("ni,ni->n", weighted, slope) + rule.deviation**-2)[:, None], precision
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """What belongs to one phase: state (2d,), position over velocity; attractor (d,); gain (2d,), as of `correction`."""
+
+    state: np.ndarray
+    attractor: np.ndarray
+    gain: np.ndarray
+
+
 class AutonomousPolicy:
     """The policy for one situation, made by `AutonomousDSGMR.policy`.
 
@@ -249,11 +286,7 @@ class AutonomousPolicy:
         self.phase, self.state, self.attractors, self.rule = phase, state, attractors, rule
         d = attractors.shape[1]
         self._kp, self._kv = np.broadcast_to(stiffness, d), np.broadcast_to(damping, d)
-        slower = np.hstack([np.zeros_like(attractors), UNKNOWN_PACE * state[:, d:]])
-        self._precision = np.linalg.inv(spread + slower[:, :, None] * slower[:, None])
-        slope = np.gradient(state, phase, axis=0)
-        weighted = np.einsum("nij,nj->ni", self._precision, slope)
-        self._gain = weighted / (np.einsum("ni,ni->n", weighted, slope) + rule.deviation**-2)[:, None]
+        self._gain, self._precision = correction(state, spread, np.gradient(state, phase, axis=0), rule)
 
     @property
     def goal(self) -> np.ndarray:
@@ -272,6 +305,10 @@ class AutonomousPolicy:
     def attractor(self, phase: float) -> np.ndarray:
         """Attractor (d,) at a phase [s]; constant before the start and after the end of the movement."""
         return self._at(self.attractors, phase)
+
+    def gain(self, phase: np.ndarray) -> np.ndarray:
+        """By how much a difference of the state (x, x') from that of the phase is ahead (n, 2d), at phases (n,) [s]."""
+        return self._at(self._gain, np.asarray(phase, dtype=float))
 
     def acceleration(self, phase: float, position: ArrayLike, velocity: ArrayLike) -> np.ndarray:
         """(7.19) at a phase: kp (y - x) - kv x' (d,)."""
@@ -311,8 +348,7 @@ class AutonomousPolicy:
 
     def _advanced(self, phase: float, state: np.ndarray, step: float) -> float:
         ahead = float(self._at(self._gain, phase) @ (state - self._at(self.state, phase)))
-        rate = min(max(1.0 + ahead / self.rule.time_constant, self.rule.slowest), self.rule.fastest)
-        return min(phase + rate * step, float(self.phase[-1]))
+        return min(phase + self.rule.rate(ahead) * step, float(self.phase[-1]))
 
     def _at(self, rows: np.ndarray, phase: float | np.ndarray) -> np.ndarray:
         """Rows (n, ...) interpolated at a phase, or at many."""
@@ -338,12 +374,16 @@ def _flow(step: float, stiffness: np.ndarray, damping: np.ndarray) -> Callable[[
     return flow
 
 
-def lift(frame: TaskFrame, n_inputs: int = 0) -> TaskFrame:
+def lift(frame: TaskFrame | MovingFrame, n_inputs: int = 0) -> TaskFrame:
     """The frame of [t, u, x, x', y] that belongs to a frame of [t, u, y]: positions and attractors are shifted, velocities only turned.
+    One that moves shifts each of the three by its own.
 
     n_inputs: number of further inputs u after time.
     """
     first = 1 + n_inputs
+    if isinstance(frame, MovingFrame):
+        still, d = lift(frame.frame, n_inputs), len(frame.velocity)
+        return TaskFrame(still.A, np.concatenate([still.b[: first + d], frame.velocity, frame.attractor]))
     d, matrix, offset = frame.n_dims - first, as_samples(frame.A, "A"), frame.b
     if np.any(matrix[:first, first:]) or np.any(matrix[first:, :first]) or np.any(matrix[0, 1:first]):
         raise ValueError("a frame that mixes time or inputs with movement variables has no velocities: let them pass through")

@@ -55,6 +55,30 @@ class TaskFrame:
         return as_samples(points, "points", self.n_dims) @ self.A.T + self.b
 
 
+@dataclass(frozen=True, eq=False)
+class MovingFrame:
+    """A task frame over [t, u, y] at one instant of its own motion. What moves with it is seen at rest.
+
+    Parameters:
+
+    * frame: TaskFrame, its axes A, and b with the position (d,) of its origin in the last d features.
+    * velocity: (d,), of the origin, in the units of the movement per s.
+    * attractor: (d,), the attractor of the origin's own motion by (7.20), for the gains of the model. Since (7.20) is linear, an attractor
+      that is seen from there is the attractor of the motion relative to the frame.
+    """
+
+    frame: TaskFrame
+    velocity: np.ndarray
+    attractor: np.ndarray
+
+    def __post_init__(self) -> None:
+        velocity, attractor = as_vector(self.velocity, "velocity"), as_vector(self.attractor, "attractor")
+        if not len(velocity) == len(attractor) < self.frame.n_dims:
+            raise ValueError(f"velocity and attractor have {len(velocity)} and {len(attractor)} entries, the frame {self.frame.n_dims}")
+        object.__setattr__(self, "velocity", velocity)
+        object.__setattr__(self, "attractor", attractor)
+
+
 def _frame(axes: np.ndarray, position: np.ndarray, angles: np.ndarray) -> TaskFrame:
     """Frame that leaves time as it is, has the axes (3, 3) at `position` (3,), and adds `angles` to the angle columns."""
     matrix = np.eye(4 + len(angles))

@@ -4,6 +4,9 @@ A spring holds a unit mass against random pushes. The variance of the mass is th
 (equipartition). So the stiffness along each principal axis of the covariance is c / variance, with one c for the whole
 movement. c is such that the axis and instant with the smallest variance get the largest stiffness that is allowed. Values
 below the least stiffness are raised to it.
+
+A spring that becomes stiffer while it is stretched gains energy, so such a spring may drive a mass away from where it pulls it,
+whatever the damping. `stable_gains` lets the stiffness grow only as fast as the damping takes up (Kronander and Billard, 2016).
 """
 
 from __future__ import annotations
@@ -14,6 +17,9 @@ from numpy.typing import ArrayLike
 from dart_skill.checks import as_covariances, as_finite, as_number, as_samples
 from dart_skill.movement._differentiation import Motion
 from dart_skill.movement._time import as_stamps, uniform_step
+
+SHRINKS, MOST_TRIALS = 0.8, 60
+"""A step of the stiffness that is too large is tried again as so much of itself, so often."""
 
 
 def stiffness_from_covariance(covariance: ArrayLike, least: float, most: float) -> np.ndarray:
@@ -40,6 +46,43 @@ def critical_damping_matrix(stiffness: ArrayLike) -> np.ndarray:
     if gains.min() < 0.0:
         raise ValueError(f"stiffness has the eigenvalue {gains.min():.3g}; it must not be negative")
     return np.einsum("nij,nj,nkj->nik", axes, 2.0 * np.sqrt(gains), axes)
+
+
+def stable_gains(time: ArrayLike, stiffness: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness and critical damping (n, d, d), linear between the stamps, with which x'' = K (y - x) - D x' is stable for every y.
+
+    It is, if for some a > 0 both D - a and 2 a K - K' - a D' are positive semidefinite at all times (Kronander and Billard, Stability
+    Considerations for Variable Impedance Control, 2016, theorem 1, for a unit mass). Here a is half the least damping. Where the wanted
+    stiffness grows faster, it is followed as fast as this allows; it may fall at any rate.
+
+    Parameters:
+
+    * time (n,): stamps [s], n at least 2.
+    * stiffness (n, d, d): wanted, positive definite, per unit mass [1/s^2].
+    """
+    stiffness = as_finite(stiffness, "stiffness", 3)
+    steps = np.diff(as_stamps(time, len(stiffness), minimum=2))
+    least = float(np.linalg.eigvalsh(stiffness).min())
+    if least <= 0.0:
+        raise ValueError(f"stiffness has the eigenvalue {least:.3g}; all must be positive")
+    rate, gains, damping = np.sqrt(least), np.empty_like(stiffness), np.empty_like(stiffness)
+    gains[0], damping[0] = stiffness[0], critical_damping_matrix(stiffness[:1])[0]
+    for k, step in enumerate(steps):
+        gains[k + 1], damping[k + 1] = _grown(gains[k], damping[k], stiffness[k + 1], step, rate)
+    return gains, damping
+
+
+def _grown(stiffness: np.ndarray, damping: np.ndarray, wanted: np.ndarray, step: float, rate: float) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness and damping (d, d) a step [s] later: as near to the wanted stiffness as the damping takes up."""
+    share = 1.0
+    for _ in range(MOST_TRIALS):
+        after = stiffness + share * (wanted - stiffness)
+        its_damping = critical_damping_matrix(after[None])[0]
+        growth = (after - stiffness + rate * (its_damping - damping)) / step
+        if all(np.linalg.eigvalsh(2.0 * rate * gains - growth)[0] >= -1e-9 * rate * np.abs(gains).max() for gains in (stiffness, after)):
+            return after, its_damping
+        share *= SHRINKS
+    return stiffness, damping
 
 
 def hold_to(time: ArrayLike, motion: Motion, stiffness: ArrayLike, push: ArrayLike | None = None) -> Motion:

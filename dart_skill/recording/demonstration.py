@@ -7,7 +7,7 @@ well as on those that are decoded without ROS.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,12 +16,24 @@ from rosbags.typesys.store import Typestore
 
 from dart_skill.checks import FARTHEST, as_place, check_samples, check_unit_quaternions
 from dart_skill.constants import N_JOINTS
-from dart_skill.recording.bags import BagError, BagReader, header_content, message, pose_content, stamp_content, vector_content
-from dart_skill.world import joint_names, joint_order, the_world
+from dart_skill.recording.bags import BagError, BagReader, header_content, message, pose_content, stamp_content
+from dart_skill.world import THROWN, joint_names, joint_order, the_world
 
 DEMONSTRATION_TYPE = "dart_skill_msgs/msg/Demonstration"
 DEMONSTRATION_TOPIC = "/demonstrations"
-_ITEMS = {"hand": "geometry_msgs/msg/PoseStamped", "ball": "geometry_msgs/msg/PointStamped", "joints": "sensor_msgs/msg/JointState"}
+SKILL = "throw"
+"""The skill of a demonstration that does not say of which one it is."""
+OPEN = "open"
+"""Event: the hand was told to open."""
+UNTURNED = (0.0, 0.0, 0.0, 1.0)
+_ITEMS = {
+    "tracks": "dart_skill_msgs/msg/BodyTrack",
+    "poses": "geometry_msgs/msg/PoseStamped",
+    "situation.poses": "geometry_msgs/msg/Pose",
+    "joints": "sensor_msgs/msg/JointState",
+    "events": "dart_skill_msgs/msg/Event",
+}
+"""Types of the elements of sequences, by the name of their field."""
 LONGEST = 120.0
 """No throw takes longer, with all that is recorded before and after it [s]."""
 WIDEST_ANGLE, FASTEST_JOINT = 2.0 * np.pi, 100.0
@@ -38,13 +50,14 @@ class Demonstration:
 
     id: unique in a recording.
     stamp_ns: the origin of all times.
-    target: (3,), centre of the basket's rim.
+    target: (3,), centre of the basket's rim, or of the board.
     hand_time, hand_position, hand_quaternion: (n,), (n, 3), (n, 4), poses of the hand, n >= 2.
     ball_time, ball_position: (m,), (m, 3), from the grip to the landing; may be empty.
     joint_time, joint_position, joint_velocity: (k,), (k, 7) [rad], (k, 7) [rad/s], of the arm; may be empty.
     motion_start, motion_stop: when the speed crossed the thresholds; nan if unknown.
     hand_opened: when the hand was told to open; nan if unknown.
     joint_names: as the driver calls them; may be empty.
+    skill: of throwing (`world.THROWN`), which says what the "ball" and the "basket" are: a dart and a board, too.
 
     ValueError names what is not so.
     """
@@ -65,8 +78,11 @@ class Demonstration:
     hand_opened: float = float("nan")
     frame_id: str = the_world().frame_id
     joint_names: tuple[str, ...] = ()
+    skill: str = SKILL
 
     def __post_init__(self) -> None:
+        if self.skill not in THROWN:
+            raise ValueError(f"demonstration {self.id} is of the skill '{self.skill}': throws are of {', '.join(THROWN)}")
         if not self.id or not isinstance(self.id, str):
             raise ValueError(f"id of a demonstration must be a non-empty text, got {self.id!r}")
         if int(self.stamp_ns) != self.stamp_ns or self.stamp_ns < 0:
@@ -131,7 +147,7 @@ def fill_demonstration_message(demonstration: Demonstration, msg: Any, new: Call
 
     new: makes an empty message from a type name as "geometry_msgs/msg/PoseStamped".
     """
-    return _filled(msg, _content(demonstration), new)
+    return filled(msg, _content(demonstration), new)
 
 
 def demonstration_message(types: Typestore, demonstration: Demonstration) -> Any:
@@ -140,27 +156,83 @@ def demonstration_message(types: Typestore, demonstration: Demonstration) -> Any
 
 
 def demonstration_from_message(msg: Any) -> Demonstration:
-    """The demonstration in a message object, of rclpy or decoded without ROS."""
+    """The demonstration in a message object, of rclpy or decoded without ROS, of today or of a bag before tracks had names.
+
+    ValueError for one of another skill, or without what a throw has.
+    """
     origin = stamp_ns(msg.header.stamp)
-    hand, ball, joints = msg.hand, msg.ball, msg.joints
+    seen = _older_parts(msg, origin) if hasattr(msg, "hand_opened") else _parts(msg)
+    hand, ball, joints = seen.hand, seen.ball, msg.joints
     return Demonstration(
         id=msg.id,
         stamp_ns=origin,
-        target=np.array(_vector(msg.target)),
-        hand_time=_times(hand, origin),
-        hand_position=_rows([_vector(item.pose.position) for item in hand], 3),
-        hand_quaternion=_rows([[*_vector(item.pose.orientation), item.pose.orientation.w] for item in hand], 4),
-        ball_time=_times(ball, origin),
-        ball_position=_rows([_vector(item.point) for item in ball], 3),
-        joint_time=_times(joints, origin),
-        joint_position=_rows([_of_arm(item.name, item.position) for item in joints], N_JOINTS),
-        joint_velocity=_rows([_of_arm(item.name, item.velocity) for item in joints], N_JOINTS),
+        target=np.array(_vector(seen.target)),
+        hand_time=times_after(hand, origin),
+        hand_position=pose_rows(hand)[0],
+        hand_quaternion=pose_rows(hand)[1],
+        ball_time=times_after(ball, origin),
+        ball_position=_rows([_vector(item.point if hasattr(item, "point") else item.pose.position) for item in ball], 3),
+        joint_time=times_after(joints, origin),
+        joint_position=arm_rows(joints, "position"),
+        joint_velocity=arm_rows(joints, "velocity"),
         motion_start=_event(msg.motion_start, origin),
         motion_stop=_event(msg.motion_stop, origin),
-        hand_opened=_event(msg.hand_opened, origin),
+        hand_opened=seen.hand_opened,
         frame_id=msg.header.frame_id,
         joint_names=_names(joints[0].name) if len(joints) else (),
+        skill=seen.skill,
     )
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """Of a message: the basket's rim, poses of the hand, positions of the ball, and when the hand was told to open after the stamp [s]."""
+
+    target: Any
+    hand: Sequence[Any]
+    ball: Sequence[Any]
+    hand_opened: float
+    skill: str = SKILL
+
+
+def _parts(msg: Any) -> _Parts:
+    if msg.skill not in THROWN:
+        raise ValueError(f"demonstration {msg.id} is of the skill '{msg.skill}', not of {' or '.join(map(repr, THROWN))}")
+    thrown, aimed_at = THROWN[msg.skill]
+    tracks = named(f"demonstration {msg.id}: tracks", [one.body for one in msg.tracks], [one.poses for one in msg.tracks])
+    where = named(f"demonstration {msg.id}: situation", msg.situation.bodies, msg.situation.poses)
+    for what, role, found in (("no track of the", "hand", tracks), ("a situation without the", aimed_at, where)):
+        if role not in found:
+            raise ValueError(f"demonstration {msg.id} has {what} {role}, only of {', '.join(sorted(found)) or 'nothing'}")
+    opened = [stamp_ns(one.time_from_start) * 1e-9 for one in msg.events if one.name == OPEN]
+    told = opened[0] if opened else float("nan")
+    return _Parts(where[aimed_at].position, tracks["hand"], tracks.get(thrown, ()), told, msg.skill)
+
+
+def _older_parts(msg: Any, origin: int) -> _Parts:
+    """Of a message as bags before December 2026 have them, which knew of throws only."""
+    return _Parts(msg.target, msg.hand, msg.ball, _event(msg.hand_opened, origin))
+
+
+def named(what: str, names: Sequence[str], values: Sequence[Any]) -> dict[str, Any]:
+    """Values by their names, as messages hold them in two sequences; ValueError, with `what` it is, if they do not fit together."""
+    if len(names) != len(values):
+        raise ValueError(f"{what}: {len(names)} names and {len(values)} values: give one value for each name")
+    if twice := sorted({name for name in names if list(names).count(name) > 1}):
+        raise ValueError(f"{what}: {', '.join(twice)} stands there twice")
+    return dict(zip(names, values, strict=True))
+
+
+def skill_of(bag_path: str | os.PathLike) -> str:
+    """The skill that a bag's demonstrations are of; throwing, where it has none, is older, or cannot be read: who learns of it says why."""
+    try:
+        with BagReader(bag_path) as bag:
+            if DEMONSTRATION_TOPIC not in bag.topics or bag.topics[DEMONSTRATION_TOPIC].type_name != DEMONSTRATION_TYPE:
+                return SKILL
+            first = next(iter(bag.messages([DEMONSTRATION_TOPIC])), None)
+    except (BagError, OSError):
+        return SKILL
+    return SKILL if first is None else getattr(first.data, "skill", SKILL)
 
 
 def read_demonstrations(bag_path: str | os.PathLike, topic: str = DEMONSTRATION_TOPIC) -> list[Demonstration]:
@@ -191,33 +263,46 @@ def _content(one: Demonstration) -> dict[str, Any]:
         return [{"header": header_content(after(t), one.frame_id), **content} for t, content in zip(time, contents, strict=True)]
 
     names, states = list(one.joint_names), zip(one.joint_position.tolist(), one.joint_velocity.tolist(), strict=True)
-    poses = map(pose_content, one.hand_position.tolist(), one.hand_quaternion.tolist())
+    hand = map(pose_content, one.hand_position.tolist(), one.hand_quaternion.tolist())
+    ball = (pose_content(point, UNTURNED) for point in one.ball_position.tolist())
+    opened = [] if np.isnan(one.hand_opened) else [{"name": OPEN, "time_from_start": duration_content(one.hand_opened)}]
+    thrown, aimed_at = THROWN[one.skill]
     return {
-        "id": one.id,
         "header": header_content(one.stamp_ns, one.frame_id),
-        "target": vector_content(one.target.tolist()),
+        "skill": one.skill,
+        "id": one.id,
+        "situation": {"bodies": [aimed_at], "poses": [pose_content(one.target.tolist(), UNTURNED)]},
+        "tracks": [
+            {"body": "hand", "poses": items(one.hand_time, ({"pose": pose} for pose in hand))},
+            {"body": thrown, "poses": items(one.ball_time, ({"pose": pose} for pose in ball))},
+        ],
+        "joints": items(one.joint_time, ({"name": names, "position": q, "velocity": v} for q, v in states)),
         "motion_start": event(one.motion_start),
         "motion_stop": event(one.motion_stop),
-        "hand_opened": event(one.hand_opened),
-        "hand": items(one.hand_time, ({"pose": pose} for pose in poses)),
-        "ball": items(one.ball_time, ({"point": vector_content(point)} for point in one.ball_position.tolist())),
-        "joints": items(one.joint_time, ({"name": names, "position": q, "velocity": v} for q, v in states)),
+        "events": opened,
     }
 
 
-def _filled(msg: Any, content: dict[str, Any], new: Callable[[str], Any]) -> Any:
+def duration_content(seconds: float) -> dict[str, int]:
+    """Fields of a duration, to the nanosecond."""
+    return stamp_content(round(float(seconds) * 1e9))
+
+
+def filled(msg: Any, content: Mapping[str, Any], new: Callable[[str], Any], within: str = "") -> Any:
+    """Fields of a demonstration's message written into an empty one of rclpy; `new` makes the messages in its sequences by type name."""
     for name, value in content.items():
+        kind = _ITEMS.get(f"{within}.{name}") or _ITEMS.get(name)
         if isinstance(value, dict):
-            _filled(getattr(msg, name), value, new)
-        elif name in _ITEMS:
-            setattr(msg, name, [_filled(new(_ITEMS[name]), item, new) for item in value])
+            filled(getattr(msg, name), value, new, name)
+        elif kind is not None:
+            setattr(msg, name, [filled(new(kind), item, new, name) for item in value])
         else:
             setattr(msg, name, value)
     return msg
 
 
 def stamp_ns(stamp: Any) -> int:
-    """A message's stamp as an integer [ns]."""
+    """A message's stamp or duration as an integer [ns]."""
     return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
@@ -227,8 +312,20 @@ def _event(stamp: Any, origin: int) -> float:
     return (nanoseconds - origin) * 1e-9 if nanoseconds else float("nan")
 
 
-def _times(items: Iterable[Any], origin: int) -> np.ndarray:
+def times_after(items: Iterable[Any], origin: int) -> np.ndarray:
+    """Stamps of stamped messages as seconds after an origin [ns] (n,)."""
     return np.array([stamp_ns(item.header.stamp) - origin for item in items], dtype=np.int64) * 1e-9
+
+
+def pose_rows(poses: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:
+    """Positions (n, 3) and quaternions (n, 4) of PoseStamped messages."""
+    turned = [[*_vector(item.pose.orientation), item.pose.orientation.w] for item in poses]
+    return _rows([_vector(item.pose.position) for item in poses], 3), _rows(turned, 4)
+
+
+def arm_rows(states: Sequence[Any], field_name: str) -> np.ndarray:
+    """A field of JointState messages (n, 7), in the order of the arm's joints; ValueError for a state of another length."""
+    return _rows([_of_arm(item.name, getattr(item, field_name)) for item in states], N_JOINTS)
 
 
 def _vector(item: Any) -> list[float]:

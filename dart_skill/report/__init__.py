@@ -4,7 +4,9 @@ from dart_skill.report._page import page_of
 from dart_skill.report._pictures import pictures
 from dart_skill.report._replay import play
 from dart_skill.report._run import About, Run, read_run
-from dart_skill.report._writing import PAGE, write_page, write_report
+from dart_skill.report._skill_page import skill_page_of, skill_pictures
+from dart_skill.report._skill_run import SkillRun, read_skill_run
+from dart_skill.report._writing import PAGE, write_page, write_report, write_skill_report
 
 __all__ = [
     "Run",
@@ -13,7 +15,12 @@ __all__ = [
     "page_of",
     "pictures",
     "play",
+    "SkillRun",
     "read_run",
+    "read_skill_run",
+    "skill_page_of",
+    "skill_pictures",
     "write_page",
     "write_report",
+    "write_skill_report",
 ]

@@ -47,11 +47,11 @@ class Picture:
 def pictures(run: Run) -> list[Picture]:
     """Every figure of a run, in the order of the page."""
     return [
-        _picture("curve", "Learning curve", CURVE, lambda: curve_figure(run.results, run.about.marks)),
-        _picture("landings", "Where the balls came down", LANDINGS, lambda: _landings(run)),
-        _picture("synchronisation", "Demonstrations before and after synchronisation", SYNCHRONISATION, lambda: _synchronisation(run)),
-        _picture("gaussians", "What was learned", GAUSSIANS, lambda: _gaussians(run)),
-        _picture("execution", "Executed path against attractor", EXECUTION, lambda: _execution(run)),
+        picture("curve", "Learning curve", CURVE, lambda: curve_figure(run.results, run.about.marks)),
+        picture("landings", "Where the balls came down", LANDINGS, lambda: _landings(run)),
+        picture("synchronisation", "Demonstrations before and after synchronisation", SYNCHRONISATION, lambda: _synchronisation(run)),
+        picture("gaussians", "What was learned", GAUSSIANS, lambda: _gaussians(run)),
+        picture("execution", "Executed path against attractor", EXECUTION, lambda: _execution(run)),
     ]
 
 
@@ -84,7 +84,8 @@ def embeddable(svg: str, prefix: str) -> str:
     return svg.replace("'DejaVu Sans'", FONTS).strip()
 
 
-def _picture(name: str, title: str, caption: str, draw: Callable[[], Figure]) -> Picture:
+def picture(name: str, title: str, caption: str, draw: Callable[[], Figure]) -> Picture:
+    """A figure, or why it could not be drawn."""
     try:
         figure = draw()
         return Picture(name, title, caption, svg_text(figure), figure)

@@ -99,9 +99,9 @@ def play(scene: Scene, timeline: Any, recording: ThrowRecording, throw: FoundThr
     for path in ("ball", "hand"):
         scene.clear_path(path)
     hand, ball = recording.bodies["hand"], recording.bodies["ball"]
-    where = {"hand": _rows_at(hand.stamp_ns, frames), "ball": _rows_at(ball.stamp_ns, frames)}
+    where = {"hand": rows_at(hand.stamp_ns, frames), "ball": rows_at(ball.stamp_ns, frames)}
     joints = recording.joints
-    at_joints = np.full(len(frames), -1) if joints is None else _rows_at(joints.stamp_ns, frames)
+    at_joints = np.full(len(frames), -1) if joints is None else rows_at(joints.stamp_ns, frames)
     for k in range(len(frames)):
         if joints is not None and at_joints[k] >= 0:
             scene.move_arm(joints.position[at_joints[k]])
@@ -122,7 +122,7 @@ def _move_bodies(scene: Scene, hand: PoseStream, ball: PoseStream, at_hand: int,
             scene.extend_path("ball", ball.position[at_ball][None])
 
 
-def _rows_at(stamps: np.ndarray, instants: np.ndarray) -> np.ndarray:
+def rows_at(stamps: np.ndarray, instants: np.ndarray) -> np.ndarray:
     """Index (m,) of the last of stamps (n,) [ns] at each instant, -1 where that is long ago or there is none."""
     rows = np.searchsorted(stamps, instants, side="right") - 1
     return np.where((rows >= 0) & (instants - stamps[np.maximum(rows, 0)] < LOST), rows, -1)

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from dart_skill.figures import COMMAND, SAME_BASKET, Recording
-from dart_skill.recording import BagError, BagReader, Demonstration, read_command, read_demonstrations
+from dart_skill.recording import BagError, BagReader, Demonstration, read_command, read_demonstrations, skill_of
+from dart_skill.recording.demonstration import SKILL
 from dart_skill.recording.imports import ThrowRecording, fault_lines, read_recording
 from dart_skill.session import ThrowResult, find_throws
 from dart_skill.skill.learn import LEAST_DEMONSTRATIONS, ThrowingSkill, learn
@@ -104,7 +105,9 @@ def read_run(bag: str | os.PathLike, about: About | None = None, results: Sequen
     by default they are judged again, by what the cameras saw.
     """
     bag = Path(bag)
-    described, stamps = _describe(bag, about or About())
+    if (name := skill_of(bag)) != SKILL:
+        raise BagError(f"{bag} is of the skill '{name}': there are reports of throws only")
+    described, stamps = describe(bag, about or About())
     recording = read_recording(bag)
     throws = find_throws(recording)
     guided, own = (tuple(throw for throw in throws if throw.taught == taught) for taught in (True, False))
@@ -150,7 +153,7 @@ def machine() -> str:
     return f"{system}, {platform.system()} {platform.release().split('-')[0]}, {platform.machine()}, {cores} cores"
 
 
-def _describe(bag: Path, about: About) -> tuple[About, np.ndarray]:
+def describe(bag: Path, about: About) -> tuple[About, np.ndarray]:
     """What the bag says of itself added to what is known, and the stamps of the controller's commands (n,) [ns]."""
     with BagReader(bag) as reader:
         told = {name.capitalize(): text for name, text in reader.custom_data.items() if text.strip("{}[] ")}

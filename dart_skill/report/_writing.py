@@ -10,7 +10,10 @@ from dart_skill.files import new_file
 from dart_skill.report._page import page_of
 from dart_skill.report._pictures import pictures, save_pictures
 from dart_skill.report._run import About, read_run
-from dart_skill.session import DemoSummary, ThrowResult, write_summary
+from dart_skill.report._skill_page import skill_page_of, skill_pictures
+from dart_skill.report._skill_run import read_skill_run
+from dart_skill.session import DartsSummary, DemoSummary, SkillSummary, ThrowResult, write_summary
+from dart_skill.skill.protocol import Skill
 
 PAGE = "report.html"
 
@@ -34,6 +37,20 @@ def write_page(
     with new_file(output, replace=True) as file:
         file.write(page.encode())
     return [output, *(save_pictures(drawn, figures) if figures is not None else ())]
+
+
+def write_skill_report(summary: SkillSummary | DartsSummary, skill: Skill, output: Path, about: About) -> list[Path]:
+    """Write summary.json, the page and every picture of a run of any other skill into `output`; returns the paths."""
+    of = summary.of if isinstance(summary, DartsSummary) else summary
+    written = [write_summary(summary, output)]
+    leg = summary.leg if isinstance(summary, DartsSummary) else None
+    then = [f"501, dart {number}" for number in range(1, 1 + len(leg.darts))] if leg else []
+    run = read_skill_run(of.bag, skill, about, of.trials, then)
+    drawn = skill_pictures(run, summary)
+    content, path = skill_page_of(run, drawn, summary), Path(output) / PAGE
+    with new_file(path, replace=True) as file:
+        file.write(content.encode())
+    return [*written, path, *save_pictures(drawn, output)]
 
 
 def write_report(summary: DemoSummary, bag: Path, output: Path, about: About | None = None) -> list[Path]:

@@ -3,15 +3,17 @@
 from dart_skill.robot._actuation import Actuation
 from dart_skill.robot._command import ArmState, Command, Grip, Speed, all_finite, check_command
 from dart_skill.robot._commander import STRETCHED, Commander, CommanderSettings, Mode, PlanRefused
-from dart_skill.robot._description import Ball, WamDescription, wam_description
+from dart_skill.robot._description import DART, Ball, WamDescription, wam_description, with_box
 from dart_skill.robot._effort_bridge import BridgePhase, BridgeSettings, EffortBridge
+from dart_skill.robot._guide import Fingers, Guidance, Guide, PlanGuide, References, paced
 from dart_skill.robot._impedance import Impedance, PoseGains, Reference, attractor_acceleration, minimum_jerk, rotation_error
-from dart_skill.robot._model import ArmModel
+from dart_skill.robot._model import ArmModel, HandState
+from dart_skill.robot._motion_plan import Gains, GainsOverTime, GripEvent, HandPath, MotionPlan, Pace
 from dart_skill.robot._registration import Registration
 from dart_skill.robot._registration_file import load_registration, save_registration
 from dart_skill.robot._registration_fit import KnownRegistration, RegistrationFit, Sightings, fit_registration, measure_registration
 from dart_skill.robot._safety import SafetyLimits, SafetyModule, check_push
-from dart_skill.robot._throw_plan import Gains, HandPath, ThrowPlan
+from dart_skill.robot._throw_plan import ThrowPlan
 from dart_skill.robot._transforms import Transform, fixed_transforms, joint_transforms
 from dart_skill.robot._urdf import write_urdf
 
@@ -20,23 +22,34 @@ __all__ = [
     "ArmModel",
     "ArmState",
     "Ball",
+    "DART",
     "BridgeSettings",
     "Command",
     "Commander",
     "CommanderSettings",
     "EffortBridge",
+    "Fingers",
     "Gains",
+    "GainsOverTime",
     "Grip",
+    "GripEvent",
+    "Guidance",
+    "Guide",
     "HandPath",
+    "HandState",
     "Impedance",
     "KnownRegistration",
     "Mode",
+    "MotionPlan",
+    "Pace",
+    "PlanGuide",
     "BridgePhase",
     "PlanRefused",
     "Registration",
     "RegistrationFit",
     "PoseGains",
     "Reference",
+    "References",
     "STRETCHED",
     "SafetyLimits",
     "SafetyModule",
@@ -55,8 +68,10 @@ __all__ = [
     "load_registration",
     "measure_registration",
     "minimum_jerk",
+    "paced",
     "rotation_error",
     "save_registration",
     "wam_description",
+    "with_box",
     "write_urdf",
 ]

@@ -1,14 +1,13 @@
 """From a plan to commands: one pure step per state of the arm.
 
-    HOLDING -> APPROACHING -> SETTLING -> THROWING -> FOLLOWING_THROUGH -> HOLDING,  any -> STOPPING -> HOLDING,  FREE,
+    HOLDING -> APPROACHING -> SETTLING -> EXECUTING -> FOLLOWING_THROUGH -> HOLDING,  any -> STOPPING -> HOLDING,  FREE,
     HOLDING -> MOVING -> HOLDING
 
-In THROWING the hand is pulled by the plan's attractors (7.19) and towards the motion that they predict; between throws the joints
-are held. A limit that fires brings the arm to a damped stop and leaves its reason in `message`.
+In EXECUTING a guide says what pulls the hand: the attractors (7.19) of a plan, or of a model that is asked at every state. Between two
+motions the joints are held. A limit that fires brings the arm to a damped stop and leaves its reason in `message`.
 """
 
 import math
-from bisect import bisect_right
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from enum import Enum
@@ -20,6 +19,7 @@ from dart_skill.configuration import node_parameters
 from dart_skill.constants import N_JOINTS
 from dart_skill.robot._command import ArmState, Command, Grip, Speed, all_finite
 from dart_skill.robot._description import WamDescription, wam_description
+from dart_skill.robot._guide import Guidance, Guide, PlanGuide
 from dart_skill.robot._impedance import (
     Impedance,
     JointServo,
@@ -31,9 +31,9 @@ from dart_skill.robot._impedance import (
     tracking_acceleration,
 )
 from dart_skill.robot._model import ArmModel
+from dart_skill.robot._motion_plan import MotionPlan
 from dart_skill.robot._registration import Registration
 from dart_skill.robot._safety import SafetyLimits, SafetyModule
-from dart_skill.robot._throw_plan import ThrowPlan
 
 STRETCHED = 0.005
 """Nearer than this to its full reach the arm cannot follow a plan: the elbow may turn over [m]."""
@@ -59,14 +59,17 @@ class Mode(Enum):
     FREE = "free"
     APPROACHING = "approaching"
     SETTLING = "settling"
-    THROWING = "throwing"
+    EXECUTING = "executing"
     FOLLOWING_THROUGH = "following_through"
     STOPPING = "stopping"
     MOVING = "moving"
 
 
 CAREFUL = (Mode.HOLDING, Mode.MOVING, Mode.APPROACHING, Mode.SETTLING)
-"""In the others the arm may be as fast as a throw: an arm that is released is guided through one, and one that stops was in one."""
+"""In the others the arm may be as fast as a throw: an arm that is released is guided through one, and one that stops was in one. What a
+motion needs its guide says.
+"""
+UNDER_WAY = (Mode.APPROACHING, Mode.SETTLING, Mode.EXECUTING, Mode.FOLLOWING_THROUGH)
 
 
 @dataclass(frozen=True)
@@ -133,8 +136,7 @@ class Commander:
     * measured: registration of cameras and arm as it was measured before; None: that of a plan is believed.
     """
 
-    _plan: ThrowPlan  # of the last throw, like the two below: only the modes of a throw ask for them
-    _references: "_References"
+    _guide: Guide  # of the last motion: only its modes ask for it
     _start: np.ndarray
     _goal: np.ndarray  # of the last motion to a posture
 
@@ -160,9 +162,10 @@ class Commander:
         self._mode, self.message, self.stopped_by = Mode.HOLDING, "", ""
         self._hold: np.ndarray | None = None
         self._found = False  # whether the arm that is held was seen to rest since it was left to others
-        self._requested: ThrowPlan | None = None
+        self._requested: Guide | None = None
+        self.what = "motion"  # the last one, in a word
         self._requested_move: np.ndarray | None = None
-        self._opened = False
+        self._grip, self._carries = Grip.UNSPECIFIED, False
         self._expected: tuple[np.ndarray, np.ndarray, np.ndarray, float] | None = None
         self._braking: tuple[np.ndarray, np.ndarray] | None = None
         self._entered_ns: int | None = 0
@@ -177,21 +180,35 @@ class Commander:
         return self._mode
 
     @property
-    def throwing(self) -> bool:
-        """Whether a throw is under way, from the approach to the end of the follow-through."""
-        return self._requested is not None or self._mode in (Mode.APPROACHING, Mode.SETTLING, Mode.THROWING, Mode.FOLLOWING_THROUGH)
+    def executing(self) -> bool:
+        """Whether a motion is under way, from the approach to the end of the follow-through."""
+        return self._requested is not None or self._mode in UNDER_WAY
 
-    def throw(self, plan: ThrowPlan) -> None:
-        """Begin a throw with the next state; PlanRefused if a limit forbids it."""
+    def execute(self, plan: MotionPlan) -> None:
+        """Begin a planned motion with the next state; PlanRefused if a limit forbids it."""
         self._check_ready()
         plan = registered(plan, self._measured).as_the_arm_has_it()
         check_plan(plan, self.settings, self._description)
-        self._requested, self.message, self.opened_ns = plan, "", None
+        self._request(PlanGuide(plan, self.settings.follow_time))
 
-    def _begin_throw(self, plan: ThrowPlan, state: ArmState) -> None:
+    def follow(self, guide: Guide) -> None:
+        """Begin a motion with the next state, in which somebody else says at every state what the hand shall do."""
+        self._check_ready()
+        check_range("the start posture", guide.start_posture, self._lower, self._upper)
+        self._request(guide)
+
+    def agreed(self, own: Registration, position: np.ndarray, quaternion: np.ndarray) -> Registration:
+        """The registration that counts for a motion whose hand starts there (3,), (4,), as the cameras see it; PlanRefused if none."""
+        return agreed(own, self._measured, position[None], quaternion[None])
+
+    def _request(self, guide: Guide) -> None:
+        self._requested, self.what, self.message, self.opened_ns = guide, guide.what, "", None
+
+    def _begin(self, guide: Guide, state: ArmState) -> None:
         self._requested = None
-        self._plan, self._references, self._opened, self._expected = plan, _References(plan), False, None
-        self._begin_way(plan.start_posture, state)
+        self._guide, self._grip, self._carries, self._expected = guide, Grip.UNSPECIFIED, False, None
+        self._taken_out = np.zeros(N_JOINTS)  # by the torques of a careful motion
+        self._begin_way(guide.start_posture, state)
         self._enter(Mode.APPROACHING, state)
 
     def _begin_way(self, posture: np.ndarray, state: ArmState) -> None:
@@ -205,8 +222,8 @@ class Commander:
     def _check_ready(self) -> None:
         """PlanRefused unless the arm is held at rest, so that it may begin to move."""
         self.check_free_to_move()
-        if self.throwing or self.moving or self._mode == Mode.STOPPING:
-            raise PlanRefused("a throw is under way, or the arm has not come to rest: wait for it or stop it first")
+        if self.executing or self.moving or self._mode == Mode.STOPPING:
+            raise PlanRefused(f"a {self.what} is under way, or the arm has not come to rest: wait for it or stop it first")
 
     def check_free_to_move(self) -> None:
         """PlanRefused while the arm is stopped until a reset, or released."""
@@ -239,8 +256,8 @@ class Commander:
 
     def release_arm(self, free: bool) -> None:
         """Leave the arm to gravity compensation alone, or hold it again where it is."""
-        if self.throwing or self.moving:
-            raise PlanRefused("a throw is under way, or the arm moves to a posture: stop it before it is released (~/stop)")
+        if self.executing or self.moving:
+            raise PlanRefused(f"a {self.what} is under way, or the arm moves to a posture: stop it before it is released (~/stop)")
         if free:
             self._check_not_stopped()
         self._mode, self._hold, self._found = (Mode.FREE if free else Mode.HOLDING), None, False
@@ -270,7 +287,7 @@ class Commander:
         self._refuse_jump(state)
         self._notice_gap(state)
         if self._requested is not None:
-            self._begin_throw(self._requested, state)
+            self._begin(self._requested, state)
         if self._requested_move is not None:
             self._goal, self._requested_move = self._requested_move, None
             self._begin_way(self._goal, state)
@@ -288,7 +305,9 @@ class Commander:
     def _answer(self, state: ArmState) -> Command:
         """That of the mode, with the level of speed that the mode needs."""
         command = self._ANSWERS[self._mode](self, state)
-        return command if self._mode in CAREFUL else replace(command, speed=Speed.THROW)
+        if self._mode in CAREFUL or (self._mode == Mode.EXECUTING and self._guide.speed == Speed.CAREFUL):
+            return command
+        return replace(command, speed=Speed.THROW)
 
     # one method per mode
 
@@ -310,7 +329,7 @@ class Commander:
             self._enter(Mode.SETTLING, state)
             self._quiet_ns = state.stamp_ns
             return self._settling(state)
-        return self._joint_command(state, *minimum_jerk(self._start, self._plan.start_posture, self._approach, self.time))
+        return self._joint_command(state, *minimum_jerk(self._start, self._guide.start_posture, self._approach, self.time))
 
     def _moving(self, state: ArmState) -> Command:
         if self.time >= self._approach:
@@ -324,50 +343,55 @@ class Commander:
             self._quiet_ns = state.stamp_ns
         quiet = (state.stamp_ns - self._quiet_ns) * 1e-9
         if quiet >= self.settings.settle_time or self.time >= self.settings.settle_limit:
-            self._enter(Mode.THROWING, state)
-            return self._throwing(state)
+            self._enter(Mode.EXECUTING, state)
+            return self._executing(state)
         zero = np.zeros(N_JOINTS)
-        return self._joint_command(state, self._plan.start_posture, zero, zero)
+        return self._joint_command(state, self._guide.start_posture, zero, zero)
 
-    def _throwing(self, state: ArmState) -> Command:
-        plan = self._plan
-        if self.time > min(plan.path.duration, plan.release + self.settings.follow_time):
+    def _executing(self, state: ArmState) -> Command:
+        hand = self._arm_now.model.hand_state(state.position, state.velocity)
+        now = self._guide.look(self.time, hand, state.stamp_ns)
+        if now.over:
             self._enter(Mode.FOLLOWING_THROUGH, state)
             return self._following_through(state)
-        impedance = self._empty if self._opened and self.time > plan.release else self._loaded
-        hand = impedance.model.hand_state(state.position, state.velocity)
-        reference = self._references.at(self.time)
-        self.reference, self.tracking_error = reference, math.dist(reference.position, hand.position)
-        if reason := self._limit_broken(state):
+        self._carries = now.carries
+        self.reference, self.tracking_error = now.reference, math.dist(now.reference.position, hand.position)
+        if reason := now.fault or self._limit_broken(state, now.off):
             self.stop(reason)
             return self._stopping(state)
         if self.settings.tracking == "joints":
-            wrench, torque = self._follow(state, impedance, reference)
+            wrench, torque = self._follow(state, now)
         else:
-            acceleration = attractor_acceleration(reference, hand, self._references.gains)
+            acceleration = attractor_acceleration(now.reference, hand, now.gains)
             if self.settings.tracking == "hand":
-                acceleration += tracking_acceleration(reference, hand, self._tracking)
-            wrench, torque = impedance.act(state.position, state.velocity, acceleration, self._posture(state.position))
-        return Command(state.stamp_ns, self._cut(wrench), torque, self._grip(state))
+                acceleration += tracking_acceleration(now.reference, hand, self._tracking)
+            wrench, torque = self._arm_now.act(state.position, state.velocity, acceleration, self._posture(state.position, now))
+        return Command(state.stamp_ns, self._cut(wrench), torque, self._told(now.grip, state))
 
-    def _posture(self, position: np.ndarray) -> np.ndarray:
-        """What the free motion of the arm aims at (7,): the posture of the start, but for the joints that swing."""
-        posture = self._plan.start_posture.copy()
+    @property
+    def _arm_now(self) -> Impedance:
+        return self._loaded if self._carries else self._empty
+
+    def _posture(self, position: np.ndarray, now: Guidance) -> np.ndarray:
+        """What the free motion of the arm aims at (7,): the posture of the start, or of the plan, but for the joints that swing."""
+        posture = (self._guide.start_posture if now.posture is None else now.posture).copy()
         posture[[1, 3, 5]] = position[[1, 3, 5]]
         return posture
 
-    def _follow(self, state: ArmState, impedance: Impedance, reference: Reference) -> tuple[np.ndarray, np.ndarray]:
+    def _follow(self, state: ArmState, now: Guidance) -> tuple[np.ndarray, np.ndarray]:
         """Wrench (6,) and torque (7,) of the motion that (7.19) makes of the plan on the model of the arm, and a pull of the joints to it.
 
         The law acts on the model, where nothing is late or noisy; of the arm's own sensors only the joints' servo lives.
         """
         q, qd = self._expected_now(state)
-        hand = impedance.model.hand_state(q, qd)
-        acceleration = attractor_acceleration(reference, hand, self._references.gains)
-        acceleration += tracking_acceleration(reference, hand, self._tracking)
-        wrench, torque, qdd = impedance.moved(q, qd, acceleration, self._posture(q))
+        hand = self._arm_now.model.hand_state(q, qd)
+        acceleration = attractor_acceleration(now.reference, hand, now.gains)
+        acceleration += tracking_acceleration(now.reference, hand, self._tracking)
+        wrench, torque, qdd = self._arm_now.moved(q, qd, acceleration, self._posture(q, now))
+        if self._guide.speed == Speed.CAREFUL and self._expected is not None:
+            self._taken_out = self._servo.take_out(self._taken_out, state.position, q, self.time - self._expected[3])
         self._expected = q, qd, qdd, self.time
-        return wrench, torque + self._servo.follow(state.position, state.velocity, q, qd)
+        return wrench, torque + self._taken_out + self._servo.follow(state.position, state.velocity, q, qd)
 
     def _expected_now(self, state: ArmState) -> tuple[np.ndarray, np.ndarray]:
         """Angles and speeds (7,) of the expected motion, which begins at rest where the arm is."""
@@ -389,18 +413,18 @@ class Commander:
             self._enter(Mode.HOLDING, state)
             return self._holding(state)
         if self.settings.tracking != "joints":
-            return Command(state.stamp_ns, joint_torque=self._servo.damp(state.velocity), grip=self._still_open())
+            return Command(state.stamp_ns, joint_torque=self._servo.damp(state.velocity), grip=self._still_told())
         if self._braking is None:
             self._braking = state.position.copy(), state.velocity.copy()
         torque = self._servo.brake(state.position, state.velocity, *self._braking, self.time)
-        return Command(state.stamp_ns, joint_torque=torque, grip=self._still_open())
+        return Command(state.stamp_ns, joint_torque=torque, grip=self._still_told())
 
     _ANSWERS: Mapping[Mode, Callable[["Commander", ArmState], Command]] = {
         Mode.HOLDING: _holding,
         Mode.FREE: _free,
         Mode.APPROACHING: _approaching,
         Mode.SETTLING: _settling,
-        Mode.THROWING: _throwing,
+        Mode.EXECUTING: _executing,
         Mode.FOLLOWING_THROUGH: _following_through,
         Mode.STOPPING: _stopping,
         Mode.MOVING: _moving,
@@ -426,8 +450,8 @@ class Commander:
         self._last_ns = state.stamp_ns
         if 0.0 <= gap <= self.settings.longest_gap:
             return
-        if self._mode in (Mode.APPROACHING, Mode.SETTLING, Mode.THROWING, Mode.FOLLOWING_THROUGH):
-            self.message = f"{_gone_by(gap)} during a throw"
+        if self._mode in UNDER_WAY:
+            self.message = f"{_gone_by(gap)} during a {self.what}"
         if self._mode == Mode.MOVING:
             self.message = f"{_gone_by(gap)} while it moved to a posture"
         self._hold, self._found = None, False
@@ -442,17 +466,16 @@ class Commander:
         torque = self._servo.torque(state.position, state.velocity, q, qd, qdd)
         return Command(state.stamp_ns, joint_torque=torque)
 
-    def _still_open(self) -> Grip:
-        """A hand that was told to open is told so until the arm is at rest."""
-        return Grip.OPEN if self._opened and self._mode == Mode.FOLLOWING_THROUGH else Grip.UNSPECIFIED
+    def _still_told(self) -> Grip:
+        """A hand that was told something is told so until the arm is at rest."""
+        return self._grip if self._mode == Mode.FOLLOWING_THROUGH else Grip.UNSPECIFIED
 
-    def _grip(self, state: ArmState) -> Grip:
-        """OPEN in every command from when the hand shall open: who takes only the newest one misses nothing."""
-        if not self._opened:
-            if self.time < self._plan.open_hand - 1e-9:
-                return Grip.UNSPECIFIED
-            self._opened, self.opened_ns = True, state.stamp_ns
-        return Grip.OPEN
+    def _told(self, grip: Grip, state: ArmState) -> Grip:
+        """What the hand is told in every command from now on: who takes only the newest one misses nothing."""
+        if grip == Grip.OPEN and self.opened_ns is None:
+            self.opened_ns = state.stamp_ns
+        self._grip = grip
+        return grip
 
     def _cut(self, wrench: np.ndarray) -> np.ndarray:
         force, moment = math.sqrt(wrench[:3] @ wrench[:3]), math.sqrt(wrench[3:] @ wrench[3:])
@@ -461,14 +484,14 @@ class Commander:
             return wrench
         return np.repeat([min(1.0, most_force / max(1e-9, force)), min(1.0, most_moment / max(1e-9, moment))], 3) * wrench
 
-    def _limit_broken(self, state: ArmState) -> str:
+    def _limit_broken(self, state: ArmState, off: float) -> str:
         over = np.maximum(state.position - self._upper, self._lower - state.position)
         limits = self.settings.limits
         if over.max() > -limits.joint_margin:
             j = int(over.argmax())
             return f"j{j + 1} is at {state.position[j]:.3f} rad, closer than {limits.joint_margin} rad to the end of its range"
-        if self.tracking_error > self.settings.farthest_error and self.time < self._plan.release:
-            return f"the hand is {self.tracking_error:.3f} m from the plan, farther than the limit of {self.settings.farthest_error} m"
+        if off > self.settings.farthest_error:
+            return f"the hand is {off:.3f} m from the plan, farther than the limit of {self.settings.farthest_error} m"
         return ""
 
 
@@ -477,17 +500,23 @@ def _gone_by(gap: float) -> str:
     return f"no state of the arm for {gap:.2f} s" if gap > 0.0 else f"the states of the arm went back in time by {-gap:.3f} s"
 
 
-def registered(plan: ThrowPlan, measured: Registration | None) -> ThrowPlan:
-    """The plan with the measured registration if it has none of its own; PlanRefused if its own contradicts the measured one.
+def registered(plan: MotionPlan, measured: Registration | None) -> MotionPlan:
+    """The plan with the registration that counts, as of `agreed`."""
+    return replace(plan, registration=agreed(plan.registration, measured, plan.path.position, plan.path.quaternion))
+
+
+def agreed(own: Registration, measured: Registration | None, position: np.ndarray, quaternion: np.ndarray) -> Registration:
+    """The measured registration if a plan has none of its own, else that; PlanRefused if they contradict each other.
 
     Demonstrations without joint states teach no registration, and one of before the cameras were moved is wrong.
+    position, quaternion: of the hand as the cameras shall see it (n, 3), (n, 4).
     """
     if measured is None:
-        return plan
-    if plan.registration.is_none:
-        return replace(plan, registration=measured)
+        return own
+    if own.is_none:
+        return measured
     rotation = scipy.spatial.transform.Rotation
-    (at, hand), (there, other) = (one.poses(plan.path.position, plan.path.quaternion) for one in (plan.registration, measured))
+    (at, hand), (there, other) = (one.poses(position, quaternion) for one in (own, measured))
     offset = float(np.linalg.norm(at - there, axis=1).max())
     turn = float((rotation.from_quat(hand) * rotation.from_quat(other).inv()).magnitude().max())
     if offset > LARGEST_CONTRADICTION[0] or turn > LARGEST_CONTRADICTION[1]:
@@ -495,25 +524,27 @@ def registered(plan: ThrowPlan, measured: Registration | None) -> ThrowPlan:
             f"the plan has the hand {offset:.3f} m and {turn:.2f} rad from where the registration file does: were cameras, base or body "
             "moved since it was measured, or the throws shown before? Measure again (dart-skill check arm), or teach again"
         )
-    return plan
+    return own
 
 
-def check_plan(plan: ThrowPlan, settings: CommanderSettings, description: WamDescription) -> None:
+def check_plan(plan: MotionPlan, settings: CommanderSettings, description: WamDescription) -> None:
     """PlanRefused, with the value and the limit, if the plan leaves the joints' range or the hand's speed limit."""
     lower, upper = description.of_joints("lower"), description.of_joints("upper")
     check_range("the start posture", plan.start_posture, lower, upper)
     speed = float(np.linalg.norm(plan.path.velocity[:, :3], axis=1).max())
-    fastest = settings.limits.fastest_hand
+    fastest = settings.limits.fastest_hand if plan.speed == Speed.THROW else settings.limits.careful_hand
     if speed > fastest:
-        raise PlanRefused(f"the plan moves the hand at {speed:.2f} m/s; the limit is {fastest} m/s: choose a nearer basket")
+        raise PlanRefused(
+            f"the plan moves the hand at {speed:.2f} m/s; the limit of a {plan.what} is {fastest} m/s: choose a nearer target"
+        )
     shoulder = np.array([0.0, 0.0, description.mount_height + description.shoulder_height])
     reach = description.reach
-    swing = plan.path.position[plan.path.time <= plan.release]
+    swing = plan.path.position[plan.path.time <= plan.end]
     farthest = float(np.linalg.norm(swing - shoulder, axis=1).max())
     if farthest > reach - STRETCHED:
         raise PlanRefused(
-            f"the plan takes the hand {farthest:.3f} m from the shoulder; the arm is stretched at {reach:.3f} m: choose a nearer basket, "
-            "or drop the throws that were shown with a straight elbow, and show others with a bent one"
+            f"the plan takes the hand {farthest:.3f} m from the shoulder; the arm is stretched at {reach:.3f} m: choose a nearer target, "
+            "or drop what was shown with a straight elbow, and show it with a bent one"
         )
     model = ArmModel(description)
     position, rotation = model.hand_pose(plan.start_posture)
@@ -529,34 +560,3 @@ def check_range(what: str, posture: np.ndarray, lower: np.ndarray, upper: np.nda
     if outside.any():
         j = int(np.argmax(outside))
         raise PlanRefused(f"{what} has j{j + 1} at {posture[j]:.2f} rad, outside {lower[j]:.2f} to {upper[j]:.2f}")
-
-
-class _References:
-    """The plan as a function of time: linear between its instants, a share of the turn from each orientation to the next."""
-
-    def __init__(self, plan: ThrowPlan):
-        path, position, orientation = plan.path, plan.position_gains, plan.orientation_gains
-        self.gains = PoseGains.of((position.stiffness, position.damping), (orientation.stiffness, orientation.damping))
-        self._time = path.time.tolist()
-        self._linear = np.hstack([plan.attractor_position, path.position, path.velocity, path.acceleration])
-        turns = [scipy.spatial.transform.Rotation.from_quat(quaternion) for quaternion in (plan.attractor_quaternion, path.quaternion)]
-        self._rotation = np.stack([turn.as_matrix() for turn in turns], axis=1)  # (n, 2, 3, 3)
-        # To the second order in the small angle between two instants: R + s K R + s^2 / 2 K K R.
-        angle = np.stack([(turn[1:] * turn[:-1].inv()).as_rotvec() for turn in turns], axis=1)
-        skew = _skew(angle)
-        self._first = skew @ self._rotation[:-1]
-        self._second = 0.5 * skew @ self._first
-
-    def at(self, time: float) -> Reference:
-        k = min(max(bisect_right(self._time, time) - 1, 0), len(self._time) - 2)
-        share = (time - self._time[k]) / (self._time[k + 1] - self._time[k])
-        row = self._linear[k] + share * (self._linear[k + 1] - self._linear[k])
-        attractor, rotation = self._rotation[k] + share * (self._first[k] + share * self._second[k])
-        return Reference(row[:3], attractor, row[3:6], rotation, row[6:12], row[12:18])
-
-
-def _skew(vectors: np.ndarray) -> np.ndarray:
-    """Matrices (..., 3, 3) whose product with b is the cross product of vectors (..., 3) and b."""
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    zero = np.zeros_like(x)
-    return np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), (0, 1), (-2, -1))

@@ -3,11 +3,13 @@
 Everything that needs a number of the arm takes it from here: the URDF, the analytic model, the limits and the occlusion model.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 
+from dart_skill import flight
 from dart_skill.configuration import load_yaml
 from dart_skill.world import World, the_world
 
@@ -176,6 +178,24 @@ class WamDescription:
     def of_joints(self, field: str) -> np.ndarray:
         """One field of all joints as an array (7,), for example "peak_torque"."""
         return np.array([getattr(joint, field) for joint in self.joints])
+
+
+def with_box(description: WamDescription, mass: float, size: Sequence[float], centre: Sequence[float]) -> WamDescription:
+    """The arm with a solid box as what its hand may hold: mass [kg], edges (3,) [m], its centre in the frame of the hand (3,) [m]."""
+    square = np.square(size)
+    inertia = mass / 12.0 * (square.sum() - square)
+    load = Ball(mass, float(size[0]), 0.0, 0.0, float(inertia.max()))
+    return replace(description, ball=load, hand=replace(description.hand, ball_centre=np.array(centre, dtype=float)))
+
+
+DART = Ball(
+    mass=flight.DART.mass,
+    diameter=flight.DART.diameter,
+    restitution=0.1,
+    drag_coefficient=flight.DART.drag_coefficient,
+    inertia=2e-5,
+)
+"""A dart as the hand holds and throws it. Inertia: of a rod with its mass and a length of 10 cm [kg m^2]."""
 
 
 @cache

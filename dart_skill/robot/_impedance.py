@@ -55,7 +55,10 @@ def pose_error(position: np.ndarray, rotation: np.ndarray, hand: HandState) -> n
 
 @dataclass(frozen=True)
 class PoseGains:
-    """Spring and damper of the hand per unit mass: stiffness (6,) [1/s^2] and damping (6,) [1/s], linear over angular."""
+    """Spring and damper of the hand per unit mass: stiffness [1/s^2] and damping [1/s], linear over angular.
+
+    Along the axes (6,) each, or as matrices (6, 6).
+    """
 
     stiffness: np.ndarray
     damping: np.ndarray
@@ -141,6 +144,8 @@ class _Drive:
 def attractor_acceleration(reference: Reference, hand: HandState, gains: PoseGains) -> np.ndarray:
     """(7.19) for position and orientation: k (y - x) - d v, linear over angular (6,)."""
     error = pose_error(reference.attractor_position, reference.attractor_rotation, hand)
+    if gains.stiffness.ndim == 2:
+        return gains.stiffness @ error - gains.damping @ hand.velocity
     return gains.stiffness * error - gains.damping * hand.velocity
 
 
@@ -163,6 +168,10 @@ class JointServo:
     """Of a motion that is fed forward [N m/rad], [N m s/rad]: parts of the vendor's gains that leave a modulus margin of 0.25 with cables
     of half the stiffness of config/fleet.yaml, speeds behind a low-pass of 180 rad/s and a delay of a period: docs/fleet.md.
     """
+    TAKES_OUT, SHARE = 0.5, 0.4
+    """What is left of the distance to a careful motion is taken out at this rate [1/s], with this share of the limits at most. The modulus
+    margin is 0.21 with it; at 3 1/s nothing would be left of it.
+    """
     BRAKING_TIME = 0.12
     """In which a braked arm loses 1 - 1/e of its speed, if the torques allow it [s]."""
 
@@ -179,6 +188,13 @@ class JointServo:
         """Joint torque (7,) [N m] towards an expected motion whose torques are fed forward."""
         feedback = self.FOLLOWING.stiffness * (q_expected - q) + self.FOLLOWING.damping * (qd_expected - qd)
         return np.minimum(np.maximum(feedback, -self.LIMIT), self.LIMIT)
+
+    def take_out(self, torque: np.ndarray, q: np.ndarray, q_expected: np.ndarray, step: float) -> np.ndarray:
+        """Torque (7,) [N m] a step [s] later that takes out what is left of the distance: what soft joints leave of errors of gravity and
+        friction. Only for careful motions: in the half second of a throw it would not help, and it would push against a person.
+        """
+        more = torque + self.TAKES_OUT * step * self.FOLLOWING.stiffness * (q_expected - q)
+        return np.minimum(np.maximum(more, -self.SHARE * self.LIMIT), self.SHARE * self.LIMIT)
 
     def damp(self, qd: np.ndarray) -> np.ndarray:
         """Torque (7,) that brings an arm to a damped stop whose speeds are told at once [N m]."""

@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 if TYPE_CHECKING:
-    from dart_skill.robot._throw_plan import HandPath
+    from dart_skill.robot._motion_plan import HandPath
 
 ZERO, SAME = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
 
@@ -49,6 +49,11 @@ class Registration:
         """Whether cameras and arm agree."""
         return self == Registration(delay=self.delay)
 
+    @property
+    def axes(self) -> np.ndarray:
+        """Rotation (3, 3) from the axes of the cameras' world to those of the arm's."""
+        return scipy.spatial.transform.Rotation.from_quat(self.turn).inv().as_matrix()
+
     def poses(self, position: np.ndarray, quaternion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What the arm says of hands that the cameras see at (n, 3), (n, 4)."""
         if self.is_none:
@@ -57,6 +62,13 @@ class Registration:
         back = turns.from_quat(self.turn).inv()
         rotation = back * turns.from_quat(quaternion) * turns.from_quat(self.hand_turn).inv()
         return back.apply(position - np.array(self.shift)) - rotation.apply(self.hand_shift), rotation.as_quat()
+
+    def of_body(self, position: np.ndarray, quaternion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Where a body other than the hand that the cameras see at a pose (3,), (4,) is in the world of the arm."""
+        if self.is_none:
+            return position, quaternion
+        back = scipy.spatial.transform.Rotation.from_quat(self.turn).inv()
+        return back.apply(position - np.array(self.shift)), (back * scipy.spatial.transform.Rotation.from_quat(quaternion)).as_quat()
 
     def path(self, path: HandPath) -> HandPath:
         """A path that the cameras shall see, as the arm's kinematics has it."""

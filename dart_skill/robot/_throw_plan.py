@@ -2,56 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
 import numpy as np
 
 from dart_skill.constants import N_JOINTS
+from dart_skill.robot._command import Grip, Speed
+from dart_skill.robot._motion_plan import Gains, GainsOverTime, GripEvent, HandPath, MotionPlan, Pace, check_unit
 from dart_skill.robot._registration import Registration
-
-
-@dataclass(frozen=True)
-class Gains:
-    """Spring and damper of (7.19) per unit mass: stiffness [1/s^2] and damping [1/s]; critical damping is 2 sqrt(stiffness)."""
-
-    stiffness: float
-    damping: float
-
-    def __post_init__(self) -> None:
-        if not (np.isfinite([self.stiffness, self.damping]).all() and self.stiffness > 0 and self.damping > 0):
-            raise ValueError(f"stiffness {self.stiffness} and damping {self.damping} must be finite and positive")
-
-
-@dataclass(frozen=True)
-class HandPath:
-    """A motion of the hand frame in the world at n instants.
-
-    time (n,) [s] from 0, increasing; position (n, 3) [m]; quaternion (n, 4) x, y, z, w; velocity and acceleration (n, 6), linear
-    over angular, world axes.
-    """
-
-    time: np.ndarray
-    position: np.ndarray
-    quaternion: np.ndarray
-    velocity: np.ndarray
-    acceleration: np.ndarray
-
-    def __post_init__(self) -> None:
-        n = len(self.time)
-        shapes = {"time": (n,), "position": (n, 3), "quaternion": (n, 4), "velocity": (n, 6), "acceleration": (n, 6)}
-        for name, shape in shapes.items():
-            value = np.asarray(getattr(self, name), dtype=float)
-            if value.shape != shape or not np.isfinite(value).all():
-                raise ValueError(f"path.{name} has shape {value.shape} or is not finite; it must be {shape} for {n} instants")
-        if n < 2 or abs(self.time[0]) > 1e-9 or (np.diff(self.time) <= 0).any():
-            raise ValueError("path.time must hold at least two increasing instants, from 0 on")
-        _check_unit("path.quaternion", self.quaternion)
-
-    @property
-    def duration(self) -> float:
-        """Time of the last instant [s]."""
-        return float(self.time[-1])
 
 
 @dataclass(frozen=True)
@@ -69,6 +28,7 @@ class ThrowPlan:
     * start_posture: joint angles before the throw (7,) [rad].
     * model_id: digest of the model that made the plan, default "".
     * registration: of the cameras, in whose world all this is, and the arm, which shall do it; default: the two agree.
+    * pace: how the state of the arm drives the clock of the throw; default None: it goes as fast as time.
     """
 
     target: np.ndarray
@@ -77,21 +37,41 @@ class ThrowPlan:
     path: HandPath
     attractor_position: np.ndarray
     attractor_quaternion: np.ndarray
-    position_gains: Gains
+    position_gains: Gains | GainsOverTime
     orientation_gains: Gains
     release: float
     open_hand: float
     start_posture: np.ndarray
     model_id: str = ""
     registration: Registration = Registration()
+    pace: Pace | None = None
 
-    def as_the_arm_has_it(self) -> ThrowPlan:
-        """The same throw with the motion of the hand as the arm's own kinematics says it; target and landing stay those of the cameras."""
-        if self.registration.is_none:
-            return self
-        position, quaternion = self.registration.poses(self.attractor_position, self.attractor_quaternion)
-        path = self.registration.path(self.path)
-        return replace(self, path=path, attractor_position=position, attractor_quaternion=quaternion, registration=Registration())
+    @property
+    def motion(self) -> MotionPlan:
+        """What the arm does for it: the hand opens, the ball is gone at the release, and what comes after is of no use to the ball."""
+        return MotionPlan(
+            path=self.path,
+            attractor_position=self.attractor_position,
+            attractor_quaternion=self.attractor_quaternion,
+            position_gains=self.position_gains,
+            orientation_gains=self.orientation_gains,
+            start_posture=self.start_posture,
+            end=self.release,
+            what="throw",
+            events=(GripEvent(self.open_hand, Grip.OPEN, self.release),),
+            carries=True,
+            speed=Speed.THROW,
+            pace=self.pace,
+            registration=self.registration,
+        )
+
+    def begin_ns(self, opened_ns: int, commands_ns: np.ndarray) -> int:
+        """Stamp of the command (of those, (n,) [ns]) with which a throw by this plan began whose hand was told to open at a stamp [ns].
+
+        It is told so with the first command that is due, so the begin is on their grid. Only true where time drives the plan.
+        """
+        latest = opened_ns - round(self.open_hand * 1e9) + 1
+        return int(commands_ns[max(int(np.searchsorted(commands_ns, latest, side="right")) - 1, 0)])
 
     def __post_init__(self) -> None:
         n = len(self.path.time)
@@ -101,7 +81,7 @@ class ThrowPlan:
             value = np.asarray(getattr(self, name), dtype=float)
             if value.shape != shape or not np.isfinite(value).all():
                 raise ValueError(f"plan.{name} has shape {value.shape} or is not finite; it must be {shape}")
-        _check_unit("plan.attractor_quaternion", self.attractor_quaternion)
+        check_unit("plan.attractor_quaternion", self.attractor_quaternion)
         if self.open_hand > self.release:
             raise ValueError(f"plan.open_hand is {self.open_hand} s, after the release at {self.release} s")
         if not 0.0 < self.release <= self.path.duration:
@@ -110,17 +90,12 @@ class ThrowPlan:
             raise ValueError(f"plan.open_hand is {self.open_hand} s, outside the path of {self.path.duration} s")
 
 
-def _check_unit(name: str, quaternions: np.ndarray) -> None:
-    if np.abs(np.linalg.norm(quaternions, axis=1) - 1.0).max() > 1e-3:
-        raise ValueError(f"{name} holds a quaternion that is not of unit length: normalise it")
-
-
 def same_plan(first: ThrowPlan, second: ThrowPlan) -> bool:
     """Whether two plans are equal bit for bit, but for the name of their model."""
     return all(_equal(getattr(first, f.name), getattr(second, f.name)) for f in fields(ThrowPlan) if f.name != "model_id")
 
 
 def _equal(first: Any, second: Any) -> bool:
-    if isinstance(first, HandPath):
-        return all(_equal(getattr(first, f.name), getattr(second, f.name)) for f in fields(HandPath))
+    if is_dataclass(first) and type(first) is type(second):
+        return all(_equal(getattr(first, f.name), getattr(second, f.name)) for f in fields(first))
     return bool(np.array_equal(first, second)) if isinstance(first, np.ndarray) else first == second

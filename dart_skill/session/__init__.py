@@ -1,18 +1,61 @@
 """Teaching, learning and throwing in one process without ROS, learning from a bag, and what a run amounts to."""
 
+from dart_skill.session._belt import BeltSession
+from dart_skill.session._bench import BenchSession
+from dart_skill.session._darts_run import (
+    BLOCK,
+    Dart,
+    DartsRun,
+    DartsSummary,
+    LegSummary,
+    after_the_throw,
+    as_pair,
+    before_the_throw,
+    darts_json,
+    darts_table,
+    summarise,
+)
 from dart_skill.session._from_bag import LearnReport, find_throws, learn_from_bag
 from dart_skill.session._in_process import Session, Trial
-from dart_skill.session._summary import DemoSummary, ThrowResult, footer, table, write_summary
+from dart_skill.session._reaching_person import ReachingPerson
+from dart_skill.session._skill_from_bag import learn_skill_from_bag, learn_throws_from_bag
+from dart_skill.session._skill_session import SkillSession, SkillTrial
+from dart_skill.session._skill_summary import SkillResult, SkillSummary, in_words, situation_json, skill_table
+from dart_skill.session._summary import DemoSummary, ThrowResult, error_quantile, footer, table, write_summary
 
 __all__ = [
+    "BLOCK",
+    "BeltSession",
+    "BenchSession",
+    "Dart",
+    "DartsRun",
+    "DartsSummary",
+    "LegSummary",
     "LearnReport",
     "DemoSummary",
     "Session",
+    "SkillSummary",
+    "ReachingPerson",
+    "SkillResult",
+    "SkillSession",
+    "SkillTrial",
     "ThrowResult",
     "Trial",
+    "after_the_throw",
+    "as_pair",
+    "before_the_throw",
+    "darts_json",
+    "darts_table",
+    "error_quantile",
     "find_throws",
     "footer",
+    "in_words",
     "learn_from_bag",
+    "learn_skill_from_bag",
+    "learn_throws_from_bag",
+    "situation_json",
+    "skill_table",
+    "summarise",
     "table",
     "write_summary",
 ]

@@ -4,15 +4,15 @@ Batches of experiments run on it, and a test compares it with the nodes over DDS
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from dart_skill.configuration import node_file, node_parameters
-from dart_skill.fleet import arm_with
+from dart_skill.configuration import node_parameters
 from dart_skill.recording import Demonstration
 from dart_skill.robot import ArmModel, ArmState, Command, Commander, CommanderSettings, Grip, Mode, ThrowPlan
+from dart_skill.session._arm import parameters_of_arm
 from dart_skill.simulation import (
     BasketWalls,
     Frame,
@@ -29,7 +29,7 @@ from dart_skill.simulation import (
 )
 from dart_skill.skill.observe import ARRIVAL_NS, Outcome, ThrowLog, judge_flight
 from dart_skill.surface import game_at
-from dart_skill.world import the_world
+from dart_skill.world import THROWN, the_world
 
 LONGEST_THROW = 15.0
 RESTING = (Mode.HOLDING, Mode.STOPPING)
@@ -53,7 +53,7 @@ class Trial:
 class Session:
     """Simulator, motion capture, teacher, recorder and commander, stepped together.
 
-    With a board in the plant's settings darts are thrown. Targets are then points of the board, and the cameras track the board as basket.
+    With a board in the plant's settings darts are thrown. Targets are then points of the board.
 
     * seed: int, default 0. Everything random comes from it.
     * plant: settings of the simulated world, default those of config/wam_simulator.yaml.
@@ -76,7 +76,9 @@ class Session:
     ):
         settings = plant or PlantSettings.from_parameters(node_parameters("wam_simulator.yaml", "wam_simulator"))
         self.plant = Plant(settings, seed)
-        self.capture = MotionCapture(cameras or node_parameters("optitrack.yaml", "mock_optitrack"), seed)
+        self._roles = ("hand", *THROWN[skill := "throw" if settings.board is None else "darts"])
+        cameras = cameras or MotionCaptureConfig.from_parameters(node_parameters("optitrack.yaml", "mock_optitrack"))
+        self.capture = MotionCapture(replace(cameras, bodies=self._roles), seed)
         self._game = game_at(() if settings.board is None else settings.board.position)
         person = person or Person.from_parameters(node_parameters("teacher.yaml", "teacher"))
         self.teacher = Teacher(seed, swing, person, game=self._game)
@@ -84,7 +86,7 @@ class Session:
         self.commander = Commander(limits, self.plant.description_of_load)
         self._kinematics = ArmModel()
         self._exposed: list[PlantState] = []
-        self._log, self._keep = ThrowLog(), keep_states
+        self._log, self._keep = ThrowLog(skill=skill), keep_states
         self._frame_steps = round(1e9 / self.capture.config.rate / self.plant.settings.step_ns)
         self.steps = 0
 
@@ -94,14 +96,7 @@ class Session:
 
         settings: further parameters, each as NODE.PARAMETER=VALUE; others: as of a session.
         """
-        differs = arm_with(name, settings)
-        unknown = set(differs) - {"wam_simulator", "mock_optitrack", "teacher", "commander"}
-        if unknown:
-            raise ValueError(f"config/fleet.yaml: the arm '{name}' sets parameters of {', '.join(sorted(unknown))}, which no session has")
-
-        def of(node: str) -> dict[str, Any]:
-            return {**node_parameters(node_file(node), node), **differs.get(node, {})}
-
+        of = parameters_of_arm(name, settings)
         others.setdefault("commander", CommanderSettings.from_parameters(of("commander")))
         return cls(
             seed,
@@ -132,7 +127,7 @@ class Session:
         """One planned throw."""
         self._look_after_the_arm()
         arm = self._begin(plan.target)
-        self.commander.throw(plan)
+        self.commander.execute(plan.motion)
 
         def step(arm: ArmState) -> tuple[Command, None]:
             return self.commander.step(arm), None
@@ -202,18 +197,14 @@ class Session:
         queue = LatencyQueue()
         queue.push(self.capture.observe_frames(self._exposed[0].episode, [self._frame(state) for state in self._exposed]))
         for sample in queue.due(now_ns):
-            if sample.name == "hand":
-                self._log.add_hand(sample.stamp_ns, sample.position, sample.quaternion)
-            elif sample.name == "ball":
-                self._log.add_ball(sample.stamp_ns, sample.position)
-            else:
-                self._log.add_basket(sample.stamp_ns, sample.position)
+            self._log.take(sample.name, sample.stamp_ns, sample.position, sample.quaternion)
 
     def _frame(self, state: PlantState) -> Frame:
+        hand, thrown, aimed_at = self._roles
         bodies = {
-            "hand": (state.hand_position, state.hand_quaternion),
-            "ball": (state.ball_position, state.ball_quaternion),
-            "basket": (state.basket, np.array([0.0, 0.0, 0.0, 1.0])),
+            hand: (state.hand_position, state.hand_quaternion),
+            thrown: (state.ball_position, state.ball_quaternion),
+            aimed_at: (state.basket, np.array([0.0, 0.0, 0.0, 1.0])),
         }
         basket, board, number = self.plant.settings.basket, self.plant.settings.board, state.step // self._frame_steps
         capsules = self._kinematics.link_capsules(state.position, self.plant.settings.base_turn)

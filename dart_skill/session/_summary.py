@@ -9,6 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -66,6 +67,11 @@ class ThrowResult:
             "message": self.message,
         }
 
+    def as_trial(self) -> dict:
+        """The same as trials of any skill have it."""
+        basket = {"position": list(self.target), "quaternion": [0.0, 0.0, 0.0, 1.0]}
+        return {"situation": {"basket": basket}, "success": self.in_basket, "error_m": self.error_m, "message": self.message}
+
 
 @dataclass(frozen=True)
 class DemoSummary:
@@ -121,11 +127,14 @@ class DemoSummary:
     def to_json(self) -> dict:
         """The run as a dictionary that strict JSON can hold: no NaN, no infinity."""
         return {
+            "skill": "throw",
             "seed": int(self.seed),
             "bag": self.bag,
             "layout": self.layout,
             "demonstrations": int(self.demonstrations),
             "attempts": None if self.attempts is None else int(self.attempts),
+            "tried": self.thrown,
+            "succeeded": self.n_in,
             "thrown": self.thrown,
             "in": self.n_in,
             "landings_seen": sum(throw.seen for throw in self.throws),
@@ -135,6 +144,7 @@ class DemoSummary:
             "real_time_factor": _number(self.real_time_factor),
             "throw_real_time_factor": _number(self.throw_real_time_factor),
             "throws": [throw.to_json() for throw in self.throws],
+            "trials": [throw.as_trial() for throw in self.throws],
         }
 
 
@@ -171,7 +181,14 @@ def table(summary: DemoSummary) -> str:
     return "\n".join([*(line.rstrip() for line in lines), footer(summary.throws)])
 
 
-def write_summary(summary: DemoSummary, folder: Path) -> Path:
+class Summary(Protocol):
+    """What a run amounts to."""
+
+    def to_json(self) -> dict[str, Any]:
+        """As a dictionary that strict JSON can hold."""
+
+
+def write_summary(summary: Summary, folder: Path) -> Path:
     """`summary.json` in a folder, which is made if need be; returns its path."""
     path = Path(folder) / "summary.json"
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,19 +1,34 @@
-"""The world that stands in for hardware: the arm, its hand, the ball, the basket, the cameras and the teacher."""
+"""The world that stands in for hardware: the arm, its hand, what it works with, the cameras, and the people who guide it."""
 
 from dart_skill.simulation._basket import Basket
 from dart_skill.simulation._board import Board
+from dart_skill.simulation._carrier import Carrier, Carrying
 from dart_skill.simulation._changes import CHANGES, changed
+from dart_skill.simulation._conveyor import Belt, Conveyor
+from dart_skill.simulation._guiding import Guiding
+from dart_skill.simulation._holder import Holder
 from dart_skill.simulation._motion_capture import BasketWalls, Camera, Frame, LatencyQueue, MotionCapture, MotionCaptureConfig
 from dart_skill.simulation._plant import Plant, PlantSettings, PlantState
+from dart_skill.simulation._pulled_hand import PulledHand, Pulling
+from dart_skill.simulation._reacher import Reacher, Reaching
 from dart_skill.simulation._teacher import Person, Phase, Swing, Teacher
+from dart_skill.simulation._workbench import Bench, Workbench
+from dart_skill.simulation._worlds import WORLDS, make_world
 
 __all__ = [
     "Basket",
     "BasketWalls",
+    "Belt",
+    "Bench",
     "Board",
     "CHANGES",
     "Camera",
+    "Carrier",
+    "Carrying",
+    "Conveyor",
     "Frame",
+    "Guiding",
+    "Holder",
     "LatencyQueue",
     "MotionCapture",
     "MotionCaptureConfig",
@@ -22,7 +37,14 @@ __all__ = [
     "Plant",
     "PlantSettings",
     "PlantState",
+    "PulledHand",
+    "Pulling",
+    "Reacher",
+    "Reaching",
     "Swing",
     "Teacher",
+    "WORLDS",
+    "Workbench",
     "changed",
+    "make_world",
 ]

@@ -1,33 +1,23 @@
-"""The dart board, and the dart as a body in the hand. What meets the board's face sticks there, seen by the cameras like a ball is."""
+"""The dart board. What meets the board's face sticks there, seen by the cameras like a ball is."""
 
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from dart_skill import flight
-from dart_skill.robot import Ball
 from dart_skill.surface import BOARD_DIAMETER, BoardFace
-
-DART = Ball(
-    mass=flight.DART.mass,
-    diameter=flight.DART.diameter,
-    restitution=0.1,
-    drag_coefficient=flight.DART.drag_coefficient,
-    inertia=2e-5,
-)
-"""A dart as the simulator holds and throws it. Inertia: of a rod with its mass and a length of 10 cm [kg m^2]."""
+from dart_skill.world import the_world
 
 
 @dataclass(frozen=True)
 class Board:
     """A round board that faces the arm's base axis; its position is the bull's centre on the face.
 
-    The default is regulation: the bull 1.73 m above the floor, 2.37 m from where the thrower stands, which is the arm's base axis.
+    The default, of config/world.yaml, is regulation: the bull 1.73 m above the floor, 2.37 m from where the thrower stands, the base axis.
     thickness [m]: of what the cameras cannot see through.
     """
 
-    position: tuple[float, float, float] = (2.37, 0.0, 1.73)
+    position: tuple[float, float, float] = the_world().board_position
     thickness: float = 0.038
 
     @cached_property

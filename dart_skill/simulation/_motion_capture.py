@@ -176,6 +176,8 @@ class Sample:
 
 MOST_MISSED = 360_000
 """Frames that never came are drawn all the same: those of an hour."""
+FLYING = ("ball", "dart")
+"""Bodies with markers of their own kind: `ball_noise` and `ball_offset` are theirs."""
 NO_CAPSULES = (np.empty((0, 2, 3)), np.empty(0))
 
 
@@ -206,7 +208,7 @@ class MotionCapture:
         self._offsets = _calibration_offsets(config, rng)
         self._turns = _body_turns(config, rng)
         self._registration = _registration(config, rng)
-        self._noise = np.array([np.hypot(config.noise, config.ball_noise if name == "ball" else 0.0) for name in config.bodies])
+        self._noise = np.array([np.hypot(config.noise, config.ball_noise if name in FLYING else 0.0) for name in config.bodies])
         self._episode: int | None = None
 
     def observe(
@@ -422,8 +424,8 @@ def _calibration_offsets(config: MotionCaptureConfig, rng: np.random.Generator) 
     """(n_bodies, 3) in the body frames, of the configured length and random direction."""
     direction = rng.standard_normal((len(config.bodies), 3))
     offsets = config.calibration_error * direction / np.linalg.norm(direction, axis=1, keepdims=True)
-    if config.ball_offset and "ball" in config.bodies:
-        offsets[config.bodies.index("ball")] += config.ball_offset * _direction(rng)
+    for name in set(FLYING) & set(config.bodies) if config.ball_offset else ():
+        offsets[config.bodies.index(name)] += config.ball_offset * _direction(rng)
     return offsets
 
 

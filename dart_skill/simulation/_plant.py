@@ -5,21 +5,18 @@ that takes time to open, and a ball with drag (docs/sources.md has the numbers).
 computes the acceleration that the arm with rotors would have and asks PyBullet for the torque that gives it.
 """
 
-import os
-import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
-import pybullet
-from pybullet_utils.bullet_client import BulletClient
 
 from dart_skill.constants import AIR_DENSITY, N_JOINTS
 from dart_skill.robot import (
+    DART,
     Actuation,
     ArmState,
     Ball,
@@ -35,7 +32,8 @@ from dart_skill.robot import (
     write_urdf,
 )
 from dart_skill.simulation._basket import Basket, basket_urdf
-from dart_skill.simulation._board import DART, Board
+from dart_skill.simulation._board import Board
+from dart_skill.simulation._bullet import BulletClient, connect, pybullet
 from dart_skill.simulation._transmission import Encoders, Transmission
 
 HAND_LINK_INDEX = N_JOINTS
@@ -182,12 +180,17 @@ class Plant:
     Everything random comes from (seed, episode), so an episode does not depend on how long the one before it went on.
     """
 
+    loose_body, movable_body = "ball", "basket"
+    """Roles of what the hand may hold, or what moves by itself, and of what can be put somewhere."""
+    numbers: tuple[str, ...] = ()
+    """Names of the numbers of a situation that this world knows."""
+
     def __init__(self, settings: PlantSettings | None = None, seed: int = 0, description: WamDescription | None = None):
         self.settings = settings or PlantSettings()
         self.description = description or wam_description()
         self._seed = seed
         self._reflected = self.description.motors.reflected_inertia
-        self._world = _connect()
+        self._world = connect()
         self._nominal_arm = _DynamicsOnly(self.description, ball_in_hand=False)
         self._build_arm()
         self._basket = self._place_of_target()
@@ -252,7 +255,7 @@ class Plant:
         self._rng = np.random.default_rng([self._seed, self._episode])
         self._scatter = np.random.default_rng([self._seed, self._episode, 1])
         self._build_world()
-        self._grip_ball()
+        self._fill_hand()
         self._effort = np.zeros(N_JOINTS)
         self._commands: list[Command] = []
         self._encoders.reset()
@@ -281,6 +284,48 @@ class Plant:
         if self._empty_arm is not self._nominal_arm:
             self._empty_arm.client.disconnect()
         self._build_arm()
+
+    @property
+    def bodies(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """True poses of what the cameras track, by role: position (3,) [m] and quaternion (4,)."""
+        return {
+            "hand": (self.hand_position, self.hand_quaternion),
+            self.loose_body: (np.array(self._ball_position), np.array(self._ball_quaternion)),
+            self.movable_body: (self._basket, np.array([0.0, 0.0, 0.0, 1.0])),
+        }
+
+    @property
+    def held_body(self) -> str:
+        """Role of what the hand holds; empty: nothing."""
+        return self.loose_body if self._held is not None else ""
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether the ball is in the basket, or the dart in the board: this world's own word, for judges and not for learning."""
+        return self.state.ball_in_basket
+
+    def set_up(self, poses: Mapping[str, tuple[np.ndarray, np.ndarray]], numbers: Mapping[str, float] | None = None) -> PlantState:
+        """Reset, with the bodies that are named put to their poses, and what a world has of numbers.
+
+        ValueError for a body that cannot be put anywhere, and for a number that this world does not know.
+        """
+        self._check_movable(poses)
+        self._check_numbers(numbers or {})
+        return self.reset(poses[self.movable_body][0] if poses else None)
+
+    def put(self, role: str, position: np.ndarray, quaternion: np.ndarray) -> None:
+        """Put a body somewhere at once; ValueError for one that cannot be."""
+        self._check_movable([role])
+        self.place_basket(position)
+
+    def _check_numbers(self, numbers: Iterable[str]) -> None:
+        if other := sorted(set(numbers) - set(self.numbers)):
+            known = ", ".join(self.numbers) or "none"
+            raise ValueError(f"this world knows no number {', '.join(map(repr, other))}; it knows {known}")
+
+    def _check_movable(self, roles: Iterable[str]) -> None:
+        if other := sorted(set(roles) - {self.movable_body}):
+            raise ValueError(f"this world can put the {self.movable_body} somewhere, not {', '.join(map(repr, other))}")
 
     def place_basket(self, position: np.ndarray) -> None:
         """Put the basket, centre of its rim at position (3,), without touching anything else."""
@@ -431,7 +476,8 @@ class Plant:
             self._world.setCollisionFilterPair(self._ball, self._arm, -1, link, int(touchable))
         self._touchable = touchable
 
-    def _grip_ball(self) -> None:
+    def _fill_hand(self) -> None:
+        """An episode begins with the ball in the hand."""
         hand = self._world.getLinkState(self._arm, HAND_LINK_INDEX, computeForwardKinematics=1)
         centre = self.description.hand.ball_centre
         if self.settings.seat_spread:
@@ -450,7 +496,7 @@ class Plant:
     def _build_world(self) -> None:
         if self._episode % RENEWED == 0:
             self._world.disconnect()
-            self._world = _connect()
+            self._world = connect()
         world = self._world
         world.resetSimulation()
         world.setGravity(0, 0, -self.description.gravity)
@@ -461,6 +507,10 @@ class Plant:
         for joint, angle in zip(JOINTS, self.settings.start_posture, strict=True):
             world.resetJointState(self._arm, joint, angle, 0.0)
         _floor(world)
+        self._build_things(world)
+
+    def _build_things(self, world: BulletClient) -> None:
+        """What there is beside arm and floor: the ball, and the basket if there is no board."""
         if self.settings.board is None:
             self._basket_body = _load_urdf(world, _unseen(basket_urdf(self.settings.basket)), self._basket.tolist())
             world.changeDynamics(self._basket_body, -1, restitution=self.settings.basket.restitution, lateralFriction=0.5)
@@ -564,7 +614,7 @@ class _DynamicsOnly:
     """A copy of the arm that is never stepped: PyBullet's inverse dynamics, mass matrix and Jacobian, with or without the ball."""
 
     def __init__(self, description: WamDescription, ball_in_hand: bool):
-        self.client = _connect()
+        self.client = connect()
         self.client.setGravity(0, 0, -description.gravity)
         urdf = write_urdf(description, ball_in_hand, shapes=False)
         self._body = _load_arm(self.client, urdf, description.mount_height)
@@ -580,31 +630,6 @@ class _DynamicsOnly:
         """Linear over angular velocity of the hand frame's origin (6, 7)."""
         linear, angular = self.client.calculateJacobian(self._body, HAND_LINK_INDEX, [0, 0, 0], q, ZEROS, ZEROS)
         return np.vstack([linear, angular])
-
-
-class _Client(BulletClient):
-    """BulletClient looks every function up, and wraps it, at each call; this one remembers."""
-
-    # What BulletClient's destructor asks for, even when an interrupt (Ctrl-C) ended the constructor before there was a connection.
-    _client = -1
-    _pid = -1
-
-    def __getattr__(self, name: str) -> Any:
-        function = super().__getattr__(name)
-        self.__dict__[name] = function
-        return function
-
-
-def _connect() -> BulletClient:
-    """A physics server in this process. PyBullet greets on standard output, which belongs to results: it goes to standard error."""
-    sys.stdout.flush()
-    results = os.dup(1)
-    os.dup2(2, 1)
-    try:
-        return _Client(pybullet.DIRECT)
-    finally:
-        os.dup2(results, 1)
-        os.close(results)
 
 
 def _load_arm(client: BulletClient, urdf: str, mount_height: float, turn: float = 0.0) -> int:

@@ -143,7 +143,7 @@ class Teacher:
         self._correction, self._target = learned, target
         self._started_ns = state.stamp_ns
         self._motion = self._prepare(state)
-        self._tremble, self._opened = np.zeros(6), False
+        self._tremble, self._opened = np.zeros(3), False
         self._phase = Phase.TURNING
 
     def check(self, target: np.ndarray, correction: bool = False) -> tuple[np.ndarray, np.ndarray]:
@@ -287,16 +287,20 @@ class Teacher:
 
     def _tremor(self) -> np.ndarray:
         """Band-limited noise of a trembling hand (6,): force only."""
-        share = np.exp(-2 * np.pi * self.person.tremble_rate * self._step)
-        kick = np.sqrt(1 - share**2) * self.person.tremble * self._rng.standard_normal(3)
-        self._tremble = share * self._tremble + np.concatenate([kick, np.zeros(3)])
-        return self._tremble
+        self._tremble = tremor(self._tremble, self.person, self._rng, self._step)
+        return np.append(self._tremble, np.zeros(3))
 
     def _button(self, time: float) -> Grip:
         if self._opened or time < self._motion.open_at:
             return Grip.UNSPECIFIED
         self._opened = True
         return Grip.OPEN
+
+
+def tremor(before: np.ndarray, person: Person, rng: np.random.Generator, step: float) -> np.ndarray:
+    """Force of a trembling hand (3,) [N] a step [s] after another one: band-limited noise."""
+    share = np.exp(-2 * np.pi * person.tremble_rate * step)
+    return share * before + np.sqrt(1 - share**2) * person.tremble * rng.standard_normal(3)
 
 
 def _posture(azimuth: float, swing: tuple | np.ndarray) -> np.ndarray:

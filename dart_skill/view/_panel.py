@@ -12,6 +12,7 @@ import numpy as np
 
 from dart_skill.skill.learn import CONFIGURATIONS, DEFAULT
 from dart_skill.view import _colours as colours
+from dart_skill.view._holding_controls import HoldingControls
 from dart_skill.view._scene import GROUPS, Scene
 
 LEVELS = ("ok", "warning", "error", "stale")
@@ -30,7 +31,8 @@ MOST_LESSONS, MOST_THROWS = 30, 50
 class Request:
     """What somebody asked for with a control, and its details.
 
-    what: "teach", "learn", "throw", "practice", "stop", "reset", "place_basket" or "set".
+    what: "teach", "learn", "throw", "practice", "stop", "reset", "place_basket" or "set"; of a lesson with the mouse "hold", "pull",
+    "turn", "grip", "look", "done", "discard" or "undo".
     """
 
     what: str
@@ -67,16 +69,52 @@ class NodeStatus:
     message: str
 
 
+@dataclass(frozen=True)
+class PanelWords:
+    """What the controls of a page say of a skill.
+
+    * do: the button that has it carried out once; trials: what that is called, many.
+    * lessons: demonstrations that are asked for at first; shown: what they are.
+    * done, failed: kinds of points of the learning curve; unit: of their errors, its name and how many are a metre.
+    * welcome: what a visitor reads first.
+    * is_of_baskets: whether a basket can be dragged, and practised at; has_configurations: whether a model can be chosen.
+    * by_mouse: whether it can be shown with the mouse.
+    """
+
+    do: str = "Throw"
+    trials: str = "throws"
+    lessons: int = 13
+    shown: str = "throws that a person guides by hand, at new baskets"
+    done: str = "in the basket"
+    failed: str = "missed"
+    unit: tuple[str, float] = ("cm", 100.0)
+    welcome: str = "drag the basket, teach some throws, learn, throw"
+    is_of_baskets: bool = True
+    has_configurations: bool = True
+    by_mouse: bool = False
+
+    @classmethod
+    def of(cls, skill: str, throws: bool) -> PanelWords:
+        """Of another skill than throws at baskets; throws: in another game."""
+        do, trials = ("Throw", "throws") if throws else ("Execute", "trials")
+        return cls(
+            do, trials, 8, f"of the skill '{skill}', guided by a person, in new situations", "done", "failed", ("mm", 1000.0),
+            f"teach {skill}{'' if throws else ', or show it yourself'}, learn, {do.lower()}",
+            is_of_baskets=False, has_configurations=throws, by_mouse=not throws,
+        )  # fmt: skip
+
+
 class Panel:
     """The controls of one page.
 
     * server: viser's server, or one client's part of it.
     * scene: what the page shows; its controls change it.
     * ask: called in the server's threads with each Request: hand over to your own.
+    * words: of its controls, default those of throws at baskets.
     """
 
-    def __init__(self, server: Any, scene: Scene, ask: Callable[[Request], None]):
-        self._gui, self._scene, self._ask = server.gui, scene, ask
+    def __init__(self, server: Any, scene: Scene, ask: Callable[[Request], None], words: PanelWords | None = None):
+        self._gui, self._scene, self._ask, self._words = server.gui, scene, ask, words or PanelWords()
         self._shown_nodes: tuple[NodeStatus, ...] = ()
         self._knobs: dict[tuple[str, str], Any] = {}
         self._errors: list[tuple[float, bool]] = []
@@ -84,8 +122,10 @@ class Panel:
         self._stop = self._button("Stop", lambda: Request("stop"), colours.VERMILION)
         self._reset = self._button("Reset after a stop", lambda: Request("reset"))
         tabs = self._gui.add_tab_group()
+        self.holding: HoldingControls | None = None
         with tabs.add_tab("Run"):
             self._add_learning()
+            self._add_holding()
             self._add_throwing()
             self._add_curve()
             self._legend = self._gui.add_html("")
@@ -99,9 +139,15 @@ class Panel:
             self._arm = self._gui.add_folder("What is different about the arm")
             with self._arm:
                 self._no_knobs = self._gui.add_html(_words("no node has numbers that can be changed while it runs"))
-        scene.on_basket_dragged(lambda place, done: ask(Request("place_basket", {"place": place, "done": done})))
+        if self._words.is_of_baskets:
+            scene.on_basket_dragged(lambda place, done: ask(Request("place_basket", {"place": place, "done": done})))
         self.show_legend()
-        self.say("drag the basket, teach some throws, learn, throw")
+        self.say(self._words.welcome)
+
+    @property
+    def trial(self) -> str:
+        """What a trial of the skill is called."""
+        return self._words.trials[:-1]
 
     # what it tells
 
@@ -127,12 +173,12 @@ class Panel:
         for group in shown if len(shown) > 1 else ():
             self._add_switch(group, group)
         groups = {f"Gaussians: {group}" if len(shown) > 1 else "Gaussians": colour for group, colour in shown.items()}
-        swatches = "".join(_swatch(*kind) for kind in (LEGEND | groups).items())
+        swatches = "".join(_swatch(*kind) for kind in (legend(self._scene.bodies) | groups).items())
         self._legend.content = f"<div style='columns:2;padding:0.5em 0.8em'>{swatches}</div>"
 
     def add_throw(self, error: float, in_basket: bool) -> None:
-        """A point of the learning curve: landing error [m], nan if the landing was not seen, and whether the ball went in."""
-        self._errors.append((100.0 * float(error), bool(in_basket)))
+        """A point of the learning curve: error [m], nan if it was not seen, and whether it succeeded: a ball, whether it went in."""
+        self._errors.append((self._words.unit[1] * float(error), bool(in_basket)))
         del self._errors[:-LONGEST_CURVE]
         self._curve.scales = _scales(self._errors)
         self._curve.data, self._curve.visible = curve_data(self._errors), True
@@ -151,23 +197,31 @@ class Panel:
 
     def _add_learning(self) -> None:
         with self._gui.add_folder("Teach and learn"):
-            self._lessons = self._gui.add_slider(
-                "Demonstrations", 1, MOST_LESSONS, 1, 13, hint="throws that a person guides by hand, at new baskets"
-            )
+            self._lessons = self._gui.add_slider("Lessons", 1, MOST_LESSONS, 1, self._words.lessons, hint=self._words.shown)
             teach = self._button("Teach", lambda: Request("teach", {"demonstrations": _count(self._lessons.value, MOST_LESSONS)}))
             names = tuple(CONFIGURATIONS)
             self._configuration = self._gui.add_dropdown(
-                "Model", names, initial_value=DEFAULT.name, hint="configuration of the skill, see docs/skill.md"
-            )
-            learn = self._button("Learn", lambda: Request("learn", {"configuration": self._configuration.value}))
+                "Model", names, initial_value=DEFAULT.name, hint="configuration of the skill, see docs/skill.md",
+                visible=self._words.has_configurations,
+            )  # fmt: skip
+            learn = self._button("Learn", self._learn)
         self._starting = [teach, learn]
 
+    def _add_holding(self) -> None:
+        if self._words.by_mouse:
+            self.holding = HoldingControls(self._gui, lambda what, values: self._ask(Request(what, values)))
+            self._starting.append(self.holding.take_button)
+
+    def _learn(self) -> Request:
+        return Request("learn", {"configuration": self._configuration.value if self._words.has_configurations else ""})
+
     def _add_throwing(self) -> None:
-        with self._gui.add_folder("Throw and practise"):
-            throw = self._button("Throw", lambda: Request("throw"), colours.BLUE)
-            self._throws = self._gui.add_slider("Own throws", 1, MOST_THROWS, 1, 10, hint="each of them is learned from")
+        words = self._words
+        with self._gui.add_folder(f"{words.do} and practise"):
+            throw = self._button(words.do, lambda: Request("throw"), colours.BLUE)
+            self._throws = self._gui.add_slider(f"Own {words.trials}", 1, MOST_THROWS, 1, 10, hint="each of them is learned from")
             self._follow = self._gui.add_checkbox(
-                "Only here", False, hint="practise at the basket that is there, else where throws are worst"
+                "Only here", False, hint="practise at the basket that is there, else where throws are worst", visible=words.is_of_baskets
             )
             practise = self._button("Practise", self._practice)
         self._starting += [throw, practise]
@@ -183,12 +237,13 @@ class Panel:
     def _add_curve(self) -> None:
         uplot = importlib.import_module("viser.uplot")
         point = {"show": True, "size": 6}
-        of_kind = (("in the basket", colours.BLUE), ("missed", colours.VERMILION))
-        series = [uplot.Series(label="throw")]
+        of_kind = ((self._words.done, colours.BLUE), (self._words.failed, colours.VERMILION))
+        series = [uplot.Series(label=self._words.trials[:-1])]
         for label, colour in of_kind:
             stroke = colours.hexadecimal(colour)
             series.append(uplot.Series(label=label, stroke=stroke, width=0, points={**point, "stroke": stroke, "fill": stroke}))
-        axes = (uplot.Axis(label="own throw", incrs=WHOLE_STEPS), uplot.Axis(label="error [cm]"))
+        number = f"own {self._words.trials[:-1]}"
+        axes = (uplot.Axis(label=number, incrs=WHOLE_STEPS), uplot.Axis(label=f"error [{self._words.unit[0]}]"))
         none = [(np.nan, True)]
         self._curve = self._gui.add_uplot(
             curve_data(none), tuple(series), scales=_scales(none), axes=axes, height=180, padding=(8, 16, 0, 0), visible=False
@@ -239,13 +294,11 @@ def _scales(errors: Sequence[tuple[float, bool]]) -> dict[str, Any]:
     return {"x": {"time": False}, "y": {"auto": False, "min": 0.0, "max": 1.1 * max([1.0, *seen])}}
 
 
-LEGEND = {
-    "ball": colours.BALL,
-    "hand's path": colours.EXECUTED,
-    "attractor": colours.ATTRACTOR,
-    "demonstrations": colours.DEMONSTRATION,
-    "basket": colours.BASKET,
-}
+def legend(bodies: Sequence[str]) -> dict[str, tuple[int, int, int]]:
+    """Which colour is what, in a scene with these bodies."""
+    first = {role: colours.BALL for role in bodies[:1]}
+    ways = {"hand's path": colours.EXECUTED, "attractor": colours.ATTRACTOR, "demonstrations": colours.DEMONSTRATION}
+    return first | ways | {role: colours.BASKET for role in bodies[1:]}
 
 
 def _swatch(label: str, colour: tuple[int, int, int]) -> str:

@@ -17,14 +17,22 @@ from dart_skill.recording import Demonstration
 from dart_skill.regions import REGION, Region
 from dart_skill.robot import WamDescription, joint_transforms, wam_description, write_urdf
 from dart_skill.simulation import Basket, Camera
+from dart_skill.skill.protocol import Skill
+from dart_skill.skills.throw import Throw
 from dart_skill.view import _colours as colours
+from dart_skill.view._held_hand import HeldHand
 from dart_skill.view._placing import nearest_in, on_plane, outline
 from dart_skill.view._shapes import Mesh, bucket, circle, pyramid, sphere
+from dart_skill.view._solids import parts_of
 from dart_skill.view._trail import Trail, segments
 from dart_skill.view._urdf_shapes import read_links
 
 EYE, LOOK_AT, FIELD_OF_VIEW = np.array([1.9, -5.4, 2.5]), np.array([1.9, 0.0, 1.1]), float(np.deg2rad(50.0))
 """Where the page looks from and to at first [m], and its vertical angle [rad]."""
+NEAR = np.array([1.75, -1.7, 2.0]), np.array([0.5, 0.0, 1.2])
+"""The same of skills whose bodies are within reach of the arm."""
+BEHIND = np.array([-2.3, -1.9, 2.6]), np.array([1.3, 0.0, 1.65])
+"""The same of darts: as the thrower sees the board."""
 CAMERA_SIZE = 0.18
 """Length of the pyramid that stands for a camera [m]."""
 STILL_ANGLE, STILL, STILL_TURN = 2e-3, 2e-3, 1e-2
@@ -40,23 +48,43 @@ class Scene:
     * description: of the arm, default that of config/wam.yaml.
     * region: where the basket may be put, default that of config/world.yaml.
     * basket: its shape, default that of config/world.yaml.
+    * skill: whose bodies are shown instead of ball and basket (`Skill.solids`); None: these two.
     """
 
     _angles: np.ndarray  # of the joints, as they are drawn
     _cameras: Any
+    _moved: dict[str, Any]  # nodes of the skill's bodies, by role
 
-    def __init__(self, server: Any, description: WamDescription | None = None, region: Region = REGION, basket: Basket | None = None):
+    def __init__(
+        self,
+        server: Any,
+        description: WamDescription | None = None,
+        region: Region = REGION,
+        basket: Basket | None = None,
+        skill: Skill | None = None,
+    ):
         self._server, self._scene = server, server.scene
         self._description, self.region, self._basket_shape = description or wam_description(), region, basket or Basket()
         self._links: dict[str, Any] = {}
         self._gaussians: dict[str, Any] = {}
-        self._trails = {"ball": Trail(), "hand": Trail(), "attractor": Trail()}
+        self.bodies = ("ball", "basket") if skill is None else skill.bodies
+        self._skill, self._moved = skill, {}
+        self._trails = {name: Trail() for name in (*self.bodies[:1], "hand", "attractor")}
         self._grip = np.zeros(3)
         self._light()
         self._add_ground()
         self._add_arm()
         self._add_bodies()
         self._add_paths()
+        by_mouse = skill is not None and not isinstance(skill, Throw)  # a throw is too fast for a mouse
+        self.held_hand = HeldHand(server, parts_of(skill.solids(skill.moves))) if skill is not None and by_mouse else None
+
+    @property
+    def first_sight(self) -> tuple[np.ndarray, np.ndarray]:
+        """Where the page looks from and to at first (3,) [m]."""
+        if self._skill is None:
+            return EYE, LOOK_AT
+        return BEHIND if self._skill.world == "board" else NEAR
 
     # what moves
 
@@ -76,6 +104,17 @@ class Scene:
         wxyz = _wxyz(check_unit_quaternions("hand", np.asarray(quaternion, dtype=float)[None], 1)[0])
         if _place(self._hand, position) or np.abs(wxyz - self._hand.wxyz).max() > STILL_TURN:
             self._hand.wxyz = wxyz
+        if self.held_hand is not None:
+            self.held_hand.follow(position)
+
+    def move_body(self, role: str, position: np.ndarray, quaternion: np.ndarray) -> None:
+        """A body of the skill as it is tracked: position (3,) and quaternion (4,)."""
+        if role not in self._moved:
+            raise ValueError(f"there is no {role} in this scene: choose one of {', '.join(self._moved) or 'none'}")
+        node, position = self._moved[role], _array(role, position, 3)
+        wxyz = _wxyz(check_unit_quaternions(role, np.asarray(quaternion, dtype=float)[None], 1)[0])
+        if _place(node, position) or np.abs(wxyz - node.wxyz).max() > STILL_TURN:
+            node.wxyz = wxyz
 
     def move_ball(self, position: np.ndarray) -> None:
         """Its centre (3,)."""
@@ -96,12 +135,12 @@ class Scene:
         _place(self._attractor, _array("attractor", position, 3))
 
     def extend_path(self, name: str, points: np.ndarray) -> None:
-        """Add points (n, 3) to the path of "ball", "hand" or "attractor". A jump, as of a world that is reset, begins it anew."""
+        """Add points (n, 3) to the path of the first body, "hand" or "attractor". A jump, as of a world that is reset, begins it anew."""
         if self._trail(name).extend(_array(f"path of the {name}", points, -1, 3)):
             self._paths[name].points = self._trails[name].segments
 
     def clear_path(self, name: str) -> None:
-        """Forget the path of "ball", "hand" or "attractor"."""
+        """Forget the path of the first body, "hand" or "attractor"."""
         self._trail(name).clear()
         self._paths[name].points = np.empty((0, 2, 3))
 
@@ -139,9 +178,12 @@ class Scene:
 
     def show_demonstrations(self, demonstrations: Sequence[Demonstration]) -> None:
         """The hand's way in each, and where each ball was aimed; they replace those that were shown."""
-        self._curves.points = _in_one([segments(one.hand_position) for one in demonstrations])
-        targets = np.array([one.target for one in demonstrations]).reshape(-1, 3)
-        self._targets.points = targets.astype(np.float32)
+        self.show_ways([one.hand_position for one in demonstrations], np.array([one.target for one in demonstrations]))
+
+    def show_ways(self, ways: Sequence[np.ndarray], places: np.ndarray) -> None:
+        """Ways of the hand (n, 3) that were shown, and places (m, 3) for which they were; they replace those that were shown."""
+        self._curves.points = _in_one([segments(way) for way in ways])
+        self._targets.points = np.asarray(places, dtype=float).reshape(-1, 3).astype(np.float32)
 
     def show_cameras(self, cameras: Sequence[Camera]) -> None:
         """Where the cameras of the motion capture stand and look; they replace those that were shown."""
@@ -200,7 +242,8 @@ class Scene:
         self._scene.add_light_hemisphere("/light/sky", sky_color=(255, 255, 255), ground_color=(150, 150, 150), intensity=1.6)
         self._scene.add_light_directional("/light/lamp", intensity=1.6, cast_shadow=False, position=(1.0, -3.0, 4.0))
         camera = self._server.initial_camera
-        camera.position, camera.look_at, camera.fov = EYE, LOOK_AT, FIELD_OF_VIEW
+        camera.position, camera.look_at = self.first_sight
+        camera.fov = FIELD_OF_VIEW
 
     def _add_ground(self) -> None:
         self._groups = {name: self._scene.add_frame(f"/{name}", show_axes=False) for name in GROUPS}
@@ -208,8 +251,9 @@ class Scene:
             "/ground/floor", 8.0, 6.0, cell_size=0.5, position=(1.0, 0.0, 0.0), cell_color=(232, 232, 232), section_color=(210, 210, 210),
             shadow_opacity=0.0,
         )  # fmt: skip
-        edge = segments(outline(self.region)) + [0.0, 0.0, 0.005]
-        self._scene.add_line_segments("/ground/region", edge, colours.REGION, thickness=2.0, thickness_units="screen")
+        if self._skill is None:
+            edge = segments(outline(self.region)) + [0.0, 0.0, 0.005]
+            self._scene.add_line_segments("/ground/region", edge, colours.REGION, thickness=2.0, thickness_units="screen")
 
     def _add_arm(self) -> None:
         self._angles = np.full(len(self._description.joints), np.inf)  # so that every joint moves at first
@@ -241,6 +285,8 @@ class Scene:
             thickness_units="screen",
             visible=False,
         )
+        for number, role in enumerate(self.bodies if self._skill is not None else ()):
+            self._moved[role] = self._add_solids(role, colours.BALL if number == 0 else colours.BASKET)
         self._attractor = self._add_mesh("/paths/attractor_now", sphere(0.025), colours.ATTRACTOR, visible=False)
         self._ellipsoid = sphere(0.5, 16)
         self._numbers: dict[str, int] = {}
@@ -248,12 +294,20 @@ class Scene:
         self._cameras = None
 
     def _add_paths(self) -> None:
-        of_path = {"ball": colours.BALL, "hand": colours.EXECUTED, "attractor": colours.ATTRACTOR}
+        of_path = dict(zip(self._trails, (*[colours.BALL][: len(self.bodies)], colours.EXECUTED, colours.ATTRACTOR), strict=True))
         self._paths = {name: self._add_lines(f"/paths/{name}", colour, 3.0) for name, colour in of_path.items()}
         self._curves = self._add_lines("/demonstrations/hand", colours.DEMONSTRATION, 1.5)
         self._targets = self._scene.add_point_cloud(
             "/demonstrations/targets", np.empty((0, 3)), colours.DEMONSTRATION, point_size=0.04, point_shape="diamond"
         )
+
+    def _add_solids(self, role: str, colour: tuple[int, int, int]) -> Any:
+        """The solids of a body, hung on a frame that moves."""
+        assert self._skill is not None
+        frame = self._scene.add_frame(f"/{role}", show_axes=False, visible=False)
+        for number, part in enumerate(parts_of(self._skill.solids(role))):
+            self._add_mesh(f"/{role}/{number}", part.mesh, part.colour or colour, side="double", flat_shading=True)
+        return frame
 
     def _add_lines(self, name: str, colour: tuple[int, int, int], thickness: float) -> Any:
         return self._scene.add_line_segments(name, np.empty((0, 2, 3)), colour, thickness=thickness, thickness_units="screen")

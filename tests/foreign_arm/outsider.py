@@ -12,9 +12,10 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
-from dart_skill_msgs.action import Practice, Throw
+from dart_skill_msgs.action import Execute, Practice
+from dart_skill_msgs.msg import Situation
 from dart_skill_msgs.srv import DropDemonstration, Learn, ListDemonstrations, StopDemonstration
-from geometry_msgs.msg import Point
+from geometry_msgs.msg import Point, Pose
 from rclpy.action import ActionClient
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
@@ -38,6 +39,11 @@ SERVICES = {
 }
 
 
+def basket_at(x, y, z):
+    """The situation of a throw: where the centre of the rim is [m]."""
+    return Situation(bodies=["basket"], poses=[Pose(position=Point(x=x, y=y, z=z))])
+
+
 @contextmanager
 def running(command, log):
     """A process with its output in a file, which is ended as by Ctrl-C."""
@@ -58,7 +64,10 @@ def running(command, log):
 
 def hardware_graph(folder):
     """The hardware layout, until the end of the context; its log and the bag of demonstrations are in the folder."""
-    settings = ("coach.stand_back=1.0",)
+    settings = (
+        "coach.stand_back=1.0",
+        "commander.states_timeout=20.0",
+    )  # a machine that is busy holds up this laboratory for longer than 0.5 s
     command = ["dart-skill", "up", "--layout", "hardware", "--output", str(folder / "up")]
     command += [word for setting in settings for word in ("--set", setting)]
     return running(command, folder / "up.log")
@@ -72,7 +81,7 @@ class Outsider(Node):
         executor.add_node(self)
         self.driver, self.recorder = driver, RECORDERS[0]
         self._calls = {name: self.create_client(kind, name) for name, kind in SERVICES.items()}
-        self._throw = ActionClient(self, Throw, "/throw")
+        self._throw = ActionClient(self, Execute, "/execute")
         self._practice = ActionClient(self, Practice, "/practice")
         self.create_subscription(Practice.Impl.FeedbackMessage, "/practice/_action/feedback", self._hear, 50)
         self.asked, self.helps = [], False  # what the coach asked of the person, in words, and whether the person does it
@@ -132,7 +141,7 @@ class Outsider(Node):
 
     def throw(self, rim, limit=120.0):
         """The arm throws at a basket (3,); the result of the action."""
-        goal = Throw.Goal(target=Point(x=rim[0], y=rim[1], z=rim[2]))
+        goal = Execute.Goal(situation=basket_at(*rim))
         goal.header.frame_id = "world"
         return self._act(self._throw, goal, limit)
 

@@ -8,12 +8,11 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the second arm needs MuJoCo: pip install -r requirements/test.txt, or make setup")
 
-from dart_skill_msgs.action import Throw  # noqa: E402
-from geometry_msgs.msg import Point  # noqa: E402
+from dart_skill_msgs.action import Execute  # noqa: E402
 
 from dart_skill.recording import read_dropped  # noqa: E402
 from tests.foreign_arm import published  # noqa: E402
-from tests.foreign_arm.outsider import running  # noqa: E402
+from tests.foreign_arm.outsider import basket_at, running  # noqa: E402
 from tests.foreign_arm.session import LESSONS, TARGETS, rim, session, teach  # noqa: E402
 
 HAND_DELAY_MS = 45.0
@@ -26,7 +25,7 @@ def lesson(tmp_path_factory):
     with session(tmp_path_factory.mktemp("foreign"), seed=1, lockstep=True) as outsider:
         outsider.demonstrations = teach(outsider, LESSONS)
         outsider.pressed = list(outsider.driver.openings)  # those of misses, too
-        outsider.hits = [one.hand_opened.sec * 10**9 + one.hand_opened.nanosec for one in outsider.demonstrations]
+        outsider.hits = [opened_ns(one) for one in outsider.demonstrations]
         outsider.learned = outsider.call("/skill_learner/learn", at_least=len(LESSONS))
         assert outsider.learned.success, outsider.learned.message
         assert outsider.call("/commander/release_arm", data=False).success
@@ -45,6 +44,14 @@ def throws(lesson):
     return made
 
 
+def opened_ns(demonstration):
+    """When the hand was told to open, by the demonstration's only event [ns]."""
+    (told,) = demonstration.events
+    assert told.name == "open"
+    stamps = (demonstration.header.stamp, told.time_from_start)
+    return sum(one.sec * 10**9 + one.nanosec for one in stamps)
+
+
 def test_every_state_of_the_arm_is_answered(lesson):
     """After the graph was there: what counts before is that nobody answers."""
     answered, unanswered = lesson.driver.answered, lesson.driver.unanswered
@@ -56,9 +63,11 @@ def test_every_state_of_the_arm_is_answered(lesson):
 def test_a_demonstration_has_what_the_cameras_and_the_arm_said(lesson):
     assert set(lesson.hits) <= set(lesson.pressed) and lesson.hits == sorted(set(lesson.hits))
     for demonstration, place in zip(lesson.demonstrations, LESSONS, strict=True):
-        target = demonstration.target
+        assert demonstration.skill == "throw" and list(demonstration.situation.bodies) == ["basket"]
+        target = demonstration.situation.poses[0].position
         assert [target.x, target.y, target.z] == pytest.approx(place, abs=0.003)
-        assert len(demonstration.joints) > 50 and len(demonstration.hand) > 50 and len(demonstration.ball) > 100
+        poses = {track.body: len(track.poses) for track in demonstration.tracks}
+        assert len(demonstration.joints) > 50 and poses["hand"] > 50 and poses["ball"] > 100
 
 
 def test_the_delay_of_the_hand_is_found(lesson):
@@ -69,9 +78,9 @@ def test_the_delay_of_the_hand_is_found(lesson):
 
 def test_the_arm_throws_into_baskets_that_nobody_demonstrated(throws):
     for target, result, lies_in in throws:
-        assert result.code == Throw.Goal.OUTCOME_THROWN, f"{target}: {result.message}"
-        assert result.outcome.landing_seen and result.outcome.landing_error < 0.12
-        assert result.outcome.in_basket == lies_in
+        assert result.code == Execute.Goal.OUTCOME_EXECUTED, f"{target}: {result.message}"
+        assert result.outcome.seen and result.outcome.error < 0.12
+        assert result.outcome.success == lies_in
     assert all(lies_in for _, _, lies_in in throws)
 
 
@@ -106,7 +115,7 @@ def test_the_coach_says_where_a_basket_shall_stand_and_waits_for_it(lesson, thro
 
 
 def test_an_arm_that_was_stopped_does_not_go_on_by_itself(lesson, throws):
-    handle = lesson.start_practice(throws=1, follow_basket=True)
+    handle = lesson.start_practice(trials=1, follow_bodies=True)
     lesson.until_asked("")
     assert lesson.call("/commander/stop").success
     result = lesson.result(handle)
@@ -131,7 +140,7 @@ def test_a_person_teaches_with_the_enter_key(lesson, throws):
 
 def test_where_no_plan_reaches_the_basket_it_is_asked_for_elsewhere(lesson, throws):
     lesson.driver.plant.place_basket(TOO_FAR)
-    with lesson.practising(throws=1, follow_basket=True):
+    with lesson.practising(trials=1, follow_bodies=True):
         lesson.until_asked("put the basket elsewhere")
         assert "m from the base axis; the demonstrations reach" in lesson.asked[-1]
         lesson.driver.plant.place_basket(TARGETS[0])
@@ -140,30 +149,30 @@ def test_where_no_plan_reaches_the_basket_it_is_asked_for_elsewhere(lesson, thro
 
 def test_a_basket_that_is_carried_on_is_noticed_before_the_ball_is_there(lesson, throws):
     lesson.driver.plant.place_basket(TARGETS[0])
-    with lesson.practising(throws=1, follow_basket=True):
+    with lesson.practising(trials=1, follow_bodies=True):
         lesson.until_asked("the ball")
         lesson.driver.plant.place_basket(TOO_FAR)
         lesson.until_asked("put the basket elsewhere")
 
 
 def test_a_target_without_a_plan_costs_one_throw_and_nobody_carries_a_basket_there(lesson, throws):
-    targets = [Point(**dict(zip("xyz", place, strict=True))) for place in (TOO_FAR, TARGETS[0])]
+    targets = [basket_at(*place) for place in (TOO_FAR, TARGETS[0])]
     lesson.driver.plant.place_basket(TARGETS[1])
-    with lesson.practising(targets=targets, only_throw=True) as practice:
+    with lesson.practising(situations=targets, only_execute=True) as practice:
         lesson.until_asked("")
         x, y, z = TARGETS[0]
         assert lesson.asked[0] == f"put the basket at x {x:.2f}, y {y:.2f}, with its rim at z {z:.2f} m"
     result = practice.result
-    assert (result.thrown, len(result.outcomes), result.outcomes[0].landing_seen) == (0, 1, False)
+    assert (result.executed, len(result.outcomes), result.outcomes[0].seen) == (0, 1, False)
 
 
 def test_nothing_is_thrown_while_the_ball_is_not_in_the_hand(lesson, throws):
     """Nor does the arm, until practice is cancelled."""
     openings = len(lesson.driver.openings)
     lesson.driver.plant.put_ball(np.array([1.0, 1.0, published.BALL_RADIUS]))
-    with lesson.practising(throws=1, follow_basket=True) as practice:
+    with lesson.practising(trials=1, follow_bodies=True) as practice:
         lesson.until_asked("from its place in the hand")
-    assert (practice.result.thrown, practice.result.message) == (0, "cancelled")
+    assert (practice.result.executed, practice.result.message) == (0, "cancelled")
     assert len(lesson.driver.openings) == openings
 
 
@@ -242,5 +251,5 @@ def test_a_recorder_that_is_started_again_overwrites_no_demonstration(lesson, un
 def test_an_arm_that_somebody_may_hold_is_not_thrown_with(lesson, throws):
     assert lesson.call("/commander/release_arm", data=True).success
     refused = lesson.throw(TARGETS[0])
-    assert refused.code != Throw.Goal.OUTCOME_THROWN and "released" in refused.message, refused.message
+    assert refused.code != Execute.Goal.OUTCOME_EXECUTED and "released" in refused.message, refused.message
     assert lesson.call("/commander/release_arm", data=False).success

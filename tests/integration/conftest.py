@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import rclpy
 from dart_skill_msgs.msg import WamCommand
-from dart_skill_msgs.srv import PlanThrow
+from dart_skill_msgs.srv import Plan
 from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
@@ -46,12 +46,12 @@ def graphs(folder):
     """
     started = []
 
-    def make(layout="composed", seed=0, extra=None, remappings=None):
+    def make(layout="composed", seed=0, extra=None, remappings=None, skill=""):
         graph = Graph(folder / f"logs_{len(started)}", remappings or {})
         client = GraphClient(graph.dead, name=f"coach_{len(started)}", appears=60.0)  # a busy machine starts nodes slowly
         started.append((graph, client))
         if layout is not None:
-            graph.start_all(layout, seed, folder / f"bag_{len(started)}", extra)
+            graph.start_all(layout, seed, folder / f"bag_{len(started)}", extra, skill)
             client.wait_until_ready()
         return graph, client
 
@@ -89,7 +89,7 @@ def teach_and_learn(client, targets):
 
 def plan_request(target):
     """What the learner is asked for a plan with."""
-    return PlanThrow.Request(header=Header(frame_id="world"), target=conversions.point(target))
+    return Plan.Request(header=Header(frame_id="world"), situation=conversions.at_place(target))
 
 
 class Diagnoses:

@@ -8,7 +8,7 @@ import time
 
 import numpy as np
 import pytest
-from dart_skill_msgs.srv import PlanThrow, Step
+from dart_skill_msgs.srv import Plan, Step
 from mcap_ros2.reader import read_ros2_messages
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
@@ -179,9 +179,9 @@ def test_a_bag_teaches_through_the_nodes_what_it_teaches_without(make_graph, rec
     wait_for_end(graph, client, "bag_player")
     learned = client.learn(at_least=len(taught))
     assert (learned.demonstrations, learned.model_id) == (len(taught), expected.skill.model_id)
-    ask = client.node.create_client(PlanThrow, "/skill_learner/plan_throw")
+    ask = client.node.create_client(Plan, "/skill_learner/plan")
     plan = client.call(ask, plan_request(TARGET)).plan
-    assert same_plan(conversions.plan(plan), expected.plan(TARGET))
+    assert same_plan(conversions.throw_plan(plan), expected.plan(TARGET))
     graph.stop()
     for one, other in zip(read_demonstrations(tmp_path / "again"), report.learned_from, strict=True):
         assert same(one, other) == []

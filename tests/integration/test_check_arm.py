@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 from dart_skill_msgs.msg import WamCommand
-from dart_skill_msgs.srv import PlanThrow
+from dart_skill_msgs.srv import Plan
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 
@@ -28,7 +28,7 @@ from dart_skill.robot import (
 )
 from dart_skill.robot._impedance import JointServo
 from dart_skill.simulation import MotionCapture
-from dart_skill.skill.learn._registration import sightings
+from dart_skill.skill.observe import sightings
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import COMPLETE, LOOP
 from tests.paths import BAGS
@@ -99,11 +99,11 @@ class Check:
         return self.process.returncode, output
 
 
-def check(led, folder, states, *arguments):
-    """Run the command until it has heard so many states, and Ctrl-C: exit status, output, and what it said meanwhile."""
+def check(led, folder, states, *arguments, said=""):
+    """Run the command until it has said something and heard so many states, and Ctrl-C: exit status, output, and what it said meanwhile."""
     client, leader, _ = led
     running = Check(folder, "--duration", "100", *arguments)
-    wait_for(client, running.listens, what="the check listens")
+    wait_for(client, lambda: running.listens() and said in running.said, what=f"the check listens, and says '{said}'")
     until = leader.count + states
     wait_for(client, lambda: leader.count >= until, what=f"{states} states of an arm that is led")
     running.process.send_signal(signal.SIGINT)
@@ -131,7 +131,7 @@ def test_the_registration_of_loose_cameras_is_found_and_written(led, tmp_path):
 def test_a_second_publisher_is_no_go_and_the_table_says_so(led, tmp_path):
     client, *_ = led
     second = client.node.create_publisher(JointState, "/joint_states", LOOP)
-    status, output, _ = check(led, tmp_path, 1500)
+    status, output, _ = check(led, tmp_path, 1500, said="/joint_states: 2 publishers: ")
     client.node.destroy_publisher(second)
     assert status == 1
     (line,) = [one for one in output.splitlines() if "/joint_states: publisher" in one]
@@ -153,7 +153,7 @@ def test_learner_and_commander_start_from_the_file(led, tmp_path):
     assert f"{none} is no registration file" in said and "dart-skill check arm --write" in said
     client.wait_for_learner()
     client.learn(bag=str(BAGS / "demonstrations"))
-    planner = client.node.create_client(PlanThrow, "/skill_learner/plan_throw")
+    planner = client.node.create_client(Plan, "/skill_learner/plan")
     plan = client.call(planner, plan_request(np.array([1.9, 0.1, 0.4]))).plan
     alone = fit_registration([sightings(one, ArmModel()) for one in read_demonstrations(BAGS / "demonstrations")]).shift[0]
     assert abs(alone) < 0.003 and alone + 0.003 < plan.base.translation.x < 0.03

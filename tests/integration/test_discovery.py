@@ -3,10 +3,13 @@
 import os
 import socket
 import struct
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
+from dart_skill.configuration import config_path
 from dart_skill_nodes.process.discovery import PEERS, PROFILES, RANGE, hear_loopback_alone, stay_on_this_machine
 
 from .conftest import wait_for
@@ -37,6 +40,23 @@ def test_a_node_listens_on_loopback_alone_and_a_client_without_the_profile_finds
     heard = listening(process.pid)
     assert heard and {address for address, _ in heard} == {"127.0.0.1"}, heard
     assert EVERYWHERE in {address for address, _ in listening(os.getpid())}, "without the profile DDS listens everywhere"
+
+
+NODE = """
+import rclpy
+from std_msgs.msg import String
+
+rclpy.init()
+rclpy.create_node("reads_the_profile").create_publisher(String, "any", 10)
+print("made")
+"""
+
+
+def test_the_middleware_understands_every_element_of_the_profile():
+    """It says so of one that it does not know, and goes on without."""
+    profile = {PROFILES[0]: str(config_path("fastdds_loopback.xml"))}
+    said = subprocess.run([sys.executable, "-c", NODE], capture_output=True, text=True, timeout=60, env=os.environ | profile)
+    assert (said.stdout, said.stderr) == ("made\n", "")
 
 
 @pytest.fixture

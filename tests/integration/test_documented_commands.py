@@ -77,6 +77,8 @@ MACHINES = Not("is about other machines")
 RERUN = Elsewhere("unit/recording/test_others.py::test_rerun_counts_every_message_and_finds_no_fault")
 NODES = Elsewhere("integration/test_executables.py::test_starts_with_ros2_run_and_ends_on_sigint")
 ARM = Elsewhere("integration/test_check_arm.py::test_the_registration_of_loose_cameras_is_found_and_written")
+REACH = Elsewhere("integration/test_reach.py::test_the_hand_reaches_into_cups_that_move_otherwise")
+SKILLS = Elsewhere("integration/test_skills.py::test_a_skill_of_another_package_runs_through_all_nodes_and_the_command")
 PRACTICE = Elsewhere("integration/test_practice.py::test_the_practice_command_changes_the_arm_on_the_way_and_reports_every_throw")
 REPLAY = Elsewhere("integration/test_up.py::test_a_recording_is_replayed_into_a_model")
 BY_HAND = Elsewhere("integration/test_bags.py::test_a_bag_teaches_through_the_nodes_what_it_teaches_without")
@@ -146,10 +148,28 @@ TYPED = {
     ),
     "dart-skill throw": Elsewhere(f"{HARDWARE}test_the_coach_says_where_a_basket_shall_stand_and_waits_for_it"),
     "dart-skill throw --at 2.0 0.3 0.4": Elsewhere(f"{HARDWARE}test_the_coach_says_where_a_basket_shall_stand_and_waits_for_it"),
+    "dart-skill practice --running": Elsewhere("integration/test_reach.py::test_practice_tries_it_where_the_coach_draws"),
     "dart-skill practice --running --throws 20": Elsewhere(f"{HARDWARE}test_the_arm_practises_at_the_basket_that_the_cameras_see"),
     "dart-skill learn tuesday": WITHOUT,
     "dart-skill learn tuesday --without demonstration_1795379669631609360 --output better.npz": WITHOUT,
     "dart-skill throw --count 10": OnTheGraph("--count 1", says=r"\d of 1 in the basket"),
+    "dart-skill execute --count 5": OnTheGraph("--count 1", says=r"throw: \d of 1 succeeded"),
+    "dart-skill demo --skill place": SKILLS,
+    "dart-skill demo --skill place --trials 5": SKILLS,
+    "dart-skill demo --skill beside": SKILLS,
+    "dart-skill demo --skill darts": Run("--demonstrations 2 --throws 2", says="seed 0, practice of the graph", leaves="**/report.html"),
+    "dart-skill up --skill darts --viewer": Elsewhere(
+        "integration/test_viewer_skills.py::test_a_skill_is_taught_learned_and_executed_from_the_page"
+    ),
+    "dart-skill up --skill place --viewer": Elsewhere(
+        "integration/test_viewer_skills.py::test_a_skill_is_taught_learned_and_executed_from_the_page"
+    ),
+    'ros2 action send_goal /execute dart_skill_msgs/action/Execute "{situation: {names: [right, up], numbers: [0.0, 0.103]}}"': FULL_ROS,
+    "dart-skill experiment darts --seeds 10 --throws 100 --jobs 2": Run("--seeds 2 --throws 2 --demonstrations 2", says="on the board"),
+    "dart-skill demo --skill reach": REACH,
+    "dart-skill demo --skill reach --trials 5": REACH,
+    "dart-skill up --skill place": SKILLS,
+    "dart-skill teach --count 8": SKILLS,
     "dart-skill practice": PRACTICE,
     "dart-skill practice --change base_turned": PRACTICE,
     "dart-skill practice --change base_turned --change-after 5": PRACTICE,
@@ -167,11 +187,14 @@ TYPED = {
     "dart-skill bag play bags/demonstrations --rate 0 --commands --exclude /demonstrations "
     "--wait-for '/joint_states|/wam/(command|teacher_wrench)|/vrpn_mocap/.*/pose'": BY_HAND,
     "ros2 launch dart_skill throwing.launch.py": FULL_ROS,
+    "ros2 launch dart_skill throwing.launch.py skill:=place": FULL_ROS,
+    "ros2 action send_goal /execute dart_skill_msgs/action/Execute": FULL_ROS,
     "ros2 launch dart_skill hardware.launch.py": FULL_ROS,
     "ros2 launch dart_skill hardware.launch.py bridge:=true": FULL_ROS,
     "ros2 service call /effort_bridge/reset std_srvs/srv/Trigger": FULL_ROS,
-    'ros2 action send_goal /teach dart_skill_msgs/action/Teach "{target: {x: 2.0, y: 0.3, z: 0.4}}"': FULL_ROS,
-    'ros2 action send_goal /practice dart_skill_msgs/action/Practice "{throws: 20}"': FULL_ROS,
+    "ros2 action send_goal /teach dart_skill_msgs/action/Teach "
+    '"{situation: {bodies: [basket], poses: [{position: {x: 2.0, y: 0.3, z: 0.4}}]}}"': FULL_ROS,
+    'ros2 action send_goal /practice dart_skill_msgs/action/Practice "{trials: 20}"': FULL_ROS,
     "ros2 service call /skill_learner/learn dart_skill_msgs/srv/Learn": FULL_ROS,
     "ros2 service call /commander/release_arm std_srvs/srv/SetBool '{data: true}'": FULL_ROS,
     "ros2 service call /demonstration_recorder/start std_srvs/srv/Trigger": FULL_ROS,
@@ -185,14 +208,16 @@ TYPED = {
     "'{id: demonstration_1795379669631609360}'": FULL_ROS,
     "ros2 service call /skill_learner/load dart_skill_msgs/srv/ModelFile '{path: better.npz}'": FULL_ROS,
     "ros2 service call /skill_learner/learn dart_skill_msgs/srv/Learn '{bag: tuesday}'": FULL_ROS,
-    "ros2 action send_goal /practice dart_skill_msgs/action/Practice '{throws: 20, follow_basket: true}' --feedback": FULL_ROS,
+    "ros2 action send_goal /practice dart_skill_msgs/action/Practice '{trials: 20, follow_bodies: true}' --feedback": FULL_ROS,
     "ros2 action send_goal /practice dart_skill_msgs/action/Practice "
-    "'{throws: 1, follow_basket: true, only_throw: true}' --feedback": FULL_ROS,
+    "'{trials: 1, follow_bodies: true, only_execute: true}' --feedback": FULL_ROS,
     "ros2 action send_goal /practice dart_skill_msgs/action/Practice "
-    "'{targets: [{x: 2.0, y: 0.3, z: 0.4}], only_throw: true}' --feedback": FULL_ROS,
+    "'{situations: [{bodies: [basket], poses: [{position: {x: 2.0, y: 0.3, z: 0.4}}]}], only_execute: true}' --feedback": FULL_ROS,
     "ros2 service call /bag_player/pause std_srvs/srv/SetBool '{data: true}'": FULL_ROS,
     "ros2 service call /bag_player/step dart_skill_msgs/srv/Step '{steps: 10}'": FULL_ROS,
     "ros2 param set /bag_player rate 0.2": FULL_ROS,
+    "ros2 param set /skill_learner most_stiffness 800.0": FULL_ROS,
+    "ros2 param set /skill_learner least_stiffness 50.0": FULL_ROS,
     # bags
     "dart-skill bag info bags/demonstrations": Run(says=r"/demonstrations +dart_skill_msgs/msg/Demonstration +13 "),
     "dart-skill learn bags/demonstrations": Run(says="learned from 13 of 13 throws", leaves="demonstrations_model.npz"),
@@ -216,6 +241,9 @@ TYPED = {
     "dart-skill learn monday --with-throws --output all.npz": Run(says="learned from [3-9] of [3-9] throws", leaves="all.npz"),
     "dart-skill learn monday --demonstrations-topic --output same.npz": Run(says="learned from 2 of 2 throws", leaves="same.npz"),
     "dart-skill learn thursday --mapping thursday.yaml": FOREIGN,
+    "dart-skill bag upgrade wednesday --output wednesday_new": Elsewhere(
+        "unit/recording/test_upgrade.py::test_the_command_says_what_it_did"
+    ),
     "dart-skill bag convert thursday --mapping thursday.yaml --output thursday_ours": FOREIGN,
     "python3 benchmarks/recording.py": Run("--messages 1000 --repeats 1", says="dart_skill"),
     "python3 benchmarks/graph/recorder.py --seconds 60": Run("--seconds 1", says="messages in 1 s"),
@@ -263,6 +291,14 @@ TYPED = {
     "dart-skill experiment faults --list": Run(says="kill_commander_swing"),
     "dart-skill experiment faults --case kill_commander_swing": FAULTS,
     "dart-skill experiment faults --page docs/faults.md": FAULTS,
+    "dart-skill experiment place --jobs 2": Run("--seeds 1 --parts 1 --demonstrations 3", says="of 1 parts"),
+    "dart-skill experiment place --jobs 2 --arm fleet": Run("--seeds 1 --parts 1 --demonstrations 3", says="of 1 parts"),
+    "dart-skill experiment reach --jobs 2": Run("--seeds 1 --cups 1 --demonstrations 3 --held 1", says="the phase goes on by"),
+    "dart-skill experiment place --jobs 2 --demonstrations 3 --seeds 4": Run("--seeds 1 --parts 1", says="of 1 parts are in their holders"),
+    "dart-skill experiment place --jobs 2 --demonstrations 5 --seeds 4": Run("--seeds 1 --parts 1", says="of 1 parts are in their holders"),
+    "dart-skill experiment reach --jobs 2 --demonstrations 3": Run("--seeds 1 --cups 1 --held 0", says=r"of 1 "),
+    "dart-skill experiment reach --jobs 2 --arm fleet": Run("--seeds 1 --cups 1 --demonstrations 3 --held 0", says=r"of 1 "),
+    "dart-skill experiment compliance": Run("--seeds 1 --throws 1 --demonstrations 4", says="50 to 800 +1 "),
     "dart-skill experiment repeatability --throws 50": Run("--throws 1 --demonstrations 3", says="1.60 +1 "),
     "dart-skill experiment basket --models default,autonomous,weighted,thesis,thesis_local,shown_release --figure figures": Run(
         "--models thesis --seeds 1 --throws 1 --demonstrations 3", says="thesis", leaves="figures/*.svg"

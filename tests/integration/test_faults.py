@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 from dart_skill_msgs.msg import WamCommand
-from dart_skill_msgs.srv import PlanThrow
+from dart_skill_msgs.srv import Plan, Step
 from std_srvs.srv import Trigger
 
 from dart_skill.recording import BagReader
@@ -23,7 +23,7 @@ TARGET = np.array([1.9, 0.2, 0.4])
 def test_a_learner_that_takes_the_place_of_a_killed_one_is_asked_not_the_ghost(make_graph):
     """A killed process stays on the graph for seconds: its services look ready, and requests to them are lost."""
     graph, client = make_graph(None)
-    planner = client.node.create_client(PlanThrow, "/skill_learner/plan_throw")
+    planner = client.node.create_client(Plan, "/skill_learner/plan")
     graph.start("skill_learner")
     wait_for(client, planner.service_is_ready, what="the first learner")
     killed = graph.processes.pop("skill_learner")
@@ -83,6 +83,19 @@ def test_nodes_that_are_there_already_are_named(make_graph):
     wait_for(client, lambda: "skill_learner" in client.node.get_node_names(), what="the learner")
     with pytest.raises(GraphFailure, match="skill_learner on ROS domain"):
         client.wait_until_gone(NODES, limit=0.5)
+
+
+def test_in_real_time_a_held_world_makes_the_steps_that_are_asked_for(make_graph):
+    """Who looks at the bodies before a trial asks for them; they were refused."""
+    graph, client = make_graph(None)
+    graph.start("wam_simulator", {"lockstep": False, "start_paused": True})
+    state, step = Joints(client), client.node.create_client(Step, "/simulation/step")
+    client.reach(step)
+    end_ns = conversions.stamp_ns(client.call(step, Step.Request(steps=50)).stamp)
+    wait_for(client, lambda: state.message is not None and state.newest_ns >= end_ns, what="the last step")
+    client.call(step, Step.Request(steps=1))
+    wait_for(client, lambda: state.newest_ns > end_ns, what="one more")
+    assert state.newest_ns == end_ns + 2_000_000, "and none of its own"
 
 
 def test_in_real_time_a_silent_commander_brakes_the_arm(make_graph):

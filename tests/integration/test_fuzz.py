@@ -9,9 +9,10 @@ from dataclasses import replace
 
 import pytest
 from builtin_interfaces.msg import Time
-from dart_skill_msgs.action import Practice, Teach, Throw
-from dart_skill_msgs.msg import Demonstration, SimulationState, ThrowPlan, WamCommand
-from dart_skill_msgs.srv import AddTrial, Learn, PlanThrow
+from dart_skill_msgs.action import Execute, Practice, Teach
+from dart_skill_msgs.msg import Demonstration, SimulationState, Situation, WamCommand
+from dart_skill_msgs.msg import Plan as PlanMsg
+from dart_skill_msgs.srv import AddTrial, Learn, Plan
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from hypothesis import given, settings
@@ -49,7 +50,9 @@ randoms = st.randoms(use_true_random=False)
 CONVERTED = {
     "arm_state": (JointState, conversions.arm_state),
     "command": (WamCommand, conversions.command),
-    "plan": (ThrowPlan, conversions.plan),
+    "plan": (PlanMsg, conversions.motion_plan),
+    "throw_plan": (PlanMsg, conversions.throw_plan),
+    "situation": (Situation, conversions.situation),
     "demonstration": (Demonstration, conversions.demonstration),
     "markers": (MarkerArray, lambda message: ellipsoids(message, "world")),
     "diagnostics": (DiagnosticArray, lambda message: NodeStatuses().take(message)),
@@ -64,7 +67,7 @@ def test_a_message_becomes_data_or_is_refused(name, random):
     if kind is JointState and random.random() < 0.7:  # else every one fails at its names
         message.name, message.position = list(joint_names()), [random.choice(NUMBERS) for _ in range(7)]
         message.velocity = [random.choice(NUMBERS) for _ in range(7)]
-    if kind is ThrowPlan:
+    if kind is PlanMsg:
         message.trajectory.joint_names = ["attractor", "hand"]
     with contextlib.suppress(ValueError):
         convert(message)
@@ -100,7 +103,7 @@ def nodes(ros, tmp_path_factory):
         kinds = (WamSimulator, MockOptitrack, CommanderNode, TeacherNode, DemonstrationRecorder, SkillLearner, Recorder)
         made += [kind() for kind in kinds]
         named = {node.get_name(): node for node in made}
-        named["skill_learner"]._take(read_demonstrations(BAGS / "demonstrations")[:4], DEFAULT)
+        named["skill_learner"]._learning.take(read_demonstrations(BAGS / "demonstrations")[:4], DEFAULT)
         yield named
         for node in made:
             node.destroy_node()
@@ -146,10 +149,10 @@ def test_every_raw_message_survives(nodes, random):
 
 
 SERVED = {
-    "wam_simulator": ("/simulation/reset", "/simulation/pause", "/simulation/step", "/simulation/place_basket", "/bhand/close_grasp"),
+    "wam_simulator": ("/simulation/reset", "/simulation/pause", "/simulation/step", "/simulation/place_body", "/bhand/close_grasp"),
     "commander": ("~/release_arm", "~/move_to", "~/stop"),
     "demonstration_recorder": ("~/start", "~/stop", "~/judge"),
-    "skill_learner": ("~/learn", "~/plan_throw", "~/add_trial", "~/load", "~/demonstrations", "~/drop_demonstration"),
+    "skill_learner": ("~/learn", "~/plan", "~/add_trial", "~/load", "~/demonstrations", "~/drop_demonstration"),
 }
 
 
@@ -168,19 +171,19 @@ def test_every_service_answers(nodes, random):
 def thrown(nodes):
     """A demonstration and a plan as messages, both as good as can be."""
     one = replace(read_demonstrations(BAGS / "demonstrations")[4], id="trial")
-    return one, nodes["skill_learner"]._skill.plan(one.target)
+    return one, nodes["skill_learner"]._learning.practising.plan(one.target)
 
 
 @given(random=randoms)
 @settings(max_examples=max(20, settings.default.max_examples // 5))
 def test_a_trial_with_a_few_wrong_numbers_is_kept_or_refused(nodes, thrown, random):
     demonstration, plan = thrown
-    request = AddTrial.Request(trial=conversions.demonstration_msg(demonstration), plan=conversions.plan_msg(plan, "world"))
+    request = AddTrial.Request(trial=conversions.demonstration_msg(demonstration), plan=conversions.throw_plan_msg(plan, "world"))
     spoil(random.choice((request.trial, request.plan)), random)
     request.trial.id = f"trial {random.random()}"
     response = nodes["skill_learner"]._on_add_trial(request, AddTrial.Response())
     assert response.success or response.message
-    again = nodes["skill_learner"]._on_plan(plan_request(demonstration.target), PlanThrow.Response())
+    again = nodes["skill_learner"]._on_plan(plan_request(demonstration.target), Plan.Response())
     assert again.success, f"a trial that was kept spoils every plan: {again.message}"
 
 
@@ -189,12 +192,12 @@ def test_a_trial_with_a_few_wrong_numbers_is_kept_or_refused(nodes, thrown, rand
 def test_a_demonstration_with_a_few_wrong_numbers_does_not_keep_the_others_from_being_learned(nodes, thrown, random):
     learner, message = nodes["skill_learner"], spoil(conversions.demonstration_msg(thrown[0]), random)
     message.id = "spoiled"
-    learner._heard = {one.id: one for one in learner._skill.practice.demonstrations[:4]}
+    learner._heard = {one.id: one for one in learner._learning.practising.practice.demonstrations[:4]}
     with contextlib.suppress(ValueError):
         learner._on_demonstration(message)
     learned = learner._on_learn(Learn.Request(), Learn.Response())
     assert learned.success and learned.demonstrations >= 4, learned.message
-    again = learner._on_plan(plan_request(thrown[0].target), PlanThrow.Response())
+    again = learner._on_plan(plan_request(thrown[0].target), Plan.Response())
     assert again.success, f"it spoils every plan: {again.message}"
 
 
@@ -215,9 +218,9 @@ def test_every_parameter_takes_what_it_can_and_refuses_the_rest(nodes, random):
 @given(random=randoms)
 @settings(max_examples=30)
 def test_targets_of_goals_become_places_or_are_refused(random):
-    for goal in (nasty(Throw.Goal, random), nasty(Teach.Goal, random)):
+    for goal in (nasty(Execute.Goal, random), nasty(Teach.Goal, random)):
         with contextlib.suppress(ValueError):
-            conversions.place(goal.target, "the target")
-    for target in nasty(Practice.Goal, random).targets:
+            conversions.target_of(goal.situation)
+    for one in nasty(Practice.Goal, random).situations:
         with contextlib.suppress(ValueError):
-            assert all(map(math.isfinite, conversions.place(target, "a target")))
+            assert all(map(math.isfinite, conversions.target_of(one)))

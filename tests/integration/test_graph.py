@@ -3,13 +3,15 @@
 import os
 import time
 
+import numpy as np
 import pytest
 import rclpy
 from std_msgs.msg import Empty
 
 from dart_skill_nodes.comms.coroutines import Promise, pause, start
 from dart_skill_nodes.comms.qos import WALL
-from dart_skill_nodes.process.node_base import make_executor
+from dart_skill_nodes.comms.refusals import GuardedNode
+from dart_skill_nodes.process.node_base import OK, Diagnostics, make_executor
 
 
 class Executor:
@@ -99,6 +101,28 @@ def test_a_watchdog_is_called_when_it_is_due_while_routines_wait_beside_it(ros):
     node.destroy_node()
     for number, called in enumerate(calls, start=1):
         assert called - begun >= number * period - 0.01, f"call {number} came too early"
+
+
+def test_a_node_that_is_configured_slowly_does_not_lose_its_status(ros):
+    """Timers that are made while the status is due silence it for a second each, where they are of the same clock."""
+    node, executor, told = GuardedNode("slow"), make_executor(), []
+    executor.add_node(node)
+    Diagnostics(node, lambda: (told.append(time.monotonic()) or OK, "well", {}))
+
+    def configure(_):
+        time.sleep(1.2)
+        for _ in range(6):
+            node.create_timer(60.0, lambda: None, clock=WALL)
+
+    node.create_subscription(Empty, "~/configure", configure, 10)
+    begin = node.create_publisher(Empty, "~/configure", 10)
+    while begin.get_subscription_count() == 0:
+        executor.spin_once(timeout_sec=0.1)
+    begin.publish(Empty())
+    while not told or told[-1] - told[0] < 4.0:
+        executor.spin_once(timeout_sec=0.1)
+    node.destroy_node()
+    assert max(np.diff(told)) < 3.0
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_getaffinity") or len(os.sched_getaffinity(0)) < 2, reason="one core")

@@ -33,9 +33,12 @@ class OnTerminal:
     """A verb with a terminal and a session of its own. said: everything so far."""
 
     def __init__(self, arguments):
-        self.pid, self._terminal = pty.fork()
-        if self.pid == 0:
-            os.execv(sys.executable, [sys.executable, "-m", "dart_skill.cli", *arguments])
+        self._terminal, its_end = pty.openpty()
+        # Not pty.fork: Python that runs between fork and exec crashes now and then where threads of DDS were.
+        command = ["setsid", "--ctty", sys.executable, "-m", "dart_skill.cli", *arguments]
+        self._process = subprocess.Popen(command, stdin=its_end, stdout=its_end, stderr=its_end)
+        self.pid = self._process.pid
+        os.close(its_end)
         os.set_blocking(self._terminal, False)
         self.said = ""
 
@@ -72,16 +75,9 @@ class OnTerminal:
 
     def status(self):
         """Exit status, when it has ended."""
-        ended = []
-
-        def has_ended():
-            pid, status = os.waitpid(self.pid, os.WNOHANG)
-            ended.extend([os.waitstatus_to_exitcode(status)] if pid else [])
-            return bool(pid)
-
-        self.until(has_ended, "the end")
+        self.until(lambda: self._process.poll() is not None, "the end")
         self._read()
-        return ended[0]
+        return self._process.returncode
 
     def close(self):
         for pid in [*self.others, self.pid]:
@@ -89,6 +85,7 @@ class OnTerminal:
                 os.kill(pid, signal.SIGKILL)
             except ProcessLookupError:
                 continue
+        self._process.wait()
         os.close(self._terminal)
 
     def _read(self):

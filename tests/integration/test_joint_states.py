@@ -4,7 +4,7 @@ import time
 
 import numpy as np
 import pytest
-from dart_skill_msgs.action import Throw
+from dart_skill_msgs.action import Execute
 from dart_skill_msgs.msg import WamCommand
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.action import ActionClient
@@ -138,13 +138,13 @@ def test_a_missing_joint_is_named_and_nothing_is_commanded(beside):
 def test_the_law_of_the_simulated_arm_throws_nothing_beside_another_arm(beside):
     """Whoever starts the node by itself beside a real arm gets the parameters of config/: told at once, before anything moves."""
     driver = beside(CommanderNode(), QoSProfile(depth=10))
-    client = ActionClient(driver.node, Throw, "/throw")
+    client = ActionClient(driver.node, Execute, "/execute")
     driver.until(lambda: driver.answers and client.server_is_ready(), "a commander")
-    sent = client.send_goal_async(Throw.Goal(target=conversions.point(np.array([2.0, 0.0, 0.4]))))
+    sent = client.send_goal_async(Execute.Goal(situation=conversions.at_place(np.array([2.0, 0.0, 0.4]))))
     driver.until(sent.done, "an answer to the goal")
     result = sent.result().get_result_async()
     driver.until(result.done, "the result")
-    assert result.result().result.code == Throw.Goal.OUTCOME_REFUSED
+    assert result.result().result.code == Execute.Goal.OUTCOME_REFUSED
     assert "tracking is 'hand'" in result.result().result.message and "tracking:=joints" in result.result().result.message
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dart_skill_msgs.srv import AddTrial, Learn, ModelFile, PlanThrow
+from dart_skill_msgs.srv import AddTrial, Learn, ModelFile, Plan
 
 from dart_skill.permissions import policy
 from dart_skill.recording import BagReader, read_demonstrations
@@ -22,6 +22,8 @@ from tests.policies import allowed, may
 from .conftest import graphs, plan_request
 
 SEED, SHOWN = 0, 3
+NEEDED_ELSEWHERE = {"rt/clock", "ros_discovery_info", "rt/simulation/delivered"}
+"""The last one by skills that react."""
 TO_DEMONSTRATE, TO_THROW = targets_for(SEED, SHOWN, 2)
 
 
@@ -72,7 +74,7 @@ def test_every_process_does_what_its_policy_allows_and_needs_all_of_it(over_dds)
         for what, allows in zip(done, allowed(policy())[f"/dart_skill/{name}"], strict=True):
             assert not [topic for topic in what if not may(allows, topic)], f"{name} needs these: add them to config/permissions.yaml"
             unused = {one for one in allows if "*" not in one} - what
-            assert unused <= {"rt/clock", "ros_discovery_info"}, f"{name} does without these: take them out of config/permissions.yaml"
+            assert unused <= NEEDED_ELSEWHERE, f"{name} does without these: take them out of config/permissions.yaml"
 
 
 def _job(client, throws=2):
@@ -88,18 +90,18 @@ def test_every_lesson_and_every_throw_succeeds(over_dds):
     assert over_dds["learned"].demonstrations == SHOWN
     for result in over_dds["throws"]:
         assert result.code == 1, result.message
-        assert result.outcome.landing_seen
-        speed = np.linalg.norm(conversions.vector(result.outcome.release_velocity))
+        assert result.outcome.seen
+        speed = np.linalg.norm(conversions.vector(conversions.state_of(result.outcome.observed, "release").twist.linear))
         assert 1.5 < speed < 4.5, f"the ball left the hand at {speed:.2f} m/s"
-        assert result.outcome.landing_error < 0.03, f"{SHOWN} demonstrations: {result.outcome.landing_error:.3f} m"
+        assert result.outcome.error < 0.03, f"{SHOWN} demonstrations: {result.outcome.error:.3f} m"
 
 
 def test_the_graph_over_dds_is_the_session_in_process_bit_for_bit(over_dds, in_process):
-    lessons = [conversions.vector(lesson.outcome.landing) for lesson in over_dds["lessons"]]
+    lessons = [conversions.seen_at(lesson.outcome, "landing") for lesson in over_dds["lessons"]]
     np.testing.assert_array_equal(lessons, in_process["lessons"])
     assert over_dds["learned"].model_id == in_process["model_id"]
-    assert same_plan(conversions.plan(over_dds["throws"][0].plan), in_process["plan"])
-    landings = [conversions.vector(result.outcome.landing) for result in over_dds["throws"]]
+    assert same_plan(conversions.throw_plan(over_dds["throws"][0].plan), in_process["plan"])
+    landings = [conversions.seen_at(result.outcome, "landing") for result in over_dds["throws"]]
     np.testing.assert_array_equal(landings, in_process["landings"])
 
 
@@ -111,17 +113,17 @@ def test_a_busy_machine_changes_no_bit(make_graph, in_process):
     finally:
         busy.kill()
         busy.wait()
-    lessons = [conversions.vector(lesson.outcome.landing) for lesson in done["lessons"]]
+    lessons = [conversions.seen_at(lesson.outcome, "landing") for lesson in done["lessons"]]
     np.testing.assert_array_equal(lessons, in_process["lessons"])
     assert done["learned"].model_id == in_process["model_id"]
-    landings = [conversions.vector(result.outcome.landing) for result in done["throws"]]
+    landings = [conversions.seen_at(result.outcome, "landing") for result in done["throws"]]
     np.testing.assert_array_equal(landings, in_process["landings"][:1])
 
 
 @pytest.fixture
 def fresh_learner(make_graph):
     """Starts a learner in a fresh process, after the end of the one before; gives a function that calls a service of its by name."""
-    kinds = {"learn": Learn, "plan_throw": PlanThrow, "save": ModelFile, "load": ModelFile, "add_trial": AddTrial}
+    kinds = {"learn": Learn, "plan": Plan, "save": ModelFile, "load": ModelFile, "add_trial": AddTrial}
     started = []
 
     def start():
@@ -140,11 +142,11 @@ def test_the_bag_alone_gives_the_same_plan_in_a_fresh_process_and_in_one_that_lo
     ask, model = fresh_learner(), ModelFile.Request(path=str(tmp_path / "model.npz"))
     learned = ask("learn", Learn.Request(bag=str(over_dds["bag"])))
     assert learned.model_id == over_dds["learned"].model_id
-    assert ask("plan_throw", plan_request(TO_THROW[0])).plan == over_dds["throws"][0].plan
+    assert ask("plan", plan_request(TO_THROW[0])).plan == over_dds["throws"][0].plan
     ask("save", model)
     ask = fresh_learner()
     ask("load", model)
-    assert ask("plan_throw", plan_request(TO_THROW[0])).plan == over_dds["throws"][0].plan
+    assert ask("plan", plan_request(TO_THROW[0])).plan == over_dds["throws"][0].plan
 
 
 def test_a_trial_is_added_to_what_is_learned_and_a_strange_one_is_kept_out(over_dds, fresh_learner):
@@ -154,7 +156,7 @@ def test_a_trial_is_added_to_what_is_learned_and_a_strange_one_is_kept_out(over_
         return ask("add_trial", AddTrial.Request(trial=conversions.demonstration_msg(one)))
 
     def plan():
-        return ask("plan_throw", plan_request(TO_THROW[0])).plan
+        return ask("plan", plan_request(TO_THROW[0])).plan
 
     with pytest.raises(GraphFailure, match="nothing is learned yet"):
         add(shown[0])

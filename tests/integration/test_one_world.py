@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import yaml
 from dart_skill_msgs.msg import SimulationState
-from dart_skill_msgs.srv import JudgeThrow
+from dart_skill_msgs.srv import Judge
 from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.srv import GetParameters
 
@@ -60,18 +60,18 @@ def throw(graph):
 def test_the_arm_learns_and_throws_in_it(throw):
     thrown, states, _ = throw
     assert thrown.code == 1, thrown.message
-    assert thrown.outcome.landing_seen and thrown.outcome.in_basket and states[-1].ball_in_basket
+    assert thrown.outcome.seen and thrown.outcome.success and states[-1].success
 
 
 def test_the_one_that_judges_takes_the_new_radius(graph, throw):
     """A ball that was last seen 0.2 m from the middle is in this basket, and would not be in the usual one."""
     thrown, _, poses = throw
-    judge = graph.client.node.create_client(JudgeThrow, "/demonstration_recorder/judge")
+    judge = graph.client.node.create_client(Judge, "/demonstration_recorder/judge")
     graph.client.reach(judge)
     last = conversions.vector(poses[-1].pose.position) * [1.0, 1.0, 0.0] + [0.0, 0.0, TARGET[2]]
     for aside, inside in ((0.20, True), (0.30, False)):
-        beside = JudgeThrow.Request(target=conversions.point(last + [0.0, aside, 0.0]), opened=thrown.outcome.header.stamp)
-        assert graph.client.call(judge, beside).outcome.in_basket == inside
+        beside = Judge.Request(situation=conversions.at_place(last + [0.0, aside, 0.0]), told=thrown.outcome.header.stamp)
+        assert graph.client.call(judge, beside).outcome.success == inside
 
 
 def test_topics_and_bag_have_the_new_name(graph):

@@ -6,11 +6,12 @@ import subprocess
 import numpy as np
 import pytest
 from dart_skill_msgs.msg import SimulationState
-from dart_skill_msgs.srv import PlanThrow
+from dart_skill_msgs.srv import Plan
 
 from dart_skill.regions import targets_for
 from dart_skill.session import Session
 from dart_skill.skill.improve import PractisingSkill
+from dart_skill.world import ROLES
 from dart_skill_nodes.comms import conversions
 
 from .conftest import graphs, plan_request, teach_and_learn
@@ -31,11 +32,10 @@ class Liar:
         client.spin = self._spin_and_lie
 
     def _spin_and_lie(self):
-        message = SimulationState(episode=int(self._rng.integers(1000)), ball_in_basket=bool(self._rng.integers(2)))
+        message = SimulationState(episode=int(self._rng.integers(1000)), success=bool(self._rng.integers(2)))
         message.header.frame_id, message.header.stamp = "world", conversions.time_msg(int(self._rng.integers(10**11)))
         message.joint_position, message.joint_velocity = self._rng.standard_normal(7), self._rng.standard_normal(7)
-        for pose in (message.hand, message.ball, message.basket):
-            conversions.set_vector(pose.position, self._rng.standard_normal(3))
+        message.bodies = [conversions.body_state(role, self._rng.standard_normal(3)) for role in ROLES]
         self._publisher.publish(message)
         self.told += 1
         self._spin()
@@ -52,7 +52,7 @@ def practised(ros, tmp_path_factory):
         teach_and_learn(client, TO_DEMONSTRATE)
         phases = []
         result = client.practise(targets=TO_PRACTISE, on_feedback=lambda feedback: phases.append((feedback.number, feedback.phase)))
-        plan = client.call(client.node.create_client(PlanThrow, "/skill_learner/plan_throw"), plan_request(NEW)).plan
+        plan = client.call(client.node.create_client(Plan, "/skill_learner/plan"), plan_request(NEW)).plan
     assert liar.told > 10
     return {"result": result, "phases": phases, "plan": plan}
 
@@ -75,15 +75,15 @@ def in_process():
 def test_every_throw_is_made_and_learned_from(practised):
     result = practised["result"]
     assert result.success, result.message
-    assert (result.thrown, result.learned) == (2, 2)
-    assert [outcome.landing_seen for outcome in result.outcomes] == [True] * 2
+    assert (result.executed, result.learned) == (2, 2)
+    assert [outcome.seen for outcome in result.outcomes] == [True] * 2
     assert practised["phases"][-1] == (2, "done")
 
 
 def test_landings_and_what_was_learned_are_those_of_the_session_to_the_last_bit(practised, in_process):
-    landings = [conversions.vector(outcome.landing) for outcome in practised["result"].outcomes]
+    landings = [conversions.seen_at(outcome, "landing") for outcome in practised["result"].outcomes]
     np.testing.assert_array_equal(landings, in_process["landings"])
-    plan = conversions.plan(practised["plan"])
+    plan = conversions.throw_plan(practised["plan"])
     for part in ("aim", "predicted_landing", "attractor_position"):
         np.testing.assert_array_equal(getattr(plan, part), getattr(in_process["plan"], part), part)
 
@@ -106,6 +106,8 @@ def test_the_practice_command_changes_the_arm_on_the_way_and_reports_every_throw
     assert done.returncode == 0, done.stderr
     summary = json.loads(done.stdout)
     assert summary["thrown"] == summary["learned"] == len(summary["throws"]) == 2
+    assert (summary["skill"], summary["tried"], len(summary["trials"])) == ("throw", 2, 2)
+    assert summary["succeeded"] == sum(trial["success"] for trial in summary["trials"])
     errors = [throw["error_m"] for throw in summary["throws"]]
     assert errors[1] > 0.08 > errors[0], f"five degrees at 1.5 m and more: {errors}"
     assert "from now on: base_turned" in done.stderr

@@ -9,7 +9,7 @@ import time
 import numpy as np
 import pytest
 from dart_skill_msgs.msg import SimulationState, WamCommand
-from dart_skill_msgs.srv import Learn, PlaceBasket, Reset
+from dart_skill_msgs.srv import Learn, PlaceBody, Reset
 
 from dart_skill.configuration import load_yaml
 from dart_skill.regions import targets_for
@@ -69,7 +69,7 @@ def test_the_status_of_a_graph_that_is_well(graph):
 def test_the_status_names_a_second_commander(graph):
     _, client = graph
     stranger = client.node.create_publisher(WamCommand, "/wam/command", 10)
-    code, said = status(client)
+    code, said = status(client, "--duration", "8")  # on a machine that stalls for seconds a part of the graph is found late
     client.node.destroy_publisher(stranger)
     assert code == 1 and "wrong: coach_0 and commander command the arm (/wam/command): end one" in said, said
 
@@ -89,7 +89,7 @@ def test_the_simulated_arm_changes_with_the_next_reset(graph):
     def hand():
         episode = client.call(reset, Reset.Request(paused=True)).episode
         wait_for(client, lambda: seen and seen[-1].episode == episode, what="the state after the reset")
-        return conversions.vector(seen[-1].hand.position), seen[-1].base_turn
+        return conversions.vector(conversions.state_of(seen[-1].bodies, "hand").pose.position), seen[-1].base_turn
 
     straight, turn = hand()
     assert turn == 0.0
@@ -108,26 +108,26 @@ def test_the_simulated_arm_changes_with_the_next_reset(graph):
 def test_the_coach_chooses_baskets_by_itself(client):
     said = []
     result = client.practise(2, on_feedback=lambda feedback: said.append(feedback.phase))
-    assert result.success and result.thrown == 2, result.message
-    distances = [np.hypot(outcome.target.x, outcome.target.y) for outcome in result.outcomes]
+    assert result.success and result.executed == 2, result.message
+    distances = [np.hypot(*conversions.target_of(outcome.situation)[:2]) for outcome in result.outcomes]
     assert all(1.5 <= distance <= 2.5 for distance in distances)
-    assert said == ["resetting", "throwing", "learning", "done"] * 2
+    assert said == ["resetting", "executing", "learning", "done"] * 2
 
 
 def test_throws_follow_a_basket_that_somebody_moves_while_the_arm_returns(client):
     places = [np.array([1.8, 0.1, 0.4]), np.array([2.0, -0.3, 0.4])]
-    move = client.node.create_client(PlaceBasket, "/simulation/place_basket")
-    client.call(move, PlaceBasket.Request(position=conversions.point(places[0])))
+    move = client.node.create_client(PlaceBody, "/simulation/place_body")
+    client.call(move, PlaceBody.Request(body="basket", pose=conversions.pose_at(places[0])))
 
     def on_feedback(feedback):
         if (feedback.number, feedback.phase) == (1, "learning"):
-            move.call_async(PlaceBasket.Request(position=conversions.point(places[1])))
+            move.call_async(PlaceBody.Request(body="basket", pose=conversions.pose_at(places[1])))
 
     result = client.practise(2, follow_basket=True, on_feedback=on_feedback)
-    assert result.thrown == 2, result.message
-    aimed = np.array([conversions.vector(outcome.target) for outcome in result.outcomes])
+    assert result.executed == 2, result.message
+    aimed = np.array([conversions.target_of(outcome.situation) for outcome in result.outcomes])
     np.testing.assert_allclose(aimed, places, atol=0.003)
-    assert [outcome.in_basket for outcome in result.outcomes] == [True, True]
+    assert [outcome.success for outcome in result.outcomes] == [True, True]
 
 
 def test_throws_that_cannot_be_are_refused_with_a_reason(client):
@@ -145,6 +145,22 @@ def test_a_cancelled_throw_stops_the_arm(client):
     assert response.status == 5, "GoalStatus.STATUS_CANCELED"
     assert response.result.message == "cancelled"
     wait_for(client, lambda: joints.fastest < 0.05, what="the arm comes to rest")
+
+
+def test_what_is_learned_with_can_be_changed_while_the_learner_runs(client):
+    usual = client.learn()
+    client.set_parameters("/skill_learner", {"components": 8, "stiffness": 300.0, "most_stiffness": 800.0})
+    try:
+        client.set_parameters("/skill_learner", {"least_stiffness": 50.0})
+        other = client.learn()
+        assert other.model_id != usual.model_id and "but components 8, stiffness 300.0, stiffness_range (50.0, 800.0)" in other.message
+        with pytest.raises(GraphFailure, match="stiffness_range"):
+            client.set_parameters("/skill_learner", {"least_stiffness": 900.0})
+        with pytest.raises(GraphFailure, match="frames 'cup' is unknown"):
+            client.set_parameters("/skill_learner", {"frames": "cup"})
+    finally:
+        client.set_parameters("/skill_learner", {"components": 0, "stiffness": 0.0, "most_stiffness": 0.0, "least_stiffness": 0.0})
+    assert client.learn().model_id == usual.model_id
 
 
 def test_a_learner_that_learns_and_a_commander_that_is_held_up_stop_no_throw(taught, client):

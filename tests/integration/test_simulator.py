@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 import rclpy
 from dart_skill_msgs.msg import SimulationState, WamCommand
-from dart_skill_msgs.srv import PlaceBasket, Reset, Step
+from dart_skill_msgs.srv import PlaceBody, Reset, Step
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import Point
 from std_srvs.srv import SetBool, Trigger
 
 from dart_skill_nodes.comms import conversions
@@ -143,9 +142,9 @@ def test_the_basket_is_placed_and_the_hand_obeys_its_services(simulator):
     client, state, command = simulator
     truth = []
     client.node.create_subscription(SimulationState, "/simulation/state", truth.append, 10)
-    basket = client.node.create_client(PlaceBasket, "/simulation/place_basket")
+    basket = client.node.create_client(PlaceBody, "/simulation/place_body")
     opener = client.node.create_client(Trigger, "/bhand/open_grasp")
-    client.call(basket, PlaceBasket.Request(position=Point(x=1.8, y=0.3, z=0.4)))
+    client.call(basket, PlaceBody.Request(body="basket", pose=conversions.pose_at([1.8, 0.3, 0.4])))
     client.call(opener, Trigger.Request())
     answered = set()
 
@@ -153,8 +152,8 @@ def test_the_basket_is_placed_and_the_hand_obeys_its_services(simulator):
         if state.newest_ns not in answered:
             answered.add(state.newest_ns)
             answer(state, command)
-        return truth and truth[-1].ball_state == SimulationState.BALL_FREE
+        return truth and truth[-1].held == ""
 
     wait_for(client, let_go, what="the hand lets go")
-    assert truth[-1].basket.position == Point(x=1.8, y=0.3, z=0.4)
+    assert conversions.state_of(truth[-1].bodies, "basket").pose == conversions.pose_at([1.8, 0.3, 0.4])
     assert truth[-1].step * 0.002 > 0.01, "the hand takes time to open"

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 from dart_skill_msgs.action import Practice
-from dart_skill_msgs.msg import TrialOutcome
+from dart_skill_msgs.msg import Outcome
 
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.verbs import soak
@@ -54,8 +54,8 @@ class Client:
         while time.process_time() < until:
             pass
         self.rounds += 1
-        result = Practice.Result(success=self.rounds <= self.fails_after, message="the arm is stopped", thrown=throws)
-        result.outcomes = [TrialOutcome() for _ in range(throws)]
+        result = Practice.Result(success=self.rounds <= self.fails_after, message="the arm is stopped", executed=throws)
+        result.outcomes = [Outcome() for _ in range(throws)]
         result.outcomes[-1].header.stamp.sec = 20 * self.rounds
         return result
 

@@ -6,13 +6,15 @@ import time
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
-from dart_skill_msgs.action import Teach, Throw
-from dart_skill_msgs.msg import SimulationState, ThrowPlan, WamCommand
+from dart_skill_msgs.action import Execute, Teach
+from dart_skill_msgs.msg import Demonstration, SimulationState, WamCommand
+from dart_skill_msgs.msg import Plan as PlanMsg
 from dart_skill_msgs.srv import AddTrial, Reset
 from geometry_msgs.msg import Point, Pose, PoseStamped
 from rclpy.action import ActionClient
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
@@ -31,10 +33,10 @@ RESTING = 0.1
 
 
 class Stranger:
-    """A plain client of /throw: sends a goal, and keeps phases, the result, and how fast the arm was meanwhile."""
+    """A plain client of /execute: sends a goal, and keeps phases, the result, and how fast the arm was meanwhile."""
 
     def __init__(self, client):
-        self.client, self.action = client, ActionClient(client.node, Throw, "/throw")
+        self.client, self.action = client, ActionClient(client.node, Execute, "/execute")
         self.stop = client.node.create_client(Trigger, "/commander/stop")
         self.reset = client.node.create_client(Reset, "/simulation/reset")
         self.pause = client.node.create_client(SetBool, "/simulation/pause")
@@ -47,14 +49,14 @@ class Stranger:
 
     def begin(self, stamp_ns=0):
         """A world that runs, with the ball in the hand, and a goal; its handle and the future of its result."""
-        reset = Reset.Request(move_basket=True, basket=conversions.point(TARGET))
+        reset = Reset.Request(situation=conversions.at_place(TARGET))
         began = self.client.call(self.reset, reset)
         wait_for(self.client, lambda: self.newest_ns >= conversions.stamp_ns(began.stamp), what="the state after the reset")
         self.phases, self.fastest = [], 0.0
-        goal = Throw.Goal(target=conversions.point(TARGET))
+        goal = Execute.Goal(situation=conversions.at_place(TARGET))
         goal.header.stamp = conversions.time_msg(stamp_ns)
         sent = self.action.send_goal_async(goal, feedback_callback=lambda message: self.phases.append(message.feedback.phase))
-        handle = self.client.wait(sent, "/throw")
+        handle = self.client.wait(sent, "/execute")
         assert handle.accepted
         return handle, handle.get_result_async()
 
@@ -107,13 +109,26 @@ def test_a_plain_goal_in_a_running_world_is_answered_when_the_ball_has_come_down
     assert not result.done(), "answered before there was a plan"
     slow_learner.go_on()
     outcome = graph.client.wait(result, "the throw").result
-    assert (outcome.code, outcome.message) == (Throw.Goal.OUTCOME_THROWN, "thrown")
-    assert outcome.outcome.landing_seen and outcome.outcome.landing_error < 0.05
-    assert stranger.fastest > 1.0 and {"approaching", "throwing"} <= set(stranger.phases)
+    assert (outcome.code, outcome.message) == (Execute.Goal.OUTCOME_EXECUTED, "executed")
+    assert outcome.outcome.seen and outcome.outcome.error < 0.05
+    assert stranger.fastest > 1.0 and {"approaching", "executing"} <= set(stranger.phases)
     stranger.watch(0.5)
     stranger.fastest = 0.0
     stranger.watch(1.0)
     assert stranger.fastest < RESTING, f"the arm moves at {stranger.fastest:.2f} rad/s without a goal"
+
+
+def test_a_goal_that_says_nothing_is_thrown_at_the_basket_that_the_cameras_see(graph, stranger):
+    """As `ros2 action send_goal /execute dart_skill_msgs/action/Execute`."""
+    client = graph.client
+    began = client.call(stranger.reset, Reset.Request(situation=conversions.at_place(TARGET)))
+    wait_for(client, lambda: stranger.newest_ns >= conversions.stamp_ns(began.stamp), what="the state after the reset")
+    stranger.watch(0.2)
+    handle = client.wait(stranger.action.send_goal_async(Execute.Goal()), "/execute")
+    result = client.wait(handle.get_result_async(), "the throw").result
+    assert result.code == Execute.Goal.OUTCOME_EXECUTED, result.message
+    assert conversions.target_of(result.outcome.situation) == pytest.approx(TARGET, abs=2e-3)
+    assert result.outcome.seen and result.outcome.error < 0.05
 
 
 def test_stop_during_planning_means_that_nothing_is_thrown(graph, stranger, slow_learner):
@@ -121,7 +136,7 @@ def test_stop_during_planning_means_that_nothing_is_thrown(graph, stranger, slow
     assert graph.client.call(stranger.stop, Trigger.Request()).success
     slow_learner.go_on()
     outcome = graph.client.wait(result, "the throw").result
-    assert (outcome.code, outcome.message) == (Throw.Goal.OUTCOME_STOPPED, "stopped by ~/stop")
+    assert (outcome.code, outcome.message) == (Execute.Goal.OUTCOME_STOPPED, "stopped by ~/stop")
     stranger.watch(2.0)
     stranger.free()
     assert stranger.fastest < RESTING, f"the arm moved at {stranger.fastest:.2f} rad/s after it was stopped"
@@ -132,13 +147,13 @@ def test_an_arm_that_was_stopped_stays_so_until_it_is_reset(graph, stranger):
     client.call(stranger.stop, Trigger.Request())
     _, result = stranger.begin()
     refused = client.wait(result, "the throw").result
-    assert refused.code == Throw.Goal.OUTCOME_REFUSED and "call /commander/reset" in refused.message
+    assert refused.code == Execute.Goal.OUTCOME_REFUSED and "call /commander/reset" in refused.message
     practised = client.practise(targets=[TARGET, TARGET])
     assert not practised.success and "/commander/reset" in practised.message
     wait_for(client, lambda: "stopped by ~/stop: call /commander/reset" in said.of.get("commander", ""), what="the reason on /diagnostics")
     assert stranger.fastest < RESTING
     stranger.free()
-    assert client.throw(TARGET).code == Throw.Goal.OUTCOME_THROWN
+    assert client.throw(TARGET).code == Execute.Goal.OUTCOME_EXECUTED
 
 
 def test_a_released_arm_does_not_throw(graph, stranger):
@@ -146,14 +161,14 @@ def test_a_released_arm_does_not_throw(graph, stranger):
     _, result = stranger.begin()
     refused = graph.client.wait(result, "the throw").result
     graph.client.release_arm(False)
-    assert refused.code == Throw.Goal.OUTCOME_REFUSED and "released" in refused.message
+    assert refused.code == Execute.Goal.OUTCOME_REFUSED and "released" in refused.message
 
 
 def test_stop_ends_practice(graph, stranger):
     client, asked = graph.client, []
 
     def on_feedback(feedback):
-        if feedback.phase == "throwing" and not asked:
+        if feedback.phase == "executing" and not asked:
             asked.append(stranger.stop.call_async(Trigger.Request()))
 
     practised = client.practise(targets=[TARGET] * 3, only_throw=True, on_feedback=on_feedback)
@@ -167,7 +182,7 @@ def test_a_lesson_ends_at_once_when_it_is_stopped_or_cancelled(graph, stranger, 
     client = graph.client
     teach = ActionClient(client.node, Teach, "/teach")
     wait_for(client, teach.server_is_ready, what="the teacher")
-    handle = client.wait(teach.send_goal_async(Teach.Goal(target=conversions.point(SHOWN[0]))), "/teach")
+    handle = client.wait(teach.send_goal_async(Teach.Goal(situation=conversions.at_place(SHOWN[0]))), "/teach")
     stranger.fastest = 0.0
     wait_for(client, lambda: stranger.fastest > 0.5, what="the arm is guided")
     since_ns = stranger.newest_ns
@@ -202,7 +217,7 @@ def test_a_throw_that_is_stopped_ends_when_the_arm_rests(graph, stranger):
     """Whoever holds the world when the result is there finds an arm that can be reset."""
     result, _ = begin_slow_throw(graph.client, Joints(graph.client), TARGET)
     graph.client.call(stranger.stop, Trigger.Request())
-    assert graph.client.wait(result, "the throw").result.code == Throw.Goal.OUTCOME_STOPPED
+    assert graph.client.wait(result, "the throw").result.code == Execute.Goal.OUTCOME_STOPPED
     graph.client.call(stranger.pause, SetBool.Request(data=True))
     stranger.free()
     graph.client.set_parameters("/wam_simulator", {"speed_factor": 0.0})
@@ -211,7 +226,7 @@ def test_a_throw_that_is_stopped_ends_when_the_arm_rests(graph, stranger):
 def test_a_goal_that_waits_for_a_state_that_never_comes_is_refused(graph, stranger):
     _, result = stranger.begin(stamp_ns=10**18)
     outcome = graph.client.wait(result, "the throw").result
-    assert outcome.code == Throw.Goal.OUTCOME_REFUSED and "1000000000000000000 ns" in outcome.message
+    assert outcome.code == Execute.Goal.OUTCOME_REFUSED and "1000000000000000000 ns" in outcome.message
     assert stranger.fastest < RESTING
 
 
@@ -296,11 +311,14 @@ def test_after_all_that_the_arm_is_taught_and_throws(graph):
     assert not lesson.success and "on the base of the arm" in lesson.message
     lesson = graph.client.teach(TARGET)
     assert lesson.success, lesson.message
-    assert graph.client.throw(TARGET).code == Throw.Goal.OUTCOME_THROWN
+    assert graph.client.throw(TARGET).code == Execute.Goal.OUTCOME_EXECUTED
 
 
 def test_a_trial_whose_plan_is_empty_is_refused(graph):
     add = graph.client.node.create_client(AddTrial, "/skill_learner/add_trial")
-    plan = ThrowPlan(trajectory=MultiDOFJointTrajectory(joint_names=["attractor", "hand"], points=[MultiDOFJointTrajectoryPoint()]))
-    response = graph.client.call(add, AddTrial.Request(plan=plan), may_refuse=True)
+    plan = PlanMsg(
+        skill="throw", trajectory=MultiDOFJointTrajectory(joint_names=["attractor", "hand"], points=[MultiDOFJointTrajectoryPoint()])
+    )
+    trial = Demonstration(skill="throw", header=Header(frame_id="world"))
+    response = graph.client.call(add, AddTrial.Request(plan=plan, trial=trial), may_refuse=True)
     assert not response.success and "point 0 of the plan's trajectory has 0 transforms" in response.message

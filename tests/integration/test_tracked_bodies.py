@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from dart_skill_msgs.srv import JudgeThrow
+from dart_skill_msgs.srv import Judge
 from geometry_msgs.msg import PoseStamped
 from rclpy.serialization import serialize_message
 
@@ -121,10 +121,10 @@ def test_a_throw_is_not_judged_by_half_a_flight(make_graph, tmp_path):
     graph, client = make_graph(None)
     graph.start("demonstration_recorder", {"bag": str(tmp_path / "bag")})
     publishers = {role: client.node.create_publisher(PoseStamped, pose_topic(role), COMPLETE) for role in ROLES}
-    judge = client.node.create_client(JudgeThrow, "/demonstration_recorder/judge")
+    judge = client.node.create_client(Judge, "/demonstration_recorder/judge")
     client.reach(judge)
     wait_for(client, lambda: all(one.get_subscription_count() for one in publishers.values()), what="a recorder that hears all bodies")
-    asked = JudgeThrow.Request(target=conversions.point(RIM), opened=conversions.time_msg(OPENED_NS), until=conversions.time_msg(UNTIL_NS))
+    asked = Judge.Request(situation=conversions.at_place(RIM), told=conversions.time_msg(OPENED_NS), until=conversions.time_msg(UNTIL_NS))
 
     def publish(role, first_ns, last_ns):
         for message in poses(role, first_ns, last_ns):
@@ -140,5 +140,5 @@ def test_a_throw_is_not_judged_by_half_a_flight(make_graph, tmp_path):
     assert answer().pending
     publish("ball", OPENED_NS + 310_000_000, UNTIL_NS)
     wait_for(client, lambda: not answer().pending, limit=0.9 * REPAIRED, what="a judgement")
-    assert answer().outcome.landing_seen
-    assert answer().outcome.landing_error == pytest.approx(abs(3.5 * np.sqrt(2.0 * 1.6 / 9.81) - RIM[0]), abs=0.02)
+    assert answer().outcome.seen
+    assert answer().outcome.error == pytest.approx(abs(3.5 * np.sqrt(2.0 * 1.6 / 9.81) - RIM[0]), abs=0.02)

@@ -18,6 +18,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from dart_skill.regions import targets_for
 from dart_skill.view import _colours as colours
 from dart_skill.view._scene import EYE, FIELD_OF_VIEW, LOOK_AT
+from dart_skill.world import ROLES
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.latest_messages import poses_of
@@ -50,9 +51,10 @@ class Truth:
         if message.episode != self.episode:
             self.flight.clear()
         self.episode = message.episode
-        self.basket, self.hand = conversions.vector(message.basket.position), conversions.vector(message.hand.position)
-        if message.ball_state == SimulationState.BALL_FREE:
-            self.flight.append(conversions.vector(message.ball.position))
+        hand, ball, basket = (conversions.vector(conversions.state_of(message.bodies, role).pose.position) for role in ROLES)
+        self.basket, self.hand = basket, hand
+        if message.held != "ball":
+            self.flight.append(ball)
 
     def close(self):
         self._over = True
@@ -118,7 +120,7 @@ def test_everything_is_taught_learned_thrown_and_practised_from_the_page(live):
         until(lambda: page.says("nothing is learned yet"), "why there is no throw")
         until(lambda: not page.is_disabled("Teach"), "the buttons")
 
-        page.set("Demonstrations", 2)
+        page.set("Lessons", 2)
         page.click("Teach")
         until(lambda: page.says("2 of 2 demonstrations shown"), "two demonstrations", 180.0)
         page.click("Learn")

@@ -28,11 +28,11 @@ def test_names_become_those_of_dds():
     publish, subscribe = ALLOWED["/dart_skill/commander"]
     assert {
         "rt/commander/plan",
-        "rr/throw/_action/send_goalReply",
-        "rt/throw/_action/feedback",
-        "rq/skill_learner/plan_throwRequest",
+        "rr/execute/_action/send_goalReply",
+        "rt/execute/_action/feedback",
+        "rq/skill_learner/planRequest",
     } <= publish
-    assert {"rq/throw/_action/send_goalRequest", "rq/commander/stopRequest", "rr/skill_learner/plan_throwReply"} <= subscribe
+    assert {"rq/execute/_action/send_goalRequest", "rq/commander/stopRequest", "rr/skill_learner/planReply"} <= subscribe
     assert not may(publish, "rq/commander/stopRequest") and not may(subscribe, "rt/wam/command")
 
 

@@ -5,9 +5,23 @@ Nothing else imports `dart_skill.experiments`.
 
 import argparse
 
-from dart_skill.cli.experiment import basket, darts, faults, figure, landscapes, practice, repeatability, search, soak, throws
+from dart_skill.cli.experiment import (
+    basket,
+    compliance,
+    darts,
+    faults,
+    figure,
+    landscapes,
+    place,
+    practice,
+    reach,
+    repeatability,
+    search,
+    soak,
+    throws,
+)
 
-EXPERIMENTS = (throws, basket, practice, darts, repeatability, search, landscapes, figure, faults, soak)
+EXPERIMENTS = (throws, basket, practice, darts, repeatability, search, landscapes, compliance, place, reach, figure, faults, soak)
 
 
 def add_to(commands: argparse._SubParsersAction) -> None:

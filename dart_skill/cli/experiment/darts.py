@@ -6,16 +6,20 @@ import argparse
 import json
 from pathlib import Path
 
+DEFAULT_BOARD = "2.37,1.73"
+
 
 def add_to(experiments: argparse._SubParsersAction) -> None:
     """Add `darts` to the experiments of `dart-skill experiment`."""
     parser = experiments.add_parser("darts", help="darts by the arm: spread, aim and score over many throws, as a table and a figure")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seeds", type=int, metavar="N", help="seeds 0 to N - 1 instead, as a table with a line for each")
+    parser.add_argument("--jobs", type=int, default=1, help="processes at a time for several seeds (default 1)")
     parser.add_argument("--throws", type=int, default=300, help="own throws (default 300)")
     parser.add_argument("--demonstrations", type=int, default=8, help="darts that the teacher shows (default 8)")
     learned = "what is learned from own throws: which misses repeat, or that and when to let go (default both)"
     parser.add_argument("--practice", choices=("both", "misses", "none"), default="both", help=learned)
-    parser.add_argument("--board", default="2.37,1.73", metavar="DISTANCE,HEIGHT", help="of the bull [m] (default 2.37,1.73: regulation)")
+    parser.add_argument("--board", default=DEFAULT_BOARD, metavar="DISTANCE,HEIGHT", help="of the bull [m] (default 2.37,1.73: regulation)")
     parser.add_argument("--output", type=Path, metavar="FOLDER", help="write the figure there, as SVG and PNG")
     parser.add_argument("--json", action="store_true", help="every throw as JSON instead of the table")
     parser.set_defaults(run=_arm_darts)
@@ -24,8 +28,11 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
 def _arm_darts(options: argparse.Namespace) -> int:
     from tqdm import tqdm
 
+    if options.seeds is not None:
+        return _over_seeds(options)
     from dart_skill.experiments import arm_darts
-    from dart_skill.experiments.pictures.arm_darts import draw_arm_darts
+    from dart_skill.figures import draw_arm_darts
+    from dart_skill.session import darts_json, darts_table
     from dart_skill.simulation import Board
 
     distance, height = _board(options.board)
@@ -34,9 +41,20 @@ def _arm_darts(options: argparse.Namespace) -> int:
         run = arm_darts.run(*of_the_run, board, each=lambda n, dart: progress.update())
     paths = [] if options.output is None else draw_arm_darts(run, options.output)
     if options.json:
-        print(json.dumps({**arm_darts.as_json(run), "figure": [str(path) for path in paths]}, indent=1))
+        print(json.dumps({**darts_json(run), "figure": [str(path) for path in paths]}, indent=1))
     else:
-        print("\n".join([arm_darts.table(run), *(f"figure: {path}" for path in paths)]))
+        print("\n".join([darts_table(run), *(f"figure: {path}" for path in paths)]))
+    return 0
+
+
+def _over_seeds(options: argparse.Namespace) -> int:
+    from dart_skill.experiments import arm_darts
+    from dart_skill.session import darts_json
+
+    if options.seeds < 1 or options.board != DEFAULT_BOARD or options.output is not None:
+        raise ValueError(f"--seeds is {options.seeds}: give at least 1, and neither --board nor --output, which are for one seed")
+    runs = arm_darts.over_seeds(range(options.seeds), options.jobs, options.throws, options.demonstrations, options.practice)
+    print(json.dumps([darts_json(one) for one in runs], indent=1) if options.json else arm_darts.table_of_seeds(runs))
     return 0
 
 

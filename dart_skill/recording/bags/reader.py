@@ -122,17 +122,20 @@ class BagReader:
         start_ns: int | None = None,
         stop_ns: int | None = None,
         decode: bool = True,
+        every_ns: int = 0,
     ) -> Iterator[BagMessage]:
         """Messages in order of log time.
 
         topics: names; None: all.
         start_ns, stop_ns: log times from the first to before the second; None: no limit.
         decode: give objects instead of CDR bytes.
+        every_ns: log time at least from a message of a topic to the next one that is given; 0: all are.
         """
         chosen = self._chosen(topics)
         limits = (0 if start_ns is None else start_ns, END_OF_TIME if stop_ns is None else stop_ns)
         with _explained(self.path):
             found = self._source.messages(chosen, *limits)
+            found = _thinned(found, every_ns) if every_ns else found
             yield from map(self._decoded, found) if decode else found
 
     def attachments(self) -> list[Attachment]:
@@ -386,6 +389,16 @@ def _require_one_bag(path: Path, files: list[McapInput]) -> None:
     starts = [file.start_ns for file in files if file.message_count]
     if any(later <= earlier for earlier, later in zip(starts, starts[1:], strict=False)):
         raise _not_one_bag(path, len(files), "do not follow each other in time")
+
+
+def _thinned(messages: Iterable[BagMessage], every_ns: int) -> Iterator[BagMessage]:
+    """Of each topic no message sooner after the last one than so long [ns]; where log time jumps back, the next one."""
+    last: dict[str, int] = {}
+    for one in messages:
+        since = one.stamp_ns - last.get(one.topic, one.stamp_ns - every_ns)
+        if since >= every_ns or since < 0:
+            last[one.topic] = one.stamp_ns
+            yield one
 
 
 def _open(path: Path, files: list[Path], metadata: dict | None) -> _McapSource | _RosbagsSource:

@@ -1,6 +1,6 @@
 """From demonstrations to a skill, and from a skill to the plan of a throw."""
 
-from dart_skill.skill.learn._configuration import CONFIGURATIONS, DEFAULT, SkillConfiguration, configuration
+from dart_skill.skill.learn._configuration import CONFIGURATIONS, DEFAULT, SkillConfiguration, changed, configuration
 from dart_skill.skill.learn._ellipsoids import component_ellipsoids
 from dart_skill.skill.learn._model_file import load_model, save_model
 from dart_skill.skill.learn._preparation import PreparedThrow, prepare
@@ -16,6 +16,7 @@ __all__ = [
     "SkillConfiguration",
     "ThrowingSkill",
     "Unreachable",
+    "changed",
     "component_ellipsoids",
     "configuration",
     "frames_for",

@@ -3,7 +3,11 @@
 `thesis` is what chapter 8 describes; `default` is what throws best here. docs/skill.md holds the comparison.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
 
 from dart_skill.robot import KnownRegistration
 from dart_skill.surface import Game, game_at
@@ -12,6 +16,8 @@ FRAMES = ("thesis", "start", "azimuth", "azimuth_target")
 ALIGNMENTS = ("start", "release")
 PARTITIONS = ("time", "em")
 DRIVES = ("time", "state")
+CHANGED = ("components", "frames", "stiffness", "orientation_stiffness")
+"""What `changed` may change, beside the bounds of the stiffness."""
 RELEASES = ("shown", "farthest")
 
 
@@ -37,6 +43,9 @@ class SkillConfiguration:
     * nearest: int, default 0. Number of the nearest demonstrations that are used (8.4.2); 0: all.
     * solve_aim: bool, default True. Whether the task parameter is changed until the plan's predicted landing is on the target.
     * stiffness: float, default 200 [1/s^2]. kp of (7.19), with critical damping.
+    * orientation_stiffness: float, default 0 [1/s^2]. kp of the orientation, if it is another one; 0: the same.
+    * stiffness_range: (least, most) [1/s^2], default empty. The plan's stiffness of the position changes within these bounds: high where
+      and in which direction the demonstrations agreed (`stiffness_from_covariance`). Empty: it is constant.
     * step: float, default 0.004 [s]. Of the plan.
     * drive: "time" or "state", default "time". What drives the movement: a clock (`DSGMR`), or the state of the arm
       (`AutonomousDSGMR`, chapter 9).
@@ -63,7 +72,9 @@ class SkillConfiguration:
     drive: str = "time"
     release: str = "farthest"
     board: tuple[float, ...] = field(default=(), repr=False)  # left out of a model's name, which its tasks decide anyway
-    registration: KnownRegistration | None = field(default=None, repr=False)  # a model's name has it if there is one
+    registration: KnownRegistration | None = field(default=None, repr=False)  # a model's name has these if they are given
+    orientation_stiffness: float = field(default=0.0, repr=False)
+    stiffness_range: tuple[float, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         if self.frames not in FRAMES:
@@ -76,13 +87,25 @@ class SkillConfiguration:
             raise ValueError(f"drive '{self.drive}' is unknown: choose one of {', '.join(DRIVES)}")
         if self.release not in RELEASES:
             raise ValueError(f"release '{self.release}' is unknown: choose one of {', '.join(RELEASES)}")
-        for name, least in (("components", 1), ("width", 0.0), ("nearest", 0), ("stiffness", 1e-6), ("step", 1e-4)):
+        for name, least in (
+            ("orientation_stiffness", 0.0),
+            ("components", 1),
+            ("width", 0.0),
+            ("nearest", 0),
+            ("stiffness", 1e-6),
+            ("step", 1e-4),
+        ):
             if not getattr(self, name) >= least:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be at least {least}")
         object.__setattr__(self, "widths", tuple(float(width) for width in self.widths))
         if not all(width > 0.0 for width in self.widths):
             raise ValueError(f"widths are {self.widths}; all must be positive")
 
+        object.__setattr__(self, "stiffness_range", tuple(float(value) for value in self.stiffness_range))
+        if self.stiffness_range and not (len(self.stiffness_range) == 2 and 0.0 < self.stiffness_range[0] <= self.stiffness_range[1]):
+            raise ValueError(f"stiffness_range is {self.stiffness_range}: give the least and the largest stiffness, or none")
+        if self.stiffness_range and self.drive == "state":
+            raise ValueError("stiffness_range needs a movement that time drives: the other one knows no covariance of its attractor")
         object.__setattr__(self, "board", tuple(float(value) for value in self.board))
         game_at(self.board)
 
@@ -90,6 +113,11 @@ class SkillConfiguration:
     def game(self) -> Game:
         """What is thrown at what."""
         return game_at(self.board)
+
+    @property
+    def stiffness_of_features(self) -> float | np.ndarray:
+        """kp of x, y, z, alpha, beta: one number, or (5,)."""
+        return np.repeat([self.stiffness, self.orientation_stiffness], [3, 2]) if self.orientation_stiffness else self.stiffness
 
     @property
     def turns(self) -> bool:
@@ -120,6 +148,17 @@ CONFIGURATIONS = {
         replace(DEFAULT, name="two_frames", distance_input=False, frames="azimuth_target"),
     )
 }
+
+
+def changed(configuration: SkillConfiguration, parameters: Mapping[str, Any]) -> tuple[SkillConfiguration, str]:
+    """A configuration with parameters of the node skill_learner, and what they change, in words; 0 and an empty text change nothing.
+
+    parameters: those of `CHANGED`, least_stiffness and most_stiffness. ValueError names one that makes no sense.
+    """
+    changes = {name: parameters[name] for name in CHANGED if parameters[name]}
+    bounds = parameters["least_stiffness"], parameters["most_stiffness"]
+    changes |= {"stiffness_range": bounds} if all(bounds) else {}  # one is set before the other
+    return replace(configuration, **changes), ", ".join(f"{name} {value}" for name, value in changes.items())
 
 
 def configuration(name: str = "") -> SkillConfiguration:

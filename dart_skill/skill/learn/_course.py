@@ -24,6 +24,8 @@ class Course:
     * velocity, acceleration: (n, 5), in the features per s and per s^2.
     * azimuth: float [rad], by which the axes of the angles are turned about z.
     * roll: float [rad], the third angle, constant during the movement.
+    * pace_gain: (n, 10), how far the hand is ahead by its differences in the features and their velocities, for a movement that the state
+      drives; default None: time drives it.
     """
 
     time: np.ndarray
@@ -33,11 +35,12 @@ class Course:
     acceleration: np.ndarray
     azimuth: float
     roll: float
+    pace_gain: np.ndarray | None = None
 
     @classmethod
-    def of(cls, movement: Reproduction | StateDriven, azimuth: float, roll: float) -> Course:
+    def of(cls, movement: Reproduction | StateDriven, azimuth: float, roll: float, pace_gain: np.ndarray | None = None) -> Course:
         """The course of a movement that DS-GMR made."""
-        return cls(movement.time, movement.attractor, movement.position, movement.velocity, movement.acceleration, azimuth, roll)
+        return cls(movement.time, movement.attractor, movement.position, movement.velocity, movement.acceleration, azimuth, roll, pace_gain)
 
     def part(self, start: int, stop: int) -> Course:
         """The course between two indices."""
@@ -48,6 +51,7 @@ class Course:
             position=self.position[start:stop],
             velocity=self.velocity[start:stop],
             acceleration=self.acceleration[start:stop],
+            pace_gain=None if self.pace_gain is None else self.pace_gain[start:stop],
         )
 
     @property
@@ -75,6 +79,32 @@ class Course:
             velocity=self.hand_velocity,
             acceleration=np.hstack([self.acceleration[:, :3], np.gradient(self._angular_velocity, self.time, axis=0)]),
         )
+
+    @property
+    def pace_gain_of_hand(self) -> np.ndarray:
+        """Of the differences of position, orientation as a rotation vector, velocity and angular velocity in the world (n, 12).
+
+        Only valid if the state drives the movement.
+        """
+        assert self.pace_gain is not None
+        gain, angles = self.pace_gain, self._angles_of_rotation
+        turned, turning = (np.einsum("na,nai->ni", gain[:, columns], angles) for columns in (slice(3, 5), slice(8, 10)))
+        return np.hstack([gain[:, :3], turned, gain[:, 5:8], turning])
+
+    @property
+    def _angles_of_rotation(self) -> np.ndarray:
+        """Changes of alpha and beta (n, 2, 3) with a small turn in the world: R = R_z(azimuth) R_y(-alpha) R_z(beta) R_x(roll)."""
+        alpha, beta = self.position[:, 3], self.position[:, 4]
+        zero = np.zeros_like(alpha)
+        axes = np.stack(
+            [
+                np.stack([zero, zero - 1.0, zero], axis=1),
+                np.stack([-np.sin(alpha), zero, np.cos(alpha)], axis=1),
+                np.stack([np.cos(beta) * np.cos(alpha), np.sin(beta), np.cos(beta) * np.sin(alpha)], axis=1),
+            ],
+            axis=2,
+        )
+        return np.linalg.inv(turn_matrix(self.azimuth) @ axes)[:, :2]
 
     def _quaternions(self, angles: np.ndarray) -> np.ndarray:
         """World orientations (n, 4) of alpha, beta (n, 2)."""

@@ -6,12 +6,14 @@ from scipy.spatial.transform import Rotation
 from dart_skill.mixture import GaussianMixture
 
 
-def component_ellipsoids(mixture: GaussianMixture, deviations: float = 2.0) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+def component_ellipsoids(
+    mixture: GaussianMixture, deviations: float = 2.0, angles: int = 2
+) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """The components' positions as ellipsoids: centre (3,), orientation (4,) x, y, z, w, diameters (3,) [m].
 
-    x, y, z are the last five columns but the two angles: t, [distance,] x, y, z, alpha, beta.
+    x, y, z are the last columns but for the angles, of a throw two: t, [distance,] x, y, z, alpha, beta.
     """
-    first = mixture.means_.shape[1] - 5
+    first = mixture.means_.shape[1] - 3 - angles
     xyz = slice(first, first + 3)
     shapes = []
     for mean, covariance in zip(mixture.means_[:, xyz], mixture.covariances_[:, xyz, xyz], strict=True):

@@ -4,24 +4,21 @@ A model is a cache of its demonstrations: loading learns it again, to the last b
 """
 
 import json
-import math
-import zipfile
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 
+from dart_skill.archive import read_arrays
 from dart_skill.files import new_file, open_file
-from dart_skill.recording import Demonstration
+from dart_skill.recording import SKILL, Demonstration
 from dart_skill.robot import KnownRegistration, Registration
 from dart_skill.skill.learn._configuration import SkillConfiguration
 
 KIND, VERSION = "dart_skill model", 1
 """What a model file says it is. The version changes when older files cannot be read as they are any more."""
 NO_THROWS = np.empty((0, 4))
-LARGEST = 2**28
-"""Of all that a model file holds: thousands of demonstrations [bytes]."""
 
 
 def save_model(
@@ -37,7 +34,7 @@ def save_model(
     content: dict[str, Any] = {"format": np.array(f"{KIND} {VERSION}"), "configuration": np.array(json.dumps(_plain(configuration)))}
     content["practised"] = np.asarray(practised, dtype=float)
     for k, demonstration in enumerate(demonstrations):
-        content |= {f"{k:04d}.{f.name}": np.array(getattr(demonstration, f.name)) for f in fields(Demonstration)}
+        content |= {f"{k:04d}.{name}": np.array(getattr(demonstration, name)) for name in _fields_of(demonstration)}
     with new_file(path) as file:
         np.savez_compressed(file, **content)
 
@@ -49,7 +46,7 @@ def load_model(path: str | Path) -> tuple[list[Demonstration], SkillConfiguratio
     """
     with open_file(path) as file:
         try:
-            content = _arrays(file)
+            content = read_arrays(file)
             _check_format(str(content.pop("format")))
             # Models from before there was a choice let go when the teacher did.
             configuration = _configuration({"release": "shown", **json.loads(str(content.pop("configuration")))})
@@ -58,32 +55,6 @@ def load_model(path: str | Path) -> tuple[list[Demonstration], SkillConfiguratio
         except Exception as error:  # zip, zlib, JSON and NumPy each have their own for bytes that they do not expect
             raise ValueError(f"{path} is not a model file of dart_skill: {error or type(error).__name__}") from error
     return demonstrations, configuration, practised
-
-
-def _arrays(file: BinaryIO) -> dict[str, np.ndarray]:
-    """Everything in an archive, once it is known how much that is."""
-    with zipfile.ZipFile(file) as archive:
-        members = archive.infolist()
-        size = sum(member.file_size for member in members)
-        if size > LARGEST:
-            raise ValueError(f"it says that it holds {size} bytes, more than the {LARGEST} that a model may have")
-        for member in members:
-            _check_size(archive, member)
-    file.seek(0)
-    with np.load(file, allow_pickle=False) as loaded:
-        return dict(loaded)
-
-
-def _check_size(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> None:
-    """An array takes the memory that its head says, whatever follows: the two must agree."""
-    with archive.open(member) as stream:
-        version = np.lib.format.read_magic(stream)
-        read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}.get(version)
-        if read is None:
-            raise ValueError(f"{member.filename} has the unknown array format {version}")
-        shape, _, dtype = read(stream)
-        if stream.tell() + math.prod(shape) * dtype.itemsize != member.file_size:
-            raise ValueError(f"{member.filename} says that it has the shape {shape}, but it has {member.file_size} bytes")
 
 
 def _check_format(found: str) -> None:
@@ -113,9 +84,15 @@ def _configuration(values: dict[str, Any]) -> SkillConfiguration:
     return SkillConfiguration(**values, registration=known)
 
 
+def _fields_of(demonstration: Demonstration) -> list[str]:
+    """Those that are saved: a throw at a basket does not say so, so that older versions read it."""
+    return [f.name for f in fields(Demonstration) if f.name != "skill" or demonstration.skill != SKILL]
+
+
 def _demonstration(content: dict[str, np.ndarray], key: str) -> Demonstration:
-    values = {f.name: content[f"{key}.{f.name}"] for f in fields(Demonstration)}
-    kinds = {"id": str, "frame_id": str, "stamp_ns": int}
+    values = {f.name: content[f"{key}.{f.name}"] for f in fields(Demonstration) if f.name != "skill"}
+    values["skill"] = content.get(f"{key}.skill", np.array(SKILL))
+    kinds = {"id": str, "frame_id": str, "stamp_ns": int, "skill": str}
     plain = {name: kind(values[name]) for name, kind in kinds.items()}
     names = tuple(str(name) for name in values["joint_names"])
     events = {name: float(values[name]) for name in ("motion_start", "motion_stop", "hand_opened")}

@@ -16,8 +16,16 @@ from dart_skill.movement import angles_from_quaternions, attractor_from_motion, 
 from dart_skill.recording import Demonstration
 from dart_skill.robot import ArmModel, Sightings, measure_registration, wam_description
 from dart_skill.skill.learn._configuration import SkillConfiguration
-from dart_skill.skill.learn._registration import sightings
-from dart_skill.skill.observe import FreeFlight, Release, column_noise, find_flight, fit_release, judge_flight, position_noise
+from dart_skill.skill.observe import (
+    FreeFlight,
+    Release,
+    column_noise,
+    find_flight,
+    fit_release,
+    judge_flight,
+    position_noise,
+    sightings,
+)
 from dart_skill.world import the_world
 
 RATE = 100.0
@@ -135,7 +143,7 @@ def _prepare(demonstration: Demonstration, configuration: SkillConfiguration) ->
         time=grid,
         motion=motion.position,
         velocity=motion.velocity,
-        attractor=attractor_from_motion(*motion, configuration.stiffness),
+        attractor=attractor_from_motion(*motion, configuration.stiffness_of_features),
         start_pose=_start_pose(d, azimuth, turned),
         start=float(d.motion_start - shared),
         stop=float(d.motion_stop - shared),

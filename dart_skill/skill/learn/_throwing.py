@@ -29,15 +29,16 @@ from dart_skill.movement import (
     angles_from_quaternions,
     azimuth_of,
     choose_width,
-    critical_damping,
     gaussian_weights,
     nearest_weights,
     quaternions_from_angles,
+    stable_gains,
+    stiffness_from_covariance,
     turn_about_z,
     turn_matrix,
 )
 from dart_skill.recording import Demonstration
-from dart_skill.robot import Gains, ThrowPlan, fit_registration
+from dart_skill.robot import Gains, GainsOverTime, Pace, ThrowPlan, fit_registration
 from dart_skill.skill.learn._configuration import DEFAULT, SkillConfiguration
 from dart_skill.skill.learn._course import Course
 from dart_skill.skill.learn._preparation import PreparedThrow, prepare
@@ -138,6 +139,8 @@ class ThrowingSkill:
         digest = hashlib.sha256(repr(self.configuration).encode())
         if self.configuration.registration is not None:
             digest.update(repr(self.configuration.registration).encode())
+        if self.configuration.orientation_stiffness or self.configuration.stiffness_range:
+            digest.update(repr((self.configuration.orientation_stiffness, self.configuration.stiffness_range)).encode())
         for throw in self.throws:
             for part in (throw.task, throw.time, throw.attractor):
                 digest.update(np.ascontiguousarray(part).tobytes())
@@ -194,12 +197,12 @@ class ThrowingSkill:
 
     def _learn_driven_by_time(self, throws: list[PreparedThrow], frames: list[list[TaskFrame]], weights: np.ndarray) -> DSGMR:
         c = self.configuration
-        model = DSGMR(c.components, c.stiffness, n_inputs=int(c.distance_input), partition=c.partition)
+        model = DSGMR(c.components, c.stiffness_of_features, n_inputs=int(c.distance_input), partition=c.partition)
         return model.fit([model.features(one.time, one.attractor, self._inputs(one.reach)) for one in throws], frames, weights)
 
     def _learn_driven_by_state(self, throws: list[PreparedThrow], frames: list[list[TaskFrame]], weights: np.ndarray) -> AutonomousDSGMR:
         c = self.configuration
-        model = AutonomousDSGMR(c.components, c.stiffness, n_inputs=int(c.distance_input), partition=c.partition)
+        model = AutonomousDSGMR(c.components, c.stiffness_of_features, n_inputs=int(c.distance_input), partition=c.partition)
         return model.fit(
             [one.time for one in throws],
             [(one.motion, one.velocity) for one in throws],
@@ -316,8 +319,10 @@ class ThrowingSkill:
             movement = model.reproduce(frames, clock, start, AT_REST, inputs=inputs, step=c.step, covariance=False)
             return Course.of(movement, azimuth, roll)
         longest = LONGEST_DRIVE * (self._stop - self._start)
-        run = model.reproduce(frames, start, AT_REST, step=c.step, duration=longest, phase=clock, inputs=inputs)
-        return self._on_the_clock(Course.of(run, azimuth, roll), run.phase)
+        policy = model.policy(frames, phase=clock, inputs=inputs)
+        run = policy.run(start, AT_REST, step=c.step, duration=longest)
+        rate = np.maximum(np.gradient(run.phase, run.time), model.rule.slowest)
+        return self._on_the_clock(Course.of(run, azimuth, roll, policy.gain(run.phase) / rate[:, None]), run.phase)
 
     def _on_the_clock(self, course: Course, phase: np.ndarray) -> Course:
         """A course driven by the state, with a clock on which its phase (n,) is that of the release at the time of the release."""
@@ -354,9 +359,29 @@ class ThrowingSkill:
         position, _ = self.registration.poses(near.position[:, :3], near.hand_quaternion)
         return min(top, max(float(near.time[0]), stretched_at(near.time, position)))
 
+    def covariance_along(self, plan: ThrowPlan) -> np.ndarray:
+        """How differently the demonstrations went along a plan: covariance (n, 3, 3) of the attractor at its instants [m^2], (3.5)."""
+        return self._covariance(plan.aim, self._start + plan.path.time)
+
+    def _covariance(self, aim: np.ndarray, time: np.ndarray) -> np.ndarray:
+        model = self.model_for(aim)
+        if not isinstance(model, DSGMR):
+            raise ValueError(f"a movement that the state drives knows no covariance of its attractor: '{self.configuration.name}'")
+        covariance = model.retrieve(self._frames_for(aim), time, self._inputs(self._surface.coordinates(aim)[0]))[1]
+        assert covariance is not None
+        return covariance[:, :3, :3]
+
+    def _with_gains(self, aim: np.ndarray, course: Course) -> tuple[Course, GainsOverTime]:
+        """The course with other attractors and gains: the same motion, held the more firmly the more the demonstrations agreed."""
+        wanted = stiffness_from_covariance(self._covariance(aim, course.time), *self.configuration.stiffness_range)
+        stiffness, damping = stable_gains(course.time, wanted)
+        pull = course.acceleration[:, :3] + np.einsum("nij,nj->ni", damping, course.velocity[:, :3])
+        attractor = course.position[:, :3] + np.linalg.solve(stiffness, pull[..., None])[..., 0]
+        return replace(course, attractor=np.hstack([attractor, course.attractor[:, 3:]])), GainsOverTime(stiffness, damping)
+
     def _as_plan(self, target: np.ndarray, aim: np.ndarray, throw: _Throw) -> ThrowPlan:
-        course, stiffness = throw.course, self.configuration.stiffness
-        gains = Gains(stiffness, float(critical_damping(stiffness)))
+        c = self.configuration
+        course, gains = self._with_gains(aim, throw.course) if c.stiffness_range else (throw.course, Gains.critical(c.stiffness))
         release = to_the_nanosecond(throw.release - course.time[0])
         return ThrowPlan(
             target=target,
@@ -366,12 +391,13 @@ class ThrowingSkill:
             attractor_position=course.attractor[:, :3],
             attractor_quaternion=course.attractor_quaternion,
             position_gains=gains,
-            orientation_gains=gains,
+            orientation_gains=Gains.critical(c.orientation_stiffness or c.stiffness),
             release=release,
             open_hand=to_the_nanosecond(max(0.0, release - self.hand_delay)),
             start_posture=self._posture + np.array([np.arctan2(aim[1], aim[0]), 0, 0, 0, 0, 0, 0]),
             model_id=self.model_id,
             registration=self.registration,
+            pace=None if course.pace_gain is None else Pace(course.pace_gain_of_hand),
         )
 
 

@@ -1,10 +1,12 @@
 """From what the sensors saw to a demonstration, and to what became of a throw."""
 
 from dart_skill.skill.observe._at_rest import basket_at_rest, check_ball_in_hand
-from dart_skill.skill.observe._cutting import ARRIVAL_NS, RESET_NS, THRESHOLDS, ThrowLog, judged, seen_down, watched_until
+from dart_skill.skill.observe._cutting import ARRIVAL_NS, THRESHOLDS, ThrowLog, judged, seen_down, watched_until
 from dart_skill.skill.observe._free_flight import FreeFlight, find_flight
 from dart_skill.skill.observe._noise import column_noise, position_noise
 from dart_skill.skill.observe._outcome import Outcome, Release, fit_release, judge_flight
+from dart_skill.skill.observe._sensor_log import RESET_NS, SensorLog
+from dart_skill.skill.observe._sightings import sightings
 from dart_skill.skill.observe._throw_finder import FoundThrow, ThrowFinder, worlds
 
 __all__ = [
@@ -14,6 +16,7 @@ __all__ = [
     "Outcome",
     "RESET_NS",
     "Release",
+    "SensorLog",
     "THRESHOLDS",
     "ThrowFinder",
     "ThrowLog",
@@ -26,6 +29,7 @@ __all__ = [
     "position_noise",
     "judged",
     "seen_down",
+    "sightings",
     "watched_until",
     "worlds",
 ]

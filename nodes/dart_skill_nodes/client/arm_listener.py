@@ -46,6 +46,11 @@ class ArmListener:
         return bool(self._messages[JOINT_STATES])
 
     @property
+    def drivers(self) -> list[str]:
+        """Names of the nodes that publish joint states."""
+        return sorted(one.node for one in _ends(self._node.get_publishers_info_by_topic(JOINT_STATES)))
+
+    @property
     def silent(self) -> list[str]:
         """Topics of joints and poses on which nothing has come."""
         return [topic for topic in (JOINT_STATES, *self._topics.values()) if not self._messages[topic]]

@@ -6,9 +6,11 @@ from collections.abc import Callable, Coroutine, Iterable
 
 import numpy as np
 import rclpy
-from dart_skill_msgs.action import Practice, Teach, Throw
+from dart_skill_msgs.action import Execute, Practice, Teach
+from dart_skill_msgs.msg import Situation
 from dart_skill_msgs.srv import DropDemonstration, Learn, ListDemonstrations, StopDemonstration
 from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.action import ActionClient
 from rclpy.action.client import ClientGoalHandle
@@ -21,7 +23,7 @@ from dart_skill.world import the_world
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.client.server_probe import APPEARS, ServerProbe
 from dart_skill_nodes.client.service_calls import ServiceCalls
-from dart_skill_nodes.client.throw_sequence import ThrowSequence, ThrowUnderWay
+from dart_skill_nodes.client.trial_sequence import TrialSequence, TrialUnderWay
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import start
 from dart_skill_nodes.comms.presence import LOOK, Presence, be_alive, servers
@@ -47,7 +49,7 @@ class GraphClient:
         self._teach = ActionClient(self.node, Teach, "/teach")
         self._practice = ActionClient(self.node, Practice, "/practice")
         self._learn = self.node.create_client(Learn, "/skill_learner/learn")
-        self._sequence = ThrowSequence(self.node, ServiceCalls(self.node), the_world().frame_id)
+        self._sequence = TrialSequence(self.node, ServiceCalls(self.node), the_world().frame_id)
         self._links: dict[object, ServerProbe] = {}
         self._setters: dict[str, Client] = {}
         self._taught, self.simulated_steps, self.throw_seconds = 0, 0, np.zeros(2)
@@ -78,7 +80,7 @@ class GraphClient:
         """Wait for every action and service; GraphFailure names what is silent."""
         for client in (self._learn, self._sequence.reset_client, self._sequence.pause_client):
             self.reach(client, limit)
-        self._reach_action(self._sequence.action_client, "/throw", limit)
+        self._reach_action(self._sequence.action_client, "/execute", limit)
         if teacher:
             self._reach_action(self._teach, "/teach", limit)
 
@@ -108,8 +110,12 @@ class GraphClient:
 
     def teach(self, target: np.ndarray) -> Teach.Result:
         """Guided throws at one basket until one goes in."""
+        return self.show(conversions.at_place(target))
+
+    def show(self, situation: Situation) -> Teach.Result:
+        """A movement that is guided in one situation until it succeeds."""
         self._reach_action(self._teach, "/teach")
-        handle, server = self._accepted(self._teach.send_goal_async(Teach.Goal(target=conversions.point(target))), "/teach")
+        handle, server = self._accepted(self._teach.send_goal_async(Teach.Goal(situation=situation)), "/teach")
         result = self.wait(handle.get_result_async(), "the lesson", needed=server).result
         self._taught += result.success
         if result.success:
@@ -140,10 +146,10 @@ class GraphClient:
         client = self.node.create_client(StopDemonstration, "/demonstration_recorder/stop")
         return self._call_while_pending(client, StopDemonstration.Request(keep=True))
 
-    def demonstrations(self, configuration: str = "") -> ListDemonstrations.Response:
-        """What the learner has heard, and what can be made of it."""
+    def demonstrations(self, configuration: str = "", compare: bool = False) -> ListDemonstrations.Response:
+        """What the learner has heard, and what can be made of it; compare: also how unlike the others each is."""
         client = self.node.create_client(ListDemonstrations, "/skill_learner/demonstrations")
-        return self.call(client, ListDemonstrations.Request(configuration=configuration))
+        return self.call(client, ListDemonstrations.Request(configuration=configuration, compare=compare))
 
     def drop(self, name: str, restore: bool = False) -> str:
         """Leave a demonstration out of what is learned next, or let it count again; GraphFailure if there is none of this name."""
@@ -152,28 +158,41 @@ class GraphClient:
 
     def is_simulated(self, limit: float = START) -> bool:
         """Whether the coach of the graph resets a simulator before each throw; GraphFailure if there is no coach to say so."""
+        return self._of_coach("simulated", limit).bool_value
+
+    def skill(self, limit: float = START) -> str:
+        """The skill of the graph; GraphFailure if there is no coach to say so."""
+        return self._of_coach("skill", limit).string_value
+
+    def _of_coach(self, name: str, limit: float) -> ParameterValue:
         client = self.node.create_client(GetParameters, "/coach/get_parameters")
         self.reach(client, limit)
-        return self._asked(client, GetParameters.Request(names=["simulated"])).values[0].bool_value
+        return self._asked(client, GetParameters.Request(names=[name])).values[0]
 
-    def throw(self, target: np.ndarray) -> Throw.Result:
+    def throw(self, target: np.ndarray) -> Execute.Result:
         """One throw at a basket that is put there, from a world that is reset."""
-        under_way = self._begin_throw(target)
+        return self.execute(conversions.at_place(target))
+
+    def execute(self, situation: Situation, look: bool = False) -> Execute.Result:
+        """One movement in a situation in which bodies are put, from a world that is reset; look: it is planned for what the cameras see."""
+        under_way = self._begin(situation, look)
         begun = time.monotonic()
-        commander = servers(self.node, "/throw/_action/send_goal")
-        outcome = self.wait(under_way.handle.get_result_async(), "the throw", needed=commander).result
+        commander = servers(self.node, "/execute/_action/send_goal")
+        outcome = self.wait(under_way.handle.get_result_async(), "the movement", needed=commander).result
         self.throw_seconds += conversions.seconds(outcome.duration), time.monotonic() - begun
-        self.carry_out(self._sequence.end(under_way), "the throw")
+        self.carry_out(self._sequence.end(under_way), "the movement")
         return outcome
 
     def start_throw(self, target: np.ndarray):
         """Future of the result of a throw that has begun, and the goal's handle."""
-        handle = self._begin_throw(target).handle
+        handle = self._begin(conversions.at_place(target)).handle
         return handle.get_result_async(), handle
 
-    def _begin_throw(self, target: np.ndarray) -> ThrowUnderWay:
-        first_stamp = self.carry_out(self._sequence.reset(target), "the reset")
-        return self.carry_out(self._sequence.begin(target, first_stamp), "the beginning of the throw")
+    def _begin(self, situation: Situation, look: bool = False) -> TrialUnderWay:
+        stamp = self.carry_out(self._sequence.reset(situation), "the reset")
+        if look:
+            situation, stamp = self.carry_out(self._sequence.look(), "a look at the bodies")
+        return self.carry_out(self._sequence.begin(situation, stamp), "the beginning of the movement")
 
     def practise(
         self,
@@ -182,13 +201,16 @@ class GraphClient:
         follow_basket: bool = False,
         only_throw: bool = False,
         on_feedback=lambda feedback: None,
+        situations: Iterable[Situation] = (),
     ) -> Practice.Result:
         """Own throws that are learned from, or only thrown; without targets the coach chooses them, or throws where it sees the basket.
 
+        situations: the same as targets, of any skill.
+
         on_feedback: called with each feedback. Ctrl-C cancels the throws, on the arm too.
         """
-        goal = Practice.Goal(throws=throws, targets=[conversions.point(target) for target in targets])
-        goal.follow_basket, goal.only_throw = follow_basket, only_throw
+        goal = Practice.Goal(trials=throws, situations=[*situations, *map(conversions.at_place, targets)])
+        goal.follow_bodies, goal.only_execute = follow_basket, only_throw
         self._reach_action(self._practice, "/practice")
         sent = self._practice.send_goal_async(goal, feedback_callback=lambda message: on_feedback(message.feedback))
         handle, server = self._accepted(sent, "/practice")

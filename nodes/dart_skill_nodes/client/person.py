@@ -16,7 +16,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from dart_skill.robot import ArmState
+from dart_skill.robot import ArmState, Mode
 from dart_skill.skill.observe import basket_at_rest, check_ball_in_hand
 from dart_skill.world import ROLES, pose_topic
 from dart_skill_nodes.client.failures import CallFailed
@@ -35,8 +35,8 @@ AT_REST, THERE = 0.05, 0.1
 """The arm is at rest below this joint speed [rad/s], and at a posture within this of each joint [rad]."""
 COME_TO_REST = 20.0
 """An arm that is not at its posture so long after it should be is not waited for any more [s, wall clock]."""
-HELD = "holding"
-"""What the commander says of an arm that it holds."""
+HELD, MOVES = Mode.HOLDING.value, Mode.MOVING.value
+"""What the commander says of an arm that it holds, and of one on its way to a posture."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Person:
         self._cameras = MatchingSubscriptions(node)
         for role in ROLES:
             self._cameras.subscribe(pose_topic(bodies[role]), self._taker(role), PoseStamped, raw=True)
-        self._heard, self._mode = b"", ""
+        self._heard, self._mode, self._last, self._moved = b"", "", "", False
         self._states = hear_joint_states(node, self._on_state, raw=True)
         node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
         self._move = node.create_client(MoveArm, "/commander/move_to")
@@ -87,7 +87,9 @@ class Person:
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
             if status.name == "commander":
-                self._mode = {pair.key: pair.value for pair in status.values}.get("mode", "")
+                values = {pair.key: pair.value for pair in status.values}
+                self._mode, self._last = values.get("mode", ""), values.get("last", "")
+                self._moved = self._moved or self._mode == MOVES
 
     # what is asked and waited for
 
@@ -119,9 +121,16 @@ class Person:
         if self._is_at(posture):
             return
         self.ask("stand back: the arm moves to where the throw begins")
+        self._moved = False
         begun = await self._calls.call(self._move, MoveArm.Request(posture=posture))
+
+        def arrived() -> bool:
+            if self._moved and self._mode == HELD and not self._is_at(posture):
+                raise CallFailed(f"the arm stopped on its way to where the throw begins: {self._last or 'the commander says no reason'}")
+            return self._check_at(posture)
+
         try:
-            await self._until("", lambda: self._check_at(posture), conversions.seconds(begun.duration) + COME_TO_REST)
+            await self._until("", arrived, conversions.seconds(begun.duration) + COME_TO_REST)
         except CallFailed:
             await self._calls.call(self._stop, Trigger.Request())
             raise

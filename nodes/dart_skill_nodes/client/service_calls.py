@@ -3,9 +3,9 @@
 import time
 from collections.abc import Awaitable, Callable
 
-import numpy as np
-from dart_skill_msgs.msg import TrialOutcome
-from dart_skill_msgs.srv import JudgeThrow, StopDemonstration
+from dart_skill_msgs.msg import Outcome, Situation
+from dart_skill_msgs.srv import Judge as JudgeService
+from dart_skill_msgs.srv import Look, StopDemonstration
 from rclpy.action import ActionClient
 from rclpy.node import Node
 from std_srvs.srv import Trigger
@@ -120,14 +120,16 @@ class Judge:
 
     def __init__(self, node: Node, calls: ServiceCalls):
         self._node, self._calls = node, calls
-        self._client = node.create_client(JudgeThrow, "/demonstration_recorder/judge")
+        self._client = node.create_client(JudgeService, "/demonstration_recorder/judge")
 
-    async def outcome(self, target: np.ndarray, opened_ns: int, until_ns: int) -> TrialOutcome:
-        """What became of a throw at a target (3,), of what the cameras saw up to a stamp, once that has arrived.
+    async def outcome(self, situation: Situation, told_ns: int, until_ns: int, begun_ns: int = 0) -> Outcome:
+        """What became of a movement for a situation, of what the cameras saw up to a stamp, once that has arrived.
+
+        told_ns, begun_ns: when the fingers were told the last thing, and when it began, 0 if that is not known [ns].
 
         Where nothing more of it arrives within ARRIVAL, the throw is judged by what has come. CallFailed if nobody judges.
         """
-        request = JudgeThrow.Request(target=conversions.point(target), opened=conversions.time_msg(opened_ns))
+        request = JudgeService.Request(situation=situation, begun=conversions.time_msg(begun_ns), told=conversions.time_msg(told_ns))
         request.until = conversions.time_msg(until_ns)
         come, late = "", 0.0
         while (response := await self._calls.call(self._client, request, may_refuse=True)).pending:
@@ -139,3 +141,22 @@ class Judge:
         if not response.success:
             raise CallFailed(f"{self._client.srv_name}: {response.message}")
         return response.outcome
+
+
+class Eyes:
+    """The node that sees the poses, as whoever wants to know where bodies are asks it."""
+
+    def __init__(self, node: Node, calls: ServiceCalls):
+        self._node, self._calls = node, calls
+        self._client = node.create_client(Look, "/demonstration_recorder/look")
+
+    async def look(self, until_ns: int = 0) -> Situation:
+        """Where the bodies of the skill are just before a stamp; 0: now. CallFailed says which one is not seen."""
+        request, since = Look.Request(until=conversions.time_msg(until_ns)), time.monotonic()
+        while (response := await self._calls.call(self._client, request, may_refuse=True)).pending:
+            if time.monotonic() - since > ARRIVAL:
+                raise CallFailed(f"{self._client.srv_name}: {response.message}")
+            await pause(self._node, 0.02)
+        if not response.success:
+            raise CallFailed(f"{self._client.srv_name}: {response.message}")
+        return response.situation

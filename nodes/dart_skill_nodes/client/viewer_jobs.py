@@ -4,18 +4,20 @@ import itertools
 from collections.abc import Callable
 
 import numpy as np
-from dart_skill_msgs.action import Practice, Teach, Throw
-from dart_skill_msgs.srv import Learn, PlaceBasket, Step
+from dart_skill_msgs.action import Execute, Practice, Teach
+from dart_skill_msgs.msg import Outcome, Situation
+from dart_skill_msgs.srv import Learn, PlaceBody, Step
 from rclpy.action import ActionClient
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from dart_skill.regions import Region
+from dart_skill.skill.protocol import Skill
 from dart_skill.view import Request
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.node_inspector import NodeInspector
 from dart_skill_nodes.client.service_calls import ServiceCalls
-from dart_skill_nodes.client.throw_sequence import ThrowSequence
+from dart_skill_nodes.client.trial_sequence import TrialSequence
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import Promise, pause, start
 
@@ -32,6 +34,7 @@ class ViewerJobs:
 
     say: called with what goes on, and whether it is an error; busy: with whether a job is under way; threw: with the landing error [m] and
     whether the ball went in; seen: gives where the basket is seen (3,), or None; heard: number of demonstrations that were published.
+    skill: in whose situations something is taught and tried; None: throws at baskets. job: name of the one under way, empty: none.
     """
 
     def __init__(
@@ -45,21 +48,36 @@ class ViewerJobs:
         threw: Callable[[float, bool], None],
         seen: Callable[[], np.ndarray | None],
         heard: Callable[[], int],
+        skill: Skill | None = None,
     ):
         self._node, self._region, self._frame_id = node, region, frame_id
-        self._rng = np.random.default_rng([seed, 7])
-        self._say, self._show_busy, self._threw, self._seen, self._heard = say, busy, threw, seen, heard
+        self._rng, self._skill = np.random.default_rng([seed, 7]), skill
+        self.say, self._show_busy, self._threw, self._seen, self.heard = say, busy, threw, seen, heard
         self._calls, self._inspector = ServiceCalls(node), NodeInspector(node)
-        self._job, self._handle, self._stopping, self._said = "", None, False, ""
+        self.job, self._handle, self._stopping, self._said = "", None, False, ""
         self._wanted, self._placing, self._placed_at = None, False, None
+        self._when_over: Callable[[str], None] = lambda job: None
         self._actions = {name: ActionClient(node, kind, f"/{name}") for name, kind in (("teach", Teach), ("practice", Practice))}
         self._learn = node.create_client(Learn, "/skill_learner/learn")
-        self._sequence = ThrowSequence(node, self._calls, frame_id)
+        self._sequence = TrialSequence(node, self._calls, frame_id)
         self._step = node.create_client(Step, "/simulation/step")
-        self._place = node.create_client(PlaceBasket, "/simulation/place_basket")
+        self._place = node.create_client(PlaceBody, "/simulation/place_body")
         self._stop = node.create_client(Trigger, "/commander/stop")
         self._reset = node.create_client(Trigger, "/commander/reset")
         self._jobs = {"teach": self._teach, "learn": self._learn_from_all, "throw": self._throw, "practice": self._practise}
+
+    def add(self, what: str, job: Callable) -> None:
+        """A further job, a routine, for requests of that name."""
+        self._jobs[what] = job
+
+    def when_over(self, callback: Callable[[str], None]) -> None:
+        """Call with the name of each job that has ended."""
+        self._when_over = callback
+
+    def cancel(self) -> None:
+        """What is under way ends, and nothing else is stopped."""
+        if self._handle is not None:
+            self._handle.cancel_goal_async()
 
     def obey(self, request: Request) -> None:
         """Begin what somebody asked for; refuse a second job while there is one."""
@@ -75,49 +93,57 @@ class ViewerJobs:
             start(self._node, self._free_arm(), self._ended_aside)
         elif what == "set":
             start(self._node, self._set(**values), self._ended_aside)
-        elif self._job:
-            self._say(f"{what} has to wait: {self._job} is under way", True)
+        elif self.job:
+            self.say(f"{what} has to wait: {self.job} is under way", True)
         else:
             self._begin(what, values)
 
     # jobs
 
     def _begin(self, what: str, values) -> None:
-        self._job, self._stopping, self._said = what, False, ""
+        self.job, self._stopping, self._said = what, False, ""
         self._show_busy(True)
         start(self._node, self._jobs[what](**values), self._ended)
 
     def _ended(self, text, error: Exception | None) -> None:
-        self._job, self._handle = "", None
+        ended, self.job, self._handle = self.job, "", None
         self._show_busy(False)
-        self._tell(text, error)
+        self.tell(text, error)
+        self._when_over(ended)
 
     def _say_once(self, text: str) -> None:
         if text != self._said:
             self._said = text
-            self._say(text, False)
+            self.say(text, False)
 
     def _ended_aside(self, text, error: Exception | None) -> None:
-        self._tell(text, error)
+        self.tell(text, error)
 
-    def _tell(self, text, error: Exception | None) -> None:
+    def tell(self, text, error: Exception | None) -> None:
+        """What came of a routine, on the page."""
         if error is not None and not isinstance(error, CallFailed | ValueError):
             self._node.get_logger().error(f"{type(error).__name__}: {error}")
         if error is not None or text:
-            self._say(str(error) if error is not None else text, error is not None)
+            self.say(str(error) if error is not None else text, error is not None)
 
     async def _teach(self, demonstrations: int) -> str:
-        shown, targets = 0, self._region.spread(2 * demonstrations, self._rng)
-        for target in targets:
+        shown = 0
+        for situation in self.situations(2 * demonstrations):
             if shown == demonstrations or self._stopping:
                 break
-            self._say(f"demonstration {shown + 1} of {demonstrations}", False)
-            result = await self._carry_out("teach", Teach.Goal(target=conversions.point(target)))
+            self.say(f"demonstration {shown + 1} of {demonstrations}", False)
+            result = await self.carry_out("teach", Teach.Goal(situation=situation))
             shown += bool(result.success)
         return f"{shown} of {demonstrations} demonstrations shown" + (", stopped" if self._stopping else "")
 
+    def situations(self, n: int) -> list[Situation]:
+        """In which something is shown."""
+        if self._skill is None:
+            return [conversions.at_place(target) for target in self._region.spread(n, self._rng)]
+        return [conversions.situation_msg(one) for one in self._skill.draws(self._rng, n)]
+
     async def _learn_from_all(self, configuration: str) -> str:
-        request = Learn.Request(configuration=configuration, at_least=self._heard())
+        request = Learn.Request(configuration=configuration, at_least=self.heard())
         for _ in range(200):
             response = await self._calls.call(self._learn, request, may_refuse=True)
             if not response.pending:
@@ -128,27 +154,34 @@ class ViewerJobs:
         return response.message
 
     async def _throw(self) -> str:
+        if self._skill is not None:
+            result = await self._practice(1, False, only_throw=True)  # the coach draws a situation, or chooses what to aim at
+            return in_words(result.outcomes[-1]) if result.success else result.message
         target = await self._target()
         if not self._sequence.reset_client.service_is_ready():
             return await self._practise(1, True, only_throw=True)  # a person puts the ball into the hand: the coach says when
         first_stamp = await self._sequence.reset()
-        under_way = await self._sequence.begin(target, first_stamp, lambda phase: self._say_once(phase.replace("_", " ")))
+        under_way = await self._sequence.begin(
+            conversions.at_place(target), first_stamp, lambda phase: self._say_once(phase.replace("_", " "))
+        )
         result = await self._sequence.end(under_way)
-        if result.code != Throw.Goal.OUTCOME_THROWN:
+        if result.code != Execute.Goal.OUTCOME_EXECUTED:
             raise CallFailed(f"no throw: {result.message}")
         return self._judge(result.outcome)
 
     def _judge(self, outcome) -> str:
-        error = float(outcome.landing_error) if outcome.landing_seen else float("nan")
-        self._threw(error, bool(outcome.in_basket))
-        return in_words(error, bool(outcome.in_basket))
+        self._threw(float(outcome.error) if outcome.seen else float("nan"), bool(outcome.success))
+        return in_words(outcome)
 
     async def _practise(self, throws: int, follow_basket: bool, only_throw: bool = False) -> str:
-        goal = Practice.Goal(throws=throws, follow_basket=follow_basket, only_throw=only_throw)
-        result = await self._carry_out("practice", goal)
+        return (await self._practice(throws, follow_basket, only_throw)).message
+
+    async def _practice(self, throws: int, follow_basket: bool, only_throw: bool) -> Practice.Result:
+        goal = Practice.Goal(trials=throws, follow_bodies=follow_basket, only_execute=only_throw)
+        result = await self.carry_out("practice", goal)
         if not result.success and not self._stopping:
             raise CallFailed(result.message)
-        return result.message
+        return result
 
     # the basket
 
@@ -156,14 +189,14 @@ class ViewerJobs:
         while self._wanted is not None:
             place, self._wanted = self._wanted, None
             if not self._place.service_is_ready():
-                raise CallFailed("the basket is not moved from here: nobody serves /simulation/place_basket")
-            await self._calls.call(self._place, PlaceBasket.Request(position=conversions.point(place)))
+                raise CallFailed("the basket is not moved from here: nobody serves /simulation/place_body")
+            await self._calls.call(self._place, PlaceBody.Request(body=conversions.BASKET, pose=conversions.pose_at(place)))
             await self._calls.call(self._step, Step.Request(steps=LOOK_STEPS), may_refuse=True)  # refused while the world runs anyway
             self._placed_at = place
 
     def _placed(self, _, error: Exception | None) -> None:
         self._placing, self._wanted = False, None
-        self._tell("", error)
+        self.tell("", error)
 
     async def _target(self) -> np.ndarray:
         """Where the basket is seen (3,), if it was just moved only when that has been seen."""
@@ -185,8 +218,7 @@ class ViewerJobs:
     async def _stop_all(self) -> str:
         self._stopping = True
         self._sequence.cancel()
-        if self._handle is not None:
-            self._handle.cancel_goal_async()
+        self.cancel()
         if not self._stop.service_is_ready():
             raise CallFailed("nobody serves /commander/stop: is the commander running?")
         await self._calls.call(self._stop, Trigger.Request())
@@ -200,7 +232,7 @@ class ViewerJobs:
         await self._inspector.set(node, name, value)
         return f"{name} = {value:g}"
 
-    async def _carry_out(self, name: str, goal, on_feedback=lambda feedback: None):
+    async def carry_out(self, name: str, goal, on_feedback=lambda feedback: None):
         """Result of an action's goal; CallFailed if its server goes away."""
         client, over = self._actions[name], Promise()
         try:
@@ -211,7 +243,11 @@ class ViewerJobs:
             self._handle = None
 
 
-def in_words(error: float, in_basket: bool) -> str:
-    """What became of a throw."""
-    miss = f"{100 * error:.1f} cm from the middle" if np.isfinite(error) else "landing not seen"
-    return f"{'in the basket' if in_basket else 'missed'}, {miss}"
+def in_words(outcome: Outcome) -> str:
+    """What became of a throw, or of another movement."""
+    seen, done = bool(outcome.seen), bool(outcome.success)
+    if outcome.skill != conversions.THROW:
+        miss = f"{1e3 * outcome.error:.1f} mm off" if seen else "not seen"
+        return f"{'done' if done else 'failed'}, {miss}"
+    miss = f"{100 * outcome.error:.1f} cm from the middle" if seen else "landing not seen"
+    return f"{'in the basket' if done else 'missed'}, {miss}"

@@ -5,14 +5,18 @@ Here, and nowhere else, the fields of messages are checked: what comes out are f
 
 import math
 import struct
+from array import array
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
+from dart_skill_msgs.msg import BodyState, BodyTrack, Event, WamCommand
 from dart_skill_msgs.msg import Demonstration as DemonstrationMsg
-from dart_skill_msgs.msg import ThrowPlan as ThrowPlanMsg
-from dart_skill_msgs.msg import TrialOutcome, WamCommand
-from geometry_msgs.msg import Point, PointStamped, PoseStamped, Transform, Twist
+from dart_skill_msgs.msg import Outcome as OutcomeMsg
+from dart_skill_msgs.msg import Plan as PlanMsg
+from dart_skill_msgs.msg import Situation as SituationMsg
+from geometry_msgs.msg import Point, Pose, PoseStamped, Transform, Twist
 from nav_msgs.msg import Path
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
@@ -20,23 +24,65 @@ from std_msgs.msg import Header
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
 from dart_skill.checks import as_place
-from dart_skill.recording import Demonstration, demonstration_from_message, fill_demonstration_message
-from dart_skill.robot import ArmState, Command, Gains, Grip, HandPath, Registration, Speed, ThrowPlan, all_finite
+from dart_skill.constants import N_JOINTS
+from dart_skill.pace import PhaseRule
+from dart_skill.recording import Demonstration, demonstration_from_message, fill_demonstration_message, filled, named
+from dart_skill.robot import (
+    ArmState,
+    Command,
+    Gains,
+    GainsOverTime,
+    Grip,
+    GripEvent,
+    HandPath,
+    MotionPlan,
+    Pace,
+    Registration,
+    Speed,
+    ThrowPlan,
+    all_finite,
+)
 from dart_skill.skill.observe import Outcome, Release
-from dart_skill.world import joint_order
+from dart_skill.skill.protocol import (
+    WORDS,
+    Situation,
+    Skill,
+    TaskDemonstration,
+    TaskOutcome,
+    grip_of,
+    task_demonstration_content,
+)
+from dart_skill.skill.protocol import Pose as BodyPose
+from dart_skill.skills.throw import Throw
+from dart_skill.world import THROWN, joint_order
+
+if TYPE_CHECKING:
+    from dart_skill.skill.model import Policy
 
 GIGA = 1_000_000_000
 UNIT = 1e-3
 """A quaternion's length is 1 within this."""
 NEW = {
+    "dart_skill_msgs/msg/BodyTrack": BodyTrack,
+    "dart_skill_msgs/msg/Event": Event,
+    "geometry_msgs/msg/Pose": Pose,
     "geometry_msgs/msg/PoseStamped": PoseStamped,
-    "geometry_msgs/msg/PointStamped": PointStamped,
     "sensor_msgs/msg/JointState": JointState,
 }
+THROW = "throw"
+"""The skill whose target is a basket."""
+BASKET, BOARD, LANDING, RELEASE, MISS = "basket", "board", "landing", "release", "miss"
+"""Of a throw: the bodies at which it is aimed, and the instants that its outcome tells of; of other skills: by how much they missed."""
 
-
+BASKETS = Throw()
+"""The skill of throwing at baskets."""
 LEADING_STAMP = struct.Struct("<4xiI")
 """A stamp behind the encapsulation (CDR, little-endian, as on every machine that ROS 2 supports)."""
+
+
+def what_comes(skill: str) -> str:
+    """What nobody sees of a skill without cameras, in words."""
+    return f"where the {THROWN[skill][0]} goes" if skill in THROWN else "what becomes of it"
 
 
 def decoded(data: bytes, kind: type):
@@ -77,13 +123,17 @@ def time_msg(ns: int) -> Time:
 
 def duration_msg(seconds: float) -> Duration:
     """Seconds as a duration, to the nanosecond."""
-    sec, nanosec = divmod(round(seconds * 1e9), GIGA)
-    return Duration(sec=sec, nanosec=nanosec)
+    return _nanoseconds(round(seconds * 1e9))
 
 
 def seconds(duration: Duration) -> float:
     """A duration in seconds."""
     return stamp_ns(duration) * 1e-9
+
+
+def _nanoseconds(ns: int) -> Duration:
+    sec, nanosec = divmod(ns, GIGA)
+    return Duration(sec=sec, nanosec=nanosec)
 
 
 def set_stamp(stamp: Time, ns: int) -> None:
@@ -184,43 +234,241 @@ def demonstration_msg(one: Demonstration) -> DemonstrationMsg:
     return fill_demonstration_message(one, DemonstrationMsg(), lambda name: NEW[name]())
 
 
-def outcome_msg(outcome: Outcome, target: np.ndarray, frame_id: str, ns: int, release: Release | None = None) -> TrialOutcome:
-    """What became of a throw as a message; what was not seen is NaN."""
-    unseen = np.full(3, np.nan)
-    message = TrialOutcome()
-    set_stamp(message.header.stamp, ns)
-    message.header.frame_id, message.target = frame_id, point(target)
-    message.landing_seen, message.in_basket = bool(outcome.landing_seen), bool(outcome.in_basket)
-    message.landing, message.landing_error = point(outcome.landing), float(outcome.landing_error)
-    message.release = point(release.position if release else unseen)
-    set_vector(message.release_velocity, release.velocity if release else unseen)
+def situation(message: SituationMsg, what: str = "the situation") -> Situation:
+    """The situation in a message; ValueError for names that do not fit, places that are none, and numbers that are not finite."""
+    poses = named(f"{what}: bodies", message.bodies, message.poses)
+    numbers = numbers_of(message, what)
+    return Situation({body: body_pose(pose, f"{what}: {body}") for body, pose in poses.items()}, numbers)
+
+
+def situation_msg(one: Situation) -> SituationMsg:
+    """A situation as a message."""
+    message = SituationMsg(bodies=list(one.poses), names=list(one.numbers), numbers=[float(number) for number in one.numbers.values()])
+    for pose in one.poses.values():
+        message.poses.append(pose_msg(pose))
     return message
 
 
-def unseen_outcome_msg(target: np.ndarray, frame_id: str, ns: int) -> TrialOutcome:
-    """A throw of which nobody says what became of it."""
-    return outcome_msg(Outcome(False, np.full(3, np.nan), np.nan, np.nan, False), target, frame_id, ns)
+def body_pose(message: Pose, what: str) -> BodyPose:
+    """The pose in a message; ValueError, with `what` has it, for one that is none."""
+    return BodyPose(place(message.position, what), unit_quaternion(message.orientation, what))
 
 
-def plan_msg(plan: ThrowPlan, frame_id: str) -> ThrowPlanMsg:
-    """A plan as a message."""
-    message = ThrowPlanMsg(model_id=plan.model_id)
+def pose_msg(pose: BodyPose) -> Pose:
+    """A pose as a message."""
+    message = Pose()
+    set_pose(message, pose.position, pose.quaternion)
+    return message
+
+
+def pose_at(position) -> Pose:
+    """The pose of what is at a place (3,), not turned."""
+    return Pose(position=point(position))
+
+
+def at_place(position, body: str = BASKET) -> SituationMsg:
+    """The situation in which one body is at a place (3,), not turned; of a throw that is all."""
+    return SituationMsg(bodies=[body], poses=[pose_at(position)])
+
+
+def place_of(message: SituationMsg, body: str, what: str = "the situation") -> np.ndarray:
+    """Where a body is (3,) in a situation; ValueError if it does not say so, or the place is none."""
+    where = named(f"{what}: bodies", message.bodies, message.poses)
+    if body not in where:
+        raise ValueError(f"{what} says where {', '.join(sorted(where)) or 'nothing'} is, not the {body}")
+    return place(where[body].position, f"the {body}")
+
+
+def target_of(message: SituationMsg) -> np.ndarray:
+    """Centre of the rim at which a throw is aimed (3,); ValueError if the situation has no basket."""
+    return place_of(message, BASKET)
+
+
+def aimed(message: SituationMsg, skill: Throw, what: str = "the situation") -> Situation:
+    """What a throw needs of a situation; how bodies are turned, and where others are, is of no effect. ValueError for what is missing."""
+    poses = {body: BodyPose(place_of(message, body, what)) for body in skill.situated}
+    return skill.about(Situation(poses, numbers_of(message, what) if skill.numbers else {}))
+
+
+def numbers_of(message: SituationMsg, what: str) -> dict[str, float]:
+    """The numbers of a situation by name; ValueError for names that do not fit, and for what is not finite."""
+    numbers = named(f"{what}: numbers", message.names, message.numbers)
+    for name, number in numbers.items():
+        if not math.isfinite(number):
+            raise ValueError(f"{what}: the number {name} is {number}: give a finite one")
+    return numbers
+
+
+def body_state(name: str, position, velocity=(0.0, 0.0, 0.0)) -> BodyState:
+    """A body that is not turned, at a place (3,), with a velocity (3,)."""
+    message = BodyState(name=name)
+    message.pose.position = point(position)
+    message.twist.linear.x, message.twist.linear.y, message.twist.linear.z = (float(v) for v in velocity)
+    return message
+
+
+def state_of(bodies: Sequence[BodyState], name: str) -> BodyState:
+    """Of several bodies the one of that name; ValueError if there is none."""
+    for one in bodies:
+        if one.name == name:
+            return one
+    raise ValueError(f"no {name} among {', '.join(one.name for one in bodies) or 'no bodies'}")
+
+
+def seen_at(message: OutcomeMsg, instant: str) -> np.ndarray:
+    """Where something was at an instant (3,) that an outcome tells of; NaN if it does not."""
+    found = [one for one in message.observed if one.name == instant]
+    return vector(found[0].pose.position) if found else np.full(3, np.nan)
+
+
+def task_demonstration_msg(one: TaskDemonstration, skill: Skill) -> DemonstrationMsg:
+    """A demonstration of a skill as a message."""
+    return filled(DemonstrationMsg(), task_demonstration_content(one, skill), lambda name: NEW[name]())
+
+
+def task_outcome_msg(outcome: TaskOutcome, about: SituationMsg, skill: str, frame_id: str, ns: int) -> OutcomeMsg:
+    """What became of a movement as a message."""
+    message = unseen_outcome_msg(about, skill, frame_id, ns)
+    message.seen, message.success = math.isfinite(outcome.error), outcome.success
+    message.error, message.message = float(outcome.error), outcome.reason
+    message.observed = [body_state(MISS, outcome.miss)]
+    return message
+
+
+def task_outcome(message: OutcomeMsg) -> TaskOutcome:
+    """The outcome in a message."""
+    return TaskOutcome(message.success, message.error, message.message, seen_at(message, MISS))
+
+
+def outcome_msg(
+    outcome: Outcome, about: SituationMsg, frame_id: str, ns: int, release: Release | None = None, skill: str = THROW
+) -> OutcomeMsg:
+    """What became of a throw as a message; what was not seen is NaN."""
+    message, unseen = OutcomeMsg(skill=skill, situation=about), np.full(3, np.nan)
+    set_stamp(message.header.stamp, ns)
     message.header.frame_id = frame_id
-    message.target, message.aim, message.predicted_landing = map(point, (plan.target, plan.aim, plan.predicted_landing))
+    message.seen, message.success, message.error = bool(outcome.landing_seen), bool(outcome.in_basket), float(outcome.landing_error)
+    left = body_state(RELEASE, release.position, release.velocity) if release else body_state(RELEASE, unseen, unseen)
+    message.observed = [body_state(LANDING, outcome.landing, unseen), left]
+    return message
+
+
+def unseen_outcome_msg(about: SituationMsg, skill: str, frame_id: str, ns: int = 0) -> OutcomeMsg:
+    """A movement of which nobody says what became of it."""
+    message = OutcomeMsg(skill=skill, situation=about, error=math.nan)
+    set_stamp(message.header.stamp, ns)
+    message.header.frame_id = frame_id
+    return message
+
+
+def throw_plan_msg(plan: ThrowPlan, frame_id: str, skill: Throw = BASKETS) -> PlanMsg:
+    """A plan of a throw as a message."""
+    message = plan_msg(plan.motion, frame_id)
+    message.skill, message.model_id = skill.name, plan.model_id
+    message.situation, message.aim = situation_msg(skill.at(plan.target)), situation_msg(skill.at(plan.aim))
+    message.expected = [body_state(LANDING, plan.predicted_landing)]
+    return message
+
+
+def throw_plan(message: PlanMsg, skill: Throw = BASKETS) -> ThrowPlan:
+    """The plan of a throw in a message; ValueError for what is none, or of another skill."""
+    if message.skill != skill.name:
+        raise ValueError(f"the plan is of the skill '{message.skill}', not of '{skill.name}'")
+    motion = motion_plan(message)
+    opens = [event for event in motion.events if event.grip == Grip.OPEN]
+    if len(opens) != 1 or not isinstance(motion.orientation_gains, Gains):
+        raise ValueError(f"the plan opens the hand {len(opens)} times: a throw opens it once, with one stiffness of the orientation")
+    return ThrowPlan(
+        target=skill.target(aimed(message.situation, skill)),
+        aim=skill.target(aimed(message.aim, skill, "the aim")),
+        predicted_landing=vector(state_of(message.expected, LANDING).pose.position),
+        path=motion.path,
+        attractor_position=motion.attractor_position,
+        attractor_quaternion=motion.attractor_quaternion,
+        position_gains=motion.position_gains,
+        orientation_gains=motion.orientation_gains,
+        release=opens[0].done,
+        open_hand=opens[0].time,
+        start_posture=motion.start_posture,
+        model_id=message.model_id,
+        registration=motion.registration,
+        pace=motion.pace,
+    )
+
+
+def plan_msg(plan: MotionPlan, frame_id: str) -> PlanMsg:
+    """A plan of any skill as a message."""
+    message = PlanMsg(skill=plan.what)
+    message.header.frame_id = frame_id
     message.trajectory = _trajectory(plan, frame_id)
-    message.position_stiffness, message.position_damping = plan.position_gains.stiffness, plan.position_gains.damping
-    message.orientation_stiffness = plan.orientation_gains.stiffness
-    message.orientation_damping = plan.orientation_gains.damping
-    message.release, message.open_hand = duration_msg(plan.release), duration_msg(plan.open_hand)
+    message.end = duration_msg(plan.end)
+    message.events = [event_msg(event) for event in plan.events]
+    message.carries, message.speed = plan.carries, int(plan.speed)
+    message.position_stiffness, message.position_damping = _numbers_of(plan.position_gains)
+    message.orientation_stiffness, message.orientation_damping = _numbers_of(plan.orientation_gains)
     message.start_posture = plan.start_posture
-    seen = plan.registration
+    if plan.posture is not None:
+        message.posture = plan.posture.ravel()
+    _say_registration(message, plan.registration)
+    if plan.pace is not None:
+        message.pace_gain, rule = plan.pace.gain.ravel(), plan.pace.rule
+        message.pace_slowest, message.pace_fastest = rule.slowest, rule.fastest
+        message.pace_time_constant, message.pace_ignored = rule.time_constant, rule.ignored
+    return message
+
+
+def policy_msg(policy: "Policy", frame_id: str) -> PlanMsg:
+    """The plan of a skill that reacts, as a message."""
+    message = PlanMsg(skill=policy.skill.name, speed=int(policy.skill.speed), policy=array("B", policy.to_bytes()))
+    message.header.frame_id = frame_id
+    message.events = [event_msg(event) for event in policy.events]
+    message.start_posture = policy.start_posture
+    _say_registration(message, policy.registration)
+    return message
+
+
+def _say_registration(message: PlanMsg, seen: Registration) -> None:
     message.base, message.body = _rigid(seen.turn, seen.shift), _rigid(seen.hand_turn, seen.hand_shift)
     message.camera_delay = duration_msg(seen.delay)
-    return message
 
 
-def path_msg(plan: ThrowPlanMsg) -> Path:
-    """The way of the hand in a plan, for viewers; its stamps count from the start of the throw."""
+def event_msg(event: GripEvent) -> Event:
+    """What the fingers are told, as a message."""
+    first = round(event.time * 1e9)
+    return Event(name=WORDS[event.grip], time_from_start=duration_msg(event.time), takes=_nanoseconds(round(event.done * 1e9) - first))
+
+
+def motion_plan(message: PlanMsg) -> MotionPlan:
+    """The plan in a message, of whatever skill; ValueError for a trajectory that is not one of attractor and hand."""
+    points = _checked_points(message.trajectory)
+    attractor = [_pose(p.transforms[0]) for p in points]
+    hand = [_pose(p.transforms[1]) for p in points]
+    return MotionPlan(
+        path=HandPath(
+            time=np.array([seconds(p.time_from_start) for p in points]),
+            position=np.array([pose[:3] for pose in hand]),
+            quaternion=np.array([pose[3:] for pose in hand]),
+            velocity=np.array([_twist(p.velocities[1]) for p in points]),
+            acceleration=np.array([_twist(p.accelerations[1]) for p in points]),
+        ),
+        attractor_position=np.array([pose[:3] for pose in attractor]),
+        attractor_quaternion=np.array([pose[3:] for pose in attractor]),
+        position_gains=_gains("position", message.position_stiffness, message.position_damping),
+        orientation_gains=_gains("orientation", message.orientation_stiffness, message.orientation_damping),
+        start_posture=np.array(message.start_posture),
+        end=seconds(message.end),
+        what=message.skill,
+        events=tuple(_grip_event(one) for one in message.events),
+        carries=message.carries,
+        speed=Speed(message.speed),
+        pace=_pace(message),
+        registration=_registration(message),
+        posture=_rows_of("posture", message.posture, N_JOINTS),
+    )
+
+
+def path_msg(plan: PlanMsg) -> Path:
+    """The way of the hand in a plan, for viewers; its stamps count from the start of the movement."""
     path = Path(header=plan.header)
     for sample in plan.trajectory.points:
         pose = PoseStamped(header=Header(frame_id=plan.header.frame_id))
@@ -232,32 +480,42 @@ def path_msg(plan: ThrowPlanMsg) -> Path:
     return path
 
 
-def plan(message: ThrowPlanMsg) -> ThrowPlan:
-    """The plan in a message; ValueError for a trajectory that is not one of attractor and hand."""
-    points = _checked_points(message.trajectory)
-    attractor = [_pose(p.transforms[0]) for p in points]
-    hand = [_pose(p.transforms[1]) for p in points]
-    return ThrowPlan(
-        target=vector(message.target),
-        aim=vector(message.aim),
-        predicted_landing=vector(message.predicted_landing),
-        path=HandPath(
-            time=np.array([seconds(p.time_from_start) for p in points]),
-            position=np.array([pose[:3] for pose in hand]),
-            quaternion=np.array([pose[3:] for pose in hand]),
-            velocity=np.array([_twist(p.velocities[1]) for p in points]),
-            acceleration=np.array([_twist(p.accelerations[1]) for p in points]),
-        ),
-        attractor_position=np.array([pose[:3] for pose in attractor]),
-        attractor_quaternion=np.array([pose[3:] for pose in attractor]),
-        position_gains=Gains(message.position_stiffness, message.position_damping),
-        orientation_gains=Gains(message.orientation_stiffness, message.orientation_damping),
-        release=seconds(message.release),
-        open_hand=seconds(message.open_hand),
-        start_posture=np.array(message.start_posture),
-        model_id=message.model_id,
-        registration=_registration(message),
-    )
+def _grip_event(message: Event) -> GripEvent:
+    first = stamp_ns(message.time_from_start)
+    return GripEvent(first * 1e-9, grip_of("the plan", message.name), (first + stamp_ns(message.takes)) * 1e-9)
+
+
+def _numbers_of(gains: Gains | GainsOverTime) -> tuple[list[float], list[float]]:
+    """Stiffness and damping, each as one number, or nine for each point."""
+    if isinstance(gains, Gains):
+        return [gains.stiffness], [gains.damping]
+    return gains.stiffness.ravel().tolist(), gains.damping.ravel().tolist()
+
+
+def _gains(what: str, stiffness: Sequence[float], damping: Sequence[float]) -> Gains | GainsOverTime:
+    if len(stiffness) == len(damping) == 1:
+        return Gains(float(stiffness[0]), float(damping[0]))
+    if len(stiffness) != len(damping) or len(stiffness) % 9 or not len(stiffness):
+        sizes = f"{len(stiffness)} and {len(damping)}"
+        raise ValueError(f"a plan's {what}_stiffness and {what}_damping have {sizes} numbers: give one, or nine for each point")
+    return GainsOverTime(*(np.array(values, dtype=float).reshape(-1, 3, 3) for values in (stiffness, damping)))
+
+
+def _rows_of(what: str, numbers: Sequence[float], width: int) -> np.ndarray | None:
+    """Numbers (n, width), or None where there are none; ValueError, with `what` they are, for another count."""
+    if not len(numbers):
+        return None
+    if len(numbers) % width:
+        raise ValueError(f"a plan's {what} has {len(numbers)} numbers: give {width} for each point of the trajectory, or none")
+    return np.array(numbers, dtype=float).reshape(-1, width)
+
+
+def _pace(message: PlanMsg) -> Pace | None:
+    gain = _rows_of("pace_gain", message.pace_gain, 12)
+    if gain is None:
+        return None
+    rule = PhaseRule(message.pace_slowest, message.pace_fastest, message.pace_time_constant, ignored=message.pace_ignored)
+    return Pace(gain, rule)
 
 
 def _checked_points(trajectory: MultiDOFJointTrajectory) -> Sequence[MultiDOFJointTrajectoryPoint]:
@@ -280,7 +538,7 @@ def _rigid(turn: Sequence[float], shift: Sequence[float]) -> Transform:
     return transform
 
 
-def _registration(message: ThrowPlanMsg) -> Registration:
+def _registration(message: PlanMsg) -> Registration:
     """Registration of a plan, that of a client which sets none is none; ValueError if its transforms are no transforms."""
     base, body = (
         ((one.rotation.x, one.rotation.y, one.rotation.z, one.rotation.w), (one.translation.x, one.translation.y, one.translation.z))
@@ -289,7 +547,7 @@ def _registration(message: ThrowPlanMsg) -> Registration:
     return Registration(*base, *body, delay=seconds(message.camera_delay))
 
 
-def _trajectory(plan: ThrowPlan, frame_id: str) -> MultiDOFJointTrajectory:
+def _trajectory(plan: MotionPlan, frame_id: str) -> MultiDOFJointTrajectory:
     trajectory = MultiDOFJointTrajectory(joint_names=["attractor", "hand"])
     trajectory.header.frame_id = frame_id
     path = plan.path

@@ -29,5 +29,8 @@ WALL = Clock(clock_type=ClockType.STEADY_TIME)
 WAITS = Clock(clock_type=ClockType.STEADY_TIME)
 """The same time for timers that come and go. Each new timer on a clock makes rclpy's EventsExecutor call those of that clock again that are
 due and not yet called; a repeating one skips a period for each such call, and was silent for up to 25 s (rclpy 7.1.6)."""
+STATUS = Clock(clock_type=ClockType.STEADY_TIME)
+"""The same time for the status of nodes, once a second: on the clock of the watchdogs, those that a node makes while it is configured would
+silence it for as many seconds."""
 SYSTEM = Clock(clock_type=ClockType.SYSTEM_TIME)
 """For stamps that do not belong to the time of the world: the date."""

@@ -1,4 +1,4 @@
-"""Hand, ball and basket as the motion capture sees them: a log of their poses, and up to which stamp everything has arrived."""
+"""Bodies as the motion capture sees them: a log of their poses, and up to which stamp everything has arrived."""
 
 import math
 import time
@@ -8,13 +8,14 @@ from collections.abc import Callable
 import numpy as np
 from geometry_msgs.msg import Pose, PoseStamped
 
-from dart_skill.skill.observe import RESET_NS, ThrowLog
+from dart_skill.skill.observe import RESET_NS, SensorLog, ThrowLog
 from dart_skill_nodes.comms import conversions
 
 FRAME_NS = 10_000_000
 """Between two frames of the cameras."""
 SILENCE = 5.0
 """A sensor that is silent for longer sees nothing: what is lost on the way is repeated within 3 s [s, wall clock]."""
+UNTURNED = np.array([0.0, 0.0, 0.0, 1.0])
 LAG_NS = 250_000_000
 """A body that was not seen for so long may be hidden, or its poses are still on their way."""
 REPAIRED = 4.0
@@ -38,22 +39,29 @@ class Arrivals:
         return max(self._sure_ns, min(newest_ns))
 
 
-def _sample(role: str, pose: Pose) -> tuple[np.ndarray, ...]:
-    """What is kept of a pose: position (3,), and of the hand its quaternion (4,). A ball's orientation may be anything."""
+def _sample(role: str, pose: Pose, turned: bool) -> tuple[np.ndarray, np.ndarray]:
+    """What is kept of a pose: position (3,) and quaternion (4,); where it does not count how a body is turned, that may be anything."""
     position = conversions.place(pose.position, f"the {role}")
-    return (position, conversions.unit_quaternion(pose.orientation, "the hand")) if role == "hand" else (position,)
+    return position, conversions.unit_quaternion(pose.orientation, f"the {role}") if turned else UNTURNED
 
 
 class TrackedBodies:
-    """Keeps a ThrowLog of the poses of hand, ball and basket.
+    """Keeps a log of the poses of tracked bodies.
 
-    frame_id: poses in another frame are ignored, and `complain` is told so once. clock: of the wall [s].
+    frame_id: poses in another frame are ignored, and `complain` is told so once. clock: of the wall [s]. log: that
+    is kept, of a throw by default.
     """
 
-    def __init__(self, frame_id: str, complain: Callable[[str], None], clock: Callable[[], float] = time.monotonic):
+    def __init__(
+        self,
+        frame_id: str,
+        complain: Callable[[str], None],
+        clock: Callable[[], float] = time.monotonic,
+        log: SensorLog | None = None,
+    ):
         self._clock = clock
         self._behind: dict[str, float] = {}  # by role, since when poses of others come that are newer than its own by LAG_NS
-        self.log, self._newest_of, self._forgotten_ns = ThrowLog(), {}, 0
+        self.log, self._newest_of, self._forgotten_ns = ThrowLog() if log is None else log, {}, 0
         self._awaited: dict[str, tuple[int, float]] = {}  # by role, up to where poses are waited for, and since when on the wall clock
         self._frame_id, self._complain, self._wrong_frame = frame_id, complain, ""
 
@@ -98,19 +106,20 @@ class TrackedBodies:
         return min(self._newest_of.items(), key=lambda one: one[1], default=("", 0))
 
     def take(self, role: str, data: bytes) -> None:
-        """A pose of hand, ball or basket, serialised; ValueError, and nothing has changed, for what is no pose of this world."""
+        """A pose of a body, serialised; ValueError, and nothing has changed, for what is no pose of this world."""
         message = conversions.decoded(data, PoseStamped)
         if message.header.frame_id != self._frame_id:
             if not self._wrong_frame:
                 self._complain(f"{role} poses are in '{message.header.frame_id}', not '{self._frame_id}': ignored")
             self._wrong_frame = message.header.frame_id
             return
-        ns, sample = conversions.checked_stamp_ns(message.header.stamp, f"the {role}"), _sample(role, message.pose)
+        ns = conversions.checked_stamp_ns(message.header.stamp, f"the {role}")
+        sample = _sample(role, message.pose, role in self.log.turned)
         newest = self._newest_of.get(role, 0)
         if ns < newest - RESET_NS:  # the clock was set back: another simulator, or a bag that is played again
             self.log.clear()
             self._newest_of, self._behind, self._forgotten_ns, newest = {}, {}, 0, 0
-        {"hand": self.log.add_hand, "ball": self.log.add_ball, "basket": self.log.add_basket}[role](ns, *sample)
+        self.log.take(role, ns, *sample)
         self._newest_of[role] = max(newest, ns)
         self._note_who_lags(role, ns)
 

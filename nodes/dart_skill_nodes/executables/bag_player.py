@@ -121,7 +121,9 @@ class BagPlayer(GuardedNode):
             self.get_logger().warning(f"{info.name} is not played: {error}")
             return False
         if info.type_hash not in ("", here, OLDER_COMMAND):
-            self.get_logger().warning(f"{info.name} is not played: its {info.type_name} differs from the one that is installed here")
+            self.get_logger().warning(
+                f"{info.name} is not played: its {info.type_name} differs from the one that is installed here (dart-skill bag upgrade)"
+            )
             return False
         return True
 

@@ -1,6 +1,6 @@
-"""The coach: lets the arm throw, gives what came of it to the learner, and chooses the next basket where throws are worst.
+"""The coach: lets the arm execute its skill, gives what came of it to the learner, and chooses where it is tried next.
 
-Action /practice. What it knows of a throw comes from the motion capture, through commander and recorder. In a simulated world it resets
+Action /practice. What it knows of a trial comes from the motion capture, through commander and recorder. In a simulated world it resets
 before each throw; with a real arm a person puts the ball into the hand, and the coach says when.
 """
 
@@ -9,31 +9,36 @@ from functools import partial
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from dart_skill_msgs.action import Practice, Throw
-from dart_skill_msgs.srv import AddTrial, PlanThrow
+from dart_skill_msgs.action import Execute, Practice
+from dart_skill_msgs.msg import Situation
+from dart_skill_msgs.srv import AddTrial, Plan
 from geometry_msgs.msg import PoseStamped
 from rclpy.action import CancelResponse, GoalResponse
 
 from dart_skill.regions import Region
-from dart_skill.skill.improve import Curriculum
+from dart_skill.robot import Grip
 from dart_skill.skill.observe import ARRIVAL_NS
-from dart_skill.world import ROLES, pose_topic
+from dart_skill.skill.protocol import HAND, load_skill
+from dart_skill.skills.darts import Darts
+from dart_skill.skills.throw import Throw
+from dart_skill.world import pose_topic
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.person import Patience, Person
 from dart_skill_nodes.client.service_calls import PATIENCE, Recording, ServiceCalls
-from dart_skill_nodes.client.throw_sequence import ThrowSequence
+from dart_skill_nodes.client.trial_sequence import TrialSequence
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, finish_by_success, within
 from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions
 from dart_skill_nodes.comms.presence import LEASE, LOOK, Cameras, Presence, subscribers
 from dart_skill_nodes.comms.qos import WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
-from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, run
+from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, declare_bodies, run
+from dart_skill_nodes.skills.choosing import Choosing, DartsChoosing, TaskChoosing, ThrowChoosing
 
 TABLE = [
-    Parameter("seed", "of the baskets among which it chooses", 0, 2**31 - 1),
-    Parameter("frame_id", "frame of targets"),
-    *(Parameter(f"{role}_body", f"tracked body that is the {role}") for role in ROLES),
+    Parameter("skill", "that is practised"),
+    Parameter("seed", "of the situations among which it chooses", 0, 2**31 - 1),
+    Parameter("frame_id", "frame of situations"),
     Parameter("near", "nearest basket, from the base axis [m]", 0.5, 5.0),
     Parameter("far", "farthest basket [m]", 0.5, 5.0),
     Parameter("side", "largest azimuth to either side [rad]", 0.0, 3.14),
@@ -54,29 +59,41 @@ class CoachNode(GuardedNode):
     def __init__(self):
         super().__init__("coach")
         self.p = declare(self, "coach.yaml", TABLE)
-        self._region = Region(**{name: self.p[name] for name in ("near", "far", "side", "rim")})
-        self._rng, self._curriculum = np.random.default_rng([self.p["seed"], 5]), Curriculum()
+        self._skill = load_skill(self.p["skill"])
+        self._name_of = declare_bodies(self, (HAND, *self._skill.bodies))
+        self._choosing = self._make_choosing()
         self._goal, self._sighting, self._stopped = None, None, ""
         self._client: Presence | None = None  # who waits for the result
-        self._cameras = Cameras(self, pose_topic(self.p["ball_body"]))
+        self._cameras = Cameras(self, pose_topic(self._name_of[self._skill.moves]))
         self._looked, self._unseen = time.monotonic(), ""
         self._calls = ServiceCalls(self)
         self._recording = Recording(self, self._calls)
-        self._sequence = ThrowSequence(self, self._calls, self.p["frame_id"], lambda: self.p["simulated"])
+        self._sequence = TrialSequence(self, self._calls, self.p["frame_id"], lambda: self.p["simulated"])
         self._person = None if self.p["simulated"] else self._make_person()
         self.create_subscription(Time, "/commander/stopped", self._on_stop, 10)
-        self._plan = self.create_client(PlanThrow, "/skill_learner/plan_throw")
+        self._plan = self.create_client(Plan, "/skill_learner/plan")
         self._add_trial = self.create_client(AddTrial, "/skill_learner/add_trial")
         self._baskets = MatchingSubscriptions(self)
-        self._baskets.subscribe(pose_topic(self.p["basket_body"]), self._on_basket, PoseStamped)
+        if conversions.BASKET in self._name_of:
+            self._baskets.subscribe(pose_topic(self._name_of[conversions.BASKET]), self._on_basket, PoseStamped)
         self.create_timer(LOOK, self._watch, clock=WALL)
         accept = {"goal_callback": self._on_goal, "cancel_callback": self._on_cancel}
         self._action = CoroutineActionServer(self, Practice, "/practice", self._practise, finish_by_success, **accept)
         self._diagnostics = Diagnostics(self, lambda: (OK, "practising" if self._goal else "waiting", {}))
 
+    def _make_choosing(self) -> Choosing:
+        if isinstance(self._skill, Darts):
+            return DartsChoosing(self._skill)
+        if self._skill.name != conversions.THROW:
+            return TaskChoosing(self._skill, self.p["candidates"], self.p["seed"])
+        region = Region(**{name: self.p[name] for name in ("near", "far", "side", "rim")})
+        return ThrowChoosing(region, self.p["candidates"], self.p["seed"])
+
     def _make_person(self) -> Person:
+        if self._skill.name != conversions.THROW:
+            raise ValueError(f"with simulated:=false a person practises throws; let the skill '{self._skill.name}' be executed (/execute)")
         patience = Patience(*(self.p[name] for name in ("longest_wait", "stand_back", "seat_tolerance", "basket_tolerance")))
-        return Person(self, self._calls, self.p["frame_id"], {role: self.p[f"{role}_body"] for role in ROLES}, patience)
+        return Person(self, self._calls, self.p["frame_id"], self._name_of, patience)
 
     def _on_goal(self, goal) -> GoalResponse:
         if self._goal is not None:
@@ -92,22 +109,24 @@ class CoachNode(GuardedNode):
         self._goal, result, self._stopped = goal_handle, Practice.Result(), ""
         self._client, self._why_not = subscribers(self, "/practice/_action/feedback"), ""  # the latter: of the last throw that was not made
         try:
-            targets = [conversions.place(point, "a target") for point in goal_handle.request.targets]
-            follow, wanted = goal_handle.request.follow_basket, goal_handle.request.throws or len(targets)
-            if follow and targets:
-                raise ValueError("follow_basket throws where the cameras see the basket: give no targets")
+            situations = list(goal_handle.request.situations)
+            for one in situations:
+                self._choosing.check(one)
+            follow, wanted = goal_handle.request.follow_bodies, goal_handle.request.trials or len(situations)
+            if follow and situations:
+                raise ValueError("follow_bodies executes where the cameras see the bodies: give no situations")
             if not wanted:
-                raise ValueError("nothing to do: give a number of throws, or targets")
+                raise ValueError("nothing to do: give a number of trials, or situations")
             if self._person:
                 self._check_no_simulator()
                 self._person.withdrawn = self._withdrawn
             for number in range(1, wanted + 1):
-                target = None if follow else targets[(number - 1) % len(targets)] if targets else await self._choose()
+                asked = None if follow else situations[(number - 1) % len(situations)] if situations else await self._choose()
                 self._go_on()
-                await self._one_throw(number, target, result)
+                await self._one_trial(number, asked, result)
                 self._go_on()
-            result.success = result.thrown == wanted
-            result.message = f"{result.thrown} of {wanted} throws made, {result.learned} learned from{self._why_not}"
+            result.success = result.executed == wanted
+            result.message = f"{result.executed} of {wanted} {self._things} made, {result.learned} learned from{self._why_not}"
         except (CallFailed, ValueError) as error:
             result.success, result.message = False, str(error)
             self.get_logger().error(f"practice ends: {error}")
@@ -145,88 +164,104 @@ class CoachNode(GuardedNode):
         if self._sequence.reset_client.service_is_ready():
             raise CallFailed("the coach was started with simulated:=false, but a simulator runs: end it, or start the coach with true")
 
-    async def _choose(self) -> np.ndarray:
-        """The basket where throws are worst, of those for which the learner has a plan."""
-        baskets = self._region.spread(self.p["candidates"], self._rng)
-        for k in self._curriculum.order(baskets):
-            response = await self._plan_for(baskets[k])
-            if response.success:
-                return baskets[k]
-        raise CallFailed(f"{self._plan.srv_name} has no plan for any of {len(baskets)} baskets: {response.message}")
+    @property
+    def _things(self) -> str:
+        """Trials of the skill, in a word."""
+        return "throws" if isinstance(self._skill, Throw) else "trials"
 
-    async def _plan_for(self, target: np.ndarray) -> PlanThrow.Response:
-        """A plan for a target (3,), or why it has none; CallFailed if no target has."""
-        request = PlanThrow.Request(target=conversions.point(target))
+    async def _choose(self) -> Situation:
+        """The situation where the skill is worst, of those for which the learner has a plan; a plan that needs a look comes later."""
+        situations = self._choosing.candidates()
+        if self._choosing.looks or len(situations) == 1:
+            return situations[0]
+        for situation in situations:
+            response = await self._plan_for(situation)
+            if response.success:
+                return situation
+        raise CallFailed(f"{self._plan.srv_name} has no plan for any of {len(situations)} baskets: {response.message}")
+
+    async def _plan_for(self, situation: Situation) -> Plan.Response:
+        """A plan for a situation, or why it has none; CallFailed if no situation has."""
+        request = Plan.Request(situation=situation)
         request.header.frame_id = self.p["frame_id"]
         response = await self._calls.call(self._plan, request, may_refuse=True)
         if not (response.success or response.unreachable):
             raise CallFailed(f"{self._plan.srv_name}: {response.message}")
         return response
 
-    async def _one_throw(self, number: int, target: np.ndarray | None, result: Practice.Result) -> None:
-        """target (3,), where the basket is put; None: where it is seen."""
-        if self._person and target is not None and not (planned := await self._plan_for(target)).success:
-            self._not_thrown(number, target, planned.message, result)  # before a person carries a basket there
+    async def _one_trial(self, number: int, situation: Situation | None, result: Practice.Result) -> None:
+        """situation: in which bodies are put; None: as they are seen."""
+        if self._person and situation is not None and not (planned := await self._plan_for(situation)).success:
+            self._not_made(number, situation, planned.message, result)  # before a person carries a basket there
             return
         prepare = self._prepare_with_person if self._person else self._prepare_in_simulation
-        target, first_stamp = await prepare(number, target)
+        situation, stamp = await prepare(number, situation)
         self._go_on()
-        self._feed(number, "throwing")
-        thrown = await self._sequence.end(await self._sequence.begin(target, first_stamp))
-        feedback = Practice.Feedback(number=number, phase="done", outcome=thrown.outcome, message=thrown.message)
-        if thrown.code == Throw.Goal.OUTCOME_THROWN:
-            result.thrown += 1
-            self._check_cameras(f"throw {number} was not seen: ")
-            if not self._goal.request.only_throw:
+        self._feed(number, "executing")
+        made = await self._sequence.end(await self._sequence.begin(situation, stamp))
+        feedback = Practice.Feedback(number=number, phase="done", outcome=made.outcome, message=made.message)
+        if made.code == Execute.Goal.OUTCOME_EXECUTED:
+            result.executed += 1
+            self._check_cameras(f"{self._things[:-1]} {number} was not seen: ")
+            if not self._goal.request.only_execute:
                 self._feed(number, "learning")
-                learned = await self._learn_from(thrown, target, result)
-                feedback.message = learned or feedback.message.removeprefix("thrown").removeprefix("; ")
+                learned = "; ".join(filter(None, await self._learn_from(made, situation, result)))
+                feedback.message = learned or feedback.message.removeprefix("executed").removeprefix("; ")
         else:
-            self._curriculum.give_up(target)
-            self._why_not = f"; throw {number}: {thrown.message}"
-        result.outcomes.append(thrown.outcome)
+            self._choosing.give_up(situation)
+            self._why_not = f"; {self._things[:-1]} {number}: {made.message}"
+        result.outcomes.append(made.outcome)
         self._goal.publish_feedback(feedback)
         if self._person:
-            if thrown.code != Throw.Goal.OUTCOME_THROWN:
-                raise CallFailed(f"throw {number}: {thrown.message}")  # somebody should look at the arm before it moves again
-            await self._person.bring(np.array(thrown.plan.start_posture), conversions.stamp_ns(thrown.outcome.header.stamp))
+            if made.code != Execute.Goal.OUTCOME_EXECUTED:
+                raise CallFailed(f"throw {number}: {made.message}")  # somebody should look at the arm before it moves again
+            await self._person.bring(np.array(made.plan.start_posture), conversions.stamp_ns(made.outcome.header.stamp))
 
-    def _not_thrown(self, number: int, target: np.ndarray, why: str, result: Practice.Result) -> None:
-        """A target (3,) that the arm does not reach costs its own throw, and not those after it."""
-        self._curriculum.give_up(target)
-        self._why_not = f"; throw {number}: {why}"
-        result.outcomes.append(conversions.unseen_outcome_msg(target, self.p["frame_id"], 0))
+    def _not_made(self, number: int, situation: Situation, why: str, result: Practice.Result) -> None:
+        """A situation that the arm does not reach costs its own trial, and not those after it."""
+        self._choosing.give_up(situation)
+        self._why_not = f"; {self._things[:-1]} {number}: {why}"
+        result.outcomes.append(conversions.unseen_outcome_msg(situation, self._skill.name, self.p["frame_id"]))
         self._goal.publish_feedback(Practice.Feedback(number=number, phase="done", outcome=result.outcomes[-1], message=why))
 
-    async def _prepare_in_simulation(self, number: int, target: np.ndarray | None) -> tuple[np.ndarray, Time]:
-        """Where the basket is (3,), and the stamp of the first state of a world that was reset for a throw at it."""
+    async def _prepare_in_simulation(self, number: int, situation: Situation | None) -> tuple[Situation, Time]:
+        """Where the bodies are, and the stamp of the first state of a world that was reset for a trial there."""
         self._feed(number, "resetting")
-        if not self._goal.request.only_throw:
+        if not self._goal.request.only_execute:
             await self._recording.start(lambda: self._sequence.hold(False))
-        first_stamp = await self._sequence.reset(target)
-        target = await self._basket_seen(conversions.stamp_ns(first_stamp)) if target is None else target
-        return target, first_stamp
+        stamp = await self._sequence.reset(situation)
+        if self._choosing.looks:
+            return await self._sequence.look()
+        if situation is None:
+            situation = await self._as_it_is(stamp)
+        return situation, stamp
 
-    async def _prepare_with_person(self, number: int, target: np.ndarray | None) -> tuple[np.ndarray, Time]:
+    async def _prepare_with_person(self, number: int, situation: Situation | None) -> tuple[Situation, Time]:
         """The same when a person has put basket and ball to their places, and the arm is where the throw begins."""
         self._person.ask = partial(self._ask, number)
         while True:
-            place = await self._person.basket(target)
-            planned = await self._plan_for(place)
+            place = await self._person.basket(None if situation is None else conversions.target_of(situation))
+            planned = await self._plan_for(conversions.at_place(place))
             if not planned.success:
                 await self._person.another_basket(place, planned.message)
                 continue
             await self._person.bring(np.array(planned.plan.start_posture))
-            if await self._person.ball(conversions.vector(planned.seat), place):
+            if await self._person.ball(conversions.place_of(planned.held, "ball", "the learner"), place):
                 break
-        if not self._goal.request.only_throw:
+        if not self._goal.request.only_execute:
             await self._recording.start()
-        return place, Time()
+        return conversions.at_place(place), Time()
 
     def _ask(self, number: int, text: str) -> None:
         """Tell the person what to do, wherever they look."""
         self.get_logger().info(text)
         self._goal.publish_feedback(Practice.Feedback(number=number, phase="waiting", message=text))
+
+    async def _as_it_is(self, stamp: Time) -> Situation:
+        """Of a throw at where what it is thrown at stands; a board is aimed at in the middle."""
+        if not self._skill.situated:
+            return Situation()
+        return conversions.at_place(await self._basket_seen(conversions.stamp_ns(stamp)))
 
     async def _basket_seen(self, since_ns: int) -> np.ndarray:
         """Where the cameras see the basket (3,), not before a stamp; a paused world is let run until they do."""
@@ -246,20 +281,20 @@ class CoachNode(GuardedNode):
         if message.header.frame_id == self.p["frame_id"]:
             self._sighting.keep(conversions.place(message.pose.position, "the basket"))
 
-    async def _learn_from(self, thrown: Throw.Result, target: np.ndarray, result: Practice.Result) -> str:
-        """Give the throw to the learner; why it was not learned from, if so."""
-        opened_ns = conversions.stamp_ns(thrown.outcome.header.stamp)
-        cut = await self._recording.stop(opened_ns + round(self.p["watch_time"] * 1e9) - ARRIVAL_NS, False, "practice")
+    async def _learn_from(self, made: Execute.Result, situation: Situation, result: Practice.Result) -> tuple[str, str]:
+        """Give the trial to the learner; why it was not learned from, if so, and what there is to say of the next one."""
+        told_ns = conversions.stamp_ns(made.outcome.header.stamp)
+        opens = any(event.name == conversions.WORDS[Grip.OPEN] for event in made.plan.events)  # else it is stamped when it is over
+        watched_ns = round(self.p["watch_time"] * 1e9) if opens else 0
+        cut = await self._recording.stop(told_ns + watched_ns - ARRIVAL_NS, False, "practice")
         if not cut.success:
-            self._curriculum.tell(target, np.nan)
-            return cut.message
-        cut.demonstration.id = f"throw_{opened_ns}"
-        request = AddTrial.Request(trial=cut.demonstration, plan=thrown.plan)
+            return cut.message, self._choosing.tell(situation, np.nan, made.outcome)
+        cut.demonstration.id = f"{self._skill.name}_{told_ns}"
+        request = AddTrial.Request(trial=cut.demonstration, plan=made.plan)
         told = await self._calls.call(self._add_trial, request, may_refuse=True)
         left = float(np.hypot(*told.left))
-        self._curriculum.tell(target, left if np.isfinite(left) else thrown.outcome.landing_error)
         result.learned += told.success
-        return told.message
+        return told.message, self._choosing.tell(situation, left if np.isfinite(left) else made.outcome.error, made.outcome)
 
     def _check_cameras(self, what: str = "") -> None:
         """CallFailed without cameras: nothing is seen of a throw then, and nothing is learned from it."""

@@ -1,16 +1,18 @@
-"""The commander: asks the learner for a plan, brings the arm to its start, throws, and reports what the cameras saw of it.
+"""The commander: asks the learner for a plan, brings the arm to its start, carries it out, and reports what the cameras saw of it.
 
 The control step runs in the callback of /joint_states and answers every state once, with its stamp; there is no timer in its path.
 """
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from dart_skill_msgs.action import Throw
-from dart_skill_msgs.msg import WamCommand
-from dart_skill_msgs.srv import MoveArm, PlanThrow
+from dart_skill_msgs.action import Execute
+from dart_skill_msgs.msg import Plan as PlanMsg
+from dart_skill_msgs.msg import Situation, WamCommand
+from dart_skill_msgs.srv import MoveArm, Plan
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
@@ -19,11 +21,14 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
-from dart_skill.robot import ArmState, Commander, CommanderSettings, Mode, PlanRefused, load_registration
+from dart_skill.robot import ArmState, Commander, CommanderSettings, Grip, Mode, MotionPlan, PlanRefused, load_registration, wam_description
+from dart_skill.skill.execute import ReactiveGuide
+from dart_skill.skill.model import Policy
 from dart_skill.skill.observe import ARRIVAL_NS
+from dart_skill.skill.protocol import HAND, load_skill
 from dart_skill.world import pose_topic
 from dart_skill_nodes.client.failures import CallFailed
-from dart_skill_nodes.client.service_calls import Judge, ServiceCalls
+from dart_skill_nodes.client.service_calls import Eyes, Judge, ServiceCalls
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, finish, pause
 from dart_skill_nodes.comms.joint_states import JOINT_STATES, hear_joint_states
@@ -31,13 +36,14 @@ from dart_skill_nodes.comms.obeyed_publisher import new_sender
 from dart_skill_nodes.comms.presence import LEASE, LOOK, Cameras, Presence, others, publishers, servers, subscribers
 from dart_skill_nodes.comms.qos import COMPLETE, FRAMES, LATCHED, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
+from dart_skill_nodes.comms.seen_in_step import SeenInStep, Sighting
 from dart_skill_nodes.comms.time_of_the_arm import TimeOfTheArm
 from dart_skill_nodes.process.limits import LIMITS
-from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Parameter, declare, run
+from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Parameter, declare, declare_bodies, run
 
 TABLE = [
     Parameter("frame_id", "frame of targets, plans and wrenches"),
-    Parameter("ball_body", "tracked body that is the ball: without it nobody sees what becomes of a throw, and none is made"),
+    Parameter("skill", "that it carries out: what its hand may hold, and whose bodies must be tracked"),
     Parameter("tracking", "what keeps the arm on the motion that (7.19) predicts: joints, hand or none"),
     Parameter("tracking_stiffness", "pull towards the predicted motion, per unit mass [1/s^2]", 0.0, 10_000.0),
     Parameter("tracking_damping", "its damping [1/s]", 0.0, 400.0),
@@ -74,7 +80,7 @@ class Withdrawn(Exception):
 
 @dataclass
 class GoalUnderWay:
-    """A goal of /throw, from its acceptance to its result.
+    """A goal of /execute, from its acceptance to its result.
 
     client, learner: who waits for its result, and who made its plan. withdrawn: why it must not move the arm any more, empty if it may.
     armed: the commander has its plan, and the arm may move for it. newest_ns: stamp of the last state that it saw. ended_ns: the stamp at
@@ -101,19 +107,23 @@ NOT_FOR_AN_ARM = (
 
 
 class CommanderNode(GuardedNode):
-    """Action /throw, the command topic, and services that free, hold and stop the arm."""
+    """Action /execute, the command topic, and services that free, hold and stop the arm."""
 
     def __init__(self):
         super().__init__("commander")
         self.p = declare(self, "commander.yaml", TABLE)
         measured = load_registration(self.p["registration_file"]).registration if self.p["registration_file"] else None
-        self._commander = Commander(CommanderSettings.from_parameters(self.p), measured=measured)
+        self._skill = load_skill(self.p["skill"])
+        name_of = declare_bodies(self, (HAND, *self._skill.bodies))
+        load = self._skill.loaded(wam_description())
+        self._commander = Commander(CommanderSettings.from_parameters(self.p), load, measured)
         self._state: ArmState | None = None
         self._message = WamCommand(sender=new_sender())
         self._message.header.frame_id = self.p["frame_id"]
         self._fault = ""
         self._goal: GoalUnderWay | None = None
-        self._cameras = Cameras(self, pose_topic(self.p["ball_body"]))
+        self._reacting: ReactiveGuide | None = None  # is told where the bodies are
+        self._cameras = Cameras(self, pose_topic(name_of[self._skill.moves]))
         self._unseen = ""  # why nobody would see a throw
         self._awake = time.monotonic()  # when something was last done [s, wall clock]
         self._strangers: list[str] = []  # who commands the arm, too
@@ -126,9 +136,10 @@ class CommanderNode(GuardedNode):
         self._attractor = self.create_publisher(PoseStamped, "~/attractor", FRAMES)
         self._plan = self.create_publisher(Path, "~/plan", LATCHED)
         calls = ServiceCalls(self)
-        self._calls, self._judge = calls, Judge(self, calls)
+        self._calls, self._judge, self._eyes = calls, Judge(self, calls), Eyes(self, calls)
+        self._seen = SeenInStep(self, name_of, self.p["frame_id"], self._answer) if self._skill.reacts else None
         self._states = hear_joint_states(self, self._on_state)
-        self._planner = self.create_client(PlanThrow, "/skill_learner/plan_throw")
+        self._planner = self.create_client(Plan, "/skill_learner/plan")
         self.create_subscription(DiagnosticStatus, "/wam/safety", self._on_safety, LATCHED)
         self.create_service(SetBool, "~/release_arm", self._on_release_arm)
         self._stops = self.create_publisher(Time, "~/stopped", 10)
@@ -136,7 +147,7 @@ class CommanderNode(GuardedNode):
         self.create_service(Trigger, "~/stop", self._on_stop)
         self.create_service(Trigger, "~/reset", self._on_reset)
         accept = {"goal_callback": self._on_goal, "cancel_callback": self._on_cancel}
-        self._action = CoroutineActionServer(self, Throw, "/throw", self._throw, self._finish, **accept)
+        self._action = CoroutineActionServer(self, Execute, "/execute", self._carry_out, self._finish, **accept)
         self._diagnostics = Diagnostics(self, self._describe)
         self.create_timer(LOOK, self._watch, clock=WALL)
 
@@ -148,6 +159,20 @@ class CommanderNode(GuardedNode):
             return
         try:
             state = conversions.arm_state(message)
+        except ValueError as error:
+            self._fault = str(error)
+            raise
+        if self._seen is not None and self._seen.goes_on:
+            self._seen.offer(state.stamp_ns, state)
+        else:
+            self._answer(state)
+
+    def _answer(self, state: ArmState, sightings: Sequence[Sighting] = ()) -> None:
+        """Answer a state; sightings: what a motion that reacts has been told meanwhile."""
+        try:
+            if self._reacting is not None:
+                for one in sightings:
+                    self._reacting.see(*one)
             if self._state is None or state.stamp_ns != self._state.stamp_ns:
                 command = self._commander.step(state)
                 conversions.fill_command(self._message, command)
@@ -165,21 +190,21 @@ class CommanderNode(GuardedNode):
         goal.newest_ns = state.stamp_ns
         if state.stamp_ns - goal.fed_ns >= FEEDBACK_NS:
             goal.fed_ns = state.stamp_ns
-            self._feed(self._commander.mode.value if self._commander.throwing else "watching")
+            self._feed(self._commander.mode.value if self._commander.executing else "watching")
             self._publish_attractor(state)
         rests = self._commander.mode != Mode.STOPPING  # who holds the world at the result finds an arm that can be reset
-        if goal.ended_ns is None and not self._commander.throwing and rests:
+        if goal.ended_ns is None and not self._commander.executing and rests:
             opened = self._commander.opened_ns
-            watch = 0 if opened is None else round(self.p["watch_time"] * 1e9)
-            goal.ended_ns = max(state.stamp_ns, (opened or 0) + watch)
+            watch = 0 if opened is None and self._commander.message else round(self.p["watch_time"] * 1e9)
+            goal.ended_ns = max(state.stamp_ns, (opened or (state.stamp_ns if watch else 0)) + watch)
         if goal.ended_ns is not None and state.stamp_ns >= goal.ended_ns:
             goal.over.keep()
 
     # the action
 
     def _on_goal(self, goal) -> GoalResponse:
-        if self._goal is not None or self._commander.throwing:
-            self.get_logger().warning("a throw is refused: another one is under way")
+        if self._goal is not None or self._commander.executing:
+            self.get_logger().warning("a goal is refused: another one is under way")
             return GoalResponse.REJECT
         return GoalResponse.ACCEPT
 
@@ -191,14 +216,14 @@ class CommanderNode(GuardedNode):
         """The goal under way moves the arm no more: a throw is stopped, and one that is being planned does not begin."""
         if self._goal is not None and not self._goal.withdrawn:
             self._goal.withdrawn = reason
-        if self._commander.throwing:
+        if self._commander.executing:
             self._commander.stop(reason)
 
-    async def _throw(self, goal_handle) -> Throw.Result:
-        client = subscribers(self, "/throw/_action/feedback")
+    async def _carry_out(self, goal_handle) -> Execute.Result:
+        client = subscribers(self, "/execute/_action/feedback")
         self._goal = GoalUnderWay(goal_handle, client, servers(self, self._planner.srv_name))
-        target = conversions.vector(goal_handle.request.target)
-        result = Throw.Result(code=Throw.Goal.OUTCOME_REFUSED, outcome=conversions.unseen_outcome_msg(target, self.p["frame_id"], 0))
+        unseen = conversions.unseen_outcome_msg(goal_handle.request.situation, self._skill.name, self.p["frame_id"])
+        result = Execute.Result(code=Execute.Goal.OUTCOME_REFUSED, outcome=unseen)
         try:
             self._feed("planning")
             plan = await self._ask_for_plan(goal_handle.request, result)
@@ -207,20 +232,20 @@ class CommanderNode(GuardedNode):
         except (PlanRefused, ValueError, CallFailed) as error:
             result.message = str(error)
         except Withdrawn as reason:
-            result.code, result.message = Throw.Goal.OUTCOME_STOPPED, str(reason)
+            result.code, result.message = Execute.Goal.OUTCOME_STOPPED, str(reason)
         finally:
             self._goal = None
         return result
 
     async def _ask_for_plan(self, goal, result):
         if goal.header.frame_id not in ("", self.p["frame_id"]):
-            result.message = f"the target is in frame '{goal.header.frame_id}', not '{self.p['frame_id']}'"
+            result.message = f"the situation is in frame '{goal.header.frame_id}', not '{self.p['frame_id']}'"
             return None
         if missing := await self._missing():
             result.message = missing
             return None
         self._commander.check_free_to_move()
-        request = PlanThrow.Request(target=goal.target)
+        request = Plan.Request(situation=await self._whole(goal.situation, conversions.stamp_ns(goal.header.stamp)))
         request.header.frame_id = self.p["frame_id"]
         response = await self._calls.call(self._planner, request, may_refuse=True, patience=self.p["plan_timeout"])
         if not response.success:
@@ -228,7 +253,26 @@ class CommanderNode(GuardedNode):
             return None
         result.plan = response.plan
         self._plan.publish(conversions.path_msg(response.plan))
-        return conversions.plan(response.plan)
+        if response.plan.policy:
+            return self._guide_of(response.plan)
+        return conversions.motion_plan(response.plan)
+
+    def _guide_of(self, plan: PlanMsg) -> ReactiveGuide:
+        """What a plan asks at every state of the arm; ValueError if that is not the policy of this commander's skill."""
+        policy = Policy.from_bytes(plan.policy.tobytes(), self._skill)
+        registration = self._commander.agreed(policy.registration, policy.start.position, policy.start.quaternion)
+        return policy.guide(conversions.situation(plan.situation), registration)
+
+    async def _whole(self, situation: Situation, stamp_ns: int) -> Situation:
+        """A situation with all bodies on which a plan depends: those of which a client says nothing are where the cameras see them."""
+        if set(self._skill.situated) <= set(situation.bodies):
+            return situation
+        seen = await self._eyes.look(stamp_ns)
+        for body, pose in zip(seen.bodies, seen.poses, strict=True):
+            if body in self._skill.situated and body not in situation.bodies:
+                situation.bodies.append(body)
+                situation.poses.append(pose)
+        return situation
 
     async def _missing(self) -> str:
         """What a throw needs and is not there, once a commander that has just been started could have found it; empty if nothing."""
@@ -248,37 +292,46 @@ class CommanderNode(GuardedNode):
             return f"{', '.join(self._strangers)} publishes /wam/command, too: end it, one commands an arm"
         if self._arm_fault:
             return f"the arm's safety module has stopped it ({self._arm_fault}): look at the arm, and reset it"
-        return f"{self._unseen}; nobody would see where the ball goes" if self._unseen else ""
+        return f"{self._unseen}; nobody would see {conversions.what_comes(self._skill.name)}" if self._unseen else ""
 
-    async def _execute(self, plan, result) -> None:
+    async def _execute(self, plan: MotionPlan | ReactiveGuide, result) -> None:
         goal = self._goal
         await self._state_of_goal(conversions.stamp_ns(goal.handle.request.header.stamp))
         if goal.withdrawn:
             raise Withdrawn(goal.withdrawn)
-        self._commander.throw(plan)
         begun_ns = goal.newest_ns = self._state.stamp_ns
+        if isinstance(plan, MotionPlan):
+            self._commander.execute(plan)
+        else:
+            self._commander.follow(plan)
+            self._reacting = plan
+            self._seen.begin(begun_ns)
         goal.armed = True
         self._feed("armed")
         await goal.over
+        if self._reacting is not None:
+            self._reacting = None
+            self._seen.end()
         result.duration = conversions.duration_msg((goal.newest_ns - begun_ns) * 1e-9)
         opened_ns = self._commander.opened_ns
-        if self._commander.message or opened_ns is None:
-            result.code = Throw.Goal.OUTCOME_STOPPED
-            result.message = self._commander.message or "the throw ended before the hand was told to open"
+        opens = any(event.name == conversions.WORDS[Grip.OPEN] for event in result.plan.events)
+        if self._commander.message or (opens and opened_ns is None):
+            result.code = Execute.Goal.OUTCOME_STOPPED
+            result.message = self._commander.message or f"the {self._skill.name} ended before the hand was told to open"
         else:
-            result.code, result.message = Throw.Goal.OUTCOME_THROWN, "thrown"
-        if opened_ns is not None:
+            result.code, result.message = Execute.Goal.OUTCOME_EXECUTED, "executed"
+        if opened_ns is not None or not opens:
             watched = goal.ended_ns is not None and not goal.withdrawn
-            await self._let_judge(plan.target, opened_ns, goal.ended_ns - ARRIVAL_NS if watched else 0, result)
+            await self._let_judge(begun_ns, opened_ns or goal.newest_ns, goal.ended_ns - ARRIVAL_NS if watched else 0, result)
 
-    async def _let_judge(self, target: np.ndarray, opened_ns: int, until_ns: int, result) -> None:
-        """What the cameras saw of the throw; a throw that nobody judges has been made all the same. until_ns: 0: what has come."""
+    async def _let_judge(self, begun_ns: int, told_ns: int, until_ns: int, result) -> None:
+        """What the cameras saw of the movement; one that nobody judges has been made all the same. until_ns: 0: what has come."""
         try:
-            result.outcome = await self._judge.outcome(target, opened_ns, until_ns)
-            if not result.outcome.landing_seen and self._unseen:
+            result.outcome = await self._judge.outcome(result.plan.situation, told_ns, until_ns, begun_ns)
+            if not result.outcome.seen and self._unseen:
                 result.message += f"; not seen: {self._unseen}"
         except CallFailed as failure:
-            conversions.set_stamp(result.outcome.header.stamp, opened_ns)
+            conversions.set_stamp(result.outcome.header.stamp, told_ns)
             result.message += f"; nobody judged it: {failure}"
 
     async def _state_of_goal(self, stamp_ns: int) -> None:
@@ -290,17 +343,17 @@ class CommanderNode(GuardedNode):
             await pause(self, 0.01)
 
     def _finish(self, goal_handle, result) -> None:
-        if result.code != Throw.Goal.OUTCOME_THROWN:
-            self.get_logger().error(f"no throw: {result.message}")
-        finish(goal_handle, result.code == Throw.Goal.OUTCOME_THROWN)
+        if result.code != Execute.Goal.OUTCOME_EXECUTED:
+            self.get_logger().error(f"no {self._skill.name}: {result.message}")
+        finish(goal_handle, result.code == Execute.Goal.OUTCOME_EXECUTED)
 
     def _feed(self, phase: str) -> None:
         error = self._commander.tracking_error if np.isfinite(self._commander.tracking_error) else 0.0
         seconds = float(self._commander.time) if np.isfinite(self._commander.time) else 0.0
-        self._goal.handle.publish_feedback(Throw.Feedback(phase=phase, time=seconds, tracking_error=float(error)))
+        self._goal.handle.publish_feedback(Execute.Feedback(phase=phase, time=seconds, tracking_error=float(error)))
 
     def _publish_attractor(self, state: ArmState) -> None:
-        if self._commander.mode != Mode.THROWING or self._commander.reference is None:
+        if self._commander.mode != Mode.EXECUTING or self._commander.reference is None:
             return
         message, reference = PoseStamped(), self._commander.reference
         message.header.frame_id = self.p["frame_id"]
@@ -345,9 +398,9 @@ class CommanderNode(GuardedNode):
 
     def _watch_goal(self, goal: GoalUnderWay) -> None:
         if goal.client.gone:
-            self._withdraw(f"{goal.client} has gone, who asked for the throw")
-        if goal.armed and self._commander.throwing and goal.learner.gone:
-            self._withdraw(f"{goal.learner} has gone during the throw: start it again")
+            self._withdraw(f"{goal.client} has gone, who asked for the {self._skill.name}")
+        if goal.armed and self._commander.executing and goal.learner.gone:
+            self._withdraw(f"{goal.learner} has gone during the {self._skill.name}: start it again")
         if goal.armed and not goal.withdrawn and self._time.stalled:
             self._withdraw(self._time.stalled)
         if goal.armed and goal.withdrawn and self._time.silence > QUIET:
@@ -359,7 +412,7 @@ class CommanderNode(GuardedNode):
             self._arm = publishers(self, JOINT_STATES)
         if self._arm.gone and self._time.silence > QUIET:
             return f"{self._arm} has gone: no {JOINT_STATES} any more"
-        moves = self._commander.throwing or self._commander.moving
+        moves = self._commander.executing or self._commander.moving
         if moves and self._time.silence > self.p["states_timeout"] and not self.count_publishers(SIMULATED):
             return f"no {JOINT_STATES} for {self._time.silence:.1f} s: is the arm's driver running?"
         return ""
@@ -385,7 +438,7 @@ class CommanderNode(GuardedNode):
     def _on_release_arm(self, request, response):
         try:
             if request.data and self._goal is not None:
-                raise PlanRefused("a throw is being planned or is under way: stop it before the arm is released (~/stop)")
+                raise PlanRefused(f"a {self._skill.name} is being planned or is under way: stop it before the arm is released (~/stop)")
             self._commander.release_arm(request.data)
             simulated = request.data and self.count_publishers(SIMULATED)
             self._guide = publishers(self, "/wam/teacher_wrench") if simulated else None
@@ -399,7 +452,7 @@ class CommanderNode(GuardedNode):
             if self._state is None:
                 raise PlanRefused("no /joint_states yet: is the arm's driver running?")
             if self._goal is not None:
-                raise PlanRefused("a throw is being planned or is under way: wait for it or stop it first")
+                raise PlanRefused(f"a {self._skill.name} is being planned or is under way: wait for it or stop it first")
             response.duration = conversions.duration_msg(self._commander.move_to(request.posture, self._state))
             response.success = True
         except PlanRefused as error:
@@ -416,7 +469,7 @@ class CommanderNode(GuardedNode):
     def _on_reset(self, request, response):
         try:
             if self._goal is not None:
-                raise PlanRefused("the throw that was stopped has not ended yet: call /commander/reset again")
+                raise PlanRefused(f"the {self._skill.name} that was stopped has not ended yet: call /commander/reset again")
             self._commander.reset()
             response.success = True
         except PlanRefused as error:

@@ -1,4 +1,4 @@
-"""The demonstration recorder: everything goes into an MCAP bag as it comes; between ~/start and ~/stop a throw is cut out of it.
+"""The demonstration recorder: everything goes into an MCAP bag as it comes; between ~/start and ~/stop a movement is cut out of it.
 
 Messages are received and written as raw CDR. Only what cutting needs is decoded: poses, one joint state per pose, the hand's button.
 """
@@ -10,10 +10,9 @@ from datetime import datetime
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 from dart_skill_msgs.msg import Demonstration as DemonstrationMsg
 from dart_skill_msgs.msg import DemonstrationMark
-from dart_skill_msgs.srv import JudgeThrow, StopDemonstration
+from dart_skill_msgs.srv import Judge, Look, StopDemonstration
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
@@ -28,16 +27,14 @@ from dart_skill.recording import (
     Demonstration,
     LogTime,
     Marks,
-    demonstration_id,
-    demonstration_message,
     serialize,
     types_for,
 )
-from dart_skill.recording.grip_signal import OPEN, read_command
 from dart_skill.robot import ArmState
-from dart_skill.skill.learn import DEFAULT, prepare
-from dart_skill.skill.observe import ThrowFinder, judged, seen_down, watched_until
-from dart_skill.world import ROLES, pose_topic
+from dart_skill.skill.observe import ThrowFinder, watched_until
+from dart_skill.skill.protocol import HAND, TaskDemonstration, load_skill
+from dart_skill.skills.throw import Throw
+from dart_skill.world import pose_topic
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink
 from dart_skill_nodes.comms.joint_states import JOINT_STATES
@@ -45,17 +42,16 @@ from dart_skill_nodes.comms.presence import Cameras
 from dart_skill_nodes.comms.qos import LATCHED, WALL
 from dart_skill_nodes.comms.raw_batches import TAKE, RawBatches, RawMessage
 from dart_skill_nodes.comms.refusals import NOT_RECORDED
-from dart_skill_nodes.comms.tracked_bodies import Arrivals, TrackedBodies
-from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Parameter, autostart, declare, run
+from dart_skill_nodes.comms.tracked_bodies import FRAME_NS, Arrivals, TrackedBodies
+from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Parameter, autostart, declare, declare_bodies, run
+from dart_skill_nodes.skills.observing import Observer, TaskObserver, ThrowObserver
 
 TABLE = [
     Parameter("frame_id", "frame of the poses"),
     Parameter("bag", "folder of the bag; empty: demonstrations_<date> in the working directory"),
     Parameter("seed", "of the run, written into the bag", 0, 2**31 - 1),
     Parameter("topics", "what is recorded"),
-    Parameter("hand_body", "tracked body that is the hand"),
-    Parameter("ball_body", "tracked body that is the ball"),
-    Parameter("basket_body", "tracked body that is the basket"),
+    Parameter("skill", "of which demonstrations are cut"),
     Parameter("start_threshold", "speed at which a motion begins [m/s]", 0.01, 5.0),
     Parameter("stop_threshold", "speed at which a motion ends [m/s]", 0.01, 5.0),
     Parameter("min_duration", "shorter motions are ignored [s]", 0.0, 10.0),
@@ -76,6 +72,8 @@ class DemonstrationRecorder(BagKeeper):
     def __init__(self):
         super().__init__("demonstration_recorder")
         self.p = declare(self, "demonstration_recorder.yaml", TABLE)
+        self._skill = load_skill(self.p["skill"])
+        self._name_of = declare_bodies(self, (HAND, *self._skill.bodies))
         self.declare_parameter("autostart", True)
         self._bag, self._count, self._recording, self._time, self._up_to = None, 0, False, LogTime(), 0
         self._fault, self._joints = "", b""  # what is wrong with the arm's states, and the newest of them, serialised
@@ -88,7 +86,8 @@ class DemonstrationRecorder(BagKeeper):
         self.create_subscription(DemonstrationMark, MARK_TOPIC, self._on_mark, LATCHED)
         self.create_service(Trigger, "~/start", self._on_start)
         self.create_service(StopDemonstration, "~/stop", self._on_stop)
-        self.create_service(JudgeThrow, "~/judge", self._on_judge)
+        self.create_service(Judge, "~/judge", self._on_judge)
+        self.create_service(Look, "~/look", self._on_look)
         self._diagnostics = Diagnostics(self, self._describe)
         if self.get_parameter("autostart").value:
             autostart(self)
@@ -106,20 +105,28 @@ class DemonstrationRecorder(BagKeeper):
         except (ValueError, OSError) as error:
             self.get_logger().error(f"not configured: {error}")
             return TransitionCallbackReturn.FAILURE
-        self._tracked = TrackedBodies(self.p["frame_id"], self.get_logger().error)
-        self._role_of = {pose_topic(self.p[f"{role}_body"]): role for role in ROLES}
+        self._observer = self._make_observer()
+        self._tracked = TrackedBodies(self.p["frame_id"], self.get_logger().error, log=self._observer.log)
+        self._role_of = {pose_topic(self._name_of[role]): role for role in self._observer.roles}
         self._cameras = [Cameras(self, topic) for topic in sorted(self._role_of)]
         self._recorded = {*self.p["topics"], *self._role_of}
         self._needed = {JOINT_STATES, "/wam/command", "/wam/teacher_wrench", *self._role_of}
         self._silent = {JOINT_STATES, "/wam/command", *(t for t, role in self._role_of.items() if role == "hand")}
         self._finder, self._arrivals, self._has_marks = None, Arrivals(), False
-        if self.p["automatic"]:
-            self._finder = ThrowFinder(self._tracked.log, self._thresholds)
+        if isinstance(self._observer, ThrowObserver) and self.p["automatic"]:
+            self._finder = ThrowFinder(self._observer.log, self._thresholds)
         self._messages = RawBatches(self)
         for topic in [*self.p["topics"], *sorted((self._needed | self._recorded) - set(self.p["topics"]))]:
             self._subscribe(topic)
         self._timer = self.create_timer(TAKE, self._take, clock=WALL)
         return TransitionCallbackReturn.SUCCESS
+
+    def _make_observer(self) -> Observer:
+        if self.p["automatic"] and self._skill.name != conversions.THROW:
+            raise ValueError(f"automatic is for throws at baskets: the skill '{self._skill.name}' needs ~/start and ~/stop")
+        if isinstance(self._skill, Throw):
+            return ThrowObserver(self._skill, self._thresholds, self.p["basket_radius"], self.p["frame_id"])
+        return TaskObserver(self._skill, self.p["frame_id"])
 
     def _close(self) -> None:
         if self._bag is not None:
@@ -166,8 +173,6 @@ class DemonstrationRecorder(BagKeeper):
             self._joints = message.data
             if (self._recording or self._finder) and self._tracked.log.wants_joints(ns):
                 self._look_at_joints(ns)
-        elif not (self._recording or self._finder):
-            return
         elif message.topic in ("/wam/command", "/wam/teacher_wrench"):
             self._look_at_grip(message.topic, ns, message.data)
 
@@ -189,8 +194,8 @@ class DemonstrationRecorder(BagKeeper):
     def _look_at_grip(self, topic: str, ns: int, data: bytes) -> None:
         if self._finder:
             self._finder.add_command(data, guiding=topic == "/wam/teacher_wrench")
-        elif read_command(data)[2] == OPEN:
-            self._tracked.log.add_opening(ns)
+        else:
+            self._observer.hear_command(ns, data, self._recording)
 
     def _find(self) -> None:
         sensors = [self._newest.get(topic, 0) for topic in (JOINT_STATES, *self._role_of)]
@@ -237,7 +242,7 @@ class DemonstrationRecorder(BagKeeper):
         self._take()
         until = conversions.stamp_ns(request.until)
         self._up_to = until or self._up_to or self._time.now_ns  # who gives no stamp asks for what there is, and again for the same
-        if not self._cameras_gone and ((until and self._streams_lag(until)) or self._body_lags("hand") or self._body_lags("basket")):
+        if not self._cameras_gone and ((until and self._streams_lag(until)) or any(map(self._body_lags, self._observer.awaited))):
             response.pending, response.message = True, f"{self._come} only, not {self._up_to} ns: call again"
             return response
         return self._cut(request, response)
@@ -259,11 +264,6 @@ class DemonstrationRecorder(BagKeeper):
     def _body_lags(self, role: str) -> bool:
         return self._tracked.is_late(role, self._up_to)
 
-    def _ball_lags(self, target: np.ndarray, opened: int, until: int) -> bool:
-        """Whether poses of the ball may be on their way that decide where it came down."""
-        late = self._tracked.is_late("ball", until)
-        return late and not seen_down(self._tracked.log, target, opened, until)
-
     @property
     def _come(self) -> str:
         """Up to when poses have come, for whoever waits for more."""
@@ -274,32 +274,46 @@ class DemonstrationRecorder(BagKeeper):
         if self._bag is None:
             response.message = "not configured: nothing is watched"
             return response
-        opened, until = conversions.stamp_ns(request.opened), conversions.stamp_ns(request.until)
+        until = conversions.stamp_ns(request.until)
         self._take()
-        log = self._tracked.log
         try:
-            target = conversions.place(request.target, "the target")
-            come = self._tracked.has_frames_until(until) and not self._ball_lags(target, opened, until)
+            come = self._tracked.has_frames_until(until) and not self._observer.late(self._tracked, request, until)
             if not come and not self._cameras_gone:
                 response.pending, response.message = True, f"{self._come} only, not {until} ns"
                 return response
             self._take()  # what was sent before the newest pose
-            if not self._tracked.remembers(opened):
-                raise ValueError(f"the throw at {opened} ns is too long ago: it was forgotten")
-            outcome, release = judged(log, target, self.p["basket_radius"], opened, until or self._tracked.newest_ns)
+            response.outcome = self._observer.judge(self._tracked, request, until)
         except ValueError as error:
             response.message = str(error)
             return response
-        response.success, response.outcome = True, conversions.outcome_msg(outcome, target, self.p["frame_id"], opened, release)
+        response.success = True
+        return response
+
+    def _on_look(self, request, response):
+        if self._bag is None:
+            response.message = "not configured: nothing is watched"
+            return response
+        self._take()
+        until = conversions.stamp_ns(request.until) or self._tracked.newest_ns
+        late = not self._tracked.has_frames_until(until - FRAME_NS) or any(
+            map(partial(self._tracked.is_late, ns=until), self._observer.roles)
+        )
+        if late and not self._cameras_gone:
+            response.pending, response.message = True, f"{self._come} only, not {until} ns"
+            return response
+        try:
+            response.situation, response.stamp = self._observer.look(until), conversions.time_msg(until)
+            response.success = True
+        except ValueError as error:
+            response.message = self._cameras_gone or str(error)
         return response
 
     def _cut(self, request, response):
-        log = self._tracked.log
         try:
-            one = log.cut(demonstration_id(log.opened_ns or 0), self._up_to, self._thresholds)
-            response.pending = self._ball_lags(one.target, log.opened_ns, self._up_to) and not self._cameras_gone
+            one = self._observer.cut(self._up_to)
+            response.pending = self._observer.lags(self._tracked, one, self._up_to) and not self._cameras_gone
         except ValueError as error:
-            response.pending = self._body_lags("ball") and not self._cameras_gone
+            response.pending = self._body_lags(self._observer.loose) and not self._cameras_gone
             response.message = f"not seen: {self._cameras_gone}; {error}" if self._cameras_gone else str(error)
         if response.pending:
             response.message = f"{self._come} only, not {self._up_to} ns: call again"
@@ -308,7 +322,7 @@ class DemonstrationRecorder(BagKeeper):
         if not response.success:
             self.get_logger().error(f"no demonstration: {response.message}")
             return response
-        response.demonstration = conversions.demonstration_msg(one)
+        response.demonstration = self._observer.message(one)
         self._bag.flush()
         if self._bag.failure:
             response.success, response.message = False, f"{NOT_RECORDED}: {self._bag.failure}"
@@ -317,18 +331,18 @@ class DemonstrationRecorder(BagKeeper):
             response.readable = not response.message
         return response
 
-    def _keep(self, one: Demonstration, until: int) -> str:
+    def _keep(self, one: Demonstration | TaskDemonstration, until: int) -> str:
         """Publish a demonstration that was watched up to a stamp, and put it into the bag; why it cannot be learned from, if so."""
         self._count += 1
-        self._demonstrations.publish(conversions.demonstration_msg(one))
+        self._demonstrations.publish(self._observer.message(one))
         if DEMONSTRATION_TOPIC in self.p["topics"]:
             # Not by serialize_message: Fast DDS's size estimate leaves stray bytes behind empty sequences.
             types = types_for(DEMONSTRATION_TYPE)
-            content = serialize(types, DEMONSTRATION_TYPE, demonstration_message(types, one))
+            content = serialize(types, DEMONSTRATION_TYPE, self._observer.recorded(types, one))
             self._bag.write(DEMONSTRATION_TOPIC, self._time.now_ns, until, content)
         self._bag.flush()
         try:
-            prepare(one, DEFAULT)
+            self._observer.check(one)
         except ValueError as error:
             self.get_logger().warning(f"kept, but it cannot be learned from: {error}")
             return f"kept, but it cannot be learned from: {error}; show it again"

@@ -5,7 +5,11 @@ Stamps are those of the exposure (vrpn_mocap: use_vrpn_timestamps); messages com
 must give the same throw on a busy machine too; `reliability: best_effort` is what vrpn_mocap does.
 """
 
-from dart_skill_msgs.msg import SimulationState
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+from dart_skill_msgs.msg import BodyState, FramesDelivered, SimulationState
 from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.lifecycle import TransitionCallbackReturn
@@ -13,17 +17,30 @@ from rosgraph_msgs.msg import Clock
 
 from dart_skill.configuration import limit_parameters, node_parameters, world_parameters
 from dart_skill.robot import ArmModel
-from dart_skill.simulation import BasketWalls, LatencyQueue, MotionCapture, PlantSettings
-from dart_skill.world import ROLES, pose_topic
+from dart_skill.simulation import BasketWalls, Board, LatencyQueue, MotionCapture, PlantSettings
+from dart_skill.skill.protocol import HAND, skill_type
+from dart_skill.world import pose_topic
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import CLOCK, FRAMES, POSES
 from dart_skill_nodes.comms.refusals import GuardedLifecycleNode
-from dart_skill_nodes.process.node_base import OK, WARN, Diagnostics, Parameter, autostart, declare_row, refuse_what_is_not_finite, run
+from dart_skill_nodes.comms.seen_in_step import DELIVERED
+from dart_skill_nodes.process.node_base import (
+    OK,
+    WARN,
+    Diagnostics,
+    Parameter,
+    autostart,
+    declare_bodies,
+    declare_row,
+    refuse_what_is_not_finite,
+    run,
+)
 
 STEP_NS = PlantSettings().step_ns
+Capsules = tuple[np.ndarray, ...]
 WORLD = [
     Parameter("frame_id", "frame of the poses"),
-    *(Parameter(f"{role}_body", f"name of the tracked body that is the {role}") for role in ROLES),
+    Parameter("skill", "whose bodies are tracked"),
     Parameter("basket_radius", "free opening of the basket that hides the ball [m]", 0.05, 1.0, read_only=False),
     Parameter("basket_depth", "rim to floor of the basket that hides the ball [m]", 0.05, 1.0, read_only=False),
 ]
@@ -51,6 +68,11 @@ TEXTS = {
 }
 
 
+@lru_cache(maxsize=1)
+def _board(bull: tuple[float, float, float]) -> Board:
+    return Board(bull)
+
+
 class MockOptitrack(GuardedLifecycleNode):
     """Camera system as a managed node; it configures and activates itself unless `autostart` is false."""
 
@@ -59,6 +81,7 @@ class MockOptitrack(GuardedLifecycleNode):
         self._parameters_in_force = self._declare()
         self._capture, self._queue = None, LatencyQueue()
         self._published, self._lost, self._active, self._frame_ns, self._episode = {}, {}, False, 0, None
+        self._newest, self._clock_ns, self._delivered = {}, 0, None
         if self.get_parameter("autostart").value:
             autostart(self)
 
@@ -70,6 +93,9 @@ class MockOptitrack(GuardedLifecycleNode):
         values = node_parameters("optitrack.yaml", "mock_optitrack")
         for row in WORLD:
             declare_row(self, row, values[row.name])
+        kind = skill_type(self.get_parameter("skill").value)
+        self._is_reacted_to = kind.reacts
+        self._name_of = declare_bodies(self, (HAND, *kind.bodies))
         shared = {**world_parameters(), **limit_parameters()}
         values = {name: value for name, value in values.items() if name not in shared}
         cameras = values.pop("cameras")
@@ -79,7 +105,8 @@ class MockOptitrack(GuardedLifecycleNode):
             for field in ("position", "look_at"):
                 default = cameras.get(name, {}).get(field, [0.0, 0.0, 1.0])
                 self.declare_parameter(f"cameras.{name}.{field}", default)
-        return {name: self.get_parameter(name).value for name in values} | {"cameras": self._cameras()}
+        bodies = [role for role in self._name_of if kind.name != conversions.THROW or role in self.get_parameter("bodies").value]
+        return {name: self.get_parameter(name).value for name in values} | {"cameras": self._cameras(), "bodies": bodies}
 
     def _cameras(self) -> dict:
         names = self.get_parameter("camera_names").value
@@ -98,8 +125,10 @@ class MockOptitrack(GuardedLifecycleNode):
             return TransitionCallbackReturn.FAILURE
         self._kinematics = ArmModel()
         names, qos = self._capture.config.bodies, POSES[self.get_parameter("reliability").value]
-        self._publishers_of = {n: self.create_publisher(PoseStamped, pose_topic(self.get_parameter(f"{n}_body").value), qos) for n in names}
-        self._published, self._lost = dict.fromkeys(names, 0), dict.fromkeys(names, 0)
+        self._publishers_of = {n: self.create_publisher(PoseStamped, pose_topic(self._name_of[n]), qos) for n in names}
+        self._published, self._lost, self._newest = dict.fromkeys(names, 0), dict.fromkeys(names, 0), dict.fromkeys(names, 0)
+        if self._is_reacted_to:
+            self._delivered = self.create_publisher(FramesDelivered, DELIVERED, FRAMES)
         self._message = PoseStamped()
         self._message.header.frame_id = self.get_parameter("frame_id").value
         self.create_subscription(SimulationState, "/simulation/state", self._on_state, FRAMES)
@@ -118,28 +147,51 @@ class MockOptitrack(GuardedLifecycleNode):
 
     # frames
 
+    @property
+    def _between_frames(self) -> int:
+        """Time between two frames [ns]; when the clock is farther than that, a frame has yet to be taken in."""
+        return round(1e9 / self._capture.config.rate)
+
     def _on_state(self, message: SimulationState) -> None:
         ns = conversions.checked_stamp_ns(message.header.stamp, "the state")
-        frame_ns = round(1e9 / self._capture.config.rate)
+        frame_ns = self._between_frames
         if not self._active or (message.step * STEP_NS) % frame_ns or ns == self._frame_ns:
             return  # an unanswered state is published again: it is the same frame
         if message.episode != self._episode or ns < self._frame_ns:  # the latter: a simulator that was started again
             self._episode = message.episode
             self._capture.begin(message.episode)
             self._queue.clear()
+            self._newest = dict.fromkeys(self._newest, 0)
         self._frame_ns = ns
-        bodies = {name: self._pose(getattr(message, name)) for name in self._capture.config.bodies}
-        radius, depth = (self.get_parameter(name).value for name in ("basket_radius", "basket_depth"))
-        walls = BasketWalls(conversions.place(message.basket.position, "the basket"), radius, depth)
-        capsules = self._kinematics.link_capsules(message.joint_position, message.base_turn)
+        there = {body.name: body for body in message.bodies}
+        bodies = {name: self._pose(there[name].pose) for name in self._capture.config.bodies if name in there}
+        walls = self._walls(message.bodies)
+        capsules = self._beside_a_board(message.bodies, self._kinematics.link_capsules(message.joint_position, message.base_turn))
         samples = self._capture.observe(ns, message.episode, bodies, capsules, walls, message.step * STEP_NS // frame_ns)
-        for name in set(bodies) - {sample.name for sample in samples}:
+        for name in set(self._lost) - {sample.name for sample in samples}:
             self._lost[name] += 1
         self._queue.push(samples)
-        self._publish_due(ns)
+        self._publish_due(max(ns, self._clock_ns))
+
+    def _walls(self, bodies: Sequence[BodyState]) -> BasketWalls | None:
+        """What of a basket hides other bodies; None in a world without one."""
+        if conversions.BASKET not in (body.name for body in bodies):
+            return None
+        radius, depth = (self.get_parameter(name).value for name in ("basket_radius", "basket_depth"))
+        rim = conversions.state_of(bodies, conversions.BASKET).pose.position
+        return BasketWalls(conversions.place(rim, "the basket"), radius, depth)
+
+    @staticmethod
+    def _beside_a_board(bodies: Sequence[BodyState], capsules: Capsules) -> Capsules:
+        """What hides bodies: the arm, and a board where there is one."""
+        if conversions.BOARD not in (body.name for body in bodies):
+            return capsules
+        bull = conversions.place(conversions.state_of(bodies, conversions.BOARD).pose.position, "the board")
+        return tuple(np.concatenate(parts) for parts in zip(capsules, _board(tuple(bull.tolist())).capsules, strict=True))
 
     def _on_clock(self, data: bytes) -> None:
-        self._publish_due(conversions.leading_stamp_ns(data))
+        self._clock_ns = conversions.leading_stamp_ns(data)
+        self._publish_due(self._clock_ns)
 
     def _publish_due(self, now_ns: int) -> None:
         for sample in self._queue.due(now_ns):
@@ -148,6 +200,10 @@ class MockOptitrack(GuardedLifecycleNode):
             conversions.set_pose(message.pose, sample.position, sample.quaternion)
             self._publishers_of[sample.name].publish(message)
             self._published[sample.name] += 1
+            self._newest[sample.name] = sample.stamp_ns
+        if self._delivered is not None and self._delivered.get_subscription_count() and now_ns - self._frame_ns < self._between_frames:
+            newest = [conversions.time_msg(ns) for ns in self._newest.values()]
+            self._delivered.publish(FramesDelivered(stamp=conversions.time_msg(now_ns), bodies=list(self._newest), newest=newest))
 
     @staticmethod
     def _pose(message) -> tuple:

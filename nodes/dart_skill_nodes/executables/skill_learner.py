@@ -1,31 +1,42 @@
-"""The skill learner: hears demonstrations, or reads them from a bag, learns DS-GMR, and plans throws on request."""
+"""The skill learner: hears demonstrations, or reads them from a bag, learns DS-GMR, and plans on request."""
 
-from dataclasses import replace
 from itertools import cycle
+from typing import Any
 
-import numpy as np
 from dart_skill_msgs.msg import Demonstration, DemonstrationMark, DemonstrationStatus
-from dart_skill_msgs.srv import AddTrial, DropDemonstration, Learn, ListDemonstrations, ModelFile, PlanThrow
+from dart_skill_msgs.srv import AddTrial, DropDemonstration, Learn, ListDemonstrations, ModelFile, Plan
 from geometry_msgs.msg import Point
+from rcl_interfaces.msg import SetParametersResult
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from dart_skill.recording import MARK_TOPIC, BagError, Marks, check_known, read_demonstrations, read_dropped
-from dart_skill.recording import Demonstration as Shown
+from dart_skill.recording import MARK_TOPIC, BagError, Marks, check_known, read_dropped
 from dart_skill.robot import load_registration
-from dart_skill.skill.improve import PracticeSettings, PractisingSkill
-from dart_skill.skill.learn import SkillConfiguration, Unreachable, component_ellipsoids, configuration, load_model, prepare, save_model
+from dart_skill.skill.learn import Unreachable, component_ellipsoids
+from dart_skill.skill.model import NoPlan
+from dart_skill.skill.protocol import load_skill
+from dart_skill.skills.throw import Throw
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import LATCHED, SYSTEM
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.node_base import OK, WARN, Diagnostics, Parameter, declare, run
+from dart_skill_nodes.skills.learning import Compared, Learning, Lesson, TaskLearning, ThrowLearning
 
 TABLE = [
+    Parameter("skill", "that it learns"),
     Parameter("frame_id", "frame of demonstrations and plans"),
     Parameter("configuration", "name of the skill's configuration"),
     Parameter("practice_method", "how to learn from own throws: residual, bootstrap, both or none"),
     Parameter("practice_capacity", "demonstrations and trials that are remembered, 0: all", 0, 100_000),
     Parameter("practice_forget", "which trial goes when the memory is full: oldest or crowded"),
+    Parameter("components", "of the mixture, in place of the configuration's; 0: as it has it", 0, 100, read_only=False),
+    Parameter("frames", "task frames, in place of the configuration's; empty: as it has it", read_only=False),
+    Parameter("stiffness", "of a plan per unit mass [1/s^2]; 0: as the configuration has it", 0.0, 5000.0, read_only=False),
+    Parameter("orientation_stiffness", "the same of the orientation; 0: as the configuration has it", 0.0, 5000.0, read_only=False),
+    Parameter(
+        "least_stiffness", "of the position where demonstrations varied; unless both are given it is constant", 0.0, 5000.0, read_only=False
+    ),
+    Parameter("most_stiffness", "of the position where demonstrations agreed", 0.0, 5000.0, read_only=False),
     Parameter("registration_file", "cameras and arm as `dart-skill check arm --write` measured them; empty: told from the throws alone"),
 ]
 
@@ -34,16 +45,15 @@ COLOURS = (ColorRGBA(g=0.62, b=0.45, a=0.5), ColorRGBA(r=0.34, g=0.71, b=0.91, a
 
 
 class SkillLearner(GuardedNode):
-    """Services ~/learn, ~/plan_throw, ~/add_trial, ~/save, ~/load, ~/demonstrations, ~/drop_demonstration; Gaussians on ~/model."""
+    """Services ~/learn, ~/plan, ~/add_trial, ~/save, ~/load, ~/demonstrations, ~/drop_demonstration; Gaussians on ~/model."""
 
     def __init__(self):
         super().__init__("skill_learner")
         self.p = declare(self, "skill_learner.yaml", TABLE)
-        self._heard: dict[str, Shown] = {}
+        self._heard: dict[str, Any] = {}
         self._marked = Marks()
-        self._skill: PractisingSkill | None = None
-        self._registration = load_registration(self.p["registration_file"]) if self.p["registration_file"] else None
-        self._memory = PracticeSettings(self.p["practice_capacity"], self.p["practice_forget"])
+        self._learning = self._make_learning()
+        self.add_on_set_parameters_callback(self._check_changes)
         self.create_subscription(Demonstration, "/demonstrations", self._on_demonstration, LATCHED)
         self.create_subscription(DemonstrationMark, MARK_TOPIC, self._on_mark, LATCHED)
         self._marks = self.create_publisher(DemonstrationMark, MARK_TOPIC, LATCHED)
@@ -51,11 +61,21 @@ class SkillLearner(GuardedNode):
         self.create_service(Learn, "~/learn", self._on_learn)
         self.create_service(ListDemonstrations, "~/demonstrations", self._on_list)
         self.create_service(DropDemonstration, "~/drop_demonstration", self._on_drop)
-        self.create_service(PlanThrow, "~/plan_throw", self._on_plan)
+        self.create_service(Plan, "~/plan", self._on_plan)
         self.create_service(AddTrial, "~/add_trial", self._on_add_trial)
         self.create_service(ModelFile, "~/save", self._on_save)
         self.create_service(ModelFile, "~/load", self._on_load)
         self._diagnostics = Diagnostics(self, self._describe)
+
+    def _make_learning(self) -> Learning:
+        registration = load_registration(self.p["registration_file"]) if self.p["registration_file"] else None
+        skill = load_skill(self.p["skill"])
+        if isinstance(skill, Throw):
+            return ThrowLearning(skill, self._parameters_now, registration)
+        return TaskLearning(skill, self._parameters_now)
+
+    def _parameters_now(self) -> dict[str, Any]:
+        return {row.name: self.get_parameter(row.name).value for row in TABLE}
 
     def _on_demonstration(self, message: Demonstration) -> None:
         try:
@@ -68,10 +88,20 @@ class SkillLearner(GuardedNode):
     def _on_mark(self, mark: DemonstrationMark) -> None:
         self._marked.take(mark)
 
-    def _checked(self, message: Demonstration) -> Shown:
+    def _checked(self, message: Demonstration) -> Any:
+        self._check_frame(message)
+        return self._learning.demonstration(message)
+
+    def _check_frame(self, message: Demonstration) -> None:
         if message.header.frame_id != self.p["frame_id"]:
             raise ValueError(f"{message.id} is in frame '{message.header.frame_id}', not '{self.p['frame_id']}'")
-        return conversions.demonstration(message)
+
+    def _check_changes(self, parameters: list) -> SetParametersResult:
+        try:
+            self._learning.check(self._parameters_now() | {one.name: one.value for one in parameters})
+        except ValueError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
 
     # services
 
@@ -81,59 +111,55 @@ class SkillLearner(GuardedNode):
             if response.pending:
                 response.message = f"{len(self._heard)} of {request.at_least} demonstrations have been heard so far"
                 return response
-            chosen = configuration(request.configuration or self.p["configuration"])
-            chosen = chosen if self._registration is None else replace(chosen, registration=self._registration)
-            dropped = self._learn_from(request.bag, request.without, chosen)
+            lesson, dropped = self._learn_from(request.bag, request.without, request.configuration)
         except (ValueError, BagError, OSError) as error:
             response.success, response.message = False, str(error)
             self.get_logger().error(f"nothing learned: {error}")
             return response
-        skill, practice = self._skill.skill, self._skill.practice
-        response.success, response.demonstrations, response.model_id = True, len(practice.demonstrations), skill.model_id
-        said = [
-            f"learned from {response.demonstrations} demonstrations with '{skill.configuration.name}'",
-            f"the hand opens {1e3 * skill.hand_delay:.0f} ms after it is told to",
-            *(f"left out: {reason}" for reason in practice.kept_out.values()),
-            *([f"dropped: {', '.join(dropped)}"] if dropped else []),
-        ]
-        response.message = "; ".join(said)
-        for reason in practice.kept_out.values():
-            self.get_logger().warning(f"left out: {reason}")
+        response.success, response.demonstrations, response.model_id = True, lesson.demonstrations, lesson.model_id
+        left_out = [f"left out: {reason}" for reason in lesson.left_out]
+        response.message = "; ".join([*lesson.said, *left_out, *([f"dropped: {', '.join(dropped)}"] if dropped else [])])
+        for reason in left_out:
+            self.get_logger().warning(reason)
+        self._publish_markers()
         return response
 
-    def _learn_from(self, bag: str, without: list[str], chosen: SkillConfiguration) -> list[str]:
+    def _learn_from(self, bag: str, without: list[str], configuration: str) -> tuple[Lesson, list[str]]:
         """Learn from a bag, or from what was heard, but for what was dropped; the ids of that."""
-        heard = read_demonstrations(bag) if bag else self._in_order()
+        heard = self._learning.read(bag) if bag else self._in_order()
         check_known(without, [one.id for one in heard], bag or "the learner")
         marked = read_dropped(bag) if bag else self._marked.dropped
         out = marked | set(without)
-        self._take([one for one in heard if one.id not in out], chosen)
-        return [one.id for one in heard if one.id in out]
+        lesson = self._learning.learn([one for one in heard if one.id not in out], configuration)
+        return lesson, [one.id for one in heard if one.id in out]
 
-    def _in_order(self) -> list[Shown]:
+    def _in_order(self) -> list[Any]:
         """What was heard, as it came."""
         return list(self._heard.values())
 
     def _on_list(self, request, response):
         try:
-            chosen = configuration(request.configuration or self.p["configuration"])
+            compared = self._learning.compared() if request.compare else {}
+            response.demonstrations = [self._status(one, request.configuration, compared) for one in self._in_order()]
+            self._learning.check(self._parameters_now() | ({"configuration": request.configuration} if request.configuration else {}))
         except ValueError as error:
-            response.success, response.message = False, str(error)
+            response.success, response.message, response.demonstrations = False, str(error), []
             return response
-        response.demonstrations = [self._status(one, chosen) for one in self._in_order()]
         dropped = sum(one.dropped for one in response.demonstrations)
         response.success, response.message = True, f"{len(self._heard)} demonstrations, {dropped} of them dropped"
         return response
 
-    def _status(self, one: Shown, chosen: SkillConfiguration) -> DemonstrationStatus:
-        status = DemonstrationStatus(id=one.id, target=conversions.point(one.target), dropped=one.id in self._marked.dropped)
-        status.header.frame_id = one.frame_id
-        conversions.set_stamp(status.header.stamp, one.stamp_ns)
-        status.duration = conversions.duration_msg(float(np.nan_to_num(one.motion_stop - one.motion_start)))
+    def _status(self, one: Any, configuration: str, compared: dict[str, Compared]) -> DemonstrationStatus:
+        counts = compared.get(one.id, Compared(float("nan")))
+        status = DemonstrationStatus(skill=self._learning.skill, id=one.id, dropped=one.id in self._marked.dropped)
+        status.weight, status.unlike, status.outlier = counts.weight, counts.unlike, counts.outlier
         try:
-            status.readable, status.finding = True, prepare(one, chosen).in_words
+            stamp_ns, status.header.frame_id, duration, status.situation = self._learning.describe(one)
+            conversions.set_stamp(status.header.stamp, stamp_ns)
+            status.duration = conversions.duration_msg(duration)
+            status.readable, status.finding = True, self._learning.finding(one, configuration)
         except ValueError as error:
-            status.finding = str(error)
+            status.readable, status.finding = False, str(error)
         return status
 
     def _on_drop(self, request, response):
@@ -150,36 +176,25 @@ class SkillLearner(GuardedNode):
         response.success, response.message = True, f"{request.id} {what}: learn again (dart-skill learn)"
         return response
 
-    def _take(self, demonstrations: list, chosen, practised=None) -> None:
-        skill = PractisingSkill(demonstrations, chosen, self.p["practice_method"], self._memory)
-        if practised is not None and skill.correction is not None:
-            skill.correction.remember(practised)
-        self._skill = skill
-        self._publish_markers()
-
     def _on_plan(self, request, response):
         try:
             if request.header.frame_id != self.p["frame_id"]:
-                raise ValueError(f"the target is in frame '{request.header.frame_id}', not '{self.p['frame_id']}'")
-            if self._skill is None:
-                raise ValueError("nothing is learned yet: call ~/learn, or ~/load a model")
-            plan = self._skill.plan(conversions.place(request.target, "the target"))
-            response.success, response.plan = True, conversions.plan_msg(plan, self.p["frame_id"])
-            response.seat = conversions.point(self._skill.skill.seat)
+                raise ValueError(f"the situation is in frame '{request.header.frame_id}', not '{self.p['frame_id']}'")
+            response.plan, response.held = self._learning.plan(request.situation, self.p["frame_id"])
+            response.success = True
         except ValueError as error:
-            response.success, response.unreachable, response.message = False, isinstance(error, Unreachable), str(error)
+            response.success, response.unreachable, response.message = False, isinstance(error, Unreachable | NoPlan), str(error)
         return response
 
     def _on_add_trial(self, request, response):
         response.left = [float("nan")] * 2
         try:
-            if self._skill is None:
+            if not self._learning.learned:
                 raise ValueError("nothing is learned yet: call ~/learn, or ~/load a model, before trials are added")
-            planned = request.plan.trajectory.points
-            told = self._skill.tell(conversions.plan(request.plan) if planned else None, self._checked(request.trial))
-            forgotten = f"forgotten: {', '.join(told.forgotten)}" if told.forgotten else ""
-            response.success, response.message, response.left = told.kept, told.reason or forgotten, list(told.left)
-            response.demonstrations = len(self._skill.practice.demonstrations)
+            self._check_frame(request.trial)
+            taken = self._learning.tell(request.trial, request.plan)
+            response.success, response.message, response.left = taken.kept, taken.message, taken.left
+            response.demonstrations = taken.demonstrations
             self._publish_markers()
         except ValueError as error:
             response.success, response.message = False, str(error)
@@ -187,20 +202,17 @@ class SkillLearner(GuardedNode):
 
     def _on_save(self, request, response):
         try:
-            if self._skill is None:
+            if not self._learning.learned:
                 raise ValueError("nothing is learned yet: there is no model to save")
-            skill = self._skill
-            practised = [] if skill.correction is None else [skill.correction.throws]
-            save_model(request.path, skill.practice.demonstrations, skill.skill.configuration, *practised)
-            response.success, response.model_id = True, skill.skill.model_id
+            response.model_id, response.success = self._learning.save(request.path), True
         except (ValueError, OSError) as error:
             response.success, response.message = False, str(error)
         return response
 
     def _on_load(self, request, response):
         try:
-            self._take(*load_model(request.path))
-            response.success, response.model_id = True, self._skill.skill.model_id
+            response.model_id, response.success = self._learning.load(request.path), True
+            self._publish_markers()
         except (ValueError, OSError) as error:
             response.success, response.message = False, str(error)
         return response
@@ -208,13 +220,10 @@ class SkillLearner(GuardedNode):
     # what is shown
 
     def _publish_markers(self) -> None:
-        skill = self._skill.skill
-        centre = np.median([throw.task for throw in skill.throws], axis=0)
         array = MarkerArray(markers=[Marker(action=Marker.DELETEALL)])
-        frames = skill.frame_mixtures(centre)
-        groups = {"components": skill.mixture(centre), **{f"frame_{k}": one for k, one in enumerate(frames, start=1) if len(frames) > 1}}
+        groups, places = self._learning.mixtures()
         for colour, (name, mixture) in zip(cycle(COLOURS), groups.items(), strict=False):
-            for k, (position, orientation, size) in enumerate(component_ellipsoids(mixture)):
+            for k, (position, orientation, size) in enumerate(component_ellipsoids(mixture, angles=self._learning.angles)):
                 marker = Marker(ns=name, id=k, type=Marker.SPHERE, action=Marker.ADD, color=colour)
                 marker.header.frame_id = self.p["frame_id"]
                 conversions.set_pose(marker.pose, position, orientation)
@@ -224,17 +233,14 @@ class SkillLearner(GuardedNode):
         targets.header.frame_id = self.p["frame_id"]
         targets.scale.x = targets.scale.y = targets.scale.z = 0.05
         targets.color = ColorRGBA(r=0.8, g=0.3, b=0.1, a=1.0)
-        targets.points = [Point(x=float(x), y=float(y), z=float(z)) for x, y, z in (t.task for t in skill.throws)]
+        targets.points = [Point(x=float(x), y=float(y), z=float(z)) for x, y, z in places]
         array.markers.append(targets)
         self._markers.publish(array)
 
     def _describe(self):
-        if self._skill is None:
+        if not self._learning.learned:
             return WARN, "nothing learned yet", {"heard": len(self._heard)}
-        practice, correction = self._skill.practice, self._skill.correction
-        values = {"heard": len(self._heard), "learned_from": len(practice.demonstrations), "kept_out": len(practice.kept_out)}
-        values["practised"] = 0 if correction is None else len(correction)
-        return OK, "ready to plan", {**values, "model_id": self._skill.skill.model_id, "posture_id": self._skill.skill.posture_id}
+        return OK, "ready to plan", {"heard": len(self._heard), **self._learning.values()}
 
 
 def main(args: list[str] | None = None) -> None:

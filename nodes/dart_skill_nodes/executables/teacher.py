@@ -1,27 +1,34 @@
-"""The teacher: a simulated person who guides the arm by its hand and elbow until a throw goes in.
+"""The teacher: a simulated person who guides the arm by its hand and elbow until a movement succeeds.
 
 Action /teach. While it guides, the teacher takes part in the simulator's handshake: it answers every /joint_states once, on
-/wam/teacher_wrench. It sees the ball through the motion capture like everybody else, and starts and stops the recorder.
+/wam/teacher_wrench. It sees all bodies through the motion capture like everybody else, and starts and stops the recorder.
+
+A lesson with `by_pointer` is given by somebody else: the hands follow the poses on ~/pointer, the fingers do what ~/grip says, and ~/done
+ends it.
 """
 
 import time
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import partial
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from dart_skill_msgs.action import Teach
-from dart_skill_msgs.msg import WamCommand
-from dart_skill_msgs.srv import Reset
+from dart_skill_msgs.msg import Situation, WamCommand
+from dart_skill_msgs.srv import Reset, Step
+from geometry_msgs.msg import PoseStamped
 from rclpy.action import CancelResponse, GoalResponse
 from sensor_msgs.msg import JointState
-from std_srvs.srv import SetBool
+from std_srvs.srv import SetBool, Trigger
 
-from dart_skill.robot import Command, Grip
-from dart_skill.simulation import Person, Phase, Teacher
+from dart_skill.robot import ArmState, Command, Grip
 from dart_skill.skill.observe import ARRIVAL_NS
+from dart_skill.skill.protocol import HAND, load_skill
 from dart_skill.world import pose_topic
 from dart_skill_nodes.client.failures import CallFailed
-from dart_skill_nodes.client.service_calls import Judge, Recording, ServiceCalls
+from dart_skill_nodes.client.service_calls import Eyes, Judge, Recording, ServiceCalls
+from dart_skill_nodes.client.trial_sequence import LOOK_STEPS
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, finish_by_success, pause
 from dart_skill_nodes.comms.joint_states import JOINT_STATES, hear_joint_states
@@ -29,14 +36,16 @@ from dart_skill_nodes.comms.obeyed_publisher import new_sender
 from dart_skill_nodes.comms.presence import LEASE, LOOK, Cameras, publishers, subscribers
 from dart_skill_nodes.comms.qos import COMPLETE, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
+from dart_skill_nodes.comms.seen_in_step import SeenInStep, Sighting
 from dart_skill_nodes.comms.time_of_the_arm import TimeOfTheArm
-from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, run
+from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, declare_bodies, run
+from dart_skill_nodes.skills.showing import PointerShowing, showing_of
 
 TABLE = [
     Parameter("seed", "everything random comes from it", 0, 2**31 - 1),
     Parameter("frame_id", "frame of targets and wrenches"),
-    Parameter("ball_body", "tracked body that is the ball: without it nobody sees what becomes of a throw"),
-    Parameter("max_attempts", "throws at one basket at most", 1, 100),
+    Parameter("skill", "that it shows; without its bodies among those that are tracked nobody sees what becomes of it"),
+    Parameter("max_attempts", "in one situation at most", 1, 100),
     Parameter("watch_time", "the ball is watched so long after the button was pressed [s]", 0.3, 5.0),
     Parameter("release_point", "standard deviation of the release point [m]", 0.0, 0.2),
     Parameter("duration", "of the duration of the swing [share]", 0.0, 0.3),
@@ -66,30 +75,38 @@ LONGEST_BRAKE = 10
 
 
 class TeacherNode(GuardedNode):
-    """Guided throws as an action."""
+    """Guided movements as an action."""
 
     def __init__(self):
         super().__init__("teacher")
         self.p = declare(self, "teacher.yaml", TABLE)
-        self._teacher = Teacher(self.p["seed"], person=Person.from_parameters(self.p))
+        skill = load_skill(self.p["skill"])
+        name_of = declare_bodies(self, (HAND, *skill.bodies))
+        self._skill, self._person, self._pointer = skill.name, showing_of(skill, self.p), PointerShowing(skill, self.p["frame_id"])
+        self._showing = self._person
         self._goal, self._over, self._begin, self._last_ns = None, None, None, None
-        self._cameras = Cameras(self, pose_topic(self.p["ball_body"]))
+        self._cameras = Cameras(self, pose_topic(name_of[skill.moves]))
         self._time = TimeOfTheArm(self)
         self._withdrawn, self._unseen, self._needed, self._looked, self._speed = "", "", (), time.monotonic(), 0.0
         calls = ServiceCalls(self)
         self._call, self._recording, self._judge = calls.call, Recording(self, calls), Judge(self, calls)
+        self._eyes, self._step = Eyes(self, calls), self.create_client(Step, "/simulation/step")
         self._message = WamCommand(sender=new_sender())
         self._message.header.frame_id = self.p["frame_id"]
         self._wrench = self.create_publisher(WamCommand, "/wam/teacher_wrench", COMPLETE)
+        self._seen = SeenInStep(self, name_of, self.p["frame_id"], self._answer) if self._person.watches else None
         self._states = hear_joint_states(self, self._on_state, raw=True)
         self._reset = self.create_client(Reset, "/simulation/reset")
         self._pause = self.create_client(SetBool, "/simulation/pause")
         self._free_arm = self.create_client(SetBool, "/commander/release_arm")
         self.create_subscription(Time, "/commander/stopped", lambda _: self._withdraw("stopped by /commander/stop"), 10)
+        self.create_subscription(PoseStamped, "~/pointer", self._pointer.pull, 10)
+        self.create_service(SetBool, "~/grip", partial(self._obey, lambda request: self._pointer.grip(request.data)))
+        self.create_service(Trigger, "~/done", partial(self._obey, lambda _: self._pointer.finish()))
         self.create_timer(LOOK, self._watch, clock=WALL)
         accept = {"goal_callback": self._on_goal, "cancel_callback": self._on_cancel}
         self._action = CoroutineActionServer(self, Teach, "/teach", self._teach, finish_by_success, **accept)
-        self._diagnostics = Diagnostics(self, lambda: (OK, self._teacher.phase.value, {}))
+        self._diagnostics = Diagnostics(self, lambda: (OK, self._showing.phase, {}))
 
     # the hands
 
@@ -98,6 +115,15 @@ class TeacherNode(GuardedNode):
             return
         self._notice_a_gap()
         state = conversions.arm_state(conversions.decoded(data, JointState))
+        if self._seen is not None and self._seen.goes_on:
+            self._seen.offer(state.stamp_ns, state)
+        else:
+            self._answer(state)
+
+    def _answer(self, state: ArmState, sightings: Sequence[Sighting] = ()) -> None:
+        """Push the arm in a state; sightings: what the person has seen meanwhile."""
+        for one in sightings:
+            self._showing.see(*one)
         if state.stamp_ns != self._last_ns:
             self._notice_a_jump(state.stamp_ns)
             self._last_ns, self._speed = state.stamp_ns, float(np.abs(state.velocity).max())
@@ -125,17 +151,29 @@ class TeacherNode(GuardedNode):
 
     def _push(self, state) -> Command:
         if self._begin is not None:
-            target, correct, self._begin = *self._begin, None
-            self._teacher.begin(target, state, correct)
-            self._guiding = True
+            situation, again, self._begin = *self._begin, None
+            self._showing.begin(situation, state, again)
+            self._guiding, self._begun_ns = True, state.stamp_ns
         if not self._guiding:
             return Command(state.stamp_ns)
-        push = self._teacher.step(state)
+        push = self._showing.step(state)
         if push.grip == Grip.OPEN:
             self._opened_ns = state.stamp_ns
-        if self._ended_ns is None and self._teacher.phase == Phase.WATCHING:
+        if self._ended_ns is None and self._showing.is_over(state):
             self._ended_ns = max(state.stamp_ns, self._opened_ns + round(self.p["watch_time"] * 1e9))
         return push
+
+    # somebody else's hands
+
+    @staticmethod
+    def _obey(what: Callable, request, response):
+        """Do what somebody asks of the hand that they hold; the answer says why that cannot be."""
+        try:
+            what(request)
+            response.success = True
+        except ValueError as error:
+            response.success, response.message = False, str(error)
+        return response
 
     # the action
 
@@ -188,7 +226,10 @@ class TeacherNode(GuardedNode):
             self.get_logger().error(f"the lesson ends: {error}")
             await self._let_go()
         finally:
-            self._goal, self._over = None, None
+            if self._seen is not None:
+                self._seen.end()
+            self._goal, self._over, self._showing = None, None, self._person
+            self._pointer.forget()
         return result
 
     async def _let_go(self) -> None:
@@ -204,38 +245,46 @@ class TeacherNode(GuardedNode):
             await self._call(self._reset, Reset.Request(paused=True)) if not simulator else None
 
     async def _lesson(self, goal_handle, result) -> None:
-        target = conversions.place(goal_handle.request.target, "the target")
-        attempts = goal_handle.request.max_attempts or self.p["max_attempts"]
+        situation, by_pointer = goal_handle.request.situation, goal_handle.request.by_pointer
+        self._showing = self._pointer if by_pointer else self._person
+        attempts = 1 if by_pointer else goal_handle.request.max_attempts or self.p["max_attempts"]
         for attempt in range(1, attempts + 1):
             result.attempts = attempt
             await self._need_cameras()
             self._feed("preparing", attempt)
-            self._teacher.check(target, attempt > 1)
-            await self._guided_throw(target, attempt)
-            outcome = result.outcome = await self._judge.outcome(target, self._opened_ns, self._ended_ns - ARRIVAL_NS)
-            reason = "" if outcome.in_basket else "missed"
-            kept = await self._recording.stop(self._ended_ns - ARRIVAL_NS, bool(outcome.in_basket), reason)
+            self._showing.check(situation, attempt > 1)
+            await self._guided_movement(situation, attempt)
+            until = self._ended_ns - ARRIVAL_NS
+            outcome = result.outcome = await self._judge.outcome(situation, self._opened_ns, until, self._begun_ns)
+            reason = "" if outcome.success else outcome.message or "missed"
+            kept = await self._recording.stop(self._ended_ns - ARRIVAL_NS, bool(outcome.success), reason)
             self._go_on()
-            if outcome.in_basket and kept.success:
+            if outcome.success and kept.success:
                 result.success, result.message = True, "in"
                 break
-            result.message = kept.message or "missed"
-            if outcome.landing_seen:
-                self._teacher.learn_from(conversions.vector(outcome.landing))
+            result.message = kept.message or reason
+            self._showing.learn_from(outcome)
         reset = Reset.Request(paused=True)
         await self._call(self._reset, reset)
 
-    async def _guided_throw(self, target, attempt: int) -> None:
-        self._guiding, self._ended_ns, self._opened_ns = False, None, 0
+    async def _guided_movement(self, situation: Situation, attempt: int) -> None:
+        self._guiding, self._ended_ns, self._opened_ns, self._begun_ns = False, None, 0, 0
         await self._recording.start(lambda: self._call(self._pause, SetBool.Request(data=False)))
         await self._call(self._free_arm, SetBool.Request(data=True))
-        reset = Reset.Request(move_basket=True, basket=conversions.point(target), paused=True, guided=True)
+        reset = Reset.Request(situation=situation, paused=True, guided=True, real_time=self._showing is self._pointer)
         first = await self._call(self._reset, reset)
+        if self._showing.watches and self._seen is not None:
+            self._showing.forget()
+            self._seen.begin(conversions.stamp_ns(first.stamp))
         await self._until(lambda: (self._last_ns or 0) >= conversions.stamp_ns(first.stamp), "the state after the reset")
         self._go_on()
-        self._begin, self._over = (target, attempt > 1), Promise()
+        seen = await self._look() if self._showing.looks else situation
+        self._begin, self._over = (seen, attempt > 1), Promise()
         self._feed("armed", attempt)
         await self._call(self._pause, SetBool.Request(data=False))
+        if self._showing is self._pointer:
+            await self._until(lambda: self._pointer.guides, "the first state of a running world")
+            self._feed("held", attempt)
         failure = await self._over
         self._go_on()
         await self._call(self._pause, SetBool.Request(data=True))
@@ -243,13 +292,19 @@ class TeacherNode(GuardedNode):
         if failure:
             raise CallFailed(failure)
 
+    async def _look(self) -> Situation:
+        """Where the person sees the bodies, in a held world that goes on for a moment."""
+        end_ns = conversions.stamp_ns((await self._call(self._step, Step.Request(steps=LOOK_STEPS))).stamp)
+        await self._until(lambda: (self._last_ns or 0) >= end_ns, "the state after a look")
+        return await self._eyes.look(end_ns - ARRIVAL_NS)
+
     async def _need_cameras(self) -> None:
         """CallFailed without cameras, once a teacher that has just been started could have found them."""
         for _ in range(FINDS_AGAIN if self._cameras.met else FINDS):
             if not self._unseen:
                 return
             await pause(self, LOOK)
-        raise CallFailed(f"{self._unseen}; nobody would see where the ball goes")
+        raise CallFailed(f"{self._unseen}; nobody would see {conversions.what_comes(self._skill)}")
 
     def _go_on(self) -> None:
         """CallFailed if the lesson shall not go on."""

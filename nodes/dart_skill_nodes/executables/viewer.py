@@ -17,10 +17,13 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from dart_skill.regions import Region
 from dart_skill.simulation import Basket
-from dart_skill.view import Panel, Request, Scene, new_token, open_server, url_of, with_token
-from dart_skill.world import ROLES, pose_topic
+from dart_skill.skill.protocol import HAND, Skill, load_skill, task_demonstration_from_message
+from dart_skill.skills.throw import Throw
+from dart_skill.view import Panel, PanelWords, Request, Scene, new_token, open_server, url_of, with_token
+from dart_skill.world import pose_topic
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.node_inspector import NodeInspector, NodeStatuses
+from dart_skill_nodes.client.pulled_lesson import PulledLesson
 from dart_skill_nodes.client.viewer_jobs import ViewerJobs, in_words
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import start
@@ -29,14 +32,14 @@ from dart_skill_nodes.comms.markers import ellipsoids
 from dart_skill_nodes.comms.qos import LATCHED, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.graph_processes import TOKEN
-from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, run
+from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, declare_bodies, run
 
 TABLE = [
     Parameter("host", "address to listen on; whoever has the address of the page, with its token, moves the arm"),
     Parameter("port", "of the page; 0: any free one, which is printed", 0, 65535),
     Parameter("rate", "of the pictures [1/s, wall clock]", 1.0, 100.0),
     Parameter("frame_id", "frame of all positions; others are not shown"),
-    *(Parameter(f"{role}_body", f"tracked body that is the {role}") for role in ROLES),
+    Parameter("skill", "whose bodies it shows, and what its controls let be done"),
     Parameter("basket_radius", "free opening of the basket [m]", 0.05, 1.0),
     Parameter("basket_depth", "rim to floor of the basket [m]", 0.05, 1.0),
     Parameter("seed", "of the baskets at which it lets demonstrate", 0, 2**31 - 1),
@@ -52,6 +55,32 @@ CAMERAS = "mock_optitrack"
 PICTURES_PER_PATH = 3
 
 
+def _throw_shown(_: Throw):
+    """From a demonstration of a throw to the way of the hand (n, 3), and to where it was aimed (1, 3)."""
+
+    def shown(message: Demonstration) -> tuple[np.ndarray, np.ndarray]:
+        one = conversions.demonstration(message)
+        return one.hand_position, one.target[None]
+
+    return shown
+
+
+def _task_shown(skill: Skill):
+    """The same of another skill: the way between its first and its last instant, and where the bodies were then (m, 3)."""
+
+    def shown(message: Demonstration) -> tuple[np.ndarray, np.ndarray]:
+        one = task_demonstration_from_message(message, skill)
+        start, stop = skill.cut(one)
+        places = [one.track(role).pose_at(start).position for role in skill.bodies]
+        return one.hand_position[(one.hand_time >= start) & (one.hand_time <= stop)], np.array(places).reshape(-1, 3)
+
+    return shown
+
+
+SHOWN_OF = {True: _throw_shown, False: _task_shown}
+"""By whether it is a skill of throwing."""
+
+
 class Viewer(GuardedNode):
     """Topics into the scene, requests of the panel into actions and services."""
 
@@ -64,26 +93,34 @@ class Viewer(GuardedNode):
         self._server = open_server(self.p["host"], self.p["port"], token=token)
         self._requests: queue.SimpleQueue[Request] = queue.SimpleQueue()
         basket = Basket(radius=self.p["basket_radius"], depth=self.p["basket_depth"])
-        self._scene = Scene(self._server, region=region, basket=basket)
-        self._panel = Panel(self._server, self._scene, self._requests.put)
+        skill = load_skill(self.p["skill"])
+        other = None if skill.name == conversions.THROW else skill
+        self._scene = Scene(self._server, region=region, basket=basket, skill=other)
+        self._demonstrated = SHOWN_OF[isinstance(skill, Throw)](skill)
+        words = None if other is None else PanelWords.of(skill.name, isinstance(skill, Throw))
+        self._panel = Panel(self._server, self._scene, self._requests.put, words)
         self._demonstrations, self._new_demonstration, self._basket, self._fault = {}, False, None, ""
         self._status, self._phase, self._inspector = NodeStatuses(), "", NodeInspector(self)
-        self._path_ends, self._pictures = {name: [] for name in ("ball", "hand", "attractor")}, 0
+        self._path_ends, self._pictures = {name: [] for name in (*self._scene.bodies[:1], "hand", "attractor")}, 0
         self._controls = ViewerJobs(
             self, region, self.p["seed"], self.p["frame_id"], say=self._panel.say, busy=self._panel.set_busy, threw=self._panel.add_throw,
-            seen=lambda: self._basket, heard=lambda: len(self._demonstrations),
+            seen=lambda: self._basket, heard=lambda: len(self._demonstrations), skill=other,
         )  # fmt: skip
-        self._subscribe()
+        self._lesson = None
+        if self._scene.held_hand is not None and self._panel.holding is not None:
+            self._lesson = PulledLesson(self, self._controls, self._scene.held_hand, self._panel, skill, self.p["frame_id"])
+            self._scene.held_hand.on_drag(lambda place: self._requests.put(Request("pull", {"place": place})))
+        self._subscribe(declare_bodies(self, (HAND, *skill.bodies)))
         self._diagnostics = Diagnostics(self, self._describe)
-        self.create_timer(1.0 / self.p["rate"], self._tick, clock=WALL)
+        self._pictures_timer = self.create_timer(1.0 / self.p["rate"], self._tick, clock=WALL)
         self.create_timer(1.0, lambda: self._panel.show_nodes(self._status.now()), clock=WALL)
         url = url_of(self._server)  # whoever gave the token knows the rest of the address, and a log need not
         self.get_logger().info(f"the live view is at {url if given else with_token(url, token)}")
 
-    def _subscribe(self) -> None:
+    def _subscribe(self, name_of: dict[str, str]) -> None:
         self._latest = LatestMessages(self)
         self._latest.watch(JOINTS, JointState)
-        self._pose_topics = {role: pose_topic(self.p[f"{role}_body"]) for role in ROLES} | {"attractor": ATTRACTOR}
+        self._pose_topics = {role: pose_topic(name) for role, name in name_of.items()} | {"attractor": ATTRACTOR}
         for topic in self._pose_topics.values():
             self._latest.watch(topic, PoseStamped, depth=200)
         self.create_subscription(Demonstration, "/demonstrations", self._on_demonstration, LATCHED)
@@ -99,7 +136,9 @@ class Viewer(GuardedNode):
 
     def _tick(self) -> None:
         while not self._requests.empty():
-            self._controls.obey(self._requests.get())
+            request = self._requests.get()
+            if self._lesson is None or not self._lesson.obeys(request):
+                self._controls.obey(request)
         try:
             self._show(self._latest.take(JOINTS), {name: self._poses(topic) for name, topic in self._pose_topics.items()})
             self._fault = ""
@@ -109,7 +148,8 @@ class Viewer(GuardedNode):
             self._fault = str(error)
         if self._new_demonstration:
             self._new_demonstration = False
-            self._scene.show_demonstrations(list(self._demonstrations.values()))
+            ways, places = zip(*self._demonstrations.values(), strict=True)
+            self._scene.show_ways(ways, np.concatenate(places))
 
     def _show(self, states: list[bytes], poses: dict[str, np.ndarray]) -> None:
         """New joint states, serialised, and new poses (n, 7) of each body."""
@@ -120,14 +160,24 @@ class Viewer(GuardedNode):
             self._scene.move_arm(conversions.arm_state(conversions.decoded(states[-1], JointState)).position)
         if len(poses["hand"]):
             self._scene.move_hand(poses["hand"][-1, :3], poses["hand"][-1, 3:])
-        if len(poses["ball"]):
-            self._scene.move_ball(poses["ball"][-1, :3])
         if len(poses["attractor"]):
             self._scene.move_attractor(poses["attractor"][-1, :3])
-        if len(poses["basket"]):
-            self._basket = poses["basket"][-1, :3]
-            self._scene.move_basket(self._basket)
+        for role in self._scene.bodies:
+            if len(poses[role]):
+                self._move_body(role, poses[role][-1])
+        if self._lesson is not None:
+            self._lesson.see({role: poses[role][-1] for role in (HAND, *self._scene.bodies) if len(poses[role])})
         self._extend_paths(poses)
+
+    def _move_body(self, role: str, pose: np.ndarray) -> None:
+        """A body as it was seen last (7,). How ball and basket are turned is of no use."""
+        if role == conversions.BASKET:
+            self._basket = pose[:3]
+            self._scene.move_basket(self._basket)
+        elif role == "ball":
+            self._scene.move_ball(pose[:3])
+        else:
+            self._scene.move_body(role, pose[:3], pose[3:])
 
     def _extend_paths(self, poses: dict[str, np.ndarray]) -> None:
         """Paths are sent as a whole, so not with every picture."""
@@ -153,12 +203,14 @@ class Viewer(GuardedNode):
 
     def _on_demonstration(self, message: Demonstration) -> None:
         try:
-            one = conversions.demonstration(message)
+            shown = self._demonstrated(message)
         except ValueError as error:
             self.get_logger().error(f"a demonstration is not shown: {error}")
             return
-        if one.frame_id == self.p["frame_id"]:
-            self._demonstrations[one.id], self._new_demonstration = one, True
+        if message.header.frame_id == self.p["frame_id"]:
+            self._demonstrations[message.id], self._new_demonstration = shown, True
+            if self._lesson is not None:
+                self._lesson.heard()
 
     def _on_markers(self, message: MarkerArray) -> None:
         shown = ellipsoids(message, self.p["frame_id"])
@@ -171,16 +223,19 @@ class Viewer(GuardedNode):
     # what goes on
 
     def _on_lesson(self, message) -> None:
-        self._say_phase(f"lesson, throw {message.feedback.attempt}: {message.feedback.phase}")
+        if self._lesson is not None:
+            self._lesson.hear(message.feedback.phase)
+        self._say_phase(f"lesson, attempt {message.feedback.attempt}: {message.feedback.phase}")
 
     def _on_practice(self, message) -> None:
         feedback = message.feedback
+        what = f"own {self._panel.trial} {feedback.number}"
         if feedback.phase != "done":
-            self._say_phase(f"own throw {feedback.number}: {feedback.message or feedback.phase}")
+            self._say_phase(f"{what}: {feedback.message or feedback.phase}")
             return
-        error = float(feedback.outcome.landing_error) if feedback.outcome.landing_seen else float("nan")
-        self._panel.add_throw(error, bool(feedback.outcome.in_basket))
-        self._say_phase(f"own throw {feedback.number}: {in_words(error, bool(feedback.outcome.in_basket))} {feedback.message}")
+        error = float(feedback.outcome.error) if feedback.outcome.seen else float("nan")
+        self._panel.add_throw(error, bool(feedback.outcome.success))
+        self._say_phase("; ".join(filter(None, (f"{what}: {in_words(feedback.outcome)}", feedback.message))))
 
     def _say_phase(self, text: str) -> None:
         if text != self._phase:

@@ -9,8 +9,8 @@ import time
 from functools import partial
 
 import numpy as np
-from dart_skill_msgs.msg import SimulationState, WamCommand
-from dart_skill_msgs.srv import PlaceBasket, Reset, Step
+from dart_skill_msgs.msg import BodyState, SimulationState, WamCommand
+from dart_skill_msgs.srv import PlaceBody, Reset, Step
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.msg import SetParametersResult
@@ -20,7 +20,8 @@ from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
 
 from dart_skill.robot import wam_description, write_urdf
-from dart_skill.simulation import Plant, PlantSettings
+from dart_skill.simulation import Board, PlantSettings, make_world
+from dart_skill.skill.protocol import skill_type
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.obeyed_publisher import ObeyedPublisher
 from dart_skill_nodes.comms.presence import LOOK, Presence, publishers
@@ -31,6 +32,7 @@ from dart_skill_nodes.process.limits import LIMITS
 from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Parameter, declare, run
 
 TABLE = [
+    Parameter("skill", "in whose world the arm stands"),
     Parameter("seed", "everything random comes from it", 0, 2**31 - 1),
     Parameter("lockstep", "wait for the answer to every state; false: real time"),
     Parameter("speed_factor", "simulated seconds per second at most, 0: no limit", 0.0, 1000.0, read_only=False),
@@ -60,6 +62,7 @@ TABLE = [
     Parameter("basket_position", "centre of the rim at the start [m]"),
     Parameter("basket_radius", "free opening of the basket [m]", 0.05, 1.0),
     Parameter("basket_depth", "rim to floor of the basket [m]", 0.05, 1.0),
+    Parameter("board_position", "of the bull of the board, where darts are thrown [m]"),
     Parameter("basket_restitution", "of the basket's walls and floor", 0.0, 1.0),
     *LIMITS,
     Parameter("ground_truth_period", "steps between messages on /simulation/state", 1, 1000),
@@ -82,8 +85,9 @@ class WamSimulator(GuardedNode):
     def __init__(self):
         super().__init__("wam_simulator")
         self.p = declare(self, "wam_simulator.yaml", TABLE)
-        self._plant = Plant(PlantSettings.from_parameters(self.p), self.p["seed"])
-        self._paused, self._guided, self._budget = self.p["start_paused"], False, 0
+        board = Board(tuple(self.p["board_position"]))
+        self._plant = make_world(skill_type(self.p["skill"]).world, PlantSettings.from_parameters(self.p), self.p["seed"], board)
+        self._paused, self._guided, self._budget, self._watched = self.p["start_paused"], False, 0, False
         self._answers, self._fault, self._steps_made = {}, "", 0
         self._guide: Presence | None = None  # who guides the arm
         self._left = ""  # why nobody guides it any more, until it rests
@@ -108,7 +112,8 @@ class WamSimulator(GuardedNode):
         self._description.publish(String(data=write_urdf(wam_description())))
         frame = self.p["frame_id"]
         self._joint_msg = JointState(name=[joint.name for joint in wam_description().joints])
-        self._tool_msg, self._clock_msg, self._truth_msg = PoseStamped(), ClockMsg(), SimulationState()
+        self._tool_msg, self._clock_msg = PoseStamped(), ClockMsg()
+        self._truth_msg, self._bodies = SimulationState(), {role: BodyState(name=role) for role in self._plant.bodies}
         for message in (self._joint_msg, self._tool_msg, self._truth_msg):
             message.header.frame_id = frame
         self._safety = self.create_publisher(DiagnosticStatus, "/wam/safety", LATCHED)
@@ -123,7 +128,7 @@ class WamSimulator(GuardedNode):
         self.create_service(Reset, "/simulation/reset", self._on_reset)
         self.create_service(SetBool, "/simulation/pause", self._on_pause)
         self.create_service(Step, "/simulation/step", self._on_step)
-        self.create_service(PlaceBasket, "/simulation/place_basket", self._on_place_basket)
+        self.create_service(PlaceBody, "/simulation/place_body", self._on_place_body)
         self.create_service(Trigger, "/bhand/open_grasp", self._on_open)
         self.create_service(Trigger, "/bhand/close_grasp", self._on_close)
 
@@ -188,8 +193,10 @@ class WamSimulator(GuardedNode):
             self._safety.publish(DiagnosticStatus(level=said, name="wam safety", message=fault or warning, hardware_id="wam"))
 
     def _pace(self) -> None:
-        """Hold back so that simulated time does not run faster than speed_factor times the machine's."""
+        """Hold simulated time back to speed_factor times the machine's, and to the machine's own while somebody watches."""
         factor = self.get_parameter("speed_factor").value
+        if self._watched:
+            factor = min(factor or 1.0, 1.0)
         if factor <= 0.0:
             return
         now = time.monotonic()
@@ -198,12 +205,13 @@ class WamSimulator(GuardedNode):
             time.sleep(self._next - now)
 
     def _real_time(self) -> None:
-        if self._paused:
+        if self._paused and not self._budget:
             self._wall_due = time.monotonic()
             return
         for _ in range(CATCH_UP):
-            if time.monotonic() < self._wall_due:
+            if time.monotonic() < self._wall_due or (self._paused and not self._budget):
                 return
+            self._budget = max(0, self._budget - 1)
             self._wall_due += self._plant.settings.step
             self._step(self._held_command("commander"), self._held_push())
             self._publish()
@@ -231,13 +239,14 @@ class WamSimulator(GuardedNode):
 
     def _on_reset(self, request, response):
         try:
-            basket = conversions.place(request.basket, "the basket") if request.move_basket else None
+            situation = conversions.situation(request.situation)
             self._take_changes()
-            state = self._plant.reset(basket)
+            poses = {role: (pose.position, pose.quaternion) for role, pose in situation.poses.items()}
+            state = self._plant.set_up(poses, situation.numbers)
         except ValueError as error:
             response.success, response.message = False, str(error)
             return response
-        self._guided, self._answers, self._budget = request.guided, {}, 0
+        self._guided, self._answers, self._budget, self._watched = request.guided, {}, 0, request.real_time
         self._hold(request.paused)
         self._tell_of_safety()
         for one in self._obeyed.values():
@@ -274,20 +283,22 @@ class WamSimulator(GuardedNode):
         return response
 
     def _on_step(self, request, response):
-        """Accepts the steps; they are made as the answers come (a service callback cannot wait for them in this rclpy)."""
-        response.success = self._paused and 0 < request.steps <= MOST_STEPS and self.p["lockstep"] and not self._budget
+        """Accepts the steps; they are made as answers come, or in real time (a service callback cannot wait for them in this rclpy)."""
+        response.success = self._paused and 0 < request.steps <= MOST_STEPS and not self._budget
         if not response.success:
-            response.message = f"steps are made in lockstep, while paused, 1 to {MOST_STEPS} at a time, one call after the other"
+            response.message = f"steps are made while paused, 1 to {MOST_STEPS} at a time, one call after the other"
             return response
         self._budget = int(request.steps)
         end_ns = self._plant.state_stamp_ns + self._budget * self._plant.settings.step_ns
         response.stamp = conversions.time_msg(end_ns)
-        self._advance()
+        if self.p["lockstep"]:
+            self._advance()
         return response
 
-    def _on_place_basket(self, request, response):
+    def _on_place_body(self, request, response):
         try:
-            self._plant.place_basket(conversions.place(request.position, "the basket"))
+            pose = conversions.body_pose(request.pose, f"the {request.body}")
+            self._plant.put(request.body, pose.position, pose.quaternion)
             response.success = True
         except ValueError as error:
             response.success, response.message = False, str(error)
@@ -300,7 +311,7 @@ class WamSimulator(GuardedNode):
 
     def _on_close(self, request, response):
         response.success = self._plant.close_hand()
-        response.message = "" if response.success else "the ball is not in the hand any more: ~/reset puts it back"
+        response.message = "" if response.success else f"the {self._plant.loose_body} is not in the hand: ~/reset puts it back"
         return response
 
     # what is published
@@ -329,12 +340,13 @@ class WamSimulator(GuardedNode):
         message.episode, message.step, message.base_turn = state.episode, state.step, self.p["base_turn"]
         message.joint_position, message.joint_velocity = state.position, state.velocity
         message.joint_effort = state.effort
-        conversions.set_pose(message.hand, state.hand_position, state.hand_quaternion)
-        conversions.set_pose(message.ball, state.ball_position, state.ball_quaternion)
-        conversions.set_pose(message.basket, state.basket, np.array([0.0, 0.0, 0.0, 1.0]))
-        conversions.set_vector(message.ball_velocity, state.ball_velocity)
-        message.ball_state = SimulationState.BALL_HELD if state.ball_held else SimulationState.BALL_FREE
-        message.ball_in_basket = state.ball_in_basket
+        there = self._plant.bodies
+        message.bodies = [body for name, body in self._bodies.items() if name in there]
+        for body in message.bodies:
+            conversions.set_pose(body.pose, *there[body.name])
+            if body.name == self._plant.loose_body:
+                conversions.set_vector(body.twist.linear, state.ball_velocity)
+        message.held, message.success = self._plant.held_body, self._plant.succeeded
         self._truth.publish(message)
 
     # saying what goes on

@@ -10,6 +10,10 @@ RANGE, PEERS = "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS"
 PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 """Where Fast DDS finds its profiles, up to version 2 and from 3 on."""
 
+FIRST_LOCK_PORT = 7200
+"""Domain d is taken by whoever holds UDP port 7200 + d; DDS uses ports from 7400 on."""
+_TAKEN: list[socket.socket] = []
+
 
 def stay_on_this_machine() -> None:
     """Limit discovery to this machine, unless the user chose otherwise. Call before rclpy starts."""
@@ -38,10 +42,22 @@ def choose_domain() -> None:
         return
     first = os.getpid() % 100
     for domain in (1 + (first + k) % 100 for k in range(100)):
-        if _free(7400 + 250 * domain):
+        if _free(7400 + 250 * domain) and _take(FIRST_LOCK_PORT + domain):
             os.environ["ROS_DOMAIN_ID"] = str(domain)
             return
     raise RuntimeError("no free ROS domain between 1 and 100: set ROS_DOMAIN_ID")
+
+
+def _take(port: int) -> bool:
+    """Hold a port while this process lives: a domain whose nodes have not been started yet is taken all the same."""
+    lock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        lock.bind(("127.0.0.1", port))
+    except OSError:
+        lock.close()
+        return False
+    _TAKEN.append(lock)
+    return True
 
 
 def _free(port: int) -> bool:

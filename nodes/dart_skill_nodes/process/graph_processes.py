@@ -45,13 +45,15 @@ def cut_out_of() -> str:
     return "|".join(["/joint_states", "/wam/command", "/wam/teacher_wrench", *the_world().pose_topics().values()])
 
 
-def parameters_of(executable: str, layout: str, seed=0, bag="", played="", rate=1.0, registration="") -> dict:
+def parameters_of(executable: str, layout: str, seed=0, bag="", played="", rate=1.0, registration="", skill="") -> dict:
     """What an executable is started with in a layout, by names of parameters; the values may be a launch file's substitutions.
 
     seed: of a simulated graph. bag: what the demonstration recorder writes. played, rate: the bag of a replay, and how fast.
-    registration: file of `dart-skill check arm --write`.
+    registration: file of `dart-skill check arm --write`. skill: its name; empty: that of config/world.yaml.
     """
     parameters = {"seed": seed} if executable in SEEDED and layout in SIMULATED else {}
+    if skill != "" and executable != "bag_player":
+        parameters["skill"] = skill
     if executable in ("composed", "demonstration_recorder"):
         parameters["bag"] = bag
     if registration != "" and executable in ("commander", "skill_learner"):
@@ -114,10 +116,10 @@ class Graph:
         self.processes[executable] = process
         _place(process, executable)
 
-    def start_all(self, layout: str, seed: int, bag: Path, extra: dict[str, dict] | None = None) -> None:
-        """Start a whole layout with one seed and the bag to record to."""
+    def start_all(self, layout: str, seed: int, bag: Path, extra: dict[str, dict] | None = None, skill: str = "") -> None:
+        """Start a whole layout with one seed, the bag to record to, and a skill."""
         for executable in LAYOUTS[layout]:
-            self.start(executable, parameters_of(executable, layout, seed, str(bag)) | (extra or {}).get(executable, {}))
+            self.start(executable, parameters_of(executable, layout, seed, str(bag), skill=skill) | (extra or {}).get(executable, {}))
 
     def dead(self) -> str:
         """What to say about a process that has ended by itself, with the end of its log; empty if all run."""

@@ -18,6 +18,7 @@ ARGUMENTS = {
     "bag": (str, "", "folder of the bag of demonstrations; empty: a new one in the working directory"),
     "played": (str, "", "the bag to play"),
     "rate": (float, "1.0", "of playing: seconds of the bag per second; 0: as fast as can be"),
+    "skill": (str, "throw", "what the arm learns and does: throw, place, or one of an installed package"),
     "registration": (str, "", "of cameras and arm: the file of `dart-skill check arm --write`"),
 }
 """Type, default and description."""

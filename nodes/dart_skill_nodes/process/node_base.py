@@ -4,7 +4,7 @@ import math
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,8 +17,9 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from dart_skill.configuration import node_parameters
+from dart_skill.world import the_world
 from dart_skill_nodes.comms.presence import be_alive
-from dart_skill_nodes.comms.qos import SYSTEM, WALL
+from dart_skill_nodes.comms.qos import STATUS, SYSTEM
 from dart_skill_nodes.comms.refusals import GuardedLifecycleNode, GuardedNode, in_a_line
 from dart_skill_nodes.process.discovery import hear_loopback_alone
 from dart_skill_nodes.process.signals import Interrupts
@@ -50,6 +51,13 @@ def declare(node: Node, file: str, table: list[Parameter]) -> dict:
 def declare_row(node: Node, row: Parameter, default) -> None:
     """Declare one parameter with its description and range."""
     node.declare_parameter(row.name, default, _descriptor(row, default))
+
+
+def declare_bodies(node: Node, roles: Iterable[str]) -> dict[str, str]:
+    """A parameter for the name of each tracked body, by its role in the skill; the names that are in force."""
+    for role in roles:
+        declare_row(node, Parameter(f"{role}_body", f"tracked body that is the {role}"), the_world().body(role))
+    return {role: node.get_parameter(f"{role}_body").value for role in roles}
 
 
 def refuse_what_is_not_finite(node: Node) -> None:
@@ -91,7 +99,7 @@ class Diagnostics:
     def __init__(self, node: GuardedNode | GuardedLifecycleNode, describe: Callable[[], tuple[bytes, str, dict]]):
         self._node, self._describe = node, describe
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        node.create_timer(1.0, self.publish, clock=WALL)
+        node.create_timer(1.0, self.publish, clock=STATUS)
 
     def publish(self) -> None:
         level, message, values = self._describe()

@@ -14,7 +14,7 @@ def add_run(parser: argparse.ArgumentParser, demonstrations: int, throws: int, t
     """The options of a run that starts a graph, teaches it and throws."""
     parser.add_argument("--seed", type=int, default=0, help="everything random comes from it (default 0)")
     parser.add_argument("--demonstrations", type=int, default=demonstrations, help=f"throws to be shown (default {demonstrations})")
-    parser.add_argument("--throws", type=int, default=throws, help=f"{thrown} (default {throws})")
+    parser.add_argument("--throws", "--trials", type=int, default=throws, help=f"{thrown} (default {throws})")
     what, verb = "bag, summary, report, pictures and logs", parser.prog.split()[-1]
     parser.add_argument("--output", type=Path, help=f"folder for {what} (default output/{verb}_<date>)")
     parser.add_argument("--layout", choices=SIMULATED, default="composed", help="processes of the graph (default composed)")

@@ -25,6 +25,13 @@ PARAMETER_FILES = ("skill_learner.yaml", "demonstration_recorder.yaml", "coach.y
 """What a report shows besides the parameters that the bag holds."""
 
 
+BY_HAND = (
+    "put the ball into the hand, bring it to where the throw begins, hold it still, and press Enter",
+    "throw, press the hand's button, wait until the ball has landed, and press Enter",
+)
+"""What a person is told who guides a throw."""
+
+
 def say(text: str) -> None:
     """A line of progress."""
     print(text, file=sys.stderr, flush=True)
@@ -77,16 +84,16 @@ def teach(client: "GraphClient", seed: int, wanted: int) -> int:
     raise GraphFailure(f"only {shown} of {wanted} demonstrations succeeded")
 
 
-def teach_by_hand(client: "GraphClient", wanted: int) -> int:
-    """Throws that a person guides on a real arm, told by the Enter key, until so many can be learned from; how many that are."""
+def teach_by_hand(client: "GraphClient", wanted: int, skill: str = "throw") -> int:
+    """Movements that a person guides on a real arm, told by the Enter key, until so many can be learned from; how many that are."""
     say("the arm is free now: guide it by hand. Ctrl-D ends the lesson")
     client.release_arm(True)
     shown = 0
     try:
         while shown < wanted:
-            ask("put the ball into the hand, bring it to where the throw begins, hold it still, and press Enter")
+            ask(BY_HAND[0] if skill == "throw" else f"bring the hand to where the {skill} begins, hold it still, and press Enter")
             client.start_demonstration()
-            ask("throw, press the hand's button, wait until the ball has landed, and press Enter")
+            ask(BY_HAND[1] if skill == "throw" else "show it, tell the hand when to open and close, hold still for a second, press Enter")
             stopped = client.stop_demonstration()
             shown += bool(stopped.success and stopped.readable)
             what = f"{stopped.demonstration.id} is kept" if stopped.success else "not kept"
@@ -120,13 +127,13 @@ def throw_result(outcome, message: str) -> "ThrowResult":
     from dart_skill.session import ThrowResult
     from dart_skill_nodes.comms import conversions
 
-    seen = bool(outcome.landing_seen)
+    seen = bool(outcome.seen)
     return ThrowResult(
-        target=tuple(conversions.vector(outcome.target).tolist()),
-        landing=tuple(conversions.vector(outcome.landing).tolist()) if seen else None,
-        error_m=float(outcome.landing_error) if seen else None,
-        in_basket=bool(outcome.in_basket),
-        message="" if message == "thrown" else message,
+        target=tuple(conversions.target_of(outcome.situation).tolist()),
+        landing=tuple(conversions.seen_at(outcome, conversions.LANDING).tolist()) if seen else None,
+        error_m=float(outcome.error) if seen else None,
+        in_basket=bool(outcome.success),
+        message="" if message == "executed" else message,
     )
 
 
@@ -140,9 +147,9 @@ def tell_practice(feedback, before: int, messages: dict[int, str]) -> None:
         return
     messages[before + feedback.number] = feedback.message
     outcome = feedback.outcome
-    error = f"{100 * outcome.landing_error:.1f} cm" if outcome.landing_seen else "landing not seen"
-    where = place(conversions.vector(outcome.target))
-    say(f"throw {before + feedback.number}: {where}: {'in' if outcome.in_basket else 'out'}, {error} {feedback.message}")
+    error = f"{100 * outcome.error:.1f} cm" if outcome.seen else "landing not seen"
+    where = place(conversions.target_of(outcome.situation))
+    say(f"throw {before + feedback.number}: {where}: {'in' if outcome.success else 'out'}, {error} {feedback.message}")
 
 
 def throw_all(client: "GraphClient", targets: Sequence["np.ndarray"]) -> list["ThrowResult"]:

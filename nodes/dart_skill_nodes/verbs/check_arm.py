@@ -100,7 +100,7 @@ def _listen(options: argparse.Namespace, listener, interrupts: Interrupts, spin:
     from dart_skill.arm_check import PostureCounter
 
     counter, begun = PostureCounter(), time.monotonic()
-    last, told = begun, False
+    last, told, drivers = begun, False, []
     until_enter = options.postures is None and options.duration is None and sys.stdin is not None and sys.stdin.isatty()
     longest = options.duration or (math.inf if until_enter or options.postures is not None else USUAL)
     say(f"listening{': lead the arm slowly through postures, and press Enter' if until_enter else ''}")
@@ -111,6 +111,9 @@ def _listen(options: argparse.Namespace, listener, interrupts: Interrupts, spin:
         if not told and not listener.silent:
             told = True
             say("arm and cameras are heard")
+        before, drivers = drivers, listener.drivers
+        if before != drivers and max(len(before), len(drivers)) > 1:
+            say(f"/joint_states: {len(drivers)} publishers: {', '.join(drivers)}")
         if state is not None and counts(counter, *state):
             say(f"posture {len(counter)}{f' of {options.postures}' if options.postures else ''}")
         if options.postures is not None and len(counter) >= options.postures:

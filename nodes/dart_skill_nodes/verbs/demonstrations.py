@@ -20,6 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("task", nargs="?", choices=("list", "drop", "restore"), default="list", help="default: list")
     parser.add_argument("id", metavar="ID", nargs="?", help="of a demonstration, to drop or restore it")
+    parser.add_argument("--compare", action="store_true", help="also how far each is from what the others teach")
     parser.add_argument("--json", action="store_true", help="the result as JSON")
 
 
@@ -30,14 +31,14 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
 
     def task(client: "GraphClient") -> dict:
         if options.task == "list":
-            return _listed(client)
+            return _listed(client, options.compare)
         text = client.drop(options.id, restore=options.task == "restore")
         return {"text": text, "message": text, "id": options.id, "ok": True, "next": "dart-skill learn"}
 
     return print_result(lambda: on_running_graph(lambda client: client.wait_for_learner(PATIENCE), task), options.json)
 
 
-def _listed(client: "GraphClient") -> dict:
+def _listed(client: "GraphClient", compare: bool) -> dict:
     from dart_skill_nodes.comms import conversions
 
     rows = [
@@ -45,19 +46,32 @@ def _listed(client: "GraphClient") -> dict:
             "id": one.id,
             "stamp": conversions.stamp_ns(one.header.stamp) * 1e-9,
             "duration": conversions.seconds(one.duration),
-            "target": conversions.vector(one.target).tolist(),
+            **_where(one.situation),
             "dropped": bool(one.dropped),
             "readable": bool(one.readable),
             "finding": one.finding,
+            **({"weight": one.weight, "unlike_m": one.unlike, "outlier": bool(one.outlier)} if compare else {}),
         }
-        for one in client.demonstrations().demonstrations
+        for one in client.demonstrations(compare=compare).demonstrations
     ]
     text = "\n".join(map(_line, rows)) or "nothing has been shown yet"
     return {"text": text, "demonstrations": rows, "ok": True, "next": "dart-skill learn"}
+
+
+def _where(situation) -> dict:
+    """Of a throw where the basket stood; of another skill where all bodies were."""
+    from dart_skill.session import situation_json
+    from dart_skill_nodes.comms import conversions
+
+    if list(situation.bodies) == [conversions.BASKET]:
+        return {"target": conversions.target_of(situation).tolist()}
+    return {"situation": situation_json(conversions.situation(situation))}
 
 
 def _line(row: dict) -> str:
     stamp = row["stamp"]
     when = f"{datetime.fromtimestamp(stamp):%H:%M:%S}" if stamp > NOT_A_DATE else f"{stamp:.1f} s"
     state = "dropped" if row["dropped"] else "taught" if row["readable"] else "left out"
-    return f"{row['id']}  {when}  {row['duration']:.2f} s  {state}: {row['finding']}"
+    apart = row.get("unlike_m", float("nan"))
+    unlike = "" if apart != apart else f"; {1e3 * apart:.0f} mm from what the others teach{', an outlier' if row['outlier'] else ''}"
+    return f"{row['id']}  {when}  {row['duration']:.2f} s  {state}: {row['finding']}{unlike}"

@@ -11,8 +11,10 @@ from dart_skill.files import new_file
 from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES, Graph, of_executables
 from dart_skill_nodes.verbs._options import add_run, asked, check_run
 from dart_skill_nodes.verbs._run import PATIENCE, carried_out, on_running_graph, parameter_texts, print_result, say, teach, tell_practice
+from dart_skill_nodes.verbs._skill_run import THROW, practise
 
 if TYPE_CHECKING:
+    from dart_skill.session import ThrowResult
     from dart_skill_nodes.client.graph_client import GraphClient
 
 BLOCK = 5
@@ -82,12 +84,23 @@ def _reach_coach(client: "GraphClient") -> None:
 
 def _practise_there(client: "GraphClient", options: argparse.Namespace) -> dict:
     """Own throws on a graph that runs, each of which is learned from."""
+    if (skill := client.skill(PATIENCE)) != THROW:
+        return _practise_skill(client, options, skill)
     messages: dict[int, str] = {}
     wanted = {} if options.choose else {"follow_basket": True} if options.at is None else {"targets": [options.at]}
     result = client.practise(options.throws, **wanted, on_feedback=partial(tell_practice, before=0, messages=messages))
     throws = [_as_row(outcome, messages.get(k, "")) for k, outcome in enumerate(result.outcomes, start=1)]
-    told = {"thrown": int(result.thrown), "learned": int(result.learned), "throws": throws}
+    told = {"thrown": int(result.executed), "learned": int(result.learned), "throws": throws}
     return {"text": result.message, **told, "ok": bool(result.success), "next": "dart-skill throw"}
+
+
+def _practise_skill(client: "GraphClient", options: argparse.Namespace, skill: str) -> dict:
+    """Own trials of another skill, where the coach lets it be tried."""
+    if options.at is not None:
+        raise ValueError(f"--at is for throws: the graph practises '{skill}', whose situations the coach draws")
+    result, trials = practise(client, options.throws)
+    told = {"executed": int(result.executed), "learned": int(result.learned), "trials": [one.to_json() for one in trials]}
+    return {"text": result.message, **told, "ok": bool(result.success), "next": "dart-skill execute"}
 
 
 def run(options: argparse.Namespace) -> dict:
@@ -121,21 +134,38 @@ def run(options: argparse.Namespace) -> dict:
     outcomes = [outcome for result in results for outcome in result.outcomes]
     throws = [_as_row(outcome, messages.get(number, "")) for number, outcome in enumerate(outcomes, start=1)]
     return {
-        "seed": options.seed, "demonstrations": options.demonstrations, "thrown": sum(result.thrown for result in results),
+        **_of_any_skill(throws), "wall_seconds": round(took, 1),
+        "seed": options.seed, "demonstrations": options.demonstrations, "thrown": sum(result.executed for result in results),
         "learned": sum(result.learned for result in results), "change": options.change, "change_after": options.change_after,
         "seconds": round(took, 1), "message": results[-1].message, "bag": str(options.output / "bag"), "throws": throws,
     }  # fmt: skip
 
 
+def _of_any_skill(throws: list[dict]) -> dict:
+    """What the summary of a run has, whatever the skill."""
+    from dart_skill.session import error_quantile
+
+    results = _results(throws)
+    counts = {"skill": THROW, "tried": len(results), "succeeded": sum(one.in_basket for one in results)}
+    return {**counts, "median_error_m": error_quantile(results, 0.5), "trials": [one.as_trial() for one in results]}
+
+
+def _results(throws: list[dict]) -> "list[ThrowResult]":
+    from dart_skill.session import ThrowResult
+
+    names = ("target_m", "landing_m", "error_m", "in_basket", "message")
+    return [ThrowResult(*(row[name] for name in names)) for row in throws]
+
+
 def _as_row(outcome, message: str) -> dict:
     from dart_skill_nodes.comms import conversions
 
-    seen = bool(outcome.landing_seen)
+    seen = bool(outcome.seen)
     return {
-        "target_m": conversions.vector(outcome.target).tolist(),
-        "landing_m": conversions.vector(outcome.landing).tolist() if seen else None,
-        "error_m": float(outcome.landing_error) if seen else None,
-        "in_basket": bool(outcome.in_basket),
+        "target_m": conversions.target_of(outcome.situation).tolist(),
+        "landing_m": conversions.seen_at(outcome, conversions.LANDING).tolist() if seen else None,
+        "error_m": float(outcome.error) if seen else None,
+        "in_basket": bool(outcome.success),
         "message": message,
     }
 
@@ -158,7 +188,6 @@ def table(summary: dict) -> str:
 def write_report(summary: dict, options: argparse.Namespace, asked_for: list[tuple]) -> None:
     """summary.json, and the page beside it."""
     from dart_skill.report import PAGE, About, write_page
-    from dart_skill.session import ThrowResult
 
     with new_file(options.output / "summary.json", replace=True) as file:
         file.write((json.dumps(summary, indent=1, allow_nan=False) + "\n").encode())
@@ -171,6 +200,5 @@ def write_report(summary: dict, options: argparse.Namespace, asked_for: list[tup
     }
     marks = {options.change_after: options.change} if changed else {}
     title = f"Practice: {options.demonstrations} demonstrations, {summary['thrown']} own throws"
-    names = ("target_m", "landing_m", "error_m", "in_basket", "message")
-    results = [ThrowResult(*(row[name] for name in names)) for row in summary["throws"]]
-    write_page(summary["bag"], options.output / PAGE, About(title, facts, asked_for, parameter_texts(), marks=marks), results)
+    about = About(title, facts, asked_for, parameter_texts(), marks=marks)
+    write_page(summary["bag"], options.output / PAGE, about, _results(summary["throws"]))

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from dart_skill_nodes.verbs._options import add_baskets
 from dart_skill_nodes.verbs._run import PATIENCE, baskets, on_running_graph, place, print_result, say, teach_by_hand
+from dart_skill_nodes.verbs._skill_run import THROW, drawn, show_all
 
 if TYPE_CHECKING:
     import numpy as np
@@ -34,18 +35,32 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         targets = baskets(options, stream=1)
 
         def task(client: "GraphClient") -> dict:
-            return _teach(client, targets) if options.simulated else _teach_by_hand(client, options)
+            skill = client.skill(PATIENCE)
+            if not options.simulated:
+                return _teach_by_hand(client, options, skill)
+            return _teach(client, targets) if skill == THROW else _show(client, options, skill)
 
         return on_running_graph(wait, task)
 
     return print_result(run, options.json)
 
 
-def _teach_by_hand(client: "GraphClient", options: argparse.Namespace) -> dict:
+def _show(client: "GraphClient", options: argparse.Namespace, name: str) -> dict:
+    """Lessons in another skill than throwing."""
+    from dart_skill.skill.protocol import load_skill
+
+    if options.at is not None:
+        raise ValueError(f"--at is for throws: the graph teaches '{name}', whose situations are drawn (--seed)")
+    attempts = show_all(client, load_skill(name), options.count, drawn(options.seed))
+    text = f"{options.count} of {options.count} movements shown, in {attempts} attempts"
+    return {"text": text, "shown": options.count, "attempts": attempts, "ok": True, "next": "dart-skill learn"}
+
+
+def _teach_by_hand(client: "GraphClient", options: argparse.Namespace, skill: str) -> dict:
     if options.at is not None:
         raise ValueError("--at puts a simulated basket there: put the real one where you like, and leave this out")
-    shown = teach_by_hand(client, options.count)
-    text = f"{shown} of {options.count} throws shown"
+    shown = teach_by_hand(client, options.count, skill)
+    text = f"{shown} of {options.count} {'throws' if skill == THROW else 'movements'} shown"
     return {"text": text, "shown": shown, "ok": shown == options.count, "next": "dart-skill demonstrations"}
 
 

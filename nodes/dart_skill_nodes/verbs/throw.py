@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from dart_skill_nodes.verbs._options import add_baskets
 from dart_skill_nodes.verbs._run import PATIENCE, baskets, on_running_graph, print_result, throw_all, throw_with_person
+from dart_skill_nodes.verbs._skill_run import THROW
 
 if TYPE_CHECKING:
     import numpy as np
@@ -35,7 +36,13 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         places = options.at is not None or options.count is not None
         options.count = 1 if options.count is None else options.count
         targets = baskets(options, stream=2)
-        return on_running_graph(wait, lambda client: _throw(client, targets, options.simulated, places))
+
+        def task(client: "GraphClient") -> dict:
+            if (skill := client.skill(PATIENCE)) != THROW:
+                raise ValueError(f"the graph has learned '{skill}', not to throw: dart-skill execute")
+            return _throw(client, targets, options.simulated, places)
+
+        return on_running_graph(wait, task)
 
     return print_result(run, options.json)
 

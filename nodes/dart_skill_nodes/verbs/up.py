@@ -32,6 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
     parser.description = "The node graph, started, watched and ended in order; it stays until Ctrl-C."
     parser.add_argument("--layout", choices=list(LAYOUTS), help="what is started (default composed; replay with --play)")
+    parser.add_argument("--skill", default="", metavar="NAME", help="throw, place, or one of an installed package (default throw)")
     parser.add_argument("--seed", type=int, default=0, help="everything random in the simulation comes from it (default 0)")
     parser.add_argument("--play", type=Path, metavar="BAG", help="bag of a replay")
     parser.add_argument("--rate", type=float, default=1.0, help="of a replay; 0: as fast as can be (default 1)")
@@ -49,6 +50,7 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         parser.error("the layout replay, and no other, needs --play BAG")
     if options.seed < 0 or not 0.0 <= options.rate < float("inf"):
         parser.error(f"--seed is {options.seed}, --rate {options.rate}: neither may be negative or infinite")
+    _check_skill(options, parser)
     options.differs = differences(parser, options)
     options.output = output_folder(parser, options.output)
     stay_on_this_machine()
@@ -65,6 +67,17 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     finally:
         rclpy.try_shutdown()
     return 0
+
+
+def _check_skill(options: argparse.Namespace, parser: argparse.ArgumentParser) -> None:
+    """A usage error for a skill that there is not, before anything is started."""
+    from dart_skill.skill.protocol import load_skill
+
+    if options.skill:
+        try:
+            load_skill(options.skill)
+        except ValueError as error:
+            parser.error(str(error))
 
 
 class Status:
@@ -101,7 +114,7 @@ def executables(options: argparse.Namespace) -> dict[str, dict]:
     """What is started, and with which parameters."""
     played = str(options.play.resolve()) if options.play else ""
     wanted = {
-        name: parameters_of(name, options.layout, options.seed, str(options.output / "bag"), played, options.rate)
+        name: parameters_of(name, options.layout, options.seed, str(options.output / "bag"), played, options.rate, skill=options.skill)
         for name in LAYOUTS[options.layout]
     }
     for name, parameters in of_executables(options.layout, options.differs).items():

@@ -57,7 +57,7 @@ def tab(line, executable, folder=ROOT):
     return done.stdout.splitlines()
 
 
-COMMANDS = "up status demo practice teach demonstrations check learn throw bag view report experiment darts security".split()
+COMMANDS = "up status demo practice teach demonstrations check learn throw execute bag view report experiment darts security".split()
 
 
 @needs_bash
@@ -66,7 +66,7 @@ COMMANDS = "up status demo practice teach demonstrations check learn throw bag v
     [
         ("dart-skill ", COMMANDS),
         ("dart-skill t", ["teach", "throw"]),
-        ("dart-skill bag ", ["info", "check", "recover", "convert", "play"]),
+        ("dart-skill bag ", ["info", "check", "recover", "convert", "upgrade", "play"]),
         ("dart-skill darts 5", ["501"]),
         ("dart-skill up --layout ", ["composed", "processes", "hardware", "replay"]),
         ("dart-skill up --layout=h", ["hardware"]),

@@ -47,7 +47,7 @@ def test_the_throws_experiment_gives_one_row_per_throw_as_json(capfd):
         assert throw["along"] is not None or throw["note"], f"neither a landing nor a reason: {throw}"
 
 
-@pytest.mark.parametrize("command", ["up", "demo", "practice", "teach", "throw", "learn", "bag play", "check arm"])
+@pytest.mark.parametrize("command", ["up", "demo", "practice", "teach", "throw", "execute", "learn", "bag play", "check arm"])
 def test_help_and_usage_errors_need_no_ros(command):
     told = run_without(["rclpy"], *command.split(), "--help")
     assert (told.returncode, told.stderr) == (0, "")

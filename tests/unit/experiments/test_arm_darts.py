@@ -8,19 +8,23 @@ from scipy.integrate import solve_ivp
 
 from dart_skill.cli import main
 from dart_skill.darts import as_target, score
-from dart_skill.experiments.arm_darts import Dart, Run, darts_configuration, darts_session, run, summarise, table, teach
-from dart_skill.experiments.pictures.arm_darts import draw_arm_darts, running
+from dart_skill.experiments.arm_darts import darts_session, run, teach
+from dart_skill.figures import draw_arm_darts, running
 from dart_skill.flight import DART, TENNIS_BALL, crossing, flight, landing
 from dart_skill.robot import Command, Grip
+from dart_skill.session import Dart, DartsRun, darts_table, summarise
 from dart_skill.simulation import Board, Teacher
 from dart_skill.skill.improve import PractisingSkill
 from dart_skill.skill.improve._steadiness import Steadiness
-from dart_skill.skill.learn import Unreachable, landing_if_late, learn, load_model, save_model
+from dart_skill.skill.learn import DEFAULT, Unreachable, landing_if_late, learn, load_model, save_model
 from dart_skill.skill.observe import judge_flight
+from dart_skill.skills.darts import Darts
 from dart_skill.surface import BASKETS, BOARD_DIAMETER, RIMS, BoardFace, game_at
 
 BOARD = Board()
 FACE = BOARD.face
+DARTS = Darts.configured()
+CONFIGURATION = DARTS.configured_for(DEFAULT)
 ASIDE = BoardFace((1.2, -1.9, 1.5))
 """A board that is not straight ahead."""
 VACUUM = replace(TENNIS_BALL, drag_coefficient=0.0)
@@ -239,8 +243,8 @@ def test_the_teacher_aims_at_heights_of_the_board():
 def arm():
     """A session with a board, the demonstrations of four darts that hit it, and the skill that they teach."""
     session = darts_session(seed=1)
-    shown, _ = teach(session, np.array([[0.0, 60.0], [-80.0, -60.0], [70.0, 0.0], [20.0, -120.0]]), FACE)
-    yield session, shown, learn(shown, darts_configuration(BOARD))
+    shown, _ = teach(session, DARTS, [DARTS.aimed(point) for point in ([0.0, 60.0], [-80.0, -60.0], [70.0, 0.0], [20.0, -120.0])])
+    yield session, shown, learn(shown, CONFIGURATION)
     session.close()
 
 
@@ -272,7 +276,7 @@ def test_a_target_far_above_the_board_is_unreachable(arm):
 
 def test_practice_takes_the_repeatable_miss_out(arm):
     session, shown, _ = arm
-    skill, target = PractisingSkill(shown, darts_configuration(BOARD)), FACE.in_world(as_target("T20"))
+    skill, target = PractisingSkill(shown, CONFIGURATION), FACE.in_world(as_target("T20"))
     left = []
     for _ in range(8):
         plan = skill.plan(target)
@@ -292,7 +296,7 @@ def test_a_skill_that_lets_go_elsewhere_aims_there_too(arm):
 
 def test_power_does_not_practise_darts(arm):
     with pytest.raises(ValueError, match="PoWER.* baskets"):
-        PractisingSkill(arm[1], darts_configuration(BOARD), "power")
+        PractisingSkill(arm[1], CONFIGURATION, "power")
 
 
 def test_a_model_file_knows_that_it_is_about_darts(arm, tmp_path):
@@ -363,7 +367,7 @@ def dart(k, spread=5.0, shift=0.0):
 @pytest.fixture
 def faked():
     darts = tuple(dart(k, 8.0 if k < 25 else 3.0, 0.0 if k < 25 else -0.005) for k in range(60))
-    return Run(0, "both", BOARD.position, ((0.0, 1.0),), (*darts, replace(darts[-1], hit=(np.nan, np.nan), score=0, note="lost")))
+    return DartsRun(0, "both", BOARD.position, ((0.0, 1.0),), (*darts, replace(darts[-1], hit=(np.nan, np.nan), score=0, note="lost")))
 
 
 def test_blocks_say_what_the_darts_say(faked):
@@ -374,7 +378,7 @@ def test_blocks_say_what_the_darts_say(faked):
     assert first["aims"] == ["T20"] and first["expected_score"] == 30.0
     assert second["sd_up_mm"] < first["sd_up_mm"] and second["release_shift_ms"] == -5.0
     assert (last["first"], last["last"], last["unseen"]) == (51, 61, 1)
-    assert "throw 61: lost" in table(faked) and table(faked).count("T20") == 3
+    assert "throw 61: lost" in darts_table(faked) and darts_table(faked).count("T20") == 3
 
 
 def test_the_figure_is_written_twice_and_always_alike(faked, tmp_path):
@@ -420,3 +424,19 @@ def test_the_rims_are_what_they_were():
         position, velocity = rng.uniform([-0.3, -0.3, 1.8], [0.3, 0.3, 2.2]), rng.uniform([2, -1, 0], [4, 1, 2])
         target = np.array([2.0, 0.3, 0.4])
         np.testing.assert_array_equal(RIMS.crossing(position, velocity, target).position, landing(position, velocity, 0.4).position)
+
+
+def test_several_seeds_are_a_line_each(faked, capsys, monkeypatch):
+    monkeypatch.setattr("dart_skill.experiments.arm_darts.over_seeds", lambda seeds, *_: [replace(faked, seed=seed) for seed in seeds])
+    assert main(["experiment", "darts", "--seeds", "2"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    on = sum(np.hypot(*dart.hit) < 225.5 for dart in faked.darts)
+    assert [line.split()[0] for line in lines[2:]] == ["0", "1", "median"] and f"{on} of {len(faked.darts)}" in lines[2]
+    scores = [dart.score for dart in faked.darts]
+    assert [float(word) for word in lines[2].split()[1:3]] == pytest.approx([np.mean(scores[:25]), np.mean(scores[-25:])], abs=0.06)
+
+
+@pytest.mark.parametrize("options", [["--seeds", "0"], ["--seeds", "2", "--board", "2.0,1.7"], ["--seeds", "2", "--output", "x"]])
+def test_several_seeds_are_at_one_board_and_without_a_figure(options, capsys):
+    assert main(["experiment", "darts", *options]) == 1
+    assert "neither --board nor --output" in capsys.readouterr().err

@@ -92,14 +92,33 @@ def test_through_a_message_and_its_bytes_and_back(types, changes):
 def test_stamps_of_the_message_are_exact_to_the_nanosecond(types):
     msg = demonstration_message(types, make())
     assert (msg.header.stamp.sec, msg.header.stamp.nanosec) == divmod(ORIGIN_NS, 10**9)
-    stamps = [item.header.stamp.sec * 10**9 + item.header.stamp.nanosec for item in msg.ball]
+    hand, ball = (track.poses for track in msg.tracks)
+    stamps = [item.header.stamp.sec * 10**9 + item.header.stamp.nanosec for item in ball]
     assert stamps == [ORIGIN_NS + 123_457 + i * 10_000_000 for i in range(30)]
-    assert {item.header.frame_id for item in (*msg.hand, *msg.ball, *msg.joints)} == {"world"}
+    assert {item.header.frame_id for item in (*hand, *ball, *msg.joints)} == {"world"}
 
 
-def test_a_hand_that_was_never_opened_has_a_zero_stamp(types):
-    msg = demonstration_message(types, make(hand_opened=float("nan")))
-    assert (msg.hand_opened.sec, msg.hand_opened.nanosec) == (0, 0)
+def test_a_hand_that_was_opened_is_an_event_and_one_that_never_was_is_none(types):
+    (opened,) = demonstration_message(types, make()).events
+    assert (opened.name, opened.time_from_start.sec, opened.time_from_start.nanosec) == ("open", 0, 91_500_000)
+    assert demonstration_message(types, make(hand_opened=float("nan"))).events == []
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda msg: setattr(msg, "skill", "place"), "demonstration throw-0 is of the skill 'place', not of 'throw'"),
+        (lambda msg: setattr(msg.situation, "bodies", ["holder"]), "a situation without the basket, only of holder"),
+        (lambda msg: setattr(msg.situation, "bodies", []), "situation: 0 names and 1 values: give one value for each name"),
+        (lambda msg: setattr(msg.tracks[0], "body", "foot"), "no track of the hand, only of ball, foot"),
+        (lambda msg: setattr(msg.tracks[0], "body", "ball"), "tracks: ball stands there twice"),
+    ],
+)
+def test_a_message_of_something_else_is_refused_by_name(types, change, reason):
+    msg = demonstration_message(types, make())
+    change(msg)
+    with pytest.raises(ValueError, match=reason):
+        demonstration_from_message(msg)
 
 
 @pytest.mark.skipif(importlib.util.find_spec("dart_skill_msgs") is None, reason="the interface package is not built")
@@ -139,9 +158,9 @@ def test_bags_without_valid_demonstrations_are_refused(tmp_path, types):
     record(tmp_path / "text", types, [], type_name="std_msgs/msg/String")
     with pytest.raises(BagError, match="has type std_msgs/msg/String"):
         read_demonstrations(tmp_path / "text")
-    empty = message(types, DEMONSTRATION_TYPE, {"id": "x"})
+    empty = message(types, DEMONSTRATION_TYPE, {"id": "x", "skill": "throw"})
     record(tmp_path / "bad", types, [serialize(types, DEMONSTRATION_TYPE, empty)])
-    with pytest.raises(BagError, match="/demonstrations: demonstration x, hand: 0 samples"):
+    with pytest.raises(BagError, match="/demonstrations: demonstration x has no track of the hand"):
         read_demonstrations(tmp_path / "bad")
     with pytest.raises(BagError, match="no such bag"):
         read_demonstrations(tmp_path / "nothing")

@@ -41,7 +41,7 @@ def test_a_definition_holds_every_nested_type_once(types):
     nested = [line.removeprefix("MSG: ") for line in text.splitlines() if line.startswith("MSG: ")]
     assert len(nested) == len(set(nested))
     assert {"std_msgs/Header", "geometry_msgs/PoseStamped", "sensor_msgs/JointState"} <= set(nested)
-    assert "geometry_msgs/PoseStamped[] hand" in text
+    assert "dart_skill_msgs/BodyTrack[] tracks" in text
 
 
 def test_cdr_bytes_are_laid_out_as_the_standard_says(types):
@@ -68,12 +68,12 @@ def test_objects_with_lists_tuples_or_arrays_give_the_same_bytes(types):
 
 
 def test_a_message_from_nothing_is_zero_and_survives_the_way_through_bytes(types):
-    for name in ("SimulationState", "ThrowPlan", "Demonstration", "TrialOutcome", "WamCommand"):
+    for name in ("SimulationState", "Plan", "Demonstration", "Outcome", "WamCommand"):
         name = f"dart_skill_msgs/msg/{name}"
         data = serialize(types, name, None)
         assert serialize(types, name, deserialize(types, name, data)) == data
     state = message(types, "dart_skill_msgs/msg/SimulationState")
-    assert state.joint_position.tolist() == [0.0] * 7 and state.ball_in_basket is False
+    assert state.joint_position.tolist() == [0.0] * 7 and state.success is False
 
 
 @pytest.mark.parametrize(

@@ -53,8 +53,10 @@ def random_field(node, detail, rng):
 
 def plain(value):
     """Message objects of any library as nested lists and dictionaries, to compare their content."""
-    if isinstance(value, (str, bytes, bool, int, float)):
+    if isinstance(value, (str, bool, int, float)):
         return value
+    if isinstance(value, bytes):
+        return list(value)  # what some libraries make of uint8[]
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, (list, tuple)):

@@ -9,13 +9,15 @@ from tests.paths import ROOT
 
 SOURCES = {"dart_skill": ROOT / "dart_skill", "dart_skill_nodes": ROOT / "nodes" / "dart_skill_nodes"}
 LAYERS = (
-    {"constants", "configuration", "files"},
+    {"archive", "constants", "configuration", "files"},
     {"world", "fleet", "checks", "geometry", "permissions"},
-    {"flight", "mixture", "regions"},
+    {"flight", "mixture", "regions", "pace"},
     {"surface", "movement", "policy_search", "darts", "recording", "robot"},
-    {"simulation", "skill.observe"},
-    {"skill.learn", "arm_check"},
+    {"simulation", "skill.observe", "skill.execute"},
+    {"skill.protocol"},
+    {"skill.learn", "skill.model", "arm_check"},
     {"skill.improve"},
+    {"skills"},
     {"session"},
     {"figures", "view"},
     {"report"},
@@ -23,7 +25,7 @@ LAYERS = (
     {"cli"},
 )
 """Rooms of the library, from the ground up: a room imports from lower layers, and from nowhere else."""
-NODE_LAYERS = ({"comms"}, {"process"}, {"client"}, {"executables"}, {"verbs"})
+NODE_LAYERS = ({"comms"}, {"process"}, {"skills"}, {"client"}, {"executables"}, {"verbs"})
 """The same for the nodes."""
 ROS = {"rclpy", "rcl_interfaces", "dart_skill_msgs", "dart_skill_nodes", "std_msgs", "std_srvs", "geometry_msgs", "sensor_msgs", "launch"}
 

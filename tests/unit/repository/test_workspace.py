@@ -1,6 +1,7 @@
 """The workspace holds together: package descriptions, set-up, the stand-in for `ros2`, domains of tests."""
 
 import ast
+import importlib.metadata
 import importlib.util
 import json
 import os
@@ -164,6 +165,30 @@ def test_what_is_locked_is_what_the_requirements_allow(python):
             if wanted is not None and (wanted.marker is None or wanted.marker.evaluate(here)):
                 version = locked[canonicalize_name(wanted.name)].version
                 assert wanted.specifier.contains(version), f"{line}: {version} is locked: make lock"
+
+
+@pytest.mark.skipif("/opt/ros" in os.environ.get("AMENT_PREFIX_PATH", ""), reason="the lock is for the wheels of ROS")
+def test_the_lock_holds_all_that_its_packages_need():
+    """Set-up installs it without resolving: a newer release of what a package needs would stop pip, for want of a hash."""
+    locked = [canonicalize_name(line.split("==")[0]) for line in workspace.LOCK.read_text().splitlines() if line[:1].isalnum()]
+    installed = {canonicalize_name(one.name): one for one in importlib.metadata.distributions()}
+    for distribution in (installed[name] for name in locked if name in installed):
+        for text in distribution.requires or ():
+            requirement = Requirement(text)
+            if requirement.marker is None or requirement.marker.evaluate({"extra": ""}):
+                name = canonicalize_name(requirement.name)
+                assert name in locked, f"{distribution.name} needs {text}: make lock"
+                assert requirement.specifier.contains(installed[name].version, prereleases=True), f"{distribution.name} needs {text}"
+
+
+def test_locked_packages_are_not_resolved_anew(tmp_path, monkeypatch):
+    commands = []
+    monkeypatch.setattr(workspace, "run", lambda command, *_: commands.append(command))
+    monkeypatch.setattr(workspace, "rewrite_include_paths", lambda _: None)
+    monkeypatch.setattr(workspace, "write_prefix_scripts", lambda: None)
+    monkeypatch.setattr(workspace, "STAND_IN", tmp_path / "stand_in" / "ros2")
+    workspace.install_packages(workspace.Workspace(None, workspace.probe(sys.executable)))
+    assert {"--require-hashes", "--no-deps"} <= set(commands[0])
 
 
 def test_everything_that_is_installed_exists(setup_arguments):

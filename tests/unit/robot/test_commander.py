@@ -27,7 +27,7 @@ from dart_skill.robot._throw_plan import same_plan
 REST = np.array([0.0, -0.90, 0.0, -0.75, 0.0, -0.35, 0.0])
 MS = 1_000_000
 PERIOD = 2 * MS
-ORDER = [Mode.HOLDING, Mode.APPROACHING, Mode.SETTLING, Mode.THROWING, Mode.FOLLOWING_THROUGH, Mode.HOLDING]
+ORDER = [Mode.HOLDING, Mode.APPROACHING, Mode.SETTLING, Mode.EXECUTING, Mode.FOLLOWING_THROUGH, Mode.HOLDING]
 MODEL = ArmModel()
 
 
@@ -74,14 +74,14 @@ def begin(make_plant):
         run = Run(make_plant(**plant_settings), Commander(settings))
         run.plant.reset(plan.target)
         run.step()
-        run.commander.throw(plan)
+        run.commander.execute(plan.motion)
         return run
 
     return start
 
 
 def finish(run):
-    return run.until(lambda: run.commander.mode == Mode.HOLDING and not run.commander.throwing)
+    return run.until(lambda: run.commander.mode == Mode.HOLDING and not run.commander.executing)
 
 
 # answers
@@ -125,7 +125,11 @@ def test_a_way_to_a_posture_is_stopped_and_nothing_else_begins_on_it(begin, plan
     run = finish(begin(plan))
     run.commander.move_to(REST, run.plant.arm_state)
     run.step()
-    for other in (lambda: run.commander.throw(plan), lambda: run.commander.release_arm(True), lambda: run.commander.move_to(REST, at(0))):
+    for other in (
+        lambda: run.commander.execute(plan.motion),
+        lambda: run.commander.release_arm(True),
+        lambda: run.commander.move_to(REST, at(0)),
+    ):
         with pytest.raises(PlanRefused, match="under way"):
             other()
     run.commander.stop("enough")
@@ -223,7 +227,7 @@ def test_the_arm_follows_through_to_rest_soon_after_the_release(begin, make_plan
     attractor = {name: getattr(whole, name)[:n] for name in ("attractor_position", "attractor_quaternion")}
     run = finish(begin(replace(whole, path=cut, **attractor)))
     assert run.sequence == ORDER
-    thrown, through = (2e-3 * len(run.during(mode, run.states)) for mode in (Mode.THROWING, Mode.FOLLOWING_THROUGH))
+    thrown, through = (2e-3 * len(run.during(mode, run.states)) for mode in (Mode.EXECUTING, Mode.FOLLOWING_THROUGH))
     expected = min(cut.duration, whole.release + CommanderSettings.configured().follow_time)
     assert thrown == pytest.approx(expected, abs=5e-3)
     assert 0.05 < through < 0.8, through
@@ -234,7 +238,7 @@ def test_the_arm_follows_through_to_rest_soon_after_the_release(begin, make_plan
 def test_the_arm_is_brought_to_the_start_posture_from_elsewhere(begin, plan):
     elsewhere = (0.6, -0.5, 0.1, -0.3, 0.1, 0.0, 0.1)
     run = begin(plan, start_posture=elsewhere)
-    run.until(lambda: run.commander.mode == Mode.THROWING)
+    run.until(lambda: run.commander.mode == Mode.EXECUTING)
     np.testing.assert_allclose(run.states[-1].position, plan.start_posture, atol=0.01)
     approach = np.array([state.velocity for state in run.during(Mode.APPROACHING, run.states)])
     settings = CommanderSettings.configured()
@@ -247,17 +251,17 @@ def test_a_throw_waits_until_the_arm_is_quiet_but_not_for_ever(plan, speed, sett
     """settle_time at less than settle_speed; settle_limit if the arm does not come to rest."""
     commander, modes = Commander(), []
     commander.step(at(0, plan.start_posture))
-    commander.throw(plan)
+    commander.execute(plan.motion)
     for k in range(1, 1000):
         commander.step(at(k * PERIOD, plan.start_posture, np.full(7, speed)))
         modes.append(commander.mode)
-    assert modes.count(Mode.SETTLING) * 2e-3 == pytest.approx(settling, abs=3e-3) and Mode.THROWING in modes
+    assert modes.count(Mode.SETTLING) * 2e-3 == pytest.approx(settling, abs=3e-3) and Mode.EXECUTING in modes
 
 
 def test_a_feasible_plan_is_followed_to_three_millimetres_until_the_release(begin, plan):
     run = finish(begin(plan))
-    time = 2e-3 * np.arange(len(run.during(Mode.THROWING, run.errors)))
-    errors = np.array(run.during(Mode.THROWING, run.errors))[time <= plan.release]
+    time = 2e-3 * np.arange(len(run.during(Mode.EXECUTING, run.errors)))
+    errors = np.array(run.during(Mode.EXECUTING, run.errors))[time <= plan.release]
     speed = np.linalg.norm([s.ball_velocity for s in run.states], axis=1).max()
     assert errors.max() < 3e-3 and speed > 3.0, (errors.max(), speed)
 
@@ -276,7 +280,7 @@ def test_the_hand_is_told_to_open_in_time_and_until_the_arm_rests(begin, plan):
     told = [k for k, command in enumerate(run.commands) if command.grip != Grip.UNSPECIFIED]
     assert all(run.commands[k].grip == Grip.OPEN for k in told)
     assert told == list(range(told[0], len(run.commands) - run.modes[::-1].index(Mode.FOLLOWING_THROUGH)))
-    begun = run.modes.index(Mode.THROWING)
+    begun = run.modes.index(Mode.EXECUTING)
     assert (run.states[told[0]].stamp_ns - run.states[begun].stamp_ns) * 1e-9 == pytest.approx(plan.open_hand, abs=2.1e-3)
     assert run.commander.opened_ns == run.states[told[0]].stamp_ns
 
@@ -285,7 +289,7 @@ def test_two_throws_one_after_the_other(begin, plan):
     run = finish(begin(plan))
     run.plant.reset(plan.target)
     run.step()
-    run.commander.throw(plan)
+    run.commander.execute(plan.motion)
     finish(run)
     assert run.sequence == ORDER + ORDER[1:]
     told = [command.grip == Grip.OPEN for command in run.commands]
@@ -308,9 +312,9 @@ def test_the_wrench_is_cut_at_its_limits(begin, plan):
 @pytest.mark.parametrize("instant", [0.1, 0.4, 0.53, 0.6])
 def test_a_throw_that_is_cancelled_comes_to_rest_within_a_second(begin, plan, instant):
     run = begin(plan)
-    run.until(lambda: run.commander.mode == Mode.THROWING and run.commander.time >= instant)
+    run.until(lambda: run.commander.mode == Mode.EXECUTING and run.commander.time >= instant)
     run.commander.stop("cancelled")
-    assert not run.commander.throwing
+    assert not run.commander.executing
     stopped = len(run.states)
     run.until(lambda: run.commander.mode == Mode.HOLDING)
     assert run.sequence[-2:] == [Mode.STOPPING, Mode.HOLDING] and run.commander.message == "cancelled"
@@ -339,7 +343,7 @@ def test_a_throw_can_be_stopped_before_it_begins(begin, plan, mode):
     run.until(lambda: run.commander.mode == mode)
     run.commander.stop("changed my mind")
     run.until(lambda: run.commander.mode == Mode.HOLDING)
-    assert Mode.THROWING not in run.modes and all(command.grip == Grip.UNSPECIFIED for command in run.commands)
+    assert Mode.EXECUTING not in run.modes and all(command.grip == Grip.UNSPECIFIED for command in run.commands)
 
 
 def test_a_stop_right_after_the_request_wins(begin, plan):
@@ -352,7 +356,7 @@ def test_a_stop_right_after_the_request_wins(begin, plan):
 
 def test_an_arm_that_strays_from_the_plan_is_stopped_with_the_distance(begin, plan):
     run = begin(plan, CommanderSettings.configured(strongest_force=1.0, tracking_stiffness=0.0, tracking_damping=0.0))
-    run.until(lambda: run.commander.mode == Mode.HOLDING and not run.commander.throwing)
+    run.until(lambda: run.commander.mode == Mode.HOLDING and not run.commander.executing)
     assert run.sequence[-2:] == [Mode.STOPPING, Mode.HOLDING]
     assert "m from the plan, farther than the limit of 0.15 m" in run.commander.message, run.commander.message
 
@@ -379,9 +383,9 @@ def test_an_arm_that_passed_a_limit_moves_no_more_until_it_is_reset(plan):
     for step in range(4, 20):
         commander.step(at(step * PERIOD, plan.start_posture, np.zeros(7)))
     with pytest.raises(PlanRefused, match="the arm is stopped: the (hand|elbow) moves at .* and stays so until it is reset"):
-        commander.throw(plan)
+        commander.execute(plan.motion)
     commander.reset()
-    commander.throw(plan)
+    commander.execute(plan.motion)
 
 
 def test_an_answer_asks_no_joint_for_more_than_its_motor_has(plan):
@@ -400,9 +404,9 @@ def test_an_answer_asks_no_joint_for_more_than_its_motor_has(plan):
 def throwing(commander, plan):
     """Brings a commander to THROWING with an arm that stands in the start posture; the last stamp."""
     commander.step(at(0, plan.start_posture))
-    commander.throw(plan)
+    commander.execute(plan.motion)
     stamp = 0
-    while commander.mode != Mode.THROWING:
+    while commander.mode != Mode.EXECUTING:
         stamp += PERIOD
         commander.step(at(stamp, plan.start_posture))
     return stamp
@@ -431,7 +435,7 @@ def test_after_a_gap_the_arm_is_held_where_it_is_found(plan, gap_ns, said):
     commander = Commander()
     stamp = throwing(commander, plan) + gap_ns
     command = commander.step(at(stamp, REST + 0.2))
-    assert commander.mode == Mode.HOLDING and not commander.throwing
+    assert commander.mode == Mode.HOLDING and not commander.executing
     assert said in commander.message
     np.testing.assert_array_equal(command.wrench, 0.0)
     assert (commander.step(at(stamp + PERIOD, REST + 0.201)).joint_torque < 0).all()
@@ -441,7 +445,7 @@ def test_states_that_come_in_time_are_no_gap(plan):
     commander = Commander()
     stamp = throwing(commander, plan)
     commander.step(at(stamp + 99 * MS, plan.start_posture))
-    assert commander.mode == Mode.THROWING and commander.message == ""
+    assert commander.mode == Mode.EXECUTING and commander.message == ""
 
 
 @pytest.mark.parametrize("field", ["position", "velocity"])
@@ -456,7 +460,7 @@ def test_a_state_that_is_not_finite_is_refused_and_changes_nothing(plan, field):
     answers = [one.step(state) for one in (commander, twin)]
     np.testing.assert_array_equal(answers[0].wrench, answers[1].wrench)
     np.testing.assert_array_equal(answers[0].joint_torque, answers[1].joint_torque)
-    assert commander.mode == twin.mode == Mode.THROWING
+    assert commander.mode == twin.mode == Mode.EXECUTING
 
 
 # refusals
@@ -466,8 +470,8 @@ def refused(plan, pattern, settings=None):
     commander = Commander(settings)
     commander.step(at(0))
     with pytest.raises(PlanRefused, match=pattern):
-        commander.throw(plan)
-    assert not commander.throwing
+        commander.execute(plan.motion)
+    assert not commander.executing
     commander.step(at(PERIOD))
     assert commander.mode == Mode.HOLDING
 
@@ -478,7 +482,7 @@ def test_a_plan_that_starts_outside_the_joint_limits_is_refused(plan):
 
 def test_a_plan_that_is_too_fast_is_refused(plan):
     speed = np.linalg.norm(plan.path.velocity[:, :3], axis=1).max()
-    refused(plan, rf"{speed:.2f} m/s; the limit is 2\.0 m/s", CommanderSettings.configured(fastest_hand=2.0))
+    refused(plan, rf"{speed:.2f} m/s; the limit of a throw is 2\.0 m/s", CommanderSettings.configured(fastest_hand=2.0))
 
 
 def test_a_plan_whose_path_does_not_begin_at_the_start_posture_is_refused(plan):
@@ -507,12 +511,12 @@ def test_only_one_throw_at_a_time(begin, plan):
     run = begin(plan)
     for _ in range(2):  # requested, and under way
         with pytest.raises(PlanRefused, match="a throw is under way"):
-            run.commander.throw(plan)
+            run.commander.execute(plan.motion)
         with pytest.raises(PlanRefused, match="a throw is under way"):
             run.commander.release_arm(True)
         run.step()
     finish(run)
-    run.commander.throw(plan)
+    run.commander.execute(plan.motion)
 
 
 @pytest.mark.parametrize(
@@ -586,7 +590,7 @@ def test_the_arm_does_what_cameras_of_another_world_shall_see(begin, plan, law):
     turn = Rotation.from_euler("z", 1.0, degrees=True)
     seen = Registration(turn=turn.as_quat(), shift=(0.0, 0.0, 0.02))
     run = finish(begin(replace(plan, registration=seen), CommanderSettings.configured(**law), gravity_error=0.0))
-    begun = run.modes.index(Mode.THROWING)
+    begun = run.modes.index(Mode.EXECUTING)
     k = begun + round(plan.release * 1e9) // PERIOD
     released = MODEL.hand_pose(run.states[k].position)[0]
     path, when = plan.path, (run.states[k].stamp_ns - run.states[begun].stamp_ns) * 1e-9

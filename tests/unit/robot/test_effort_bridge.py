@@ -209,7 +209,7 @@ def test_a_throw_is_the_same_through_the_bridge_as_without(make_plant, plan):
     from dart_skill.robot import Commander, CommanderSettings, Mode
 
     commander, plant = Commander(CommanderSettings.configured(tracking="joints", friction_compensation=1.0)), make_plant()
-    commander.throw(plan)
+    commander.execute(plan.motion)
     bridge, worst = EffortBridge(SETTINGS), 0.0
     for step in range(900):
         state, now = plant.arm_state, 0.002 * step
@@ -218,7 +218,7 @@ def test_a_throw_is_the_same_through_the_bridge_as_without(make_plant, plan):
         wanted = MODEL.jacobian(state.position).T @ command.wrench + command.joint_torque + MODEL.gravity_torque(state.position)
         bridge.on_command(command, "world", now)
         efforts = bridge.efforts()
-        if commander.mode is Mode.THROWING and commander.time > 0.02:
+        if commander.mode is Mode.EXECUTING and commander.time > 0.02:
             worst = max(worst, float(np.abs(efforts - wanted).max()))
         plant.step(command)
     assert bridge.phase is BridgePhase.ACTIVE and bridge.clipped == 0 and not commander.message

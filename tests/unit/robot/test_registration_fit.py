@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from dart_skill.robot import (
     ArmModel,
     Commander,
+    GainsOverTime,
     KnownRegistration,
     PlanRefused,
     Registration,
@@ -176,14 +177,14 @@ def test_a_plan_without_a_registration_takes_the_measured_one(plan):
     measured = registration(*NEAR)
     seen = replace(plan, path=seen_path(plan, measured))
     commander = Commander(measured=measured)
-    commander.throw(seen)
-    np.testing.assert_allclose(commander._requested.path.position, plan.path.position, atol=1e-9)
+    commander.execute(seen.motion)
+    np.testing.assert_allclose(commander._requested.plan.path.position, plan.path.position, atol=1e-9)
 
 
 def test_a_plan_that_contradicts_the_measured_registration_is_refused(plan):
-    Commander(measured=registration(*NEAR)).throw(replace(plan, registration=registration((0.0, 0.0, 0.021), *NEAR[1:])))
+    Commander(measured=registration(*NEAR)).execute(replace(plan, registration=registration((0.0, 0.0, 0.021), *NEAR[1:])).motion)
     with pytest.raises(PlanRefused, match="moved since it was measured"):
-        Commander(measured=registration(*FAR)).throw(replace(plan, registration=registration(*NEAR)))
+        Commander(measured=registration(*FAR)).execute(replace(plan, registration=registration(*NEAR)).motion)
 
 
 def seen_path(plan, truth):
@@ -191,3 +192,14 @@ def seen_path(plan, truth):
     base, hand = Rotation.from_quat(truth.turn), Rotation.from_quat(plan.path.quaternion)
     position = base.apply(plan.path.position + hand.apply(truth.hand_shift)) + truth.shift
     return replace(plan.path, position=position, quaternion=(base * hand * Rotation.from_quat(truth.hand_turn)).as_quat())
+
+
+def test_gains_over_time_turn_with_the_arm(plan):
+    """A pull that the cameras see along one of their axes is along the same direction of the arm."""
+    n = len(plan.path.time)
+    stiff_along_x = GainsOverTime(np.tile(np.diag([500.0, 100.0, 100.0]), (n, 1, 1)), np.tile(np.diag([40.0, 20.0, 20.0]), (n, 1, 1)))
+    turn = Rotation.from_rotvec([0.0, 0.0, np.pi / 2])
+    seen = replace(plan, position_gains=stiff_along_x, registration=Registration(turn=tuple(turn.as_quat())))
+    gains = seen.motion.as_the_arm_has_it().position_gains
+    np.testing.assert_allclose(gains.stiffness[0], np.diag([100.0, 500.0, 100.0]), atol=1e-9)
+    np.testing.assert_allclose(gains.damping[0], np.diag([20.0, 40.0, 20.0]), atol=1e-9)

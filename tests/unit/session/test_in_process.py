@@ -103,7 +103,7 @@ def test_the_outcome_is_that_of_the_ball_as_the_cameras_saw_it(thrown):
 
 def test_a_plan_that_is_refused_changes_nothing(learned, thrown):
     session = Session(seed=11, commander=CommanderSettings.configured(fastest_hand=1.0))
-    with pytest.raises(PlanRefused, match="the limit is 1.0 m/s"):
+    with pytest.raises(PlanRefused, match="the limit of a throw is 1.0 m/s"):
         session.throw(learned)
     assert session.commander.mode == Mode.HOLDING
     session.close()

@@ -2,6 +2,7 @@
 
 import gc
 import os
+import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +16,8 @@ from dart_skill.configuration import node_parameters
 from dart_skill.flight import TENNIS_BALL, flight
 from dart_skill.robot import Actuation, ArmModel, Command, Grip, wam_description
 from dart_skill.simulation import Basket, Plant, PlantSettings, PlantState
-from dart_skill.simulation._plant import RENEWED, _connect
+from dart_skill.simulation._bullet import connect
+from dart_skill.simulation._plant import RENEWED
 
 WAM = wam_description()
 STEP = 0.002
@@ -607,9 +609,24 @@ def test_an_interrupt_while_the_physics_server_starts_leaves_nothing_to_complain
     monkeypatch.setattr(pybullet, "connect", interrupted)
     monkeypatch.setattr(sys, "unraisablehook", complaints.append)
     with pytest.raises(KeyboardInterrupt):
-        _connect()
+        connect()
     gc.collect()
     assert complaints == []
+
+
+SILENT = """
+from dart_skill.simulation import Plant
+plant = Plant()
+for _ in range(51):
+    plant.reset()
+print("done")
+"""
+
+
+def test_physics_prints_nothing():
+    """Neither when it is loaded, nor when its server is renewed."""
+    done = subprocess.run([sys.executable, "-c", SILENT], capture_output=True, text=True, timeout=120)
+    assert (done.stdout, done.stderr) == ("done\n", "")
 
 
 def test_a_change_waits_for_the_next_reset_and_leaves_time_and_seed_alone(make_plant):

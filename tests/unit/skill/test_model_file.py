@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dart_skill import archive
 from dart_skill.recording import Demonstration
 from dart_skill.robot import KnownRegistration, Registration
 from dart_skill.robot._throw_plan import same_plan
@@ -157,7 +158,7 @@ def test_no_memory_is_taken_for_what_an_array_only_says_of_itself(saved):
 
 
 def test_a_model_that_would_fill_the_memory_is_refused_before_it_does(saved, monkeypatch):
-    monkeypatch.setattr(_model_file, "LARGEST", 1000)
+    monkeypatch.setattr(archive, "LARGEST", 1000)
     with pytest.raises(ValueError, match="more than the 1000 that a model may have"):
         load_model(saved)
 

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from dart_skill.robot import ArmModel, HandPath, Registration, fit_registration
 from dart_skill.skill.learn import learn
-from dart_skill.skill.learn._registration import sightings
+from dart_skill.skill.observe import sightings
 
 TURN, HAND_TURN = Rotation.from_rotvec([0.004, -0.006, 0.02]), Rotation.from_rotvec([0.008, 0.012, -0.01])
 TRUE = Registration(TURN.as_quat(), (0.006, -0.004, 0.003), HAND_TURN.as_quat(), (0.002, -0.003, 0.001), 0.006)
@@ -67,12 +67,12 @@ def test_a_plan_of_badly_registered_cameras_is_the_same_motion_of_the_arm(demons
     """Learned from what such cameras see, and thrown at a target where they see it, the arm moves as with good ones."""
     target = np.array([1.8, 0.2, 0.4])
     base = Rotation.from_quat(TRUE.turn)
-    plain = learn(demonstrations).plan(target).as_the_arm_has_it()
+    plain = learn(demonstrations).plan(target).motion.as_the_arm_has_it()
     plan = learn([moved(one) for one in demonstrations]).plan(base.apply(target) + np.array(TRUE.shift))
     assert not plan.registration.is_none
-    done = plan.as_the_arm_has_it()
-    assert done.registration.is_none and np.array_equal(done.target, plan.target)
-    at = np.linspace(0.1, min(plain.release, done.release), 20)
+    done = plan.motion.as_the_arm_has_it()
+    assert done.registration.is_none
+    at = np.linspace(0.1, min(plain.end, done.end), 20)
     where = [np.column_stack([np.interp(at, one.path.time, column) for column in one.path.position.T]) for one in (plain, done)]
     assert np.linalg.norm(where[1] - where[0], axis=1).max() < 0.02
     unregistered = np.column_stack([np.interp(at, plan.path.time, column) for column in plan.path.position.T])
@@ -111,3 +111,12 @@ def _angular(turn, time):
 def test_what_is_no_registration_is_refused(change):
     with pytest.raises(ValueError, match="registration"):
         replace(TRUE, **change)
+
+
+def test_a_body_that_the_cameras_see_is_where_the_arm_has_it():
+    turn, body = Rotation.from_rotvec([0.01, -0.02, 0.1]), Rotation.from_rotvec([0.3, 0.0, 0.2])
+    registration = Registration(turn=tuple(turn.as_quat()), shift=(0.01, 0.02, -0.03), hand_shift=(0.1, 0.0, 0.0))
+    place = np.array([0.6, 0.1, 1.1])
+    position, quaternion = registration.of_body(turn.apply(place) + registration.shift, (turn * body).as_quat())
+    assert position == pytest.approx(place) and Rotation.from_quat(quaternion).as_rotvec() == pytest.approx(body.as_rotvec())
+    assert Registration().of_body(place, body.as_quat())[0] is place

@@ -167,9 +167,9 @@ def test_a_hand_that_would_go_beyond_the_arms_reach_lets_go_before(demonstration
     """Two demonstrations of far throws, asked for a near one: with the teacher's release the commander refuses the plan."""
     few, target = [demonstrations[0], demonstrations[2]], np.array([distance, 0.0, 0.4])
     with pytest.raises(PlanRefused, match="from the shoulder"):
-        check_plan(learn(few, configuration("shown_release")).plan(target), CommanderSettings.configured(), wam_description())
+        check_plan(learn(few, configuration("shown_release")).plan(target).motion, CommanderSettings.configured(), wam_description())
     plan = learn(few).plan(target)
-    check_plan(plan.as_the_arm_has_it(), CommanderSettings.configured(), wam_description())
+    check_plan(plan.motion.as_the_arm_has_it(), CommanderSettings.configured(), wam_description())
     assert_allclose(plan.predicted_landing, target, atol=5e-3)
 
 

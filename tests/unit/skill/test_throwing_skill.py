@@ -17,6 +17,7 @@ from dart_skill.skill.learn import (
     LEAST_DEMONSTRATIONS,
     SkillConfiguration,
     Unreachable,
+    changed,
     component_ellipsoids,
     configuration,
     frames_for,
@@ -162,7 +163,7 @@ def test_the_plan_looks_like_the_demonstrations(skill, new_plan):
 
 
 def test_the_commander_accepts_the_plan(new_plan):
-    check_plan(new_plan, CommanderSettings.configured(), wam_description())
+    check_plan(new_plan.motion, CommanderSettings.configured(), wam_description())
     position, _ = ArmModel().hand_pose(new_plan.start_posture)
     assert np.linalg.norm(position - new_plan.path.position[0]) < 0.02
 
@@ -213,7 +214,7 @@ def test_learning_uses_only_what_was_recorded(taught, demonstrations, new_plan):
     they are more exact than a camera could be, and thrown away here nothing changes."""
     allowed = {
         "id", "stamp_ns", "target", "hand_time", "hand_position", "hand_quaternion", "ball_time", "ball_position", "joint_time",
-        "joint_position", "joint_velocity", "motion_start", "motion_stop", "hand_opened", "frame_id", "joint_names",
+        "joint_position", "joint_velocity", "motion_start", "motion_stop", "hand_opened", "frame_id", "joint_names", "skill",
     }  # fmt: skip
     assert {f.name for f in fields(Demonstration)} == allowed
     rebuilt = [Demonstration(**{name: np.copy(getattr(d, name)) if isinstance(getattr(d, name), np.ndarray) else getattr(d, name)
@@ -424,3 +425,79 @@ def test_a_demonstration_that_was_seen_badly_counts_less(demonstrations):
 def test_credence_is_the_inverse_of_the_variance_where_noise_is_large(noise, expected):
     """Below a millimetre it makes no difference, and cameras that are poor altogether make no demonstration poorer than the others."""
     np.testing.assert_allclose(credence_of(noise), expected)
+
+
+# gains
+
+
+def test_stiffness_from_the_demonstrations_holds_the_same_motion(demonstrations, new_plan):
+    """Within its bounds, and pulled so by its attractors that (7.19) gives the accelerations of the path."""
+    plan = learn(demonstrations, replace(DEFAULT, stiffness_range=(50.0, 800.0))).plan(np.array(NEW_BASKETS[0]))
+    np.testing.assert_array_equal(plan.path.position, new_plan.path.position)
+    gains = np.linalg.eigvalsh(plan.position_gains.stiffness)
+    assert gains.min() > 49.9 and 100.0 < gains.max() < 800.1
+    pull = np.einsum("nij,nj->ni", plan.position_gains.stiffness, plan.attractor_position - plan.path.position)
+    damped = np.einsum("nij,nj->ni", plan.position_gains.damping, plan.path.velocity[:, :3])
+    np.testing.assert_allclose(pull - damped, plan.path.acceleration[:, :3], atol=1e-6)
+    assert plan.orientation_gains == new_plan.orientation_gains
+
+
+def test_position_and_orientation_have_gains_of_their_own(demonstrations):
+    plan = learn(demonstrations, replace(DEFAULT, orientation_stiffness=400.0)).plan(np.array(NEW_BASKETS[0]))
+    assert (plan.position_gains.stiffness, plan.orientation_gains.stiffness) == (200.0, 400.0)
+    assert plan.orientation_gains.damping == pytest.approx(40.0)
+
+
+@pytest.mark.parametrize(
+    ("how", "why"),
+    [
+        ({"stiffness_range": (50.0,)}, "stiffness_range"),
+        ({"stiffness_range": (800.0, 50.0)}, "stiffness_range"),
+        ({"stiffness_range": (0.0, 50.0)}, "stiffness_range"),
+        ({"stiffness_range": (50.0, 800.0), "drive": "state"}, "that time drives"),
+        ({"orientation_stiffness": -1.0}, "orientation_stiffness"),
+    ],
+)
+def test_gains_that_cannot_be_are_refused(how, why):
+    with pytest.raises(ValueError, match=why):
+        replace(DEFAULT, **how)
+
+
+def test_gains_are_part_of_the_name_of_a_model(demonstrations):
+    kinds = (DEFAULT, replace(DEFAULT, stiffness_range=(50.0, 800.0)), replace(DEFAULT, orientation_stiffness=400.0))
+    assert len({learn(demonstrations, one).model_id for one in kinds}) == 3
+
+
+AS_CONFIGURED = {
+    "components": 0,
+    "frames": "",
+    "stiffness": 0.0,
+    "orientation_stiffness": 0.0,
+    "least_stiffness": 0.0,
+    "most_stiffness": 0.0,
+}
+
+
+@pytest.mark.parametrize(
+    ("parameters", "fields", "said"),
+    [
+        ({}, {}, ""),
+        ({"components": 8, "stiffness": 300.0}, {"components": 8, "stiffness": 300.0}, "components 8, stiffness 300.0"),
+        ({"frames": "start"}, {"frames": "start"}, "frames start"),
+        ({"least_stiffness": 50.0}, {}, ""),  # one is set before the other
+        (
+            {"least_stiffness": 50.0, "most_stiffness": 800.0},
+            {"stiffness_range": (50.0, 800.0)},
+            "stiffness_range (50.0, 800.0)",
+        ),
+    ],
+)
+def test_a_configuration_is_changed_where_a_parameter_says_so(parameters, fields, said):
+    assert changed(DEFAULT, {**AS_CONFIGURED, **parameters}) == (replace(DEFAULT, **fields), said)
+
+
+def test_a_change_that_cannot_be_is_refused():
+    with pytest.raises(ValueError, match="frames 'cup' is unknown"):
+        changed(DEFAULT, {**AS_CONFIGURED, "frames": "cup"})
+    with pytest.raises(ValueError, match="stiffness_range"):
+        changed(DEFAULT, {**AS_CONFIGURED, "least_stiffness": 800.0, "most_stiffness": 50.0})

@@ -393,7 +393,7 @@ def test_a_click_asks_for_what_the_button_says(page, asked, label, what, values)
 
 
 def test_a_click_takes_the_sliders_with_it_and_cuts_what_no_slider_says(page, asked):
-    page.set("Demonstrations", 5)
+    page.set("Lessons", 5)
     page.set("Model", "two_frames")
     page.set("Own throws", 7)
     page.set("Only here", True)
@@ -404,7 +404,7 @@ def test_a_click_takes_the_sliders_with_it_and_cuts_what_no_slider_says(page, as
     assert by_kind["teach"] == {"demonstrations": 5}
     assert by_kind["learn"] == {"configuration": "two_frames"}
     assert by_kind["practice"] == {"throws": 7, "follow_basket": True}
-    page.set("Demonstrations", 10**9)
+    page.set("Lessons", 10**9)
     page.click("Teach")
     page.wait_for(lambda: len(asked) == 4, what="the fourth request")
     assert asked[-1].values == {"demonstrations": MOST_LESSONS}

@@ -10,7 +10,7 @@ from contextlib import closing
 from pathlib import Path
 
 import numpy as np
-from dart_skill_msgs.action import Throw
+from dart_skill_msgs.action import Execute
 from rcl_interfaces.srv import GetParameters
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -104,8 +104,8 @@ class Bench:
         self.meter = ArmMeter(self.client.node)
         self.client.meanwhile.append(self.meter.take)
         self._planning = False
-        kind = Throw.Impl.FeedbackMessage
-        self.client.node.create_subscription(kind, "/throw/_action/feedback", self._on_feedback, 10)
+        kind = Execute.Impl.FeedbackMessage
+        self.client.node.create_subscription(kind, "/execute/_action/feedback", self._on_feedback, 10)
         self._orders = self.client.node.create_publisher(String, ORDERS, 10)
         self._done: set[str] = set()
         self._lessons = 0  # that the recorder has kept since it was started: who learns anew hears of no others
@@ -316,7 +316,7 @@ class Bench:
     def _practice(self) -> str:
         messages = []
         practised = self.client.practise(targets=[self._target], on_feedback=lambda feedback: messages.append(feedback.message))
-        if not practised.success or practised.learned < practised.thrown:
+        if not practised.success or practised.learned < practised.executed:
             raise GraphFailure("; ".join([practised.message, *filter(None, messages)]))
         return practised.message
 
@@ -325,8 +325,8 @@ class Bench:
 
     def _throw(self) -> str:
         thrown = self.client.throw(self._target)
-        if thrown.code != Throw.Goal.OUTCOME_THROWN or not thrown.outcome.landing_seen:
-            seen = "" if thrown.outcome.landing_seen else "; landing not seen"
+        if thrown.code != Execute.Goal.OUTCOME_EXECUTED or not thrown.outcome.seen:
+            seen = "" if thrown.outcome.seen else "; landing not seen"
             raise GraphFailure(thrown.message + seen)
         return thrown.message
 

@@ -12,7 +12,7 @@ from functools import partial
 
 import rclpy
 from builtin_interfaces.msg import Time
-from dart_skill_msgs.action import Teach, Throw
+from dart_skill_msgs.action import Execute, Teach
 from dart_skill_msgs.msg import Demonstration, WamCommand
 from dart_skill_msgs.srv import Reset
 from geometry_msgs.msg import Point, PoseStamped
@@ -29,7 +29,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from dart_skill.world import joint_names, pose_topic
-from dart_skill_nodes.comms.conversions import set_stamp, stamp_ns
+from dart_skill_nodes.comms.conversions import at_place, set_stamp, stamp_ns
 from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions, message_class
 from dart_skill_nodes.comms.obeyed_publisher import new_sender
 from dart_skill_nodes.comms.presence import be_alive
@@ -264,8 +264,8 @@ ATTACKS: dict[str, Callable[[Stranger], None]] = {
     "parameters": _parameters,
     "release": lambda one: one.ask(SetBool, "/commander/release_arm", SetBool.Request(data=True)),
     "stop": lambda one: one.ask(Trigger, "/commander/stop", Trigger.Request()),
-    "second_goal": lambda one: one.send(Throw, "/throw", Throw.Goal(target=Point(x=2.0, z=0.4))),
-    "lesson_at_the_origin": lambda one: one.send(Teach, "/teach", Teach.Goal()),
+    "second_goal": lambda one: one.send(Execute, "/execute", Execute.Goal(situation=at_place([2.0, 0.0, 0.4]))),
+    "lesson_at_the_origin": lambda one: one.send(Teach, "/teach", Teach.Goal(situation=at_place([0.0, 0.0, 0.0]))),
 }
 """By name, what a stranger does."""
 

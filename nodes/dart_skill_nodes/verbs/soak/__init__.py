@@ -103,7 +103,7 @@ def practise(client: "GraphClient", processes: dict[str, int], minutes: float) -
         result = client.practise(ROUND)
         now, before, stamp = time.monotonic(), stamp, _stamp(result)
         already, used = used, {name: processor_time_of(pid) for name, pid in processes.items()}
-        thrown += result.thrown
+        thrown += result.executed
         if before:
             usage = {name: _usage(pid, (used[name] - already[name]) / (stamp - before)) for name, pid in processes.items()}
             yield Sample((now - begun) / 60.0, thrown, (stamp - before) / (now - asked), usage)

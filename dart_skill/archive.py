@@ -1,0 +1,38 @@
+"""NumPy archives of arrays (.npz) from wherever: never with pickle, and never more memory than they are worth."""
+
+from __future__ import annotations
+
+import math
+import zipfile
+from typing import BinaryIO
+
+import numpy as np
+
+LARGEST = 2**28
+"""Of all that an archive holds: thousands of demonstrations [bytes]."""
+
+
+def read_arrays(file: BinaryIO) -> dict[str, np.ndarray]:
+    """Everything in an open archive, once it is known how much that is; ValueError, or what zip and NumPy raise, for what is none."""
+    with zipfile.ZipFile(file) as archive:
+        members = archive.infolist()
+        size = sum(member.file_size for member in members)
+        if size > LARGEST:
+            raise ValueError(f"it says that it holds {size} bytes, more than the {LARGEST} that a model may have")
+        for member in members:
+            _check_size(archive, member)
+    file.seek(0)
+    with np.load(file, allow_pickle=False) as loaded:
+        return dict(loaded)
+
+
+def _check_size(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> None:
+    """An array takes the memory that its head says, whatever follows: the two must agree."""
+    with archive.open(member) as stream:
+        version = np.lib.format.read_magic(stream)
+        read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}.get(version)
+        if read is None:
+            raise ValueError(f"{member.filename} has the unknown array format {version}")
+        shape, _, dtype = read(stream)
+        if stream.tell() + math.prod(shape) * dtype.itemsize != member.file_size:
+            raise ValueError(f"{member.filename} says that it has the shape {shape}, but it has {member.file_size} bytes")

@@ -1,0 +1,112 @@
+"""Figure `arm_darts`: spread, aim and score of an arm that practises darts, throw by throw, and where its darts went."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from dart_skill.darts import name_at
+from dart_skill.figures._style import BLACK, BLUE, GREY, LIGHT, ORANGE, VERMILION, house_style, quantity_colours, save
+from dart_skill.figures.board import draw_board
+from dart_skill.session import Dart, DartsRun
+
+RUNNING = 25
+"""Throws of a running mean."""
+MOST_BEDS = 12
+
+
+def draw_arm_darts(run: DartsRun, folder: str | Path, name: str = "arm_darts") -> list[Path]:
+    """Write the figure; returns the paths."""
+    with house_style():
+        return save(arm_darts_figure(run), folder, name)
+
+
+def arm_darts_figure(run: DartsRun) -> Figure:
+    """The figure itself; ValueError for a run without throws."""
+    if not run.darts:
+        raise ValueError("a run without throws: there is nothing to draw")
+    throws = np.arange(1, len(run.darts) + 1)
+    with house_style():
+        figure = Figure(figsize=(12.0, 7.2), layout="constrained")
+        grid = figure.add_gridspec(3, 2, width_ratios=(1.55, 1.0))
+        spread = figure.add_subplot(grid[0, 0])
+        aim, scores = (figure.add_subplot(grid[k, 0], sharex=spread) for k in (1, 2))
+        _draw_spread(spread, throws, run.darts)
+        _draw_aim(aim, throws, run.darts)
+        _draw_scores(scores, throws, run.darts)
+        _draw_hits(figure, figure.add_subplot(grid[:, 1]), throws, run.darts)
+        x, _, height = run.board
+        figure.suptitle(f"Darts by the arm, seed {run.seed}: bull {x:.2f} m from the base axis and {height:.2f} m high", x=0.01, ha="left")
+        return figure
+
+
+def running(values: np.ndarray, n: int = RUNNING) -> np.ndarray:
+    """Mean of the last n finite values (m,) at each place; nan before there are n."""
+    known = np.cumsum(np.concatenate([[0.0], np.nan_to_num(values)]))
+    count = np.cumsum(np.concatenate([[0], np.isfinite(values)]))
+    result = np.full(len(values), np.nan)
+    inside = count[n:] - count[:-n]
+    result[n - 1 :] = np.divide(known[n:] - known[:-n], inside, out=np.full(len(inside), np.nan), where=inside > 0)
+    return result
+
+
+def _misses(darts: Sequence[Dart]) -> np.ndarray:
+    return np.array([np.subtract(dart.hit, dart.aim) for dart in darts])
+
+
+def _draw_spread(axes: Axes, throws: np.ndarray, darts: Sequence[Dart]) -> None:
+    sigmas = np.sqrt(np.array([np.diag(dart.covariance) for dart in darts]))
+    sigmas[sigmas == 0.0] = np.nan
+    miss = np.abs(_misses(darts))
+    for axis, (label, colour, marker) in enumerate((("across", ORANGE, "x"), ("up and down", BLUE, "."))):
+        axes.plot(throws, miss[:, axis], marker, color=colour, markersize=3.5, alpha=0.45, linestyle="none")
+        axes.plot(throws, sigmas[:, axis], color=colour, linewidth=1.8, label=f"{label}, estimated")
+    axes.set(ylabel="spread [mm]", ylim=(0, 1.05 * np.nanpercentile(miss, 99) + 1), title="Spread and misses")
+    _legend_above(axes)
+    moved = 1e3 * np.array([dart.release_shift for dart in darts])
+    if np.isfinite(moved).any():
+        _draw_release(axes.twinx(), throws, moved)
+
+
+def _draw_release(axes: Axes, throws: np.ndarray, moved: np.ndarray) -> None:
+    axes.step(throws, moved, where="mid", color=VERMILION, linewidth=1.0, linestyle="--")
+    axes.set_ylabel("release moved by [ms]", color=VERMILION)
+    axes.spines["right"].set_visible(True)
+    axes.set_ylim(3.0 * min(np.nanmin(moved), -1.0), 0.0)
+
+
+def _draw_aim(axes: Axes, throws: np.ndarray, darts: Sequence[Dart]) -> None:
+    beds = [name_at(dart.aim) for dart in darts]
+    names = list(dict.fromkeys(beds))[:MOST_BEDS]
+    level = [names.index(bed) if bed in names else np.nan for bed in beds]
+    axes.plot(throws, level, "s", color=BLACK, markersize=2.5, linestyle="none", gid="aims")
+    axes.set_yticks(range(len(names)), names)
+    axes.set(ylabel="bed aimed at", ylim=(-0.6, len(names) - 0.4), title="Aim: the best one for the spread as estimated so far")
+    axes.grid(axis="y", color=LIGHT, linewidth=0.5)
+
+
+def _draw_scores(axes: Axes, throws: np.ndarray, darts: Sequence[Dart]) -> None:
+    scores = np.array([dart.score for dart in darts], dtype=float)
+    axes.plot(throws, scores, ".", color=LIGHT, markersize=4, linestyle="none", label="each dart", zorder=1)
+    axes.plot(throws, running(scores), color=BLUE, linewidth=1.8, label=f"mean of {RUNNING}")
+    axes.plot(throws, [dart.expected for dart in darts], color=VERMILION, linewidth=1.2, label="expected")
+    axes.set(xlabel="throw", ylabel="score of a dart", ylim=(-2, 68), xlim=(0, len(throws) + 1), title="Score, as seen")
+    _legend_above(axes)
+
+
+def _legend_above(axes: Axes) -> None:
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3, borderaxespad=0.0)
+
+
+def _draw_hits(figure: Figure, axes: Axes, throws: np.ndarray, darts: Sequence[Dart]) -> None:
+    draw_board(axes, GREY)
+    hits = np.array([dart.hit for dart in darts])
+    seen = np.isfinite(hits).all(axis=1)
+    x, y = hits[seen].T
+    image = axes.scatter(x, y, c=throws[seen], s=9, cmap=quantity_colours(), vmin=1, vmax=len(throws), zorder=3)
+    figure.colorbar(image, ax=axes, label="throw", shrink=0.6)
+    axes.set_title(f"Where {int(seen.sum())} darts hit, as the thrower sees the board")

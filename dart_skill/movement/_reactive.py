@@ -1,0 +1,45 @@
+"""An autonomous DS-GMR that is asked while the robot moves: at every step, with the state and the frames of now (thesis chapter 9)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dart_skill.checks import as_number, as_vector
+from dart_skill.movement._autonomous import AutonomousDSGMR, Moment, StateFrame
+
+
+class Reaction(NamedTuple):
+    """phase [s] and its rate, which is 1 at the pace that was shown; moment: what belongs to the phase in the frames of now."""
+
+    phase: float
+    rate: float
+    moment: Moment
+
+
+class ReactivePolicy:
+    """Keeps the phase of one movement, from the start of what was shown to its end.
+
+    model: an `AutonomousDSGMR` that was fitted. inputs: its further inputs (q,), default None.
+    """
+
+    def __init__(self, model: AutonomousDSGMR, inputs: ArrayLike | None = None):
+        self._model, self._inputs = model, inputs
+        self.phase, self._end = model.ends
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the end of what was shown is reached: the attractor stays where it is, in its frames."""
+        return self.phase >= self._end
+
+    def react(self, frames: Sequence[StateFrame], position: ArrayLike, velocity: ArrayLike, step: float) -> Reaction:
+        """The phase after a step [s], for a robot with this position and velocity (d,); frames: as they are now."""
+        moment, rule = self._model.moment(frames, self.phase, self._inputs), self._model.rule
+        d = len(moment.attractor)
+        state = np.concatenate([as_vector(position, "position", d), as_vector(velocity, "velocity", d)])
+        rate = rule.rate(float(moment.gain @ (state - moment.state)))
+        self.phase = min(self.phase + rate * as_number(step, "step", strict=False), self._end)
+        return Reaction(self.phase, rate, moment)

@@ -1,0 +1,122 @@
+"""What pages of a report are made of: one HTML file that stands alone and asks nobody for anything."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Iterable, Mapping, Sequence
+
+from dart_skill.report._pictures import Picture
+from dart_skill.report._run import About, machine, versions
+
+POLICY = (
+    "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline' 'unsafe-eval' blob: data:; worker-src blob: data:;"
+    " img-src data: blob:; font-src data:; connect-src data: blob:; frame-src blob: data:"
+)
+"""Nothing is fetched from anywhere (Content Security Policy, level 3); the replay within the page inherits it."""
+STYLE = """
+:root { color-scheme: light; }
+body { margin: 0 auto; padding: 1.5rem 1.5rem 4rem; max-width: 64rem; background: #fff; color: #1b1b1b;
+       font: 16px/1.5 system-ui, "Segoe UI", Roboto, "Helvetica Neue", "DejaVu Sans", sans-serif; }
+h1 { font-size: 1.7rem; line-height: 1.2; margin: 0.5rem 0 0.2rem; }
+h2 { font-size: 1.2rem; margin: 2.6rem 0 0.6rem; padding-top: 0.8rem; border-top: 1px solid #ddd; }
+p { max-width: 48rem; margin: 0.4rem 0; }
+.quiet { color: #555; font-size: 0.9rem; }
+.numbers { display: flex; flex-wrap: wrap; gap: 0.8rem; margin: 1.2rem 0; }
+.numbers div { border: 1px solid #ddd; border-left: 4px solid #0072b2; border-radius: 4px; padding: 0.5rem 0.9rem;
+               min-width: 6rem; max-width: 12rem; }
+.numbers b { display: block; font-size: 1.5rem; line-height: 1.3; font-weight: 600; }
+.numbers span { color: #555; font-size: 0.85rem; }
+figure { margin: 0; }
+figure svg { display: block; width: 100%; height: auto; }
+figcaption { color: #555; font-size: 0.9rem; max-width: 48rem; margin-top: 0.3rem; }
+.wide { overflow-x: auto; }
+table { border-collapse: collapse; font-size: 0.9rem; font-variant-numeric: tabular-nums; }
+th, td { padding: 0.25rem 0.6rem; text-align: right; border-bottom: 1px solid #e6e6e6; white-space: nowrap; }
+th { border-bottom: 2px solid #999; font-weight: 600; vertical-align: bottom; white-space: normal; }
+td.text, th.text { text-align: left; white-space: normal; }
+.facts th { text-align: left; border-bottom: 1px solid #e6e6e6; font-weight: 600; white-space: nowrap; vertical-align: top; }
+.facts td { text-align: left; white-space: normal; }
+.out { color: #b34700; font-weight: 600; }
+iframe { width: 100%; height: 34rem; border: 1px solid #ccc; border-radius: 4px; background: #fff; }
+details { margin: 0.5rem 0; }
+summary { cursor: pointer; }
+pre { background: #f6f6f6; border: 1px solid #e0e0e0; border-radius: 4px; padding: 0.7rem 1rem; overflow: auto; max-height: 28rem;
+      font: 0.8rem/1.45 ui-monospace, "DejaVu Sans Mono", Menlo, Consolas, monospace; }
+@media print { iframe { display: none; } h2 { break-after: avoid; } figure { break-inside: avoid; } }
+"""
+
+
+def page(title: str, sections: Iterable[str]) -> str:
+    """A page with its sections."""
+    return "\n".join(
+        [
+            "<!DOCTYPE html>",
+            '<html lang="en"><head><meta charset="utf-8">',
+            f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">',
+            '<meta name="viewport" content="width=device-width, initial-scale=1">',
+            f"<title>{escaped(title)} - dart_skill</title><style>{STYLE}</style></head><body>",
+            f"<h1>{escaped(title)}</h1>",
+            *sections,
+            "</body></html>\n",
+        ]
+    )
+
+
+def large(shown: Iterable[tuple[str, str]]) -> str:
+    """The few numbers that matter, and what they are."""
+    return '<div class="numbers">' + "".join(f"<div><b>{number}</b><span>{what}</span></div>" for number, what in shown) + "</div>"
+
+
+def embedded(title: str, page_of_its_own: str) -> str:
+    """A page within the page."""
+    return f'<iframe title="{title}" loading="lazy" srcdoc="{html.escape(page_of_its_own)}"></iframe>'
+
+
+def what_was_run(about: About, of_the_skill: Mapping[str, str], notes: Sequence[str]) -> str:
+    """Options, versions and machine, the parameters of the nodes, and remarks."""
+    facts = {**about.facts, **of_the_skill}
+    facts |= {"Versions": ", ".join(f"{name} {version}" for name, version in versions().items()), "Machine": machine()}
+    changed = "; ".join(f"--{name} {value} (default {default})" for name, value, default in about.changed)
+    if about.options:
+        facts = {"Options": changed or "all as they are by default", **facts}
+    rows = "".join(f"<tr><th>{escaped(name)}</th><td>{escaped(value)}</td></tr>" for name, value in facts.items())
+    files = "".join(f"<p><b>{escaped(name)}</b></p><pre>{escaped(content)}</pre>" for name, content in sorted(about.parameters.items()))
+    folded = f"<details><summary>Parameters of the nodes: {len(about.parameters)} files</summary>{files}</details>" if files else ""
+    listed = "".join(f"<li>{escaped(note)}</li>" for note in notes)
+    remarks = f"<details><summary>Remarks on the recording: {len(notes)}</summary><ul>{listed}</ul></details>" if listed else ""
+    return (
+        f'<h2>What was run</h2><div class="wide"><table class="facts">{rows}</table></div>{folded}{remarks}'
+        '<p class="quiet">This page is made from the bag and asks nobody for anything. The same bag, versions and machine give the same'
+        " bytes.</p>"
+    )
+
+
+def figure(picture: Picture) -> str:
+    """A picture with its title and caption."""
+    caption = f"<figcaption>{escaped(picture.caption)}</figcaption>"
+    return f'<h2>{escaped(picture.title)}</h2><figure id="{picture.name}">{picture.element}{caption}</figure>'
+
+
+def table_of(head: Sequence[str], rows: Sequence[Sequence[str]], notes: Sequence[str]) -> str:
+    """Cells are HTML already; empty columns are left out."""
+    rows, head = [[*row, note] for row, note in zip(rows, notes, strict=True)], [*head, "message"]
+    kept = [k for k in range(len(head)) if k == 0 or any(row[k] for row in rows)]
+    kinds = {0: ' class="text"', len(head) - 1: ' class="text"'}
+    lines = ["".join(f"<th{kinds.get(k, '')}>{head[k]}</th>" for k in kept)]
+    lines += ["".join(f"<td{kinds.get(k, '')}>{row[k]}</td>" for k in kept) for row in rows]
+    return '<div class="wide"><table>' + "\n".join(f"<tr>{line}</tr>" for line in lines) + "</table></div>"
+
+
+def one_line(text: str) -> str:
+    """A text in one line, escaped."""
+    return escaped(" ".join(text.split()))
+
+
+def quiet(text: str) -> str:
+    """A sentence that says less than others; HTML already."""
+    return f'<p class="quiet">{text}</p>'
+
+
+def escaped(value: object) -> str:
+    """A text or number as it can stand in HTML."""
+    return html.escape(str(value))

@@ -1,0 +1,47 @@
+"""Any skill learned from a bag, as the learner node would learn it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Sequence
+from typing import Any
+
+from dart_skill.recording import check_known, read_demonstrations, read_dropped
+from dart_skill.skill.improve import Practice
+from dart_skill.skill.learn import configuration
+from dart_skill.skill.model import AnySkill, learn_usable
+from dart_skill.skill.protocol import Skill, read_task_demonstrations
+from dart_skill.skills.throw import Throw
+
+
+def learn_skill_from_bag(path: str | os.PathLike, skill: Skill, without: Collection[str] = ()) -> tuple[AnySkill, dict[str, str]]:
+    """The skill that a bag teaches, and by the id of each demonstration that was left out, why.
+
+    without: ids that are left out, besides those that were dropped while they were recorded. ValueError if too few are left.
+    """
+    shown = read_task_demonstrations(path, skill)
+    out = _left_out(path, shown, without)
+    try:
+        learned, unfit = learn_usable(skill, [one for one in shown if one.id not in out])
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+    return learned, {**out, **unfit}
+
+
+def learn_throws_from_bag(
+    path: str | os.PathLike, skill: Throw, name: str = "default", without: Collection[str] = ()
+) -> tuple[Practice, dict[str, str]]:
+    """What a bag shows of a skill of throwing, to be learned with a configuration; and by its id why a demonstration was left out."""
+    shown = read_demonstrations(path)
+    if other := sorted({one.skill for one in shown} - {skill.name}):
+        raise ValueError(f"{path} shows the skill {', '.join(other)}, not '{skill.name}'")
+    out = _left_out(path, shown, without)
+    practice = Practice([one for one in shown if one.id not in out], skill.configured_for(configuration(name)))
+    return practice, {**out, **practice.kept_out}
+
+
+def _left_out(path: str | os.PathLike, shown: Sequence[Any], without: Collection[str]) -> dict[str, str]:
+    """By its id, why a demonstration is left out."""
+    check_known(without, [one.id for one in shown], str(path))
+    reasons = {**dict.fromkeys(read_dropped(path), "dropped while it was recorded"), **dict.fromkeys(without, "as asked")}
+    return {one.id: reasons[one.id] for one in shown if one.id in reasons}

@@ -1,0 +1,98 @@
+"""A person who guides the arm's hand through space: takes a part, carries it over a holder, puts it in, and lets go.
+
+The person has a path of the part in mind (`Guiding`). How well they aim is said here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from dart_skill.robot import ArmState, Grip
+from dart_skill.simulation._guiding import Guiding, smooth
+from dart_skill.simulation._teacher import Person
+from dart_skill.simulation._workbench import Pose
+
+
+@dataclass(frozen=True)
+class Carrying:
+    """How a person carries a part. Spreads are standard deviations.
+
+    * wait: before the fingers are told to close, and before the part moves after that [s].
+    * duration, duration_spread: of the way [s], and as a share.
+    * lift, above: height over the place where the part stood, and over the holder [m].
+    * height_spread: of both [m].
+    * aim_spread, turn_spread: of where the part is put in [m], and how it is turned [rad]: what a person cannot see.
+    * rest: at the end, before the fingers open [s].
+    * follows: how fast what is left of the distance to the path is taken out [1/s]: a person sees it.
+    * firm_wrist: stiffness and damping of the turn [N m/rad, N m s/rad]; firmer than in a swing, with both hands.
+    """
+
+    wait: float = 0.4
+    duration: float = 4.0
+    duration_spread: float = 0.05
+    lift: float = 0.10
+    above: float = 0.07
+    height_spread: float = 0.01
+    aim_spread: float = 0.0007
+    turn_spread: float = 0.01
+    rest: float = 0.3
+    follows: float = 6.0
+    firm_wrist: tuple[float, float] = (60.0, 3.0)
+
+
+class Carrier(Guiding):
+    """Guides one movement at a time: `begin`, then `step` once per state until `done`.
+
+    * seed: of what differs from one time to the next.
+    * carrying, person: how they do it; the defaults where none is given.
+    * step: control period [s].
+    """
+
+    def __init__(self, seed: int = 0, carrying: Carrying | None = None, person: Person | None = None, step: float = 0.002):
+        self.carrying = carrying or Carrying()
+        super().__init__(seed, person, self.carrying.follows, self.carrying.firm_wrist, step)
+
+    def begin(self, state: ArmState, part: Pose, goal: Pose) -> None:
+        """Take the part where it stands and bring it to a goal; both as the person sees them."""
+        self._begin_guiding(state)
+        c, rng, self._told = self.carrying, self._rng, 0
+        self._way = c.duration * (1.0 + c.duration_spread * rng.standard_normal())
+        self._lift, self._above = np.array([c.lift, c.above]) + c.height_spread * rng.standard_normal(2)
+        aside = np.append(c.aim_spread * rng.standard_normal(2), 0.0)
+        turn = Rotation.from_rotvec([0.0, 0.0, c.turn_spread * rng.standard_normal()])
+        self._first, self._last = part[0], goal[0] + aside
+        self._turns = Slerp([0.0, 1.0], Rotation.concatenate([Rotation.from_quat(part[1]), turn * Rotation.from_quat(goal[1])]))
+        hand = self._model.hand_state(state.position, state.velocity)
+        back = Rotation.from_quat(part[1]).inv()
+        self._grip = back.apply(hand.position - part[0]), back * Rotation.from_matrix(hand.rotation)
+
+    @property
+    def duration(self) -> float:
+        """From the beginning to the end [s]."""
+        c = self.carrying
+        return 2.0 * c.wait + self._way + 2.0 * c.rest + 0.3
+
+    def done(self, state: ArmState) -> bool:
+        """Whether the part was let go, and all is at rest."""
+        return self._time(state) >= self.duration
+
+    def _wanted(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Where the hand shall be (3,), and how turned (3, 3)."""
+        share = (time - 2.0 * self.carrying.wait) / self._way
+        up, over, down = smooth(share / 0.3), smooth((share - 0.15) / 0.45), smooth((share - 0.62) / 0.38)
+        place = self._first + over * (self._last - self._first)
+        place[2] += (1.0 - over) * up * self._lift + over * (1.0 - down) * self._above
+        # While both are under way, neither of the two heights is reached: over the edge of the holder the part is high all the same.
+        turn, (offset, held) = self._turns(over), self._grip
+        return place + turn.apply(offset), (turn * held).as_matrix()
+
+    def _button(self, time: float) -> Grip:
+        c = self.carrying
+        for number, (instant, grip) in enumerate(((c.wait, Grip.CLOSE), (2.0 * c.wait + self._way + c.rest, Grip.OPEN))):
+            if self._told == number and time >= instant:
+                self._told += 1
+                return grip
+        return Grip.UNSPECIFIED

@@ -1,0 +1,140 @@
+"""A belt beside the simulated arm that carries a cup past it. The cup is a place that moves: nothing touches it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dart_skill.simulation._bullet import BulletClient
+from dart_skill.simulation._guiding import smooth
+from dart_skill.simulation._plant import Plant, PlantSettings, PlantState
+from dart_skill.simulation._workbench import Pose
+
+START_POSTURE = (0.0, 0.3, 0.0, 2.2, 0.0, 1.0, 0.0)
+"""Of an arm beside a belt [rad]. The hand is tilted by 0.4 rad: with the palm straight down the wrist is straight above some cups."""
+WAY = ("way_x", "way_y", "way_z")
+NUMBERS = (*WAY, "steady", "start", "duration", "tunnel")
+"""Of a situation in the world of a belt: the fields of `Belt`, the way along each axis."""
+UPRIGHT, IN, AROUND = 0.01, 0.01, 0.001
+"""A cup that leans by less is upright [rad]. A hand that is nearer to its middle is in it [m]. Its speed is told over so long [s]."""
+
+
+@dataclass(frozen=True)
+class Belt:
+    """How a belt carries a cup. Times are since the reset of the world [s].
+
+    * begin: where the cup is at `start` (3,) [m].
+    * way: from there in `duration` (3,) [m].
+    * turn: of the cup about the vertical [rad].
+    * steady: it moves at constant speed, before and after, too; otherwise from rest to rest, by least jerk.
+    * start, duration: of the way [s].
+    * tunnel: from then on no camera sees the cup [s].
+    """
+
+    begin: tuple[float, float, float] = (0.62, 0.0, 1.10)
+    way: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turn: float = 0.0
+    steady: bool = True
+    start: float = 1.0
+    duration: float = 2.4
+    tunnel: float = np.inf
+
+    def at(self, time: float) -> Pose:
+        """Where the cup is then: the middle of its floor, its z axis up."""
+        share = (time - self.start) / self.duration
+        share = share if self.steady else smooth(share)
+        return np.array(self.begin) + share * np.array(self.way), Rotation.from_rotvec([0.0, 0.0, self.turn]).as_quat()
+
+    @classmethod
+    def of(cls, cup: Pose | None, numbers: Mapping[str, float]) -> Belt:
+        """The belt of a situation: where the cup is at `start`, and `NUMBERS`, as far as they differ from the defaults.
+
+        ValueError for a cup that leans, and for a way that takes no time.
+        """
+        own: dict[str, Any] = {name: float(value) for name, value in numbers.items() if name not in WAY}
+        own["way"] = tuple(float(numbers.get(name, 0.0)) for name in WAY)
+        own["steady"] = bool(own.get("steady", True))
+        if cup is not None:
+            turn = Rotation.from_quat(cup[1]).as_rotvec()
+            if np.hypot(*turn[:2]) > UPRIGHT:
+                raise ValueError(f"the cup leans by {np.hypot(*turn[:2]):.2f} rad: on a belt it stands upright, turned about z")
+            own |= {"begin": tuple(np.asarray(cup[0], dtype=float).tolist()), "turn": float(turn[2])}
+        if not own.get("duration", 1.0) > 0.0:
+            raise ValueError(f"duration is {own['duration']} s: the way of the cup takes longer than nothing")
+        return cls(**own)
+
+
+class Conveyor(Plant):
+    """The arm beside a belt. `reset` begins a way of the cup, with an empty hand."""
+
+    loose_body, movable_body, numbers = "cup", "cup", NUMBERS
+
+    def __init__(self, settings: PlantSettings | None = None, seed: int = 0):
+        self._belt = Belt()
+        super().__init__(replace(settings or PlantSettings(), start_posture=START_POSTURE), seed)
+
+    def change(self, settings: PlantSettings) -> None:
+        """As of the plant; the posture beside the belt stays."""
+        super().change(replace(settings, start_posture=START_POSTURE))
+
+    def set_up(self, poses: Mapping[str, Pose], numbers: Mapping[str, float] | None = None) -> PlantState:
+        """As of the plant: the belt of `Belt.of`. Where nothing is said, it runs as before."""
+        self._check_movable(poses)
+        self._check_numbers(numbers or {})
+        if poses or numbers:
+            self._belt = Belt.of(poses.get("cup"), numbers or {})
+        return self.reset()
+
+    def put(self, role: str, position: np.ndarray, quaternion: np.ndarray) -> None:
+        """Put the cup somewhere at once: it stands there from now on."""
+        self._check_movable([role])
+        self._belt = Belt.of((position, quaternion), {})
+        self._observe_ball()
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether the hand is in the middle of the cup."""
+        return float(np.linalg.norm(self.hand_position - self.cup[0])) < IN
+
+    def run(self, belt: Belt) -> None:
+        """From the next reset on the belt runs so."""
+        self._belt = belt
+
+    @property
+    def time(self) -> float:
+        """Since the reset [s]."""
+        return self._step_count * self.settings.step
+
+    @property
+    def cup(self) -> Pose:
+        """Where it is now."""
+        return self._belt.at(self.time)
+
+    @property
+    def bodies(self) -> dict[str, Pose]:
+        """True poses of what the cameras track; without a cup that is in a tunnel."""
+        hand = {"hand": (self.hand_position, self.hand_quaternion)}
+        return hand if self.time >= self._belt.tunnel else {**hand, "cup": self.cup}
+
+    # what is different from an arm with a ball
+
+    def _build_things(self, world: BulletClient) -> None:
+        """The belt is beside what the arm can touch."""
+
+    def _fill_hand(self) -> None:
+        """The hand is empty."""
+        self._held, self._free_at, self._just_freed, self._stuck = None, None, False, False
+
+    def _observe_ball(self) -> None:
+        """What the state says of a ball is said of the cup."""
+        position, quaternion = self.cup
+        self._ball_position, self._ball_quaternion = tuple(position.tolist()), tuple(quaternion.tolist())
+        before, after = (self._belt.at(self.time + around)[0] for around in (-AROUND, AROUND))
+        self._ball_velocity = tuple(((after - before) / (2.0 * AROUND)).tolist())
+
+    def _act_on_ball(self) -> None:
+        """Nothing acts on the cup but its belt."""

@@ -1,0 +1,78 @@
+"""A person who guides the hand of a gravity-compensated arm along a path that they have in mind, as one does with kinesthetic teaching.
+
+The person sees how far the hand is off the path, and pushes. How firmly is that of `Person`; which path, that of who derives from this.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dart_skill.robot import ArmModel, ArmState, Command, Grip, minimum_jerk, rotation_error
+from dart_skill.simulation._teacher import Person, _at_most, tremor
+
+MOST_LEFT = np.repeat([0.02, 0.3], 3)
+"""What is left of a distance to the path is taken out as if it were no larger [m], [rad]."""
+
+
+class Guiding:
+    """Guides one movement at a time: `_begin_guiding`, then `step` once per state. Who derives from it writes `_wanted`.
+
+    * seed: of what differs from one time to the next.
+    * person: how firmly they push.
+    * follows: how fast what is left of the distance to the path is taken out [1/s]: a person sees it.
+    * firm_wrist: stiffness and damping of the turn [N m/rad, N m s/rad].
+    * step: control period [s].
+    """
+
+    def __init__(self, seed: int, person: Person | None, follows: float, firm_wrist: tuple[float, float], step: float):
+        self.person = person or Person()
+        self._follows, self._firm_wrist = follows, firm_wrist
+        self._model, self._seed, self._step, self._times = ArmModel(), seed, step, 0
+
+    def _begin_guiding(self, state: ArmState) -> None:
+        """Another movement begins now, with its own random numbers."""
+        self._times += 1
+        self._rng = np.random.default_rng([self._seed, self._times])
+        self._started_ns = state.stamp_ns
+        self._tremble, self._left = np.zeros(3), np.zeros(6)
+
+    def step(self, state: ArmState) -> Command:
+        """The push that answers one state, and what the fingers are told."""
+        time = self._time(state)
+        position, rotation = self._wanted(time)
+        ahead, ahead_rotation = self._wanted(time + self._step)
+        velocity = (ahead - position) / self._step
+        spin = rotation_error(ahead_rotation, rotation) / self._step
+        hand = self._model.hand_state(state.position, state.velocity)
+        off = np.concatenate([position - hand.position, rotation_error(rotation, hand.rotation)])
+        self._left = np.clip(self._left + self._follows * self._step * off, -MOST_LEFT, MOST_LEFT)
+        (k, d), (kr, dr) = self.person.firm_hand, self._firm_wrist
+        self._tremble = tremor(self._tremble, self.person, self._rng, self._step)
+        force = k * (off[:3] + self._left[:3]) + d * (velocity - hand.linear) + self._tremble
+        twist = kr * (off[3:] + self._left[3:]) + dr * (spin - hand.angular)
+        push = np.concatenate([_at_most(force, self.person.strongest_push), _at_most(twist, self.person.strongest_twist)])
+        return Command(state.stamp_ns, push, self._steady_elbow(state, hand.position), self._button(time))
+
+    def _time(self, state: ArmState) -> float:
+        return (state.stamp_ns - self._started_ns) * 1e-9
+
+    def _wanted(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Where the hand shall be (3,), and how turned (3, 3), so long after the beginning [s]."""
+        raise NotImplementedError
+
+    def _button(self, time: float) -> Grip:
+        """What the fingers are told then. Default: nothing."""
+        return Grip.UNSPECIFIED
+
+    def _steady_elbow(self, state: ArmState, hand: np.ndarray) -> np.ndarray:
+        """The other hand keeps the elbow over the line from the base to the hand (3,): joint torques (7,)."""
+        k, d = self.person.firm_elbow
+        elbow, jacobian = self._model.elbow(state.position)
+        across = np.array([-hand[1], hand[0], 0.0]) / np.hypot(hand[0], hand[1])
+        force = -(k * (elbow @ across) + d * (across @ jacobian @ state.velocity)) * across
+        return jacobian.T @ _at_most(force, self.person.strongest_push)
+
+
+def smooth(share: float) -> float:
+    """Minimum jerk from 0 to 1; rounding must not lead beyond."""
+    return min(minimum_jerk(np.zeros(1), np.ones(1), 1.0, share)[0].item(), 1.0)

@@ -1,0 +1,58 @@
+"""How a tracked body moves now, from the noisy poses that have come of it so far."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+
+WINDOW = 0.2
+"""Poses of so long a time tell how a body moves [s]: at 100 Hz and 0.3 mm its speed to 5 mm/s."""
+FEWEST = 6
+"""Poses from which a speed and its change are told; of fewer a body is taken to rest."""
+
+
+class BodyMotion(NamedTuple):
+    """At an instant: position (3,) [m], velocity (3,) [m/s], acceleration (3,) [m/s^2]; of the newest pose quaternion (4,) and age [s]."""
+
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    quaternion: np.ndarray
+    age: float
+
+
+class MovingBody:
+    """The newest poses of one body. A parabola through them by least squares bridges the time until now."""
+
+    def __init__(self, name: str):
+        self.name = name
+        self._poses: deque[tuple[int, np.ndarray, np.ndarray]] = deque()
+
+    def see(self, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
+        """A pose: (3,) [m] and (4,). One that is not newer than the last is left out."""
+        if self._poses and stamp_ns <= self._poses[-1][0]:
+            return
+        self._poses.append((stamp_ns, np.asarray(position, dtype=float), np.asarray(quaternion, dtype=float)))
+        while (stamp_ns - self._poses[0][0]) * 1e-9 > WINDOW:
+            self._poses.popleft()
+
+    @property
+    def newest_ns(self) -> int | None:
+        """Stamp of the newest pose [ns]; None before any has come."""
+        return self._poses[-1][0] if self._poses else None
+
+    def at(self, stamp_ns: int) -> BodyMotion:
+        """The motion at an instant [ns]; ValueError before any pose has come."""
+        if not self._poses:
+            raise ValueError(f"nobody has seen the {self.name} yet")
+        newest_ns, _, quaternion = self._poses[-1]
+        positions = np.array([position for _, position, _ in self._poses])
+        time = (np.array([ns for ns, *_ in self._poses]) - newest_ns) * 1e-9
+        ahead = (stamp_ns - newest_ns) * 1e-9
+        if len(time) < FEWEST:
+            return BodyMotion(positions[-1], np.zeros(3), np.zeros(3), quaternion, ahead)
+        constant, linear, quadratic = np.linalg.lstsq(np.vander(time, 3, increasing=True), positions, rcond=None)[0]
+        velocity = linear + 2.0 * ahead * quadratic
+        return BodyMotion(constant + ahead * linear + ahead**2 * quadratic, velocity, 2.0 * quadratic, quaternion, ahead)

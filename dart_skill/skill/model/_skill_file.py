@@ -1,0 +1,90 @@
+"""A learned skill on disk: its demonstrations and settings in one NumPy archive without pickle.
+
+A model is a cache of its demonstrations: loading learns it again, to the last bit. What practice has found out about misses goes with it.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from dart_skill.archive import read_arrays
+from dart_skill.files import new_file, open_file
+from dart_skill.robot import Grip
+from dart_skill.skill.model._learning import AnySkill, learn
+from dart_skill.skill.protocol import Skill, SkillSettings, TaskDemonstration, Told, Track
+
+S = TypeVar("S", bound=SkillSettings)
+FORMAT = "dart_skill skill 1"
+PARTS = ("time", "position", "quaternion")
+CHANGED = ("components", "stiffness", "orientation_stiffness")
+"""Settings that parameters of the learner change."""
+
+
+def changed_settings(settings: S, parameters: dict[str, Any]) -> tuple[S, str]:
+    """Settings with parameters of the node skill_learner, and what they change, in words; 0 and an empty text change nothing.
+
+    ValueError names one that is for throws only, or makes no sense.
+    """
+    for name in ("frames", "least_stiffness", "most_stiffness"):
+        if parameters[name]:
+            raise ValueError(f"{name} is {parameters[name]}: it is for throws, a skill says its frames and its stiffness itself")
+    changes = {name: parameters[name] for name in CHANGED if parameters[name]}
+    return replace(settings, **changes), ", ".join(f"{name} {value}" for name, value in changes.items())
+
+
+def save_skill_model(path: str | Path, learned: AnySkill) -> None:
+    """Write a model to `path`, which must not exist; the folder must. It is there whole, or not at all."""
+    path = Path(path)
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"there is no folder {path.parent} to save a model in")
+    about = {"skill": learned.skill.name, "settings": asdict(learned.skill.settings)}
+    content: dict[str, Any] = {"format": np.array(FORMAT), "about": np.array(json.dumps(about)), "misses": learned.misses}
+    for k, one in enumerate(learned.demonstrations):
+        content |= {f"{k:04d}.{name}": value for name, value in _arrays_of(one).items()}
+    with new_file(path) as file:
+        np.savez_compressed(file, **content)
+
+
+def load_skill_model(path: str | Path, skill: Skill) -> AnySkill:
+    """The model of a file, of the same skill; its settings are those that it was learned with. ValueError if it is none."""
+    with open_file(path) as file:
+        try:
+            content = read_arrays(file)
+            if str(content.pop("format")) != FORMAT:
+                raise ValueError(f"its format is not '{FORMAT}'")
+            about, misses = json.loads(str(content.pop("about"))), content.pop("misses")
+            demonstrations = [_demonstration(content, key) for key in sorted({name.split(".")[0] for name in content})]
+        except Exception as error:  # zip, zlib, JSON and NumPy each have their own for bytes that they do not expect
+            raise ValueError(f"{path} is not a model file of a skill: {error or type(error).__name__}") from error
+    if about["skill"] != skill.name:
+        raise ValueError(f"{path} is a model of the skill '{about['skill']}', not of '{skill.name}'")
+    settings = skill.settings_type.from_mapping(about["settings"], str(path))
+    learned = learn(type(skill)(settings), demonstrations)
+    learned.remember(misses)
+    return learned
+
+
+def _arrays_of(one: TaskDemonstration) -> dict[str, Any]:
+    tracks = {f"track.{role}.{part}": getattr(track, part) for role, track in one.tracks.items() for part in PARTS}
+    joints = {name: getattr(one, name) for name in ("joint_time", "joint_position", "joint_velocity")}
+    told = np.array([(item.time, int(item.grip)) for item in one.told], dtype=float).reshape(-1, 2)
+    return {"id": np.array(one.id), "stamp_ns": np.array(one.stamp_ns), "told": told, **joints, **tracks}
+
+
+def _demonstration(content: dict[str, np.ndarray], key: str) -> TaskDemonstration:
+    own = {name.removeprefix(f"{key}."): value for name, value in content.items() if name.startswith(f"{key}.")}
+    roles = dict.fromkeys(name.split(".")[1] for name in own if name.startswith("track."))
+    return TaskDemonstration(
+        id=str(own["id"]),
+        tracks={role: Track(*(own[f"track.{role}.{part}"] for part in PARTS)) for role in roles},
+        joint_time=own["joint_time"],
+        joint_position=own["joint_position"],
+        joint_velocity=own["joint_velocity"],
+        told=tuple(Told(float(time), Grip(int(grip))) for time, grip in own["told"]),
+        stamp_ns=int(own["stamp_ns"]),
+    )

@@ -1,0 +1,171 @@
+"""What a skill says of itself. The rest, from a recording to a plan and on to practice, is the same for all skills."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol, TypeVar
+
+import numpy as np
+
+from dart_skill.configuration import config_path
+from dart_skill.movement import VelocityThreshold, segment_containing
+from dart_skill.robot import MotionPlan, Speed, WamDescription
+from dart_skill.skill.protocol._demonstration import HAND, TaskDemonstration
+from dart_skill.skill.protocol._settings import SkillSettings
+from dart_skill.skill.protocol._situation import Pose, Situation
+from dart_skill.skill.protocol._solid import Solid
+
+K = TypeVar("K", bound="Skill")
+
+
+class Planner(Protocol):
+    """A skill that was learned."""
+
+    def plan(self, situation: Situation) -> MotionPlan:
+        """A movement for a situation."""
+        ...
+
+
+def settings_file(kind: type[Skill]) -> Path | None:
+    """YAML file with the settings of a skill: in the folder skills of config/, or of another package the file beside its module."""
+    try:
+        return config_path(f"skills/{kind.name}.yaml")
+    except FileNotFoundError:
+        beside = Path(inspect.getfile(kind)).with_name(f"{kind.name}.yaml")
+        return beside if beside.is_file() else None
+
+
+@dataclass(frozen=True, eq=False)
+class TaskOutcome:
+    """What became of a movement, by what the cameras saw.
+
+    * success: whether it did what it was for.
+    * error: how far from perfect it was [m]; nan if nobody can tell.
+    * reason: of a failure, in words; empty for a success.
+    * miss: where the body that practice corrects (`Skill.corrects`) seems to be off (3,) [m], in its own axes; nan if nobody can tell.
+    """
+
+    success: bool
+    error: float
+    reason: str = ""
+    miss: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))
+
+
+class Skill:
+    """Base of all skills: every method has a default that serves a movement of the hand between bodies. Only `judge` must be written.
+
+    Class attributes:
+
+    * name: of the skill, as `--skill` and the entry point have it.
+    * bodies: roles of the tracked bodies that it needs beside the hand.
+    * world: the simulated world in which it is shown and tried (`simulation.WORLDS`); with a real arm it is of no meaning.
+    * reacts: the model is asked at every state of the arm, with the newest poses of the bodies, which may move (`ReactiveSkill` of
+      dart_skill.skill.model; `settings_type` derives from `ReactiveSkillSettings`). Otherwise a plan is made beforehand.
+    * speed: the level of config/limits.yaml that its movements need.
+    * corrects: role of the body whose place practice corrects; empty: practice corrects nothing.
+    * settings_type: class of its settings.
+
+    Attribute: settings, as they were given, or the defaults.
+    """
+
+    name = ""
+    bodies: tuple[str, ...] = ()
+    world = "bench"
+    reacts = False
+    speed = Speed.CAREFUL
+    corrects = ""
+    settings_type: type[SkillSettings] = SkillSettings
+
+    def __init__(self, settings: SkillSettings | None = None):
+        self.settings = settings or self.settings_type()
+
+    @classmethod
+    def configured(cls: type[K]) -> K:
+        """The skill with the settings of its file (`settings_file`), the defaults where there is none."""
+        path = settings_file(cls)
+        return cls(None if path is None else cls.settings_type.from_file(path))
+
+    @property
+    def moves(self) -> str:
+        """Role of what the movement moves, without which nobody sees what comes of it: the first body, or the hand where there is none."""
+        return self.bodies[0] if self.bodies else HAND
+
+    @property
+    def situated(self) -> tuple[str, ...]:
+        """Roles of the bodies on whose poses a plan depends. Default: all that the skill needs; of a skill that reacts, none."""
+        return () if self.reacts else self.bodies
+
+    def solids(self, role: str) -> Sequence[Solid]:
+        """How a body looks, for viewers. Default: nothing is known, so a small box stands for it."""
+        return ()
+
+    def loaded(self, description: WamDescription) -> WamDescription:
+        """The arm with what its hand may hold, as whoever uses the skill knows it (`robot.with_box`). Default: as it is described."""
+        return description
+
+    def cut(self, demonstration: TaskDemonstration) -> tuple[float, float]:
+        """First and last instant of the movement in a recording [s]; ValueError if there is none.
+
+        Default: from when the fingers were told something for the first time to when they were told for the last time. Where they were told
+        nothing, or only once, the movement between the velocity thresholds (8.4.3), the one in which they were told.
+        """
+        told = demonstration.told
+        if len(told) > 1:
+            return told[0].time, told[-1].time
+        s = self.settings
+        thresholds = VelocityThreshold(start=s.start_speed, stop=s.stop_speed, min_duration=s.shortest)
+        time, position = demonstration.hand_time, demonstration.hand_position
+        if told:
+            found = segment_containing(thresholds.segment(time, position, told[0].time), told[0].time)
+        else:
+            found = max(thresholds.segment(time, position), key=lambda one: one.duration)
+        return found.motion_start, found.motion_stop
+
+    def situation(self, demonstration: TaskDemonstration, start: float) -> Situation:
+        """Where all bodies are when the movement starts [s]. Default: where they were just before."""
+        return Situation({role: demonstration.track(role).pose_at(start) for role in (HAND, *self.bodies)})
+
+    def achieved(self, demonstration: TaskDemonstration, situation: Situation) -> Situation:
+        """The situation for which the movement would have been right: a miss can be relabelled. Default: the one that there was."""
+        return situation
+
+    def frames(self, situation: Situation) -> list[Pose]:
+        """Task frames (7.5.2). Default: one where the hand starts, and one at each body."""
+        return [situation.pose(role) for role in (HAND, *self.bodies)]
+
+    def inputs(self, situation: Situation) -> Sequence[float]:
+        """Further inputs of the regression beside time. Default: the numbers of the situation, in the order of their names."""
+        return [situation.numbers[name] for name in sorted(situation.numbers)]
+
+    def refine(self, plan: MotionPlan, situation: Situation, planner: Planner) -> MotionPlan:
+        """A plan before it is carried out, by the planner that made it, which may be asked for others. Default: as it is."""
+        return plan
+
+    def goal(self, situation: Situation) -> Pose:
+        """Where a simulated person who shows the skill carries its first body, in the world; ValueError if nobody can show it."""
+        raise ValueError(f"nobody can show the skill '{self.name}' in simulation: write {type(self).__name__}.goal")
+
+    def draw(self, rng: np.random.Generator, wide: bool = False) -> Situation:
+        """A situation in which the skill is shown in simulation, or, wide, tried: where the bodies that can be put somewhere are put.
+
+        ValueError if the skill has none to offer.
+        """
+        raise ValueError(f"the skill '{self.name}' offers no situations: write {type(self).__name__}.draw, or name one")
+
+    def draws(self, rng: np.random.Generator, n: int) -> list[Situation]:
+        """Situations in which the skill is shown n times. Default: n that are drawn one by one."""
+        return [self.draw(rng) for _ in range(n)]
+
+    def judge(self, seen: TaskDemonstration, situation: Situation) -> TaskOutcome:
+        """What became of a movement that was made in a situation, from what was seen of it."""
+        raise NotImplementedError(f"the skill '{self.name}' does not say how its outcome is judged: write {type(self).__name__}.judge")
+
+    def corrected(self, situation: Situation, offset: np.ndarray) -> Situation:
+        """The situation to plan for where what repeats in the misses is an offset (3,) [m] in the axes of the body that is corrected."""
+        if not self.corrects or not offset.any():
+            return situation
+        pose = situation.pose(self.corrects)
+        return situation.moved(self.corrects, pose.place(Pose(-offset)))

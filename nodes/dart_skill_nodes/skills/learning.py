@@ -1,0 +1,329 @@
+"""What the skill learner learns from and plans with, of throws and of every other skill."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Protocol
+
+import numpy as np
+from dart_skill_msgs.msg import Demonstration as DemonstrationMsg
+from dart_skill_msgs.msg import Plan as PlanMsg
+from dart_skill_msgs.msg import Situation as SituationMsg
+
+from dart_skill.mixture import GaussianMixture
+from dart_skill.recording import Demonstration, read_demonstrations
+from dart_skill.robot import KnownRegistration
+from dart_skill.skill.improve import PracticeSettings, PractisingSkill
+from dart_skill.skill.learn import SkillConfiguration, changed, configuration, load_model, prepare, save_model
+from dart_skill.skill.model import (
+    AnySkill,
+    ReactiveSkill,
+    changed_settings,
+    check_movement,
+    learn_usable,
+    load_skill_model,
+    outliers,
+    save_skill_model,
+    unlike,
+)
+from dart_skill.skill.protocol import HAND, Skill, TaskDemonstration, TaskOutcome, read_task_demonstrations, task_demonstration_from_message
+from dart_skill.skills.throw import Throw
+from dart_skill_nodes.comms import conversions
+
+Parameters = Callable[[], dict[str, Any]]
+"""Values of the learner's parameters, as they are now."""
+
+
+@dataclass(frozen=True)
+class Lesson:
+    """What came of learning: from how many demonstrations, the digest of the model, what to say of it, and what was left out, and why."""
+
+    demonstrations: int
+    model_id: str
+    said: tuple[str, ...]
+    left_out: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Taken:
+    """What became of a trial: whether it was kept, why not, how many demonstrations are remembered, and what of its error is left [m]."""
+
+    kept: bool
+    message: str
+    demonstrations: int
+    left: list[float] = field(default_factory=lambda: [float("nan")] * 2)
+
+
+@dataclass(frozen=True)
+class Compared:
+    """How a demonstration counts: its weight in the model, its distance from what the others teach [m], and whether that is far more."""
+
+    weight: float
+    unlike: float = float("nan")
+    outlier: bool = False
+
+
+class Learning(Protocol):
+    """One skill, as the learner needs it. angles: how many columns its mixtures have after the position."""
+
+    skill: str
+    angles: int
+
+    @property
+    def learned(self) -> bool:
+        """Whether there is something to plan with."""
+
+    def check(self, parameters: dict[str, Any]) -> None:
+        """ValueError says which parameter cannot be."""
+
+    def demonstration(self, message: DemonstrationMsg) -> Any:
+        """What is in a message; ValueError says why it is none."""
+
+    def read(self, bag: str) -> Sequence[Any]:
+        """Demonstrations of a bag; ValueError if there are none."""
+
+    def learn(self, demonstrations: Sequence[Any], configuration: str) -> Lesson:
+        """Learn; ValueError says why that cannot be."""
+
+    def finding(self, one: Any, configuration: str) -> str:
+        """What can be made of a demonstration, in words; ValueError says why nothing can."""
+
+    def describe(self, one: Any) -> tuple[int, str, float, SituationMsg]:
+        """Stamp [ns], frame, duration [s] and situation of a demonstration."""
+
+    def plan(self, situation: SituationMsg, frame_id: str) -> tuple[PlanMsg, SituationMsg]:
+        """A plan, and what the hand holds at its start; ValueError says why there is none."""
+
+    def tell(self, trial: DemonstrationMsg, plan: PlanMsg) -> Taken:
+        """Learn from what became of a plan."""
+
+    def save(self, path: str) -> str:
+        """Write the model to a file; its digest."""
+
+    def load(self, path: str) -> str:
+        """Take the model of a file; its digest."""
+
+    def mixtures(self) -> tuple[dict[str, GaussianMixture], np.ndarray]:
+        """Gaussians to be shown, by name, and places (n, 3) for which movements were shown."""
+
+    def compared(self) -> dict[str, Compared]:
+        """How each demonstration that is learned from counts, by its id; of others, and before anything is learned, nothing."""
+
+    def values(self) -> dict[str, Any]:
+        """For the diagnostics."""
+
+
+class ThrowLearning:
+    """Throws: their configurations, practice and model files."""
+
+    angles = 2
+
+    def __init__(self, skill: Throw, parameters: Parameters, registration: KnownRegistration | None):
+        self._thrown, self.skill, self._parameters, self._registration = skill, skill.name, parameters, registration
+        p = parameters()
+        self._method, self._memory = p["practice_method"], PracticeSettings(p["practice_capacity"], p["practice_forget"])
+        self.practising: PractisingSkill | None = None
+
+    @property
+    def learned(self) -> bool:
+        return self.practising is not None
+
+    def check(self, parameters: dict[str, Any]) -> None:
+        changed(configuration(parameters["configuration"]), parameters)
+
+    def demonstration(self, message: DemonstrationMsg) -> Demonstration:
+        return self._own(conversions.demonstration(message))
+
+    def read(self, bag: str) -> list[Demonstration]:
+        return [self._own(one) for one in read_demonstrations(bag)]
+
+    def _own(self, one: Demonstration) -> Demonstration:
+        """A demonstration; ValueError for one of another game."""
+        if one.skill != self.skill:
+            raise ValueError(f"demonstration {one.id} is of the skill '{one.skill}', not of '{self.skill}'")
+        return one
+
+    def _chosen(self, name: str) -> tuple[SkillConfiguration, str]:
+        """The configuration of that name as the parameters change it, and what they change."""
+        p = self._parameters()
+        chosen, changes = changed(configuration(name or p["configuration"]), p)
+        return self._thrown.configured_for(chosen), changes
+
+    def learn(self, demonstrations: Sequence[Demonstration], configuration: str) -> Lesson:
+        chosen, changes = self._chosen(configuration)
+        chosen = chosen if self._registration is None else replace(chosen, registration=self._registration)
+        self.take(list(demonstrations), chosen)
+        skill, practice = self._skill.skill, self._skill.practice
+        n = len(practice.demonstrations)
+        said = (
+            f"learned from {n} demonstrations with '{skill.configuration.name}'{changes and f' but {changes}'}",
+            f"the hand opens {1e3 * skill.hand_delay:.0f} ms after it is told to",
+        )
+        return Lesson(n, skill.model_id, said, tuple(practice.kept_out.values()))
+
+    def take(self, demonstrations: list[Demonstration], chosen: SkillConfiguration, practised: np.ndarray | None = None) -> None:
+        """Learn from demonstrations with a configuration, and remember throws (n, 6) that were practised."""
+        steady_every = 0 if self._method == "none" else self._thrown.steady_every
+        settings = self._thrown.correction
+        skill = PractisingSkill(demonstrations, chosen, self._method, self._memory, settings, steady_every=steady_every)
+        if practised is not None and skill.correction is not None:
+            skill.correction.remember(practised)
+        self.practising = skill
+
+    @property
+    def _skill(self) -> PractisingSkill:
+        if self.practising is None:
+            raise ValueError("nothing is learned yet: call ~/learn, or ~/load a model")
+        return self.practising
+
+    def finding(self, one: Demonstration, configuration: str) -> str:
+        return prepare(one, self._chosen(configuration)[0]).in_words
+
+    def describe(self, one: Demonstration) -> tuple[int, str, float, SituationMsg]:
+        return one.stamp_ns, one.frame_id, float(np.nan_to_num(one.motion_stop - one.motion_start)), self._shown_at(one)
+
+    def _shown_at(self, one: Demonstration) -> SituationMsg:
+        return conversions.at_place(one.target, self._thrown.bodies[1])
+
+    def plan(self, situation: SituationMsg, frame_id: str) -> tuple[PlanMsg, SituationMsg]:
+        skill, asked = self._skill, conversions.aimed(situation, self._thrown)
+        message = conversions.throw_plan_msg(skill.plan(self._thrown.target(asked)), frame_id, self._thrown)
+        message.situation = conversions.situation_msg(asked)
+        return message, conversions.at_place(skill.skill.seat, self._thrown.bodies[0])
+
+    def tell(self, trial: DemonstrationMsg, plan: PlanMsg) -> Taken:
+        skill = self._skill
+        told = skill.tell(conversions.throw_plan(plan, self._thrown) if plan.trajectory.points else None, self.demonstration(trial))
+        forgotten = f"forgotten: {', '.join(told.forgotten)}" if told.forgotten else ""
+        return Taken(told.kept, told.reason or forgotten, len(skill.practice.demonstrations), list(told.left))
+
+    def save(self, path: str) -> str:
+        skill = self._skill
+        practised = [] if skill.correction is None else [skill.correction.throws]
+        save_model(path, skill.practice.demonstrations, skill.skill.configuration, *practised)
+        return skill.skill.model_id
+
+    def load(self, path: str) -> str:
+        demonstrations, chosen, practised = load_model(path)
+        if chosen.game != self._thrown.game:
+            raise ValueError(f"{path} is a model of other throws: it was learned for another game or board than that of '{self.skill}'")
+        self.take(demonstrations, chosen, practised)
+        return self._skill.skill.model_id
+
+    def mixtures(self) -> tuple[dict[str, GaussianMixture], np.ndarray]:
+        skill = self._skill.skill
+        tasks = np.array([throw.task for throw in skill.throws])
+        centre = np.median(tasks, axis=0)
+        frames = skill.frame_mixtures(centre)
+        each = {f"frame_{k}": one for k, one in enumerate(frames, start=1) if len(frames) > 1}
+        return {"components": skill.mixture(centre), **each}, tasks
+
+    def compared(self) -> dict[str, Compared]:
+        if not self.learned:
+            return {}
+        skill = self._skill.skill
+        return {throw.id: Compared(float(weight)) for throw, weight in zip(skill.throws, skill.credence, strict=True)}
+
+    def values(self) -> dict[str, Any]:
+        skill = self._skill
+        practised = 0 if skill.correction is None else len(skill.correction)
+        learned = {"learned_from": len(skill.practice.demonstrations), "kept_out": len(skill.practice.kept_out), "practised": practised}
+        return {**learned, "model_id": skill.skill.model_id, "posture_id": skill.skill.posture_id}
+
+
+class TaskLearning:
+    """Every other skill, by its class."""
+
+    angles = 0
+
+    def __init__(self, skill: Skill, parameters: Parameters):
+        self._skill, self._parameters, self.skill = skill, parameters, skill.name
+        self.model: AnySkill | None = None
+
+    @property
+    def learned(self) -> bool:
+        return self.model is not None
+
+    def check(self, parameters: dict[str, Any]) -> None:
+        changed_settings(self._skill.settings, parameters)
+
+    def demonstration(self, message: DemonstrationMsg) -> TaskDemonstration:
+        return task_demonstration_from_message(message, self._skill)
+
+    def read(self, bag: str) -> list[TaskDemonstration]:
+        return read_task_demonstrations(bag, self._skill)
+
+    def _changed(self, configuration: str) -> tuple[Skill, str]:
+        """The skill with the settings that the parameters change, and what they change."""
+        if configuration:
+            raise ValueError(f"configurations are of throws: the skill '{self.skill}' has its settings in config/skills/{self.skill}.yaml")
+        settings, changes = changed_settings(self._skill.settings, self._parameters())
+        return type(self._skill)(settings), changes
+
+    def learn(self, demonstrations: Sequence[TaskDemonstration], configuration: str) -> Lesson:
+        skill, changes = self._changed(configuration)
+        self.model, left_out = learn_usable(skill, demonstrations)
+        n = len(self.model.demonstrations)
+        said = f"learned '{self.skill}' from {n} demonstrations{changes and f' with {changes}'}"
+        return Lesson(n, self.model.model_id, (said, f"a movement takes {self.model.duration:.1f} s"), tuple(left_out.values()))
+
+    @property
+    def _learned(self) -> AnySkill:
+        if self.model is None:
+            raise ValueError("nothing is learned yet: call ~/learn, or ~/load a model")
+        return self.model
+
+    def finding(self, one: TaskDemonstration, configuration: str) -> str:
+        skill, _ = self._changed(configuration)
+        check_movement(skill, one)
+        start, stop = skill.cut(one)
+        return f"a movement of {stop - start:.1f} s, {len(one.told)} times the fingers were told something"
+
+    def describe(self, one: TaskDemonstration) -> tuple[int, str, float, SituationMsg]:
+        start, stop = self._skill.cut(one)
+        situation = conversions.situation_msg(self._skill.situation(one, start))
+        return one.stamp_ns + round(start * 1e9), self._parameters()["frame_id"], stop - start, situation
+
+    def plan(self, situation: SituationMsg, frame_id: str) -> tuple[PlanMsg, SituationMsg]:
+        asked, model = conversions.situation(situation), self._learned
+        if isinstance(model, ReactiveSkill):
+            message = conversions.policy_msg(model.policy, frame_id)
+        else:
+            message = conversions.plan_msg(model.plan(asked), frame_id)
+            message.aim = conversions.situation_msg(self._skill.corrected(asked, model.offset))
+        message.model_id, message.situation = model.model_id, situation
+        return message, SituationMsg()
+
+    def tell(self, trial: DemonstrationMsg, plan: PlanMsg) -> Taken:
+        seen, model = task_demonstration_from_message(trial, self._skill), self._learned
+        start, _ = self._skill.cut(seen)
+        outcome: TaskOutcome = self._skill.judge(seen, self._skill.situation(seen, start))
+        model.tell(outcome)
+        kept = bool(np.isfinite(outcome.miss).all())
+        why = "" if kept else f"nobody can tell by how much it missed: {outcome.reason or 'nothing of it repeats'}"
+        return Taken(kept, why, len(model.movements), outcome.miss[:2].tolist())
+
+    def save(self, path: str) -> str:
+        save_skill_model(path, self._learned)
+        return self._learned.model_id
+
+    def load(self, path: str) -> str:
+        self.model = load_skill_model(path, self._skill)
+        return self._learned.model_id
+
+    def mixtures(self) -> tuple[dict[str, GaussianMixture], np.ndarray]:
+        model = self._learned
+        last = model.movements[-1].situation
+        places = [one.situation.pose(role).position for one in model.movements for role in self._skill.bodies]
+        return {"components": model.mixture(last.moved(HAND, model.start))}, np.array(places).reshape(-1, 3)
+
+    def compared(self) -> dict[str, Compared]:
+        if not self.learned:
+            return {}
+        movements, apart = self._learned.movements, unlike(self._learned)
+        each = zip(movements, apart, outliers(apart), strict=True)
+        return {one.id: Compared(1.0, float(distance), bool(far)) for one, distance, far in each}
+
+    def values(self) -> dict[str, Any]:
+        return {"learned_from": len(self._learned.movements), "practised": self._learned.practised, "model_id": self._learned.model_id}

@@ -1,0 +1,47 @@
+"""`dart-skill execute`: trials of whatever skill a graph that runs has learned, in simulated situations that it draws."""
+
+import argparse
+from typing import TYPE_CHECKING
+
+from dart_skill_nodes.verbs._run import PATIENCE, on_running_graph, print_result
+from dart_skill_nodes.verbs._skill_run import drawn, execute_all
+
+if TYPE_CHECKING:
+    from dart_skill_nodes.client.graph_client import GraphClient
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of the verb."""
+    parser.description = (
+        "Trials of the skill that a graph that runs (`dart-skill up --skill NAME`) has learned: in a simulated world that is reset, with "
+        "bodies put where the skill may be tried, and plans for what the cameras see. With a real arm send /execute a goal without a "
+        "situation: it is carried out where the cameras see the bodies."
+    )
+    parser.add_argument("--count", type=int, default=1, metavar="N", help="so many trials (default 1)")
+    parser.add_argument("--seed", type=int, default=0, help="of where they are (default 0)")
+    parser.add_argument("--json", action="store_true", help="the result as JSON")
+
+
+def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
+    """Execute; returns the exit status."""
+    if options.count < 1 or options.seed < 0:
+        parser.error(f"--count is {options.count}, --seed {options.seed}: give at least 1, and at least 0")
+
+    def wait(client: "GraphClient") -> None:
+        if not client.is_simulated(PATIENCE):
+            raise ValueError("there is no simulator: send /execute a goal without a situation")
+        client.wait_until_ready(PATIENCE, teacher=False)
+
+    return print_result(lambda: on_running_graph(wait, lambda client: _execute(client, options)), options.json)
+
+
+def _execute(client: "GraphClient", options: argparse.Namespace) -> dict:
+    from dart_skill.skill.protocol import load_skill
+
+    skill, rng = load_skill(client.skill(PATIENCE)), drawn(options.seed)
+    rng.random(1000)  # other situations than those in which it was shown
+    trials = execute_all(client, skill, options.count, rng)
+    done = sum(bool(one.outcome.success) for one in trials)
+    ran = all(not one.message for one in trials)
+    text = f"{skill.name}: {done} of {len(trials)} succeeded"
+    return {"text": text, "trials": [one.to_json() for one in trials], "ok": ran, "next": "dart-skill execute --count 10"}

@@ -1,0 +1,1 @@
+"""Skills of somebody else, in a package of their own."""

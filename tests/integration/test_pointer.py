@@ -1,0 +1,97 @@
+"""A skill shown by somebody in front of a screen: the hand is pulled, and what was shown is learned and executed."""
+
+import re
+
+import numpy as np
+import pytest
+from dart_skill_msgs.action import Teach
+from rclpy.action import ActionClient
+
+from dart_skill.skill.protocol import Situation, load_skill
+from dart_skill_nodes.comms import conversions
+from tests.integration.conftest import graphs, wait_for
+from tests.screen_person import PageHands, ScreenPerson
+from tests.view_client import PageClient
+
+SHOWN = 3
+
+
+@pytest.fixture(scope="module")
+def graph(ros, tmp_path_factory):
+    with graphs(tmp_path_factory.mktemp("pointer")) as make:
+        running, client = make("composed", 0, skill="place")
+        running.client, running.person = client, ScreenPerson(client, ("hand", "part", "holder"))
+        running.teacher = ActionClient(client.node, Teach, "/teach")
+        wait_for(client, running.teacher.server_is_ready, what="the teacher")
+        yield running
+
+
+def begin(graph, situation, **goal):
+    """A lesson by pointer, from when on the hand may be pulled: its handle, and its result to come."""
+    client, phases = graph.client, []
+    wanted = Teach.Goal(situation=conversions.situation_msg(situation), by_pointer=True)
+    handle = client.wait(graph.teacher.send_goal_async(wanted, feedback_callback=lambda one: phases.append(one.feedback.phase)), "/teach")
+    assert handle.accepted
+    result = handle.get_result_async()
+    wait_for(client, lambda: "held" in phases or result.done(), what="a hand that may be pulled")
+    return handle, result
+
+
+def test_what_any_client_shows_by_poses_on_a_topic_is_learned_and_executed(graph):
+    skill, rng = load_skill("place"), np.random.default_rng(5)
+    for _ in range(SHOWN):
+        situation = skill.draw(rng)
+        _, result = begin(graph, situation)
+        graph.person.place(skill.goal(situation))
+        graph.person.hands.done()
+        lesson = graph.client.wait(result, "the end of the lesson").result
+        assert lesson.success and lesson.attempts == 1, lesson.message
+        assert lesson.outcome.error < 0.004
+    assert graph.client.learn().demonstrations == SHOWN
+    listed = graph.client.demonstrations(compare=True).demonstrations
+    assert [one.weight for one in listed] == [1.0] * SHOWN and all(0.0 < one.unlike < 0.2 for one in listed)
+    made = graph.client.execute(conversions.situation_msg(skill.draw(rng)), look=True)
+    assert made.message == "executed" and made.outcome.seen
+
+
+@pytest.fixture(scope="module")
+def url(graph):
+    """Of the page of a viewer of the graph."""
+    graph.start("viewer", {"port": 0, "skill": "place"})
+    log = graph.logs / "viewer.log"
+    wait_for(graph.client, lambda: "live view is at" in log.read_text(), what="the address of the page")
+    return re.search(r"http://\S+", log.read_text()).group()
+
+
+def test_on_the_page_it_is_shown_with_the_mouse_undone_learned_and_executed(graph, url):
+    skill, client = load_skill("place"), graph.client
+    with PageClient(url, origin=url) as page:
+
+        def until(condition, what, limit=60.0):
+            page.wait_for(condition, limit, what, meanwhile=client.spin)
+
+        def take():
+            until(lambda: not page.is_disabled("Take the hand"), "a hand that can be taken")
+            page.click("Take the hand")
+            until(lambda: not page.is_disabled("Done (Enter)"), "a hand that is held")
+
+        before = len(client.demonstrations().demonstrations)
+        person = ScreenPerson(client, ("hand", "part", "holder"), PageHands(page), meanwhile=page.listen)
+        for number in range(1, SHOWN + 1):
+            take()
+            until(lambda: page.says("beside its place"), "how far it is still to go")
+            person.look(until)
+            person.place(skill.goal(Situation({"holder": person.seen["holder"]})))
+            person.hands.done()
+            until(lambda: page.says("kept: "), "the end of the lesson")
+            until(lambda n=before + number: page.says(f"{n}: "), "a line for what was shown")
+        take()
+        page.click("Discard this one")
+        until(lambda: not page.is_disabled("Take the hand"), "the end of a lesson that is thrown away")
+        page.click("Undo the last one")
+        until(lambda: page.says("left out"), "what was undone")
+        page.click("Learn")
+        until(lambda: page.says(f"from {before + SHOWN - 1} demonstrations"), "a model")
+        until(lambda: page.says("weight 1, "), "how demonstrations count")
+        page.click("Execute")
+        until(lambda: page.says("mm off"), "what came of it", 120.0)

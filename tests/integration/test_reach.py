@@ -1,0 +1,167 @@
+"""A skill that reacts through the nodes: shown, learned, executed, held, and stopped where nobody sees the cup any more."""
+
+import signal
+
+import numpy as np
+import pytest
+from dart_skill_msgs.action import Execute
+from dart_skill_msgs.msg import SimulationState, WamCommand
+from dart_skill_msgs.srv import Plan, Reset
+from rclpy.action import ActionClient
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+from std_srvs.srv import SetBool
+
+from dart_skill.robot import Command
+from dart_skill.session import learn_skill_from_bag
+from dart_skill.simulation import Holder
+from dart_skill.skill.model import Policy
+from dart_skill.skill.protocol import Pose, Situation, load_skill
+from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.qos import COMPLETE, LOOP
+from tests.integration.conftest import graphs, wait_for
+
+SHOWN, SEED = 4, 0
+SECOND = 1_000_000_000
+UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
+
+
+@pytest.fixture(scope="module")
+def reach():
+    return load_skill("reach")
+
+
+def taught(make, reach, layout):
+    """A graph that has been shown how to reach, has learned it, and has made the first reach."""
+    graph, client = make(layout, SEED, skill="reach")
+    graph.client, graph.rng = client, np.random.default_rng([SEED, 7])
+    lessons = [client.show(conversions.situation_msg(reach.draw(graph.rng))) for _ in range(SHOWN)]
+    assert all(lesson.success for lesson in lessons), [lesson.message for lesson in lessons]
+    graph.learned = client.learn()
+    graph.first = client.execute(conversions.situation_msg(reach.draw(graph.rng, wide=True)), look=True)
+    return graph
+
+
+@pytest.fixture(scope="module")
+def composed(ros, tmp_path_factory, reach):
+    """What came of it in one process; it has ended."""
+    with graphs(tmp_path_factory.mktemp("composed")) as make:
+        made = taught(make, reach, "composed")
+        return made.learned, made.first
+
+
+@pytest.fixture(scope="module")
+def graph(ros, composed, tmp_path_factory, reach):
+    """The same with a process for each node, which go on."""
+    folder = tmp_path_factory.mktemp("reach")
+    with graphs(folder) as make:
+        made = taught(make, reach, "processes")
+        made.bag = folder / "bag_1"
+        yield made
+
+
+def test_every_layout_makes_the_same_movement_to_the_last_bit(composed, graph):
+    """Poses reach the commander over another way in each."""
+    learned, first = composed
+    assert first.outcome.success and graph.first.outcome.success, (first.message, graph.first.message)
+    assert (learned.model_id, first.outcome.error) == (graph.learned.model_id, graph.first.outcome.error)
+
+
+def cup_msg(place, **numbers):
+    return conversions.situation_msg(Situation({"cup": Pose(np.array(place), UPRIGHT)}, numbers))
+
+
+def test_the_hand_reaches_into_cups_that_move_otherwise(graph, reach):
+    truth = []
+    watching = graph.client.node.create_subscription(SimulationState, "/simulation/state", truth.append, 10)
+    for _ in range(2):
+        made = graph.client.execute(conversions.situation_msg(reach.draw(graph.rng, wide=True)), look=True)
+        assert (made.code, made.message) == (Execute.Goal.OUTCOME_EXECUTED, "executed")
+        assert made.outcome.seen and made.outcome.success, made.outcome.message
+        assert made.plan.policy and not made.plan.trajectory.points
+    (cup,) = [body for body in truth[-1].bodies if body.name == "cup"]
+    assert np.hypot(cup.twist.linear.x, cup.twist.linear.y) < 0.3
+    graph.client.node.destroy_subscription(watching)
+
+
+def test_the_learner_tells_nobody_where_the_cup_will_be(graph, reach):
+    planner = graph.client.node.create_client(Plan, "/skill_learner/plan")
+    here, there = (graph.client.call(planner, Plan.Request(header=Header(frame_id="world"))).plan for _ in range(2))
+    assert here == there and here.situation.bodies == []
+    policy = Policy.from_bytes(here.policy.tobytes(), reach)
+    assert policy.skill.settings == reach.settings and len(here.policy) < 200_000
+
+
+class Hands:
+    """Somebody beside the arm who takes part in the handshake: they hold the hand for a second, half a second after it set off."""
+
+    def __init__(self, client, holds=True):
+        self._holder, self._phase, self._holds = Holder(SEED), "", holds
+        self._message = WamCommand(sender=77)
+        self._message.header.frame_id = "world"
+        self._begun_ns, self.attractors, self._client = None, [], client
+        self._push = client.node.create_publisher(WamCommand, "/wam/teacher_wrench", COMPLETE)
+        self._states = client.node.create_subscription(JointState, "/joint_states", self._answer, LOOP)
+        self.rows = []
+
+    def on_feedback(self, message):
+        self._phase = message.feedback.phase
+
+    def _answer(self, message):
+        state = conversions.arm_state(message)
+        if self._phase == "executing" and self._begun_ns is None:
+            self._begun_ns = state.stamp_ns
+        since = -1.0 if self._begun_ns is None else (state.stamp_ns - self._begun_ns) / SECOND
+        holds = self._holds and 0.5 <= since < 1.5
+        push = self._holder.push(state, holds) or Command(state.stamp_ns)
+        self._push.publish(conversions.fill_command(self._message, push))
+        self.rows.append((since, *self._holder._model.hand_state(state.position, state.velocity).position))
+
+    def leave(self):
+        self._client.node.destroy_subscription(self._states)
+        self._client.node.destroy_publisher(self._push)
+
+
+def test_a_cup_that_nobody_sees_any_more_stops_the_arm(graph):
+    made = graph.client.execute(cup_msg([0.6, 0.05, 1.1], tunnel=1.6), look=True)
+    assert made.code == Execute.Goal.OUTCOME_STOPPED
+    assert "the cup was last seen 0.1" in made.message and "more than 0.15 s are too long to react to it" in made.message
+    assert graph.client.execute(cup_msg([0.6, 0.05, 1.1]), look=True).outcome.success, "and the next one is made as ever"
+
+
+def test_practice_tries_it_where_the_coach_draws(graph):
+    result = graph.client.practise(1)
+    assert (result.executed, len(result.outcomes)) == (1, 1) and result.outcomes[0].success, result.message
+
+
+def test_a_plain_client_has_it_done_in_a_world_that_runs_and_a_hand_that_is_held_waits(graph):
+    """As `ros2 action send_goal /execute dart_skill_msgs/action/Execute {}`; the cup stands still, so that it can wait, too."""
+    node, client = graph.client.node, graph.client
+    teacher = graph.processes.pop("teacher")  # whose place the hands take
+    teacher.send_signal(signal.SIGINT)
+    teacher.wait(30)
+    reset, hold = node.create_client(Reset, "/simulation/reset"), node.create_client(SetBool, "/simulation/pause")
+    client.call(reset, Reset.Request(situation=cup_msg([0.6, 0.05, 1.1]), guided=True))
+    hands = Hands(client)
+    action = ActionClient(node, Execute, "/execute")
+    wait_for(client, action.server_is_ready, what="the commander")
+    handle = client.wait(action.send_goal_async(Execute.Goal(), feedback_callback=hands.on_feedback), "/execute")
+    result = client.wait(handle.get_result_async(), "the result").result
+    hands.leave()
+    client.call(reset, Reset.Request(paused=True))
+    client.call(hold, SetBool.Request(data=True))
+    assert result.code == Execute.Goal.OUTCOME_EXECUTED and result.outcome.success, result.outcome.message or result.message
+    rows = np.array(hands.rows)
+    since, place = rows[:, 0], rows[:, 1:]
+    held = place[(since > 0.7) & (since < 1.5)]
+    assert np.ptp(held, axis=0).max() < 0.03, "it is held"
+    speed = np.linalg.norm(np.diff(place, axis=0), axis=1) / 0.002
+    before, after = speed[(since[1:] > 0.0) & (since[1:] < 0.5)].max(), speed[since[1:] > 1.55].max()
+    assert after < 0.6 and after < 2.0 * before + 0.25, "it does not hurry after"
+    action.destroy()
+
+
+def test_the_bag_teaches_the_same_without_nodes(graph, reach):
+    graph.stop()  # closes the bag; the last test that needs the nodes
+    learned, left_out = learn_skill_from_bag(graph.bag, reach)
+    assert learned.model_id == graph.learned.model_id and not left_out

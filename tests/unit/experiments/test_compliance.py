@@ -1,0 +1,52 @@
+"""How hard the arm resists a person, and how well it keeps to its path, by the stiffness of its plans."""
+
+import numpy as np
+import pytest
+
+from dart_skill.experiments.compliance import GRABBED, KINDS, _resistance, _swing, table
+from dart_skill.robot import ArmModel, CommanderSettings, Impedance, References
+from dart_skill.session import Session
+from dart_skill.skill.learn import learn
+
+
+@pytest.fixture(scope="module")
+def plans(demonstrations):
+    return {kind: learn(demonstrations, configuration).plan(np.array([2.0, 0.2, 0.4])) for kind, configuration in KINDS.items()}
+
+
+class State:
+    """An arm that rests in a bent posture."""
+
+    position, velocity = np.array([0.0, 0.3, 0.0, 1.5, 0.0, 0.8, 0.0]), np.zeros(7)
+
+
+def resistance(plan, time, axis):
+    return _resistance(Impedance(ArmModel(ball_in_hand=True)), References(plan.motion).gains_at(time), State, axis)
+
+
+def test_the_force_is_the_inertia_of_the_hand_times_stiffness_times_way(plans):
+    """Khatib's inertia in task space, (J M^-1 J')^-1, computed here without the law's shares for directions that hardly move."""
+    model = ArmModel(ball_in_hand=True)
+    jacobian = model.jacobian(State.position)
+    inertia = np.linalg.inv(jacobian @ np.linalg.solve(model.mass_matrix(State.position), jacobian.T))
+    for axis in np.eye(3):
+        expected = np.linalg.norm((inertia @ np.append(-GRABBED * 200.0 * axis, np.zeros(3)))[:3])
+        assert resistance(plans["200"], 0.3, axis) == pytest.approx(expected, rel=1e-6)
+
+
+def test_the_force_grows_with_the_stiffness_and_changes_with_it(plans):
+    along = np.array([1.0, 0.0, 0.0])
+    force = {kind: resistance(plan, 0.3, along) for kind, plan in plans.items()}
+    assert force["800"] == pytest.approx(4.0 * force["200"]) and force["200"] == pytest.approx(4.0 * force["50"])
+    changing = [resistance(plans["50 to 800"], time, along) for time in np.arange(0.0, plans["200"].release, 0.02)]
+    assert max(changing) > 1.5 * min(changing) and 0.9 * force["50"] < min(changing) and max(changing) < 1.1 * force["800"]
+
+
+def test_a_throw_is_measured_on_the_clock_of_its_plan(plans, demonstrations):
+    """Stiffer gains keep the hand nearer to the path, by factors that a wrong clock would hide."""
+    session = Session(5, commander=CommanderSettings.configured(tracking="none"), keep_states=True)
+    soft, stiff = (_swing(session, kind, learn(demonstrations, KINDS[kind]), plans[kind]) for kind in ("50", "800"))
+    session.close()
+    assert np.hypot(*stiff.off) < min(0.004, 0.25 * np.hypot(*soft.off))
+    assert stiff.miss < 0.05
+    assert "50 " in table([soft, stiff]) and "800" in table([soft, stiff])

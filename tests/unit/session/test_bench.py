@@ -1,0 +1,121 @@
+"""A skill at the bench: shown, learned, carried out, judged by what the cameras saw."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dart_skill.experiments.place import Placed, run_seed, table, teach
+from dart_skill.robot import Grip
+from dart_skill.session import BenchSession
+from dart_skill.skill.model import LearnedSkill
+from dart_skill.skill.protocol import Pose, Situation, TaskDemonstration, Told, Track
+from dart_skill.skills.place import Place
+
+
+@pytest.fixture(scope="module")
+def taught():
+    """A session of a seed that nothing here was tuned on, and what was learned from four parts."""
+    session = BenchSession(Place.configured(), seed=41)
+    rng = np.random.default_rng(41)
+    shown = teach(session, session.skill, rng, 4)
+    yield session, LearnedSkill(session.skill, shown), shown, rng
+    session.close()
+
+
+def test_a_demonstration_holds_what_the_cameras_saw_and_what_the_fingers_were_told(taught):
+    _, _, shown, _ = taught
+    for one in shown:
+        assert set(one.tracks) == {"hand", "part", "holder"} and [told.grip for told in one.told] == [Grip.CLOSE, Grip.OPEN]
+        assert 0.008 < np.median(np.diff(one.hand_time)) < 0.012 and len(one.joint_time) > 300
+
+
+def test_parts_go_into_holders_that_stand_elsewhere(taught):
+    session, learned, _, rng = taught
+    trials = []
+    for _ in range(3):
+        holder = session.skill.draw(rng, wide=True).pose("holder")
+        trials.append(session.execute(learned.plan(session.situation(holder))))
+    assert sum(trial.outcome.success for trial in trials) >= 2
+    assert all(trial.outcome.error < 0.006 for trial in trials if trial.outcome.success)
+
+
+def test_a_holder_that_is_moved_after_planning_is_missed_and_said_so(taught):
+    session, learned, _, rng = taught
+    plan = learned.plan(session.situation(session.skill.draw(rng).pose("holder")))
+    session.situation(session.skill.draw(rng).pose("holder"))
+    trial = session.execute(plan)
+    assert not trial.outcome.success and "the part is" in trial.outcome.reason
+
+
+def test_what_the_commander_stops_is_a_failure_with_its_reason(taught):
+    session, learned, _, rng = taught
+    plan = learned.plan(session.situation(session.skill.draw(rng).pose("holder")))
+    sinks = np.outer(np.linspace(0.0, 1.2, len(plan.path.time)), [0.0, 0.0, 1.0])  # it pulls the hand away from where it is expected
+    away = replace(plan, attractor_position=plan.attractor_position + sinks)
+    trial = session.execute(away)
+    assert not trial.outcome.success and "from the plan" in trial.message
+    assert session.execute(learned.plan(session.situation(session.skill.draw(rng).pose("holder")))).message == ""
+
+
+def lies_at(local, opened=3.0, until=4.0, drop=0.12):
+    """A part that came down along the axis of a holder at the origin to lie at a pose there."""
+    time = np.arange(0.0, until, 0.01)
+    height = np.interp(time, [0.0, 1.0, 2.0], [drop, drop, 0.0])
+    path = local.position + np.outer(height, [0.0, 0.0, 1.0])
+    part = Track(time, path, np.tile(local.quaternion, (len(time), 1)))
+    still = Track(time, np.zeros((len(time), 3)), np.tile([0.0, 0.0, 0.0, 1.0], (len(time), 1)))
+    told = (Told(0.5, Grip.CLOSE), Told(opened, Grip.OPEN))
+    seen = TaskDemonstration("one", {"hand": still, "part": part, "holder": still}, np.empty(0), np.empty((0, 7)), np.empty((0, 7)), told)
+    return Place().judge(seen, Situation({"holder": Pose(np.zeros(3))}))
+
+
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [
+        ((0.0, 0.0, 0.05), ""),
+        ((0.003, -0.002, 0.051), ""),
+        ((0.0, 0.0, 0.09), r"\+40 mm from its seat along the axis"),
+        ((0.0, 0.0, -0.4), r"-450 mm from its seat"),
+        ((0.02, 0.0, 0.05), "20 mm beside its seat"),
+    ],
+)
+def test_a_part_is_in_where_it_lies_in_its_seat(place, said):
+    outcome = lies_at(Pose(np.array(place)))
+    assert outcome.success == (not said) and bool(said) == bool(outcome.reason)
+    assert outcome.error == pytest.approx(np.linalg.norm(np.array(place) - [0.0, 0.0, 0.05]))
+    if said:
+        assert re.search(said, outcome.reason)
+
+
+def test_a_part_that_leans_is_not_in():
+    assert "leans by 17 degrees" in lies_at(Pose(np.array([0.0, 0.0, 0.05]), np.array([0.0, 0.15, 0.0, 0.9887]))).reason
+
+
+def test_a_part_that_nobody_sees_afterwards_is_not_in():
+    outcome = lies_at(Pose(np.array([0.0, 0.0, 0.05])), opened=3.9)
+    assert not outcome.success and np.isnan(outcome.error) and "not seen after the hand had opened" in outcome.reason
+
+
+def test_the_miss_is_where_the_part_came_down_and_not_where_it_fell():
+    assert lies_at(Pose(np.array([0.004, -0.003, 0.05]))).miss == pytest.approx([0.004, -0.003, 0.0])
+    assert np.isnan(lies_at(Pose(np.array([0.2, 0.0, 0.05]))).miss).all()
+
+
+def test_holders_are_drawn_where_the_arm_reaches_them():
+    rng, skill = np.random.default_rng(0), Place.configured()
+    (near, far), middle = skill.settings.reach, np.array(skill.settings.shown_at)
+    for wide, most in ((False, skill.settings.shown_within), (True, skill.settings.asked_within)):
+        places = np.array([skill.draw(rng, wide).pose("holder").position for _ in range(200)])
+        away, reach = np.linalg.norm(places[:, :2] - middle, axis=1), np.linalg.norm(places[:, :2], axis=1)
+        assert 0.8 * most < away.max() < most and near < reach.min() and reach.max() < far
+    assert places[:, 2].min() > 1.16 and places[:, 2].max() < 1.2103
+
+
+def test_a_seed_is_the_same_each_time_and_its_table_counts():
+    first, second = (run_seed(43, demonstrations=3, parts=1) for _ in range(2))
+    assert first == second and len(first) == 1
+    placed = [Placed(0, 0.1, 0.5, True, 0.001, ""), Placed(0, 0.2, -0.5, False, 0.04, "it jammed")]
+    assert "1 of 2 parts" in table(placed) and "20 cm away, turned by -29 degrees: it jammed" in table(placed)
+    assert "0 of 1 parts" in table(placed[1:])
