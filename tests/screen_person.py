@@ -1,5 +1,7 @@
 """A person in front of a screen, who sees the tracked bodies and pulls the hand: as a plain ROS client, or on the page."""
 
+import time
+
 import numpy as np
 from geometry_msgs.msg import PoseStamped
 from rclpy.qos import qos_profile_sensor_data
@@ -7,15 +9,23 @@ from scipy.spatial.transform import Rotation
 from std_srvs.srv import SetBool, Trigger
 
 from dart_skill.skill.protocol import Pose
+from dart_skill.view._held_hand import eye_of
+from dart_skill.view._holding_controls import TURN_BY
 from dart_skill.world import pose_topic
+from tests.integration.browser import project
 from tests.integration.conftest import wait_for
 
-THERE, TURNED, STAYS = 0.001, 0.004, 10
-"""The hand is where it is pulled to if it is so near [m], [rad], in so many poses one after the other."""
+STAYS = 10
+"""The hand is where it is pulled to if it is near in so many poses, one after the other; a ball rests after so many equal looks."""
+LIMIT = 30.0
+"""For a ball that shall come to rest [s]."""
 
 
 class RosHands:
     """Pulls by /teacher/pointer and tells the fingers by /teacher/grip, as any ROS client may. client: a GraphClient."""
+
+    there, turned = 0.001, 0.004
+    """How near to where it is pulled to the hand comes [m], [rad]."""
 
     def __init__(self, client):
         self._client, node = client, client.node
@@ -43,6 +53,8 @@ class RosHands:
 
 class PageHands:
     """The same with the mouse on the page, which turns the hand about the vertical only. page: a PageClient that is open."""
+
+    there, turned = RosHands.there, RosHands.turned
 
     def __init__(self, page):
         self._page = page
@@ -76,6 +88,76 @@ class PageHands:
         self._let_go()
 
 
+class MouseHands:
+    """The same with a real mouse and real keys in a browser.
+
+    page: a Page that is open; watch: a PageClient of it, which tells where the ball is.
+    """
+
+    there, turned = 0.003, 0.045
+    """A pixel is more than a millimetre, and a key turns by 5 degrees."""
+
+    def __init__(self, page, watch):
+        self._page, self._watch = page, watch
+        self._let_go()
+
+    def _let_go(self):
+        self._base, self._keys, self._above = None, 0, False
+
+    @property
+    def _ball(self):
+        return self._watch.places["/pointer"]
+
+    def possible(self, quaternion):
+        self._base = Rotation.from_quat(quaternion) if self._base is None else self._base
+        self._wanted_keys = round(np.rad2deg((Rotation.from_quat(quaternion) * self._base.inv()).as_rotvec()[2]) / TURN_BY)
+        return (Rotation.from_euler("z", TURN_BY * self._wanted_keys, degrees=True) * self._base).as_quat()
+
+    def pull(self, position, quaternion):
+        while self._keys != self._wanted_keys:
+            left = self._wanted_keys > self._keys
+            self._page.key("q" if left else "e")
+            self._keys += 1 if left else -1
+        if np.hypot(*(position - self._ball)[:2]) > self.there / 2:
+            self._drag(position * [1.0, 1.0, 0.0] + self._ball * [0.0, 0.0, 1.0], above=True)
+        if abs(position[2] - self._ball[2]) > self.there / 2:
+            self._drag(self._ball * [1.0, 1.0, 0.0] + position * [0.0, 0.0, 1.0], above=False)
+
+    def _drag(self, position, above):
+        """Over the ground as it is seen from above, or up and down as it is seen from the side."""
+        ball = self._ball
+        for _ in range(1 if self._above != above else 2):  # a second look turns to where the hand is now
+            before = self._page.screenshot()
+            self._page.key("v")
+            self._page.settle(unlike=before)
+        self._above, eye = above, eye_of(ball, above)
+        start, wanted = project(np.array([ball, position]), eye, ball)
+
+        def correct(end):
+            """The mouse has hold of the near side of the ball, where a pixel is a shorter way: it goes on until the ball is there."""
+            seen = self._ball_at_rest()
+            return None if np.linalg.norm(seen - position) < self.there / 2 else end + wanted - project(seen, eye, ball)[0]
+
+        self._page.drag(start, wanted, shift=above, correct=correct)
+
+    def _ball_at_rest(self):
+        """Where the ball is, when all that the page was told of it has come."""
+        places = []
+        until = time.monotonic() + LIMIT
+        while len(places) < STAYS or not np.array_equal(places[-STAYS], places[-1]):
+            assert time.monotonic() < until, "the ball moves by itself"
+            self._watch.listen(0.02)
+            places.append(self._ball)
+        return places[-1]
+
+    def grip(self, closes):
+        self._page.key("c")
+
+    def done(self):
+        self._page.key("Enter")
+        self._let_go()
+
+
 class ScreenPerson:
     """client: a GraphClient, which is spun while the person waits; names: roles of the bodies that are seen, the hand among them."""
 
@@ -93,7 +175,7 @@ class ScreenPerson:
     def look(self, until):
         """At all bodies, wherever they were before."""
         self.seen.clear()
-        until(lambda: len(self.seen) == len(self._names), "the bodies")
+        until(lambda: len(self.seen) == len(self._names), lambda: f"{', '.join(set(self._names) - set(self.seen))}")
 
     def pull(self, position, quaternion, limit=60.0):
         """Until the hand is there and stays there."""
@@ -104,7 +186,7 @@ class ScreenPerson:
             self._meanwhile()
             hand = self.seen["hand"]
             turn = (Rotation.from_quat(hand.quaternion).inv() * Rotation.from_quat(quaternion)).magnitude()
-            near = np.linalg.norm(hand.position - position) < THERE and turn < TURNED
+            near = np.linalg.norm(hand.position - position) < self.hands.there and turn < self.hands.turned
             self._near = self._near + 1 if near else 0
             return self._near >= STAYS
 

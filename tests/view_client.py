@@ -62,7 +62,9 @@ class PageClient:
         """Listen until the condition holds; `meanwhile` is called again and again."""
         until = time.monotonic() + limit
         while not condition():
-            assert time.monotonic() < until, f"{what} did not come in {limit:.0f} s; the panel says {list(self.texts.values())[:1]}"
+            if time.monotonic() > until:
+                said = what() if callable(what) else what
+                raise AssertionError(f"{said} did not come in {limit:.0f} s; the panel says {list(self.texts.values())[:1]}")
             self.listen(0.05)
             meanwhile()
 
@@ -71,14 +73,16 @@ class PageClient:
         return next(uuid for uuid, one in self.controls.items() if one["label"] == label)
 
     def listen(self, seconds=0.001):
-        """Take what has been sent."""
+        """Take all that has been sent, and what comes in so long a time if nothing has."""
         try:
-            frame = self._socket.recv(timeout=seconds)
+            while True:
+                frame = self._socket.recv(timeout=seconds)
+                size = int.from_bytes(frame[8:16], "little")
+                for message in msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(frame[16 : 16 + size]))["messages"]:
+                    self._take(message)
+                seconds = 0.0
         except TimeoutError:
             return
-        size = int.from_bytes(frame[8:16], "little")
-        for message in msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(frame[16 : 16 + size]))["messages"]:
-            self._take(message)
 
     def _take(self, message):
         kind = message["type"]

@@ -23,9 +23,10 @@ WIDE, TOUCHES, LOOKS = 0.01, 0.002, 5
 in so many frames before that.
 """
 
-
 GAP, WALL = 0.003, 0.01
 """Between part and holder, and thickness of the holder's walls, as viewers show them [m]."""
+TABLE = (0.9, 1.8, 0.04)
+"""Edges of its top, as viewers show it [m]."""
 
 
 @dataclass(frozen=True)
@@ -106,6 +107,10 @@ class Place(Skill):
         floor = Solid("box", (2 * outer[0], 2 * outer[1], s.floor), (0.0, 0.0, -0.5 * s.floor))
         sides = [(wide, (x, 0.0, half)), (wide, (-x, 0.0, half)), (deep, (0.0, y, half)), (deep, (0.0, -y, half))]
         return (floor, *(Solid("box", size, centre) for size, centre in sides))
+
+    def surroundings(self) -> Sequence[Solid]:
+        """The table."""
+        return (Solid("box", TABLE, (0.8, 0.0, self.settings.table - 0.5 * TABLE[2])),)
 
     def loaded(self, description: WamDescription) -> WamDescription:
         """The arm with the part in its hand."""

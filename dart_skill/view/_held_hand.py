@@ -102,13 +102,7 @@ class HeldHand:
     def look(self, from_above: bool) -> None:
         """Turn all pages to the hand: from above, where the mouse moves it over the ground, or from the side."""
         for client in self._server.get_clients().values():
-            client.camera.position, client.camera.look_at = self.eye(from_above), self.pointer
-
-    def eye(self, from_above: bool) -> np.ndarray:
-        """Where such a look comes from (3,): from the side it is level, and at a right angle to the arm."""
-        at = self.pointer
-        across = np.array([at[1], -at[0], 0.0]) / max(float(np.hypot(at[0], at[1])), 1e-6)
-        return at + (ABOVE if from_above else BESIDE * across)
+            client.camera.position, client.camera.look_at = eye_of(self.pointer, from_above), self.pointer
 
     def _wanted(self, eye: np.ndarray, pointer: np.ndarray, over_ground: bool) -> np.ndarray | None:
         if not over_ground:
@@ -119,6 +113,12 @@ class HeldHand:
     def _draw(self) -> None:
         self._lines["spring"].points = np.array([[self._hand, self.pointer]], dtype=np.float32)
         self._lines["plumb"].points = np.array([[self._hand, self._hand - [0.0, 0.0, PLUMB]]], dtype=np.float32)
+
+
+def eye_of(pointer: np.ndarray, from_above: bool) -> np.ndarray:
+    """Where a look at the hand comes from (3,): from above, or level from the side, at a right angle to the arm."""
+    across = np.array([pointer[1], -pointer[0], 0.0]) / max(float(np.hypot(pointer[0], pointer[1])), 1e-6)
+    return pointer + (ABOVE if from_above else BESIDE * across)
 
 
 def within_reach(place: np.ndarray) -> np.ndarray:
@@ -133,6 +133,8 @@ def turned(quaternion: np.ndarray, degrees: float) -> np.ndarray:
 
 
 def how_far(lies: np.ndarray, turn: np.ndarray) -> str:
-    """How far a body is from where it shall be, as seen from there: (3,) [m] and (3, 3)."""
-    off = float(np.rad2deg(Rotation.from_matrix(turn).magnitude()))
-    return f"{1e3 * np.hypot(lies[0], lies[1]):.0f} mm beside its place, {1e3 * lies[2]:+.0f} mm above it, turned by {off:.0f}°"
+    """How far a body is from where it shall be, as seen from there: (3,) [m] and (3, 3), whose z axis points up."""
+    degrees = float(np.rad2deg(Rotation.from_matrix(turn).as_rotvec()[2]))
+    way = "to the left" if degrees > 0.0 else "to the right"
+    height = f"{1e3 * abs(lies[2]):.0f} mm {'above' if lies[2] >= 0.0 else 'below'} it"
+    return f"{1e3 * np.hypot(lies[0], lies[1]):.0f} mm beside its place, {height}, turned by {abs(degrees):.0f}° {way}"

@@ -285,6 +285,8 @@ class Scene:
             thickness_units="screen",
             visible=False,
         )
+        for number, solid in enumerate(self._skill.surroundings() if self._skill is not None else ()):
+            self._add_mesh(f"/surroundings/{number}", parts_of([solid])[0].mesh, colours.LIGHT, opacity=0.6, flat_shading=True)
         for number, role in enumerate(self.bodies if self._skill is not None else ()):
             self._moved[role] = self._add_solids(role, colours.BALL if number == 0 else colours.BASKET)
         self._attractor = self._add_mesh("/paths/attractor_now", sphere(0.025), colours.ATTRACTOR, visible=False)

@@ -15,6 +15,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dart_skill.view._scene import FIELD_OF_VIEW
+
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 OPTIONS = (
     "--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--disable-quic",
@@ -22,6 +24,12 @@ OPTIONS = (
     "--hide-scrollbars", "--force-device-scale-factor=1", "--remote-debugging-port=0",
 )  # fmt: skip
 SIZE = (1280, 800)
+STILL = 2e-3
+"""Share of pixels that may differ between two pictures of a page that stands still."""
+CORRECTIONS = 6
+"""Of the end of a drag at most."""
+SHIFT = 8
+"""The key, as DevTools numbers it."""
 
 
 @functools.lru_cache(maxsize=1)
@@ -38,6 +46,21 @@ def _runs(path):
 needs_chromium = pytest.mark.skipif(
     find_chromium() is None, reason="no Chromium: `apt-get install chromium` as root on Debian, or name another one in $CHROMIUM"
 )
+
+
+def project(points, eye, look_at, field_of_view=FIELD_OF_VIEW):
+    """Points of the world (n, 3) as pixels (n, 2) of a page that looks from one place to another, upright."""
+    forward = (look_at - eye) / np.linalg.norm(look_at - eye)
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    away = np.atleast_2d(points) - eye
+    scale = SIZE[1] / 2 / np.tan(field_of_view / 2) / (away @ forward)
+    return np.column_stack([SIZE[0] / 2 + scale * (away @ right), SIZE[1] / 2 - scale * (away @ np.cross(right, forward))])
+
+
+def _differ(one, other):
+    """Whether two pictures show something else: a line of text, or a path that goes on, does not count."""
+    return (np.abs(one.astype(int) - other).max(axis=2) > 0).mean() > STILL
 
 
 class Page:
@@ -126,10 +149,17 @@ class Page:
             "const r = b.getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2];})()"
         )
 
-    def mouse(self, kind, place, buttons=0):
+    def mouse(self, kind, place, buttons=0, shift=False):
         """A mouse event: "mouseMoved", "mousePressed" or "mouseReleased" at a place in pixels."""
         pressed = {"button": "left", "clickCount": 1} if kind != "mouseMoved" else {}
-        self.call("Input.dispatchMouseEvent", type=kind, x=float(place[0]), y=float(place[1]), buttons=buttons, **pressed)
+        held = {"buttons": buttons, "modifiers": SHIFT if shift else 0}
+        self.call("Input.dispatchMouseEvent", type=kind, x=float(place[0]), y=float(place[1]), **held, **pressed)
+
+    def key(self, key):
+        """A key is pressed and let go: a letter, or "Enter"."""
+        code, number = (key, 13) if key == "Enter" else (f"Key{key.upper()}", ord(key.upper()))
+        for kind in ("keyDown", "keyUp"):
+            self.call("Input.dispatchKeyEvent", type=kind, key=key, code=code, windowsVirtualKeyCode=number)
 
     def click(self, label):
         """A click with the mouse on the button with this label."""
@@ -139,14 +169,29 @@ class Page:
         self.mouse("mousePressed", place, 1)
         self.mouse("mouseReleased", place)
 
-    def drag(self, start, end, steps=8):
-        """Hold the mouse from one place to another, in pixels."""
-        self.mouse("mouseMoved", start)
-        self.mouse("mousePressed", start, 1)
+    def drag(self, start, end, steps=8, shift=False, correct=lambda end: None):
+        """Hold the mouse from one place to another, in pixels; shift: with that key; correct: gives a better end, or None to let go."""
+        self.mouse("mouseMoved", start, shift=shift)
+        self.mouse("mousePressed", start, 1, shift)
         for share in np.linspace(0.0, 1.0, steps + 1):
-            self.mouse("mouseMoved", np.add(start, share * np.subtract(end, start)), 1)
+            self.mouse("mouseMoved", np.add(start, share * np.subtract(end, start)), 1, shift)
             time.sleep(0.05)
-        self.mouse("mouseReleased", end)
+        for _ in range(CORRECTIONS):
+            if (better := correct(end)) is None:
+                break
+            end = better
+            self.mouse("mouseMoved", end, 1, shift)
+        self.mouse("mouseReleased", end, shift=shift)
+
+    def settle(self, unlike=None):
+        """Wait until the page looks the same twice; unlike: a picture that it has had before and does not have any more."""
+        pictures = [self.screenshot()]
+
+        def still():
+            pictures.append(self.screenshot())
+            return not _differ(*pictures[-2:]) and (unlike is None or _differ(unlike, pictures[-1]))
+
+        self._wait(still, 30.0, "a page that stands still")
 
     def screenshot(self, path=None):
         """The page as pixels (height, width, 3); also written to a file if a path is given."""

@@ -112,6 +112,13 @@ def wait_for(client, condition, limit=60.0, what="the condition"):
         client.spin()
 
 
+def catch_up(client, seconds=0.05):
+    """Spin for a while: each call of spin takes one message, and more may have come meanwhile."""
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        client.spin()
+
+
 def wait_for_end(graph, client, executable):
     """The process of an executable, when it has ended by itself."""
     process = graph.processes.pop(executable)

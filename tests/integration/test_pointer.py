@@ -9,8 +9,9 @@ from rclpy.action import ActionClient
 
 from dart_skill.skill.protocol import Situation, load_skill
 from dart_skill_nodes.comms import conversions
-from tests.integration.conftest import graphs, wait_for
-from tests.screen_person import PageHands, ScreenPerson
+from tests.integration.browser import Page, needs_chromium
+from tests.integration.conftest import catch_up, graphs, wait_for
+from tests.screen_person import MouseHands, PageHands, ScreenPerson
 from tests.view_client import PageClient
 
 SHOWN = 3
@@ -68,7 +69,7 @@ def test_on_the_page_it_is_shown_with_the_mouse_undone_learned_and_executed(grap
     with PageClient(url, origin=url) as page:
 
         def until(condition, what, limit=60.0):
-            page.wait_for(condition, limit, what, meanwhile=client.spin)
+            page.wait_for(condition, limit, what, meanwhile=lambda: catch_up(client))
 
         def take():
             until(lambda: not page.is_disabled("Take the hand"), "a hand that can be taken")
@@ -95,3 +96,24 @@ def test_on_the_page_it_is_shown_with_the_mouse_undone_learned_and_executed(grap
         until(lambda: page.says("weight 1, "), "how demonstrations count")
         page.click("Execute")
         until(lambda: page.says("mm off"), "what came of it", 120.0)
+
+
+@needs_chromium
+def test_in_a_browser_it_is_shown_with_mouse_and_keys(graph, url, tmp_path):
+    skill, client = load_skill("place"), graph.client
+    with Page(tmp_path / "browser", url) as page, PageClient(url, origin=url) as watch:
+
+        def until(condition, what, limit=60.0):
+            watch.wait_for(condition, limit, what, meanwhile=lambda: catch_up(client))
+
+        until(lambda: page.button("Take the hand"), "the page", 90.0)
+        page.settle()
+        person = ScreenPerson(client, ("hand", "part", "holder"), MouseHands(page, watch), meanwhile=watch.listen)
+        page.click("Take the hand")
+        until(lambda: "beside its place" in page.text(), "a hand that is held")
+        person.look(until)
+        person.place(skill.goal(Situation({"holder": person.seen["holder"]})))
+        page.screenshot(tmp_path / "placed.png")
+        person.hands.done()
+        until(lambda: "kept: " in page.text(), "the end of the lesson")
+        assert page.exceptions == []

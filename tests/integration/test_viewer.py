@@ -17,14 +17,14 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from dart_skill.regions import targets_for
 from dart_skill.view import _colours as colours
-from dart_skill.view._scene import EYE, FIELD_OF_VIEW, LOOK_AT
+from dart_skill.view._scene import EYE, LOOK_AT
 from dart_skill.world import ROLES
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.latest_messages import poses_of
 from dart_skill_nodes.comms.markers import ellipsoids
 from dart_skill_nodes.process.node_base import make_executor
-from tests.integration.browser import SIZE, Page, needs_chromium
+from tests.integration.browser import Page, needs_chromium, project
 from tests.integration.conftest import teach_and_learn, wait_for
 from tests.view_client import PageClient
 
@@ -199,20 +199,10 @@ def test_spheres_of_markers_are_grouped_by_namespace_and_the_rest_is_left_out():
 # --- in a browser ---
 
 
-def project(points):
-    """Points of the world (n, 3) as pixels (n, 2) of the page as it opens."""
-    forward = (LOOK_AT - EYE) / np.linalg.norm(LOOK_AT - EYE)
-    right = np.cross(forward, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
-    away = np.atleast_2d(points) - EYE
-    scale = SIZE[1] / 2 / np.tan(FIELD_OF_VIEW / 2) / (away @ forward)
-    return np.column_stack([SIZE[0] / 2 + scale * (away @ right), SIZE[1] / 2 - scale * (away @ np.cross(right, forward))])
-
-
 def share_of(picture, points, like, reach=4):
     """Share of points of the world (n, 3) within `reach` pixels of which the picture has a colour for which `like` holds."""
     found = []
-    for column, row in np.round(project(points)).astype(int):
+    for column, row in np.round(project(points, EYE, LOOK_AT)).astype(int):
         window = picture[max(row - reach, 0) : row + reach + 1, max(column - reach, 0) : column + reach + 1].reshape(-1, 3)
         found.append(bool(np.any(like(window.astype(int)))))
     return float(np.mean(found))
@@ -260,7 +250,7 @@ def test_in_a_browser_the_basket_is_dragged_and_a_click_throws(taught, tmp_path)
         look(lambda picture: share_of(picture, front_of(begin), blue) == 1.0, "the basket where it stands")
         wanted = begin * [1.1, 1.1, 1.0]
         grip = front_of(begin)[3]
-        page.drag(project(grip)[0], project(grip + wanted - begin)[0])
+        page.drag(*project(np.array([grip, grip + wanted - begin]), EYE, LOOK_AT))
         wait_for(client, lambda: np.linalg.norm(truth.basket - wanted) < 0.02, what=f"a basket dragged from {begin} to {wanted}")
         look(lambda picture: share_of(picture, front_of(truth.basket), blue) == 1.0, "the basket where it was dragged to")
 

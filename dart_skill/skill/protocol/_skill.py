@@ -102,6 +102,10 @@ class Skill:
         """How a body looks, for viewers. Default: nothing is known, so a small box stands for it."""
         return ()
 
+    def surroundings(self) -> Sequence[Solid]:
+        """What stands around in the world, where nothing tracks it, for viewers. Default: nothing."""
+        return ()
+
     def loaded(self, description: WamDescription) -> WamDescription:
         """The arm with what its hand may hold, as whoever uses the skill knows it (`robot.with_box`). Default: as it is described."""
         return description
