@@ -3,6 +3,7 @@
 import time
 
 import numpy as np
+from dart_skill_msgs.action import Teach
 from geometry_msgs.msg import PoseStamped
 from rclpy.qos import qos_profile_sensor_data
 from scipy.spatial.transform import Rotation
@@ -12,6 +13,7 @@ from dart_skill.skill.protocol import Pose
 from dart_skill.view._held_hand import eye_of
 from dart_skill.view._holding_controls import TURN_BY
 from dart_skill.world import pose_topic
+from dart_skill_nodes.comms import conversions
 from tests.integration.browser import project
 from tests.integration.conftest import wait_for
 
@@ -19,6 +21,16 @@ STAYS = 10
 """The hand is where it is pulled to if it is near in so many poses, one after the other; a ball rests after so many equal looks."""
 LIMIT = 30.0
 """For a ball that shall come to rest [s]."""
+
+
+def begin_by_pointer(client, teacher, situation):
+    """A lesson that is given with a pointer, from when on the hand may be pulled: the future of its result."""
+    phases, wanted = [], Teach.Goal(situation=conversions.situation_msg(situation), by_pointer=True)
+    handle = client.wait(teacher.send_goal_async(wanted, feedback_callback=lambda one: phases.append(one.feedback.phase)), "/teach")
+    assert handle.accepted
+    result = handle.get_result_async()
+    wait_for(client, lambda: "held" in phases or result.done(), what="a hand that may be pulled")
+    return result
 
 
 class RosHands:
@@ -193,6 +205,19 @@ class ScreenPerson:
         wait_for(
             self._client, there, limit, lambda: f"the hand at {np.round(position, 3)}, not at {np.round(self.seen['hand'].position, 3)},"
         )
+
+    def follow(self, role, beside, limit=60.0):
+        """Keep the hand beside a body (3,) [m], wherever that goes, until it is there and stays there."""
+        self._near, turned = 0, self.seen["hand"].quaternion
+
+        def there():
+            wanted = self.seen[role].position + beside
+            self.hands.pull(wanted, turned)
+            near = np.linalg.norm(self.seen["hand"].position - wanted) < 2.0 * self.hands.there
+            self._near = self._near + 1 if near else 0
+            return self._near >= STAYS
+
+        wait_for(self._client, there, limit, f"the hand beside the {role}")
 
     def place(self, goal):
         """Take the part around which the hand is, and put it to a goal (a Pose): up, over, turned, and down."""

@@ -7,7 +7,7 @@ then, so nobody must know what the cup will do.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -17,6 +17,8 @@ from dart_skill.skill.protocol import HAND, Pose, ReactiveSkillSettings, Situati
 
 WIDE = 0.05
 """Radius of a cup, as viewers show it: nothing touches it [m]."""
+UNHURRIED = {"start": 4.0, "duration": 10.0, "steady": 0.0}
+"""Of the belt, for somebody with a mouse: as fast as it is otherwise they would have one second [s]."""
 RESTING = 0.2
 """Where the hand ends is the median of what was seen for so long after it has come to rest in the cup [s]."""
 
@@ -86,6 +88,10 @@ class Reach(Skill):
         numbers = {"way_x": way[0], "way_y": way[1], "way_z": way[2], "duration": s.way_time, "steady": steady}
         upright = Rotation.from_rotvec([0.0, 0.0, turn]).as_quat()
         return Situation({"cup": Pose(begin, upright)}, {name: float(value) for name, value in numbers.items()})
+
+    def unhurried(self, situation: Situation) -> Situation:
+        """The cup sets off later, goes as far in more time, and rests there."""
+        return replace(situation, numbers={**situation.numbers, **UNHURRIED})
 
     def inputs(self, situation: Situation) -> Sequence[float]:
         """None: how the belt will run is nothing that the arm knows."""

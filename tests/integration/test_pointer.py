@@ -11,7 +11,7 @@ from dart_skill.skill.protocol import Situation, load_skill
 from dart_skill_nodes.comms import conversions
 from tests.integration.browser import Page, needs_chromium
 from tests.integration.conftest import catch_up, graphs, wait_for
-from tests.screen_person import MouseHands, PageHands, ScreenPerson
+from tests.screen_person import MouseHands, PageHands, ScreenPerson, begin_by_pointer
 from tests.view_client import PageClient
 
 SHOWN = 3
@@ -27,22 +27,11 @@ def graph(ros, tmp_path_factory):
         yield running
 
 
-def begin(graph, situation, **goal):
-    """A lesson by pointer, from when on the hand may be pulled: its handle, and its result to come."""
-    client, phases = graph.client, []
-    wanted = Teach.Goal(situation=conversions.situation_msg(situation), by_pointer=True)
-    handle = client.wait(graph.teacher.send_goal_async(wanted, feedback_callback=lambda one: phases.append(one.feedback.phase)), "/teach")
-    assert handle.accepted
-    result = handle.get_result_async()
-    wait_for(client, lambda: "held" in phases or result.done(), what="a hand that may be pulled")
-    return handle, result
-
-
 def test_what_any_client_shows_by_poses_on_a_topic_is_learned_and_executed(graph):
     skill, rng = load_skill("place"), np.random.default_rng(5)
     for _ in range(SHOWN):
         situation = skill.draw(rng)
-        _, result = begin(graph, situation)
+        result = begin_by_pointer(graph.client, graph.teacher, situation)
         graph.person.place(skill.goal(situation))
         graph.person.hands.done()
         lesson = graph.client.wait(result, "the end of the lesson").result

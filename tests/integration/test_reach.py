@@ -4,7 +4,7 @@ import signal
 
 import numpy as np
 import pytest
-from dart_skill_msgs.action import Execute
+from dart_skill_msgs.action import Execute, Teach
 from dart_skill_msgs.msg import SimulationState, WamCommand
 from dart_skill_msgs.srv import Plan, Reset
 from rclpy.action import ActionClient
@@ -20,6 +20,7 @@ from dart_skill.skill.protocol import Pose, Situation, load_skill
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import COMPLETE, LOOP
 from tests.integration.conftest import graphs, wait_for
+from tests.screen_person import ScreenPerson, begin_by_pointer
 
 SHOWN, SEED = 4, 0
 SECOND = 1_000_000_000
@@ -132,6 +133,22 @@ def test_a_cup_that_nobody_sees_any_more_stops_the_arm(graph):
 def test_practice_tries_it_where_the_coach_draws(graph):
     result = graph.client.practise(1)
     assert (result.executed, len(result.outcomes)) == (1, 1) and result.outcomes[0].success, result.message
+
+
+def test_somebody_with_a_pointer_shows_it_in_a_cup_that_moves_slowly(graph, reach):
+    client = graph.client
+    person = ScreenPerson(client, ("hand", "cup"))
+    teacher = ActionClient(client.node, Teach, "/teach")
+    wait_for(client, teacher.server_is_ready, what="the teacher")
+    lesson = begin_by_pointer(client, teacher, reach.unhurried(reach.draw(graph.rng)))
+    for height in (0.15, 0.06, 0.0):
+        person.follow("cup", [0.0, 0.0, height])
+    person.hands.done()
+    shown = client.wait(lesson, "the end of the lesson").result
+    assert shown.success, shown.message
+    graph.learned = client.learn()
+    assert graph.learned.demonstrations == SHOWN + 1
+    teacher.destroy()
 
 
 def test_a_plain_client_has_it_done_in_a_world_that_runs_and_a_hand_that_is_held_waits(graph):

@@ -163,6 +163,10 @@ class Skill:
         """Situations in which the skill is shown n times. Default: n that are drawn one by one."""
         return [self.draw(rng) for _ in range(n)]
 
+    def unhurried(self, situation: Situation) -> Situation:
+        """A situation in which the skill is shown, for somebody with a mouse, who takes their time. Default: the same."""
+        return situation
+
     def judge(self, seen: TaskDemonstration, situation: Situation) -> TaskOutcome:
         """What became of a movement that was made in a situation, from what was seen of it."""
         raise NotImplementedError(f"the skill '{self.name}' does not say how its outcome is judged: write {type(self).__name__}.judge")

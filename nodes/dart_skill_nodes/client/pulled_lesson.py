@@ -26,14 +26,18 @@ HELD = "held"
 class PulledLesson:
     """Obeys what the page asks of a hand that is held, and shows how far it is to go.
 
-    jobs: which of them is under way; hand, panel: of the page; skill: that is shown.
+    jobs: which of them is under way; hand, panel: of the page; skill: that is shown; quick: called with whether somebody holds the hand,
+    who wants to see at once what it does.
     """
 
-    def __init__(self, node: Node, jobs: ViewerJobs, hand: HeldHand, panel: Panel, skill: Skill, frame_id: str):
+    def __init__(
+        self, node: Node, jobs: ViewerJobs, hand: HeldHand, panel: Panel, skill: Skill, frame_id: str, quick: Callable[[bool], None]
+    ):
         assert panel.holding is not None
         self._node, self._jobs, self._hand, self._panel, self._controls, self._skill = node, jobs, hand, panel, panel.holding, skill
         self._calls, self._message = ServiceCalls(node), PoseStamped()
         self._message.header.frame_id = frame_id
+        self._quick = quick
         self._seen: dict[str, Pose] = {}
         self._base = self._turned = np.array([0.0, 0.0, 0.0, 1.0])
         self._goal: Pose | None = None
@@ -75,6 +79,7 @@ class PulledLesson:
         self._base = self._turned = hand.quaternion
         self._hand.take(hand.position)
         self._controls.set_held(True)
+        self._quick(True)
         if self._goal is not None:
             self._hand.show_goal(self._goal.position, self._goal.quaternion)
 
@@ -82,10 +87,10 @@ class PulledLesson:
 
     async def _hold(self) -> str:
         """A lesson in a new situation, which the person on the page gives."""
-        (situation,) = self._jobs.situations(1)
-        self._goal = self._goal_of(conversions.situation(situation))
+        situation = self._skill.unhurried(conversions.situation(self._jobs.situations(1)[0]))
+        self._goal = self._goal_of(situation)
         self._jobs.say("take the ball at the hand", False)
-        result = await self._jobs.carry_out("teach", Teach.Goal(situation=situation, by_pointer=True))
+        result = await self._jobs.carry_out("teach", Teach.Goal(situation=conversions.situation_msg(situation), by_pointer=True))
         if not result.success:
             raise CallFailed(f"not kept: {result.message}")
         return f"kept: {1e3 * result.outcome.error:.1f} mm off"
@@ -129,6 +134,7 @@ class PulledLesson:
         self._hand.let_go()
         if self._controls.held:
             self._controls.set_held(False)
+            self._quick(False)
         if job == "learn":
             start(self._node, self._show(compare=True), self._jobs.tell)
 

@@ -38,6 +38,7 @@ TABLE = [
     Parameter("host", "address to listen on; whoever has the address of the page, with its token, moves the arm"),
     Parameter("port", "of the page; 0: any free one, which is printed", 0, 65535),
     Parameter("rate", "of the pictures [1/s, wall clock]", 1.0, 100.0),
+    Parameter("rate_held", "the same while somebody holds the hand with the mouse [1/s, wall clock]", 1.0, 100.0),
     Parameter("frame_id", "frame of all positions; others are not shown"),
     Parameter("skill", "whose bodies it shows, and what its controls let be done"),
     Parameter("basket_radius", "free opening of the basket [m]", 0.05, 1.0),
@@ -108,11 +109,13 @@ class Viewer(GuardedNode):
         )  # fmt: skip
         self._lesson = None
         if self._scene.held_hand is not None and self._panel.holding is not None:
-            self._lesson = PulledLesson(self, self._controls, self._scene.held_hand, self._panel, skill, self.p["frame_id"])
-            self._scene.held_hand.on_drag(lambda place: self._requests.put(Request("pull", {"place": place})))
+            held = self._scene.held_hand
+            self._lesson = PulledLesson(self, self._controls, held, self._panel, skill, self.p["frame_id"], self._hurry)
+            held.on_drag(lambda place: self._requests.put(Request("pull", {"place": place})))
         self._subscribe(declare_bodies(self, (HAND, *skill.bodies)))
         self._diagnostics = Diagnostics(self, self._describe)
-        self._pictures_timer = self.create_timer(1.0 / self.p["rate"], self._tick, clock=WALL)
+        self._pictures_timer = None
+        self._hurry(False)
         self.create_timer(1.0, lambda: self._panel.show_nodes(self._status.now()), clock=WALL)
         url = url_of(self._server)  # whoever gave the token knows the rest of the address, and a log need not
         self.get_logger().info(f"the live view is at {url if given else with_token(url, token)}")
@@ -133,6 +136,12 @@ class Viewer(GuardedNode):
             self.create_subscription(kind.Impl.FeedbackMessage, f"/{name}/_action/feedback", callback, 50)
 
     # pictures
+
+    def _hurry(self, held: bool) -> None:
+        """Somebody holds the hand, or does not any more."""
+        if self._pictures_timer is not None:
+            self.destroy_timer(self._pictures_timer)
+        self._pictures_timer = self.create_timer(1.0 / self.p["rate_held" if held else "rate"], self._tick, clock=WALL)
 
     def _tick(self) -> None:
         while not self._requests.empty():
