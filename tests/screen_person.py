@@ -141,7 +141,7 @@ class MouseHands:
         for _ in range(1 if self._above != above else 2):  # a second look turns to where the hand is now
             before = self._page.screenshot()
             self._page.key("v")
-            self._page.settle(unlike=before)
+            self._page.settle(before, self._watch.listen)
         self._above, eye = above, eye_of(ball, above)
         start, wanted = project(np.array([ball, position]), eye, ball)
 

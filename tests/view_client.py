@@ -20,7 +20,7 @@ class PageClient:
     def __init__(self, url, origin=None):
         protocol = f"viser-v{viser.__version__}"
         address = parse_qs(urlsplit(url).query).get("websocket", [url.replace("http", "ws", 1)])[0]
-        self._socket = connect(address, subprotocols=[protocol], origin=origin, max_size=None, compression=None)
+        self._socket = connect(address, subprotocols=[protocol], origin=origin, max_size=None, compression=None, ping_interval=None)
         self.texts, self.controls, self.places, self.nodes, self.commands = {}, {}, {}, {}, {}
         camera = {"wxyz": (1.0, 0.0, 0.0, 0.0), "position": EYE, "look_at": (0.0, 0.0, 0.0), "up_direction": (0.0, 0.0, 1.0)}
         self.send(_messages.ViewerCameraMessage(**camera, fov=1.0, near=0.1, far=100.0, image_height=600, image_width=800))

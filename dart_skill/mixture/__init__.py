@@ -6,7 +6,7 @@ from dart_skill.mixture._expectation_maximisation import Parameters, column_scal
 from dart_skill.mixture._gaussian import Gaussian, cholesky, linear_combination, merge, product, product_of_gaussians, symmetric
 from dart_skill.mixture._mixture import EMEstimator, GaussianMixture, checked_priors, n_free_parameters
 from dart_skill.mixture._regression import Regression, regress, regress_each
-from dart_skill.mixture._selection import Selection, select_by_bic, select_by_cross_validation
+from dart_skill.mixture._selection import Selection, best_number, select_by_bic, select_by_cross_validation
 from dart_skill.mixture._spectroscopy import Spectroscopy, automatic_bandwidth, data_spectroscopy
 from dart_skill.mixture._split_merge import Adapted, SplitMerge, adapt, split, split_and_merge
 from dart_skill.mixture._start import kmeans_start, sliced_start
@@ -26,6 +26,7 @@ __all__ = [
     "SplitMerge",
     "adapt",
     "automatic_bandwidth",
+    "best_number",
     "checked_priors",
     "cholesky",
     "column_scales",

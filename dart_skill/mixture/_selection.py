@@ -5,7 +5,7 @@ Both return the scores of all numbers that were tried. If they differ little, th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,6 +41,15 @@ class Selection:
         """The smallest number whose score is within one standard error of the best."""
         lowest = self.scores.argmin()
         return int(self.n_components[self.scores <= self.scores[lowest] + self.standard_errors[lowest]].min())
+
+
+def best_number(candidates: Sequence[int], score: Callable[[int], float]) -> int:
+    """The number of components whose score is lowest, the first one of equals; ValueError if no score is finite."""
+    scores = np.array([score(candidate) for candidate in candidates], dtype=float)
+    scores[~np.isfinite(scores)] = np.inf
+    if np.isinf(scores).all():
+        raise ValueError(f"no model with {', '.join(map(str, candidates))} components can be scored")
+    return candidates[int(scores.argmin())]
 
 
 def select_by_bic(

@@ -115,14 +115,38 @@ class AutonomousDSGMR(AttractorModel):
         * inputs: for each demonstration its further inputs u, (q,) or (n_i, q); default None: there are none.
         * rng: as in `DSGMR.fit`.
         """
+        self._learn(*self._encoded(times, motions, frames, attractors, inputs), weights, rng)
+        self._ends = np.array([(np.min(time), np.max(time)) for time in times]).mean(0)
+        return self
+
+    def bic(
+        self,
+        times: Sequence[ArrayLike],
+        motions: Sequence[Sequence[ArrayLike]],
+        frames: Sequence[Sequence[StateFrame | Sequence[StateFrame]]],
+        weights: Weights = None,
+        *,
+        attractors: Sequence[ArrayLike] | None = None,
+        inputs: Sequence[ArrayLike] | None = None,
+    ) -> float:
+        """Bayesian information criterion for demonstrations, which are given as to `fit`: lower is better."""
+        return self._fitted.bic(*self._encoded(times, motions, frames, attractors, inputs), weights)
+
+    def _encoded(
+        self,
+        times: Sequence[ArrayLike],
+        motions: Sequence[Sequence[ArrayLike]],
+        frames: Sequence[Sequence[StateFrame | Sequence[StateFrame]]],
+        attractors: Sequence[ArrayLike] | None,
+        inputs: Sequence[ArrayLike] | None,
+    ) -> tuple[list[np.ndarray], list[list]]:
+        """Features [t, u, x, x', y] of each demonstration, and its frames over them."""
         if not len(times) == len(motions) == len(frames):
             raise ValueError(f"times, motions and frames must be as many, got {len(times)}, {len(motions)} and {len(frames)}")
         attractors = _one_each(attractors, len(times), "attractors")
         inputs = _one_each(inputs, len(times), "inputs")
         samples = [self._features(times[i], motions[i], attractors[i], inputs[i]) for i in range(len(times))]
-        self._learn(samples, [self._lifted(its_frames) for its_frames in frames], weights, rng)
-        self._ends = np.array([(np.min(time), np.max(time)) for time in times]).mean(0)
-        return self
+        return samples, [self._lifted(its_frames) for its_frames in frames]
 
     @classmethod
     def of_mixture(

@@ -119,6 +119,10 @@ class DSGMR(AttractorModel):
         self._learn(attractors, frames, weights, rng)
         return self
 
+    def bic(self, attractors: Sequence[ArrayLike], frames: Sequence[Sequence[FrameCourse]], weights: Weights = None) -> float:
+        """Bayesian information criterion for demonstrations, which are given as to `fit`: lower is better."""
+        return self._fitted.bic(attractors, frames, weights)
+
     def product(self, frames: Sequence[Frame | None]) -> GaussianMixture:
         """(7.21): the mixture over [t, u, y] in the world, for P new frames; None for a missing one."""
         return self._fitted.product(frames)

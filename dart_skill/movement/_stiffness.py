@@ -85,6 +85,13 @@ def _grown(stiffness: np.ndarray, damping: np.ndarray, wanted: np.ndarray, step:
     return stiffness, damping
 
 
+def attractor_with_gains(motion: Motion, stiffness: ArrayLike, damping: ArrayLike) -> np.ndarray:
+    """Attractor (n, d) with which K (y - x) - D x' makes a motion (n, d): (7.20) for stiffness and damping matrices (n, d, d)."""
+    stiffness, damping = as_finite(stiffness, "stiffness", 3), as_finite(damping, "damping", 3)
+    pull = motion.acceleration + np.einsum("nij,nj->ni", damping, motion.velocity)
+    return motion.position + np.linalg.solve(stiffness, pull[..., None])[..., 0]
+
+
 def hold_to(time: ArrayLike, motion: Motion, stiffness: ArrayLike, push: ArrayLike | None = None) -> Motion:
     """Motion (n, d) of a unit mass that follows a reference motion with time-varying stiffness, and is pushed.
 

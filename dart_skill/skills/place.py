@@ -117,6 +117,10 @@ class Place(Skill):
         s = self.settings
         return with_box(description, s.mass, s.size, s.grasp)
 
+    @property
+    def frame_names(self) -> tuple[str, ...]:
+        return HAND, "holder"
+
     def frames(self, situation: Situation) -> list[Pose]:
         """Where the hand takes the part; and where the hand would be if the part, held as it is, were where the holder is.
 

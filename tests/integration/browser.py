@@ -107,9 +107,10 @@ class Page:
         self._wait(pages, 30.0, "a page")
         return pages()[0]["webSocketDebuggerUrl"]
 
-    def _wait(self, condition, limit, what):
+    def _wait(self, condition, limit, what, meanwhile=lambda: None):
         until = time.monotonic() + limit
         while not condition():
+            meanwhile()
             assert self._process.poll() is None, f"Chromium ended:\n{(self._folder / 'chromium.txt').read_text(errors='replace')[-2000:]}"
             assert time.monotonic() < until, f"{what} did not come in {limit:.0f} s"
             time.sleep(0.05)
@@ -183,15 +184,18 @@ class Page:
             self.mouse("mouseMoved", end, 1, shift)
         self.mouse("mouseReleased", end, shift=shift)
 
-    def settle(self, unlike=None):
-        """Wait until the page looks the same twice; unlike: a picture that it has had before and does not have any more."""
+    def settle(self, unlike=None, meanwhile=lambda: None):
+        """Wait until the page looks the same twice; unlike: a picture that it has had before and does not have any more.
+
+        meanwhile: called again and again.
+        """
         pictures = [self.screenshot()]
 
         def still():
             pictures.append(self.screenshot())
             return not _differ(*pictures[-2:]) and (unlike is None or _differ(unlike, pictures[-1]))
 
-        self._wait(still, 30.0, "a page that stands still")
+        self._wait(still, 120.0, "a page that stands still", meanwhile)
 
     def screenshot(self, path=None):
         """The page as pixels (height, width, 3); also written to a file if a path is given."""

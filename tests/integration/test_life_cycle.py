@@ -7,6 +7,7 @@ import pytest
 from rclpy.lifecycle import TransitionCallbackReturn
 from sensor_msgs.msg import JointState
 
+from dart_skill.permissions import LIFE_CYCLE, PARAMETERS
 from dart_skill.recording import BagReader
 from dart_skill.world import joint_names
 from dart_skill_nodes.executables.demonstration_recorder import DemonstrationRecorder
@@ -78,6 +79,8 @@ def test_a_recorder_that_was_cleaned_up_begins_another_bag(speaker_for, tmp_path
     def told():
         return len(speaker.node.get_publishers_info_by_topic("/diagnostics"))
 
+    own = {f"/{node.get_name()}/{service}" for service in (*PARAMETERS, *LIFE_CYCLE)}  # they are discovered one after the other
+    speaker.until(lambda: own <= {name for name, _ in offered()}, "the services of the node")
     speaker.until(lambda: writes() and told() == 1, "a bag that is written to")
     before, begun = offered(), time.strftime("%S")
     assert node.trigger_deactivate() == node.trigger_cleanup() == DONE

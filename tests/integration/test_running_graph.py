@@ -158,8 +158,13 @@ def test_what_is_learned_with_can_be_changed_while_the_learner_runs(client):
             client.set_parameters("/skill_learner", {"least_stiffness": 900.0})
         with pytest.raises(GraphFailure, match="frames 'cup' is unknown"):
             client.set_parameters("/skill_learner", {"frames": "cup"})
+        with pytest.raises(GraphFailure, match="choose_components is 'aic'"):
+            client.set_parameters("/skill_learner", {"choose_components": "aic"})
+        client.set_parameters("/skill_learner", {"choose_components": "bic"})
+        assert " by bic" in client.learn().message
     finally:
-        client.set_parameters("/skill_learner", {"components": 0, "stiffness": 0.0, "most_stiffness": 0.0, "least_stiffness": 0.0})
+        usually = {"components": 0, "choose_components": "", "stiffness": 0.0, "most_stiffness": 0.0, "least_stiffness": 0.0}
+        client.set_parameters("/skill_learner", usually)
     assert client.learn().model_id == usual.model_id
 
 

@@ -1,5 +1,6 @@
 """From demonstrations to a skill, and from a skill to the plan of a throw."""
 
+from dart_skill.skill.learn._choosing import choose_components
 from dart_skill.skill.learn._configuration import CONFIGURATIONS, DEFAULT, SkillConfiguration, changed, configuration
 from dart_skill.skill.learn._ellipsoids import component_ellipsoids
 from dart_skill.skill.learn._model_file import load_model, save_model
@@ -17,6 +18,7 @@ __all__ = [
     "ThrowingSkill",
     "Unreachable",
     "changed",
+    "choose_components",
     "component_ellipsoids",
     "configuration",
     "frames_for",

@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -25,8 +26,10 @@ from dart_skill.mixture import GaussianMixture
 from dart_skill.movement import (
     DSGMR,
     AutonomousDSGMR,
+    Motion,
     TaskFrame,
     angles_from_quaternions,
+    attractor_with_gains,
     azimuth_of,
     choose_width,
     gaussian_weights,
@@ -185,32 +188,46 @@ class ThrowingSkill:
         """The fitted DS-GMR for a task (3,): the same for all tasks, or one fitted to the demonstrations near it (8.4.2)."""
         return self._whole if self._whole is not None else self._fit(self._weights(task))
 
+    def bic(self) -> float:
+        """Bayesian information criterion of the model of all demonstrations: lower is better; ValueError where each target has its own."""
+        if self._whole is None:
+            raise ValueError(f"'{self.configuration.name}' has a model for each target, and BIC compares nothing: take cross_validation")
+        _, shown = self._encoded(np.arange(len(self.throws)))
+        return self._whole.bic(**shown, weights=self.credence)
+
+    def left_out_error(self) -> float:
+        """Distance of where a ball would land from where it did, of each demonstration by a model of the others: root mean square [m].
+
+        inf if one of them has no plan then.
+        """
+        others = self.credence * (1.0 - np.eye(len(self.throws)))
+        squares = [-self._predicts(i, weights) for i, weights in enumerate(others)]
+        return float(np.sqrt(np.mean(squares))) if np.isfinite(squares).all() else float("inf")
+
     def _fit(self, weights: np.ndarray) -> Model:
         """DS-GMR fitted to the demonstrations with weights (n,); those with weight 0 are left out."""
         used = np.flatnonzero(weights)
         if not len(used):
             raise Unreachable(f"no demonstration is near enough for '{self.configuration.name}' to learn from: teach one there")
-        frames = [frames_for(self.throws[i].task, self.throws[i].motion[0], self.configuration) for i in used]
-        moving = [self._moving[i] for i in used]
-        learn_from = self._learn_driven_by_state if self.configuration.drive == "state" else self._learn_driven_by_time
-        return learn_from(moving, frames, weights[used])
+        model, shown = self._encoded(used)
+        return model.fit(**shown, weights=weights[used])
 
-    def _learn_driven_by_time(self, throws: list[PreparedThrow], frames: list[list[TaskFrame]], weights: np.ndarray) -> DSGMR:
-        c = self.configuration
-        model = DSGMR(c.components, c.stiffness_of_features, n_inputs=int(c.distance_input), partition=c.partition)
-        return model.fit([model.features(one.time, one.attractor, self._inputs(one.reach)) for one in throws], frames, weights)
-
-    def _learn_driven_by_state(self, throws: list[PreparedThrow], frames: list[list[TaskFrame]], weights: np.ndarray) -> AutonomousDSGMR:
-        c = self.configuration
-        model = AutonomousDSGMR(c.components, c.stiffness_of_features, n_inputs=int(c.distance_input), partition=c.partition)
-        return model.fit(
-            [one.time for one in throws],
-            [(one.motion, one.velocity) for one in throws],
-            frames,
-            weights,
-            attractors=[one.attractor for one in throws],
-            inputs=[[one.reach] for one in throws] if c.distance_input else None,
-        )
+    def _encoded(self, used: np.ndarray) -> tuple[Model, dict[str, Any]]:
+        """A model, not fitted yet, and some of the demonstrations as it takes them."""
+        c, moving = self.configuration, [self._moving[i] for i in used]
+        kind = AutonomousDSGMR if c.drive == "state" else DSGMR
+        model = kind(c.components, c.stiffness_of_features, n_inputs=int(c.distance_input), partition=c.partition)
+        frames = [frames_for(self.throws[i].task, self.throws[i].motion[0], c) for i in used]
+        if isinstance(model, DSGMR):
+            features = [model.features(one.time, one.attractor, self._inputs(one.reach)) for one in moving]
+            return model, {"attractors": features, "frames": frames}
+        return model, {
+            "times": [one.time for one in moving],
+            "motions": [(one.motion, one.velocity) for one in moving],
+            "frames": frames,
+            "attractors": [one.attractor for one in moving],
+            "inputs": [[one.reach] for one in moving] if c.distance_input else None,
+        }
 
     def _inputs(self, reach: float) -> list[float] | None:
         """Further inputs of the regression beside time."""
@@ -375,8 +392,8 @@ class ThrowingSkill:
         """The course with other attractors and gains: the same motion, held the more firmly the more the demonstrations agreed."""
         wanted = stiffness_from_covariance(self._covariance(aim, course.time), *self.configuration.stiffness_range)
         stiffness, damping = stable_gains(course.time, wanted)
-        pull = course.acceleration[:, :3] + np.einsum("nij,nj->ni", damping, course.velocity[:, :3])
-        attractor = course.position[:, :3] + np.linalg.solve(stiffness, pull[..., None])[..., 0]
+        motion = Motion(course.position[:, :3], course.velocity[:, :3], course.acceleration[:, :3])
+        attractor = attractor_with_gains(motion, stiffness, damping)
         return replace(course, attractor=np.hstack([attractor, course.attractor[:, 3:]])), GainsOverTime(stiffness, damping)
 
     def _as_plan(self, target: np.ndarray, aim: np.ndarray, throw: _Throw) -> ThrowPlan:

@@ -15,14 +15,20 @@ from dart_skill.movement import (
     TaskFrame,
     angular_velocity,
     attractor_from_motion,
+    attractor_with_gains,
     smooth_derivatives,
+    stable_gains,
+    stiffness_from_covariance,
 )
-from dart_skill.robot import Gains, HandPath, MotionPlan
+from dart_skill.robot import Gains, GainsOverTime, HandPath, MotionPlan
 from dart_skill.skill.model._pose_features import VECTORS, frame_of, orientations, pose_features, with_free_length, with_prior
 from dart_skill.skill.model._prepared import PreparedMovement
 from dart_skill.skill.model._shown import RATE, Shown
 from dart_skill.skill.observe import position_noise
 from dart_skill.skill.protocol import HAND, Situation, Skill, TaskDemonstration
+
+Encoded = tuple[DSGMR, list[np.ndarray], list[list[TaskFrame]]]
+"""A model, and the features and frames of the demonstrations to which it was fitted."""
 
 
 class NoPlan(ValueError):
@@ -54,31 +60,41 @@ class LearnedSkill(Shown):
     # learning
 
     def _fit(self) -> dict[str, DSGMR]:
-        """A model of each vector of the features."""
+        """A model of each vector of the features, which does not believe what few demonstrations have in common by chance."""
+        models = {}
+        for vector, (model, _, _) in self._fitted().items():
+            mixture = with_prior(model.mixture_, len(self.movements), self.skill.settings.prior)
+            mixture = mixture if vector == "position" else with_free_length(mixture)
+            models[vector] = DSGMR.from_mixture(mixture, self._stiffness(vector), n_inputs=model.n_inputs)
+        return models
+
+    def bic(self) -> float:
+        """Bayesian information criterion of the mixtures as the demonstrations alone make them: lower is better."""
+        return sum(model.bic(features, frames) for model, features, frames in self._fitted().values())
+
+    def _fitted(self) -> dict[str, Encoded]:
         clock = np.arange(0.0, self._clock_end, 1.0 / RATE)
         motions = [
             smooth_derivatives(one.time * self.duration / one.duration, one.features, noise=_noise(one), at=clock) for one in self.movements
         ]
         return {vector: self._fit_vector(vector, clock, motions) for vector in VECTORS}
 
-    def _fit_vector(self, vector: str, clock: np.ndarray, motions: Sequence[Motion]) -> DSGMR:
+    def _fit_vector(self, vector: str, clock: np.ndarray, motions: Sequence[Motion]) -> Encoded:
         inputs = [list(self.skill.inputs(one.situation)) for one in self.movements]
         stiffness = self._stiffness(vector)
         model = DSGMR(self.skill.settings.components, stiffness, n_inputs=len(inputs[0]), partition="time")
         own = [Motion(*(part[:, VECTORS[vector]] for part in motion)) for motion in motions]
         attractors = [attractor_from_motion(one.position, one.velocity, one.acceleration, stiffness) for one in own]
         features = [model.features(clock, one, given or None) for one, given in zip(attractors, inputs, strict=True)]
-        model.fit(features, [self._frames(one.situation, vector) for one in self.movements])
-        mixture = with_prior(model.mixture_, len(self.movements), self.skill.settings.prior)
-        mixture = mixture if vector == "position" else with_free_length(mixture)
-        return DSGMR.from_mixture(mixture, stiffness, n_inputs=len(inputs[0]))
+        frames = [self._frames(one.situation, vector) for one in self.movements]
+        return model.fit(features, frames), features, frames
 
     def _stiffness(self, vector: str) -> float:
         s = self.skill.settings
         return s.stiffness if vector == "position" else s.orientation_stiffness
 
     def _frames(self, situation: Situation, vector: str) -> list[TaskFrame]:
-        return [frame_of(pose, vector, len(self.skill.inputs(situation))) for pose in self.skill.frames(situation)]
+        return [frame_of(pose, vector, len(self.skill.inputs(situation))) for pose in self.skill.chosen_frames(situation)]
 
     # planning
 
@@ -91,11 +107,12 @@ class LearnedSkill(Shown):
         except ValueError as error:
             raise NoPlan(str(error)) from error
         s = self.skill.settings
+        attractor, gains = self._with_gains(aimed, path) if s.stiffness_range else (attractor, Gains.critical(s.stiffness))
         plan = MotionPlan(
             path=path,
             attractor_position=attractor,
             attractor_quaternion=turned,
-            position_gains=Gains.critical(s.stiffness),
+            position_gains=gains,
             orientation_gains=Gains.critical(s.orientation_stiffness),
             start_posture=self._start_posture,
             end=path.duration,
@@ -135,6 +152,16 @@ class LearnedSkill(Shown):
         # (7.20) for a turn: so far ahead of the hand, as a rotation vector, that the hand turns as planned.
         lead = attractor_from_motion(np.zeros_like(spin), spin, growth, s.orientation_stiffness)
         return path, moved.attractor, (Rotation.from_rotvec(lead) * turn).as_quat()
+
+    def _with_gains(self, situation: Situation, path: HandPath) -> tuple[np.ndarray, GainsOverTime]:
+        """Other attractors (n, 3), and gains with which they make the same path: the firmer the more the demonstrations agreed."""
+        inputs = list(self.skill.inputs(situation)) or None
+        covariance = self._models["position"].retrieve(self._frames(situation, "position"), path.time, inputs)[1]
+        assert covariance is not None
+        wanted = stiffness_from_covariance(covariance, *self.skill.settings.stiffness_range)
+        stiffness, damping = stable_gains(path.time, wanted)
+        motion = Motion(path.position, path.velocity[:, :3], path.acceleration[:, :3])
+        return attractor_with_gains(motion, stiffness, damping), GainsOverTime(stiffness, damping)
 
     def _postures(self, path: HandPath) -> np.ndarray:
         """What the arm's free motion aims at along a path (n, 7): the mean of what was shown, turned about the base to where the hand is.

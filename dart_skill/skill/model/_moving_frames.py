@@ -23,7 +23,7 @@ def moving_frames(
 
     offset: what practice corrects (3,) [m], as of `Skill.corrected`.
     """
-    before, now, after = (skill.frames(skill.corrected(_ahead(situation, bodies, time), offset)) for time in (-AROUND, 0.0, AROUND))
+    before, now, after = (skill.chosen_frames(skill.corrected(_ahead(situation, bodies, time), offset)) for time in (-AROUND, 0.0, AROUND))
     n_inputs = len(skill.inputs(situation))
     return [_moving(*poses, stiffness, n_inputs) for poses in zip(before, now, after, strict=True)]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -46,14 +47,24 @@ class ReactiveSkill(Shown):
     # learning
 
     def _fit(self) -> AutonomousDSGMR:
+        s, (model, _) = self._settings, self._fitted()
+        mixture = with_prior(model.mixture_, len(self.movements), s.prior, vectors=3)
+        return AutonomousDSGMR.of_mixture(mixture, model.ends, s.stiffness, rule=model.rule, n_inputs=model.n_inputs)
+
+    def bic(self) -> float:
+        """As of `LearnedSkill`."""
+        model, shown = self._fitted()
+        return model.bic(**shown)
+
+    def _fitted(self) -> tuple[AutonomousDSGMR, dict[str, Any]]:
+        """The model as the demonstrations alone make it, and what it was fitted to."""
         s, clock = self._settings, np.arange(0.0, self._clock_end, 1.0 / RATE)
         inputs = [list(self.skill.inputs(one.situation)) for one in self.movements]
         model = AutonomousDSGMR(s.components, s.stiffness, rule=phase_rule(s), n_inputs=len(inputs[0]), partition="time")
         hands = [self._motion(one, one.time, one.features[:, VECTORS["position"]], clock) for one in self.movements]
         frames = [self.frames_along(one, clock) for one in self.movements]
-        model.fit([clock] * len(hands), hands, frames, inputs=inputs if inputs[0] else None)
-        mixture = with_prior(model.mixture_, len(hands), s.prior, vectors=3)
-        return AutonomousDSGMR.of_mixture(mixture, model.ends, s.stiffness, rule=model.rule, n_inputs=model.n_inputs)
+        shown: dict[str, Any] = {"times": [clock] * len(hands), "motions": hands, "frames": frames, "inputs": inputs if inputs[0] else None}
+        return model.fit(**shown), shown
 
     def _motion(self, movement: PreparedMovement, time: np.ndarray, position: np.ndarray, clock: np.ndarray) -> Motion:
         """What was seen at stamps (n,), (n, 3), stretched to the mean duration, at the instants of the clock (m,)."""

@@ -25,6 +25,7 @@ class Shown:
     """
 
     def __init__(self, skill: Skill, demonstrations: Sequence[TaskDemonstration]):
+        skill.check_settings()
         least = skill.settings.least_demonstrations
         if len(demonstrations) < least:
             raise ValueError(f"{len(demonstrations)} demonstrations are too few for '{skill.name}': record at least {least}")
@@ -88,6 +89,8 @@ class Shown:
     def model_id(self) -> str:
         """Digest of what the model was made from: equal demonstrations and settings give an equal name."""
         digest = hashlib.sha256(f"{self.skill.name} {self.skill.settings!r}".encode())
+        if given := self.skill.settings.rarely_given:
+            digest.update(repr(given).encode())
         for movement in self.movements:
             for part in (movement.time, movement.features):
                 digest.update(np.ascontiguousarray(part).tobytes())

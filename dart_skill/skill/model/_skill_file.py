@@ -16,25 +16,29 @@ from dart_skill.archive import read_arrays
 from dart_skill.files import new_file, open_file
 from dart_skill.robot import Grip
 from dart_skill.skill.model._learning import AnySkill, learn
-from dart_skill.skill.protocol import Skill, SkillSettings, TaskDemonstration, Told, Track
+from dart_skill.skill.protocol import Skill, TaskDemonstration, Told, Track
 
-S = TypeVar("S", bound=SkillSettings)
+K = TypeVar("K", bound=Skill)
 FORMAT = "dart_skill skill 1"
 PARTS = ("time", "position", "quaternion")
-CHANGED = ("components", "stiffness", "orientation_stiffness")
+CHANGED = ("components", "stiffness", "orientation_stiffness", "start_speed", "stop_speed")
 """Settings that parameters of the learner change."""
 
 
-def changed_settings(settings: S, parameters: dict[str, Any]) -> tuple[S, str]:
-    """Settings with parameters of the node skill_learner, and what they change, in words; 0 and an empty text change nothing.
+def changed_skill(skill: K, parameters: dict[str, Any]) -> tuple[K, str]:
+    """A skill with parameters of the node skill_learner, and what they change, in words; 0 and an empty text change nothing.
 
-    ValueError names one that is for throws only, or makes no sense.
+    ValueError names one that makes no sense, and a task frame that the skill does not have.
     """
-    for name in ("frames", "least_stiffness", "most_stiffness"):
-        if parameters[name]:
-            raise ValueError(f"{name} is {parameters[name]}: it is for throws, a skill says its frames and its stiffness itself")
     changes = {name: parameters[name] for name in CHANGED if parameters[name]}
-    return replace(settings, **changes), ", ".join(f"{name} {value}" for name, value in changes.items())
+    bounds = parameters["least_stiffness"], parameters["most_stiffness"]
+    changes |= {"stiffness_range": bounds} if all(bounds) else {}  # one is set before the other
+    changes |= {"frames": tuple(name.strip() for name in parameters["frames"].split(","))} if parameters["frames"] else {}
+    if not changes:
+        return skill, ""
+    changed = type(skill)(replace(skill.settings, **changes))
+    changed.check_settings()
+    return changed, ", ".join(f"{name} {', '.join(value) if name == 'frames' else value}" for name, value in changes.items())
 
 
 def save_skill_model(path: str | Path, learned: AnySkill) -> None:

@@ -11,13 +11,16 @@ from dart_skill.skill.protocol._messages import (
     task_demonstration_message,
 )
 from dart_skill.skill.protocol._registry import load_skill, skill_names, skill_type
-from dart_skill.skill.protocol._settings import ReactiveSkillSettings, SkillSettings
+from dart_skill.skill.protocol._settings import BIC, COMPONENTS, CROSS_VALIDATION, ReactiveSkillSettings, SkillSettings, check_way
 from dart_skill.skill.protocol._situation import Pose, Situation
 from dart_skill.skill.protocol._skill import Planner, Skill, TaskOutcome, settings_file
 from dart_skill.skill.protocol._solid import Solid
 from dart_skill.skill.protocol._task_log import TaskLog
 
 __all__ = [
+    "BIC",
+    "COMPONENTS",
+    "CROSS_VALIDATION",
     "HAND",
     "Planner",
     "Pose",
@@ -32,6 +35,7 @@ __all__ = [
     "Told",
     "Track",
     "WORDS",
+    "check_way",
     "grip_of",
     "load_skill",
     "read_task_demonstrations",

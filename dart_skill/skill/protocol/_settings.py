@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
 S = TypeVar("S", bound="SkillSettings")
+COMPONENTS = (4, 6, 8, 12, 16, 20, 24, 32)
+"""Numbers of components among which one is chosen on request."""
+BIC, CROSS_VALIDATION = "bic", "cross_validation"
+"""How: by the Bayesian information criterion, or by what the others teach for each demonstration that is left out."""
+
+
+def check_way(way: str) -> None:
+    """ValueError for a way to choose the number of components that there is not; an empty one chooses nothing."""
+    if way not in ("", BIC, CROSS_VALIDATION):
+        raise ValueError(f"choose_components is '{way}': give {BIC}, {CROSS_VALIDATION}, or nothing")
 
 
 @dataclass(frozen=True)
@@ -26,6 +36,9 @@ class SkillSettings:
     * grip_time: the fingers have closed, or opened, so long after they were told [s].
     * prior: how many demonstrations it takes to believe that one direction varies less than another.
     * least_demonstrations: that are learned from.
+    * frames: names of the task frames that count (`Skill.frame_names`); empty: all.
+    * stiffness_range: least and largest stiffness of the position [1/s^2]; between them it is high where and in which direction the
+      demonstrations agreed (`stiffness_from_covariance`). Empty: it is constant. Of a plan that is made beforehand.
     """
 
     components: int = 12
@@ -39,17 +52,29 @@ class SkillSettings:
     grip_time: float = 0.1
     prior: float = 2.0
     least_demonstrations: int = 2
+    frames: tuple[str, ...] = field(default=(), repr=False)  # the names of models have these two only where they are given
+    stiffness_range: tuple[float, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         for one in fields(self):
             value = getattr(self, one.name)
-            if isinstance(value, bool | str):
+            if isinstance(value, bool | str) or one.name == "frames" or value == ():
                 continue
             if not (np.isfinite(value).all() and np.min(value) >= 0.0):
                 raise ValueError(f"{one.name} is {value}; it must be finite and not negative")
         for name in ("components", "stiffness", "orientation_stiffness", "step", "least_demonstrations"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be positive")
+        bounds = self.stiffness_range
+        if bounds and not (len(bounds) == 2 and 0.0 < bounds[0] <= bounds[1]):
+            raise ValueError(f"stiffness_range is {bounds}: give the least and the largest stiffness, or none")
+        if not all(isinstance(name, str) for name in self.frames):
+            raise ValueError(f"frames are {self.frames}: give names, or none")
+
+    @property
+    def rarely_given(self) -> tuple[tuple, ...]:
+        """Settings that the name of a model has only where they are given."""
+        return tuple(value for value in (self.frames, self.stiffness_range) if value)
 
     @classmethod
     def names(cls) -> tuple[str, ...]:

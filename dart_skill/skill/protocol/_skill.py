@@ -140,6 +140,29 @@ class Skill:
         """Task frames (7.5.2). Default: one where the hand starts, and one at each body."""
         return [situation.pose(role) for role in (HAND, *self.bodies)]
 
+    @property
+    def frame_names(self) -> tuple[str, ...]:
+        """Names of the task frames, by which settings choose among them. Default: the hand, and each body."""
+        return (HAND, *self.bodies)
+
+    def chosen_frames(self, situation: Situation) -> list[Pose]:
+        """The task frames that count: those that the settings name, or all; ValueError if the skill does not name its frames."""
+        frames, chosen = self.frames(situation), self.settings.frames
+        if not chosen:
+            return frames
+        if len(self.frame_names) != len(frames):
+            raise ValueError(
+                f"the skill '{self.name}' has {len(frames)} task frames and names {', '.join(self.frame_names)}: write frame_names"
+            )
+        return [frame for name, frame in zip(self.frame_names, frames, strict=True) if name in chosen]
+
+    def check_settings(self) -> None:
+        """ValueError for settings that are not of this skill: a task frame that it does not have, gains that no model of it can give."""
+        if self.reacts and self.settings.stiffness_range:
+            raise ValueError(f"the skill '{self.name}' reacts: its model knows no covariance of the attractor, so give no stiffness_range")
+        if unknown := [name for name in self.settings.frames if name not in self.frame_names]:
+            raise ValueError(f"the skill '{self.name}' has no task frame '{unknown[0]}': choose among {', '.join(self.frame_names)}")
+
     def inputs(self, situation: Situation) -> Sequence[float]:
         """Further inputs of the regression beside time. Default: the numbers of the situation, in the order of their names."""
         return [situation.numbers[name] for name in sorted(situation.numbers)]

@@ -39,6 +39,7 @@ class PulledLesson:
         self._message.header.frame_id = frame_id
         self._quick = quick
         self._seen: dict[str, Pose] = {}
+        self._may_pull = False  # since the teacher has said so
         self._base = self._turned = np.array([0.0, 0.0, 0.0, 1.0])
         self._goal: Pose | None = None
         self._pointer = node.create_publisher(PoseStamped, "/teacher/pointer", 10)
@@ -67,13 +68,20 @@ class PulledLesson:
     def see(self, poses: Mapping[str, np.ndarray]) -> None:
         """The newest poses (7,) of hand and bodies, by role."""
         self._seen |= {role: Pose(pose[:3], pose[3:]) for role, pose in poses.items()}
+        self._take_hold()
         if self._hand.held and self._goal is not None and self._skill.moves in self._seen:
             lies = self._goal.sees(self._seen[self._skill.moves])
             self._controls.say_where(f"the {self._skill.moves} is {how_far(lies.position, lies.rotation)}")
 
     def hear(self, phase: str) -> None:
         """The phase of the lesson under way."""
-        if phase != HELD or self._jobs.job != "hold" or self._hand.held or HAND not in self._seen:
+        if phase == HELD and self._jobs.job == "hold":
+            self._may_pull = True
+            self._take_hold()
+
+    def _take_hold(self) -> None:
+        """Once the hand may be pulled, and is seen: a world that was held may not have been seen yet."""
+        if not self._may_pull or self._hand.held or HAND not in self._seen:
             return
         hand = self._seen[HAND]
         self._base = self._turned = hand.quaternion
@@ -89,6 +97,7 @@ class PulledLesson:
         """A lesson in a new situation, which the person on the page gives."""
         situation = self._skill.unhurried(conversions.situation(self._jobs.situations(1)[0]))
         self._goal = self._goal_of(situation)
+        self._seen.pop(HAND, None)  # where it was before the world is reset
         self._jobs.say("take the ball at the hand", False)
         result = await self._jobs.carry_out("teach", Teach.Goal(situation=conversions.situation_msg(situation), by_pointer=True))
         if not result.success:
@@ -131,6 +140,7 @@ class PulledLesson:
 
     def _over(self, job: str) -> None:
         """A job of the page has ended: what was shown, and how it counts, may have changed."""
+        self._may_pull = False
         self._hand.let_go()
         if self._controls.held:
             self._controls.set_held(False)

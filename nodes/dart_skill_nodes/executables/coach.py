@@ -4,7 +4,6 @@ Action /practice. What it knows of a trial comes from the motion capture, throug
 before each throw; with a real arm a person puts the ball into the hand, and the coach says when.
 """
 
-import time
 from functools import partial
 
 import numpy as np
@@ -27,9 +26,10 @@ from dart_skill_nodes.client.person import Patience, Person
 from dart_skill_nodes.client.service_calls import PATIENCE, Recording, ServiceCalls
 from dart_skill_nodes.client.trial_sequence import TrialSequence
 from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.awake import Awake
 from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, finish_by_success, within
 from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions
-from dart_skill_nodes.comms.presence import LEASE, LOOK, Cameras, Presence, subscribers
+from dart_skill_nodes.comms.presence import LOOK, Cameras, Presence, subscribers
 from dart_skill_nodes.comms.qos import WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, declare_bodies, run
@@ -65,7 +65,7 @@ class CoachNode(GuardedNode):
         self._goal, self._sighting, self._stopped = None, None, ""
         self._client: Presence | None = None  # who waits for the result
         self._cameras = Cameras(self, pose_topic(self._name_of[self._skill.moves]))
-        self._looked, self._unseen = time.monotonic(), ""
+        self._awake, self._unseen = Awake(), ""
         self._calls = ServiceCalls(self)
         self._recording = Recording(self, self._calls)
         self._sequence = TrialSequence(self, self._calls, self.p["frame_id"], lambda: self.p["simulated"])
@@ -148,14 +148,13 @@ class CoachNode(GuardedNode):
 
     def _watch(self) -> None:
         """Practice ends when nobody waits for it any more, and when this node was away for so long that it was given up."""
-        now, before = time.monotonic(), self._looked
-        self._looked, self._unseen = now, self._cameras.missing
+        frozen, self._unseen = self._awake.frozen(), self._cameras.missing
         if self._goal is None or self._stopped:
             return
         if self._client is not None and self._client.gone:
             self._stopped = f"{self._client} has gone, who asked for practice"
-        elif now - before > LEASE:
-            self._stopped = f"the coach was held up for {now - before:.1f} s"
+        elif frozen:
+            self._stopped = f"the coach was held up for {frozen:.1f} s"
         if self._stopped:
             self._sequence.cancel()
 

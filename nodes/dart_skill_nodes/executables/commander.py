@@ -30,10 +30,11 @@ from dart_skill.world import pose_topic
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.service_calls import Eyes, Judge, ServiceCalls
 from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.awake import Awake
 from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, finish, pause
 from dart_skill_nodes.comms.joint_states import JOINT_STATES, hear_joint_states
 from dart_skill_nodes.comms.obeyed_publisher import new_sender
-from dart_skill_nodes.comms.presence import LEASE, LOOK, Cameras, Presence, others, publishers, servers, subscribers
+from dart_skill_nodes.comms.presence import LOOK, Cameras, Presence, others, publishers, servers, subscribers
 from dart_skill_nodes.comms.qos import COMPLETE, FRAMES, LATCHED, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.comms.seen_in_step import SeenInStep, Sighting
@@ -125,7 +126,7 @@ class CommanderNode(GuardedNode):
         self._reacting: ReactiveGuide | None = None  # is told where the bodies are
         self._cameras = Cameras(self, pose_topic(name_of[self._skill.moves]))
         self._unseen = ""  # why nobody would see a throw
-        self._awake = time.monotonic()  # when something was last done [s, wall clock]
+        self._awake = Awake()
         self._strangers: list[str] = []  # who commands the arm, too
         self._arm_fault = ""  # why the arm's own safety module has stopped it
         self._rivals = ""  # why it is not known which arm's states come
@@ -391,10 +392,9 @@ class CommanderNode(GuardedNode):
 
     def _notice_a_gap(self) -> None:
         """A commander that was frozen withdraws its goal. One whose timers wait, because states come as fast as they can, was not."""
-        now, before = time.monotonic(), self._awake
-        self._awake = now
-        if self._goal is not None and now - before > LEASE:
-            self._withdraw(f"the commander was held up for {now - before:.1f} s")
+        frozen = self._awake.frozen()
+        if self._goal is not None and frozen:
+            self._withdraw(f"the commander was held up for {frozen:.1f} s")
 
     def _watch_goal(self, goal: GoalUnderWay) -> None:
         if goal.client.gone:

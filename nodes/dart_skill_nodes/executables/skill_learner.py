@@ -30,13 +30,16 @@ TABLE = [
     Parameter("practice_capacity", "demonstrations and trials that are remembered, 0: all", 0, 100_000),
     Parameter("practice_forget", "which trial goes when the memory is full: oldest or crowded"),
     Parameter("components", "of the mixture, in place of the configuration's; 0: as it has it", 0, 100, read_only=False),
-    Parameter("frames", "task frames, in place of the configuration's; empty: as it has it", read_only=False),
+    Parameter("choose_components", "bic or cross_validation: how the number of components is chosen; empty: it is given", read_only=False),
+    Parameter("frames", "task frames in place of the configuration's, or those of a skill that count; empty: all", read_only=False),
     Parameter("stiffness", "of a plan per unit mass [1/s^2]; 0: as the configuration has it", 0.0, 5000.0, read_only=False),
     Parameter("orientation_stiffness", "the same of the orientation; 0: as the configuration has it", 0.0, 5000.0, read_only=False),
     Parameter(
         "least_stiffness", "of the position where demonstrations varied; unless both are given it is constant", 0.0, 5000.0, read_only=False
     ),
     Parameter("most_stiffness", "of the position where demonstrations agreed", 0.0, 5000.0, read_only=False),
+    Parameter("start_speed", "the hand moves above it [m/s]; 0: as the skill has it; not of throws", 0.0, 10.0, read_only=False),
+    Parameter("stop_speed", "and rests below it [m/s]; 0: as the skill has it; not of throws", 0.0, 10.0, read_only=False),
     Parameter("registration_file", "cameras and arm as `dart-skill check arm --write` measured them; empty: told from the throws alone"),
 ]
 

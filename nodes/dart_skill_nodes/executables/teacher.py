@@ -7,7 +7,6 @@ A lesson with `by_pointer` is given by somebody else: the hands follow the poses
 ends it.
 """
 
-import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
@@ -30,10 +29,11 @@ from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.service_calls import Eyes, Judge, Recording, ServiceCalls
 from dart_skill_nodes.client.trial_sequence import LOOK_STEPS
 from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.awake import Awake
 from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, finish_by_success, pause
 from dart_skill_nodes.comms.joint_states import JOINT_STATES, hear_joint_states
 from dart_skill_nodes.comms.obeyed_publisher import new_sender
-from dart_skill_nodes.comms.presence import LEASE, LOOK, Cameras, publishers, subscribers
+from dart_skill_nodes.comms.presence import LOOK, Cameras, publishers, subscribers
 from dart_skill_nodes.comms.qos import COMPLETE, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.comms.seen_in_step import SeenInStep, Sighting
@@ -87,7 +87,7 @@ class TeacherNode(GuardedNode):
         self._goal, self._over, self._begin, self._last_ns = None, None, None, None
         self._cameras = Cameras(self, pose_topic(name_of[skill.moves]))
         self._time = TimeOfTheArm(self)
-        self._withdrawn, self._unseen, self._needed, self._looked, self._speed = "", "", (), time.monotonic(), 0.0
+        self._withdrawn, self._unseen, self._needed, self._awake, self._speed = "", "", (), Awake(), 0.0
         calls = ServiceCalls(self)
         self._call, self._recording, self._judge = calls.call, Recording(self, calls), Judge(self, calls)
         self._eyes, self._step = Eyes(self, calls), self.create_client(Step, "/simulation/step")
@@ -197,10 +197,8 @@ class TeacherNode(GuardedNode):
 
     def _notice_a_gap(self) -> None:
         """A teacher that was frozen lets go. One whose timers wait, because states come as fast as they can, was not."""
-        now, before = time.monotonic(), self._looked
-        self._looked = now
-        if now - before > LEASE:
-            self._withdraw(f"the teacher was held up for {now - before:.1f} s")
+        if frozen := self._awake.frozen():
+            self._withdraw(f"the teacher was held up for {frozen:.1f} s")
 
     def _watch(self) -> None:
         """A lesson needs whoever moves the arm, and whoever asked for it."""
@@ -216,7 +214,7 @@ class TeacherNode(GuardedNode):
             self._withdraw(self._time.stalled)
 
     async def _teach(self, goal_handle) -> Teach.Result:
-        self._goal, self._guiding, self._withdrawn, self._looked = goal_handle, False, "", time.monotonic()
+        self._goal, self._guiding, self._withdrawn = goal_handle, False, ""
         self._needed = publishers(self, JOINT_STATES), publishers(self, "/wam/command"), subscribers(self, "/teach/_action/feedback")
         result = Teach.Result()
         try:

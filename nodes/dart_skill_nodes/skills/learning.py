@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
@@ -15,11 +16,20 @@ from dart_skill.mixture import GaussianMixture
 from dart_skill.recording import Demonstration, read_demonstrations
 from dart_skill.robot import KnownRegistration
 from dart_skill.skill.improve import PracticeSettings, PractisingSkill
-from dart_skill.skill.learn import SkillConfiguration, changed, configuration, load_model, prepare, save_model
+from dart_skill.skill.learn import (
+    PreparedThrow,
+    SkillConfiguration,
+    changed,
+    choose_components,
+    configuration,
+    load_model,
+    prepare,
+    save_model,
+)
 from dart_skill.skill.model import (
     AnySkill,
     ReactiveSkill,
-    changed_settings,
+    changed_skill,
     check_movement,
     learn_usable,
     load_skill_model,
@@ -27,7 +37,17 @@ from dart_skill.skill.model import (
     save_skill_model,
     unlike,
 )
-from dart_skill.skill.protocol import HAND, Skill, TaskDemonstration, TaskOutcome, read_task_demonstrations, task_demonstration_from_message
+from dart_skill.skill.model import choose_components as choose_components_of_skill
+from dart_skill.skill.model import learn as learn_skill
+from dart_skill.skill.protocol import (
+    HAND,
+    Skill,
+    TaskDemonstration,
+    TaskOutcome,
+    check_way,
+    read_task_demonstrations,
+    task_demonstration_from_message,
+)
 from dart_skill.skills.throw import Throw
 from dart_skill_nodes.comms import conversions
 
@@ -131,6 +151,9 @@ class ThrowLearning:
 
     def check(self, parameters: dict[str, Any]) -> None:
         changed(configuration(parameters["configuration"]), parameters)
+        check_way(parameters["choose_components"])
+        if given := [name for name in ("start_speed", "stop_speed") if parameters[name]]:
+            raise ValueError(f"{given[0]} is of the demonstration_recorder, which cuts throws: set it there")
 
     def demonstration(self, message: DemonstrationMsg) -> Demonstration:
         return self._own(conversions.demonstration(message))
@@ -153,6 +176,9 @@ class ThrowLearning:
     def learn(self, demonstrations: Sequence[Demonstration], configuration: str) -> Lesson:
         chosen, changes = self._chosen(configuration)
         chosen = chosen if self._registration is None else replace(chosen, registration=self._registration)
+        if way := self._parameters()["choose_components"]:
+            chosen = choose_components(list(_prepared(demonstrations, chosen)), chosen, way)
+            changes = ", ".join(filter(None, (changes, f"components {chosen.components} by {way}")))
         self.take(list(demonstrations), chosen)
         skill, practice = self._skill.skill, self._skill.practice
         n = len(practice.demonstrations)
@@ -232,6 +258,13 @@ class ThrowLearning:
         return {**learned, "model_id": skill.skill.model_id, "posture_id": skill.skill.posture_id}
 
 
+def _prepared(demonstrations: Sequence[Demonstration], chosen: SkillConfiguration) -> Iterator[PreparedThrow]:
+    """Those that can be learned from."""
+    for one in demonstrations:
+        with suppress(ValueError):
+            yield prepare(one, chosen)
+
+
 class TaskLearning:
     """Every other skill, by its class."""
 
@@ -246,7 +279,8 @@ class TaskLearning:
         return self.model is not None
 
     def check(self, parameters: dict[str, Any]) -> None:
-        changed_settings(self._skill.settings, parameters)
+        changed_skill(self._skill, parameters)
+        check_way(parameters["choose_components"])
 
     def demonstration(self, message: DemonstrationMsg) -> TaskDemonstration:
         return task_demonstration_from_message(message, self._skill)
@@ -258,12 +292,16 @@ class TaskLearning:
         """The skill with the settings that the parameters change, and what they change."""
         if configuration:
             raise ValueError(f"configurations are of throws: the skill '{self.skill}' has its settings in config/skills/{self.skill}.yaml")
-        settings, changes = changed_settings(self._skill.settings, self._parameters())
-        return type(self._skill)(settings), changes
+        return changed_skill(self._skill, self._parameters())
 
     def learn(self, demonstrations: Sequence[TaskDemonstration], configuration: str) -> Lesson:
         skill, changes = self._changed(configuration)
-        self.model, left_out = learn_usable(skill, demonstrations)
+        model, left_out = learn_usable(skill, demonstrations)
+        if way := self._parameters()["choose_components"]:
+            skill = choose_components_of_skill(skill, model.demonstrations, way)
+            model = learn_skill(skill, model.demonstrations)
+            changes = ", ".join(filter(None, (changes, f"components {skill.settings.components} by {way}")))
+        self.model = model
         n = len(self.model.demonstrations)
         said = f"learned '{self.skill}' from {n} demonstrations{changes and f' with {changes}'}"
         return Lesson(n, self.model.model_id, (said, f"a movement takes {self.model.duration:.1f} s"), tuple(left_out.values()))

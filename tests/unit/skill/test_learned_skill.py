@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from dart_skill.movement import TaskParameterisedMixture
 from dart_skill.robot import Commander, CommanderSettings, Grip, PlanRefused
-from dart_skill.skill.model import LearnedSkill, orientations, pose_features
+from dart_skill.skill.model import LearnedSkill, choose_components, orientations, pose_features, unlike
 from dart_skill.skill.model._pose_features import VECTORS, with_free_length, with_prior
 from dart_skill.skill.protocol import Pose, Situation, Skill, SkillSettings, TaskOutcome, Told
 from tests.unit.skill.task_demonstrations import GRIP, POSTURE, START, body_at, draw_body, show, situation_of
@@ -310,3 +310,62 @@ def test_the_prior_of_several_vectors_turns_all_of_them_together():
             block = left[a : a + 3, b : b + 3]
             assert block == pytest.approx(np.trace(block) / 3.0 * np.eye(3), abs=1e-6)
     assert with_prior(one, 4, 0.0, vectors=3).covariances_[0][0] == pytest.approx(covariance)
+
+
+# what the learner may be asked for
+
+
+def touch(**settings):
+    return Touch(SkillSettings(**settings))
+
+
+def test_gains_from_the_demonstrations_lead_the_hand_along_the_same_path(demonstrations, learned):
+    """(7.19) integrated here with the gains of the plan, from its attractor alone; they lie within the bounds, and differ."""
+    body = body_at(0.55, 0.25, 0.3)
+    varied = LearnedSkill(touch(stiffness_range=(50.0, 800.0)), demonstrations)
+    firm, same = (one.plan(situation_of(body)) for one in (varied, learned))
+    np.testing.assert_array_equal(firm.path.position, same.path.position)
+    gains = np.linalg.eigvalsh(firm.position_gains.stiffness)
+    assert gains.min() >= 50.0 - 1e-6 and gains.max() <= 800.0 + 1e-6 and gains.max() > 4.0 * gains.min()
+    place, speed, path = firm.path.position[0].copy(), firm.path.velocity[0, :3].copy(), [firm.path.position[0]]
+    for k, step in enumerate(np.diff(firm.path.time)):
+        pull = firm.position_gains.stiffness[k] @ (firm.attractor_position[k] - place) - firm.position_gains.damping[k] @ speed
+        place, speed = place + step * speed + 0.5 * step**2 * pull, speed + step * pull
+        path.append(place)
+    assert np.abs(np.array(path) - firm.path.position).max() < 0.004
+
+
+def test_only_the_frames_that_are_named_count(demonstrations):
+    """Without that of the button the hand goes where it went on the mean; without that of the start it still finds the button."""
+    body = body_at(0.75, 0.35, 0.0)
+    off = {
+        frames: np.abs(end_of(LearnedSkill(touch(frames=frames), demonstrations).plan(situation_of(body)), body)[0]).max()
+        for frames in (("hand",), ("button",), ("hand", "button"))
+    }
+    assert off["hand",] > 0.15 and off["button",] < 2e-3 and off["hand", "button"] < 2e-3
+    with pytest.raises(ValueError, match="has no task frame 'cup': choose among hand, button"):
+        LearnedSkill(touch(frames=("cup",)), demonstrations)
+
+
+def test_settings_that_are_rarely_given_are_part_of_the_name_of_a_model(demonstrations):
+    kinds = ({}, {"frames": ("button",)}, {"stiffness_range": (50.0, 800.0)})
+    assert len({LearnedSkill(touch(**one), demonstrations).model_id for one in kinds}) == 3
+
+
+@pytest.mark.parametrize("way", ["bic", "cross_validation"])
+def test_the_number_of_components_is_chosen_on_request(demonstrations, way, monkeypatch):
+    """It is the best of all in its own way, and what is chosen is what would have been learned with that number."""
+    few = (2, 6, 12)
+    monkeypatch.setattr("dart_skill.skill.model._choosing.COMPONENTS", few)
+    models = {number: LearnedSkill(touch(components=number), demonstrations) for number in few}
+    score = {number: one.bic() if way == "bic" else np.mean(unlike(one) ** 2) for number, one in models.items()}
+    chosen = choose_components(touch(), demonstrations, way)
+    assert chosen.settings.components == min(score, key=score.get) != 2
+    assert LearnedSkill(chosen, demonstrations).model_id == models[chosen.settings.components].model_id
+
+
+def test_a_number_that_cannot_be_chosen_is_said(demonstrations):
+    with pytest.raises(ValueError, match="choose_components is 'aic': give bic, cross_validation, or nothing"):
+        choose_components(touch(), demonstrations, "aic")
+    with pytest.raises(ValueError, match="2 demonstrations are too few to leave out each once"):
+        choose_components(touch(), demonstrations[:2], "cross_validation")

@@ -19,7 +19,7 @@ from dart_skill.recording import (
     typestore,
 )
 from dart_skill.robot import Grip
-from dart_skill.skill.model import LearnedSkill, changed_settings, load_skill_model, save_skill_model
+from dart_skill.skill.model import LearnedSkill, changed_skill, load_skill_model, save_skill_model
 from dart_skill.skill.protocol import (
     Skill,
     SkillSettings,
@@ -32,6 +32,7 @@ from dart_skill.skill.protocol import (
     task_demonstration_from_message,
     task_demonstration_message,
 )
+from dart_skill.skills.place import Place
 from dart_skill.skills.throw import Throw
 from tests.unit.skill.task_demonstrations import draw_body, show, situation_of
 
@@ -226,14 +227,21 @@ def test_a_file_that_is_no_model_of_this_skill_is_refused(learned, tmp_path):
 
 
 def test_what_the_parameters_of_the_learner_change():
-    none = {"components": 0, "stiffness": 0.0, "orientation_stiffness": 0.0, "frames": "", "least_stiffness": 0.0, "most_stiffness": 0.0}
-    settings = SkillSettings()
-    assert changed_settings(settings, none) == (settings, "")
-    changed, said = changed_settings(settings, none | {"components": 5, "stiffness": 250.0})
-    assert (changed.components, changed.stiffness, changed.orientation_stiffness) == (5, 250.0, settings.orientation_stiffness)
-    assert said == "components 5, stiffness 250.0"
-    with pytest.raises(ValueError, match="frames is azimuth: it is for throws"):
-        changed_settings(settings, none | {"frames": "azimuth"})
+    numbers = ("components", "stiffness", "orientation_stiffness", "start_speed", "stop_speed", "least_stiffness", "most_stiffness")
+    none, place = {**dict.fromkeys(numbers, 0), "frames": ""}, Place()
+    assert changed_skill(place, none) == (place, "")
+    changed, said = changed_skill(place, none | {"components": 5, "stiffness": 250.0, "stop_speed": 0.03, "frames": "holder"})
+    assert changed.settings == replace(place.settings, components=5, stiffness=250.0, stop_speed=0.03, frames=("holder",))
+    assert said == "components 5, stiffness 250.0, stop_speed 0.03, frames holder"
+    assert changed_skill(place, none | {"most_stiffness": 800.0}) == (place, ""), "one is set before the other"
+    bounds = {"least_stiffness": 50.0, "most_stiffness": 800.0}
+    assert changed_skill(place, none | bounds)[0].settings.stiffness_range == (50.0, 800.0)
+    with pytest.raises(ValueError, match="has no task frame 'azimuth': choose among hand, holder"):
+        changed_skill(place, none | {"frames": "azimuth, holder"})
+    with pytest.raises(ValueError, match="the skill 'reach' reacts"):
+        changed_skill(load_skill("reach"), none | bounds)
+    with pytest.raises(ValueError, match="stiffness_range is"):
+        changed_skill(place, none | {"least_stiffness": 900.0, "most_stiffness": 800.0})
 
 
 # throwing, in the words of all skills

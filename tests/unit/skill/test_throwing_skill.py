@@ -18,10 +18,12 @@ from dart_skill.skill.learn import (
     SkillConfiguration,
     Unreachable,
     changed,
+    choose_components,
     component_ellipsoids,
     configuration,
     frames_for,
     learn,
+    learn_prepared,
     prepare,
 )
 from dart_skill.skill.learn._configuration import THESIS
@@ -501,3 +503,22 @@ def test_a_change_that_cannot_be_is_refused():
         changed(DEFAULT, {**AS_CONFIGURED, "frames": "cup"})
     with pytest.raises(ValueError, match="stiffness_range"):
         changed(DEFAULT, {**AS_CONFIGURED, "least_stiffness": 800.0, "most_stiffness": 50.0})
+
+
+@pytest.mark.parametrize("way", ["bic", "cross_validation"])
+def test_the_number_of_components_is_chosen_on_request(demonstrations, way, monkeypatch):
+    few = (3, 8, 16)
+    monkeypatch.setattr("dart_skill.skill.learn._choosing.COMPONENTS", few)
+    throws = [prepare(one, DEFAULT) for one in demonstrations]
+    models = {number: learn_prepared(throws, replace(DEFAULT, components=number)) for number in few}
+    score = {number: one.bic() if way == "bic" else one.left_out_error() for number, one in models.items()}
+    chosen = choose_components(throws, DEFAULT, way)
+    assert chosen == replace(DEFAULT, components=min(score, key=score.get)) and chosen.components != 3
+
+
+def test_what_cannot_be_compared_is_said(demonstrations):
+    throws = [prepare(one, DEFAULT) for one in demonstrations]
+    with pytest.raises(ValueError, match="'weighted' has a model for each target, and BIC compares nothing"):
+        choose_components(throws, configuration("weighted"), "bic")
+    with pytest.raises(ValueError, match="2 demonstrations are too few to leave out each once"):
+        choose_components(throws[:2], DEFAULT, "cross_validation")
