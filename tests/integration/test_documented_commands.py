@@ -216,6 +216,7 @@ TYPED = {
     "ros2 service call /bag_player/pause std_srvs/srv/SetBool '{data: true}'": FULL_ROS,
     "ros2 service call /bag_player/step dart_skill_msgs/srv/Step '{steps: 10}'": FULL_ROS,
     "ros2 param set /bag_player rate 0.2": FULL_ROS,
+    "ros2 param set /skill_learner choose_components bic": FULL_ROS,
     "ros2 param set /skill_learner most_stiffness 800.0": FULL_ROS,
     "ros2 param set /skill_learner least_stiffness 50.0": FULL_ROS,
     # bags
