@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 from std_srvs.srv import SetBool, Trigger
 
 from dart_skill.skill.protocol import Pose
-from dart_skill.view._held_hand import eye_of
 from dart_skill.view._holding_controls import TURN_BY
 from dart_skill.world import pose_topic
 from dart_skill_nodes.comms import conversions
@@ -101,20 +100,23 @@ class PageHands:
 
 
 class MouseHands:
-    """The same with a real mouse and real keys in a browser.
+    """The same with a real mouse and real keys in a browser, as the page looks at first.
 
-    page: a Page that is open; watch: a PageClient of it, which tells where the ball is.
+    page: a Page that is open; watch: a PageClient of it, which tells where the ball is; sight: where the page looks from and to (3,).
     """
 
-    there, turned = 0.003, 0.045
-    """A pixel is more than a millimetre, and a key turns by 5 degrees."""
+    there, turned = 0.004, 0.045
+    """A pixel is more than two millimetres, and a key turns by 5 degrees."""
 
-    def __init__(self, page, watch):
-        self._page, self._watch = page, watch
+    def __init__(self, page, watch, sight):
+        self._page, self._watch, (self._eye, self._look_at) = page, watch, sight
+        forward = self._look_at - self._eye
+        up = np.cross(np.cross(forward, [0.0, 0.0, 1.0]), forward)
+        self._rise = up / up[2]  # of the ball that is dragged up on the screen, for a metre in height
         self._let_go()
 
     def _let_go(self):
-        self._base, self._keys, self._above = None, 0, False
+        self._base, self._keys = None, 0
 
     @property
     def _ball(self):
@@ -130,27 +132,24 @@ class MouseHands:
             left = self._wanted_keys > self._keys
             self._page.key("q" if left else "e")
             self._keys += 1 if left else -1
+        rise = position[2] - self._ball[2]
+        if abs(rise) > self.there / 2:
+            self._drag(self._ball + rise * self._rise, shift=False)
         if np.hypot(*(position - self._ball)[:2]) > self.there / 2:
-            self._drag(position * [1.0, 1.0, 0.0] + self._ball * [0.0, 0.0, 1.0], above=True)
-        if abs(position[2] - self._ball[2]) > self.there / 2:
-            self._drag(self._ball * [1.0, 1.0, 0.0] + position * [0.0, 0.0, 1.0], above=False)
+            self._drag(position * [1.0, 1.0, 0.0] + self._ball * [0.0, 0.0, 1.0], shift=True)
 
-    def _drag(self, position, above):
-        """Over the ground as it is seen from above, or up and down as it is seen from the side."""
+    def _drag(self, position, shift):
+        """As the screen does, or with Shift over the ground."""
         ball = self._ball
-        for _ in range(1 if self._above != above else 2):  # a second look turns to where the hand is now
-            before = self._page.screenshot()
-            self._page.key("v")
-            self._page.settle(before, self._watch.listen)
-        self._above, eye = above, eye_of(ball, above)
-        start, wanted = project(np.array([ball, position]), eye, ball)
+        start, wanted = project(np.array([ball, position]), self._eye, self._look_at)
 
         def correct(end):
             """The mouse has hold of the near side of the ball, where a pixel is a shorter way: it goes on until the ball is there."""
             seen = self._ball_at_rest()
-            return None if np.linalg.norm(seen - position) < self.there / 2 else end + wanted - project(seen, eye, ball)[0]
+            off = wanted - project(seen, self._eye, self._look_at)[0]
+            return None if np.linalg.norm(off) < 0.5 else end + off
 
-        self._page.drag(start, wanted, shift=above, correct=correct)
+        self._page.drag(start, wanted, shift=shift, correct=correct)
 
     def _ball_at_rest(self):
         """Where the ball is, when all that the page was told of it has come."""

@@ -22,6 +22,7 @@ class PageClient:
         address = parse_qs(urlsplit(url).query).get("websocket", [url.replace("http", "ws", 1)])[0]
         self._socket = connect(address, subprotocols=[protocol], origin=origin, max_size=None, compression=None, ping_interval=None)
         self.texts, self.controls, self.places, self.nodes, self.commands = {}, {}, {}, {}, {}
+        self.looks = 0  # times that the page was told where to look from
         camera = {"wxyz": (1.0, 0.0, 0.0, 0.0), "position": EYE, "look_at": (0.0, 0.0, 0.0), "up_direction": (0.0, 0.0, 1.0)}
         self.send(_messages.ViewerCameraMessage(**camera, fov=1.0, near=0.1, far=100.0, image_height=600, image_width=800))
 
@@ -95,6 +96,8 @@ class PageClient:
             self.controls.get(message["uuid"], {}).update(message["updates"])
         elif kind == "RegisterCommandMessage":
             self.commands[message["uuid"]] = message["props"]["label"]
+        elif kind == "SetCameraPositionMessage":
+            self.looks += 1
         elif kind == "SetPositionMessage":
             self.places[message["name"]] = np.array(message["position"])
         elif "props" in message and "name" in message:

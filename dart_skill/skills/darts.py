@@ -64,6 +64,8 @@ class DartsSettings(SkillSettings):
         if len(self.apart) != 2:
             raise ValueError(f"apart is {self.apart}; it must be two numbers")
         for one in fields(self):
+            if one.name not in self.names():
+                continue
             value = getattr(self, one.name)
             good = np.size(value) and np.isfinite(value).all() and np.min(value) >= 0.0
             if one.name != "cocked" and not good:

@@ -184,16 +184,13 @@ class Page:
             self.mouse("mouseMoved", end, 1, shift)
         self.mouse("mouseReleased", end, shift=shift)
 
-    def settle(self, unlike=None, meanwhile=lambda: None):
-        """Wait until the page looks the same twice; unlike: a picture that it has had before and does not have any more.
-
-        meanwhile: called again and again.
-        """
+    def settle(self, meanwhile=lambda: None):
+        """Wait until the page looks the same twice; meanwhile: called again and again."""
         pictures = [self.screenshot()]
 
         def still():
             pictures.append(self.screenshot())
-            return not _differ(*pictures[-2:]) and (unlike is None or _differ(unlike, pictures[-1]))
+            return not _differ(*pictures[-2:])
 
         self._wait(still, 120.0, "a page that stands still", meanwhile)
 

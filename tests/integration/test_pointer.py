@@ -9,6 +9,7 @@ from rclpy.action import ActionClient
 from scipy.spatial.transform import Rotation
 
 from dart_skill.skill.protocol import Situation, load_skill
+from dart_skill.view._scene import NEAR
 from dart_skill_nodes.comms import conversions
 from tests.integration.browser import Page, needs_chromium
 from tests.integration.conftest import catch_up, graphs, wait_for
@@ -92,7 +93,7 @@ def test_on_the_page_it_is_shown_with_the_mouse_undone_learned_and_executed(grap
 
 @needs_chromium
 def test_in_a_browser_the_hand_is_pulled_with_the_mouse_and_told_with_keys(graph, url, tmp_path):
-    """Up as the side shows it, over the ground as it is seen from above, and turned."""
+    """Up as the screen shows it, with Shift over the ground, and turned; the page looks at it from above, too."""
     client = graph.client
     with Page(tmp_path / "browser", url) as page, PageClient(url, origin=url) as watch:
 
@@ -101,7 +102,7 @@ def test_in_a_browser_the_hand_is_pulled_with_the_mouse_and_told_with_keys(graph
 
         until(lambda: page.button("Take the hand"), "the page", 90.0)
         page.settle(meanwhile=watch.listen)
-        person = ScreenPerson(client, ("hand", "part", "holder"), MouseHands(page, watch), meanwhile=watch.listen)
+        person = ScreenPerson(client, ("hand", "part", "holder"), MouseHands(page, watch, NEAR), meanwhile=watch.listen)
         page.click("Take the hand")
         until(lambda: "beside its place" in page.text(), "a hand that is held")
         person.look(until)
@@ -115,6 +116,9 @@ def test_in_a_browser_the_hand_is_pulled_with_the_mouse_and_told_with_keys(graph
         carried = person.seen["part"]
         turn = (Rotation.from_quat(carried.quaternion) * Rotation.from_quat(part.quaternion).inv()).as_rotvec()
         assert np.linalg.norm(carried.position - part.position) > 0.12 and 0.12 < turn[2] < 0.25, "with the part in it"
+        looks = watch.looks
+        page.key("v")
+        until(lambda: watch.looks > looks, "a look from above")
         person.hands.done()
         until(lambda: "not kept: " in page.text(), "the end of a lesson in which the part was not brought to its holder")
         assert page.exceptions == []
