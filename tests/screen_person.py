@@ -173,13 +173,15 @@ class ScreenPerson:
     """client: a GraphClient, which is spun while the person waits; names: roles of the bodies that are seen, the hand among them."""
 
     def __init__(self, client, names, hands=None, meanwhile=lambda: None):
-        self._client, self._names, self._near, self._meanwhile, self.seen = client, names, 0, meanwhile, {}
+        self._client, self._names, self._meanwhile, self.seen = client, names, meanwhile, {}
+        self._poses, self._near_since = 0, None  # of the hand, so far, and when it came near
         self.hands = hands or RosHands(client)
         for name in names:
             see = lambda message, name=name: self._see(name, message)  # noqa: E731
             client.node.create_subscription(PoseStamped, pose_topic(name), see, qos_profile_sensor_data)
 
     def _see(self, name, message):
+        self._poses += name == "hand"
         p, q = message.pose.position, message.pose.orientation
         self.seen[name] = Pose(np.array([p.x, p.y, p.z]), np.array([q.x, q.y, q.z, q.w]))
 
@@ -190,7 +192,7 @@ class ScreenPerson:
 
     def pull(self, position, quaternion, limit=60.0):
         """Until the hand is there and stays there."""
-        self._near, quaternion = 0, self.hands.possible(quaternion)
+        self._near_since, quaternion = None, self.hands.possible(quaternion)
 
         def there():
             self.hands.pull(position, quaternion)
@@ -198,23 +200,29 @@ class ScreenPerson:
             hand = self.seen["hand"]
             turn = (Rotation.from_quat(hand.quaternion).inv() * Rotation.from_quat(quaternion)).magnitude()
             near = np.linalg.norm(hand.position - position) < self.hands.there and turn < self.hands.turned
-            self._near = self._near + 1 if near else 0
-            return self._near >= STAYS
+            return self._stays(near, STAYS)
 
         wait_for(
             self._client, there, limit, lambda: f"the hand at {np.round(position, 3)}, not at {np.round(self.seen['hand'].position, 3)},"
         )
 
-    def follow(self, role, beside, limit=60.0):
-        """Keep the hand beside a body (3,) [m], wherever that goes, until it is there and stays there."""
-        self._near, turned = 0, self.seen["hand"].quaternion
+    def _stays(self, near, poses):
+        """Whether the hand has been near in so many poses, one after the other."""
+        if not near:
+            self._near_since = None
+        elif self._near_since is None:
+            self._near_since = self._poses
+        return near and self._poses - self._near_since >= poses
+
+    def follow(self, role, beside, poses=STAYS, limit=120.0):
+        """Keep the hand beside a body (3,) [m], wherever that goes, until it is there and stays there for so many poses."""
+        self._near_since, turned = None, self.seen["hand"].quaternion
 
         def there():
             wanted = self.seen[role].position + beside
             self.hands.pull(wanted, turned)
             near = np.linalg.norm(self.seen["hand"].position - wanted) < 2.0 * self.hands.there
-            self._near = self._near + 1 if near else 0
-            return self._near >= STAYS
+            return self._stays(near, poses)
 
         wait_for(self._client, there, limit, f"the hand beside the {role}")
 
