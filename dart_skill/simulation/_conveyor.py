@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -45,9 +46,19 @@ class Belt:
 
     def at(self, time: float) -> Pose:
         """Where the cup is then: the middle of its floor, its z axis up."""
+        return self.place(time), self._turned
+
+    def place(self, time: float) -> np.ndarray:
+        """The middle of its floor then (3,) [m]."""
         share = (time - self.start) / self.duration
         share = share if self.steady else smooth(share)
-        return np.array(self.begin) + share * np.array(self.way), Rotation.from_rotvec([0.0, 0.0, self.turn]).as_quat()
+        return np.array(self.begin) + share * np.array(self.way)
+
+    @cached_property
+    def _turned(self) -> np.ndarray:
+        quaternion = Rotation.from_rotvec([0.0, 0.0, self.turn]).as_quat()
+        quaternion.flags.writeable = False
+        return quaternion
 
     @classmethod
     def of(cls, cup: Pose | None, numbers: Mapping[str, float]) -> Belt:
@@ -133,7 +144,7 @@ class Conveyor(Plant):
         """What the state says of a ball is said of the cup."""
         position, quaternion = self.cup
         self._ball_position, self._ball_quaternion = tuple(position.tolist()), tuple(quaternion.tolist())
-        before, after = (self._belt.at(self.time + around)[0] for around in (-AROUND, AROUND))
+        before, after = (self._belt.place(self.time + around) for around in (-AROUND, AROUND))
         self._ball_velocity = tuple(((after - before) / (2.0 * AROUND)).tolist())
 
     def _act_on_ball(self) -> None:

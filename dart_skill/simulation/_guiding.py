@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dart_skill.robot import ArmModel, ArmState, Command, Grip, minimum_jerk, rotation_error
+from dart_skill.robot import ArmModel, ArmState, Command, Grip, rotation_error
 from dart_skill.simulation._teacher import Person, _at_most, tremor
 
 MOST_LEFT = np.repeat([0.02, 0.3], 3)
@@ -74,5 +74,6 @@ class Guiding:
 
 
 def smooth(share: float) -> float:
-    """Minimum jerk from 0 to 1; rounding must not lead beyond."""
-    return min(minimum_jerk(np.zeros(1), np.ones(1), 1.0, share)[0].item(), 1.0)
+    """Minimum jerk from 0 to 1, as `minimum_jerk` for one number; rounding must not lead beyond."""
+    s = min(max(share, 0.0), 1.0)
+    return min((10 - 15 * s + 6 * s * s) * s**3, 1.0)

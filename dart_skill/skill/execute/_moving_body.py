@@ -29,6 +29,7 @@ class MovingBody:
     def __init__(self, name: str):
         self.name = name
         self._poses: deque[tuple[int, np.ndarray, np.ndarray]] = deque()
+        self._parabola: np.ndarray | None = None  # (3, 3), of the present poses
 
     def see(self, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
         """A pose: (3,) [m] and (4,). One that is not newer than the last is left out."""
@@ -37,6 +38,7 @@ class MovingBody:
         self._poses.append((stamp_ns, np.asarray(position, dtype=float), np.asarray(quaternion, dtype=float)))
         while (stamp_ns - self._poses[0][0]) * 1e-9 > WINDOW:
             self._poses.popleft()
+        self._parabola = None
 
     @property
     def newest_ns(self) -> int | None:
@@ -47,12 +49,18 @@ class MovingBody:
         """The motion at an instant [ns]; ValueError before any pose has come."""
         if not self._poses:
             raise ValueError(f"nobody has seen the {self.name} yet")
-        newest_ns, _, quaternion = self._poses[-1]
-        positions = np.array([position for _, position, _ in self._poses])
-        time = (np.array([ns for ns, *_ in self._poses]) - newest_ns) * 1e-9
+        newest_ns, position, quaternion = self._poses[-1]
         ahead = (stamp_ns - newest_ns) * 1e-9
-        if len(time) < FEWEST:
-            return BodyMotion(positions[-1], np.zeros(3), np.zeros(3), quaternion, ahead)
-        constant, linear, quadratic = np.linalg.lstsq(np.vander(time, 3, increasing=True), positions, rcond=None)[0]
+        if len(self._poses) < FEWEST:
+            return BodyMotion(position, np.zeros(3), np.zeros(3), quaternion, ahead)
+        if self._parabola is None:
+            self._parabola = self._fit(newest_ns)
+        constant, linear, quadratic = self._parabola
         velocity = linear + 2.0 * ahead * quadratic
         return BodyMotion(constant + ahead * linear + ahead**2 * quadratic, velocity, 2.0 * quadratic, quaternion, ahead)
+
+    def _fit(self, newest_ns: int) -> np.ndarray:
+        """Coefficients of the parabola, lowest first (3, 3)."""
+        positions = np.array([position for _, position, _ in self._poses])
+        time = (np.array([ns for ns, *_ in self._poses]) - newest_ns) * 1e-9
+        return np.linalg.lstsq(np.vander(time, 3, increasing=True), positions, rcond=None)[0]
