@@ -27,13 +27,14 @@ demo: setup
 	@$(ENV) && exec dart-skill demo $(ARGS)
 
 # In this order, in one go, with more workers than cores: while a test of nodes waits, others compute, and no long one begins last.
-# What fails is tried once more, and told of as a rerun: a busy machine may be late by more than a limit.
+# A file in which something failed is tried again, alone: a busy machine may be late by more than a limit.
 TESTS := tests/integration tests/foreign_arm tests/reference tests/unit
 
 test: setup
 	@$(ENV) && python3 -m ruff check .
 	@$(ENV) && python3 -m mypy
-	@$(ENV) && python3 -m pytest $(TESTS) -n 3 --dist loadfile --no-loadscope-reorder --reruns 1
+	@$(ENV) && { python3 -m pytest $(TESTS) -n 3 --dist loadfile --no-loadscope-reorder || \
+	  { [ $$? = 1 ] && python3 tools/try_again.py; }; }
 
 # The set-up script runs on any Python from 3.8 on, and looks for the best one itself.
 setup:

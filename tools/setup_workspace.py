@@ -410,7 +410,6 @@ MODULES = {  # what a requirement is imported as, where that is not its name
     "mcap-ros2-support": "mcap_ros2",
     "pin": "pinocchio",
     "pybullet-arm64": "pybullet",
-    "pytest-rerunfailures": "pytest_rerunfailures",
     "pytest-xdist": "xdist",
     "pyyaml": "yaml",
 }
