@@ -7,11 +7,12 @@ import traceback
 from collections import Counter
 from collections.abc import Callable
 
+from rclpy.clock import Clock
 from rclpy.executors import ExternalShutdownException
 from rclpy.lifecycle import LifecycleNode
 from rclpy.node import Node
 
-from dart_skill_nodes.comms.qos import CALLS
+from dart_skill_nodes.comms.qos import CALLS, WALL
 
 SAID_AGAIN = 5.0
 """A place that goes on refusing is named in the log so often [s, wall clock]: a stream of bad messages is no stream of lines."""
@@ -74,6 +75,7 @@ class _Guarded:
 
     def __init__(self, name: str, **options):
         self.refusals = Refusals(lambda text: self.get_logger().error(text))
+        self._wall = Clock(clock_type=WALL.clock_type)
         super().__init__(name, **options)
 
     def create_subscription(self, msg_type, topic, callback, qos_profile, **options):
@@ -94,11 +96,14 @@ class _Guarded:
     def create_client(self, srv_type, srv_name, **options):
         return super().create_client(srv_type, srv_name, **{"qos_profile": CALLS, **options})
 
-    def create_timer(self, timer_period_sec, callback, *arguments, **options):
+    def create_timer(self, timer_period_sec, callback, *arguments, clock=None, **options):
+        """On `WALL` each node has a clock of its own: from eight timers on one clock rclpy's executor complains."""
+
         def tick() -> None:
             self.refusals.accepts(f"timer {getattr(callback, '__name__', '')}".strip(), callback)
 
-        return super().create_timer(timer_period_sec, tick, *arguments, **options)
+        own = self._wall if clock is WALL else clock
+        return super().create_timer(timer_period_sec, tick, *arguments, clock=own, **options)
 
 
 class GuardedNode(_Guarded, Node):
