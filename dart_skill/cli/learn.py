@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dart_skill.cli import graph_verbs
+from dart_skill.cli.names import CONFIGURATIONS
 
 if TYPE_CHECKING:
     from dart_skill.session import LearnReport
@@ -17,7 +19,7 @@ if TYPE_CHECKING:
     from dart_skill.skills.throw import Throw
 
 THROW = "throw"
-NEXT = "next: ros2 service call /skill_learner/load dart_skill_msgs/srv/ModelFile \"{{path: '{}'}}\""
+NEXT = "next: dart-skill up{} --model '{}', and in another terminal dart-skill {}"
 
 
 def add_to(commands: argparse._SubParsersAction) -> None:
@@ -35,7 +37,8 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("--with-throws", action="store_true", help="learn from misses and from the arm's own throws, too")
     text = "leave this demonstration out; may be given several times (those that were dropped are left out anyway)"
     parser.add_argument("--without", metavar="ID", action="append", default=[], help=text)
-    parser.add_argument("--configuration", default="", help="of the skill (default: default; on a graph that of its learner)")
+    text = f"of the skill: {', '.join(CONFIGURATIONS)} (default: default; on a graph that of its learner)"
+    parser.add_argument("--configuration", default="", choices=CONFIGURATIONS, metavar="NAME", help=text)
     parser.add_argument("--at-least", type=int, metavar="N", help="without BAG: wait for so many demonstrations")
     parser.add_argument("--json", action="store_true", help="what was found and learned as JSON")
     parser.set_defaults(run=_learn, run_on_graph=graph_verbs.runner("learn", parser))
@@ -86,7 +89,7 @@ def _learn_skill(options: argparse.Namespace, name: str, output: Path) -> int:
     told = {**told, "duration_s": learned.duration, "model_id": learned.model_id, "model": str(output)}
     lines = [*(f"{one}: left out: {why}" for one, why in left_out.items())]
     lines.append(f"learned '{name}' from {len(learned.demonstrations)} demonstrations; a movement takes {learned.duration:.1f} s")
-    lines += [f"model {learned.model_id}: {output}", NEXT.format(output.resolve())]
+    lines += [f"model {learned.model_id}: {output}", *_next(name, output)]
     print(json.dumps(told, indent=1) if options.json else "\n".join(lines))
     return 0
 
@@ -105,7 +108,7 @@ def _learn_other_throws(options: argparse.Namespace, skill: Throw, output: Path)
     told = {**told, "model_id": learned.model_id, "model": str(output)}
     lines = [f"{one}: left out: {why}" for one, why in left_out.items()]
     lines.append(f"learned '{skill.name}' from {len(practice.demonstrations)} throws")
-    lines += [f"model {learned.model_id}: {output}", NEXT.format(output.resolve())]
+    lines += [f"model {learned.model_id}: {output}", *_next(skill.name, output)]
     print(json.dumps(told, indent=1) if options.json else "\n".join(lines))
     return 0
 
@@ -135,8 +138,15 @@ def _as_text(skill: PractisingSkill, report: LearnReport, output: Path) -> str:
     )
     lines.append(f"learned from {len(learned)} of {len(report.throws)} throws with '{model.configuration.name}'{delay}")
     lines.append(f"model {model.model_id}: {output}")
-    lines.append(NEXT.format(output.resolve()))
-    return "\n".join(lines)
+    return "\n".join(lines + _next(THROW, output))
+
+
+def _next(skill: str, model: Path) -> list[str]:
+    """What to type for an arm that does what was learned; nothing where there is no ROS for it."""
+    if importlib.util.find_spec("rclpy") is None:
+        return []
+    option, verb = ("", "throw") if skill == THROW else (f" --skill {skill}", "execute")
+    return [NEXT.format(option, model.resolve(), verb)]
 
 
 def _throw_line(number: int, throw: FoundThrow) -> str:

@@ -77,6 +77,7 @@ MACHINES = Not("is about other machines")
 RERUN = Elsewhere("unit/recording/test_others.py::test_rerun_counts_every_message_and_finds_no_fault")
 NODES = Elsewhere("integration/test_executables.py::test_starts_with_ros2_run_and_ends_on_sigint")
 ARM = Elsewhere("integration/test_check_arm.py::test_the_registration_of_loose_cameras_is_found_and_written")
+MODEL = Elsewhere("integration/test_up.py::test_a_model_that_was_learned_from_a_bag_throws_at_once")
 REACH = Elsewhere("integration/test_reach.py::test_the_hand_reaches_into_cups_that_move_otherwise")
 SKILLS = Elsewhere("integration/test_skills.py::test_a_skill_of_another_package_runs_through_all_nodes_and_the_command")
 PRACTICE = Elsewhere("integration/test_practice.py::test_the_practice_command_changes_the_arm_on_the_way_and_reports_every_throw")
@@ -141,6 +142,8 @@ TYPED = {
     "dart-skill learn --at-least 3": OnTheGraph("--at-least 2", says="model [0-9a-f]+"),
     "dart-skill demonstrations": OnTheGraph(says="taught: a throw to"),
     "dart-skill demonstrations drop ID": Elsewhere(f"{HARDWARE}test_a_bad_demonstration_is_dropped_and_restored"),
+    "dart-skill up --model monday_model.npz": MODEL,
+    "dart-skill throw --model monday_model.npz": MODEL,
     "dart-skill up --layout hardware": ON_HARDWARE,
     "dart-skill up --layout hardware --record tuesday": ON_HARDWARE,
     "ros2 run dart_skill recorder --ros-args -p bag:=tuesday": Elsewhere(

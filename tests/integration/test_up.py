@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from dart_skill.cli import main as command_line
 from dart_skill.session import learn_from_bag
 from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES
 from dart_skill_nodes.process.signals import ENDS_WITH
@@ -104,6 +105,20 @@ def test_a_recording_is_replayed_into_a_model(start):
     end(process)
 
 
+def test_a_model_that_was_learned_from_a_bag_throws_at_once(start, tmp_path):
+    """On a graph that nobody has taught; what is no model is refused, and the graph goes on."""
+    model = told_by("learn", str(BAG), "--demonstrations-topic", "--output", str(tmp_path / "model.npz"))
+    process = start("--model", model["model"])
+    up = events_until(process, "up")[-1]
+    assert model["model_id"] in up["message"] and up["next"] == "dart-skill throw"
+    (thrown,) = told_by("throw", "--model", model["model"])["throws"]
+    assert thrown["in_basket"], thrown
+    command = [sys.executable, "-m", "dart_skill.cli", "throw", "--model", __file__]
+    refused = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
+    assert refused.returncode == 1 and "/skill_learner/load: " in refused.stderr and "Traceback" not in refused.stderr
+    end(process)
+
+
 @pytest.mark.parametrize("verb", ["throw", "status"])
 def test_without_a_graph_the_verbs_say_how_to_start_it(verb):
     done = subprocess.run([sys.executable, "-m", "dart_skill.cli", verb], capture_output=True, text=True, timeout=PATIENCE)
@@ -132,8 +147,23 @@ def test_nodes_end_with_whoever_started_them_and_a_second_graph_is_refused(start
     until(lambda: not children(first.pid), "the end of the nodes")
 
 
-@pytest.mark.parametrize("arguments", [["--layout", "replay"], ["--play", "bag", "--layout", "composed"], ["--seed", "-1"]])
-def test_usage_errors_are_told(start, arguments):
-    process = start(*arguments)
-    _, complaint = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 2 and "error:" in complaint
+@pytest.mark.parametrize(
+    "arguments, said",
+    [
+        (["up", "--layout", "replay"], "needs --play BAG"),
+        (["up", "--play", "bag", "--layout", "composed"], "needs --play BAG"),
+        (["up", "--seed", "-1"], "--seed is -1"),
+        (["up", "--rate", "2"], "--rate 2 is of a replay"),
+        (["up", "--model", "none.npz"], "none.npz: there is no such file"),
+        (["up", "--output", "run.png"], "run.png: what is written fills a folder"),
+        (["demo", "--output", __file__], "this is the name of a file"),
+        (["demo", "--configuration", "nope"], "choose from"),
+        (["throw", "--model", "none.npz"], "none.npz: there is no such file"),
+        (["execute", "--model", "none.npz"], "none.npz: there is no such file"),
+        (["learn", "--configuration", "nope"], "choose from"),
+    ],
+)
+def test_usage_errors_are_told_before_anything_is_started(arguments, said, capsys):
+    with pytest.raises(SystemExit) as ended:
+        command_line(arguments)
+    assert ended.value.code == 2 and said in capsys.readouterr().err

@@ -3,12 +3,13 @@
 import os
 import time
 from collections.abc import Callable, Coroutine, Iterable
+from pathlib import Path
 
 import numpy as np
 import rclpy
 from dart_skill_msgs.action import Execute, Practice, Teach
 from dart_skill_msgs.msg import Situation
-from dart_skill_msgs.srv import DropDemonstration, Learn, ListDemonstrations, StopDemonstration
+from dart_skill_msgs.srv import DropDemonstration, Learn, ListDemonstrations, ModelFile, StopDemonstration
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters
@@ -132,6 +133,12 @@ class GraphClient:
         if not response.success:
             raise GraphFailure(f"{self._learn.srv_name}: {response.message}")
         return response
+
+    def load(self, model: Path) -> str:
+        """Plan with a model of a file from now on; its id. GraphFailure says why the learner refuses it."""
+        loader = self.node.create_client(ModelFile, "/skill_learner/load")
+        response = self.call(loader, ModelFile.Request(path=str(model.resolve())))
+        return response.model_id
 
     def release_arm(self, free: bool) -> None:
         """Leave a real arm to the hands of a person, or hold it where it is; GraphFailure if that cannot be now."""

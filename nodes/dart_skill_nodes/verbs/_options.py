@@ -4,10 +4,13 @@ import argparse
 from datetime import datetime
 from pathlib import Path
 
+from dart_skill.cli.names import CONFIGURATIONS
 from dart_skill_nodes.process.graph_processes import SIMULATED
 
 UNTOLD = ("help", "output", "json")
 """Options that change nothing about a run."""
+FILES = (".png", ".svg", ".webp", ".html", ".json", ".csv", ".npz", ".mcap", ".db3", ".yaml")
+"""Endings of files: no folder is meant to be called so."""
 
 
 def add_run(parser: argparse.ArgumentParser, demonstrations: int, throws: int, thrown: str) -> None:
@@ -19,6 +22,24 @@ def add_run(parser: argparse.ArgumentParser, demonstrations: int, throws: int, t
     parser.add_argument("--output", type=Path, help=f"folder for {what} (default output/{verb}_<date>)")
     parser.add_argument("--layout", choices=SIMULATED, default="composed", help="processes of the graph (default composed)")
     add_arm(parser)
+
+
+def add_configuration(parser: argparse.ArgumentParser, default: str) -> None:
+    """Which of the skill's configurations is learned; default: in words."""
+    text = f"of the skill: {', '.join(CONFIGURATIONS)} (default: {default})"
+    parser.add_argument("--configuration", default="", choices=CONFIGURATIONS, metavar="NAME", help=text)
+
+
+def add_model(parser: argparse.ArgumentParser) -> None:
+    """A model that was learned before."""
+    text = "a file of 'dart-skill learn BAG': the learner plans with it from now on"
+    parser.add_argument("--model", type=Path, metavar="FILE", help=text)
+
+
+def check_model(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
+    """A usage error for a model that is no file, before anything is started."""
+    if options.model is not None and not options.model.is_file():
+        parser.error(f"--model {options.model}: there is no such file; 'dart-skill learn BAG' writes one")
 
 
 def add_arm(parser: argparse.ArgumentParser) -> None:
@@ -64,7 +85,9 @@ def check_run(parser: argparse.ArgumentParser, options: argparse.Namespace) -> N
 
 
 def output_folder(parser: argparse.ArgumentParser, chosen: Path | None) -> Path:
-    """The chosen folder, or output/VERB_<date>."""
+    """The chosen folder, or output/VERB_<date>; a usage error for what is, or is called like, a file."""
+    if chosen is not None and (chosen.is_file() or chosen.suffix.lower() in FILES):
+        parser.error(f"--output {chosen}: what is written fills a folder; this is the name of a file")
     return (chosen or Path("output") / f"{parser.prog.split()[-1]}_{datetime.now():%Y_%m_%d-%H_%M_%S}").resolve()
 
 

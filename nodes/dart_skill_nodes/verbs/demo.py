@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES, Graph, of_executables
 from dart_skill_nodes.verbs._darts_run import play_leg, practise_darts
-from dart_skill_nodes.verbs._options import add_run, asked, check_run
+from dart_skill_nodes.verbs._options import add_configuration, add_run, asked, check_run
 from dart_skill_nodes.verbs._run import carried_out, parameter_texts, say, teach, throw_all
 from dart_skill_nodes.verbs._skill_run import THROW, drawn, execute_all, show_all
 
@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--skill", default=THROW, metavar="NAME", help=skills)
     add_run(parser, demonstrations=13, throws=10, thrown="new baskets to throw at, or trials of another skill")
     parser.add_argument("--json", action="store_true", help="summary.json on stdout instead of the table")
-    parser.add_argument("--configuration", default="", help="of the skill (default: that of config/skill_learner.yaml)")
+    add_configuration(parser, "that of config/skill_learner.yaml")
 
 
 def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:

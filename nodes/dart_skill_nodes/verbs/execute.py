@@ -3,6 +3,7 @@
 import argparse
 from typing import TYPE_CHECKING
 
+from dart_skill_nodes.verbs._options import add_model, check_model
 from dart_skill_nodes.verbs._run import PATIENCE, on_running_graph, print_result
 from dart_skill_nodes.verbs._skill_run import drawn, execute_all
 
@@ -19,6 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--count", type=int, default=1, metavar="N", help="so many trials (default 1)")
     parser.add_argument("--seed", type=int, default=0, help="of where they are (default 0)")
+    add_model(parser)
     parser.add_argument("--json", action="store_true", help="the result as JSON")
 
 
@@ -26,6 +28,7 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Execute; returns the exit status."""
     if options.count < 1 or options.seed < 0:
         parser.error(f"--count is {options.count}, --seed {options.seed}: give at least 1, and at least 0")
+    check_model(parser, options)
 
     def wait(client: "GraphClient") -> None:
         if not client.is_simulated(PATIENCE):
@@ -39,6 +42,8 @@ def _execute(client: "GraphClient", options: argparse.Namespace) -> dict:
     from dart_skill.skill.protocol import load_skill
 
     skill, rng = load_skill(client.skill(PATIENCE)), drawn(options.seed)
+    if options.model:
+        client.load(options.model)
     rng.random(1000)  # other situations than those in which it was shown
     trials = execute_all(client, skill, options.count, rng)
     done = sum(bool(one.outcome.success) for one in trials)

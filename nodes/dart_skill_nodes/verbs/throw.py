@@ -4,7 +4,7 @@ import argparse
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from dart_skill_nodes.verbs._options import add_baskets
+from dart_skill_nodes.verbs._options import add_baskets, add_model, check_model
 from dart_skill_nodes.verbs._run import PATIENCE, baskets, on_running_graph, print_result, throw_all, throw_with_person
 from dart_skill_nodes.verbs._skill_run import THROW
 
@@ -21,11 +21,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "ball into the hand, and without --at or --count the arm throws where the cameras see the basket."
     )
     add_baskets(parser, None)
+    add_model(parser)
     parser.add_argument("--json", action="store_true", help="the result as JSON")
 
 
 def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Throw; returns the exit status."""
+    check_model(parser, options)
 
     def wait(client: "GraphClient") -> None:
         options.simulated = client.is_simulated(PATIENCE)
@@ -40,6 +42,8 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         def task(client: "GraphClient") -> dict:
             if (skill := client.skill(PATIENCE)) != THROW:
                 raise ValueError(f"the graph has learned '{skill}', not to throw: dart-skill execute")
+            if options.model:
+                client.load(options.model)
             return _throw(client, targets, options.simulated, places)
 
         return on_running_graph(wait, task)

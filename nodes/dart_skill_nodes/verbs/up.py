@@ -14,7 +14,8 @@ from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.process.discovery import stay_on_this_machine
 from dart_skill_nodes.process.graph_processes import LAYOUTS, SIMULATED, START, TOKEN, Graph, nodes_of, of_executables, parameters_of
 from dart_skill_nodes.process.signals import Interrupts
-from dart_skill_nodes.verbs._options import add_arm, differences, output_folder
+from dart_skill_nodes.verbs._options import add_arm, add_model, check_model, differences, output_folder
+from dart_skill_nodes.verbs._skill_run import THROW
 
 if TYPE_CHECKING:
     from dart_skill_nodes.client.graph_client import GraphClient
@@ -35,10 +36,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--skill", default="", metavar="NAME", help="throw, place, or one of an installed package (default throw)")
     parser.add_argument("--seed", type=int, default=0, help="everything random in the simulation comes from it (default 0)")
     parser.add_argument("--play", type=Path, metavar="BAG", help="bag of a replay")
-    parser.add_argument("--rate", type=float, default=1.0, help="of a replay; 0: as fast as can be (default 1)")
+    parser.add_argument("--rate", type=float, help="of a replay; 0: as fast as can be (default 1)")
     parser.add_argument("--viewer", action="store_true", help="the live view, too")
     parser.add_argument("--record", type=Path, metavar="FOLDER", help="every topic into a bag, too")
     parser.add_argument("--output", type=Path, help="folder for logs and the bag of demonstrations (default output/up_<date>)")
+    add_model(parser)
     add_arm(parser)
     parser.add_argument("--json", action="store_true", help="each event as a line of JSON")
 
@@ -48,9 +50,13 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     options.layout = options.layout or ("replay" if options.play else "composed")
     if (options.layout == "replay") != bool(options.play):
         parser.error("the layout replay, and no other, needs --play BAG")
+    if options.rate is not None and not options.play:
+        parser.error(f"--rate {options.rate:g} is of a replay: give --play BAG, or leave it out")
+    options.rate = 1.0 if options.rate is None else options.rate
     if options.seed < 0 or not 0.0 <= options.rate < float("inf"):
         parser.error(f"--seed is {options.seed}, --rate {options.rate}: neither may be negative or infinite")
     _check_skill(options, parser)
+    check_model(parser, options)
     options.differs = differences(parser, options)
     options.output = output_folder(parser, options.output)
     stay_on_this_machine()
@@ -150,8 +156,17 @@ def stay(options: argparse.Namespace, interrupts: Interrupts, tell) -> None:
                 raise GraphFailure(f"nothing was heard of {', '.join(sorted(status.silent))} within {START:.0f} s")
             if not (status.silent or is_up):
                 is_up = True
-                tell("up", message=f"all nodes are ready; logs in {graph.logs}; Ctrl-C ends them", next=NEXT[options.layout])
+                _tell_up(client, options, graph, tell)
         tell("down", message="ending all nodes")
+
+
+def _tell_up(client: "GraphClient", options: argparse.Namespace, graph: Graph, tell) -> None:
+    """All nodes are ready; the learner has the model that was asked for. GraphFailure where it refuses that."""
+    model = f"model {client.load(options.model)}; " if options.model else ""
+    then = NEXT[options.layout]
+    if options.model and options.layout in SIMULATED:
+        then = "dart-skill execute" if options.skill not in ("", THROW) else "dart-skill throw"
+    tell("up", message=f"all nodes are ready; {model}logs in {graph.logs}; Ctrl-C ends them", next=then)
 
 
 def dead(graph: Graph, tell) -> str:

@@ -1,6 +1,7 @@
 """A skill from a recording alone: the demonstrations are those that were recorded, to the last bit, wherever the poses come from."""
 
 import argparse
+import importlib.util
 import json
 import shlex
 from dataclasses import replace
@@ -245,8 +246,9 @@ def test_the_command_says_what_was_found_and_where_the_model_is(tmp_path, record
     said = capsys.readouterr().out
     assert said.count(": guided, basket at (") == 3 and shown[2].id in said and "own, basket at" in said
     assert "left out: thrown by the arm itself" in said and "learned from 3 of 4 throws with 'default'; the hand opens" in said
-    assert said.splitlines()[-1].startswith("next: ros2 service call /skill_learner/load ")
-    assert str(model) in shlex.split(said.splitlines()[-1].removeprefix("next: "))[-1]
+    if importlib.util.find_spec("rclpy") is not None:
+        words = shlex.split(said.splitlines()[-1].removeprefix("next: "))
+        assert words[:4] == ["dart-skill", "up", "--model", f"{model},"] and words[-2:] == ["dart-skill", "throw"]
     demonstrations, configuration, _ = load_model(model)
     assert same_plan(PractisingSkill(demonstrations, configuration).plan(BASKET), expected)
 
