@@ -105,8 +105,8 @@ class MouseHands:
     page: a Page that is open; watch: a PageClient of it, which tells where the ball is; sight: where the page looks from and to (3,).
     """
 
-    there, turned = 0.004, 0.045
-    """A pixel is more than two millimetres, and a key turns by 5 degrees."""
+    there, turned = 0.008, 0.045
+    """A pixel is three millimetres, and a key turns by 5 degrees."""
 
     def __init__(self, page, watch, sight):
         self._page, self._watch, (self._eye, self._look_at) = page, watch, sight
@@ -141,12 +141,12 @@ class MouseHands:
     def _drag(self, position, shift):
         """As the screen does, or with Shift over the ground."""
         ball = self._ball
-        start, wanted = project(np.array([ball, position]), self._eye, self._look_at)
+        start, wanted = project(np.array([ball, position]), self._eye, self._look_at, self._page.size)
 
         def correct(end):
             """The mouse has hold of the near side of the ball, where a pixel is a shorter way: it goes on until the ball is there."""
             seen = self._ball_at_rest()
-            off = wanted - project(seen, self._eye, self._look_at)[0]
+            off = wanted - project(seen, self._eye, self._look_at, self._page.size)[0]
             return None if np.linalg.norm(off) < 0.5 else end + off
 
         self._page.drag(start, wanted, shift=shift, correct=correct)

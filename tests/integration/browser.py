@@ -23,7 +23,8 @@ OPTIONS = (
     "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-dev-shm-usage",
     "--hide-scrollbars", "--force-device-scale-factor=1", "--remote-debugging-port=0",
 )  # fmt: skip
-SIZE = (1280, 800)
+SIZE, SMALL = (1280, 800), (960, 600)
+"""Of a page [pixels]. Without a graphics card a large one takes several seconds of a core for a second of movement."""
 STILL = 2e-3
 """Share of pixels that may differ between two pictures of a page that stands still."""
 CORRECTIONS = 6
@@ -48,14 +49,14 @@ needs_chromium = pytest.mark.skipif(
 )
 
 
-def project(points, eye, look_at, field_of_view=FIELD_OF_VIEW):
-    """Points of the world (n, 3) as pixels (n, 2) of a page that looks from one place to another, upright."""
+def project(points, eye, look_at, size=SIZE, field_of_view=FIELD_OF_VIEW):
+    """Points of the world (n, 3) as pixels (n, 2) of a page of a size that looks from one place to another, upright."""
     forward = (look_at - eye) / np.linalg.norm(look_at - eye)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
     away = np.atleast_2d(points) - eye
-    scale = SIZE[1] / 2 / np.tan(field_of_view / 2) / (away @ forward)
-    return np.column_stack([SIZE[0] / 2 + scale * (away @ right), SIZE[1] / 2 - scale * (away @ np.cross(right, forward))])
+    scale = size[1] / 2 / np.tan(field_of_view / 2) / (away @ forward)
+    return np.column_stack([size[0] / 2 + scale * (away @ right), size[1] / 2 - scale * (away @ np.cross(right, forward))])
 
 
 def _differ(one, other):
@@ -66,7 +67,7 @@ def _differ(one, other):
 class Page:
     """One page of a browser of its own; a context manager that leaves no process behind."""
 
-    def __init__(self, folder, url):
+    def __init__(self, folder, url, size=SIZE):
         from websockets.sync.client import connect
 
         self._folder, self._number = Path(folder), 0
@@ -78,7 +79,7 @@ class Page:
             find_chromium(),
             *OPTIONS,
             f"--user-data-dir={self._profile.name}",
-            "--window-size={},{}".format(*SIZE),
+            "--window-size={},{}".format(*size),
             "about:blank",
         ]
         self._process = subprocess.Popen(command, stdout=self._log, stderr=self._log, start_new_session=True)
@@ -87,7 +88,7 @@ class Page:
             self._socket = connect(self._address(), max_size=None, open_timeout=30, ping_interval=None)
             for domain in ("Page", "Runtime", "Network"):
                 self.call(f"{domain}.enable")
-            width, height = SIZE
+            width, height = self.size = size
             self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
             self.call("Page.navigate", url=url)
         except BaseException:

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from dart_skill.skill.protocol import Situation, load_skill
 from dart_skill.view._scene import NEAR
 from dart_skill_nodes.comms import conversions
-from tests.integration.browser import Page, needs_chromium
+from tests.integration.browser import SMALL, Page, needs_chromium
 from tests.integration.conftest import catch_up, graphs, wait_for
 from tests.screen_person import MouseHands, PageHands, ScreenPerson, begin_by_pointer
 from tests.view_client import PageClient
@@ -95,7 +95,7 @@ def test_on_the_page_it_is_shown_with_the_mouse_undone_learned_and_executed(grap
 def test_in_a_browser_the_hand_is_pulled_with_the_mouse_and_told_with_keys(graph, url, tmp_path):
     """Up as the screen shows it, with Shift over the ground, and turned; the page looks at it from above, too."""
     client = graph.client
-    with Page(tmp_path / "browser", url) as page, PageClient(url, origin=url) as watch:
+    with Page(tmp_path / "browser", url, SMALL) as page, PageClient(url, origin=url) as watch:
 
         def until(condition, what, limit=60.0):
             watch.wait_for(condition, limit, what, meanwhile=lambda: catch_up(client))
