@@ -60,6 +60,8 @@ def _spoil_one(message, random: Random) -> None:
         setattr(message, name, random.choice((cut, gap, more)))
     elif sequence and len(value) and hasattr(value[0], "get_fields_and_field_types"):
         _spoil_one(value[random.randrange(len(value))], random)
+    elif sequence and len(value) and isinstance(value[0], str):
+        setattr(message, name, [*value[:-1], random.choice(TEXTS)])
     elif not isinstance(value, str | bytes) and hasattr(value, "__len__") and len(value):
         value[random.randrange(len(value))] = random.choice(NUMBERS)
     else:

@@ -17,6 +17,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rclpy.lifecycle import LifecycleNode
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
@@ -213,6 +215,17 @@ def test_every_parameter_takes_what_it_can_and_refuses_the_rest(nodes, random):
     if result.successful:
         assert all(math.isfinite(one) for one in (value if isinstance(value, list) else [value]) if isinstance(one, float))
         node.set_parameters([Parameter(name, value=before)])
+
+
+def test_nothing_of_ours_stands_where_rclpy_keeps_its_own(nodes):
+    """A clock of the recorder's did: once it was configured, no parameter could be set."""
+    for node in nodes.values():
+        plain = (LifecycleNode if isinstance(node, LifecycleNode) else Node)("plain")
+        try:
+            taken = [name for name, value in vars(plain).items() if not isinstance(getattr(node, name), type(value))]
+        finally:
+            plain.destroy_node()
+        assert not taken, f"{node.get_name()}: {taken}"
 
 
 @given(random=randoms)

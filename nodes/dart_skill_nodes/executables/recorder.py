@@ -65,7 +65,7 @@ class Recorder(BagKeeper):
             self.get_logger().error(f"not configured: {error}")
             return TransitionCallbackReturn.FAILURE
         self._kept, self._made, self._refused = set(), set(), {}
-        self._simulated, self._clock, self._early = self.get_parameter("use_sim_time").value, LogTime(), []
+        self._simulated, self._log_time, self._early = self.get_parameter("use_sim_time").value, LogTime(), []
         self._messages = RawBatches(self)
         if self._simulated:
             self._listen(CLOCK_TOPIC, keep=self._is_wanted(CLOCK_TOPIC))
@@ -132,10 +132,10 @@ class Recorder(BagKeeper):
             return
         for message in self._messages.take():
             if message.topic == CLOCK_TOPIC and self._simulated:
-                self.refusals.accepts(CLOCK_TOPIC, lambda data: self._clock.take(CLOCK_TOPIC, leading_stamp_ns(data)), message.data)
+                self.refusals.accepts(CLOCK_TOPIC, lambda data: self._log_time.take(CLOCK_TOPIC, leading_stamp_ns(data)), message.data)
             if not self._active or message.topic not in self._kept:
                 continue
-            if self._simulated and not self._clock.now_ns:
+            if self._simulated and not self._log_time.now_ns:
                 self._early.append(message)  # latched before time began
                 continue
             for one in (*self._early, message):
@@ -143,7 +143,7 @@ class Recorder(BagKeeper):
             self._early.clear()
 
     def _write(self, message: RawMessage) -> None:
-        log_ns = self._clock.now_ns if self._simulated else message.received_ns
+        log_ns = self._log_time.now_ns if self._simulated else message.received_ns
         stamp_ns = self._bag.stamp_ns(message.topic, message.data)
         self._bag.write(message.topic, log_ns, log_ns if stamp_ns is None else stamp_ns, message.data)
         if self.p["transforms"]:
