@@ -1,0 +1,15 @@
+"""Movements of a hand that turns: poses of position and unit quaternion on the manifold R^n x S3.
+
+Angles of attack, side slip and roll (`dart_skill.movement.angles_from_quaternions`) are singular where the hand points along an
+axis. What is here has no such place. A pose is a row x, y, z and a quaternion x, y, z, w. q and -q are one orientation.
+"""
+
+from dart_skill.movement.pose._manifold import angles_between, exponential, logarithm, mean_point, parallel_transport
+
+__all__ = [
+    "angles_between",
+    "exponential",
+    "logarithm",
+    "mean_point",
+    "parallel_transport",
+]
