@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dart_skill.movement.pose import angles_between, exponential, logarithm, mean_point, parallel_transport
-from dart_skill.movement.pose._quaternions import from_vectors, inverse_jacobians, matrices, times, to_vectors, turn
+from dart_skill.movement.pose._quaternions import bend, from_vectors, inverse_jacobians, matrices, times, to_vectors, turn
 from tests.unit.movement.pose.random_poses import apart, flipped, near, orientations, turned
 
 
@@ -26,7 +26,9 @@ def test_exponential_and_logarithm_are_those_of_scipy(points, rng):
     assert apart(ends, wanted.as_quat()) < 1e-14
     np.testing.assert_allclose(ends[:, :3], base[:3] + tangent[:, :3])
     ways = logarithm(base, points)
-    np.testing.assert_allclose(ways[:, 3:], (Rotation.from_quat(points[:, 3:]) * Rotation.from_quat(base[3:]).inv()).as_rotvec(), atol=1e-13)
+    np.testing.assert_allclose(
+        ways[:, 3:], (Rotation.from_quat(points[:, 3:]) * Rotation.from_quat(base[3:]).inv()).as_rotvec(), atol=1e-13
+    )
     np.testing.assert_allclose(ways[:, :3], points[:, :3] - base[:3])
 
 
@@ -120,7 +122,10 @@ def test_mean_of_two_is_in_the_middle_of_the_shorter_way():
 
 
 def test_mean_turns_with_the_points(rng):
-    cloud, rotation = np.column_stack([rng.normal(size=(40, 3)), near(orientations(1, rng)[0], 0.5, 40, rng)]), Rotation.random(random_state=1)
+    cloud, rotation = (
+        np.column_stack([rng.normal(size=(40, 3)), near(orientations(1, rng)[0], 0.5, 40, rng)]),
+        Rotation.random(random_state=1),
+    )
     assert apart(mean_point(turned(cloud, rotation)), turned(mean_point(cloud), rotation)) < 1e-12
 
 
@@ -132,7 +137,9 @@ def test_jacobian_is_the_derivative_of_the_rotation_vector(angle):
     # scipy gives the shorter turn; beyond half a turn it is compared as the longer one.
     lengths = np.linalg.norm(rows, axis=1, keepdims=True)
     other = rows - 2.0 * np.pi * rows / np.maximum(lengths, 1e-300)
-    rows = np.where(np.linalg.norm(other - vector, axis=1, keepdims=True) < np.linalg.norm(rows - vector, axis=1, keepdims=True), other, rows)
+    rows = np.where(
+        np.linalg.norm(other - vector, axis=1, keepdims=True) < np.linalg.norm(rows - vector, axis=1, keepdims=True), other, rows
+    )
     np.testing.assert_allclose(inverse_jacobians(vector), ((rows[::2] - rows[1::2]) / (2.0 * step)).T, atol=3e-9)
 
 
@@ -160,3 +167,12 @@ WRONG = {
 def test_what_is_wrong_is_named(message):
     with pytest.raises(ValueError, match=message):
         WRONG[message]()
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.01, 0.049, 0.051, 1.0, 3.0])
+def test_bend_is_the_derivative_of_the_jacobian(angle):
+    vector, covector, step = angle * np.array([2.0, -1.0, 2.0]) / 3.0, np.array([0.3, 1.0, -0.7]), 1e-5
+    sides = [to_vectors(times(from_vectors(sign * step * axis), from_vectors(vector))) for axis in np.eye(3) for sign in (1.0, -1.0)]
+    rows = covector @ inverse_jacobians(np.array(sides))
+    wanted = (rows[::2] - rows[1::2]) / (2.0 * step)
+    np.testing.assert_allclose(bend(vector, covector), 0.5 * (wanted + wanted.T), atol=1e-8)
