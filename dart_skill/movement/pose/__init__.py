@@ -4,19 +4,27 @@ Angles of attack, side slip and roll (`dart_skill.movement.angles_from_quaternio
 axis. What is here has no such place. A pose is a row x, y, z and a quaternion x, y, z, w. q and -q are one orientation.
 """
 
+from dart_skill.movement.pose._ds_gmr import PoseDSGMR, PoseReproduction
 from dart_skill.movement.pose._frames import PoseFrame
 from dart_skill.movement.pose._manifold import angles_between, exponential, logarithm, mean_point, parallel_transport
 from dart_skill.movement.pose._mixture import PoseMixture, product_of_poses
+from dart_skill.movement.pose._motion import PoseMotion, follow_pose_attractor, pose_attractor, pose_motion
 from dart_skill.movement.pose._task_parameterised import TaskParameterisedPoseMixture
 
 __all__ = [
+    "PoseDSGMR",
     "PoseFrame",
     "PoseMixture",
+    "PoseMotion",
+    "PoseReproduction",
     "TaskParameterisedPoseMixture",
     "angles_between",
     "exponential",
+    "follow_pose_attractor",
     "logarithm",
     "mean_point",
     "parallel_transport",
+    "pose_attractor",
+    "pose_motion",
     "product_of_poses",
 ]

@@ -28,12 +28,14 @@ LEAST_SHARE = 1e-2
 class Blocks:
     """Samples as P frames see them.
 
-    rows: P arrays (n, w); seen (P, n): whether the frame is there; scales: P arrays (d,), units of the tangent space.
+    rows: P arrays (n, w); seen (P, n): whether the frame is there; scales: P arrays (d,), units of the tangent space;
+    correlated: whether position and rotation of a component may be correlated beyond what the numbers say of both.
     """
 
     rows: list[np.ndarray]
     seen: np.ndarray
     scales: list[np.ndarray]
+    correlated: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +84,7 @@ def maximisation(
         mean = means_of(rows, shares) if near is None else exp_at(near[0][j], (shares.T[:, None] @ near[1][j])[:, 0])
         means.append(mean)
         tangents.append(log_at(mean[:, None], rows))
-        covariances.append(_covariances(tangents[j], shares, scale, floor))
+        covariances.append(_covariances(tangents[j], shares, scale, floor, blocks.correlated))
     return Parameters(mass / mass.sum(), means, covariances), tangents
 
 
@@ -95,11 +97,21 @@ def _shares(counts: np.ndarray, seen: np.ndarray) -> np.ndarray:
     return counts / counts.sum(0)
 
 
-def _covariances(tangents: np.ndarray, shares: np.ndarray, scale: np.ndarray, floor: float) -> np.ndarray:
+def _covariances(tangents: np.ndarray, shares: np.ndarray, scale: np.ndarray, floor: float, correlated: bool) -> np.ndarray:
     """Covariances (K, d, d) of tangent vectors (K, n, d) with shares (n, K), each eigenvalue at least the floor in units of scale."""
     scaled = tangents / scale
     scatter = np.swapaxes(scaled * shares.T[..., None], 1, 2) @ scaled
-    return raise_to_floor(0.5 * (scatter + np.swapaxes(scatter, 1, 2)), floor) * np.outer(scale, scale)
+    scatter = raise_to_floor(0.5 * (scatter + np.swapaxes(scatter, 1, 2)), floor)
+    return (scatter if correlated else _independent(scatter)) * np.outer(scale, scale)
+
+
+def _independent(covariances: np.ndarray) -> np.ndarray:
+    """Covariances (K, d, d) in which position and rotation are independent, given the numbers: the likeliest such ones."""
+    q, made = covariances.shape[-1] - 6, covariances.copy()
+    numbers, position, rotation = slice(0, q), slice(q, q + 3), slice(q + 3, q + 6)
+    common = covariances[:, position, numbers] @ np.linalg.solve(covariances[:, numbers, numbers], covariances[:, numbers, rotation])
+    made[:, position, rotation], made[:, rotation, position] = common, np.swapaxes(common, 1, 2)
+    return made
 
 
 def iterate(blocks: Blocks, weights: np.ndarray, start: Parameters, floor: float, tolerance: float, max_iterations: int) -> Fit:

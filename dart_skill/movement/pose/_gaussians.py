@@ -21,9 +21,9 @@ ROUNDING = 1e-11
 """Of the cost, a sum of squares, relative to itself."""
 LEAST_CURVATURE = 0.1
 """Of the cost in any direction, relative to that of the linear equations: a step is at most so many times longer."""
-LEAST_STEP = 1e-10
+LEAST_SHARE = 1e-10
 """A search whose steps must be shortened further than this has ended."""
-SETTLED = 1e-13
+SETTLED = 1e-12
 """The mode is found when the step is shorter than this [rad]."""
 
 
@@ -49,19 +49,17 @@ def product_at(means: np.ndarray, covariances: np.ndarray, seen: np.ndarray) -> 
     whiteners = seen[..., None, None] * np.linalg.inv(cholesky(covariances, "covariance of factor"))
     points = np.moveaxis(means, -2, 0)
     cost = _cost(points, means, whiteners)
-    share, length = np.ones_like(cost), np.inf
+    share = np.ones_like(cost)
     for _ in range(MAX_STEPS):
-        step = share[..., None] * _newton(points, means, whiteners)[0]
-        moved = exp_at(points, step)
+        step = _newton(points, means, whiteners)[0]
+        moved = exp_at(points, share[..., None] * step)
         moved_cost = _cost(moved, means, whiteners)
         # Near the mode a step changes the cost by less than its rounding.
         better = moved_cost <= cost * (1.0 + ROUNDING)
         points, cost = np.where(better[..., None], moved, points), np.where(better, moved_cost, cost)
         share = np.where(better, np.minimum(2.0 * share, 1.0), 0.5 * share)
-        # A search may end at half a turn from a factor, where the cost jumps; its share of the step shrinks.
-        last, length = length, float(np.abs(step[share > LEAST_STEP][..., -3:]).max(initial=0.0))
-        # Rounding may keep the step just above the limit.
-        if length < SETTLED or (length < 1e4 * SETTLED and length >= 0.5 * last):
+        # A search may end at half a turn from a factor, where the cost jumps; there its share of the step shrinks.
+        if ((np.abs(step[..., -3:]).max(-1) < SETTLED) | (share < LEAST_SHARE)).all():
             break
     best = np.take_along_axis(points, cost.argmin(0)[None, ..., None], axis=0)
     step, covariance = _newton(best, means, whiteners)

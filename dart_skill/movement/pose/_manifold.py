@@ -94,10 +94,9 @@ def angles_between(points: ArrayLike, others: ArrayLike) -> np.ndarray:
 def as_points(value: ArrayLike, name: str, width: int | None = None, ndim: int | None = None) -> np.ndarray:
     """Points (..., n + 4), finite and not empty, with their quaternions normalised; ValueError names what is wrong."""
     points = as_finite(value, name, ndim)
-    if points.ndim == 0 or points.shape[-1] < 4 or points.size == 0:
-        raise ValueError(f"{name} must have at least four columns, the last four a quaternion x, y, z, w, got shape {points.shape}")
-    if width is not None and points.shape[-1] != width:
-        raise ValueError(f"{name} must have {width} columns, got shape {points.shape}")
+    if points.ndim == 0 or points.shape[-1] < 4 or points.size == 0 or points.shape[-1] != (width or points.shape[-1]):
+        columns = f"{width} columns" if width else "at least four columns"
+        raise ValueError(f"{name} must have {columns}, the last four a quaternion x, y, z, w, got shape {points.shape}")
     lengths = np.linalg.norm(points[..., -4:], axis=-1)
     wrong = np.abs(lengths - 1.0) > LENGTH_TOLERANCE
     if wrong.any():

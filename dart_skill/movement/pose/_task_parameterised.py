@@ -9,6 +9,7 @@ rotation turns the result by it.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,6 +33,9 @@ class TaskParameterisedPoseMixture(PoseEstimator):
 
     * start: "time" (default) cuts the samples into K slices of equal weight along column 0, and needs no generator; "kmeans"
       clusters them as seen from all frames.
+    * correlated: bool, default False. Position and rotation of a component are independent, given time and the other numbers.
+      True: they may be correlated. Seven or more directions in each frame then need far more than seven demonstrations, or
+      the frames contradict each other with false certainty.
 
     Attributes after `fit`:
 
@@ -51,6 +55,7 @@ class TaskParameterisedPoseMixture(PoseEstimator):
         tolerance: float = 1e-6,
         max_iterations: int = 300,
         n_starts: int = 1,
+        correlated: bool = False,
     ):
         if start not in STARTS:
             raise ValueError(f"start must be one of {STARTS}, got {start!r}")
@@ -59,7 +64,7 @@ class TaskParameterisedPoseMixture(PoseEstimator):
         super().__init__(
             n_components, covariance_floor=covariance_floor, tolerance=tolerance, max_iterations=max_iterations, n_starts=n_starts
         )
-        self.start = start
+        self.start, self.correlated = start, bool(correlated)
 
     def fit(
         self,
@@ -76,7 +81,7 @@ class TaskParameterisedPoseMixture(PoseEstimator):
         * weights: for each demonstration one number or one per sample (n_i,); default: all count alike.
         * rng: random generator, only for start="kmeans".
         """
-        blocks, mass, _ = _taught(samples, frames, weights)
+        blocks, mass = self._seen(samples, frames, weights)
         self._require_enough(mass)
         if self.start == "kmeans":
             if rng is None:
@@ -97,11 +102,15 @@ class TaskParameterisedPoseMixture(PoseEstimator):
 
         overlap: float, default 0.7. Standard deviation of the window of a component in intervals.
         """
-        blocks, mass, _ = _taught(samples, frames, weights)
+        blocks, mass = self._seen(samples, frames, weights)
         counts = windows_in_time(self._time(blocks), self.n_components, overlap) * mass[:, None]
         kept = counts.sum(0) > 1e-3 * mass.mean()
         self._set(maximisation(blocks, counts[:, kept], self.covariance_floor)[0])
         return self
+
+    def _seen(self, samples: Sequence[ArrayLike], frames: PoseFrames, weights: Weights) -> tuple[Blocks, np.ndarray]:
+        blocks, mass, _ = _taught(samples, frames, weights)
+        return replace(blocks, correlated=self.correlated), mass
 
     @staticmethod
     def _time(blocks: Blocks) -> np.ndarray:
@@ -124,7 +133,7 @@ class TaskParameterisedPoseMixture(PoseEstimator):
         """Free parameters, for model selection."""
         self._require_fitted()
         p, k, w = self.means_.shape
-        return k - 1 + p * n_free_parameters(k, w - 1)
+        return k - 1 + p * (n_free_parameters(k, w - 1) - (0 if self.correlated else 9 * k))
 
     def log_density(self, samples: Sequence[ArrayLike], frames: PoseFrames) -> list[np.ndarray]:
         """Per demonstration, (n_i,) log of the mixture density, a product over the frames that see the sample."""

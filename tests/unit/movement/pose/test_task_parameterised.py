@@ -69,7 +69,7 @@ def test_with_tiny_spread_all_is_as_in_the_euclidean_mixture(rng):
     rows = [exponential(np.concatenate([[0.0], POSE]), one) for one in flat]
     options = {"tolerance": 0.0, "max_iterations": 15}
     euclidean = TaskParameterisedMixture(3, **options).fit(flat, euclidean_frames)
-    curved = TaskParameterisedPoseMixture(3, **options).fit(rows, curved_frames)
+    curved = TaskParameterisedPoseMixture(3, correlated=True, **options).fit(rows, curved_frames)
     np.testing.assert_allclose(curved.priors_, euclidean.priors_, atol=1e-5)
     np.testing.assert_allclose(curved.covariances_ / TINY**2, euclidean.covariances_ / TINY**2, atol=1e-4)
     wanted = euclidean.product(euclidean_frames[1])
@@ -85,7 +85,7 @@ def test_with_tiny_spread_all_is_as_in_the_euclidean_mixture(rng):
 def test_with_one_frame_it_is_the_mixture_of_poses(rng, taught):
     samples, _ = taught
     alone = PoseMixture(5).fit(np.concatenate(samples))
-    framed = TaskParameterisedPoseMixture(5).fit(samples, [[PoseFrame(np.zeros(3))]] * 5)
+    framed = TaskParameterisedPoseMixture(5, correlated=True).fit(samples, [[PoseFrame(np.zeros(3))]] * 5)
     assert apart(framed.means_[0], alone.means_) < 1e-10
     np.testing.assert_allclose(framed.covariances_[0], alone.covariances_, atol=1e-10)
     assert framed.n_parameters == alone.n_parameters
@@ -118,7 +118,7 @@ def test_turning_the_new_frames_turns_product_and_regression(rng, taught, seed):
 
 
 def test_a_product_is_that_of_the_frames_gaussians_in_the_world(rng, taught):
-    mixture, new = TaskParameterisedPoseMixture(4).fit(*taught), frames_of(rng)
+    mixture, new = TaskParameterisedPoseMixture(4).fit(*taught), frames_of(rng, 2, 0.3)
     product = mixture.product(new)
     for k in range(4):
         matrices = [blocks(Rotation.from_quat(frame.orientation), 1) for frame in new]
@@ -139,7 +139,7 @@ def test_a_frame_that_is_missing_is_no_factor(rng, taught):
 
 
 def test_a_frame_that_moves_is_asked_where_it_is(rng, taught):
-    mixture, new, later = TaskParameterisedPoseMixture(5).fit(*taught), frames_of(rng), frames_of(rng)
+    mixture, new, later = TaskParameterisedPoseMixture(5).fit(*taught), frames_of(rng, 2, 0.3), frames_of(rng, 2, 0.3)
     time = np.array([0.2, 0.6, 0.9])
     mean, covariance = mixture.regress([new[0], [new[1], later[1], new[1]]], time)
     for i, pair in enumerate([new, [new[0], later[1]], new]):
@@ -149,6 +149,15 @@ def test_a_frame_that_moves_is_asked_where_it_is(rng, taught):
     samples, frames = taught
     lists = [[[frame] * 60 for frame in pair] for pair in frames]
     assert apart(TaskParameterisedPoseMixture(5).fit(samples, lists).means_, mixture.means_) < 1e-12
+
+
+def test_position_and_rotation_are_independent_given_time_unless_they_may_be_correlated(taught):
+    apart_by = {}
+    for correlated in (False, True):
+        mixture = TaskParameterisedPoseMixture(4, correlated=correlated).fit(*taught)
+        within = np.linalg.inv(mixture.covariances_)
+        apart_by[correlated] = np.abs(within[..., 1:4, 4:] / np.sqrt(within[..., 1:4, 1:4].max() * within[..., 4:, 4:].max())).max()
+    assert apart_by[False] < 1e-9 < 1e-3 < apart_by[True]
 
 
 def test_k_means_needs_no_time(rng, taught):
