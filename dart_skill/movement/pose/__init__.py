@@ -9,14 +9,19 @@ from dart_skill.movement.pose._frames import PoseFrame
 from dart_skill.movement.pose._manifold import angles_between, exponential, logarithm, mean_point, parallel_transport
 from dart_skill.movement.pose._mixture import PoseMixture, product_of_poses
 from dart_skill.movement.pose._motion import PoseMotion, follow_pose_attractor, pose_attractor, pose_motion
+from dart_skill.movement.pose._primitives import DiscretePosePrimitive, PoseState, PoseTrajectory, RhythmicPosePrimitive
 from dart_skill.movement.pose._task_parameterised import TaskParameterisedPoseMixture
 
 __all__ = [
+    "DiscretePosePrimitive",
     "PoseDSGMR",
     "PoseFrame",
     "PoseMixture",
     "PoseMotion",
     "PoseReproduction",
+    "PoseState",
+    "PoseTrajectory",
+    "RhythmicPosePrimitive",
     "TaskParameterisedPoseMixture",
     "angles_between",
     "exponential",

@@ -1,5 +1,5 @@
 """Gaussians on the manifold: a mean (n + 4,) and a covariance (n + 3, n + 3) in the tangent space there (Zeestraten 2017;
-Calinon 2020, equation 6).
+Calinon 2020).
 
 log N(x) = log N(v; 0, S) with v = log_mean(x). The factor of the volume of S3 is left out, as there; it is one to second
 order in the spread.
@@ -42,7 +42,7 @@ def product_at(means: np.ndarray, covariances: np.ndarray, seen: np.ndarray) -> 
     """Mode (..., n + 4) and covariance (..., d, d) of the product of P Gaussians.
 
     means (..., P, n + 4), covariances (..., P, d, d), seen (..., P): which factors are there. The mode minimises the sum of
-    r' S^-1 r with r = log_mean(x), by Newton's method (Zeestraten 2017, table I, iterates with parallel transport in the
+    r' S^-1 r with r = log_mean(x), by Newton's method (Zeestraten 2017 iterates with parallel transport in the
     place of the derivative of the logarithm; for near factors that is the same). The search begins at each factor's mean,
     and the best end counts: two factors that differ by nearly half a turn have two minima.
     """
@@ -104,8 +104,8 @@ def regress_at(
     priors (K,), means (m, K, w), covariances (m, K, d, d), where m is n or 1; `into` are columns of numbers.
 
     Each component is conditioned in the tangent space of its own mean and is carried to where it is then expected; the
-    result is the mean on the manifold, found by iteration, and the covariance in its tangent space (Calinon 2020, equation
-    11, conditions in the tangent space of the result. For one component both are the same. Here a component may turn
+    result is the mean on the manifold, found by iteration, and the covariance in its tangent space (Calinon 2020
+    conditions in the tangent space of the result. For one component both are the same. Here a component may turn
     farther than half a turn).
     """
     out, columns = _others(into, means.shape[-1]), _others(into, covariances.shape[-1])

@@ -3,7 +3,7 @@
 With v = log_q(y), the rotation vector from the hand q to the attractor y in world axes, and angular velocity w,
     w' = kp v - kv w,   q' = w q / 2,
 which is the goal system of A. Ude, B. Nemec, T. Petric and J. Morimoto, "Orientation in Cartesian space dynamic movement
-primitives", ICRA 2014, equation 15, for a unit inertia. Its inverse is y = exp_q((w' + kv w) / kp). Positions follow
+primitives", ICRA 2014, for a unit inertia. Its inverse is y = exp_q((w' + kv w) / kp). Positions follow
 (7.19) and (7.20) as they stand.
 """
 

@@ -21,10 +21,13 @@ def times(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 def cross(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Cross products (..., 3)."""
-    x, y, z = np.moveaxis(left, -1, 0)
-    u, v, w = np.moveaxis(right, -1, 0)
-    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
+    """Cross products (..., 3); leading shapes are broadcast. np.cross would take several times longer for a single one."""
+    x, y, z = left[..., 0], left[..., 1], left[..., 2]
+    u, v, w = right[..., 0], right[..., 1], right[..., 2]
+    first = y * w - z * v
+    product = np.empty((*first.shape, 3))
+    product[..., 0], product[..., 1], product[..., 2] = first, z * u - x * w, x * v - y * u
+    return product
 
 
 def from_vectors(vectors: np.ndarray) -> np.ndarray:
@@ -65,17 +68,17 @@ def matrices(quaternions: np.ndarray) -> np.ndarray:
 
 def skew(vectors: np.ndarray) -> np.ndarray:
     """Matrices (..., 3, 3) of the cross product with vectors (..., 3) from the left."""
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    zero = np.zeros_like(x)
-    rows = [np.stack(row, axis=-1) for row in ((zero, -z, y), (z, zero, -x), (-y, x, zero))]
-    return np.stack(rows, axis=-2)
+    made = np.zeros((*vectors.shape, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        made[..., i, j], made[..., j, i] = -vectors[..., k], vectors[..., k]
+    return made
 
 
 def inverse_jacobians(vectors: np.ndarray) -> np.ndarray:
     """J^-1 (..., 3, 3): a rotation vector v becomes v + J^-1(v) d when a small turn d [rad, world axes] is put before it.
 
     J^-1 = 1 - [v] / 2 + c [v]^2 with c = (1 - (a/2) cot(a/2)) / a^2, a = |v| (Chirikjian, "Stochastic Models, Information
-    Theory, and Lie Groups", volume 2, 2012, section 10.6). It is singular at a full turn.
+    Theory, and Lie Groups", volume 2, 2012). It is singular at a full turn.
     """
     angle = np.linalg.norm(vectors, axis=-1)[..., None, None]
     safe = np.where(angle < SMALL, 1.0, angle)

@@ -156,7 +156,7 @@ def test_regression_follows_a_turn_through_half_a_turn_and_beyond(degrees):
 
 
 def test_regression_of_one_component_is_the_iteration_of_calinon(rng):
-    """Calinon 2020, equation 11: the estimate moves until the tangent conditional mean, with a transported covariance, is zero."""
+    """Calinon 2020: the estimate moves until the tangent conditional mean, with a transported covariance, is zero."""
     root = 0.3 * rng.normal(size=(7, 7))
     mixture = PoseMixture.from_parameters([1.0], CENTRE_ROW[None], (root @ root.T + 0.02 * np.eye(7))[None])
     (wanted,), _ = mixture.regress([0.8])
