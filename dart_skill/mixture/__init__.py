@@ -3,7 +3,16 @@ components, split and merge (5.3), data spectroscopy (5.4), likelihood of weight
 """
 
 from dart_skill.mixture._expectation_maximisation import Parameters, column_scales, expectation_at, in_units, maximisation, normalise_log
-from dart_skill.mixture._gaussian import Gaussian, cholesky, linear_combination, merge, product, product_of_gaussians, raise_to_floor, symmetric
+from dart_skill.mixture._gaussian import (
+    Gaussian,
+    cholesky,
+    linear_combination,
+    merge,
+    product,
+    product_of_gaussians,
+    raise_to_floor,
+    symmetric,
+)
 from dart_skill.mixture._mixture import EMEstimator, GaussianMixture, checked_priors, n_free_parameters
 from dart_skill.mixture._regression import Regression, regress, regress_each
 from dart_skill.mixture._selection import Selection, best_number, select_by_bic, select_by_cross_validation
