@@ -242,6 +242,20 @@ def test_a_turn_is_laid_out_closer_than_by_movement_primitives(degrees):
     assert np.degrees(angles_between(made.pose, poses).max()) < min(0.0012, 0.05 * PEER[degrees])
 
 
+def test_exactly_half_a_turn_is_one_movement_whatever_the_signs():
+    poses = np.column_stack([np.zeros((201, 3)), Rotation.from_rotvec(np.outer(BLEND, [0.0, 0.0, np.pi])).as_quat()])
+    other = poses * np.repeat([1.0, -1.0], [3, 4])
+    one, two = (DiscretePosePrimitive(20).fit(TIME, rows) for rows in (poses, other))
+    np.testing.assert_array_equal(one.start_turn_, two.start_turn_)
+    assert angles_between(one.open_loop(TIME).pose, poses).max() < 1e-3
+
+
+def test_a_hand_that_keeps_still_keeps_still():
+    still = np.tile(orientations(1, np.random.default_rng(4)), (201, 1))
+    made = DiscretePosePrimitive(20).fit(TIME, np.column_stack([np.ones((201, 3)), still])).open_loop(TIME)
+    assert angles_between(made.pose[:, 3:], still).max() < 1e-7 and np.abs(made.velocity).max() < 1e-9
+
+
 # --- rhythmic ---
 
 
