@@ -1,11 +1,11 @@
-"""Where the files of config/ are, in a checkout and in an installed ROS package alike."""
+"""Where the files of config/ are: in a checkout, in a wheel and in an installed ROS package alike."""
 
 import os
 from pathlib import Path
 
 
 def config_path(name: str) -> Path:
-    """Path of a file of config/: in $DART_SKILL_CONFIG, beside the library in a checkout, or in the package's share folder."""
+    """Path of a file of config/: in $DART_SKILL_CONFIG, in a wheel, beside the library in a checkout, or in a package's share folder."""
     folders = _folders()
     for folder in folders:
         if (folder / name).is_file():
@@ -45,9 +45,17 @@ def node_parameters(name: str, node: str) -> dict:
     return {**world_parameters(), **limit_parameters(), **content[node]["ros__parameters"]}
 
 
+def shared_folders(name: str, package: str, below: str = "") -> list[Path]:
+    """Where a folder of the project may be, the likeliest first.
+
+    In the library of a wheel, beside the library in a checkout, or in `share/<package>` of an installed ROS package, there `below` it.
+    """
+    library = Path(__file__).resolve().parent
+    prefixes = [Path(prefix) for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
+    checkout = [library.parent / name] if (library.parent / "package.xml").is_file() else []
+    return [library / name, *checkout, *(prefix / "share" / package / below for prefix in prefixes)]
+
+
 def _folders() -> list[Path]:
     chosen = os.environ.get("DART_SKILL_CONFIG")
-    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
-    checkout = Path(__file__).resolve().parent.parent / "config"
-    installed = [Path(prefix) / "share" / "dart_skill" / "config" for prefix in prefixes if prefix]
-    return ([Path(chosen)] if chosen else []) + [checkout] + installed
+    return ([Path(chosen)] if chosen else []) + shared_folders("config", "dart_skill", "config")

@@ -328,17 +328,69 @@ class Step(NamedTuple):
 
 
 def run(command: list[str], environment: dict[str, str]) -> None:
-    """Runs a command with its output in the log; what went wrong is read from there."""
+    """Runs a command with its output in the log, tells how far it is, and reads from there what went wrong."""
     LOG.parent.mkdir(exist_ok=True)
     with LOG.open("ab") as log:
         log.write(f"\n$ {' '.join(command)}\n".encode())
         log.flush()
         start = log.tell()
-        done = subprocess.run(command, cwd=ROOT, env=environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log, check=False)
-    if done.returncode:
+        process = subprocess.Popen(command, cwd=ROOT, env=environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log)
+        try:
+            status = watch(process, start)
+        except BaseException:
+            process.terminate()
+            process.wait()
+            raise
+    if status:
         with LOG.open("rb") as log:
             log.seek(start)
             raise SetupError(f"{explain(log.read().decode(errors='replace'))} (log: {LOG.relative_to(ROOT)})")
+
+
+TOLD_EVERY = 15.0  # seconds between two lines of progress where stdout is no terminal
+DOING = (
+    (r"^\s*Installing collected packages:", lambda found: "installing what was downloaded"),
+    (r"^\s*(?:Downloading|Using cached) (\S+?)-\d\S* \((.+)\)", lambda found: f"{found[1]} ({found[2]})"),
+    (r"^\s*Building wheel for (\S+)", lambda found: f"compiling {found[1]}, which takes minutes"),
+    (r"^\[(\d+)/(\d+)\]", lambda found: f"{found[1]} of {found[2]} files"),
+)
+
+
+def watch(process: subprocess.Popen, start: int) -> int:
+    """Waits for a command and says what its log says, from `start` on; its exit status."""
+    begun = told = time.monotonic()
+    while True:
+        try:
+            status = process.wait(0.2 if sys.stdout.isatty() else 1.0)
+            tell("")
+            return status
+        except subprocess.TimeoutExpired:
+            now = time.monotonic()
+        if sys.stdout.isatty():
+            tell(f" {now - begun:.0f} s: {doing(start)}")
+        elif now - told > TOLD_EVERY:
+            told = now
+            print(f"\n  {now - begun:.0f} s: {doing(start)}", end="", flush=True)
+
+
+def tell(text: str) -> None:
+    """Shows text behind what stands in the line of a terminal, in place of what was shown before."""
+    if sys.stdout.isatty():
+        width = max(10, shutil.get_terminal_size().columns - 50)
+        print(f"\033[s\033[K{text[:width]}\033[u", end="", flush=True)
+
+
+def doing(start: int) -> str:
+    """What the newest line of the log that is understood says; how many packages pip has so far."""
+    with LOG.open("rb") as log:
+        log.seek(start)
+        lines = log.read().decode(errors="replace").splitlines()
+    for line in reversed(lines):
+        for pattern, say in DOING:
+            if found := re.search(pattern, line):
+                count = sum(re.match(DOING[1][0], one) is not None for one in lines)
+                return f"{say(found)}, {count} packages so far" if pattern == DOING[1][0] else say(found)
+    return "at work"
 
 
 CAUSES = (
@@ -384,7 +436,7 @@ def make_environment(work: Workspace) -> None:
 
 def install_packages(work: Workspace) -> None:
     """Installs with pip what the environment does not have yet; what comes with the wheels of ROS as it was locked, and nothing else."""
-    pip = [work.python, "-m", "pip", "install", "--quiet", "--no-input", "--disable-pip-version-check"]
+    pip = [work.python, "-m", "pip", "install", "--progress-bar", "off", "--no-input", "--disable-pip-version-check"]
     if work.ros is None:
         # The lock is complete. Left to resolve, pip looks at a release that came out later first, and stops: it has no hash.
         run([*pip, "--require-hashes", "--no-deps", "-r", str(LOCK)], work.environment)
@@ -495,9 +547,26 @@ def build_package(work: Workspace) -> None:
     if list(INSTALL.glob("dart_skill/lib/python*/site-packages/dart_skill")):
         culprit = work.ask("import setuptools; print(setuptools.__version__, 'in', setuptools.__path__[0])")
         raise SetupError(f"sources were copied instead of linked, due to setuptools {culprit.strip()}")
+    write_command()
+
+
+COMMAND = """\
+#!/usr/bin/env bash
+# `dart-skill` of this workspace, which may be called by its path: it sources the environment where nobody has.
+case ":${{AMENT_PREFIX_PATH:-}}:" in
+  *":{install}/dart_skill:"*) ;;
+  *) . "{root}/tools/env.sh" ;;
+esac
+exec "{install}/dart_skill/lib/dart_skill/dart-skill" "$@"
+"""
+
+
+def write_command() -> None:
+    """Makes `.venv/bin/dart-skill`."""
     command = VENV / "bin/dart-skill"
     command.unlink(missing_ok=True)
-    command.symlink_to(INSTALL / "dart_skill/lib/dart_skill/dart-skill")
+    command.write_text(COMMAND.format(root=ROOT, install=INSTALL))
+    command.chmod(0o755)
 
 
 def verify(work: Workspace) -> None:

@@ -10,8 +10,10 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from dart_skill import __version__
 from dart_skill.cli import _completion, bag, check, darts, experiment, graph_verbs, learn, report, security, view
 from dart_skill.cli.printable import in_a_line
+from dart_skill.extras import explained
 
 TAB = "With TAB, bash and zsh complete commands, options and values: source tools/env.sh, or tools/completion.bash (.zsh) alone."
 
@@ -35,7 +37,10 @@ def main(arguments: list[str] | None = None) -> int:
     except BrokenPipeError:  # `dart-skill ... | head`: nobody reads on, and the interpreter would complain about it at its end
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
-    except (ValueError, OSError, ImportError) as error:
+    except ImportError as error:
+        print(f"dart-skill: {in_a_line(explained(error))}", file=sys.stderr)
+        return 1
+    except (ValueError, OSError) as error:
         print(f"dart-skill: {in_a_line(str(error) or type(error).__name__)}", file=sys.stderr)
         return 1
 
@@ -59,6 +64,7 @@ def _end(number: int, _: object) -> None:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="dart-skill", description="A robot arm that learns to throw from demonstrations.", epilog=TAB)
+    parser.add_argument("--version", action="version", version=f"dart-skill {__version__}")
     parser.set_defaults(takes_anything=False)
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     for name in ("up", "status", "demo", "practice", "teach", "demonstrations"):

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from dart_skill.extras import remedy
 from dart_skill.report._html import embedded, escaped, figure, large, one_line, page, quiet, table_of, what_was_run
 from dart_skill.report._pictures import Picture
 from dart_skill.report._replay import Replay, make_replay
@@ -66,7 +67,7 @@ def _replay(run: Run) -> tuple[Replay | None, str]:
     try:
         return make_replay(run.recording, throws, run.shown, gaussians, names), ""
     except ViewUnavailable:
-        return None, "The replay needs the package viser, which was not there: pip install 'viser>=1.1,<1.2', then dart-skill report BAG."
+        return None, f"The replay needs the package viser, which was not there: {remedy('viser')}, then dart-skill report BAG."
 
 
 def _replay_section(run: Run, replay: Replay | None, why: str) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
+from dart_skill.extras import remedy
 from dart_skill.figures import arm_darts_figure, trials_figure
 from dart_skill.report._html import embedded, escaped, figure, large, one_line, page, quiet, table_of, what_was_run
 from dart_skill.report._pictures import Picture, picture
@@ -42,7 +43,7 @@ def skill_page_of(run: SkillRun, drawn: Sequence[Picture], summary: SkillSummary
         replay: Replay | None = replay_of(run)
         why = ""
     except ViewUnavailable:
-        replay, why = None, "The replay needs the package viser, which was not there: pip install 'viser>=1.1,<1.2', then make it again."
+        replay, why = None, f"The replay needs the package viser, which was not there: {remedy('viser')}, then make it again."
     sections = [
         _numbers(run, summary),
         _replay_section(run, replay, why),

@@ -5,14 +5,21 @@ Frames: joint i's frame is the URDF's link frame; `hand` is bhand_base (DH frame
 the floor below the base axis.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 
 from dart_skill.constants import N_JOINTS
+from dart_skill.extras import Absent
 from dart_skill.robot._description import WamDescription, wam_description
+
+try:
+    import pinocchio as pin
+except ModuleNotFoundError as error:  # whoever makes no model of the arm does without
+    pin = Absent(error)
 
 BELOW = np.tri(N_JOINTS, k=-1, dtype=bool)
 

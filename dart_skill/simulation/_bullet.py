@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from dart_skill.extras import Absent
+
 
 @contextmanager
 def _muted() -> Iterator[None]:
@@ -25,9 +27,12 @@ def _muted() -> Iterator[None]:
             os.close(descriptor)
 
 
-with _muted():
-    import pybullet
-    from pybullet_utils.bullet_client import BulletClient
+try:
+    with _muted():
+        import pybullet
+        from pybullet_utils.bullet_client import BulletClient
+except ModuleNotFoundError as error:  # whoever simulates nothing does without
+    pybullet, BulletClient = Absent(error), object
 
 
 class _Client(BulletClient):

@@ -14,6 +14,8 @@ from types import ModuleType
 from typing import Any
 from urllib.parse import urlsplit
 
+from dart_skill.extras import remedy
+
 POLICY_VIOLATION = 1008
 """Status with which a websocket is closed (RFC 6455, section 7.4.1)."""
 
@@ -28,7 +30,7 @@ def load_viser() -> ModuleType:
         return importlib.import_module("viser")
     except ImportError as error:
         raise ViewUnavailable(
-            f"the live view needs the package viser, which is not there ({error}): pip install 'viser>=1.1,<1.2'"
+            f"the live view needs the package viser, which is not there ({error}): {remedy('viser')}"
         ) from error
 
 

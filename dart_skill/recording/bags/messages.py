@@ -18,6 +18,8 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
+from dart_skill.configuration import shared_folders
+
 PACKAGE = "dart_skill_msgs"
 _PARTS = {".msg": ("",), ".srv": ("_Request", "_Response"), ".action": ("_Goal", "_Result", "_Feedback")}
 _ZERO = {"bool": False, "string": "", "wstring": "", "float32": 0.0, "float64": 0.0}
@@ -26,10 +28,8 @@ _STAMPED = ("std_msgs/msg/Header", "builtin_interfaces/msg/Time")
 
 
 def interface_folder() -> Path:
-    """Folder of our interfaces: msg_schemas/ of a checkout, or the installed package's share."""
-    prefixes = [Path(prefix) for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
-    folders = [Path(__file__).resolve().parents[3] / "msg_schemas"]
-    folders += [prefix / "share" / PACKAGE for prefix in prefixes]
+    """Folder of our interfaces: in a wheel, msg_schemas/ of a checkout, or the installed package's share."""
+    folders = shared_folders("msg_schemas", PACKAGE)
     for folder in folders:
         if (folder / "msg").is_dir():
             return folder
