@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from dart_skill import __version__
-from dart_skill.cli import _completion, bag, check, darts, experiment, graph_verbs, learn, report, security, view
+from dart_skill.cli import _completion, bag, check, darts, demo, experiment, graph_verbs, learn, report, security, view
 from dart_skill.cli.printable import in_a_line
 from dart_skill.extras import explained
 
@@ -67,7 +67,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"dart-skill {__version__}")
     parser.set_defaults(takes_anything=False)
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for name in ("up", "status", "demo", "practice", "teach", "demonstrations"):
+    for name in ("up", "status"):
+        graph_verbs.add_to(commands, name)
+    demo.add_to(commands)
+    for name in ("practice", "teach", "demonstrations"):
         graph_verbs.add_to(commands, name)
     check.add_to(commands)
     learn.add_to(commands)

@@ -14,7 +14,7 @@ from types import ModuleType
 HELP = {
     "up": "start the node graph, watch it, and end it with Ctrl-C",
     "status": "the graph that runs, as a person reads it: nodes, rates, losses, limits, who commands; what is wrong",
-    "demo": "the main job over real nodes: teach, learn, throw",
+    "demo": "the main job: teach, learn, throw; over real nodes, or in one process without ROS",
     "practice": "own throws over real nodes, each of which is learned from",
     "teach": "throws that a person guides, on a graph that runs",
     "demonstrations": "what a graph that runs was shown so far; drop a bad one",
@@ -47,6 +47,11 @@ def runner(name: str, parser: argparse.ArgumentParser) -> Callable[[argparse.Nam
 
 
 def _run(name: str, parser: argparse.ArgumentParser, options: argparse.Namespace) -> int:
+    return module_of(name, parser).main(options, parser)
+
+
+def module_of(name: str, parser: argparse.ArgumentParser) -> ModuleType:
+    """The nodes' module of a verb; ImportError says what to do where ROS or the nodes are not there."""
     try:
         module = _module(name)
         importlib.import_module("rclpy")
@@ -54,7 +59,7 @@ def _run(name: str, parser: argparse.ArgumentParser, options: argparse.Namespace
         command = parser.prog.removeprefix("dart-skill ")
         hint = "'make setup', then 'source tools/env.sh'"
         raise ImportError(f"{command} needs the ROS 2 workspace: {hint} ({error})") from error
-    return module.main(options, parser)
+    return module
 
 
 def _module(name: str) -> ModuleType:

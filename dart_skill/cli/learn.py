@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dart_skill.cli import graph_verbs
-from dart_skill.cli.names import CONFIGURATIONS
+from dart_skill.cli.run_options import add_configuration
 
 if TYPE_CHECKING:
     from dart_skill.session import LearnReport
@@ -37,8 +37,7 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("--with-throws", action="store_true", help="learn from misses and from the arm's own throws, too")
     text = "leave this demonstration out; may be given several times (those that were dropped are left out anyway)"
     parser.add_argument("--without", metavar="ID", action="append", default=[], help=text)
-    text = f"of the skill: {', '.join(CONFIGURATIONS)} (default: default; on a graph that of its learner)"
-    parser.add_argument("--configuration", default="", choices=CONFIGURATIONS, metavar="NAME", help=text)
+    add_configuration(parser, "default; on a graph that of its learner")
     parser.add_argument("--at-least", type=int, metavar="N", help="without BAG: wait for so many demonstrations")
     parser.add_argument("--json", action="store_true", help="what was found and learned as JSON")
     parser.set_defaults(run=_learn, run_on_graph=graph_verbs.runner("learn", parser))

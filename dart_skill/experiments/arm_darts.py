@@ -19,7 +19,7 @@ from dart_skill.configuration import node_parameters
 from dart_skill.darts import ModelBasedAgent
 from dart_skill.experiments.parallel import all_of
 from dart_skill.recording import Demonstration
-from dart_skill.session import BLOCK, Dart, DartsRun, Session, after_the_throw, as_pair, before_the_throw
+from dart_skill.session import BLOCK, Dart, DartsRun, Session, after_the_throw, as_pair, before_the_throw, throw_dart
 from dart_skill.simulation import Board, PlantSettings, Swing
 from dart_skill.skill.improve import PractisingSkill
 from dart_skill.skill.learn import DEFAULT
@@ -127,14 +127,11 @@ def _throw(session: Session, skill: PractisingSkill, agent: ModelBasedAgent, gam
     """Throw one dart where the agent aims; the agent and the skill learn from it."""
     dart = before_the_throw(agent, skill.release_shift)
     try:
-        plan = skill.plan(game.target(game.aimed(agent.aim)))
-        trial = session.throw(plan)
+        hit = throw_dart(session, skill, game, agent.aim)
     except ValueError as error:
         agent.cannot()
         return replace(dart, note=str(error))
-    if not trial.outcome.landing_seen:
-        return replace(dart, note="nobody saw where the dart went")
-    hit = game.face.on_board(trial.outcome.landing)
-    agent.tell(hit)
-    told = skill.tell(plan, trial.demonstration)
-    return after_the_throw(dart, hit, "" if told.kept else told.reason)
+    if hit.place is None:
+        return replace(dart, note=hit.note)
+    agent.tell(hit.place)
+    return after_the_throw(dart, hit.place, hit.note)

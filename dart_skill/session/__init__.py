@@ -2,6 +2,7 @@
 
 from dart_skill.session._belt import BeltSession
 from dart_skill.session._bench import BenchSession
+from dart_skill.session._darts_demo import Hit, darts_demo, throw_dart
 from dart_skill.session._darts_run import (
     BLOCK,
     Dart,
@@ -15,9 +16,12 @@ from dart_skill.session._darts_run import (
     darts_table,
     summarise,
 )
+from dart_skill.session._demo import Job, basket_in_words, throwing_demo
 from dart_skill.session._from_bag import LearnReport, find_throws, learn_from_bag
 from dart_skill.session._in_process import Session, Trial
 from dart_skill.session._reaching_person import ReachingPerson
+from dart_skill.session._session_bag import LAYOUT, SessionBag
+from dart_skill.session._skill_demo import skill_demo
 from dart_skill.session._skill_from_bag import learn_skill_from_bag, learn_throws_from_bag
 from dart_skill.session._skill_session import SkillSession, SkillTrial
 from dart_skill.session._skill_summary import SkillResult, SkillSummary, in_words, situation_json, skill_table
@@ -30,10 +34,14 @@ __all__ = [
     "Dart",
     "DartsRun",
     "DartsSummary",
+    "Hit",
+    "Job",
+    "LAYOUT",
     "LegSummary",
     "LearnReport",
     "DemoSummary",
     "Session",
+    "SessionBag",
     "SkillSummary",
     "ReachingPerson",
     "SkillResult",
@@ -43,7 +51,9 @@ __all__ = [
     "Trial",
     "after_the_throw",
     "as_pair",
+    "basket_in_words",
     "before_the_throw",
+    "darts_demo",
     "darts_json",
     "darts_table",
     "error_quantile",
@@ -54,8 +64,11 @@ __all__ = [
     "learn_skill_from_bag",
     "learn_throws_from_bag",
     "situation_json",
+    "skill_demo",
     "skill_table",
     "summarise",
     "table",
+    "throw_dart",
+    "throwing_demo",
     "write_summary",
 ]

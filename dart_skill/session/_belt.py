@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dart_skill.robot import Mode
 from dart_skill.session._arm import parameters_of_arm
 from dart_skill.session._reaching_person import ReachingPerson
+from dart_skill.session._session_bag import SessionBag
 from dart_skill.session._skill_session import Push, Sees, SkillSession, SkillTrial, nobody
 from dart_skill.simulation import Belt, Conveyor, Person, PlantSettings
 from dart_skill.skill.execute import ReactiveGuide
@@ -22,13 +23,14 @@ class BeltSession(SkillSession):
     * skill: that is taught; its body is the cup.
     * seed: int, default 0. Everything random comes from it.
     * arm: of config/fleet.yaml, default "ideal"; settings: further parameters, each as NODE.PARAMETER=VALUE.
+    * bag: that everything is written into, default None.
     """
 
     plant: Conveyor
 
-    def __init__(self, skill: Skill, seed: int = 0, arm: str = "ideal", settings: Iterable[str] = ()):
+    def __init__(self, skill: Skill, seed: int = 0, arm: str = "ideal", settings: Iterable[str] = (), bag: SessionBag | None = None):
         of = parameters_of_arm(arm, settings)
-        super().__init__(skill, Conveyor(PlantSettings.from_parameters(of("wam_simulator")), seed), of, seed)
+        super().__init__(skill, Conveyor(PlantSettings.from_parameters(of("wam_simulator")), seed), of, seed, bag)
         self.person = ReachingPerson(seed, Person.from_parameters(of("teacher")), skill.moves)
 
     def teach(self, belt: Belt) -> SkillTrial:

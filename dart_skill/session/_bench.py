@@ -8,6 +8,7 @@ import numpy as np
 
 from dart_skill.robot import MotionPlan
 from dart_skill.session._arm import parameters_of_arm
+from dart_skill.session._session_bag import SessionBag
 from dart_skill.session._skill_session import RESTING, SkillSession, SkillTrial, nobody
 from dart_skill.simulation import Bench, Carrier, Person, PlantSettings, Workbench
 from dart_skill.skill.protocol import HAND, Pose, Situation, Skill
@@ -20,13 +21,22 @@ class BenchSession(SkillSession):
     * seed: int, default 0. Everything random comes from it.
     * bench: what stands on the table, default `Bench()`.
     * arm: of config/fleet.yaml, default "ideal"; settings: further parameters, each as NODE.PARAMETER=VALUE.
+    * bag: that everything is written into, default None.
     """
 
     plant: Workbench
 
-    def __init__(self, skill: Skill, seed: int = 0, bench: Bench | None = None, arm: str = "ideal", settings: Iterable[str] = ()):
+    def __init__(
+        self,
+        skill: Skill,
+        seed: int = 0,
+        bench: Bench | None = None,
+        arm: str = "ideal",
+        settings: Iterable[str] = (),
+        bag: SessionBag | None = None,
+    ):
         of = parameters_of_arm(arm, settings)
-        super().__init__(skill, Workbench(bench, PlantSettings.from_parameters(of("wam_simulator")), seed), of, seed)
+        super().__init__(skill, Workbench(bench, PlantSettings.from_parameters(of("wam_simulator")), seed), of, seed, bag)
         self.carrier = Carrier(seed, person=Person.from_parameters(of("teacher")))
 
     def teach(self, holder: Pose, goal: Pose) -> SkillTrial:

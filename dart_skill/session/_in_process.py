@@ -13,8 +13,10 @@ from dart_skill.configuration import node_parameters
 from dart_skill.recording import Demonstration
 from dart_skill.robot import ArmModel, ArmState, Command, Commander, CommanderSettings, Grip, Mode, ThrowPlan
 from dart_skill.session._arm import parameters_of_arm
+from dart_skill.session._session_bag import SessionBag
 from dart_skill.simulation import (
     BasketWalls,
+    Board,
     Frame,
     LatencyQueue,
     MotionCapture,
@@ -62,6 +64,7 @@ class Session:
     * person: who guides the arm, default that of config/teacher.yaml.
     * swing: the throw that the person has in mind, default `Swing()`.
     * keep_states: bool, default False. Whether a `Trial` keeps the simulator's states.
+    * bag: that everything is written into, default None.
     """
 
     def __init__(
@@ -73,6 +76,7 @@ class Session:
         person: Person | None = None,
         swing: Swing | None = None,
         keep_states: bool = False,
+        bag: SessionBag | None = None,
     ):
         settings = plant or PlantSettings.from_parameters(node_parameters("wam_simulator.yaml", "wam_simulator"))
         self.plant = Plant(settings, seed)
@@ -86,21 +90,21 @@ class Session:
         self.commander = Commander(limits, self.plant.description_of_load)
         self._kinematics = ArmModel()
         self._exposed: list[PlantState] = []
-        self._log, self._keep = ThrowLog(skill=skill), keep_states
+        self._log, self._keep, self._bag = ThrowLog(skill=skill), keep_states, bag
         self._frame_steps = round(1e9 / self.capture.config.rate / self.plant.settings.step_ns)
         self.steps = 0
 
     @classmethod
-    def on_arm(cls, name: str, seed: int = 0, settings: Iterable[str] = (), **others: Any) -> "Session":
+    def on_arm(cls, name: str, seed: int = 0, settings: Iterable[str] = (), board: Board | None = None, **others: Any) -> "Session":
         """A session with an arm of config/fleet.yaml, "ideal" or another name, or "fleet:SEED".
 
-        settings: further parameters, each as NODE.PARAMETER=VALUE; others: as of a session.
+        settings: further parameters, each as NODE.PARAMETER=VALUE; board: at which darts are thrown; others: as of a session.
         """
         of = parameters_of_arm(name, settings)
         others.setdefault("commander", CommanderSettings.from_parameters(of("commander")))
         return cls(
             seed,
-            PlantSettings.from_parameters(of("wam_simulator")),
+            replace(PlantSettings.from_parameters(of("wam_simulator")), board=board),
             cameras=MotionCaptureConfig.from_parameters(of("mock_optitrack")),
             person=Person.from_parameters(of("teacher")),
             **others,
@@ -160,8 +164,14 @@ class Session:
         self._exposed.clear()
         self.plant.reset(target)
         arm = self._sense()
-        self.plant.step(self.commander.step(arm), Command(arm.stamp_ns) if guided else None)
+        command, push = self.commander.step(arm), Command(arm.stamp_ns) if guided else None
+        self._write(arm, command, push)
+        self.plant.step(command, push)
         return self._sense()
+
+    def _write(self, arm: ArmState, command: Command, push: Command | None) -> None:
+        if self._bag is not None:
+            self._bag.step(arm, command, push)
 
     def _run(self, arm: ArmState, target: np.ndarray, step: Step, moved_through: Callable[[], bool], kind: str) -> Trial:
         states: list[PlantState] = []
@@ -171,6 +181,7 @@ class Session:
             if self._keep:
                 states.append(self.plant.state)
             command, push = step(arm)
+            self._write(arm, command, push)
             for answer in (command, push):
                 if answer is not None and answer.grip == Grip.OPEN:
                     self._log.add_opening(answer.stamp_ns)
@@ -196,7 +207,10 @@ class Session:
         """Log what the cameras have delivered by now: nobody looks at it before a throw is over, and many frames at once take less time."""
         queue = LatencyQueue()
         queue.push(self.capture.observe_frames(self._exposed[0].episode, [self._frame(state) for state in self._exposed]))
-        for sample in queue.due(now_ns):
+        come = queue.due(now_ns)
+        if self._bag is not None:
+            self._bag.see(come)
+        for sample in come:
             self._log.take(sample.name, sample.stamp_ns, sample.position, sample.quaternion)
 
     def _frame(self, state: PlantState) -> Frame:
@@ -216,6 +230,8 @@ class Session:
     def _trial(self, target: np.ndarray, states: list[PlantState], kind: str, over_ns: int) -> Trial:
         state = self.plant.state
         self._look_back(state.stamp_ns)
+        if self._bag is not None:
+            self._bag.end_of_movement()
         if self.plant.fault:
             raise ValueError(f"the arm's safety module stopped it: {self.plant.fault}")
         if self._log.opened_ns is None and self.commander.message:

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from dart_skill.robot import ArmModel, Command, Commander, CommanderSettings, Grip, Mode
+from dart_skill.session._session_bag import SessionBag
 from dart_skill.simulation import Conveyor, Frame, LatencyQueue, MotionCapture, Workbench
 from dart_skill.skill.observe import ThrowLog
 from dart_skill.skill.protocol import HAND, Skill, TaskDemonstration, TaskOutcome, Told, Track
@@ -49,12 +50,15 @@ class SkillSession:
     * plant: the world.
     * of: from the name of a node to its parameters.
     * seed: of the cameras.
+    * bag: that everything is written into, default None.
     """
 
     plant: Workbench | Conveyor
 
-    def __init__(self, skill: Skill, plant: Workbench | Conveyor, of: Callable[[str], Mapping[str, Any]], seed: int):
-        self.skill, self.plant = skill, plant
+    def __init__(
+        self, skill: Skill, plant: Workbench | Conveyor, of: Callable[[str], Mapping[str, Any]], seed: int, bag: SessionBag | None = None
+    ):
+        self.skill, self.plant, self._bag = skill, plant, bag
         self._capture = MotionCapture({**of("mock_optitrack"), "bodies": (HAND, *skill.bodies)}, seed)
         self.commander = Commander(CommanderSettings.from_parameters(of("commander")), self.plant.description)
         self._kinematics = ArmModel()
@@ -71,7 +75,12 @@ class SkillSession:
             self.commander.reset()
         self.plant.reset()
         self._watch_anew()
-        self.plant.step(self.commander.step(self.plant.arm_state))
+        self._step(self.commander.step(self.plant.arm_state), None)
+
+    def _step(self, command: Command, push: Command | None) -> None:
+        if self._bag is not None:
+            self._bag.step(self.plant.arm_state, command, push)
+        self.plant.step(command, push)
 
     def _watch_anew(self) -> None:
         self._log, self._due = ThrowLog(), LatencyQueue()
@@ -93,7 +102,7 @@ class SkillSession:
             for answer in (command, pushed):
                 if answer is not None:
                     self._hear(answer)
-            self.plant.step(command, pushed)
+            self._step(command, pushed)
             ended = self.plant.state_stamp_ns if ended is None and over() else ended
             if (self.plant.state_stamp_ns - begun) * 1e-9 > LONGEST:
                 raise ValueError(f"{what} is not over after {LONGEST:.0f} s: {self.commander.message or self.commander.mode.value}")
@@ -113,7 +122,10 @@ class SkillSession:
         if self._exposed:
             self._due.push(self._capture.observe_frames(self.plant.state.episode, self._exposed))
             self._exposed = []
-        for sample in self._due.due(self.plant.state_stamp_ns):
+        come = self._due.due(self.plant.state_stamp_ns)
+        if self._bag is not None:
+            self._bag.see(come)
+        for sample in come:
             self._seen.setdefault(sample.name, []).append((sample.stamp_ns * 1e-9, sample.position, sample.quaternion))
             if self._sees is not None:
                 self._sees.see(sample.name, sample.stamp_ns, sample.position, sample.quaternion)
@@ -125,7 +137,10 @@ class SkillSession:
 
     def _trial(self, name: str) -> SkillTrial:
         rows, stamps = np.array(self._log.joints.rows), np.array(self._log.joints.stamps) * 1e-9
-        seen = TaskDemonstration(name, self._tracks(), stamps, rows[:, :7], rows[:, 7:], tuple(self._told))
+        tracks = self._tracks()
+        if self._bag is not None:
+            self._bag.end_of_movement()
+        seen = TaskDemonstration(name, tracks, stamps, rows[:, :7], rows[:, 7:], tuple(self._told))
         begin = self._told[0].time if self._told else float(seen.hand_time[0])
         outcome = self.skill.judge(seen, self.skill.situation(seen, begin))
         return SkillTrial(seen, outcome, self.commander.message)

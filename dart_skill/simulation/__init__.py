@@ -7,7 +7,7 @@ from dart_skill.simulation._changes import CHANGES, changed
 from dart_skill.simulation._conveyor import Belt, Conveyor
 from dart_skill.simulation._guiding import Guiding
 from dart_skill.simulation._holder import Holder
-from dart_skill.simulation._motion_capture import BasketWalls, Camera, Frame, LatencyQueue, MotionCapture, MotionCaptureConfig
+from dart_skill.simulation._motion_capture import BasketWalls, Camera, Frame, LatencyQueue, MotionCapture, MotionCaptureConfig, Sample
 from dart_skill.simulation._plant import Plant, PlantSettings, PlantState
 from dart_skill.simulation._pulled_hand import PulledHand, Pulling
 from dart_skill.simulation._reacher import Reacher, Reaching
@@ -41,6 +41,7 @@ __all__ = [
     "Pulling",
     "Reacher",
     "Reaching",
+    "Sample",
     "Swing",
     "Teacher",
     "WORLDS",

@@ -29,9 +29,7 @@ def load_viser() -> ModuleType:
     try:
         return importlib.import_module("viser")
     except ImportError as error:
-        raise ViewUnavailable(
-            f"the live view needs the package viser, which is not there ({error}): {remedy('viser')}"
-        ) from error
+        raise ViewUnavailable(f"the live view needs the package viser, which is not there ({error}): {remedy('viser')}") from error
 
 
 def open_server(host: str = "127.0.0.1", port: int = 0, title: str = "dart_skill", token: str = "") -> Any:

@@ -1,5 +1,6 @@
 """From what the sensors saw to a demonstration, and to what became of a throw."""
 
+from dart_skill.skill.observe._arm_in_bag import attach_arm
 from dart_skill.skill.observe._at_rest import basket_at_rest, check_ball_in_hand
 from dart_skill.skill.observe._cutting import ARRIVAL_NS, THRESHOLDS, ThrowLog, judged, seen_down, watched_until
 from dart_skill.skill.observe._free_flight import FreeFlight, find_flight
@@ -20,6 +21,7 @@ __all__ = [
     "THRESHOLDS",
     "ThrowFinder",
     "ThrowLog",
+    "attach_arm",
     "basket_at_rest",
     "check_ball_in_hand",
     "column_noise",

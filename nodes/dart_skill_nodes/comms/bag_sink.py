@@ -7,16 +7,14 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from dart_skill.configuration import config_path
 from dart_skill.recording import BagWriter, definition, is_stamped, qos_yaml, type_hash, types_for
-from dart_skill.robot import wam_description, write_urdf
+from dart_skill.skill.observe import attach_arm
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import WALL
 from dart_skill_nodes.comms.refusals import NOT_RECORDED, GuardedLifecycleNode
 
 FLUSH = 1.0
 """What came more than so long ago is safe from a crash [s, wall clock]."""
-PARAMETER_FILES = ("world.yaml", "limits.yaml", "wam.yaml", "wam_simulator.yaml", "optitrack.yaml", "commander.yaml", "teacher.yaml")
 
 
 class BagSink:
@@ -28,10 +26,7 @@ class BagSink:
     def __init__(self, node: Node, path: Path, custom_data: dict[str, str], **limits):
         self._node, self._stamped, self._open, self.failure = node, {}, True, ""
         self.writer = BagWriter(path, custom_data=custom_data, **limits)
-        # What somebody needs to understand the bag: the arm, and the parameters in force.
-        self.writer.add_attachment("wam.urdf", write_urdf(wam_description()), "application/xml")
-        for name in PARAMETER_FILES:
-            self.writer.add_attachment(name, config_path(name).read_text(encoding="utf-8"), "application/yaml")
+        attach_arm(self.writer)
         self._timer = node.create_timer(FLUSH, self.flush, clock=WALL)
 
     def add_offered(self, topic: str, offers: list[TopicEndpointInfo]) -> None:

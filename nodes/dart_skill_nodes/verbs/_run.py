@@ -4,7 +4,6 @@ rclpy is imported when something runs: parsers must come at once.
 """
 
 import argparse
-import math
 import sys
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -21,8 +20,6 @@ if TYPE_CHECKING:
 
 PATIENCE = 10.0
 """For a graph that is said to run to answer at all [s, wall clock]."""
-PARAMETER_FILES = ("skill_learner.yaml", "demonstration_recorder.yaml", "coach.yaml")
-"""What a report shows besides the parameters that the bag holds."""
 
 
 BY_HAND = (
@@ -39,15 +36,9 @@ def say(text: str) -> None:
 
 def place(target: "np.ndarray") -> str:
     """A basket in words."""
-    azimuth = math.degrees(math.atan2(target[1], target[0]))
-    return f"basket at {math.hypot(target[0], target[1]):.2f} m, {azimuth:+.0f} degrees"
+    from dart_skill.session import basket_in_words
 
-
-def parameter_texts() -> dict[str, str]:
-    """The parameter files in force that no bag holds."""
-    from dart_skill.configuration import config_path
-
-    return {name: config_path(name).read_text(encoding="utf-8") for name in PARAMETER_FILES}
+    return basket_in_words(target)
 
 
 def baskets(options: argparse.Namespace, stream: int) -> "np.ndarray":

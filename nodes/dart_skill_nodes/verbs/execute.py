@@ -3,7 +3,7 @@
 import argparse
 from typing import TYPE_CHECKING
 
-from dart_skill_nodes.verbs._options import add_model, check_model
+from dart_skill.cli.run_options import add_model, check_model
 from dart_skill_nodes.verbs._run import PATIENCE, on_running_graph, print_result
 from dart_skill_nodes.verbs._skill_run import drawn, execute_all
 

@@ -7,10 +7,10 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from dart_skill.cli.names import CHANGES, PRACTICE_METHODS
+from dart_skill.cli.run_options import add_run, asked, check_run, parameter_texts
 from dart_skill.files import new_file
 from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES, Graph, of_executables
-from dart_skill_nodes.verbs._options import add_run, asked, check_run
-from dart_skill_nodes.verbs._run import PATIENCE, carried_out, on_running_graph, parameter_texts, print_result, say, teach, tell_practice
+from dart_skill_nodes.verbs._run import PATIENCE, carried_out, on_running_graph, print_result, say, teach, tell_practice
 from dart_skill_nodes.verbs._skill_run import THROW, practise
 
 if TYPE_CHECKING:

@@ -3,7 +3,7 @@
 import argparse
 from typing import TYPE_CHECKING
 
-from dart_skill_nodes.verbs._options import add_baskets
+from dart_skill.cli.run_options import add_baskets
 from dart_skill_nodes.verbs._run import PATIENCE, baskets, on_running_graph, place, print_result, say, teach_by_hand
 from dart_skill_nodes.verbs._skill_run import THROW, drawn, show_all
 

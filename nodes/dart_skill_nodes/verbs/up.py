@@ -10,11 +10,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dart_skill.cli.run_options import add_arm, add_model, check_model, differences, output_folder
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.process.discovery import stay_on_this_machine
 from dart_skill_nodes.process.graph_processes import LAYOUTS, SIMULATED, START, TOKEN, Graph, nodes_of, of_executables, parameters_of
 from dart_skill_nodes.process.signals import Interrupts
-from dart_skill_nodes.verbs._options import add_arm, add_model, check_model, differences, output_folder
 from dart_skill_nodes.verbs._skill_run import THROW
 
 if TYPE_CHECKING:

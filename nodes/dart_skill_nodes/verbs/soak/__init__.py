@@ -9,11 +9,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dart_skill.cli.run_options import add_arm, differences, output_folder
 from dart_skill.files import new_file
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms.system_process import descriptors_of, memory_of, processor_time_of, threads_of
 from dart_skill_nodes.process.graph_processes import NODES, SIMULATED, Graph, of_executables
-from dart_skill_nodes.verbs._options import add_arm, differences, output_folder
 from dart_skill_nodes.verbs._run import carried_out, say, teach
 
 if TYPE_CHECKING:

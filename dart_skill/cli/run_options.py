@@ -1,26 +1,32 @@
-"""Options that several verbs share, and how they are checked. No ROS is imported here."""
+"""Options that several verbs share, those of the nodes too, and how they are checked. No ROS is imported here."""
 
 import argparse
+from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 
 from dart_skill.cli.names import CONFIGURATIONS
-from dart_skill_nodes.process.graph_processes import SIMULATED
 
+GRAPHS = ("composed", "processes")
+"""Layouts of the simulated graph."""
+PARAMETER_FILES = ("skill_learner.yaml", "demonstration_recorder.yaml", "coach.yaml")
+"""What a report shows besides the parameters that the bag holds."""
 UNTOLD = ("help", "output", "json")
 """Options that change nothing about a run."""
 FILES = (".png", ".svg", ".webp", ".html", ".json", ".csv", ".npz", ".mcap", ".db3", ".yaml")
 """Endings of files: no folder is meant to be called so."""
 
 
-def add_run(parser: argparse.ArgumentParser, demonstrations: int, throws: int, thrown: str) -> None:
-    """The options of a run that starts a graph, teaches it and throws."""
+def add_run(
+    parser: argparse.ArgumentParser, demonstrations: int, throws: int, thrown: str, layouts: Sequence[str] = GRAPHS, also: str = ""
+) -> None:
+    """The options of a run that teaches and throws; layouts: those that it has; also: what there is to say of them."""
     parser.add_argument("--seed", type=int, default=0, help="everything random comes from it (default 0)")
     parser.add_argument("--demonstrations", type=int, default=demonstrations, help=f"throws to be shown (default {demonstrations})")
     parser.add_argument("--throws", "--trials", type=int, default=throws, help=f"{thrown} (default {throws})")
     what, verb = "bag, summary, report, pictures and logs", parser.prog.split()[-1]
     parser.add_argument("--output", type=Path, help=f"folder for {what} (default output/{verb}_<date>)")
-    parser.add_argument("--layout", choices=SIMULATED, default="composed", help="processes of the graph (default composed)")
+    parser.add_argument("--layout", choices=layouts, default="composed", help=f"processes of the graph{also} (default composed)")
     add_arm(parser)
 
 
@@ -95,3 +101,10 @@ def asked(parser: argparse.ArgumentParser, options: argparse.Namespace) -> list[
     """Name, value and default of every option that a run depends on."""
     names = [action.dest for action in parser._actions if action.dest not in UNTOLD]
     return [(name.replace("_", "-"), getattr(options, name), parser.get_default(name)) for name in names]
+
+
+def parameter_texts() -> dict[str, str]:
+    """The parameter files in force that no bag holds."""
+    from dart_skill.configuration import config_path
+
+    return {name: config_path(name).read_text(encoding="utf-8") for name in PARAMETER_FILES}
