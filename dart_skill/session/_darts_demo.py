@@ -24,10 +24,16 @@ MOST_DARTS = 120
 
 @dataclass(frozen=True)
 class Hit:
-    """Where a dart went: place (2,) [mm] on the board, None if nobody saw it or nothing was thrown; and what there is to say of it."""
+    """Where a dart went.
+
+    * place: (2,) [mm] on the board, None if nobody saw it or nothing was thrown.
+    * note: what there is to say of it.
+    * outcome: on the board or not, and how far from the aim [m].
+    """
 
     place: np.ndarray | None
     note: str = ""
+    outcome: TaskOutcome = TaskOutcome(False, float("nan"))
 
 
 def darts_demo(job: Job, skill: Darts, say: Say) -> DartsSummary:
@@ -41,7 +47,7 @@ def darts_demo(job: Job, skill: Darts, say: Say) -> DartsSummary:
             lessons = _teach(session, bag, skill, job, say)
             learned, agent = practising(skill, lessons.kept, job.configuration, say), skill.agent()
             thrown, before = time.monotonic(), session.steps
-            darts = tuple(_own_dart(session, learned, agent, skill, number, say) for number in range(1, job.throws + 1))
+            own = [_own_dart(session, learned, agent, skill, number, say) for number in range(1, job.throws + 1)]
             leg = _play_leg(session, learned, agent, skill, say)
             took, steps = time.monotonic() - thrown, session.steps - before
         finally:
@@ -52,12 +58,12 @@ def darts_demo(job: Job, skill: Darts, say: Say) -> DartsSummary:
         bag=str(job.bag),
         demonstrations=job.demonstrations,
         attempts=lessons.attempts,
-        trials=tuple(_result(skill, dart) for dart in darts),
+        trials=tuple(SkillResult(skill.aimed(np.array(dart.aim)), hit.outcome, dart.note) for dart, hit in own),
         wall_seconds=time.monotonic() - begun,
         layout=LAYOUT,
         real_time_factor=steps * session.plant.settings.step / took,
     )
-    return DartsSummary(of, DartsRun(job.seed, "in process", skill.bull, (), darts), leg)
+    return DartsSummary(of, DartsRun(job.seed, "in process", skill.bull, (), tuple(dart for dart, _ in own)), leg)
 
 
 def throw_dart(session: Session, learned: PractisingSkill, skill: Darts, aim: np.ndarray) -> Hit:
@@ -67,7 +73,9 @@ def throw_dart(session: Session, learned: PractisingSkill, skill: Darts, aim: np
     if not trial.outcome.landing_seen:
         return Hit(None, "nobody saw where the dart went")
     told = learned.tell(plan, trial.demonstration)
-    return Hit(skill.face.on_board(trial.outcome.landing), "" if told.kept else told.reason)
+    seen = trial.outcome
+    outcome = TaskOutcome(bool(seen.in_basket), float(seen.landing_error))
+    return Hit(skill.face.on_board(seen.landing), "" if told.kept else told.reason, outcome)
 
 
 def _teach(session: Session, bag: SessionBag, skill: Darts, job: Job, say: Say) -> Lessons:
@@ -81,7 +89,7 @@ def _teach(session: Session, bag: SessionBag, skill: Darts, job: Job, say: Say) 
     raise lessons.too_few
 
 
-def _own_dart(session: Session, learned: PractisingSkill, agent: ModelBasedAgent, skill: Darts, number: int, say: Say) -> Dart:
+def _own_dart(session: Session, learned: PractisingSkill, agent: ModelBasedAgent, skill: Darts, number: int, say: Say) -> tuple[Dart, Hit]:
     dart = before_the_throw(agent, learned.release_shift)
     try:
         hit = throw_dart(session, learned, skill, agent.aim)
@@ -95,7 +103,7 @@ def _own_dart(session: Session, learned: PractisingSkill, agent: ModelBasedAgent
         dart = after_the_throw(dart, hit.place, hit.note)
     off = "not seen" if hit.place is None else f"{np.linalg.norm(np.subtract(dart.hit, dart.aim)):.0f} mm off, {dart.score} points"
     say(f"dart {number} at {place_of(np.array(dart.aim))}: {off} {hit.note}".rstrip())
-    return dart
+    return dart, hit
 
 
 def _play_leg(session: Session, learned: PractisingSkill, agent: ModelBasedAgent, skill: Darts, say: Say) -> LegSummary | None:
@@ -115,13 +123,3 @@ def _play_leg(session: Session, learned: PractisingSkill, agent: ModelBasedAgent
         bust = ", bust" if dart.bust else ""
         say(f"501, dart {len(leg.darts)}: {dart.before} left, at {place_of(aim)}: {dart.hit}, {dart.points} points{bust}")
     return LegSummary(tuple(leg.darts), leg.is_over, float(policy.expected[501]))
-
-
-def _result(skill: Darts, dart: Dart) -> SkillResult:
-    """A dart as a trial of any skill: done if it is on the board."""
-    miss = 1e-3 * np.subtract(dart.hit, dart.aim)
-    error = float(np.linalg.norm(miss))
-    outcome = TaskOutcome(
-        bool(skill.face.holds(skill.face.in_world(np.array(dart.hit)))) if np.isfinite(error) else False, error, dart.note
-    )
-    return SkillResult(skill.aimed(np.array(dart.aim)), outcome, dart.note)

@@ -112,7 +112,7 @@ class Lessons:
         self.attempts += max(1, len(trials))
         if not why:
             self.kept.append(trials[-1].demonstration)
-            self._bag.keep(trials[-1].demonstration, self._session.plant.state.stamp_ns)
+            self._bag.keep_throw(trials[-1].demonstration, self._session.plant.state.stamp_ns)
         how = f"given up: {why}" if why else f"in after {len(trials)}"
         self._say(f"demonstration {len(self.kept)}/{self._wanted}: {where}: {how}")
 

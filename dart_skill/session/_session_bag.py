@@ -76,13 +76,18 @@ class SessionBag:
             turn.x, turn.y, turn.z, turn.w = sample.quaternion.tolist()
             self._keep(self._poses[sample.name], POSE, self._pose, sample.stamp_ns, sample.publish_ns)
 
-    def keep(self, shown: Demonstration | TaskDemonstration, now_ns: int) -> None:
-        """A demonstration that succeeded, at the end of its world."""
-        if isinstance(shown, Demonstration):
-            opened = shown.stamp_ns + round(1e9 * shown.hand_opened)
-            content = demonstration_message(self._types, replace(shown, id=demonstration_id(opened)))
-        else:
-            content = task_demonstration_message(self._types, _on_its_own_clock(shown), self._skill)
+    def keep_throw(self, shown: Demonstration, now_ns: int) -> None:
+        """A throw that succeeded, at the end of its world."""
+        opened = shown.stamp_ns + round(1e9 * shown.hand_opened)
+        self._demonstrate(demonstration_message(self._types, replace(shown, id=demonstration_id(opened))), now_ns)
+
+    def keep_movement(self, shown: TaskDemonstration, now_ns: int) -> TaskDemonstration:
+        """Another movement that succeeded, at the end of its world; as whoever reads the bag has it, to the last bit."""
+        kept = _on_its_own_clock(shown)
+        self._demonstrate(task_demonstration_message(self._types, kept, self._skill), now_ns)
+        return kept
+
+    def _demonstrate(self, content: Any, now_ns: int) -> None:
         self._waiting.append((now_ns, DEMONSTRATION_TOPIC, now_ns, serialize(self._types, DEMONSTRATION_TYPE, content)))
 
     def end_of_movement(self) -> None:
@@ -120,12 +125,15 @@ def _filled(content: Any, command: Command) -> Any:
 def _on_its_own_clock(one: TaskDemonstration) -> TaskDemonstration:
     """A demonstration whose times begin with the first pose of the hand, named after that stamp, as the recorder cuts it."""
     origin_ns = one.stamp_ns + round(1e9 * float(one.hand_time[0]))
-    since = (origin_ns - one.stamp_ns) * 1e-9
+
+    def since(seconds: np.ndarray) -> np.ndarray:
+        return (one.stamp_ns + np.round(1e9 * np.asarray(seconds)).astype(np.int64) - origin_ns) * 1e-9
+
     return replace(
         one,
         id=demonstration_id(origin_ns),
-        tracks={role: Track(track.time - since, track.position, track.quaternion) for role, track in one.tracks.items()},
-        joint_time=one.joint_time - since,
-        told=tuple(Told(told.time - since, told.grip) for told in one.told),
+        tracks={role: Track(since(track.time), track.position, track.quaternion) for role, track in one.tracks.items()},
+        joint_time=since(one.joint_time),
+        told=tuple(Told(float(since(np.array(told.time))), told.grip) for told in one.told),
         stamp_ns=origin_ns,
     )

@@ -124,8 +124,7 @@ def _teach(
         except ValueError as error:
             why = str(error)
         if not why:
-            kept.append(trial.seen)
-            bag.keep(trial.seen, table.session.plant.state_stamp_ns)
+            kept.append(bag.keep_movement(trial.seen, table.session.plant.state_stamp_ns))
         say(f"demonstration {len(kept)}/{wanted}: {in_words(situation)}: {f'given up: {why}' if why else 'shown'}")
         if len(kept) == wanted:
             return kept, lesson + 1
