@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import importlib.util
 from typing import NoReturn
 
 EXTRA_OF = {
     "pinocchio": "sim",
     "pybullet": "sim",
     "pybullet_utils": "sim",
-    "tqdm": "sim",
+    "tqdm": "plot",
     "matplotlib": "plot",
     "viser": "view",
     "pyarrow": "lerobot",
@@ -26,6 +27,13 @@ def explained(error: ImportError) -> str:
     module = (error.name or "").split(".")[0]
     missing = isinstance(error, ModuleNotFoundError) and module in EXTRA_OF
     return f"the package {module} is needed for this, and is not there: {remedy(module)}" if missing else str(error)
+
+
+def need(*modules: str) -> None:
+    """ModuleNotFoundError for a module that is not there, before any work is begun."""
+    for module in modules:
+        if importlib.util.find_spec(module) is None:
+            raise ModuleNotFoundError(f"No module named '{module}'", name=module)
 
 
 class Absent:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from dart_skill.cli import graph_verbs
 from dart_skill.cli.run_options import GRAPHS, add_configuration, add_run, asked, check_run, parameter_texts
-from dart_skill.extras import explained
+from dart_skill.extras import explained, need
 
 if TYPE_CHECKING:
     from dart_skill.report import About
@@ -88,6 +88,7 @@ class _InProcess:
     @staticmethod
     def carried_out(job: Callable, options: argparse.Namespace, what: str) -> Any:
         """job(options); None, and a line why, if it failed."""
+        need("pinocchio", "pybullet")
         options.output.mkdir(parents=True, exist_ok=True)
         say(f"seed {options.seed}; {LEFT_OUT}")
         try:

@@ -6,6 +6,8 @@ import subprocess
 
 import pytest
 
+from dart_skill.recording import BagReader
+from dart_skill.session import learn_from_bag
 from tests.paths import CONFIG
 
 FIELDS = {
@@ -27,11 +29,20 @@ def _demo(*arguments, **options):
     return subprocess.run(["dart-skill", "demo", *arguments], capture_output=True, text=True, timeout=300, **options)
 
 
+SMALL = ("--demonstrations", "3", "--throws", "2", "--seed", "1", "--arm", "fleet:3", "--json")
+
+
 @pytest.fixture(scope="module")
 def small_demo(tmp_path_factory):
     folder = tmp_path_factory.mktemp("demo") / "run"
-    options = ("--demonstrations", "3", "--throws", "2", "--seed", "1", "--arm", "fleet:3", "--json")
-    return _demo(*options, "--output", str(folder)), folder
+    return _demo(*SMALL, "--output", str(folder)), folder
+
+
+@pytest.fixture(scope="module")
+def without_ros(tmp_path_factory):
+    """The same in one process."""
+    folder = tmp_path_factory.mktemp("in_process") / "run"
+    return _demo(*SMALL, "--layout", "in-process", "--output", str(folder)), folder
 
 
 def test_the_demo_ends_well_and_prints_nothing_but_json_on_stdout(small_demo):
@@ -60,6 +71,32 @@ def test_the_report_tells_of_this_run(small_demo):
     for throw in summary["throws"]:
         assert f"{throw['landing'][0]:.3f}" in page and f"{100 * throw['error_m']:.1f}" in page
     assert page.count("<svg") == len(PICTURES)
+
+
+def test_in_process_the_arm_throws_the_same_throws_to_the_last_bit(small_demo, without_ros):
+    over_nodes, alone = (json.loads(done.stdout) for done, _ in (small_demo, without_ros))
+    for field in ("throws", "trials", "attempts", "in", "median_error_m"):
+        assert alone[field] == over_nodes[field], field
+    assert set(alone) == set(over_nodes) and (alone["layout"], over_nodes["layout"]) == ("in-process", "composed")
+
+
+def test_in_process_the_same_is_left_behind_but_logs_and_that_is_said(small_demo, without_ros):
+    left, left_alone = ({path.name for path in folder.iterdir()} for _, folder in (small_demo, without_ros))
+    assert left - left_alone == {"logs"} and not left_alone - left
+    assert "no nodes ran, so there are no logs" in without_ros[0].stderr
+
+
+def test_the_bag_of_one_process_teaches_what_the_bag_of_the_graph_teaches(small_demo, without_ros):
+    """The world of the graph begins a little earlier, as its nodes find each other."""
+    (model, report), (other, others) = (learn_from_bag(folder / "bag") for _, folder in (small_demo, without_ros))
+    assert model.skill.model_id == other.skill.model_id
+    assert [throw.taught for throw in report.throws] == [throw.taught for throw in others.throws] == [True] * 3 + [False] * 2
+    topics = []
+    for _, folder in (small_demo, without_ros):
+        with BagReader(folder / "bag") as bag:
+            topics.append({name: (one.type_name, one.type_hash) for name, one in bag.topics.items()})
+            assert bag.custom_data["seed"] == "1" and {item.name for item in bag.attachments()} >= {"wam.urdf", "world.yaml"}
+    assert topics[0] == topics[1]
 
 
 def test_progress_is_said_on_stderr(small_demo):

@@ -136,7 +136,7 @@ def test_without_viser_the_page_says_what_to_install(monkeypatch):
 
     monkeypatch.setattr("dart_skill.view._server.load_viser", missing)
     text = page_of(run_of("throws"), drawn_of("throws"))
-    assert "<iframe" not in text and "pip install &#x27;viser" in text and len(text) > 100_000
+    assert "<iframe" not in text and "pip install &#x27;dart_skill[view]" in text and len(text) > 100_000
 
 
 def test_throws_that_never_came_about_have_a_row_and_no_place_in_the_replay():

@@ -395,6 +395,43 @@ def test_the_digest_sees_names_and_content(tmp_path, monkeypatch):
     assert workspace.digest("text", tmp_path / "folder") == digests[-1]
 
 
+def in_the_log(tmp_path, monkeypatch, text):
+    monkeypatch.setattr(workspace, "LOG", tmp_path / "setup.log")
+    workspace.LOG.write_text(text)
+
+
+@pytest.mark.parametrize(
+    ("log", "said"),
+    [
+        ("", "at work"),
+        ("  Downloading numpy-2.1-cp311.whl (18.3 MB)\n  Using cached x_y-1.0-py3.whl (3 kB)\n", r"x_y (3 kB), 2 packages so far"),
+        ("  Downloading a-1.whl (1 MB)\nInstalling collected packages: a\n", "installing what was downloaded"),
+        ("  Building wheel for pybullet (setup.py): started\n", "compiling pybullet, which takes minutes"),
+        ("[12/480] Building C object x.o\n", "12 of 480 files"),
+    ],
+)
+def test_what_a_command_is_doing_is_read_from_its_log(log, said, tmp_path, monkeypatch):
+    in_the_log(tmp_path, monkeypatch, f"of another command: [1/9]\n{log}")
+    assert workspace.doing(len("of another command: [1/9]\n")) == said
+
+
+def test_a_command_that_takes_long_is_told_of_where_no_terminal_is(tmp_path, monkeypatch, capsys):
+    in_the_log(tmp_path, monkeypatch, "[1/2] x\n")
+    monkeypatch.setattr(workspace, "TOLD_EVERY", 0.0)
+    assert workspace.watch(subprocess.Popen(["sh", "-c", "sleep 1.3; exit 3"]), 0) == 3
+    assert re.fullmatch(r"(\n  \d s: 1 of 2 files)+", capsys.readouterr().out)
+
+
+def test_the_command_of_the_workspace_is_called_by_its_path_without_sourcing_anything():
+    command = ROOT / ".venv" / "bin" / "dart-skill"
+    if not command.is_file():
+        pytest.skip("the workspace is not built here")
+    bare = {"PATH": os.defpath, "HOME": os.environ.get("HOME", "/")}
+    done = subprocess.run([command, "status", "--help"], env=bare, cwd="/", capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "--json" in done.stdout, "the nodes are not found: the options of 'status' are theirs"
+
+
 def test_sourcing_the_environment_before_the_set_up_says_what_to_do(tmp_path):
     (tmp_path / "tools").mkdir()
     shutil.copy(ROOT / "tools/env.sh", tmp_path / "tools")

@@ -522,7 +522,7 @@ def test_it_listens_on_this_machine_alone_and_on_no_port_but_the_wanted_one(serv
 
 def test_without_viser_the_package_to_install_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "viser", None)
-    with pytest.raises(view.ViewUnavailable, match="pip install 'viser"):
+    with pytest.raises(view.ViewUnavailable, match=r"pip install 'dart_skill\[view\]"):
         view.open_server()
 
 
