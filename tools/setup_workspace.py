@@ -351,8 +351,10 @@ TOLD_EVERY = 15.0  # seconds between two lines of progress where stdout is no te
 DOING = (
     (r"^\s*Installing collected packages:", lambda found: "installing what was downloaded"),
     (r"^\s*(?:Downloading|Using cached) (\S+?)-\d\S* \((.+)\)", lambda found: f"{found[1]} ({found[2]})"),
+    (r"^Requirement already satisfied: ([\w.-]+)", lambda found: f"{found[1]} is there"),
     (r"^\s*Building wheel for (\S+)", lambda found: f"compiling {found[1]}, which takes minutes"),
-    (r"^\[(\d+)/(\d+)\]", lambda found: f"{found[1]} of {found[2]} files"),
+    (r"^\[(\d+)/(\d+)\]", lambda found: f"step {found[1]} of {found[2]}"),
+    (r"^\[ *(\d+)%\]", lambda found: f"{found[1]} % are compiled"),
 )
 
 
@@ -363,6 +365,8 @@ def watch(process: subprocess.Popen, start: int) -> int:
         try:
             status = process.wait(0.2 if sys.stdout.isatty() else 1.0)
             tell("")
+            if told > begun:
+                print("\n ", end="", flush=True)
             return status
         except subprocess.TimeoutExpired:
             now = time.monotonic()
@@ -525,6 +529,9 @@ def write_prefix_scripts() -> None:
         (VENV / f"local_setup.{shell}").write_text(text)
 
 
+TELL = ("--event-handlers", "console_direct+", "console_cohesion-")  # colcon hands on what the compiler says, as it comes
+
+
 def build(work: Workspace, package: str, *options: str) -> None:
     """Builds one package with the Python of the environment, which so gets into the #! lines."""
     for folder in (ROOT / "build" / package, INSTALL / package):
@@ -533,7 +540,7 @@ def build(work: Workspace, package: str, *options: str) -> None:
     selection = ["--base-paths", ".", "msg_schemas", "--packages-select", package]
     # colcon's own limit on the load average leaves one job at a time on two cores
     environment = {**work.environment, "MAKEFLAGS": f"-j{os.cpu_count() or 1}"}
-    run([*colcon, "--log-base", "log", "build", "--symlink-install", *selection, *options], environment)
+    run([*colcon, "--log-base", "log", "build", "--symlink-install", *TELL, *selection, *options], environment)
 
 
 def build_interfaces(work: Workspace) -> None:
@@ -633,7 +640,8 @@ def set_up(named: str) -> None:
     print(f"set-up: ROS 2 Jazzy from {source}, {python}", flush=True)
     if not steps[0].is_done():
         check_machine(needs_wheels=ros is None)
-        print("set-up: the first one takes some minutes and 2 GB", flush=True)
+        size = "downloads 0.4 GB and takes 1.8 GB" if ros is None else "downloads what this ROS lacks"
+        print(f"set-up: the first one takes three to five minutes, {size}; later ones take seconds", flush=True)
     for step in steps:
         step.bring_up_to_date(work)
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 THROW, DARTS, IN_PROCESS = "throw", "darts", "in-process"
 DEMONSTRATIONS, OWN_DARTS = 8, 75
 """Of another skill, and own darts, where nobody says how many."""
-LEFT_OUT = "in process: no nodes ran, so there are no logs, and the bag has no /clock, diagnostics or services"
+LEFT_OUT = "in process: no nodes run, so there are no logs of them"
 DIFFERS = "a person and the cameras look at the bodies for another moment than on the graph: trials differ from those there"
 
 

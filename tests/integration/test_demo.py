@@ -83,7 +83,7 @@ def test_in_process_the_arm_throws_the_same_throws_to_the_last_bit(small_demo, w
 def test_in_process_the_same_is_left_behind_but_logs_and_that_is_said(small_demo, without_ros):
     left, left_alone = ({path.name for path in folder.iterdir()} for _, folder in (small_demo, without_ros))
     assert left - left_alone == {"logs"} and not left_alone - left
-    assert "no nodes ran, so there are no logs" in without_ros[0].stderr
+    assert "no nodes run, so there are no logs" in without_ros[0].stderr
 
 
 def test_the_bag_of_one_process_teaches_what_the_bag_of_the_graph_teaches(small_demo, without_ros):

@@ -23,10 +23,12 @@ from dart_skill.cli._completion import commands_of as verbs_of
 from dart_skill.cli._main import _parser
 from tests.paths import ROOT
 
-PAGES = {str(path.relative_to(ROOT)): path for path in (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))}
+PAGES = {
+    str(path.relative_to(ROOT)): path for path in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md")))
+}
 PROGRAMS = (
-    "dart-skill", "ros2", "make", "python3", "python", "source", "export", "colcon", "rosdep", "rviz2", "foxglove", "rerun", "pip", "dask",
-    "chronyc", "ssh", "git", "cd", "sudo", "apt", "docker", "curl", "sphinx-build",
+    "dart-skill", "ros2", "make", "pre-commit", "python3", "python", "source", "export", "colcon", "rosdep", "rviz2", "foxglove", "rerun",
+    "pip", "dask", "chronyc", "ssh", "git", "cd", "sudo", "apt", "docker", "curl", "sphinx-build",
 )  # fmt: skip
 PATIENCE = 180.0
 """For any command, or for what a command that stays says when it is ready [s, wall clock]."""
@@ -74,6 +76,7 @@ FULL_ROS = Not("needs a full ROS installation; names and types are compared with
 NETWORK = Not("fetches packages from the network")
 CLUSTER = Not("needs a Dask cluster")
 MACHINES = Not("is about other machines")
+WHEEL = Elsewhere("unit/repository/test_wheel.py::test_the_main_job_runs_without_ros_and_says_what_it_leaves_out")
 RERUN = Elsewhere("unit/recording/test_others.py::test_rerun_counts_every_message_and_finds_no_fault")
 NODES = Elsewhere("integration/test_executables.py::test_starts_with_ros2_run_and_ends_on_sigint")
 ARM = Elsewhere("integration/test_check_arm.py::test_the_registration_of_loose_cameras_is_found_and_written")
@@ -113,7 +116,14 @@ TYPED = {
     "make docs": MAKE,
     "source tools/env.sh": Run(then="command -v dart-skill ros2 && printenv ROS_AUTOMATIC_DISCOVERY_RANGE", says="LOCALHOST"),
     "python -m pydoc dart_skill.movement": Run(says="dart_skill.movement"),
-    "pip install 'viser>=1.1,<1.2'": NETWORK,
+    "pip install 'dart_skill[view]'": NETWORK,
+    "pip install 'dart_skill[sim]'": NETWORK,
+    "pip install .": WHEEL,
+    "pip install '.[sim,plot,view]'": WHEEL,
+    "dart-skill demo --layout in-process": Run("--demonstrations 3 --throws 1", says="in 1/1", leaves="output/demo_*/report.html"),
+    "dart-skill --version": Run(says=r"dart-skill \d+\.\d+\.\d+"),
+    "python -m dart_skill --help": Run(says="usage: dart-skill"),
+    "colcon build --symlink-install --base-paths src/dart_skill src/dart_skill/msg_schemas": Not("set-up does the same in the checkout"),
     "pip install -r requirements/optional.txt": NETWORK,
     "export ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET": MACHINES,
     "export FASTRTPS_DEFAULT_PROFILES_FILE=$PWD/config/fastdds_loopback.xml": PROFILE,

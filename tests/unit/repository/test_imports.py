@@ -9,7 +9,7 @@ from tests.paths import ROOT
 
 SOURCES = {"dart_skill": ROOT / "dart_skill", "dart_skill_nodes": ROOT / "nodes" / "dart_skill_nodes"}
 LAYERS = (
-    {"archive", "constants", "configuration", "files"},
+    {"archive", "constants", "configuration", "extras", "files"},
     {"world", "fleet", "checks", "geometry", "permissions"},
     {"flight", "mixture", "regions", "pace"},
     {"surface", "movement", "policy_search", "darts", "recording", "robot"},
@@ -23,6 +23,7 @@ LAYERS = (
     {"report"},
     {"experiments"},
     {"cli"},
+    {"__main__"},
 )
 """Rooms of the library, from the ground up: a room imports from lower layers, and from nowhere else."""
 NODE_LAYERS = ({"comms"}, {"process"}, {"skills"}, {"client"}, {"executables"}, {"verbs"})

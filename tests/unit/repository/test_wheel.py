@@ -260,7 +260,7 @@ def test_the_main_job_runs_without_ros_and_says_what_it_leaves_out(simulating):
     _, said = simulating.dart_skill(*SMALL_DEMO, "--output", "run")
     summary = json.loads((simulating.folder / "run" / "summary.json").read_text())
     assert (summary["layout"], summary["in"], summary["thrown"]) == ("in-process", 2, 2)
-    assert "no nodes ran, so there are no logs" in said
+    assert "no nodes run, so there are no logs" in said
     assert "no report and no pictures" in said and "pip install 'dart_skill[plot]', then dart-skill report" in said
     assert "learned from 3 of 5 throws" in simulating.dart_skill("learn", "run/bag", "--output", "again.npz")[0]
 

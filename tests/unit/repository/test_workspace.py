@@ -407,7 +407,8 @@ def in_the_log(tmp_path, monkeypatch, text):
         ("  Downloading numpy-2.1-cp311.whl (18.3 MB)\n  Using cached x_y-1.0-py3.whl (3 kB)\n", r"x_y (3 kB), 2 packages so far"),
         ("  Downloading a-1.whl (1 MB)\nInstalling collected packages: a\n", "installing what was downloaded"),
         ("  Building wheel for pybullet (setup.py): started\n", "compiling pybullet, which takes minutes"),
-        ("[12/480] Building C object x.o\n", "12 of 480 files"),
+        ("[12/480] Building C object x.o\n", "step 12 of 480"),
+        ("[ 37%] Building C object x.o\n", "37 % are compiled"),
     ],
 )
 def test_what_a_command_is_doing_is_read_from_its_log(log, said, tmp_path, monkeypatch):
@@ -419,7 +420,7 @@ def test_a_command_that_takes_long_is_told_of_where_no_terminal_is(tmp_path, mon
     in_the_log(tmp_path, monkeypatch, "[1/2] x\n")
     monkeypatch.setattr(workspace, "TOLD_EVERY", 0.0)
     assert workspace.watch(subprocess.Popen(["sh", "-c", "sleep 1.3; exit 3"]), 0) == 3
-    assert re.fullmatch(r"(\n  \d s: 1 of 2 files)+", capsys.readouterr().out)
+    assert re.fullmatch(r"(\n  \d s: step 1 of 2)+\n ", capsys.readouterr().out)
 
 
 def test_the_command_of_the_workspace_is_called_by_its_path_without_sourcing_anything():
