@@ -63,17 +63,20 @@ def show_as_written(app, what, name, obj, options, lines: list[str]) -> None:
     lines[:] = [shown for paragraph in paragraphs for shown in [*_paragraph(paragraph), ""]]
 
 
-def show_folders_as_text(app, doctree) -> None:
-    """A link to a folder of the checkout has no page to go to here: its text alone. One to nowhere stays, and is warned of."""
-    page = app.env.docname
-    folders = [ROOT / "docs", *([ROOT] if page == "index" else [])]  # README.md is part of the index
+def show_what_has_no_page_as_text(app, doctree) -> None:
+    """A link to a folder of the checkout, or from README.md to a file beside it, has no page to go to here: its text alone. One to nowhere
+    stays, and is warned of.
+    """
+    readme = app.env.docname == "index"  # README.md is part of it
     for link in list(doctree.findall(pending_xref)):
-        if link["reftype"] == "myst" and any((folder / link["reftarget"]).is_dir() for folder in folders):
+        target = link.get("reftarget", "")
+        folder = any((where / target).is_dir() for where in (ROOT / "docs", *([ROOT] if readme else [])))
+        if link["reftype"] == "myst" and (folder or (readme and (ROOT / target).is_file())):
             link.replace_self(link.children)
 
 
 def setup(app) -> None:
     """Connects what this file adds to Sphinx."""
-    app.connect("doctree-read", show_folders_as_text)
+    app.connect("doctree-read", show_what_has_no_page_as_text)
     if not PROSE_ONLY:
         app.connect("autodoc-process-docstring", show_as_written)
