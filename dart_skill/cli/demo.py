@@ -15,7 +15,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from dart_skill.cli import graph_verbs
-from dart_skill.cli.run_options import GRAPHS, add_configuration, add_run, asked, check_run, parameter_texts
+from dart_skill.cli.run_options import GRAPHS, add_configuration, add_model, add_run, asked, check_model, check_run, parameter_texts
 from dart_skill.extras import explained, need
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     add_run(parser, demonstrations=13, throws=10, thrown=thrown, layouts=(*GRAPHS, IN_PROCESS), also=also)
     parser.add_argument("--json", action="store_true", help="summary.json on stdout instead of the table")
     add_configuration(parser, "that of config/skill_learner.yaml")
+    add_model(parser, "nobody shows anything, the arm does what a file of 'dart-skill learn BAG' holds")
     parser.set_defaults(run=partial(_demo, parser=parser))
 
 
@@ -53,6 +54,7 @@ def say(text: str) -> None:
 
 def _demo(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Run the demo; returns the exit status."""
+    _check_model(options, parser)
     job = _InProcess() if options.layout == IN_PROCESS else _on_graph(parser)
     if options.skill != THROW:
         return _demo_of_skill(options, parser, job)
@@ -64,6 +66,18 @@ def _demo(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         return 1
     print(json.dumps(summary.to_json(), indent=1) if options.json else table(summary))
     return _leave_behind(summary, options, partial(_throwing_report, summary, options, parser))
+
+
+def _check_model(options: argparse.Namespace, parser: argparse.ArgumentParser) -> None:
+    """Usage errors of --model beside options of what it takes the place of."""
+    check_model(parser, options)
+    if options.model is None:
+        return
+    if options.layout == IN_PROCESS:
+        parser.error("--model is for the learner of a graph: leave out --layout in-process")
+    for name in ("demonstrations", "configuration"):
+        if getattr(options, name) != parser.get_default(name):
+            parser.error(f"--{name} is for a skill that is shown: with --model nobody shows anything")
 
 
 class _InProcess:
@@ -121,7 +135,7 @@ def _demo_of_skill(options: argparse.Namespace, parser: argparse.ArgumentParser,
 
     if options.configuration and options.skill != DARTS:
         parser.error("--configuration is for throws: other skills have their settings in a file of their own")
-    if options.demonstrations == parser.get_default("demonstrations"):
+    if options.demonstrations == parser.get_default("demonstrations") and options.model is None:
         options.demonstrations = DEMONSTRATIONS
     if options.skill == DARTS and options.throws == parser.get_default("throws"):
         options.throws = OWN_DARTS

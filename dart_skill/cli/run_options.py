@@ -36,9 +36,12 @@ def add_configuration(parser: argparse.ArgumentParser, default: str) -> None:
     parser.add_argument("--configuration", default="", choices=CONFIGURATIONS, metavar="NAME", help=text)
 
 
-def add_model(parser: argparse.ArgumentParser) -> None:
+FROM_NOW_ON = "a file of 'dart-skill learn BAG': the learner plans with it from now on"
+"""What becomes of a model, in words."""
+
+
+def add_model(parser: argparse.ArgumentParser, text: str = FROM_NOW_ON) -> None:
     """A model that was learned before."""
-    text = "a file of 'dart-skill learn BAG': the learner plans with it from now on"
     parser.add_argument("--model", type=Path, metavar="FILE", help=text)
 
 

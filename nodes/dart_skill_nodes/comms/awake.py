@@ -1,35 +1,47 @@
 """Whether this process was frozen: stopped by a signal, or with its whole machine. One that waited for a core was not."""
 
+import os
 import time
 from pathlib import Path
 
 from dart_skill_nodes.comms.presence import LEASE, LOOK
 
-SCHEDULED = Path("/proc/thread-self/schedstat")
-"""Of the thread that reads it: time on a core, and time in which it waited for one [ns] (Linux, Documentation/scheduler/sched-stats)."""
+THREADS = "/proc/self/task"
+"""Of this process. schedstat of each: time on a core, and time in which it waited for one [ns] (Linux, scheduler/sched-stats)."""
 
 
 class Awake:
-    """To be asked in one thread, again and again."""
+    """To be asked again and again."""
 
     def __init__(self) -> None:
         self._asked = self._looked = time.monotonic()
-        self._busy = busy_time()
+        self._busy = busy_times()
 
     def frozen(self) -> float:
-        """For how long this thread neither ran nor waited for a core since it asked last [s]; 0 if not for longer than LEASE."""
+        """For how long no thread ran or waited for a core since this was asked last [s]; 0 if not for longer than LEASE.
+
+        All threads count: one that has Python's lock and no core holds the others up, which then wait for the lock and not for a core.
+        """
         now = time.monotonic()
         gap, self._asked = now - self._asked, now
-        lost = gap - (busy_time() - self._busy) if gap > LEASE else 0.0
+        lost = gap - busy_since(self._busy) if gap > LEASE else 0.0
         if now - self._looked > LOOK:  # so that hardly anything counts that was before the gap
-            self._looked, self._busy = now, busy_time()
+            self._looked, self._busy = now, busy_times()
         return lost if lost > LEASE else 0.0
 
 
-def busy_time() -> float:
-    """For how long this thread has run, or wanted to [s]; 0 where the system does not say."""
-    try:
-        running, waiting, _ = SCHEDULED.read_text().split()
-    except (OSError, ValueError):
-        return 0.0
-    return 1e-9 * (int(running) + int(waiting))
+def busy_times() -> dict[str, float]:
+    """For how long each thread has run, or wanted to [s]; nothing where the system does not say."""
+    found = {}
+    for thread in os.listdir(THREADS) if os.path.isdir(THREADS) else ():
+        try:
+            running, waiting, _ = Path(THREADS, thread, "schedstat").read_text().split()
+        except (OSError, ValueError):  # it has just ended
+            continue
+        found[thread] = 1e-9 * (int(running) + int(waiting))
+    return found
+
+
+def busy_since(before: dict[str, float]) -> float:
+    """For how long threads have run since then, or wanted to, together [s]."""
+    return sum(max(0.0, busy - before.get(thread, 0.0)) for thread, busy in busy_times().items())

@@ -2,7 +2,7 @@
 
 import argparse
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -34,10 +34,22 @@ def _learned_graph(options: argparse.Namespace, skill: "Skill", rng: "np.random.
         extra = of_executables(options.layout, options.differs)
         graph.start_all(options.layout, options.seed, options.output / "bag", extra, skill.name)
         client.wait_until_ready()
-        attempts = show_all(client, skill, options.demonstrations, rng)
-        say(client.learn(configuration=options.configuration).message)
+        attempts = _learned(client, options, lambda: show_all(client, skill, options.demonstrations, rng))
+        if options.model is not None:
+            rng.random(1000)  # other situations than those in which it may have been shown
         yield client, attempts
         client.close()
+
+
+def _learned(client: "GraphClient", options: argparse.Namespace, lessons: Callable[[], int]) -> int:
+    """Lessons, and what is learned from them, or a model that was learned before; how many attempts the lessons took."""
+    if options.model is not None:
+        say(f"model {client.load(options.model)}: nobody shows anything")
+        options.demonstrations = 0
+        return 0
+    attempts = lessons()
+    say(client.learn(configuration=options.configuration).message)
+    return attempts
 
 
 def run_darts(options: argparse.Namespace, skill: "Darts") -> "DartsSummary":
@@ -104,9 +116,7 @@ def run(options: argparse.Namespace) -> "DemoSummary":
         graph.start_all(options.layout, options.seed, bag, of_executables(options.layout, options.differs))
         client.wait_until_ready()
         ready, steps = time.monotonic(), client.simulated_steps
-        attempts = teach(client, options.seed, options.demonstrations)
-        learned = client.learn(configuration=options.configuration)
-        say(learned.message)
+        attempts = _learned(client, options, lambda: teach(client, options.seed, options.demonstrations))
         results = throw_all(client, targets_for(options.seed, options.demonstrations, options.throws)[1])
         worked = time.monotonic() - ready
         before = client.simulated_steps
