@@ -2,12 +2,13 @@
 
 import os
 import time
-from pathlib import Path
 
 from dart_skill_nodes.comms.presence import LEASE, LOOK
 
 THREADS = "/proc/self/task"
 """Of this process. schedstat of each: time on a core, and time in which it waited for one [ns] (Linux, scheduler/sched-stats)."""
+_FILES: dict[str, int] = {}
+"""By thread; kept open."""
 
 
 class Awake:
@@ -33,13 +34,26 @@ class Awake:
 def busy_times() -> dict[str, float]:
     """For how long each thread has run, or wanted to [s]; nothing where the system does not say."""
     found = {}
-    for thread in os.listdir(THREADS) if os.path.isdir(THREADS) else ():
+    for thread, file in _opened().items():
         try:
-            running, waiting, _ = Path(THREADS, thread, "schedstat").read_text().split()
+            running, waiting, _ = os.pread(file, 100, 0).split()
         except (OSError, ValueError):  # it has just ended
             continue
         found[thread] = 1e-9 * (int(running) + int(waiting))
     return found
+
+
+def _opened() -> dict[str, int]:
+    """The files of all threads: to open one anew takes twenty times as long as to read it."""
+    there = set(os.listdir(THREADS)) if os.path.isdir(THREADS) else set()
+    for ended in _FILES.keys() - there:
+        os.close(_FILES.pop(ended))
+    for begun in there - _FILES.keys():
+        try:
+            _FILES[begun] = os.open(f"{THREADS}/{begun}/schedstat", os.O_RDONLY | os.O_CLOEXEC)
+        except OSError:  # it has just ended, or the system does not count
+            continue
+    return _FILES
 
 
 def busy_since(before: dict[str, float]) -> float:
