@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from dart_skill.skills.throw import Throw
 
 THROW = "throw"
-NEXT = "next: dart-skill up{} --model '{}', and in another terminal dart-skill {}"
+NEXT = "next: dart-skill demo{} --model '{}'"
 
 
 def add_to(commands: argparse._SubParsersAction) -> None:
@@ -144,8 +144,7 @@ def _next(skill: str, model: Path) -> list[str]:
     """What to type for an arm that does what was learned; nothing where there is no ROS for it."""
     if importlib.util.find_spec("rclpy") is None:
         return []
-    option, verb = ("", "throw") if skill == THROW else (f" --skill {skill}", "execute")
-    return [NEXT.format(option, model.resolve(), verb)]
+    return [NEXT.format("" if skill == THROW else f" --skill {skill}", model.resolve())]
 
 
 def _throw_line(number: int, throw: FoundThrow) -> str:

@@ -1,5 +1,6 @@
 """PyBullet without its greetings: what it prints when it is imported and whenever a physics server is made."""
 
+import ctypes
 import os
 import sys
 from collections.abc import Iterator
@@ -16,11 +17,14 @@ def _muted() -> Iterator[None]:
     sys.stderr.flush()
     kept = os.dup(1), os.dup(2)
     nowhere = os.open(os.devnull, os.O_WRONLY)
+    c = ctypes.CDLL(None)
     try:
+        c.fflush(None)
         os.dup2(nowhere, 1)
         os.dup2(nowhere, 2)
         yield
     finally:
+        c.fflush(None)  # what is printed to a pipe is kept by C until then
         os.dup2(kept[0], 1)
         os.dup2(kept[1], 2)
         for descriptor in (*kept, nowhere):

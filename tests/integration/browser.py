@@ -23,8 +23,10 @@ OPTIONS = (
     "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-dev-shm-usage",
     "--hide-scrollbars", "--force-device-scale-factor=1", "--remote-debugging-port=0",
 )  # fmt: skip
-SIZE, SMALL = (1280, 800), (960, 600)
-"""Of a page [pixels]. Without a graphics card a large one takes several seconds of a core for a second of movement."""
+SIZE, SMALL = (1280, 800), (1120, 560)
+"""Of a page [pixels]. Without a graphics card a large one takes several seconds of a core for a second of movement. The panel takes 320
+of the width: what is beside the middle must not be under it.
+"""
 STILL = 2e-3
 """Share of pixels that may differ between two pictures of a page that stands still."""
 CORRECTIONS = 6

@@ -152,6 +152,7 @@ TYPED = {
     "dart-skill learn --at-least 3": OnTheGraph("--at-least 2", says="model [0-9a-f]+"),
     "dart-skill demonstrations": OnTheGraph(says="taught: a throw to"),
     "dart-skill demonstrations drop ID": Elsewhere(f"{HARDWARE}test_a_bad_demonstration_is_dropped_and_restored"),
+    "dart-skill demo --model monday_model.npz": MODEL,
     "dart-skill up --model monday_model.npz": MODEL,
     "dart-skill throw --model monday_model.npz": MODEL,
     "dart-skill up --layout hardware": ON_HARDWARE,

@@ -108,6 +108,8 @@ def test_a_recording_is_replayed_into_a_model(start):
 def test_a_model_that_was_learned_from_a_bag_throws_at_once(start, tmp_path):
     """On a graph that nobody has taught; what is no model is refused, and the graph goes on."""
     model = told_by("learn", str(BAG), "--demonstrations-topic", "--output", str(tmp_path / "model.npz"))
+    demo = told_by("demo", "--model", model["model"], "--throws", "1", "--output", str(tmp_path / "demo"))
+    assert (demo["in"], demo["thrown"]) == (1, 1) and (tmp_path / "demo" / "report.html").is_file()
     process = start("--model", model["model"])
     up = events_until(process, "up")[-1]
     assert model["model_id"] in up["message"] and up["next"] == "dart-skill throw"

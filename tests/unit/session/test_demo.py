@@ -46,10 +46,10 @@ def test_a_parameter_that_no_session_has_is_refused(job):
 
 
 def test_what_fails_is_said_in_a_line(tmp_path, capsys):
-    arguments = ["demo", "--layout", "in-process", "--configuration", "nonsense", "--demonstrations", "2", "--throws", "1"]
+    arguments = ["demo", "--layout", "in-process", "--set", "coach.candidates=3", "--demonstrations", "2", "--throws", "1"]
     assert main([*arguments, "--output", str(tmp_path / "run")]) == 1
     said = capsys.readouterr().err.splitlines()
-    assert said[-1].startswith("the demo failed: ") and "nonsense" in said[-1]
+    assert said[-1].startswith("the demo failed: ") and "coach" in said[-1]
 
 
 def test_a_skill_that_has_no_world_in_process_needs_the_graph(job):
