@@ -159,6 +159,11 @@ class Page:
         held = {"buttons": buttons, "modifiers": SHIFT if shift else 0}
         self.call("Input.dispatchMouseEvent", type=kind, x=float(place[0]), y=float(place[1]), **held, **pressed)
 
+    def draw(self, pictures):
+        """Wait until the page has drawn so many pictures."""
+        for _ in range(pictures):
+            self.run("new Promise(resolve => requestAnimationFrame(resolve))")
+
     def key(self, key):
         """A key is pressed and let go: a letter, or "Enter"."""
         code, number = (key, 13) if key == "Enter" else (f"Key{key.upper()}", ord(key.upper()))
@@ -176,7 +181,9 @@ class Page:
     def drag(self, start, end, steps=8, shift=False, correct=lambda end: None):
         """Hold the mouse from one place to another, in pixels; shift: with that key; correct: gives a better end, or None to let go."""
         self.mouse("mouseMoved", start, shift=shift)
+        self.draw(3)  # the page sees with a picture what is under the mouse; else it would turn its view
         self.mouse("mousePressed", start, 1, shift)
+        self.draw(1)
         for share in np.linspace(0.0, 1.0, steps + 1):
             self.mouse("mouseMoved", np.add(start, share * np.subtract(end, start)), 1, shift)
             time.sleep(0.05)
