@@ -1,11 +1,13 @@
 """Search for parameters that earn a higher return, one trial at a time.
 
 PoWER (thesis 5.1, 5.2, 7.4), the multi-optima search with a mixture (5.3), two searches for changing landscapes (`Niches`,
-`Sharpening`), and baselines for comparison.
+`Sharpening`), the policy gradients of chapter 4 (`Reinforce`, `EpisodicNaturalActorCritic`), and other baselines.
 """
 
 from dart_skill.policy_search._baselines import CMAES, CrossEntropy, MonteCarlo, RandomRestarts
 from dart_skill.policy_search._exploration import PathLength, with_constant_noise, with_proportional_noise
+from dart_skill.policy_search._gradient_search import EpisodicNaturalActorCritic, Reinforce
+from dart_skill.policy_search._gradients import natural_gradient, optimal_baseline, reinforce_gradient
 from dart_skill.policy_search._mixture_power import MixturePoWER, Readings
 from dart_skill.policy_search._niches import Niches
 from dart_skill.policy_search._power import PoWER
@@ -17,6 +19,7 @@ from dart_skill.policy_search._weights import return_weights
 __all__ = [
     "CMAES",
     "CrossEntropy",
+    "EpisodicNaturalActorCritic",
     "MixturePoWER",
     "MonteCarlo",
     "Niches",
@@ -26,9 +29,13 @@ __all__ = [
     "PrimitiveTrial",
     "RandomRestarts",
     "Readings",
+    "Reinforce",
     "Search",
     "Sharpening",
     "Trial",
+    "natural_gradient",
+    "optimal_baseline",
+    "reinforce_gradient",
     "return_weights",
     "with_constant_noise",
     "with_proportional_noise",

@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from dart_skill.policy_search import CMAES, CrossEntropy, MonteCarlo, RandomRestarts
+from dart_skill.policy_search import CMAES, CrossEntropy, EpisodicNaturalActorCritic, MonteCarlo, RandomRestarts, Reinforce
 
 START, OPTIMUM = np.array([1.0, -1.0]), np.array([2.0, 0.5])
 
@@ -21,8 +21,8 @@ def hill(x):
     return -float(np.sum((x - OPTIMUM) ** 2))
 
 
-ALL = pytest.mark.parametrize("kind", [CrossEntropy, RandomRestarts, MonteCarlo, CMAES])
-CLOSE = {CrossEntropy: 0.1, RandomRestarts: 0.1, MonteCarlo: 0.5, CMAES: 1e-3}
+ALL = pytest.mark.parametrize("kind", [CrossEntropy, RandomRestarts, MonteCarlo, CMAES, Reinforce, EpisodicNaturalActorCritic])
+CLOSE = {CrossEntropy: 0.1, RandomRestarts: 0.1, MonteCarlo: 0.5, CMAES: 1e-3, Reinforce: 0.1, EpisodicNaturalActorCritic: 1e-3}
 
 
 @ALL
