@@ -19,7 +19,19 @@ import scipy
 from dart_skill.darts import ModelBasedAgent, expected_score, optimum_path, score
 from dart_skill.experiments import runs
 from dart_skill.experiments.landscapes import LANDSCAPES, Landscape
-from dart_skill.policy_search import CMAES, CrossEntropy, MixturePoWER, MonteCarlo, Niches, PoWER, RandomRestarts, Sharpening, Trial
+from dart_skill.policy_search import (
+    CMAES,
+    CrossEntropy,
+    EpisodicNaturalActorCritic,
+    MixturePoWER,
+    MonteCarlo,
+    Niches,
+    PoWER,
+    RandomRestarts,
+    Reinforce,
+    Sharpening,
+    Trial,
+)
 
 START, SPREAD = np.zeros(2), 75.0
 """First aim, the bull, and spread of the first aims [mm]: that of the thrower at the beginning."""
@@ -103,6 +115,8 @@ METHODS: dict[str, Callable[..., Method]] = {
     "cem": CrossEntropy,
     "cma": partial(CMAES, minimum_exploration=0.03),
     "cma_default": CMAES,
+    "reinforce": partial(Reinforce, limits=(0.03, 10.0)),
+    "enac": partial(EpisodicNaturalActorCritic, limits=(0.03, 10.0)),
     "restarts": RandomRestarts,
     "monte_carlo": MonteCarlo,
     "niches": Niches,

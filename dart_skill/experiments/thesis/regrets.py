@@ -28,6 +28,8 @@ METHODS = {
     "power_proportional": "PoWER, proportional noise",
     "mixture": "the thesis's mixture",
     "cma_default": "CMA-ES as it comes",
+    "enac": "natural actor-critic, floor",
+    "reinforce": "REINFORCE, floor",
     "restarts": "PoWER with restarts",
     "monte_carlo": "Monte Carlo",
 }
