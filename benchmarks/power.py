@@ -2,10 +2,11 @@
 """PoWER's ways to explore against CMA-ES (the package `cma`): returns asked until a target is met, and what is left
 after a budget.
 
-    python3 benchmarks/power.py [--seeds 20] [--parts] [--defaults]
+    python3 benchmarks/power.py [--seeds 20] [--parts] [--defaults] [--gradients]
 
 All start in the same places, uniform in (-1.5, 1.5), with spread 0.5. --parts shows what each part of the automatic
-exploration pays, --defaults how many trials the other modes should remember. The peer is optional: pip install cma.
+exploration pays, --defaults how many trials the other modes should remember, --gradients what REINFORCE and the
+episodic natural actor-critic need. The peer is optional: pip install cma.
 """
 
 import os
@@ -22,9 +23,15 @@ from functools import partial  # noqa: E402
 import numpy as np  # noqa: E402
 
 from dart_skill.policy_search import (  # noqa: E402
+    CrossEntropy,
+    EpisodicNaturalActorCritic,
     PathLength,  # noqa: E402
     PoWER,
     PrimitivePoWER,
+    Reinforce,
+    natural_gradient,
+    optimal_baseline,
+    reinforce_gradient,
 )
 
 try:
@@ -84,10 +91,14 @@ class Cma:
 
 
 class Own:
-    """PoWER in the same form."""
+    """PoWER, or another search of ours, in the same form."""
 
-    def __init__(self, start, spread, rng, returns=np.negative, **options):
-        self._search, self._returns = PoWER(start, spread, rng=rng, **options), returns
+    def __init__(self, start, spread, rng, returns=np.negative, kind=PoWER, **options):
+        self._search, self._returns = kind(start, spread, rng=rng, **options), returns
+
+    @property
+    def exploration_size(self):
+        return self._search.exploration_size
 
     @property
     def parameters(self):
@@ -265,17 +276,116 @@ def table_of_defaults(n_seeds):
             print(f"  {label:<36}" + "  ".join(quartiles(column, "{:.2g}") for column in losses.T))
 
 
+# --- policy gradients --------------------------------------------------------------------------------------------
+
+KINDS = {"REINFORCE": Reinforce, "natural actor-critic": EpisodicNaturalActorCritic}
+GRADIENTS = {name: partial(Own, kind=kind) for name, kind in KINDS.items()}
+BESIDE = {**GRADIENTS, "PoWER automatic": Own, "cross-entropy method": partial(Own, kind=CrossEntropy)}
+if cma is not None:
+    BESIDE["cma"] = Cma
+
+
+def reached(make, function, n_dims, target, seed):
+    """Evaluations until a trial meets the target; infinite when the budget ends before, or the search leaves all numbers."""
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):
+            return evaluations(make, function, n_dims, [target], seed)[0][0]
+    except ValueError:
+        return np.inf
+
+
+def table_of_rates(n_seeds, target=1e-2):
+    print(f"\nsphere 5: evaluations to {target:g} by learning rate, median (quartiles), of {BUDGET}; and how many runs get there")
+    steps = [("normalised", 1.0, rate) for rate in (0.03, 0.1, 0.3, 1.0, 3.0)]
+    steps += [("plain", size, rate) for size in (1.0, 100.0) for rate in (0.001, 0.01, 0.1, 1.0)]
+    for name, kind in KINDS.items():
+        for step, size, rate in steps:
+            make = partial(Own, kind=kind, step=step, learning_rate=rate, returns=lambda loss, size=size: -size * loss)
+            counts = np.array([reached(make, sphere, 5, target, seed) for seed in range(n_seeds)])
+            label = f"{name}, {step} {rate:g}" + (f", returns x {size:g}" if step == "plain" else "")
+            print(f"  {label:<50}{quartiles(counts)}{np.isfinite(counts).sum():>3} of {n_seeds}")
+
+
+def table_of_dimensions(n_seeds, target=1e-2):
+    print(f"\nsphere: evaluations to {target:g} in 2, 5, 10 and 20 dimensions, median (quartiles), of {BUDGET}")
+    for label, make in BESIDE.items():
+        columns = [[reached(make, sphere, d, target, seed) for seed in range(n_seeds)] for d in (2, 5, 10, 20)]
+        print(f"  {label:<30}" + "".join(quartiles(column) for column in columns))
+
+
+def table_of_vanishing(n_seeds, budget=6000):
+    print(f"\nrotated ellipsoid 5, condition 1e4: loss at the mean and exploration after {budget} evaluations, median (quartiles)")
+    for label, make in GRADIENTS.items():
+        for rate in (0.1, 0.3, 1.0):
+            losses, sizes = [], []
+            for seed in range(n_seeds):
+                rng = np.random.default_rng(seed)
+                search = make(rng.uniform(-1.5, 1.5, 5), SPREAD, rng, learning_rate=rate)
+                for _ in range(budget):
+                    search.tell(ellipsoid(search.ask()))
+                losses.append(ellipsoid(search.parameters))
+                sizes.append(search.exploration_size)
+            print(f"  {f'{label}, normalised {rate:g}':<40}{quartiles(losses, '{:.2g}')}{quartiles(sizes, '{:.2g}')}")
+
+
+ESTIMATES = {
+    "no baseline": lambda scores, returns, fisher: np.mean(scores * returns[:, None], axis=0) / fisher,
+    "mean return as baseline": lambda scores, returns, fisher: np.mean(scores * (returns - returns.mean())[:, None], axis=0) / fisher,
+    "optimal baseline, all trials": lambda scores, returns, fisher: (
+        np.mean(scores * (returns[:, None] - optimal_baseline(scores, returns)), axis=0) / fisher
+    ),
+    "optimal baseline, own trial left out": lambda scores, returns, fisher: reinforce_gradient(scores, returns) / fisher,
+    "regression": lambda scores, returns, fisher: natural_gradient(scores, returns, np.diag(fisher), 0.01)[0],
+}
+
+
+def gradient_error(estimate, d, n, seed):
+    """Relative error, in the Fisher metric, of a natural gradient from n trials about (1, ..., 1) on a rotated bowl of condition 10."""
+    rng = np.random.default_rng(seed)
+    rotation = np.linalg.qr(rng.standard_normal((d, d)))[0]
+    bowl = rotation.T @ np.diag(np.geomspace(0.1, 1.0, d)) @ rotation
+    noise = rng.standard_normal((n, d))
+    returns = -np.einsum("ni,ij,nj->n", 1 + noise, bowl, 1 + noise)
+    fisher = np.repeat([1.0, 2.0], d)
+    true = np.concatenate([-2 * bowl.sum(axis=1), -np.diagonal(bowl)])
+    error = estimate(np.hstack([noise, noise**2 - 1]), returns, fisher) - true
+    return np.sqrt(fisher @ error**2 / (fisher @ true**2))
+
+
+def table_of_variance(n_seeds, n=100):
+    print(f"\nrelative error of a gradient from {n} trials in 2, 5, 10 and 20 dimensions, median (quartiles)")
+    for label, estimate in ESTIMATES.items():
+        columns = [[gradient_error(estimate, d, n, seed) for seed in range(n_seeds)] for d in (2, 5, 10, 20)]
+        print(f"  {label:<40}" + "".join(quartiles(column, "{:.2f}") for column in columns))
+
+
+def table_of_vectors(n_seeds, budgets=(100, 300, 3000)):
+    for rewards_of in (via_points, tracking):
+        print(f"\nprimitive as a vector of {2 * N_BASIS} weights, {rewards_of.__name__}: loss after {budgets} trials, median (quartiles)")
+        for label, make in BESIDE.items():
+            columns = [[vector_loss(rewards_of, budget, seed, make) for seed in range(n_seeds)] for budget in budgets]
+            print(f"  {label:<30}" + "  ".join(quartiles(column, "{:.2g}") for column in columns))
+
+
+def table_of_gradients(n_seeds):
+    for table in (table_of_rates, table_of_dimensions, table_of_vanishing, table_of_variance, table_of_vectors):
+        table(n_seeds)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=20, help="searches per method and function (default 20)")
     parser.add_argument("--parts", action="store_true", help="what each part of the automatic exploration pays, instead")
     parser.add_argument("--defaults", action="store_true", help="how many trials to remember, instead")
+    parser.add_argument("--gradients", action="store_true", help="REINFORCE and the episodic natural actor-critic, instead")
     options = parser.parse_args()
     print(f"{options.seeds} seeds; one thread; numpy {np.__version__}; cma {'not installed' if cma is None else cma.__version__}")
     if options.parts:
         table_of_parts(options.seeds)
     elif options.defaults:
         table_of_defaults(options.seeds)
+    elif options.gradients:
+        table_of_gradients(options.seeds)
     else:
         if cma is None:
             print("skipped the comparison: cma is not installed (pip install cma)")

@@ -153,8 +153,8 @@ class GradientSearch(VectorSearch):
 class Reinforce(GradientSearch):
     """Episodic REINFORCE (G1) with the optimal baseline (G2) of each element of the gradient.
 
-    The gradient depends on the units of theta, and its variance grows as the exploration shrinks. docs/darts.md and
-    benchmarks/gradients.py show what this costs.
+    The gradient depends on the units of theta, and its variance grows as the exploration shrinks. docs/learning.md
+    shows what this costs; benchmarks/power.py --gradients measures it.
 
     Parameters:
 

@@ -260,6 +260,7 @@ TYPED = {
         "unit/recording/test_upgrade.py::test_the_command_says_what_it_did"
     ),
     "dart-skill bag convert thursday --mapping thursday.yaml --output thursday_ours": FOREIGN,
+    "python3 benchmarks/power.py --gradients": Run("--seeds 1", says="natural actor-critic, normalised 0.3"),
     "python3 benchmarks/recording.py": Run("--messages 1000 --repeats 1", says="dart_skill"),
     "python3 benchmarks/graph/recorder.py --seconds 60": Run("--seconds 1", says="messages in 1 s"),
     # Rerun
@@ -281,6 +282,9 @@ TYPED = {
     "dart-skill darts 501 --sigma 20": Run(says="turns on average from 501"),
     "dart-skill darts search --methods mixture,power,cem,cma,niches,sharpening --schedules thesis,extended --results runs.jsonl": Run(
         "--methods power --seeds 1", says="power", leaves="runs.jsonl"
+    ),
+    "dart-skill darts search --methods reinforce,enac --schedules thesis,extended --results runs.jsonl": Run(
+        "--methods enac --schedules thesis --seeds 1", says="enac", leaves="runs.jsonl"
     ),
     "dart-skill darts search --reward thrown --methods power,cma,cem,mixture --schedules thesis_12000": Run(
         "--methods power --schedules thesis --seeds 1", says="power +thesis +thrown"

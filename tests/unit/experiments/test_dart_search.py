@@ -42,7 +42,9 @@ def test_the_best_score_of_every_throw_is_that_of_the_best_aim():
     assert (np.diff(best) > 0.0).all(), "a better thrower scores more"
 
 
-@pytest.mark.parametrize("method", ["mixture", "power", "power_proportional", "cem", "restarts", "monte_carlo", "sharpening"])
+@pytest.mark.parametrize(
+    "method", ["mixture", "power", "power_proportional", "cem", "enac", "reinforce", "restarts", "monte_carlo", "sharpening"]
+)
 def test_every_method_runs_and_regret_is_never_negative(short, method):
     one = run(Task(method, "thesis", 1))
     assert len(one.throw_regrets) == len(one.best_regrets) == len(one.components) == 20

@@ -1,4 +1,4 @@
-"""Policy gradients against closed forms: gradient, Fisher information and step of a quadratic under a Gaussian policy are known on paper."""
+"""Policy gradients against closed forms: gradient, Fisher information and step of a quadratic under a Gaussian policy are on paper."""
 
 import json
 from functools import partial
