@@ -114,7 +114,8 @@ class MixturePoWER(Search):
     * spread: one number or (d,). Standard deviations of the first Gaussian.
     * rng: numpy Generator.
     * exploration: "constant" (default) adds Sigma_0 to (5.4); "proportional" adds as much in total, in proportion to the
-      eigenvalues.
+      eigenvalues. "automatic", as `PoWER` has it, is refused: `PathLength` needs each trial once, and here a trial counts in
+      up to `latest` updates.
     * weighting: "returns" (default), "rank" or "exponential", see `return_weights`. "returns" takes the text literally, and
       needs returns of at least 0. With the others the best trials have so much weight that in darts one component takes all.
     * batch: int, default 1. Number of returns between updates.
