@@ -22,7 +22,7 @@ locomotion, ICRA 2004; its length is measured as by J. Bagnell and J. Schneider,
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -144,7 +144,7 @@ class GradientSearch(VectorSearch):
 
     @classmethod
     def _from_policy_state(cls: type[AnyGradientSearch], state: dict, settings: Settings, rng: np.random.Generator) -> AnyGradientSearch:
-        known = {"exploration": settings.exploration, "batch": settings.batch, "limits": settings.limits}
+        known: dict[str, Any] = {"exploration": settings.exploration, "batch": settings.batch, "limits": settings.limits}
         search = cls(state["start"], state["scale"], rng=rng, **known, **state["options"])
         search._mean, search._sigma = (np.array(state[name], dtype=float) for name in ("mean", "sigma"))
         return search
@@ -206,7 +206,13 @@ class EpisodicNaturalActorCritic(GradientSearch):
         ridge: float = 0.01,
     ):
         self._ridge = as_number(ridge, "ridge", strict=False)
-        options = {"learning_rate": learning_rate, "step": step, "exploration": exploration, "batch": batch, "limits": limits}
+        options: dict[str, Any] = {
+            "learning_rate": learning_rate,
+            "step": step,
+            "exploration": exploration,
+            "batch": batch,
+            "limits": limits,
+        }
         super().__init__(parameters, spread, rng=rng, **options)
 
     @staticmethod
