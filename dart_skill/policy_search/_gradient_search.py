@@ -206,14 +206,9 @@ class EpisodicNaturalActorCritic(GradientSearch):
         ridge: float = 0.01,
     ):
         self._ridge = as_number(ridge, "ridge", strict=False)
-        options: dict[str, Any] = {
-            "learning_rate": learning_rate,
-            "step": step,
-            "exploration": exploration,
-            "batch": batch,
-            "limits": limits,
-        }
-        super().__init__(parameters, spread, rng=rng, **options)
+        super().__init__(
+            parameters, spread, rng=rng, learning_rate=learning_rate, step=step, exploration=exploration, batch=batch, limits=limits
+        )
 
     @staticmethod
     def _least(p: int) -> int:
