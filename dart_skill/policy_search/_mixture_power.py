@@ -115,7 +115,8 @@ class MixturePoWER(Search):
     * rng: numpy Generator.
     * exploration: "constant" (default) adds Sigma_0 to (5.4); "proportional" adds as much in total, in proportion to the
       eigenvalues. "automatic", as `PoWER` has it, is refused: `PathLength` needs each trial once, and here a trial counts in
-      up to `latest` updates.
+      up to `latest` updates. For returns at random it should keep the size. With one component, M = 15, S = 150 and an update
+      after every 1, 10, 75, 150 returns it changes log size by -17.2, -1.13, -0.05, 0.00 in 100 trials (medians of 6 seeds).
     * weighting: "returns" (default), "rank" or "exponential", see `return_weights`. "returns" takes the text literally, and
       needs returns of at least 0. With the others the best trials have so much weight that in darts one component takes all.
     * batch: int, default 1. Number of returns between updates.
