@@ -3,7 +3,6 @@
 import signal
 import subprocess
 import sys
-import threading
 import time
 
 import pytest
@@ -28,7 +27,7 @@ print(frozen, flush=True)
 )
 def test_what_counts_is_the_time_without_work_and_without_wanting_any(monkeypatch, gap, busy, frozen):
     now = {"time": 100.0, "busy": 7.0}
-    monkeypatch.setattr(awake, "busy_times", lambda: {"1": 3.0, "2": now["busy"]})
+    monkeypatch.setattr(awake, "busy_time", lambda: now["busy"])
     monkeypatch.setattr(awake.time, "monotonic", lambda: now["time"])
     asked = awake.Awake()
     for _ in range(100):  # a busy life before does not count
@@ -40,32 +39,12 @@ def test_what_counts_is_the_time_without_work_and_without_wanting_any(monkeypatc
 
 
 def test_a_thread_that_computes_is_busy_and_one_that_sleeps_is_not():
-    def own(times):
-        return times[str(threading.get_native_id())]
-
-    before, until = own(awake.busy_times()), time.thread_time() + 0.2
-    while time.thread_time() < until:
+    before, until = awake.busy_time(), time.process_time() + 0.2
+    while time.process_time() < until:
         pass
-    computed = own(awake.busy_times())
+    computed = awake.busy_time()
     time.sleep(0.2)
-    assert computed - before > 0.15 and own(awake.busy_times()) - computed < 0.1
-
-
-def test_a_thread_that_waits_for_one_that_computes_is_not_frozen():
-    """As for Python's lock, which a thread has that gets no core."""
-    asked, lock, until, over = awake.Awake(), threading.Lock(), time.monotonic() + LEASE + 0.5, threading.Event()
-
-    def compute():
-        while time.monotonic() < until:
-            pass
-        lock.release()
-        over.wait(60.0)
-
-    lock.acquire()
-    threading.Thread(target=compute).start()
-    with lock:
-        assert time.monotonic() >= until and asked.frozen() == 0.0
-    over.set()
+    assert computed - before > 0.15 and awake.busy_time() - computed < 0.1
 
 
 def test_a_process_that_is_stopped_by_a_signal_knows_it_afterwards():

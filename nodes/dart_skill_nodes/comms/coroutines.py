@@ -6,7 +6,6 @@ action (measured with rclpy 7.1.6). A routine is resumed once, when the promise 
 
 import time
 from collections.abc import Callable, Coroutine
-from itertools import cycle
 from weakref import WeakKeyDictionary
 
 from rclpy.action import ActionServer
@@ -22,8 +21,7 @@ RESULT_KEPT = 60
 
 NEVER = 1e8
 """Three years [s]."""
-_KEEPERS: WeakKeyDictionary[Node, list[Timer]] = WeakKeyDictionary()
-_CLOCKS = cycle(WAITS)
+_KEEPERS: WeakKeyDictionary[Node, Timer] = WeakKeyDictionary()
 
 
 class Promise:
@@ -78,20 +76,20 @@ async def within(node: Node, promise: Promise, limit: float, *needed: Presence):
     return await promise if promise.kept else None
 
 
-def _keep_clocks(node: Node) -> None:
-    """Timers that are never due, on one node of an executor: with the last timer of a clock rclpy ends a thread of that clock, and with the
+def _keep_clock(node: Node) -> None:
+    """A timer that is never due, on one node of an executor: with the last timer of a clock rclpy ends a thread of that clock, and with the
     next one it starts another.
     """
     owner = min(node.executor.get_nodes(), key=lambda one: one.get_fully_qualified_name())
     if owner not in _KEEPERS:
-        _KEEPERS[owner] = [owner.create_timer(NEVER, lambda: None, clock=clock) for clock in WAITS]
+        _KEEPERS[owner] = owner.create_timer(NEVER, lambda: None, clock=WAITS)
 
 
 async def _kept_or_over(node: Node, promise: Promise, seconds: float) -> None:
-    _keep_clocks(node)
+    _keep_clock(node)
     either = Promise()
     promise.when_kept(either.keep)
-    timer = node.create_timer(seconds, either.keep, clock=next(_CLOCKS))
+    timer = node.create_timer(seconds, either.keep, clock=WAITS)
     await either
     node.destroy_timer(timer)
 

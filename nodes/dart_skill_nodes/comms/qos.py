@@ -26,10 +26,9 @@ CLOCK = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 WALL = Clock(clock_type=ClockType.STEADY_TIME)
 """For watchdogs: a machine's time, never the simulation's. No timer comes or goes on it while a node works (see WAITS)."""
-WAITS = tuple(Clock(clock_type=ClockType.STEADY_TIME) for _ in range(4))
-"""The same time for timers that come and go, on one clock after the other: from eight timers on one, rclpy's executor complains.
-Each new timer on a clock makes rclpy's EventsExecutor call those of that clock again that are due and not yet called; a repeating one skips
-a period for each such call, and was silent for up to 25 s (rclpy 7.1.6)."""
+WAITS = Clock(clock_type=ClockType.STEADY_TIME)
+"""The same time for timers that come and go. Each new timer on a clock makes rclpy's EventsExecutor call those of that clock again that are
+due and not yet called; a repeating one skips a period for each such call, and was silent for up to 25 s (rclpy 7.1.6)."""
 STATUS = Clock(clock_type=ClockType.STEADY_TIME)
 """The same time for the status of nodes, once a second: on the clock of the watchdogs, those that a node makes while it is configured would
 silence it for as many seconds."""
