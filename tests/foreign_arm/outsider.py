@@ -22,7 +22,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from dart_skill_nodes.process.signals import ENDS_WITH
 
-LIMIT, LONG = 180.0, 300.0
+LIMIT, LONG = 240.0, 600.0
 """Nothing takes longer, on whatever machine: answers and starting nodes; commands and what a person does [s, wall clock]."""
 PENDING = 30.0
 """What comes late is waited for so long [s, wall clock]. Fast DDS repeats what got lost on a busy machine after 3 s, or twice that."""
