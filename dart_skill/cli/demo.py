@@ -60,7 +60,7 @@ def _demo(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         return _demo_of_skill(options, parser, job)
     from dart_skill.session import table
 
-    check_run(parser, options)
+    _check_run(options, parser)
     summary = job.carried_out(job.run, options, "the demo")
     if summary is None:
         return 1
@@ -78,6 +78,13 @@ def _check_model(options: argparse.Namespace, parser: argparse.ArgumentParser) -
     for name in ("demonstrations", "configuration"):
         if getattr(options, name) != parser.get_default(name):
             parser.error(f"--{name} is for a skill that is shown: with --model nobody shows anything")
+
+
+def _check_run(options: argparse.Namespace, parser: argparse.ArgumentParser) -> None:
+    """As `check_run`; with a model nothing is shown."""
+    check_run(parser, options)
+    if options.model is not None:
+        options.demonstrations = 0
 
 
 class _InProcess:
@@ -143,7 +150,7 @@ def _demo_of_skill(options: argparse.Namespace, parser: argparse.ArgumentParser,
         skill = load_skill(options.skill)
     except ValueError as error:
         parser.error(str(error))
-    check_run(parser, options)
+    _check_run(options, parser)
     run = job.run_darts if options.skill == DARTS else job.run_skill
     summary = job.carried_out(partial(run, skill=skill), options, "the demo")
     if summary is None:

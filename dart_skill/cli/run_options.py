@@ -15,6 +15,8 @@ UNTOLD = ("help", "output", "json")
 """Options that change nothing about a run."""
 FILES = (".png", ".svg", ".webp", ".html", ".json", ".csv", ".npz", ".mcap", ".db3", ".yaml")
 """Endings of files: no folder is meant to be called so."""
+FROM_NOW_ON = "a file of 'dart-skill learn BAG': the learner plans with it from now on"
+"""What becomes of a model, in words."""
 
 
 def add_run(
@@ -34,10 +36,6 @@ def add_configuration(parser: argparse.ArgumentParser, default: str) -> None:
     """Which of the skill's configurations is learned; default: in words."""
     text = f"of the skill: {', '.join(CONFIGURATIONS)} (default: {default})"
     parser.add_argument("--configuration", default="", choices=CONFIGURATIONS, metavar="NAME", help=text)
-
-
-FROM_NOW_ON = "a file of 'dart-skill learn BAG': the learner plans with it from now on"
-"""What becomes of a model, in words."""
 
 
 def add_model(parser: argparse.ArgumentParser, text: str = FROM_NOW_ON) -> None:

@@ -2,7 +2,7 @@
 
 from dart_skill.session._belt import BeltSession
 from dart_skill.session._bench import BenchSession
-from dart_skill.session._darts_demo import Hit, darts_demo, throw_dart
+from dart_skill.session._darts_demo import Hit, darts_demo, play_leg, throw_dart
 from dart_skill.session._darts_run import (
     BLOCK,
     Dart,
@@ -63,6 +63,7 @@ __all__ = [
     "learn_from_bag",
     "learn_skill_from_bag",
     "learn_throws_from_bag",
+    "play_leg",
     "situation_json",
     "skill_demo",
     "skill_table",

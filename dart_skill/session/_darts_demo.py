@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -48,7 +49,7 @@ def darts_demo(job: Job, skill: Darts, say: Say) -> DartsSummary:
             learned, agent = practising(skill, lessons.kept, job.configuration, say), skill.agent()
             thrown, before = time.monotonic(), session.steps
             own = [_own_dart(session, learned, agent, skill, number, say) for number in range(1, job.throws + 1)]
-            leg = _play_leg(session, learned, agent, skill, say)
+            leg = play_leg(agent, lambda aim: _thrown(session, learned, skill, aim), say)
             took, steps = time.monotonic() - thrown, session.steps - before
         finally:
             session.close()
@@ -106,8 +107,18 @@ def _own_dart(session: Session, learned: PractisingSkill, agent: ModelBasedAgent
     return dart, hit
 
 
-def _play_leg(session: Session, learned: PractisingSkill, agent: ModelBasedAgent, skill: Darts, say: Say) -> LegSummary | None:
-    """501, double out, with as few darts as the spread that the agent knows allows; None before it knows one."""
+def _thrown(session: Session, learned: PractisingSkill, skill: Darts, aim: np.ndarray) -> Hit:
+    try:
+        return throw_dart(session, learned, skill, aim)
+    except ValueError as error:
+        return Hit(None, str(error))
+
+
+def play_leg(agent: ModelBasedAgent, throw: Callable[[np.ndarray], Hit], say: Say) -> LegSummary | None:
+    """501, double out, with as few darts as the spread that the agent knows allows; None before it knows one.
+
+    throw: at a point (2,) [mm] of the board. The arm learns from these darts, too: a miss that repeats at one bed would repeat for ever.
+    """
     if agent.spread is None:
         say("no leg of 501: the spread is not known yet; let more darts be thrown (--throws)")
         return None
@@ -115,10 +126,7 @@ def _play_leg(session: Session, learned: PractisingSkill, agent: ModelBasedAgent
     say(f"501, double out: {policy.expected[leg.remaining]:.1f} darts are expected")
     while not leg.is_over and len(leg.darts) < MOST_DARTS:
         aim = policy.best_aim(leg.remaining, leg.darts_left, leg.turn_start)
-        try:
-            hit = throw_dart(session, learned, skill, aim)
-        except ValueError as error:
-            hit = Hit(None, str(error))
+        hit = throw(aim)
         dart = leg.lost(hit.note) if hit.place is None else leg.hit(hit.place)
         bust = ", bust" if dart.bust else ""
         say(f"501, dart {len(leg.darts)}: {dart.before} left, at {place_of(aim)}: {dart.hit}, {dart.points} points{bust}")

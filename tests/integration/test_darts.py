@@ -132,7 +132,7 @@ def test_a_board_stays_where_it_hangs(graph):
 
 
 def test_a_leg_is_played_with_the_spread_that_is_known(graph, skill, composed, monkeypatch):
-    monkeypatch.setattr("dart_skill_nodes.verbs._darts_run.MOST_DARTS", 2)
+    monkeypatch.setattr("dart_skill.session._darts_demo.MOST_DARTS", 2)
     leg = play_leg(graph.client, skill, composed.darts.agent)
     assert [dart.before for dart in leg.darts] == [501, 501 - leg.darts[0].points] and not leg.finished
     assert 9.0 < leg.expected < 60.0 and "not finished after 2 darts" in leg.in_words

@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 
 from dart_skill.cli import main as command_line
+from dart_skill.cli.run_options import GRAPHS
 from dart_skill.session import learn_from_bag
-from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES
+from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES, SIMULATED
 from dart_skill_nodes.process.signals import ENDS_WITH
 from tests.paths import BAGS
 
@@ -147,6 +148,10 @@ def test_nodes_end_with_whoever_started_them_and_a_second_graph_is_refused(start
     first.kill()
     first.wait()
     until(lambda: not children(first.pid), "the end of the nodes")
+
+
+def test_the_options_know_the_layouts_of_a_simulated_graph():
+    assert GRAPHS == SIMULATED
 
 
 @pytest.mark.parametrize(

@@ -11,13 +11,10 @@ if TYPE_CHECKING:
     from dart_skill_msgs.action import Practice
     from dart_skill_msgs.msg import Outcome
 
-    from dart_skill.darts import LegInPlay, ModelBasedAgent
-    from dart_skill.session import Dart, LegSummary
+    from dart_skill.darts import ModelBasedAgent
+    from dart_skill.session import Dart, Hit, LegSummary
     from dart_skill.skills.darts import Darts
     from dart_skill_nodes.client.graph_client import GraphClient
-
-MOST_DARTS = 120
-"""A leg that takes more is given up."""
 
 
 @dataclass(frozen=True)
@@ -67,32 +64,17 @@ def _dart(skill: "Darts", agent: "ModelBasedAgent", outcome: "Outcome", message:
 
 
 def play_leg(client: "GraphClient", skill: "Darts", agent: "ModelBasedAgent") -> "LegSummary | None":
-    """501, double out, with as few darts as the spread that the agent knows allows; None before it knows one.
+    """`dart_skill.session.play_leg`, with the arm of the graph."""
+    from dart_skill.session import play_leg as play
 
-    The arm learns from these darts, too: a miss that repeats at one bed would repeat for ever.
-    """
-    from dart_skill.darts import LegInPlay, solve_leg
-    from dart_skill.session import LegSummary
-
-    if agent.spread is None:
-        say("no leg of 501: the spread is not known yet; let more darts be thrown (--throws)")
-        return None
-    policy, leg = solve_leg(agent.spread, objective="darts"), LegInPlay()
-    say(f"501, double out: {policy.expected[leg.remaining]:.1f} darts are expected")
-    while not leg.is_over and len(leg.darts) < MOST_DARTS:
-        aim = policy.best_aim(leg.remaining, leg.darts_left, leg.turn_start)
-        _throw_one(client, skill, leg, aim)
-    return LegSummary(tuple(leg.darts), leg.is_over, float(policy.expected[501]))
+    return play(agent, partial(_throw_one, client, skill), say)
 
 
-def _throw_one(client: "GraphClient", skill: "Darts", leg: "LegInPlay", aim) -> None:
-    from dart_skill.darts import place_of
+def _throw_one(client: "GraphClient", skill: "Darts", aim) -> "Hit":
+    from dart_skill.session import Hit
     from dart_skill_nodes.comms import conversions
 
     made = client.practise(situations=[conversions.situation_msg(skill.aimed(aim))])
     if made.outcomes and made.outcomes[0].seen:
-        dart = leg.hit(skill.face.on_board(conversions.seen_at(made.outcomes[0], conversions.LANDING)))
-    else:
-        dart = leg.lost("nobody saw where the dart went" if made.success else made.message)
-    bust = ", bust" if dart.bust else ""
-    say(f"501, dart {len(leg.darts)}: {dart.before} left, at {place_of(aim)}: {dart.hit}, {dart.points} points{bust}")
+        return Hit(skill.face.on_board(conversions.seen_at(made.outcomes[0], conversions.LANDING)))
+    return Hit(None, "nobody saw where the dart went" if made.success else made.message)

@@ -45,7 +45,6 @@ def _learned(client: "GraphClient", options: argparse.Namespace, lessons: Callab
     """Lessons, and what is learned from them, or a model that was learned before; how many attempts the lessons took."""
     if options.model is not None:
         say(f"model {client.load(options.model)}: nobody shows anything")
-        options.demonstrations = 0
         return 0
     attempts = lessons()
     say(client.learn(configuration=options.configuration).message)
