@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dart_skill.cli import graph_verbs
-from dart_skill.cli.run_options import add_configuration
+from dart_skill.cli.run_options import add_configuration, add_namespace
 
 if TYPE_CHECKING:
     from dart_skill.session import LearnReport
@@ -39,6 +39,7 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("--without", metavar="ID", action="append", default=[], help=text)
     add_configuration(parser, "default; on a graph that of its learner")
     parser.add_argument("--at-least", type=int, metavar="N", help="without BAG: wait for so many demonstrations")
+    add_namespace(parser)
     parser.add_argument("--json", action="store_true", help="what was found and learned as JSON")
     parser.set_defaults(run=_learn, run_on_graph=graph_verbs.runner("learn", parser))
 

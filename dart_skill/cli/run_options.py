@@ -1,6 +1,7 @@
 """Options that several verbs share, those of the nodes too, and how they are checked. No ROS is imported here."""
 
 import argparse
+import re
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
@@ -47,6 +48,21 @@ def check_model(parser: argparse.ArgumentParser, options: argparse.Namespace) ->
     """A usage error for a model that is no file, before anything is started."""
     if options.model is not None and not options.model.is_file():
         parser.error(f"--model {options.model}: there is no such file; 'dart-skill learn BAG' writes one")
+
+
+def add_namespace(
+    parser: argparse._ActionsContainer, text: str = "of the graph, where several arms share a ROS domain, as /arm1 (default: none)"
+) -> None:
+    """Which of several graphs of a ROS domain is meant."""
+    parser.add_argument("--namespace", type=_namespace, default="", metavar="NAME", help=text)
+
+
+def _namespace(text: str) -> str:
+    """With the slash before it, and none after it."""
+    name = f"/{text.strip('/')}".rstrip("/")
+    if not re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)*", name) or "__" in name:
+        raise argparse.ArgumentTypeError(f"'{text}' is no ROS namespace: letters, digits and single underscores, as /arm1")
+    return name
 
 
 def add_arm(parser: argparse.ArgumentParser) -> None:

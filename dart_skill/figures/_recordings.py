@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dart_skill.recording import BagError, BagReader, stamp_ns
+from dart_skill.recording import BagError, BagReader, GraphBag, stamp_ns
 from dart_skill.robot import Grip
 from dart_skill.world import the_world
 
@@ -55,7 +55,7 @@ class Recording:
 
 def read_recordings(bag_path: str | os.PathLike) -> list[Recording]:
     """All recordings of a bag, in order; BagError if the hand was not recorded."""
-    with BagReader(bag_path) as bag:
+    with GraphBag(bag_path) as bag:
         hand = _poses(bag, HAND)
         if not len(hand[0]):
             raise BagError(f"{bag_path}: no poses of the hand on {HAND}: record that topic")

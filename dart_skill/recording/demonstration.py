@@ -16,11 +16,10 @@ from rosbags.typesys.store import Typestore
 
 from dart_skill.checks import FARTHEST, as_place, check_samples, check_unit_quaternions
 from dart_skill.constants import N_JOINTS
-from dart_skill.recording.bags import BagError, BagReader, header_content, message, pose_content, stamp_content
-from dart_skill.world import THROWN, joint_names, joint_order, the_world
+from dart_skill.recording.bags import BagError, GraphBag, header_content, message, pose_content, stamp_content
+from dart_skill.world import DEMONSTRATION_TOPIC, THROWN, joint_names, joint_order, the_world
 
 DEMONSTRATION_TYPE = "dart_skill_msgs/msg/Demonstration"
-DEMONSTRATION_TOPIC = "/demonstrations"
 SKILL = "throw"
 """The skill of a demonstration that does not say of which one it is."""
 OPEN = "open"
@@ -226,7 +225,7 @@ def named(what: str, names: Sequence[str], values: Sequence[Any]) -> dict[str, A
 def skill_of(bag_path: str | os.PathLike) -> str:
     """The skill that a bag's demonstrations are of; throwing, where it has none, is older, or cannot be read: who learns of it says why."""
     try:
-        with BagReader(bag_path) as bag:
+        with GraphBag(bag_path) as bag:
             if DEMONSTRATION_TOPIC not in bag.topics or bag.topics[DEMONSTRATION_TOPIC].type_name != DEMONSTRATION_TYPE:
                 return SKILL
             first = next(iter(bag.messages([DEMONSTRATION_TOPIC])), None)
@@ -237,7 +236,7 @@ def skill_of(bag_path: str | os.PathLike) -> str:
 
 def read_demonstrations(bag_path: str | os.PathLike, topic: str = DEMONSTRATION_TOPIC) -> list[Demonstration]:
     """Demonstrations of a bag in the order of recording; BagError if it has none or they are not valid."""
-    with BagReader(bag_path) as bag:
+    with GraphBag(bag_path) as bag:
         if topic not in bag.topics:
             raise BagError(f"{bag_path}: no topic {topic}, only {sorted(bag.topics)}: was it recorded?")
         if bag.topics[topic].type_name != DEMONSTRATION_TYPE:

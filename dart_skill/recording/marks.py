@@ -10,11 +10,11 @@ import os
 from collections.abc import Collection, Iterable
 from typing import Any
 
-from dart_skill.recording.bags import BagError, BagReader
+from dart_skill.recording.bags import BagError, GraphBag
 from dart_skill.recording.demonstration import stamp_ns
+from dart_skill.world import MARK_TOPIC
 
 MARK_TYPE = "dart_skill_msgs/msg/DemonstrationMark"
-MARK_TOPIC = "/demonstration_marks"
 
 
 def demonstration_id(opened_ns: int) -> str:
@@ -44,7 +44,7 @@ class Marks:
 
 def read_dropped(bag_path: str | os.PathLike) -> set[str]:
     """Ids of the demonstrations that were dropped in the end, by the marks of a bag; none without marks."""
-    with BagReader(bag_path) as bag:
+    with GraphBag(bag_path) as bag:
         if MARK_TOPIC not in bag.topics:
             return set()
         if bag.topics[MARK_TOPIC].type_name != MARK_TYPE:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from dart_skill.figures import COMMAND, SAME_BASKET, Recording
-from dart_skill.recording import BagError, BagReader, Demonstration, read_command, read_demonstrations, skill_of
+from dart_skill.recording import BagError, Demonstration, GraphBag, read_command, read_demonstrations, skill_of
 from dart_skill.recording.demonstration import SKILL
 from dart_skill.recording.imports import ThrowRecording, fault_lines, read_recording
 from dart_skill.session import ThrowResult, find_throws
@@ -155,7 +155,7 @@ def machine() -> str:
 
 def describe(bag: Path, about: About) -> tuple[About, np.ndarray]:
     """What the bag says of itself added to what is known, and the stamps of the controller's commands (n,) [ns]."""
-    with BagReader(bag) as reader:
+    with GraphBag(bag) as reader:
         told = {name.capitalize(): text for name, text in reader.custom_data.items() if text.strip("{}[] ")}
         size = sum(file.size for file in reader.files)
         told["Bag"] = f"{bag.name}: {reader.message_count} messages on {len(reader.topics)} topics, {size / 1e6:.1f} MB"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dart_skill.recording import BagError, BagReader, arm_rows, pose_rows, stamp_ns
+from dart_skill.recording import BagError, BagReader, GraphBag, arm_rows, pose_rows, stamp_ns
 from dart_skill.report._run import About, describe
 from dart_skill.session import SkillResult
 from dart_skill.skill.observe import worlds
@@ -74,7 +74,7 @@ def read_skill_run(
     bag = Path(bag)
     described, _ = describe(bag, about or About(f"{skill.name.capitalize()}: a bag"))
     shown = tuple(read_task_demonstrations(bag, skill))
-    with BagReader(bag) as reader:
+    with GraphBag(bag) as reader:
         poses = {role: _poses(reader, pose_topic(the_world().body(role))) for role in (HAND, *skill.bodies)}
         joints, guided = _joints(reader), _stamps(reader, GUIDING)
     if not len(poses[HAND][0]):

@@ -1,6 +1,7 @@
 """Links between nodes: whoever serves is asked, whatever else is on the graph."""
 
 import time
+from types import SimpleNamespace
 
 import pytest
 import rclpy
@@ -116,7 +117,8 @@ class Endpoints:
 )
 def test_after_a_server_that_died_before_it_was_asked_another_one_is_waited_for_more_briefly(monkeypatch, there, is_ready, waits):
     monkeypatch.setattr("dart_skill_nodes.client.server_probe.servers", lambda node, service: there)
-    link = ServerProbe(None, "/asked", lambda: is_ready)
+    node = SimpleNamespace(resolve_service_name=lambda name: name)
+    link = ServerProbe(node, "/asked", lambda: is_ready)
     assert not link.is_hopeless(0.9 * waits) and link.is_hopeless(1.1 * waits)
 
 

@@ -21,7 +21,7 @@ from dart_skill.recording.bags.messages import (
     typestore,
     vector_content,
 )
-from dart_skill.recording.bags.reader import BagError, BagMessage, BagReader, TopicInfo
+from dart_skill.recording.bags.reader import BagError, BagMessage, BagReader, GraphBag, TopicInfo
 from dart_skill.recording.bags.writer import BagWriteError, BagWriter, qos_yaml
 
 if TYPE_CHECKING:
@@ -40,6 +40,7 @@ __all__ = [
     "BagWriter",
     "Due",
     "Finding",
+    "GraphBag",
     "Pace",
     "Playback",
     "Recovery",

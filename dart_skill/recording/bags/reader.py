@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 
 import zstandard
@@ -39,6 +39,8 @@ _RECOVER = (
 _FORMATS = {MessageDefinitionFormat.MSG: "ros2msg", MessageDefinitionFormat.IDL: "ros2idl"}
 
 
+OF_A_GRAPH = {"/wam/command": "dart_skill_msgs/msg/WamCommand", "/demonstrations": "dart_skill_msgs/msg/Demonstration"}
+"""Topics by which a graph is known in a bag, without its namespace, and their types."""
 MOST_LINES, MOST_LINES_OF_ALL, LARGEST_DEFINITION = 5_000, 20_000, 1_000_000
 """Of the definition of a type, with all that it nests, of all definitions of a bag, and characters of one: they take 0.4 ms a line."""
 
@@ -134,7 +136,7 @@ class BagReader:
         chosen = self._chosen(topics)
         limits = (0 if start_ns is None else start_ns, END_OF_TIME if stop_ns is None else stop_ns)
         with _explained(self.path):
-            found = self._source.messages(chosen, *limits)
+            found = self._called(self._source.messages(chosen, *limits))
             found = _thinned(found, every_ns) if every_ns else found
             yield from map(self._decoded, found) if decode else found
 
@@ -168,6 +170,10 @@ class BagReader:
             raise BagError(f"{self.path}: no topic {sorted(unknown)}, only {sorted(self.topics)}")
         return wanted
 
+    def _called(self, messages: Iterator[BagMessage]) -> Iterator[BagMessage]:
+        """The messages with the names of their topics that are told here."""
+        return messages
+
     def _decoded(self, message: BagMessage) -> BagMessage:
         topic, type_name, stamp_ns, data = message
         encoding = self.topics[topic].encoding
@@ -182,6 +188,45 @@ class BagReader:
             return BagMessage(topic, type_name, stamp_ns, deserialize(self.types, type_name, data))
         except ValueError as error:
             raise BagError(f"{self.path}: topic {topic}: {error}") from error
+
+
+class GraphBag(BagReader):
+    """An open bag of one graph, whichever namespace it ran in: /arm1/joint_states is called /joint_states here.
+
+    namespace: that one, "" without one; found by the topics on which an arm is commanded and demonstrations are told.
+
+    BagError for a bag of several graphs.
+    """
+
+    def __init__(self, path: str | os.PathLike, types: Typestore | None = None):
+        super().__init__(path, types)
+        self.namespace = self._found_namespace()
+        self._full = {self._in_graph(name): name for name in self.topics}
+        self.topics = {name: replace(self.topics[full], name=name) for name, full in self._full.items()}
+
+    def _chosen(self, topics: Iterable[str] | None) -> set[str]:
+        return {self._full[name] for name in super()._chosen(topics)}
+
+    def _called(self, messages: Iterator[BagMessage]) -> Iterator[BagMessage]:
+        if not self.namespace:
+            return messages
+        return (message._replace(topic=self._in_graph(message.topic)) for message in messages)
+
+    def _found_namespace(self) -> str:
+        found = {
+            name.removesuffix(mark)
+            for name, info in self.topics.items()
+            for mark, type_name in OF_A_GRAPH.items()
+            if name.endswith(mark) and info.type_name == type_name
+        }
+        if len(found) > 1:
+            spaces = ", ".join(space or "/" for space in sorted(found))
+            self.close()
+            raise BagError(f"{self.path}: of several graphs, in the namespaces {spaces}: record each into a bag of its own")
+        return found.pop() if found else ""
+
+    def _in_graph(self, name: str) -> str:
+        return name.removeprefix(self.namespace) if name.startswith(f"{self.namespace}/") else name
 
 
 class _McapSource:

@@ -22,6 +22,7 @@ from dart_skill.recording.bags import (
     BagMessage,
     BagReader,
     BagWriter,
+    GraphBag,
     definition,
     deserialize,
     header_content,
@@ -145,7 +146,7 @@ def _read_topics(source: Path, mapping: RecordingMapping) -> dict[str, Any]:
     wanted = {role: where for role, where in roles.items() if where is not None and where.topic}
     if not wanted:
         return {}
-    with BagReader(source, typestore()) as bag:
+    with (GraphBag if mapping is OWN else BagReader)(source, typestore()) as bag:
         collectors: dict[str, list[Callable]] = {}
         taken: dict[str, Any] = {}
         for role, where in wanted.items():

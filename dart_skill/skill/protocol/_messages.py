@@ -17,7 +17,7 @@ from dart_skill.recording import (
     DEMONSTRATION_TOPIC,
     DEMONSTRATION_TYPE,
     BagError,
-    BagReader,
+    GraphBag,
     arm_rows,
     duration_content,
     message,
@@ -105,7 +105,7 @@ def task_demonstration_from_message(msg: Any, skill: Skill) -> TaskDemonstration
 
 def read_task_demonstrations(bag_path: str | os.PathLike, skill: Skill) -> list[TaskDemonstration]:
     """Demonstrations of a skill in a bag, in the order of recording; BagError if it has none, or they are not valid."""
-    with BagReader(bag_path) as bag:
+    with GraphBag(bag_path) as bag:
         if DEMONSTRATION_TOPIC not in bag.topics:
             raise BagError(f"{bag_path}: no topic {DEMONSTRATION_TOPIC}, only {sorted(bag.topics)}: was it recorded?")
         try:

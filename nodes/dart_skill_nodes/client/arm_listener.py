@@ -10,13 +10,11 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
 from dart_skill.arm_check import Endpoint, Heard, JointStream, PoseStream
-from dart_skill.world import joint_order, the_world
+from dart_skill.world import joint_order
 from dart_skill_nodes.client.live_arm import NO_DRIVERS
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.comms.joint_states import JOINT_STATES
+from dart_skill_nodes.comms.names import CLOCK, COMMANDS, JOINT_STATES, pose_topics
 from dart_skill_nodes.comms.raw_batches import RawBatches, RawMessage
-
-COMMANDS, CLOCK = "/wam/command", "/clock"
 
 
 class ArmListener:
@@ -24,7 +22,7 @@ class ArmListener:
 
     def __init__(self, node: Node):
         self._node, self._batches = node, RawBatches(node)
-        self._topics = the_world().pose_topics()
+        self._topics = pose_topics()
         self._messages: dict[str, list[RawMessage]] = {name: [] for name in (JOINT_STATES, CLOCK, *self._topics.values())}
         for topic in self._messages:
             self._batches.listen(topic)
@@ -53,7 +51,7 @@ class ArmListener:
     @property
     def silent(self) -> list[str]:
         """Topics of joints and poses on which nothing has come."""
-        return [topic for topic in (JOINT_STATES, *self._topics.values()) if not self._messages[topic]]
+        return [self._node.resolve_topic_name(topic) for topic in (JOINT_STATES, *self._topics.values()) if not self._messages[topic]]
 
     def heard(self) -> Heard:
         """Everything so far."""
@@ -100,7 +98,7 @@ class ArmListener:
         if len(told):
             received = told[np.clip(np.searchsorted(when, received, side="right") - 1, 0, None)]
         return {
-            "topic": topic,
+            "topic": self._node.resolve_topic_name(topic),
             "publishers": tuple(_ends(self._node.get_publishers_info_by_topic(topic))),
             "received_ns": received,
             "stamp_ns": np.array([conversions.stamp_ns(message.header.stamp) for _, message in messages], dtype=np.int64),

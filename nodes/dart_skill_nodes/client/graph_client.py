@@ -27,6 +27,7 @@ from dart_skill_nodes.client.service_calls import ServiceCalls
 from dart_skill_nodes.client.trial_sequence import TrialSequence, TrialUnderWay
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import start
+from dart_skill_nodes.comms.names import DIAGNOSTICS, full_name, in_graph, nodes_there
 from dart_skill_nodes.comms.presence import LOOK, Presence, be_alive, servers
 from dart_skill_nodes.process.graph_processes import START
 from dart_skill_nodes.process.node_base import make_executor
@@ -38,23 +39,31 @@ ASK_AGAIN = 0.1
 class GraphClient:
     """Blocking calls for scripts and tests; `dead` tells of a process of the graph that has ended, empty if all run.
 
+    namespace: of the graph, as "/arm1"; that of the process by default.
     patience, appears: for an answer, and for somebody to serve at all [s, wall clock].
     throw_seconds (2,): all throws so far, simulated and on the wall clock [s].
     """
 
-    def __init__(self, dead: Callable[[], str] = lambda: "", name: str = "client", patience: float = 180.0, appears: float = APPEARS):
-        self.node = rclpy.create_node(name)
+    def __init__(
+        self,
+        dead: Callable[[], str] = lambda: "",
+        name: str = "client",
+        patience: float = 180.0,
+        appears: float = APPEARS,
+        namespace: str = "",
+    ):
+        self.node = rclpy.create_node(name, namespace=namespace or None)
         be_alive(self.node)
         self._executor, self._dead, self._patience, self._appears = make_executor(), dead, patience, appears
         self._executor.add_node(self.node)
-        self._teach = ActionClient(self.node, Teach, "/teach")
-        self._practice = ActionClient(self.node, Practice, "/practice")
-        self._learn = self.node.create_client(Learn, "/skill_learner/learn")
+        self._teach = ActionClient(self.node, Teach, "teach")
+        self._practice = ActionClient(self.node, Practice, "practice")
+        self._learn = self.node.create_client(Learn, "skill_learner/learn")
         self._sequence = TrialSequence(self.node, ServiceCalls(self.node), the_world().frame_id)
         self._links: dict[object, ServerProbe] = {}
         self._setters: dict[str, Client] = {}
         self._taught, self.simulated_steps, self.throw_seconds = 0, 0, np.zeros(2)
-        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
+        self.node.create_subscription(DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, 10)
 
     def close(self) -> None:
         """Take the client's node off the graph.
@@ -71,19 +80,21 @@ class GraphClient:
         ready, and take requests that nobody will ever answer.
         """
         until = time.monotonic() + limit
-        while there := sorted(set(nodes) & set(self.node.get_node_names())):
+        while there := sorted(set(nodes) & nodes_there(self.node)):
             if time.monotonic() > until:
                 domain = os.environ.get("ROS_DOMAIN_ID", "0")
-                raise GraphFailure(f"{', '.join(there)} on ROS domain {domain} already: end it, or choose another ROS_DOMAIN_ID")
+                raise GraphFailure(
+                    f"{', '.join(there)} on ROS domain {domain} already: end it, or choose another ROS_DOMAIN_ID or --namespace"
+                )
             self.spin()
 
     def wait_until_ready(self, limit: float = START, teacher: bool = True) -> None:
         """Wait for every action and service; GraphFailure names what is silent."""
         for client in (self._learn, self._sequence.reset_client, self._sequence.pause_client):
             self.reach(client, limit)
-        self._reach_action(self._sequence.action_client, "/execute", limit)
+        self._reach_action(self._sequence.action_client, "execute", limit)
         if teacher:
-            self._reach_action(self._teach, "/teach", limit)
+            self._reach_action(self._teach, "teach", limit)
 
     def wait_for_learner(self, limit: float = START) -> None:
         """Wait for whoever learns, as in a replay without an arm; GraphFailure if nobody does."""
@@ -95,7 +106,7 @@ class GraphClient:
         Each client has a link of its own, made after it: an older link says nothing of whether the server has found a younger client.
         limit: default: the client's patience where there is a server, and as long as one may take to be found where there is none.
         """
-        self._up(client, client.srv_name, client.service_is_ready, limit)
+        self._up(client, client.service_name, client.service_is_ready, limit)
 
     def _reach_action(self, client: ActionClient, name: str, limit: float | None = None) -> None:
         self._up(client, f"{name}/_action/send_goal", client.server_is_ready, limit)
@@ -115,8 +126,8 @@ class GraphClient:
 
     def show(self, situation: Situation) -> Teach.Result:
         """A movement that is guided in one situation until it succeeds."""
-        self._reach_action(self._teach, "/teach")
-        handle, server = self._accepted(self._teach.send_goal_async(Teach.Goal(situation=situation)), "/teach")
+        self._reach_action(self._teach, "teach")
+        handle, server = self._accepted(self._teach.send_goal_async(Teach.Goal(situation=situation)), "teach")
         result = self.wait(handle.get_result_async(), "the lesson", needed=server).result
         self._taught += result.success
         if result.success:
@@ -131,36 +142,36 @@ class GraphClient:
         request = Learn.Request(bag=bag, configuration=configuration, at_least=at_least, without=list(without))
         response = self._call_while_pending(self._learn, request)
         if not response.success:
-            raise GraphFailure(f"{self._learn.srv_name}: {response.message}")
+            raise GraphFailure(f"{self._learn.service_name}: {response.message}")
         return response
 
     def load(self, model: Path) -> str:
         """Plan with a model of a file from now on; its id. GraphFailure says why the learner refuses it."""
-        loader = self.node.create_client(ModelFile, "/skill_learner/load")
+        loader = self.node.create_client(ModelFile, "skill_learner/load")
         response = self.call(loader, ModelFile.Request(path=str(model.resolve())))
         return response.model_id
 
     def release_arm(self, free: bool) -> None:
         """Leave a real arm to the hands of a person, or hold it where it is; GraphFailure if that cannot be now."""
-        self.call(self.node.create_client(SetBool, "/commander/release_arm"), SetBool.Request(data=free))
+        self.call(self.node.create_client(SetBool, "commander/release_arm"), SetBool.Request(data=free))
 
     def start_demonstration(self) -> None:
         """From now on what the sensors see may become a demonstration; GraphFailure says what is silent."""
-        self.call(self.node.create_client(Trigger, "/demonstration_recorder/start"), Trigger.Request())
+        self.call(self.node.create_client(Trigger, "demonstration_recorder/start"), Trigger.Request())
 
     def stop_demonstration(self) -> StopDemonstration.Response:
         """What was recorded since the start, kept as a demonstration if there is a throw in it; poses that are late are waited for."""
-        client = self.node.create_client(StopDemonstration, "/demonstration_recorder/stop")
+        client = self.node.create_client(StopDemonstration, "demonstration_recorder/stop")
         return self._call_while_pending(client, StopDemonstration.Request(keep=True))
 
     def demonstrations(self, configuration: str = "", compare: bool = False) -> ListDemonstrations.Response:
         """What the learner has heard, and what can be made of it; compare: also how unlike the others each is."""
-        client = self.node.create_client(ListDemonstrations, "/skill_learner/demonstrations")
+        client = self.node.create_client(ListDemonstrations, "skill_learner/demonstrations")
         return self.call(client, ListDemonstrations.Request(configuration=configuration, compare=compare))
 
     def drop(self, name: str, restore: bool = False) -> str:
         """Leave a demonstration out of what is learned next, or let it count again; GraphFailure if there is none of this name."""
-        client = self.node.create_client(DropDemonstration, "/skill_learner/drop_demonstration")
+        client = self.node.create_client(DropDemonstration, "skill_learner/drop_demonstration")
         return self.call(client, DropDemonstration.Request(id=name, restore=restore)).message
 
     def is_simulated(self, limit: float = START) -> bool:
@@ -172,7 +183,7 @@ class GraphClient:
         return self._of_coach("skill", limit).string_value
 
     def _of_coach(self, name: str, limit: float) -> ParameterValue:
-        client = self.node.create_client(GetParameters, "/coach/get_parameters")
+        client = self.node.create_client(GetParameters, "coach/get_parameters")
         self.reach(client, limit)
         return self._asked(client, GetParameters.Request(names=[name])).values[0]
 
@@ -184,7 +195,7 @@ class GraphClient:
         """One movement in a situation in which bodies are put, from a world that is reset; look: it is planned for what the cameras see."""
         under_way = self._begin(situation, look)
         begun = time.monotonic()
-        commander = servers(self.node, "/execute/_action/send_goal")
+        commander = servers(self.node, "execute/_action/send_goal")
         outcome = self.wait(under_way.handle.get_result_async(), "the movement", needed=commander).result
         self.throw_seconds += conversions.seconds(outcome.duration), time.monotonic() - begun
         self.carry_out(self._sequence.end(under_way), "the movement")
@@ -218,9 +229,9 @@ class GraphClient:
         """
         goal = Practice.Goal(trials=throws, situations=[*situations, *map(conversions.at_place, targets)])
         goal.follow_bodies, goal.only_execute = follow_basket, only_throw
-        self._reach_action(self._practice, "/practice")
+        self._reach_action(self._practice, "practice")
         sent = self._practice.send_goal_async(goal, feedback_callback=lambda message: on_feedback(message.feedback))
-        handle, server = self._accepted(sent, "/practice")
+        handle, server = self._accepted(sent, "practice")
         result = handle.get_result_async()
         try:
             return self.wait(result, "practice", patience=np.inf, needed=server).result
@@ -245,7 +256,7 @@ class GraphClient:
         self.reach(client)
         response = self._asked(client, request)
         if not response.success and not may_refuse:
-            raise GraphFailure(f"{client.srv_name}: {response.message}")
+            raise GraphFailure(f"{client.service_name}: {response.message}")
         return response
 
     def _call_while_pending(self, client, request):
@@ -278,7 +289,7 @@ class GraphClient:
 
     def _asked(self, client, request):
         """Response of a service that was reached."""
-        return self.wait(client.call_async(request), client.srv_name, needed=servers(self.node, client.srv_name))
+        return self.wait(client.call_async(request), client.service_name, needed=servers(self.node, client.service_name))
 
     def spin(self) -> None:
         """Let messages come in for a moment."""
@@ -294,6 +305,7 @@ class GraphClient:
 
     def _accepted(self, sent, what: str) -> tuple[ClientGoalHandle, Presence]:
         """Handle of a goal that was sent, and its server."""
+        what = full_name(self.node, what)
         server = servers(self.node, f"{what}/_action/send_goal")
         handle = self.wait(sent, what, needed=server)
         if not handle.accepted:
@@ -302,6 +314,6 @@ class GraphClient:
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            if status.name == "wam_simulator":
+            if in_graph(self.node, status.name) == "wam_simulator":
                 values = {pair.key: pair.value for pair in status.values}
                 self.simulated_steps = int(values.get("steps", self.simulated_steps))

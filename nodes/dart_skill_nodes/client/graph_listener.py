@@ -11,12 +11,8 @@ from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import ReliabilityPolicy
 
-from dart_skill.world import the_world
 from dart_skill_nodes.client.graph_report import (
-    COMMANDS,
     ERROR,
-    JOINTS,
-    PUSHES,
     READY,
     SILENT,
     WARNING,
@@ -25,12 +21,13 @@ from dart_skill_nodes.client.graph_report import (
     TopicReport,
     missing_nodes,
 )
+from dart_skill_nodes.comms.names import COMMANDS, DIAGNOSTICS, GUIDING, JOINT_STATES, in_graph, namespace_of, nodes_there, pose_topics
 from dart_skill_nodes.comms.presence import UNKNOWN
 from dart_skill_nodes.comms.qos import LATCHED
 from dart_skill_nodes.comms.raw_batches import RawBatches
 from dart_skill_nodes.process.limits import LIMITS
 
-DIAGNOSTICS, SAFETY = "/diagnostics", "/wam/safety"
+SAFETY = "wam/safety"
 STATES = (READY, WARNING, ERROR, SILENT)
 HAVE_LIMITS = ("commander", "wam_simulator", "effort_bridge")
 LONGER = 6.0
@@ -49,7 +46,7 @@ class GraphListener:
         self._asked: dict[str, tuple] = {}
         self._begun = time.monotonic()
         self._batches = RawBatches(node)
-        for topic in (JOINTS, COMMANDS, PUSHES, *the_world().pose_topics().values()):
+        for topic in (JOINT_STATES, COMMANDS, GUIDING, *pose_topics().values()):
             self._batches.listen(topic)
         node.create_subscription(DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, 100)
         node.create_subscription(DiagnosticStatus, SAFETY, self._on_safety, LATCHED)
@@ -75,6 +72,7 @@ class GraphListener:
         """What was found."""
         return GraphReport(
             domain=domain,
+            namespace=namespace_of(self._node),
             seconds=time.monotonic() - self._begun,
             nodes=tuple(self._nodes()),
             bystanders=tuple(sorted(self._others() - self._describing() - {name for name, _ in self._heard})),
@@ -91,7 +89,8 @@ class GraphListener:
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            self._heard[status.name, _values(status).get("process", "?")] = status
+            if name := in_graph(self._node, status.name):
+                self._heard[name, _values(status).get("process", "?")] = status
 
     def _on_safety(self, message: DiagnosticStatus) -> None:
         self._safety = message
@@ -105,7 +104,7 @@ class GraphListener:
         """Once of each node that has limits, when it is found; an answer that gets lost is one that is not shown."""
         for name in HAVE_LIMITS:
             if name not in self._asked and any(name == other for other, _ in self._heard):
-                client = self._node.create_client(GetParameters, f"/{name}/get_parameters")
+                client = self._node.create_client(GetParameters, f"{name}/get_parameters")
                 self._asked[name] = client, None
             client, answer = self._asked.get(name, (None, None))
             if client is not None and answer is None and client.service_is_ready():
@@ -114,12 +113,13 @@ class GraphListener:
     # what was found
 
     def _others(self) -> set[str]:
-        return {name for name in self._node.get_node_names() if name not in (self._node.get_name(), UNKNOWN) and not name.startswith("_")}
+        return {name for name in nodes_there(self._node) if name not in (self._node.get_name(), UNKNOWN) and not name.startswith("_")}
 
     def _describing(self) -> set[str]:
         """Nodes that have a status of their own, whether they tell it or not."""
-        there = {one.node_name for one in self._node.get_publishers_info_by_topic(DIAGNOSTICS)}
-        return {name for name in there if name != UNKNOWN}
+        offers = self._node.get_publishers_info_by_topic(DIAGNOSTICS)
+        space = self._node.get_namespace()
+        return {one.node_name for one in offers if one.node_name != UNKNOWN and one.node_namespace == space}
 
     def _silent(self) -> set[str]:
         return self._describing() - {name for name, _ in self._heard}
@@ -144,7 +144,7 @@ class GraphListener:
             return None
         newest = self._newest.get(topic)
         return TopicReport(
-            topic=topic,
+            topic=self._node.resolve_topic_name(topic),
             publishers=tuple(sorted(one.node_name for one in offers)),
             rate=self._counts[topic] / max(1e-3, time.monotonic() - self._begun),
             age=None if newest is None else max(0.0, (time.time_ns() - newest) * 1e-9),

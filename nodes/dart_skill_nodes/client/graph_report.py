@@ -3,13 +3,13 @@
 from collections import Counter
 from dataclasses import dataclass, field
 
+from dart_skill_nodes.comms.names import COMMANDS, GUIDING, JOINT_STATES
 from dart_skill_nodes.process.graph_processes import LAYOUTS
 
 READY, WARNING, ERROR, SILENT = "ready", "warning", "error", "silent"
 """States of a node, in the order of the levels of diagnostic_msgs/DiagnosticStatus."""
 NEEDS = {"commander": LAYOUTS["hardware"], "wam_simulator": LAYOUTS["processes"], "bag_player": ("skill_learner", "demonstration_recorder")}
 """Where a node of this name runs, these do. Who looks at a graph for the first time does not find those that were killed or frozen."""
-JOINTS, COMMANDS, PUSHES = "/joint_states", "/wam/command", "/wam/teacher_wrench"
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class TopicReport:
 
 @dataclass(frozen=True)
 class GraphReport:
-    """A whole graph. bystanders: nodes without a status of their own, as a driver or `ros2 topic echo`.
+    """A whole graph. namespace: empty, or as "/arm1". bystanders: nodes without a status of their own, as a driver or `ros2 topic echo`.
 
     safety: state and reason of the arm's own safety module, None where nobody publishes it. limits: in force, by the node that says so.
     """
@@ -52,10 +52,11 @@ class GraphReport:
     topics: tuple[TopicReport, ...]
     limits: dict[str, dict]
     safety: tuple[str, str] | None
+    namespace: str = ""
 
     def topic(self, name: str) -> TopicReport | None:
-        """The report of a topic, if somebody publishes it."""
-        return next((one for one in self.topics if one.topic == name), None)
+        """The report of a topic of the graph, as COMMANDS, if somebody publishes it."""
+        return next((one for one in self.topics if one.topic == f"{self.namespace}/{name}"), None)
 
     def node(self, name: str) -> NodeReport | None:
         """The report of a node, if it is there."""
@@ -92,16 +93,16 @@ class GraphReport:
 
     def _of_arm(self) -> list[str]:
         bad = []
-        for topic, what in ((COMMANDS, "command the arm"), (PUSHES, "push the arm")):
+        for topic, what in ((COMMANDS, "command the arm"), (GUIDING, "push the arm")):
             if len(living := self._living(topic)) > 1:
-                bad.append(f"{' and '.join(living)} {what} ({topic}): end one")
+                bad.append(f"{' and '.join(living)} {what} ({self.namespace}/{topic}): end one")
         if self.safety is not None and self.safety[0] == ERROR:
             bad.append(f"the arm's safety module has stopped it until a reset: {self.safety[1]}")
         commander = self.node("commander")
-        if commander is not None and "call /commander/reset" in commander.says and commander.state != ERROR:
+        if commander is not None and "/commander/reset" in commander.says and commander.state != ERROR:
             bad.append(f"commander: {commander.says}")
-        if commander is not None and commander.state != SILENT and self.topic(JOINTS) is None:
-            bad.append(f"no arm: nobody publishes {JOINTS}")
+        if commander is not None and commander.state != SILENT and self.topic(JOINT_STATES) is None:
+            bad.append(f"no arm: nobody publishes {self.namespace}/{JOINT_STATES}")
         if len({tuple(sorted((name, str(value)) for name, value in limits.items())) for limits in self.limits.values()}) > 1:
             bad.append(f"{', '.join(self.limits)} have different limits: {self._differing()}")
         return bad

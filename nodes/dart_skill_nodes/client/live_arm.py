@@ -5,11 +5,11 @@ from collections.abc import Collection
 
 from rclpy.node import Node
 
-from dart_skill_nodes.comms.joint_states import JOINT_STATES
+from dart_skill_nodes.comms.names import COMMANDS, GUIDING, JOINT_STATES
 from dart_skill_nodes.comms.presence import UNKNOWN, others
 from dart_skill_nodes.process.graph_processes import NODES
 
-COMMANDS = (".*/wam/command", ".*/wam/teacher_wrench", ".*/commands", ".*/hand_open")
+TAKE_COMMANDS = (".*/wam/command", ".*/wam/teacher_wrench", ".*/commands", ".*/hand_open")
 """Topics on which arms and hands take commands, as regular expressions: this package's, and those of controllers of ros2_control."""
 NO_DRIVERS = {*NODES, "recorder", "viewer", "bag_player"} - {"wam_simulator"}
 """Nodes of this package that take commands in, and carry none out; so do those of hidden names, which begin with an underscore."""
@@ -17,17 +17,20 @@ NO_DRIVERS = {*NODES, "recorder", "viewer", "bag_player"} - {"wam_simulator"}
 
 def commands_an_arm(topic: str) -> bool:
     """Whether an arm that hears a topic of this name would move."""
-    return any(re.fullmatch(pattern, topic) for pattern in COMMANDS)
+    return any(re.fullmatch(pattern, topic) for pattern in TAKE_COMMANDS)
 
 
 def arm_beside(node: Node, topics: Collection[str]) -> str:
     """Why a node must not publish a recording on these topics: an arm publishes its states. Empty if it may."""
     commands = [topic for topic in topics if commands_an_arm(topic)]
-    states = [topic for topic in topics if topic.endswith(JOINT_STATES)]
-    for topic in {*states, *([JOINT_STATES] if commands else [])}:
+    states = [topic for topic in topics if topic.endswith(f"/{JOINT_STATES}")]
+    graphs = {topic.removesuffix(f"/{name}") for topic in commands for name in (COMMANDS, GUIDING) if topic.endswith(f"/{name}")}
+    for topic in {*states, *([JOINT_STATES] if commands else []), *(f"{graph}/{JOINT_STATES}" for graph in graphs)}:
         if there := others(node, topic):
             who = " and ".join("somebody" if name == UNKNOWN else name for name in there)
-            return f"{who} publishes {topic}: an arm is there. Leave {', '.join([*commands, *states])} out, or end it"
+            return (
+                f"{who} publishes {node.resolve_topic_name(topic)}: an arm is there. Leave {', '.join([*commands, *states])} out, or end it"
+            )
     return ""
 
 

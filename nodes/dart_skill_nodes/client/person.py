@@ -18,13 +18,14 @@ from std_srvs.srv import Trigger
 
 from dart_skill.robot import ArmState, Mode
 from dart_skill.skill.observe import basket_at_rest, check_ball_in_hand
-from dart_skill.world import ROLES, pose_topic
+from dart_skill.world import ROLES
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.service_calls import ServiceCalls
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import pause
 from dart_skill_nodes.comms.joint_states import hear_joint_states
 from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions
+from dart_skill_nodes.comms.names import DIAGNOSTICS, in_graph, pose_topic
 from dart_skill_nodes.comms.tracked_bodies import TrackedBodies
 
 LOOK = 0.05
@@ -66,9 +67,9 @@ class Person:
             self._cameras.subscribe(pose_topic(bodies[role]), self._taker(role), PoseStamped, raw=True)
         self._heard, self._mode, self._last, self._moved = b"", "", "", False
         self._states = hear_joint_states(node, self._on_state, raw=True)
-        node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
-        self._move = node.create_client(MoveArm, "/commander/move_to")
-        self._stop = node.create_client(Trigger, "/commander/stop")
+        node.create_subscription(DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, 10)
+        self._move = node.create_client(MoveArm, "commander/move_to")
+        self._stop = node.create_client(Trigger, "commander/stop")
         self.ask: Callable[[str], None] = lambda text: None
         self.withdrawn: Callable[[], str] = lambda: ""
 
@@ -86,7 +87,7 @@ class Person:
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            if status.name == "commander":
+            if in_graph(self._node, status.name) == "commander":
                 values = {pair.key: pair.value for pair in status.values}
                 self._mode, self._last = values.get("mode", ""), values.get("last", "")
                 self._moved = self._moved or self._mode == MOVES

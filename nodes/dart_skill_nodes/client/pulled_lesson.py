@@ -42,11 +42,11 @@ class PulledLesson:
         self._may_pull = False  # since the teacher has said so
         self._base = self._turned = np.array([0.0, 0.0, 0.0, 1.0])
         self._goal: Pose | None = None
-        self._pointer = node.create_publisher(PoseStamped, "/teacher/pointer", 10)
-        self._grip = node.create_client(SetBool, "/teacher/grip")
-        self._done = node.create_client(Trigger, "/teacher/done")
-        self._list = node.create_client(ListDemonstrations, "/skill_learner/demonstrations")
-        self._drop = node.create_client(DropDemonstration, "/skill_learner/drop_demonstration")
+        self._pointer = node.create_publisher(PoseStamped, "teacher/pointer", 10)
+        self._grip = node.create_client(SetBool, "teacher/grip")
+        self._done = node.create_client(Trigger, "teacher/done")
+        self._list = node.create_client(ListDemonstrations, "skill_learner/demonstrations")
+        self._drop = node.create_client(DropDemonstration, "skill_learner/drop_demonstration")
         self._asked: dict[str, Callable[[Mapping], None]] = {
             "pull": self._pull, "turn": self._turn, "look": lambda values: self._hand.look(**values), "discard": lambda _: jobs.cancel(),
             "grip": lambda values: self._ask(self._tell(self._grip, SetBool.Request(data=bool(values["closes"])))),

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from rcl_interfaces.srv import ListParameters
 from rclpy.node import Node
 
+from dart_skill_nodes.comms.names import namespace_of
 from dart_skill_nodes.comms.presence import UNKNOWN, Presence, servers
 
 AGAIN = 0.5
@@ -39,7 +40,7 @@ class ServerProbe:
     """
 
     def __init__(self, node: Node, service: str, is_ready: Callable[[], bool]):
-        self._node, self._service, self._is_ready = node, service, is_ready
+        self._node, self._service, self._is_ready = node, node.resolve_service_name(service), is_ready
         self._probe, self._questions, self._asked, self._is_up = None, [], 0.0, False
         self._server_then: Presence | None = None
 
@@ -82,7 +83,7 @@ class ServerProbe:
         """What to say when the server is not up."""
         if self._server_then:
             return f"{self._server_then} has gone: nobody serves {self._service} any more; start it again"
-        first = self._service.split("/")[1]
+        first = self._service.removeprefix(f"{namespace_of(self._node)}/").split("/")[0]
         return f"nobody serves {self._service}: start {SERVES.get(first, first)}"
 
     def _answered(self) -> bool:

@@ -14,6 +14,7 @@ from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.server_probe import PATIENCE, ServerProbe
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import Promise, answer, pause, within
+from dart_skill_nodes.comms.names import full_name
 from dart_skill_nodes.comms.presence import NO_CAMERAS, Presence, servers
 from dart_skill_nodes.comms.refusals import NOT_RECORDED
 
@@ -30,18 +31,19 @@ class ServiceCalls:
 
     async def call(self, client, request, may_refuse: bool = False, patience: float = PATIENCE):
         """Response of a service; CallFailed with the remedy if nobody serves it, does not answer within patience [s], or says no."""
-        link = await self._linked(client, client.srv_name, client.service_is_ready)
-        asked = servers(self._node, client.srv_name)
+        link = await self._linked(client, client.service_name, client.service_is_ready)
+        asked = servers(self._node, client.service_name)
         response = await answer(self._node, client, request, patience, asked)
         if response is None:
             link.renew()
-            raise CallFailed(_unanswered(client.srv_name, asked, patience))
+            raise CallFailed(_unanswered(client.service_name, asked, patience))
         if not response.success and not may_refuse:
-            raise CallFailed(f"{client.srv_name}: {response.message}")
+            raise CallFailed(f"{client.service_name}: {response.message}")
         return response
 
     async def send(self, client: ActionClient, name: str, goal, on_feedback):
         """Handle of a goal that was accepted; CallFailed if nobody serves the action, does not answer, or refuses it."""
+        name = full_name(self._node, name)
         await self._linked(client, f"{name}/_action/send_goal", client.server_is_ready)
         accepted = Promise()
         sent = client.send_goal_async(goal, feedback_callback=lambda message: on_feedback(message.feedback))
@@ -60,6 +62,7 @@ class ServiceCalls:
 
     async def kept(self, name: str, promise: Promise, limit: float):
         """Value of a promise that an action's server keeps; CallFailed if that takes longer than the limit, or the server goes."""
+        name = full_name(self._node, name)
         asked = servers(self._node, f"{name}/_action/send_goal")
         value = await within(self._node, promise, limit, asked)
         if value is None:
@@ -85,8 +88,8 @@ class Recording:
 
     def __init__(self, node: Node, calls: ServiceCalls):
         self._node, self._calls = node, calls
-        self._start = node.create_client(Trigger, "/demonstration_recorder/start")
-        self._stop = node.create_client(StopDemonstration, "/demonstration_recorder/stop")
+        self._start = node.create_client(Trigger, "demonstration_recorder/start")
+        self._stop = node.create_client(StopDemonstration, "demonstration_recorder/stop")
 
     async def start(self, let_run: Callable[[], Awaitable] | None = None) -> None:
         """From now on a throw is looked at. In a graph that has just been started every topic must come to the recorder first.
@@ -102,7 +105,7 @@ class Recording:
             if attempt == 0 and let_run is not None:
                 await let_run()
             await pause(self._node, 0.1)
-        raise CallFailed(f"{self._start.srv_name}: {response.message}")
+        raise CallFailed(f"{self._start.service_name}: {response.message}")
 
     async def stop(self, until_ns: int, keep: bool, reason: str = "") -> StopDemonstration.Response:
         """What was recorded up to a stamp, cut out; keep: as a demonstration, else for a reason only as a part of the bag."""
@@ -120,7 +123,7 @@ class Judge:
 
     def __init__(self, node: Node, calls: ServiceCalls):
         self._node, self._calls = node, calls
-        self._client = node.create_client(JudgeService, "/demonstration_recorder/judge")
+        self._client = node.create_client(JudgeService, "demonstration_recorder/judge")
 
     async def outcome(self, situation: Situation, told_ns: int, until_ns: int, begun_ns: int = 0) -> Outcome:
         """What became of a movement for a situation, of what the cameras saw up to a stamp, once that has arrived.
@@ -139,7 +142,7 @@ class Judge:
                 request.until = conversions.time_msg(0)
             await pause(self._node, 0.02)
         if not response.success:
-            raise CallFailed(f"{self._client.srv_name}: {response.message}")
+            raise CallFailed(f"{self._client.service_name}: {response.message}")
         return response.outcome
 
 
@@ -148,15 +151,15 @@ class Eyes:
 
     def __init__(self, node: Node, calls: ServiceCalls):
         self._node, self._calls = node, calls
-        self._client = node.create_client(Look, "/demonstration_recorder/look")
+        self._client = node.create_client(Look, "demonstration_recorder/look")
 
     async def look(self, until_ns: int = 0) -> Situation:
         """Where the bodies of the skill are just before a stamp; 0: now. CallFailed says which one is not seen."""
         request, since = Look.Request(until=conversions.time_msg(until_ns)), time.monotonic()
         while (response := await self._calls.call(self._client, request, may_refuse=True)).pending:
             if time.monotonic() - since > ARRIVAL:
-                raise CallFailed(f"{self._client.srv_name}: {response.message}")
+                raise CallFailed(f"{self._client.service_name}: {response.message}")
             await pause(self._node, 0.02)
         if not response.success:
-            raise CallFailed(f"{self._client.srv_name}: {response.message}")
+            raise CallFailed(f"{self._client.service_name}: {response.message}")
         return response.situation

@@ -45,10 +45,10 @@ class TrialSequence:
 
     def __init__(self, node: Node, calls: ServiceCalls, frame_id: str, simulated: Callable[[], bool] = lambda: True):
         self._node, self._calls, self._frame_id, self._simulated = node, calls, frame_id, simulated
-        self.reset_client = node.create_client(Reset, "/simulation/reset")
-        self.pause_client = node.create_client(SetBool, "/simulation/pause")
-        self.action_client = ActionClient(node, Execute, "/execute")
-        self._step = node.create_client(Step, "/simulation/step")
+        self.reset_client = node.create_client(Reset, "simulation/reset")
+        self.pause_client = node.create_client(SetBool, "simulation/pause")
+        self.action_client = ActionClient(node, Execute, "execute")
+        self._step = node.create_client(Step, "simulation/step")
         self._eyes = Eyes(node, calls)
         self._under_way: TrialUnderWay | None = None
 
@@ -90,17 +90,17 @@ class TrialSequence:
             trial.over.keep(done.result().result)
             trial.armed.keep(True)
 
-        trial.handle = await self._calls.send(self.action_client, "/execute", goal, on_feedback)
+        trial.handle = await self._calls.send(self.action_client, "execute", goal, on_feedback)
         self._under_way = trial
         trial.handle.get_result_async().add_done_callback(on_result)
-        await self._calls.kept("/execute", trial.armed, LONGEST_TRIAL)
+        await self._calls.kept("execute", trial.armed, LONGEST_TRIAL)
         await self.hold(False)
         return trial
 
     async def end(self, trial: TrialUnderWay) -> Execute.Result:
         """Result of a trial that has begun, and hold the world again; CallFailed if it takes too long, or the commander has gone."""
         try:
-            result = await self._calls.kept("/execute", trial.over, LONGEST_TRIAL)
+            result = await self._calls.kept("execute", trial.over, LONGEST_TRIAL)
         finally:
             self._under_way = None
         await self.hold(True)

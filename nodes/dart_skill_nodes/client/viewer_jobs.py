@@ -58,12 +58,12 @@ class ViewerJobs:
         self._wanted, self._placing, self._placed_at = None, False, None
         self._when_over: Callable[[str], None] = lambda job: None
         self._actions = {name: ActionClient(node, kind, f"/{name}") for name, kind in (("teach", Teach), ("practice", Practice))}
-        self._learn = node.create_client(Learn, "/skill_learner/learn")
+        self._learn = node.create_client(Learn, "skill_learner/learn")
         self._sequence = TrialSequence(node, self._calls, frame_id)
-        self._step = node.create_client(Step, "/simulation/step")
-        self._place = node.create_client(PlaceBody, "/simulation/place_body")
-        self._stop = node.create_client(Trigger, "/commander/stop")
-        self._reset = node.create_client(Trigger, "/commander/reset")
+        self._step = node.create_client(Step, "simulation/step")
+        self._place = node.create_client(PlaceBody, "simulation/place_body")
+        self._stop = node.create_client(Trigger, "commander/stop")
+        self._reset = node.create_client(Trigger, "commander/reset")
         self._jobs = {"teach": self._teach, "learn": self._learn_from_all, "throw": self._throw, "practice": self._practise}
 
     def add(self, what: str, job: Callable) -> None:

@@ -25,6 +25,7 @@ class BagSink:
 
     def __init__(self, node: Node, path: Path, custom_data: dict[str, str], **limits):
         self._node, self._stamped, self._open, self.failure = node, {}, True, ""
+        self._names: dict[str, str] = {}  # in full, by how the node calls them
         self.writer = BagWriter(path, custom_data=custom_data, **limits)
         attach_arm(self.writer)
         self._timer = node.create_timer(FLUSH, self.flush, clock=WALL)
@@ -47,7 +48,7 @@ class BagSink:
     def write(self, topic: str, log_ns: int, stamp_ns: int, data: bytes) -> None:
         """Append a message, unless recording has stopped."""
         if not self.failure:
-            self._try(self.writer.write, topic, log_ns, stamp_ns, data)
+            self._try(self.writer.write, self._names[topic], log_ns, stamp_ns, data)
 
     def flush(self) -> None:
         """Hand over to the disk what has come."""
@@ -67,7 +68,8 @@ class BagSink:
         self._stamped[topic] = is_stamped(types, type_name)
         texts = [qos_yaml(p.reliability.name.lower(), p.durability.name.lower(), p.history.name.lower(), p.depth) for p in profiles]
         profile, digest = "".join(sorted(set(texts))), type_hash(types, type_name)
-        self._try(self.writer.add_topic, topic, type_name, definition(types, type_name), profile, digest)
+        self._names[topic] = self._node.resolve_topic_name(topic)
+        self._try(self.writer.add_topic, self._names[topic], type_name, definition(types, type_name), profile, digest)
 
     def _try(self, write, *arguments) -> None:
         try:

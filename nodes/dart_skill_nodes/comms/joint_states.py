@@ -10,9 +10,8 @@ from sensor_msgs.msg import JointState
 
 from dart_skill_nodes.comms.conversions import leading_stamp_ns, stamp_ns
 from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions
+from dart_skill_nodes.comms.names import JOINT_STATES
 from dart_skill_nodes.comms.qos import LOOP
-
-JOINT_STATES = "/joint_states"
 
 
 class InOrder:

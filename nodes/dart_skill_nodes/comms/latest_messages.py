@@ -21,13 +21,15 @@ class LatestMessages:
     """Best-effort subscriptions, which match every publisher and never hold one up, on a hidden node that nobody spins."""
 
     def __init__(self, node: Node):
-        self._unspun = unspun_node(f"_{node.get_name()}_latest_messages")
+        self._node, self._unspun = node, unspun_node(node, "latest_messages")
         self._subscriptions = {}
 
     def watch(self, topic: str, message_type: type, depth: int = 1) -> None:
         """Keep the `depth` newest messages of a topic for `take`."""
         qos = QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
-        self._subscriptions[topic] = self._unspun.create_subscription(message_type, topic, never_called, qos, raw=True)
+        self._subscriptions[topic] = self._unspun.create_subscription(
+            message_type, self._node.resolve_topic_name(topic), never_called, qos, raw=True
+        )
 
     def take(self, topic: str) -> list[bytes]:
         """Serialised messages that have come since the last time, the newest last."""

@@ -21,6 +21,7 @@ LOOK_AGAIN = 0.2
 
 @dataclass
 class _Topic:
+    name: str
     callback: Callable
     type: type | None
     depth: int
@@ -60,14 +61,14 @@ class MatchingSubscriptions:
         at_once: it is heard reliably before that already, so that nothing is missed of a reliable publisher; needs message_type.
         """
         name = self._node.resolve_topic_name(topic)
-        self._topics[name] = _Topic(callback, message_type, depth, raw, on_offer)
+        self._topics[topic] = _Topic(name, callback, message_type, depth, raw, on_offer)
         if at_once:
-            self._make(name, self._topics[name], (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE))
+            self._make(self._topics[topic], (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE))
         self.look()
 
     @property
     def subscriptions(self) -> dict[str, Subscription]:
-        """By topic, of those that have had a publisher."""
+        """By topic, as it was asked for, of those that have had a publisher."""
         return {name: topic.subscription for name, topic in self._topics.items() if topic.subscription is not None}
 
     @property
@@ -83,7 +84,7 @@ class MatchingSubscriptions:
     def look(self) -> None:
         """Follow what publishers offer now."""
         for name, topic in self._topics.items():
-            offers = self._node.get_publishers_info_by_topic(name)
+            offers = self._node.get_publishers_info_by_topic(topic.name)
             if offers and topic.type is None:
                 topic.type = message_class(offers[0].topic_type)
             heard = self._heard(name, topic, offers)
@@ -91,7 +92,7 @@ class MatchingSubscriptions:
                 topic.offered = True
                 topic.on_offer(heard)
             if heard and (chosen := _matching_all([offer.qos_profile for offer in heard])) != topic.chosen:
-                self._make(name, topic, chosen)
+                self._make(topic, chosen)
             self._on_look(name, frozenset(bytes(offer.endpoint_gid) for offer in heard))
 
     def _heard(self, name: str, topic: _Topic, offers: list[TopicEndpointInfo]) -> list[TopicEndpointInfo]:
@@ -99,15 +100,17 @@ class MatchingSubscriptions:
         wanted = type_name(topic.type) if topic.type else ""
         for offer in offers:
             if offer.topic_type != wanted and name not in self.strange:
-                self.strange[name] = f"{offer.node_name} publishes {name} as {offer.topic_type}, which is not the {wanted} that is heard"
+                self.strange[name] = (
+                    f"{offer.node_name} publishes {topic.name} as {offer.topic_type}, which is not the {wanted} that is heard"
+                )
                 self._node.get_logger().warning(self.strange[name])
         return [offer for offer in offers if offer.topic_type == wanted]
 
-    def _make(self, name: str, topic: _Topic, chosen: tuple[ReliabilityPolicy, DurabilityPolicy]) -> None:
+    def _make(self, topic: _Topic, chosen: tuple[ReliabilityPolicy, DurabilityPolicy]) -> None:
         if topic.subscription is not None:
             self._owner.destroy_subscription(topic.subscription)
         qos = QoSProfile(depth=topic.depth, reliability=chosen[0], durability=chosen[1])
-        topic.subscription = self._owner.create_subscription(topic.type, name, topic.callback, qos, raw=topic.raw)
+        topic.subscription = self._owner.create_subscription(topic.type, topic.name, topic.callback, qos, raw=topic.raw)
         topic.chosen = chosen
 
 

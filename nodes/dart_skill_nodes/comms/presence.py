@@ -238,7 +238,8 @@ class Presence:
 
 def servers(node: Node, service: str) -> Presence:
     """Who serves a service; an action's is `<action>/_action/send_goal`."""
-    return Presence(node, lambda: node.get_publishers_info_by_topic(f"rr{service}Reply", no_mangle=True))
+    full = node.resolve_service_name(service)
+    return Presence(node, lambda: node.get_publishers_info_by_topic(f"rr{full}Reply", no_mangle=True))
 
 
 def publishers(node: Node, topic: str) -> Presence:
@@ -271,4 +272,6 @@ class Cameras:
             return ""
         self._there = publishers(self._node, self._topic)
         self.met = self.met or bool(self._there)
-        return "" if self._there and not self._there.gone else f"{NO_CAMERAS}: nobody publishes {self._topic}"
+        return (
+            "" if self._there and not self._there.gone else f"{NO_CAMERAS}: nobody publishes {self._node.resolve_topic_name(self._topic)}"
+        )

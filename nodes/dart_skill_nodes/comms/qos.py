@@ -21,7 +21,7 @@ POSES = {
     "best_effort": QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST),
 }
 """What a motion-capture driver may publish with; the second one is sensor data as ROS has it."""
-CLOCK = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+CLOCK_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 """For /clock, as rclpy itself subscribes to it."""
 
 WALL = Clock(clock_type=ClockType.STEADY_TIME)

@@ -23,7 +23,7 @@ MOST = 5000
 
 
 class RawMessage(NamedTuple):
-    """A message as it came. received_ns: on the wall clock."""
+    """A message as it came. topic: as it was asked for. received_ns: on the wall clock."""
 
     received_ns: int
     topic: str
@@ -67,7 +67,7 @@ class RawBatches:
     """What a node hears without callbacks; call `take` often enough that no history overflows."""
 
     def __init__(self, node: Node):
-        self._unspun = unspun_node(f"_{node.get_name()}_raw_batches")
+        self._unspun = unspun_node(node, "raw_batches")
         self._numbering: dict[str, _Numbering] = {}
         self._offered = MatchingSubscriptions(node, self._unspun, self._on_look)
 
@@ -120,9 +120,12 @@ class RawBatches:
             self._numbering[topic].look(publishers)
 
 
-def unspun_node(name: str) -> Node:
-    """A node that nobody spins, for subscriptions whose messages are taken; a leading underscore hides it from `ros2 node list`."""
-    return rclpy.create_node(name, start_parameter_services=False, enable_rosout=False)
+def unspun_node(node: Node, purpose: str) -> Node:
+    """A node beside another one that nobody spins, for subscriptions whose messages are taken; a leading underscore hides it from
+    `ros2 node list`.
+    """
+    name = f"_{node.get_name()}_{purpose}"
+    return rclpy.create_node(name, namespace=node.get_namespace(), start_parameter_services=False, enable_rosout=False)
 
 
 def taken(subscription: Subscription) -> Iterator[tuple[bytes, dict]]:

@@ -79,8 +79,10 @@ class _Guarded:
         super().__init__(name, **options)
 
     def create_subscription(self, msg_type, topic, callback, qos_profile, **options):
+        place = self.resolve_topic_name(topic)
+
         def hear(message) -> None:
-            self.refusals.accepts(topic, callback, message)
+            self.refusals.accepts(place, callback, message)
 
         return super().create_subscription(msg_type, topic, hear, qos_profile, **options)
 

@@ -16,13 +16,13 @@ from dart_skill_msgs.msg import FramesDelivered
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 
-from dart_skill.world import pose_topic
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions
+from dart_skill_nodes.comms.names import pose_topic
 from dart_skill_nodes.comms.presence import LOOK
 from dart_skill_nodes.comms.qos import FRAMES, WALL
 
-DELIVERED = "/simulation/delivered"
+DELIVERED = "simulation/delivered"
 PATIENCE = 3.0
 """For poses that were said to be published [s, wall clock]; what is lost on the way is repeated within."""
 KEPT = 500

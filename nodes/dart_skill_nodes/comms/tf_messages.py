@@ -12,10 +12,12 @@ from sensor_msgs.msg import JointState
 from dart_skill.recording import serialize, types_for
 from dart_skill.robot import Transform, fixed_transforms, joint_transforms, wam_description, write_urdf
 from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.names import JOINT_STATES
 from dart_skill_nodes.comms.qos import LATCHED
 
 TF, TEXT = "tf2_msgs/msg/TFMessage", "std_msgs/msg/String"
 POSE = "/vrpn_mocap/"
+ARM = f"/{JOINT_STATES}"
 
 
 class TfMessages:
@@ -26,7 +28,7 @@ class TfMessages:
 
     def __init__(self, frame_id: str, rate: float, published: Collection[str] = ()):
         self._frame_id, self._period_ns = frame_id, round(1e9 / rate)
-        made = {"/robot_description": (TEXT, LATCHED), "/tf_static": (TF, LATCHED), "/tf": (TF, QoSProfile(depth=100))}
+        made = {"robot_description": (TEXT, LATCHED), "/tf_static": (TF, LATCHED), "/tf": (TF, QoSProfile(depth=100))}
         self.topics = {topic: made[topic] for topic in made if topic not in published}
         self._begun, self._shown_ns = False, {}
 
@@ -35,9 +37,9 @@ class TfMessages:
         if not self._begun:
             self._begun = True
             yield from self._first(ns)
-        if "/tf" not in self.topics or not (topic == "/joint_states" or topic.startswith(POSE)) or self._is_early(topic, ns):
+        if "/tf" not in self.topics or not (topic == "joint_states" or topic.startswith(POSE)) or self._is_early(topic, ns):
             return
-        if topic == "/joint_states":
+        if topic == "joint_states":
             state = conversions.arm_state(conversions.decoded(data, JointState))
             yield "/tf", _tf(joint_transforms(wam_description(), state.position), state.stamp_ns)
         elif (message := conversions.decoded(data, PoseStamped)).header.frame_id == self._frame_id:
@@ -47,8 +49,8 @@ class TfMessages:
             yield "/tf", _tf([seen], conversions.checked_stamp_ns(message.header.stamp, body))
 
     def _first(self, ns: int) -> Iterator[tuple[str, bytes]]:
-        if "/robot_description" in self.topics:
-            yield "/robot_description", serialize(types_for(TEXT), TEXT, {"data": write_urdf(wam_description())})
+        if "robot_description" in self.topics:
+            yield "robot_description", serialize(types_for(TEXT), TEXT, {"data": write_urdf(wam_description())})
         if "/tf_static" in self.topics:
             yield "/tf_static", _tf(fixed_transforms(wam_description(), self._frame_id), ns)
 

@@ -11,7 +11,7 @@ from std_msgs.msg import Bool
 from dart_skill_nodes.comms.presence import LEASE, LOOK
 from dart_skill_nodes.comms.qos import LATCHED
 
-HELD = "/simulation/held"
+HELD = "simulation/held"
 """Whether somebody holds the time of a simulated world."""
 STANDS = LEASE + 0.9
 """Time that stands still for so long goes on no more: whoever has died is known by then, and a process may be held up [s, wall clock]."""

@@ -18,13 +18,14 @@ from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import SetBool
 
-from dart_skill.recording import OLDER_COMMAND, BagReader, TopicInfo, completed_command, type_hash, types_for
+from dart_skill.recording import OLDER_COMMAND, BagReader, GraphBag, TopicInfo, completed_command, type_hash, types_for
 from dart_skill.recording.bags import CLOCK_TOPIC, CLOCK_TYPE, Due, Pace, Playback, Selection
 from dart_skill_nodes.client.live_arm import Hearers, arm_beside, commands_an_arm
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.matching_qos import message_class
+from dart_skill_nodes.comms.names import CLOCK, GLOBAL, full_name
 from dart_skill_nodes.comms.presence import LOOK
-from dart_skill_nodes.comms.qos import CLOCK, WALL
+from dart_skill_nodes.comms.qos import CLOCK_QOS, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.node_base import ERROR, OK, Diagnostics, Parameter, declare, run
 
@@ -34,6 +35,7 @@ TABLE = [
     Parameter("topics", "regular expressions; a topic is played that one of them matches as a whole"),
     Parameter("exclude", "regular expressions; a topic that one of them matches as a whole is not played"),
     Parameter("commands", "play topics on which an arm takes commands, too; never beside an arm that is there"),
+    Parameter("graph", "of one graph: play it in the namespace of this node, whichever it was recorded in"),
     Parameter("remap", "recorded=published name; '=': none"),
     Parameter("start", "begin so long after the bag's first message [s]", 0.0, 1e9),
     Parameter("duration", "end so long after that [s]; 0: with the bag", 0.0, 1e9),
@@ -60,12 +62,12 @@ class BagPlayer(GuardedNode):
         self.p = declare(self, "bag_player.yaml", TABLE)
         self.refusal, self._made = "", time.monotonic()
         self.finished, self._stopping, self._steps, self._published, self._position_ns = False, False, 0, 0, 0
-        self._bag = BagReader(self.p["bag"])
+        self._bag = GraphBag(self.p["bag"]) if self.p["graph"] else BagReader(self.p["bag"])
         self._playback = Playback(self._bag, self._selection())
         self._publishers_of = {topic: self._publisher(topic, info) for topic, info in self._playback.topics.items()}
         self._older = {topic for topic, info in self._playback.topics.items() if info.type_hash == OLDER_COMMAND}
         if self._playback.makes_clock:
-            self._publishers_of[CLOCK_TOPIC] = self.create_publisher(message_class(CLOCK_TYPE), CLOCK_TOPIC, CLOCK)
+            self._publishers_of[CLOCK_TOPIC] = self.create_publisher(message_class(CLOCK_TYPE), self._in_full(CLOCK_TOPIC), CLOCK_QOS)
         self._awaited = self._awaited_topics()
         self._sent: Counter[str] = Counter()  # since everything was last acknowledged
         self._changed = threading.Condition()
@@ -92,7 +94,9 @@ class BagPlayer(GuardedNode):
 
     def _selection(self) -> Selection:
         played = Selection(self.p["topics"], self.p["exclude"])
-        remap = dict(text.split("=", 1) for text in self.p["remap"] if text.strip("="))
+        own = [name for name in self._bag.topics if self.p["graph"] and name not in (CLOCK_TOPIC, *GLOBAL)]
+        remap = {name: full_name(self, name.removeprefix("/")) for name in own}
+        remap |= dict(text.split("=", 1) for text in self.p["remap"] if text.strip("="))
         chosen = {name: info for name, info in self._bag.topics.items() if played.matches(name)}
         unknown = [name for name, info in chosen.items() if self._would_command(remap.get(name, name)) or not self._is_known(info)]
         return Selection(
@@ -128,7 +132,11 @@ class BagPlayer(GuardedNode):
         return True
 
     def _publisher(self, topic: str, info: TopicInfo):
-        return self.create_publisher(message_class(info.type_name), topic, _quality(info))
+        return self.create_publisher(message_class(info.type_name), self._in_full(topic), _quality(info))
+
+    def _in_full(self, topic: str) -> str:
+        """The time of a graph goes with it into its namespace."""
+        return full_name(self, CLOCK) if self.p["graph"] and topic == CLOCK_TOPIC else topic
 
     def _awaited_topics(self) -> list[str]:
         """Those of `awaited`; ValueError if one of its expressions matches nothing that is played."""

@@ -20,7 +20,6 @@ from dart_skill.skill.observe import ARRIVAL_NS
 from dart_skill.skill.protocol import HAND, load_skill
 from dart_skill.skills.darts import Darts
 from dart_skill.skills.throw import Throw
-from dart_skill.world import pose_topic
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.person import Patience, Person
 from dart_skill_nodes.client.service_calls import PATIENCE, Recording, ServiceCalls
@@ -29,6 +28,7 @@ from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.awake import Awake
 from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, finish_by_success, within
 from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions
+from dart_skill_nodes.comms.names import pose_topic
 from dart_skill_nodes.comms.presence import LOOK, Cameras, Presence, subscribers
 from dart_skill_nodes.comms.qos import WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
@@ -70,15 +70,15 @@ class CoachNode(GuardedNode):
         self._recording = Recording(self, self._calls)
         self._sequence = TrialSequence(self, self._calls, self.p["frame_id"], lambda: self.p["simulated"])
         self._person = None if self.p["simulated"] else self._make_person()
-        self.create_subscription(Time, "/commander/stopped", self._on_stop, 10)
-        self._plan = self.create_client(Plan, "/skill_learner/plan")
-        self._add_trial = self.create_client(AddTrial, "/skill_learner/add_trial")
+        self.create_subscription(Time, "commander/stopped", self._on_stop, 10)
+        self._plan = self.create_client(Plan, "skill_learner/plan")
+        self._add_trial = self.create_client(AddTrial, "skill_learner/add_trial")
         self._baskets = MatchingSubscriptions(self)
         if conversions.BASKET in self._name_of:
             self._baskets.subscribe(pose_topic(self._name_of[conversions.BASKET]), self._on_basket, PoseStamped)
         self.create_timer(LOOK, self._watch, clock=WALL)
         accept = {"goal_callback": self._on_goal, "cancel_callback": self._on_cancel}
-        self._action = CoroutineActionServer(self, Practice, "/practice", self._practise, finish_by_success, **accept)
+        self._action = CoroutineActionServer(self, Practice, "practice", self._practise, finish_by_success, **accept)
         self._diagnostics = Diagnostics(self, lambda: (OK, "practising" if self._goal else "waiting", {}))
 
     def _make_choosing(self) -> Choosing:
@@ -107,7 +107,7 @@ class CoachNode(GuardedNode):
 
     async def _practise(self, goal_handle) -> Practice.Result:
         self._goal, result, self._stopped = goal_handle, Practice.Result(), ""
-        self._client, self._why_not = subscribers(self, "/practice/_action/feedback"), ""  # the latter: of the last throw that was not made
+        self._client, self._why_not = subscribers(self, "practice/_action/feedback"), ""  # the latter: of the last throw that was not made
         try:
             situations = list(goal_handle.request.situations)
             for one in situations:
@@ -177,7 +177,7 @@ class CoachNode(GuardedNode):
             response = await self._plan_for(situation)
             if response.success:
                 return situation
-        raise CallFailed(f"{self._plan.srv_name} has no plan for any of {len(situations)} baskets: {response.message}")
+        raise CallFailed(f"{self._plan.service_name} has no plan for any of {len(situations)} baskets: {response.message}")
 
     async def _plan_for(self, situation: Situation) -> Plan.Response:
         """A plan for a situation, or why it has none; CallFailed if no situation has."""
@@ -185,7 +185,7 @@ class CoachNode(GuardedNode):
         request.header.frame_id = self.p["frame_id"]
         response = await self._calls.call(self._plan, request, may_refuse=True)
         if not (response.success or response.unreachable):
-            raise CallFailed(f"{self._plan.srv_name}: {response.message}")
+            raise CallFailed(f"{self._plan.service_name}: {response.message}")
         return response
 
     async def _one_trial(self, number: int, situation: Situation | None, result: Practice.Result) -> None:

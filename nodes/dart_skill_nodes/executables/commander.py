@@ -26,13 +26,13 @@ from dart_skill.skill.execute import ReactiveGuide
 from dart_skill.skill.model import Policy
 from dart_skill.skill.observe import ARRIVAL_NS
 from dart_skill.skill.protocol import HAND, load_skill
-from dart_skill.world import pose_topic
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.service_calls import Eyes, Judge, ServiceCalls
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.awake import Awake
 from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, finish, pause
-from dart_skill_nodes.comms.joint_states import JOINT_STATES, hear_joint_states
+from dart_skill_nodes.comms.joint_states import hear_joint_states
+from dart_skill_nodes.comms.names import COMMANDS, GUIDING, JOINT_STATES, pose_topic
 from dart_skill_nodes.comms.obeyed_publisher import new_sender
 from dart_skill_nodes.comms.presence import LOOK, Cameras, Presence, others, publishers, servers, subscribers
 from dart_skill_nodes.comms.qos import COMPLETE, FRAMES, LATCHED, WALL
@@ -99,7 +99,7 @@ class GoalUnderWay:
     fed_ns: int = 0
 
 
-SIMULATED = "/simulation/state"
+SIMULATED = "simulation/state"
 """Only a simulator publishes it."""
 NOT_FOR_AN_ARM = (
     "tracking is 'hand', which an arm with motors and cables does not bear, and no simulator runs: start the commander with "
@@ -133,22 +133,22 @@ class CommanderNode(GuardedNode):
         self._time = TimeOfTheArm(self)
         self._arm: Presence | None = None  # who publishes the states
         self._guide: Presence | None = None  # who guides an arm that was released to a simulated person
-        self._command = self.create_publisher(WamCommand, "/wam/command", COMPLETE)
+        self._command = self.create_publisher(WamCommand, COMMANDS, COMPLETE)
         self._attractor = self.create_publisher(PoseStamped, "~/attractor", FRAMES)
         self._plan = self.create_publisher(Path, "~/plan", LATCHED)
         calls = ServiceCalls(self)
         self._calls, self._judge, self._eyes = calls, Judge(self, calls), Eyes(self, calls)
         self._seen = SeenInStep(self, name_of, self.p["frame_id"], self._answer) if self._skill.reacts else None
         self._states = hear_joint_states(self, self._on_state)
-        self._planner = self.create_client(Plan, "/skill_learner/plan")
-        self.create_subscription(DiagnosticStatus, "/wam/safety", self._on_safety, LATCHED)
+        self._planner = self.create_client(Plan, "skill_learner/plan")
+        self.create_subscription(DiagnosticStatus, "wam/safety", self._on_safety, LATCHED)
         self.create_service(SetBool, "~/release_arm", self._on_release_arm)
         self._stops = self.create_publisher(Time, "~/stopped", 10)
         self.create_service(MoveArm, "~/move_to", self._on_move_to)
         self.create_service(Trigger, "~/stop", self._on_stop)
         self.create_service(Trigger, "~/reset", self._on_reset)
         accept = {"goal_callback": self._on_goal, "cancel_callback": self._on_cancel}
-        self._action = CoroutineActionServer(self, Execute, "/execute", self._carry_out, self._finish, **accept)
+        self._action = CoroutineActionServer(self, Execute, "execute", self._carry_out, self._finish, **accept)
         self._diagnostics = Diagnostics(self, self._describe)
         self.create_timer(LOOK, self._watch, clock=WALL)
 
@@ -221,8 +221,8 @@ class CommanderNode(GuardedNode):
             self._commander.stop(reason)
 
     async def _carry_out(self, goal_handle) -> Execute.Result:
-        client = subscribers(self, "/execute/_action/feedback")
-        self._goal = GoalUnderWay(goal_handle, client, servers(self, self._planner.srv_name))
+        client = subscribers(self, "execute/_action/feedback")
+        self._goal = GoalUnderWay(goal_handle, client, servers(self, self._planner.service_name))
         unseen = conversions.unseen_outcome_msg(goal_handle.request.situation, self._skill.name, self.p["frame_id"])
         result = Execute.Result(code=Execute.Goal.OUTCOME_REFUSED, outcome=unseen)
         try:
@@ -375,7 +375,7 @@ class CommanderNode(GuardedNode):
         if self._commander.mode == Mode.FREE and self._guide is not None and self._guide.gone:
             self._commander.stop(f"{self._guide} has gone while it guided the arm: the arm is braked and held")
         self._unseen = self._cameras.missing
-        self._strangers = others(self, "/wam/command")
+        self._strangers = others(self, COMMANDS)
         if self._goal is not None:
             self._watch_goal(self._goal)
 
@@ -441,7 +441,7 @@ class CommanderNode(GuardedNode):
                 raise PlanRefused(f"a {self._skill.name} is being planned or is under way: stop it before the arm is released (~/stop)")
             self._commander.release_arm(request.data)
             simulated = request.data and self.count_publishers(SIMULATED)
-            self._guide = publishers(self, "/wam/teacher_wrench") if simulated else None
+            self._guide = publishers(self, GUIDING) if simulated else None
             response.success = True
         except PlanRefused as error:
             response.success, response.message = False, str(error)

@@ -20,9 +20,7 @@ from std_srvs.srv import Trigger
 
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import (
-    DEMONSTRATION_TOPIC,
     DEMONSTRATION_TYPE,
-    MARK_TOPIC,
     MARK_TYPE,
     Demonstration,
     LogTime,
@@ -34,10 +32,9 @@ from dart_skill.robot import ArmState
 from dart_skill.skill.observe import ThrowFinder, watched_until
 from dart_skill.skill.protocol import HAND, TaskDemonstration, load_skill
 from dart_skill.skills.throw import Throw
-from dart_skill.world import pose_topic
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink
-from dart_skill_nodes.comms.joint_states import JOINT_STATES
+from dart_skill_nodes.comms.names import COMMANDS, DEMONSTRATIONS, GUIDING, JOINT_STATES, MARKS, in_graph, pose_topic
 from dart_skill_nodes.comms.presence import Cameras
 from dart_skill_nodes.comms.qos import LATCHED, WALL
 from dart_skill_nodes.comms.raw_batches import TAKE, RawBatches, RawMessage
@@ -81,9 +78,9 @@ class DemonstrationRecorder(BagKeeper):
         self._unwritten: list[DemonstrationMark] = []
         self._newest: dict[str, int] = {}
         self._heard: Counter[str] = Counter()
-        self._demonstrations = self.create_publisher(DemonstrationMsg, DEMONSTRATION_TOPIC, LATCHED)
-        self._marks = self.create_publisher(DemonstrationMark, MARK_TOPIC, LATCHED)
-        self.create_subscription(DemonstrationMark, MARK_TOPIC, self._on_mark, LATCHED)
+        self._demonstrations = self.create_publisher(DemonstrationMsg, DEMONSTRATIONS, LATCHED)
+        self._marks = self.create_publisher(DemonstrationMark, MARKS, LATCHED)
+        self.create_subscription(DemonstrationMark, MARKS, self._on_mark, LATCHED)
         self.create_service(Trigger, "~/start", self._on_start)
         self.create_service(StopDemonstration, "~/stop", self._on_stop)
         self.create_service(Judge, "~/judge", self._on_judge)
@@ -109,14 +106,15 @@ class DemonstrationRecorder(BagKeeper):
         self._tracked = TrackedBodies(self.p["frame_id"], self.get_logger().error, log=self._observer.log)
         self._role_of = {pose_topic(self._name_of[role]): role for role in self._observer.roles}
         self._cameras = [Cameras(self, topic) for topic in sorted(self._role_of)]
-        self._recorded = {*self.p["topics"], *self._role_of}
-        self._needed = {JOINT_STATES, "/wam/command", "/wam/teacher_wrench", *self._role_of}
-        self._silent = {JOINT_STATES, "/wam/command", *(t for t, role in self._role_of.items() if role == "hand")}
+        self._topics = [in_graph(self, topic) or topic for topic in self.p["topics"]]
+        self._recorded = {*self._topics, *self._role_of}
+        self._needed = {JOINT_STATES, COMMANDS, GUIDING, *self._role_of}
+        self._silent = {JOINT_STATES, COMMANDS, *(t for t, role in self._role_of.items() if role == "hand")}
         self._finder, self._arrivals, self._has_marks = None, Arrivals(), False
         if isinstance(self._observer, ThrowObserver) and self.p["automatic"]:
             self._finder = ThrowFinder(self._observer.log, self._thresholds)
         self._messages = RawBatches(self)
-        for topic in [*self.p["topics"], *sorted((self._needed | self._recorded) - set(self.p["topics"]))]:
+        for topic in [*self._topics, *sorted((self._needed | self._recorded) - set(self._topics))]:
             self._subscribe(topic)
         self._timer = self.create_timer(TAKE, self._take, clock=WALL)
         return TransitionCallbackReturn.SUCCESS
@@ -139,7 +137,7 @@ class DemonstrationRecorder(BagKeeper):
     # recording
 
     def _subscribe(self, topic: str) -> None:
-        if topic == DEMONSTRATION_TOPIC:
+        if topic == DEMONSTRATIONS:
             self._bag.add_own(topic, DEMONSTRATION_TYPE, LATCHED)
             return  # its own publication is written where it is made: a node does not hear itself reliably in order
         if topic in self._recorded:
@@ -173,7 +171,7 @@ class DemonstrationRecorder(BagKeeper):
             self._joints = message.data
             if (self._recording or self._finder) and self._tracked.log.wants_joints(ns):
                 self._look_at_joints(ns)
-        elif message.topic in ("/wam/command", "/wam/teacher_wrench"):
+        elif message.topic in (COMMANDS, GUIDING):
             self._look_at_grip(message.topic, ns, message.data)
 
     def _look_at_joints(self, ns: int) -> None:
@@ -193,7 +191,7 @@ class DemonstrationRecorder(BagKeeper):
 
     def _look_at_grip(self, topic: str, ns: int, data: bytes) -> None:
         if self._finder:
-            self._finder.add_command(data, guiding=topic == "/wam/teacher_wrench")
+            self._finder.add_command(data, guiding=topic == GUIDING)
         else:
             self._observer.hear_command(ns, data, self._recording)
 
@@ -221,7 +219,7 @@ class DemonstrationRecorder(BagKeeper):
         if self._cameras_gone:
             response.success, response.message = False, self._cameras_gone
             return response
-        if silent := ", ".join(sorted(self._silent | (set(self._role_of) & set(self._messages.missing)))):
+        if silent := ", ".join(sorted(map(self.resolve_topic_name, self._silent | (set(self._role_of) & set(self._messages.missing))))):
             response.success, response.message = False, f"nothing has come on {silent} yet: is the node running that publishes it?"
             return response
         self._take()
@@ -335,11 +333,11 @@ class DemonstrationRecorder(BagKeeper):
         """Publish a demonstration that was watched up to a stamp, and put it into the bag; why it cannot be learned from, if so."""
         self._count += 1
         self._demonstrations.publish(self._observer.message(one))
-        if DEMONSTRATION_TOPIC in self.p["topics"]:
+        if DEMONSTRATIONS in self._topics:
             # Not by serialize_message: Fast DDS's size estimate leaves stray bytes behind empty sequences.
             types = types_for(DEMONSTRATION_TYPE)
             content = serialize(types, DEMONSTRATION_TYPE, self._observer.recorded(types, one))
-            self._bag.write(DEMONSTRATION_TOPIC, self._time.now_ns, until, content)
+            self._bag.write(DEMONSTRATIONS, self._time.now_ns, until, content)
         self._bag.flush()
         try:
             self._observer.check(one)
@@ -356,13 +354,13 @@ class DemonstrationRecorder(BagKeeper):
 
     def _write_marks(self) -> None:
         """Into the bag, as soon as its time has begun."""
-        if not (self._unwritten and self._time.now_ns and DEMONSTRATION_TOPIC in self.p["topics"]):
+        if not (self._unwritten and self._time.now_ns and DEMONSTRATIONS in self._topics):
             return
         if not self._has_marks:
-            self._bag.add_own(MARK_TOPIC, MARK_TYPE, LATCHED)
+            self._bag.add_own(MARKS, MARK_TYPE, LATCHED)
         self._has_marks = True
         for mark in self._unwritten:
-            self._bag.write(MARK_TOPIC, self._time.now_ns, self._time.now_ns, serialize_message(mark))
+            self._bag.write(MARKS, self._time.now_ns, self._time.now_ns, serialize_message(mark))
         self._unwritten.clear()
         self._bag.flush()
 

@@ -19,9 +19,9 @@ from dart_skill.configuration import limit_parameters, node_parameters, world_pa
 from dart_skill.robot import ArmModel
 from dart_skill.simulation import BasketWalls, Board, LatencyQueue, MotionCapture, PlantSettings
 from dart_skill.skill.protocol import HAND, skill_type
-from dart_skill.world import pose_topic
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.comms.qos import CLOCK, FRAMES, POSES
+from dart_skill_nodes.comms.names import CLOCK, pose_topic
+from dart_skill_nodes.comms.qos import CLOCK_QOS, FRAMES, POSES
 from dart_skill_nodes.comms.refusals import GuardedLifecycleNode
 from dart_skill_nodes.comms.seen_in_step import DELIVERED
 from dart_skill_nodes.process.node_base import (
@@ -131,8 +131,8 @@ class MockOptitrack(GuardedLifecycleNode):
             self._delivered = self.create_publisher(FramesDelivered, DELIVERED, FRAMES)
         self._message = PoseStamped()
         self._message.header.frame_id = self.get_parameter("frame_id").value
-        self.create_subscription(SimulationState, "/simulation/state", self._on_state, FRAMES)
-        self.create_subscription(Clock, "/clock", self._on_clock, CLOCK, raw=True)
+        self.create_subscription(SimulationState, "simulation/state", self._on_state, FRAMES)
+        self.create_subscription(Clock, CLOCK, self._on_clock, CLOCK_QOS, raw=True)
         self._diagnostics = Diagnostics(self, self._describe)
         return TransitionCallbackReturn.SUCCESS
 

@@ -15,6 +15,7 @@ from dart_skill.recording import LogTime, types_for
 from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink
 from dart_skill_nodes.comms.conversions import leading_stamp_ns
 from dart_skill_nodes.comms.matching_qos import message_class
+from dart_skill_nodes.comms.names import CLOCK
 from dart_skill_nodes.comms.qos import WALL
 from dart_skill_nodes.comms.raw_batches import TAKE, RawBatches, RawMessage
 from dart_skill_nodes.comms.tf_messages import TfMessages
@@ -33,7 +34,6 @@ TABLE = [
 ]
 LOOK = 0.5
 """New topics are looked for so often [s, wall clock]."""
-CLOCK_TOPIC = "/clock"
 
 
 class Recorder(BagKeeper):
@@ -67,8 +67,9 @@ class Recorder(BagKeeper):
         self._kept, self._made, self._refused = set(), set(), {}
         self._simulated, self._log_time, self._early = self.get_parameter("use_sim_time").value, LogTime(), []
         self._messages = RawBatches(self)
+        self._clock_topic = self.resolve_topic_name(CLOCK)
         if self._simulated:
-            self._listen(CLOCK_TOPIC, keep=self._is_wanted(CLOCK_TOPIC))
+            self._listen(self._clock_topic, keep=self._is_wanted(self._clock_topic))
         self._look_for_topics()
         self._ticking = [self.create_timer(TAKE, self._take, clock=WALL), self.create_timer(LOOK, self._look_for_topics, clock=WALL)]
         return TransitionCallbackReturn.SUCCESS
@@ -131,8 +132,8 @@ class Recorder(BagKeeper):
         if self._bag is None:
             return
         for message in self._messages.take():
-            if message.topic == CLOCK_TOPIC and self._simulated:
-                self.refusals.accepts(CLOCK_TOPIC, lambda data: self._log_time.take(CLOCK_TOPIC, leading_stamp_ns(data)), message.data)
+            if message.topic == self._clock_topic and self._simulated:
+                self.refusals.accepts(message.topic, self._tell_time, message.data)
             if not self._active or message.topic not in self._kept:
                 continue
             if self._simulated and not self._log_time.now_ns:
@@ -141,6 +142,9 @@ class Recorder(BagKeeper):
             for one in (*self._early, message):
                 self.refusals.accepts(one.topic, self._write, one)
             self._early.clear()
+
+    def _tell_time(self, data: bytes) -> None:
+        self._log_time.take(self._clock_topic, leading_stamp_ns(data))
 
     def _write(self, message: RawMessage) -> None:
         log_ns = self._log_time.now_ns if self._simulated else message.received_ns

@@ -10,13 +10,14 @@ from rcl_interfaces.msg import SetParametersResult
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from dart_skill.recording import MARK_TOPIC, BagError, Marks, check_known, read_dropped
+from dart_skill.recording import BagError, Marks, check_known, read_dropped
 from dart_skill.robot import load_registration
 from dart_skill.skill.learn import Unreachable, component_ellipsoids
 from dart_skill.skill.model import NoPlan
 from dart_skill.skill.protocol import load_skill
 from dart_skill.skills.throw import Throw
 from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.names import DEMONSTRATIONS, MARKS
 from dart_skill_nodes.comms.qos import LATCHED, SYSTEM
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.node_base import OK, WARN, Diagnostics, Parameter, declare, run
@@ -57,9 +58,9 @@ class SkillLearner(GuardedNode):
         self._marked = Marks()
         self._learning = self._make_learning()
         self.add_on_set_parameters_callback(self._check_changes)
-        self.create_subscription(Demonstration, "/demonstrations", self._on_demonstration, LATCHED)
-        self.create_subscription(DemonstrationMark, MARK_TOPIC, self._on_mark, LATCHED)
-        self._marks = self.create_publisher(DemonstrationMark, MARK_TOPIC, LATCHED)
+        self.create_subscription(Demonstration, DEMONSTRATIONS, self._on_demonstration, LATCHED)
+        self.create_subscription(DemonstrationMark, MARKS, self._on_mark, LATCHED)
+        self._marks = self.create_publisher(DemonstrationMark, MARKS, LATCHED)
         self._markers = self.create_publisher(MarkerArray, "~/model", LATCHED)
         self.create_service(Learn, "~/learn", self._on_learn)
         self.create_service(ListDemonstrations, "~/demonstrations", self._on_list)

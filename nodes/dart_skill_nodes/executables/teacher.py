@@ -24,14 +24,14 @@ from std_srvs.srv import SetBool, Trigger
 from dart_skill.robot import ArmState, Command, Grip
 from dart_skill.skill.observe import ARRIVAL_NS
 from dart_skill.skill.protocol import HAND, load_skill
-from dart_skill.world import pose_topic
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.service_calls import Eyes, Judge, Recording, ServiceCalls
 from dart_skill_nodes.client.trial_sequence import LOOK_STEPS
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.awake import Awake
 from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, finish_by_success, pause
-from dart_skill_nodes.comms.joint_states import JOINT_STATES, hear_joint_states
+from dart_skill_nodes.comms.joint_states import hear_joint_states
+from dart_skill_nodes.comms.names import COMMANDS, GUIDING, JOINT_STATES, pose_topic
 from dart_skill_nodes.comms.obeyed_publisher import new_sender
 from dart_skill_nodes.comms.presence import LOOK, Cameras, publishers, subscribers
 from dart_skill_nodes.comms.qos import COMPLETE, WALL
@@ -90,22 +90,22 @@ class TeacherNode(GuardedNode):
         self._withdrawn, self._unseen, self._needed, self._awake, self._speed = "", "", (), Awake(), 0.0
         calls = ServiceCalls(self)
         self._call, self._recording, self._judge = calls.call, Recording(self, calls), Judge(self, calls)
-        self._eyes, self._step = Eyes(self, calls), self.create_client(Step, "/simulation/step")
+        self._eyes, self._step = Eyes(self, calls), self.create_client(Step, "simulation/step")
         self._message = WamCommand(sender=new_sender())
         self._message.header.frame_id = self.p["frame_id"]
-        self._wrench = self.create_publisher(WamCommand, "/wam/teacher_wrench", COMPLETE)
+        self._wrench = self.create_publisher(WamCommand, GUIDING, COMPLETE)
         self._seen = SeenInStep(self, name_of, self.p["frame_id"], self._answer) if self._person.watches else None
         self._states = hear_joint_states(self, self._on_state, raw=True)
-        self._reset = self.create_client(Reset, "/simulation/reset")
-        self._pause = self.create_client(SetBool, "/simulation/pause")
-        self._free_arm = self.create_client(SetBool, "/commander/release_arm")
-        self.create_subscription(Time, "/commander/stopped", lambda _: self._withdraw("stopped by /commander/stop"), 10)
+        self._reset = self.create_client(Reset, "simulation/reset")
+        self._pause = self.create_client(SetBool, "simulation/pause")
+        self._free_arm = self.create_client(SetBool, "commander/release_arm")
+        self.create_subscription(Time, "commander/stopped", lambda _: self._withdraw("stopped by /commander/stop"), 10)
         self.create_subscription(PoseStamped, "~/pointer", self._pointer.pull, 10)
         self.create_service(SetBool, "~/grip", partial(self._obey, lambda request: self._pointer.grip(request.data)))
         self.create_service(Trigger, "~/done", partial(self._obey, lambda _: self._pointer.finish()))
         self.create_timer(LOOK, self._watch, clock=WALL)
         accept = {"goal_callback": self._on_goal, "cancel_callback": self._on_cancel}
-        self._action = CoroutineActionServer(self, Teach, "/teach", self._teach, finish_by_success, **accept)
+        self._action = CoroutineActionServer(self, Teach, "teach", self._teach, finish_by_success, **accept)
         self._diagnostics = Diagnostics(self, lambda: (OK, self._showing.phase, {}))
 
     # the hands
@@ -215,7 +215,7 @@ class TeacherNode(GuardedNode):
 
     async def _teach(self, goal_handle) -> Teach.Result:
         self._goal, self._guiding, self._withdrawn = goal_handle, False, ""
-        self._needed = publishers(self, JOINT_STATES), publishers(self, "/wam/command"), subscribers(self, "/teach/_action/feedback")
+        self._needed = publishers(self, JOINT_STATES), publishers(self, COMMANDS), subscribers(self, "teach/_action/feedback")
         result = Teach.Result()
         try:
             await self._lesson(goal_handle, result)

@@ -20,7 +20,6 @@ from dart_skill.simulation import Basket
 from dart_skill.skill.protocol import HAND, Skill, load_skill, task_demonstration_from_message
 from dart_skill.skills.throw import Throw
 from dart_skill.view import Panel, PanelWords, Request, Scene, new_token, open_server, url_of, with_token
-from dart_skill.world import pose_topic
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.node_inspector import NodeInspector, NodeStatuses
 from dart_skill_nodes.client.pulled_lesson import PulledLesson
@@ -29,6 +28,7 @@ from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import start
 from dart_skill_nodes.comms.latest_messages import LatestMessages, poses_of
 from dart_skill_nodes.comms.markers import ellipsoids
+from dart_skill_nodes.comms.names import DEMONSTRATIONS, DIAGNOSTICS, JOINT_STATES, pose_topic
 from dart_skill_nodes.comms.qos import LATCHED, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.graph_processes import TOKEN
@@ -49,8 +49,7 @@ TABLE = [
     Parameter("side", "largest azimuth to either side [rad]", 0.0, 1.57),
     Parameter("rim", "height of the rim [m]", 0.0, 2.0),
 ]
-JOINTS = "/joint_states"
-ATTRACTOR = "/commander/attractor"
+ATTRACTOR = "commander/attractor"
 CAMERAS = "mock_optitrack"
 """The node whose parameters say where the cameras stand."""
 PICTURES_PER_PATH = 3
@@ -122,13 +121,13 @@ class Viewer(GuardedNode):
 
     def _subscribe(self, name_of: dict[str, str]) -> None:
         self._latest = LatestMessages(self)
-        self._latest.watch(JOINTS, JointState)
+        self._latest.watch(JOINT_STATES, JointState)
         self._pose_topics = {role: pose_topic(name) for role, name in name_of.items()} | {"attractor": ATTRACTOR}
         for topic in self._pose_topics.values():
             self._latest.watch(topic, PoseStamped, depth=200)
-        self.create_subscription(Demonstration, "/demonstrations", self._on_demonstration, LATCHED)
-        self.create_subscription(MarkerArray, "/skill_learner/model", self._on_markers, LATCHED)
-        self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 50)
+        self.create_subscription(Demonstration, DEMONSTRATIONS, self._on_demonstration, LATCHED)
+        self.create_subscription(MarkerArray, "skill_learner/model", self._on_markers, LATCHED)
+        self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, 50)
         for name, kind, callback in (
             ("teach", Teach, self._on_lesson),
             ("practice", Practice, self._on_practice),
@@ -149,7 +148,7 @@ class Viewer(GuardedNode):
             if self._lesson is None or not self._lesson.obeys(request):
                 self._controls.obey(request)
         try:
-            self._show(self._latest.take(JOINTS), {name: self._poses(topic) for name, topic in self._pose_topics.items()})
+            self._show(self._latest.take(JOINT_STATES), {name: self._poses(topic) for name, topic in self._pose_topics.items()})
             self._fault = ""
         except ValueError as error:
             if str(error) != self._fault:
@@ -264,7 +263,7 @@ class Viewer(GuardedNode):
         if isinstance(error, CallFailed | KeyError):
             self.get_logger().warning(f"not shown: {error}")
         elif error is not None:
-            self.refusals.add("/diagnostics", error)
+            self.refusals.add(DIAGNOSTICS, error)
 
     def _describe(self):
         return OK, url_of(self._server), {"browsers": len(self._server.get_clients()), "demonstrations": len(self._demonstrations)}

@@ -23,9 +23,10 @@ from dart_skill.robot import wam_description, write_urdf
 from dart_skill.simulation import Board, PlantSettings, make_world
 from dart_skill.skill.protocol import skill_type
 from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.names import CLOCK, COMMANDS, DESCRIPTION, GUIDING, JOINT_STATES
 from dart_skill_nodes.comms.obeyed_publisher import ObeyedPublisher
 from dart_skill_nodes.comms.presence import LOOK, Presence, publishers
-from dart_skill_nodes.comms.qos import CLOCK, COMPLETE, FRAMES, LATCHED, LOOP, WALL
+from dart_skill_nodes.comms.qos import CLOCK_QOS, COMPLETE, FRAMES, LATCHED, LOOP, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.comms.time_of_the_arm import HELD
 from dart_skill_nodes.process.limits import LIMITS
@@ -71,7 +72,7 @@ CHANGEABLE = [row.name for row in TABLE if not row.read_only and row.name != "sp
 """What can change while the simulator runs, from the next reset on."""
 RESTS = 0.05
 """An arm whose guide has gone is braked until no joint is faster [rad/s]."""
-COMMANDS = {"commander": "/wam/command", "teacher": "/wam/teacher_wrench"}
+PUSHES = {"commander": COMMANDS, "teacher": GUIDING}
 """Who moves the arm, and where."""
 MOST_STEPS = 100_000
 """Of one call of ~/step: 200 s of simulated time."""
@@ -104,11 +105,11 @@ class WamSimulator(GuardedNode):
         self._publish()
 
     def _make_topics(self) -> None:
-        self._joint_states = self.create_publisher(JointState, "/joint_states", COMPLETE)
-        self._tool_pose = self.create_publisher(PoseStamped, "/wam/tool_pose", COMPLETE)
-        self._clock_out = self.create_publisher(ClockMsg, "/clock", CLOCK)
-        self._truth = self.create_publisher(SimulationState, "/simulation/state", FRAMES)
-        self._description = self.create_publisher(String, "/robot_description", LATCHED)
+        self._joint_states = self.create_publisher(JointState, JOINT_STATES, COMPLETE)
+        self._tool_pose = self.create_publisher(PoseStamped, "wam/tool_pose", COMPLETE)
+        self._clock_out = self.create_publisher(ClockMsg, CLOCK, CLOCK_QOS)
+        self._truth = self.create_publisher(SimulationState, "simulation/state", FRAMES)
+        self._description = self.create_publisher(String, DESCRIPTION, LATCHED)
         self._description.publish(String(data=write_urdf(wam_description())))
         frame = self.p["frame_id"]
         self._joint_msg = JointState(name=[joint.name for joint in wam_description().joints])
@@ -116,21 +117,21 @@ class WamSimulator(GuardedNode):
         self._truth_msg, self._bodies = SimulationState(), {role: BodyState(name=role) for role in self._plant.bodies}
         for message in (self._joint_msg, self._tool_msg, self._truth_msg):
             message.header.frame_id = frame
-        self._safety = self.create_publisher(DiagnosticStatus, "/wam/safety", LATCHED)
+        self._safety = self.create_publisher(DiagnosticStatus, "wam/safety", LATCHED)
         self._said_of_safety = None
         self._held_out = self.create_publisher(Bool, HELD, LATCHED)
         self._hold(self._paused)
-        self._obeyed = {who: ObeyedPublisher(self, topic) for who, topic in COMMANDS.items()}
-        for who, topic in COMMANDS.items():
+        self._obeyed = {who: ObeyedPublisher(self, topic) for who, topic in PUSHES.items()}
+        for who, topic in PUSHES.items():
             self.create_subscription(WamCommand, topic, partial(self._on_answer, who), LOOP)
 
     def _make_services(self) -> None:
-        self.create_service(Reset, "/simulation/reset", self._on_reset)
-        self.create_service(SetBool, "/simulation/pause", self._on_pause)
-        self.create_service(Step, "/simulation/step", self._on_step)
-        self.create_service(PlaceBody, "/simulation/place_body", self._on_place_body)
-        self.create_service(Trigger, "/bhand/open_grasp", self._on_open)
-        self.create_service(Trigger, "/bhand/close_grasp", self._on_close)
+        self.create_service(Reset, "simulation/reset", self._on_reset)
+        self.create_service(SetBool, "simulation/pause", self._on_pause)
+        self.create_service(Step, "simulation/step", self._on_step)
+        self.create_service(PlaceBody, "simulation/place_body", self._on_place_body)
+        self.create_service(Trigger, "bhand/open_grasp", self._on_open)
+        self.create_service(Trigger, "bhand/close_grasp", self._on_close)
 
     # the handshake
 
@@ -251,7 +252,7 @@ class WamSimulator(GuardedNode):
         self._tell_of_safety()
         for one in self._obeyed.values():
             one.forget()
-        self._guide, self._left = publishers(self, "/wam/teacher_wrench") if request.guided else None, ""
+        self._guide, self._left = publishers(self, GUIDING) if request.guided else None, ""
         self._publish()
         response.success, response.episode = True, state.episode
         response.stamp = conversions.time_msg(state.stamp_ns)
@@ -386,7 +387,9 @@ class WamSimulator(GuardedNode):
         factor = (steps - last) * self._plant.settings.step / max(1e-6, now - before)
         stopped = f"stopped by the arm's safety module until a reset: {self._plant.fault}" if self._plant.fault else ""
         fault = stopped or self._fault or self._left
-        strangers = [f"{name} publishes {COMMANDS[who]}, too" for who, one in self._obeyed.items() for name in one.others]
+        strangers = [
+            f"{name} publishes {self.resolve_topic_name(PUSHES[who])}, too" for who, one in self._obeyed.items() for name in one.others
+        ]
         level = ERROR if fault else (WARN if self._paused or strangers else OK)
         message = fault or ("paused" if self._paused else "running")
         if strangers:

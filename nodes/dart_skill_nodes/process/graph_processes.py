@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from dart_skill.permissions import ROOT as ENCLAVES
-from dart_skill.world import the_world
+from dart_skill_nodes.comms.names import COMMANDS, GUIDING, JOINT_STATES, in_namespace, pose_topics
 from dart_skill_nodes.process.signals import ENDS_WITH
 
 LAYOUTS = {
@@ -42,7 +42,7 @@ SEEDED = ("composed", "wam_simulator", "mock_optitrack", "demonstration_recorder
 
 def cut_out_of() -> str:
     """What demonstrations are cut out of, as a regular expression; a replay begins when all of it is heard that the bag has."""
-    return "|".join(["/joint_states", "/wam/command", "/wam/teacher_wrench", *the_world().pose_topics().values()])
+    return f".*/({'|'.join([JOINT_STATES, COMMANDS, GUIDING, *pose_topics().values()])})"
 
 
 def parameters_of(executable: str, layout: str, seed=0, bag="", played="", rate=1.0, registration="", skill="") -> dict:
@@ -67,7 +67,14 @@ def parameters_of(executable: str, layout: str, seed=0, bag="", played="", rate=
     if layout == "replay" and executable == "demonstration_recorder":
         parameters["automatic"] = True
     if executable == "bag_player":
-        parameters |= {"bag": played, "rate": rate, "exclude": ["/demonstrations"], "commands": True, "awaited": [cut_out_of()]}
+        parameters |= {
+            "bag": played,
+            "rate": rate,
+            "graph": True,
+            "exclude": ["/demonstrations"],
+            "commands": True,
+            "awaited": [cut_out_of()],
+        }
     return parameters
 
 
@@ -93,12 +100,13 @@ def nodes_of(executables: Iterable[str]) -> list[str]:
 class Graph:
     """Running nodes, each a process with its log in `logs`; a context manager that leaves no process behind.
 
-    remappings: per executable, names of topics and what they are called instead.
+    remappings: per executable, names of topics and what they are called instead. namespace: of all nodes, as "/arm1".
     """
 
     logs: Path
     remappings: dict[str, dict[str, str]] = field(default_factory=dict)
     processes: dict[str, subprocess.Popen] = field(default_factory=dict)
+    namespace: str = ""
 
     def start(self, executable: str, parameters: dict | None = None) -> None:
         """Start an executable of this package; parameters go on its command line, and so do the graph's remappings."""
@@ -107,6 +115,7 @@ class Graph:
         if os.environ.get("ROS_SECURITY_ENABLE") == "true":
             arguments.append(("--enclave", f"{ENCLAVES}/{executable}"))
         command = [sys.executable, "-m", f"dart_skill_nodes.executables.{executable}"]
+        command += in_namespace(self.namespace)
         if arguments:
             command += ["--ros-args", *(part for argument in arguments for part in argument)]
         self.logs.mkdir(parents=True, exist_ok=True)
@@ -114,7 +123,7 @@ class Graph:
             environment = {name: value for name, value in os.environ.items() if name != OVERRIDE} | {ENDS_WITH: str(os.getpid())}
             process = subprocess.Popen(command, stdout=log, stderr=log, stdin=subprocess.DEVNULL, env=environment)
         self.processes[executable] = process
-        _place(process, executable)
+        _place(process, executable, self.namespace)
 
     def start_all(self, layout: str, seed: int, bag: Path, extra: dict[str, dict] | None = None, skill: str = "") -> None:
         """Start a whole layout with one seed, the bag to record to, and a skill."""
@@ -150,12 +159,12 @@ class Graph:
         self.stop()
 
 
-def _place(process: subprocess.Popen, executable: str) -> None:
-    """Keep the nodes that take turns on a core of their own, another one for every ROS domain; the rest has the others."""
+def _place(process: subprocess.Popen, executable: str, namespace: str) -> None:
+    """Keep the nodes that take turns on a core of their own, another one for every ROS domain and namespace; the rest has the others."""
     if not hasattr(os, "sched_setaffinity"):
         return
     cores = sorted(os.sched_getaffinity(0))
-    chosen = cores[int(os.environ.get("ROS_DOMAIN_ID", "0")) % len(cores)]
+    chosen = cores[(int(os.environ.get("ROS_DOMAIN_ID", "0")) + sum(namespace.encode())) % len(cores)]
     others = set(cores) - {chosen}
     if others:
         os.sched_setaffinity(process.pid, {chosen} if executable in TAKING_TURNS else others)

@@ -18,6 +18,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from dart_skill.configuration import node_parameters
 from dart_skill.world import the_world
+from dart_skill_nodes.comms.names import DIAGNOSTICS, diagnostic_name
 from dart_skill_nodes.comms.presence import be_alive
 from dart_skill_nodes.comms.qos import STATUS, SYSTEM
 from dart_skill_nodes.comms.refusals import GuardedLifecycleNode, GuardedNode, in_a_line
@@ -98,7 +99,7 @@ class Diagnostics:
 
     def __init__(self, node: GuardedNode | GuardedLifecycleNode, describe: Callable[[], tuple[bytes, str, dict]]):
         self._node, self._describe = node, describe
-        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._publisher = node.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
         node.create_timer(1.0, self.publish, clock=STATUS)
 
     def publish(self) -> None:
@@ -107,7 +108,7 @@ class Diagnostics:
         if refusals.recent:
             level, message = max(level, WARN), f"{message}; {refusals.recent}"
         values = {**values, **{f"{place} refused": count for place, count in refusals.counts.items()}}
-        status = DiagnosticStatus(level=level, name=self._node.get_name(), message=message, hardware_id="wam")
+        status = DiagnosticStatus(level=level, name=diagnostic_name(self._node), message=message, hardware_id="wam")
         status.values = [KeyValue(key=key, value=str(value)) for key, value in {**values, "process": os.getpid()}.items()]
         array = DiagnosticArray(status=[status])
         array.header.stamp = SYSTEM.now().to_msg()  # all nodes alike, those that follow /clock too

@@ -10,6 +10,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from dart_skill_nodes.client.failures import GraphFailure
+from dart_skill_nodes.comms.names import full_name, in_namespace
 from dart_skill_nodes.process.discovery import choose_domain, stay_on_this_machine
 
 if TYPE_CHECKING:
@@ -109,7 +110,7 @@ def throw_with_person(client: "GraphClient", targets: Sequence["np.ndarray"] | N
     wanted = {"throws": 1, "follow_basket": True} if targets is None else {"targets": targets}
     result = client.practise(**wanted, only_throw=True, on_feedback=tell)
     if len(result.outcomes) < (1 if targets is None else len(targets)):
-        raise GraphFailure(f"/practice: {result.message}")
+        raise GraphFailure(f"{full_name(client.node, 'practice')}: {result.message}")
     return [throw_result(outcome, messages.get(k, "")) for k, outcome in enumerate(result.outcomes, start=1)]
 
 
@@ -178,14 +179,14 @@ def carried_out(job: Callable, options: argparse.Namespace, what: str):
     return None
 
 
-def on_running_graph(wait: Callable[["GraphClient"], None], task: Callable[["GraphClient"], dict]) -> dict:
-    """Result of a task on the graph that runs, after waiting for what it needs; GraphFailure if there is none."""
+def on_running_graph(wait: Callable[["GraphClient"], None], task: Callable[["GraphClient"], dict], namespace: str = "") -> dict:
+    """Result of a task on the graph that runs in a namespace, after waiting for what it needs; GraphFailure if there is none."""
     stay_on_this_machine()
     import rclpy
 
     from dart_skill_nodes.client.graph_client import GraphClient
 
-    rclpy.init()
+    rclpy.init(args=in_namespace(namespace))
     client = GraphClient(name="verb", appears=PATIENCE)
     try:
         try:
@@ -198,8 +199,13 @@ def on_running_graph(wait: Callable[["GraphClient"], None], task: Callable[["Gra
         rclpy.try_shutdown()
 
 
-def print_result(run: Callable[[], dict], as_json: bool) -> int:
-    """Carry out one thing, print what came of it as text or as JSON, and give the exit status."""
+def of_graph(command: str, namespace: str) -> str:
+    """A command of `dart-skill` for the graph of a namespace."""
+    return f"{command} --namespace {namespace}" if namespace else command
+
+
+def print_result(run: Callable[[], dict], as_json: bool, namespace: str = "") -> int:
+    """Carry out one thing on a graph, print what came of it as text or as JSON, and give the exit status."""
     import json
 
     try:
@@ -207,6 +213,6 @@ def print_result(run: Callable[[], dict], as_json: bool) -> int:
     except (GraphFailure, ValueError) as failure:
         print(f"dart-skill: {failure}", file=sys.stderr)
         return 1
-    text = f"{result.pop('text')}\nnext: {result.pop('next')}"
+    text = f"{result.pop('text')}\nnext: {of_graph(result.pop('next'), namespace)}"
     print(json.dumps(result) if as_json else text)
     return 0 if result["ok"] else 1

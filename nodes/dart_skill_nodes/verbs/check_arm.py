@@ -11,6 +11,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dart_skill.cli.run_options import add_namespace
+from dart_skill_nodes.comms.names import in_namespace
 from dart_skill_nodes.process.discovery import stay_on_this_machine
 from dart_skill_nodes.process.signals import Interrupts
 from dart_skill_nodes.verbs._run import say
@@ -40,6 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--postures", type=int, metavar="N", help="listen until the arm has rested in so many different postures")
     parser.add_argument("--duration", type=float, metavar="S", help=f"listen for so long [s] (default: until Enter, or {USUAL:.0f} s)")
     parser.add_argument("--write", type=Path, metavar="FILE", help="write the registration of cameras and arm, for registration_file")
+    add_namespace(parser)
     parser.add_argument("--json", action="store_true", help="the lines as JSON")
 
 
@@ -81,7 +84,7 @@ def listen(options: argparse.Namespace) -> "Heard":
     from dart_skill_nodes.client.arm_listener import ArmListener
     from dart_skill_nodes.process.node_base import make_executor
 
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    rclpy.init(args=in_namespace(options.namespace), signal_handler_options=SignalHandlerOptions.NO)
     try:
         node, executor = rclpy.create_node("arm_check"), make_executor()
         executor.add_node(node)

@@ -4,6 +4,7 @@ import argparse
 from datetime import datetime
 from typing import TYPE_CHECKING
 
+from dart_skill.cli.run_options import add_namespace
 from dart_skill_nodes.verbs._run import PATIENCE, on_running_graph, print_result
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("task", nargs="?", choices=("list", "drop", "restore"), default="list", help="default: list")
     parser.add_argument("id", metavar="ID", nargs="?", help="of a demonstration, to drop or restore it")
     parser.add_argument("--compare", action="store_true", help="also how far each is from what the others teach")
+    add_namespace(parser)
     parser.add_argument("--json", action="store_true", help="the result as JSON")
 
 
@@ -35,7 +37,10 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         text = client.drop(options.id, restore=options.task == "restore")
         return {"text": text, "message": text, "id": options.id, "ok": True, "next": "dart-skill learn"}
 
-    return print_result(lambda: on_running_graph(lambda client: client.wait_for_learner(PATIENCE), task), options.json)
+    namespace = options.namespace
+    return print_result(
+        lambda: on_running_graph(lambda client: client.wait_for_learner(PATIENCE), task, namespace), options.json, namespace
+    )
 
 
 def _listed(client: "GraphClient", compare: bool) -> dict:

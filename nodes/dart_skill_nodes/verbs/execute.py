@@ -3,7 +3,7 @@
 import argparse
 from typing import TYPE_CHECKING
 
-from dart_skill.cli.run_options import add_model, check_model
+from dart_skill.cli.run_options import add_model, add_namespace, check_model
 from dart_skill_nodes.verbs._run import PATIENCE, on_running_graph, print_result
 from dart_skill_nodes.verbs._skill_run import drawn, execute_all
 
@@ -21,6 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--count", type=int, default=1, metavar="N", help="so many trials (default 1)")
     parser.add_argument("--seed", type=int, default=0, help="of where they are (default 0)")
     add_model(parser)
+    add_namespace(parser)
     parser.add_argument("--json", action="store_true", help="the result as JSON")
 
 
@@ -35,7 +36,8 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
             raise ValueError("there is no simulator: send /execute a goal without a situation")
         client.wait_until_ready(PATIENCE, teacher=False)
 
-    return print_result(lambda: on_running_graph(wait, lambda client: _execute(client, options)), options.json)
+    namespace = options.namespace
+    return print_result(lambda: on_running_graph(wait, lambda client: _execute(client, options), namespace), options.json, namespace)
 
 
 def _execute(client: "GraphClient", options: argparse.Namespace) -> dict:

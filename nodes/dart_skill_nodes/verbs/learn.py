@@ -20,4 +20,7 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         told = {"demonstrations": int(learned.demonstrations), "model_id": learned.model_id}
         return {"text": f"{learned.message}; model {learned.model_id}", **told, "ok": True, "next": "dart-skill throw"}
 
-    return print_result(lambda: on_running_graph(lambda client: client.wait_for_learner(PATIENCE), learn), options.json)
+    namespace = options.namespace
+    return print_result(
+        lambda: on_running_graph(lambda client: client.wait_for_learner(PATIENCE), learn, namespace), options.json, namespace
+    )

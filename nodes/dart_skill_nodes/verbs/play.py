@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from dart_skill.cli.run_options import add_namespace
+from dart_skill_nodes.comms.names import in_namespace
 from dart_skill_nodes.process.discovery import stay_on_this_machine
 from dart_skill_nodes.verbs._run import say
 
@@ -30,6 +32,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--commands", action="store_true", help="play topics on which an arm takes commands, too; refused beside an arm that is there"
     )
+    text = "play the recording of a graph in this namespace, whichever it was recorded in (default: names as recorded)"
+    add_namespace(parser, text)
     parser.add_argument("--remap", nargs="+", type=_remapping, metavar="OLD:=NEW", help="publish a topic under another name")
     parser.add_argument(
         "--clock", type=_number("--clock", 0.0, 1e4), metavar="HZ", help="rate of /clock, unless the bag has one; 0: none (default 100)"
@@ -50,6 +54,7 @@ def player_parameters(options: argparse.Namespace) -> dict[str, object]:
         "topics": options.topics,
         "exclude": options.exclude,
         "commands": options.commands or None,
+        "graph": bool(options.namespace) or None,
         "remap": options.remap,
         "clock_rate": options.clock,
         "awaited": options.wait_for,
@@ -83,7 +88,7 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     from dart_skill_nodes.executables.bag_player import play
 
     begun = time.monotonic()
-    arguments = _ros_arguments(player_parameters(options))
+    arguments = [*_ros_arguments(player_parameters(options)), *in_namespace(options.namespace)]
     player = play(arguments, "dart-skill bag play", lambda _: say(f"playing {options.bag}; Ctrl-C ends it"))
     if options.json:
         took = round(time.monotonic() - begun, 3)

@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from dart_skill.cli.names import CHANGES, PRACTICE_METHODS
-from dart_skill.cli.run_options import add_run, asked, check_run, parameter_texts
+from dart_skill.cli.run_options import add_namespace, add_run, asked, check_run, parameter_texts
 from dart_skill.files import new_file
 from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES, Graph, of_executables
 from dart_skill_nodes.verbs._run import PATIENCE, carried_out, on_running_graph, print_result, say, teach, tell_practice
@@ -34,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--change-after", type=int, default=5, metavar="N", help="own throws before the change (default 5)")
     running = parser.add_argument_group("on a graph that runs (dart-skill up)")
     running.add_argument("--running", action="store_true", help="practise there: no graph is started, nothing is taught, no report is made")
+    add_namespace(running)
     where = running.add_mutually_exclusive_group()
     where.add_argument("--at", type=float, nargs=3, metavar=("X", "Y", "Z"), help="centre of the rim [m] (default: as the cameras see it)")
     where.add_argument("--choose", action="store_true", help="the coach chooses the baskets, where throws are worst")
@@ -46,9 +47,10 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
 
     if options.running:
         _refuse_what_starts_a_graph(options, parser)
-        return print_result(lambda: on_running_graph(_reach_coach, lambda client: _practise_there(client, options)), options.json)
-    if options.at is not None or options.choose:
-        parser.error("--at and --choose are for a graph that runs: add --running")
+        task, namespace = partial(_practise_there, options=options), options.namespace
+        return print_result(lambda: on_running_graph(_reach_coach, task, namespace), options.json, namespace)
+    if options.at is not None or options.choose or options.namespace:
+        parser.error("--at, --choose and --namespace are for a graph that runs: add --running")
     check_run(parser, options)
     if options.change_after < 0:
         parser.error(f"--change-after is {options.change_after}; it must be at least 0")
@@ -124,7 +126,7 @@ def run(options: argparse.Namespace) -> dict:
         results, messages = [], {}
         for block, throws in enumerate(blocks):
             if block:
-                client.set_parameters("/wam_simulator", VALUES[options.change])
+                client.set_parameters("wam_simulator", VALUES[options.change])
                 say(f"from now on: {options.change}")
             if throws:
                 before = sum(len(result.outcomes) for result in results)

@@ -8,7 +8,9 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from dart_skill.cli.printable import printable
+from dart_skill.cli.run_options import add_namespace
 from dart_skill_nodes.client.graph_report import GraphReport
+from dart_skill_nodes.comms.names import GUIDING, in_namespace
 from dart_skill_nodes.process.discovery import stay_on_this_machine
 from dart_skill_nodes.process.signals import Interrupts
 from dart_skill_nodes.verbs._run import say
@@ -29,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "nothing is wrong, else 1; what a node only warns of is not wrong."
     )
     parser.add_argument("--duration", type=float, default=USUAL, metavar="S", help=f"listen for so long [s] (default {USUAL:g})")
+    add_namespace(parser)
     parser.add_argument("--json", action="store_true", help="the same as JSON")
 
 
@@ -37,7 +40,7 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     if not (0.0 < options.duration < math.inf):
         parser.error(f"--duration is {options.duration}; it must be positive and finite")
     stay_on_this_machine()
-    report = look(options.duration)
+    report = look(options.duration, options.namespace)
     if report is None or not report.nodes:
         problem = nothing_runs(() if report is None else report.bystanders)
         print(json.dumps({"ok": False, "problems": [problem]})) if options.json else say(f"dart-skill status: {problem}")
@@ -55,15 +58,15 @@ def nothing_runs(bystanders: Iterable[str]) -> str:
     return f"nothing runs in ROS domain {this_domain()} on this machine{there}: 'dart-skill up' starts it, or set ROS_DOMAIN_ID"
 
 
-def look(seconds: float) -> GraphReport | None:
-    """What is found in so long [s]; None if there is nothing."""
+def look(seconds: float, namespace: str = "") -> GraphReport | None:
+    """What is found in a namespace in so long [s]; None if there is nothing."""
     interrupts = Interrupts()  # before the imports, in which an interrupt may get lost
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 
     from dart_skill_nodes.process.node_base import make_executor
 
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    rclpy.init(args=in_namespace(namespace), signal_handler_options=SignalHandlerOptions.NO)
     try:
         node, executor = rclpy.create_node("status"), make_executor()
         executor.add_node(node)
@@ -109,7 +112,8 @@ def as_text(report: GraphReport) -> str:
 
 def _heading(report: GraphReport) -> str:
     processes = len({node.process for node in report.nodes if node.process})
-    text = f"ROS domain {report.domain}: {len(report.nodes)} nodes in {processes} processes, listened to for {report.seconds:.1f} s"
+    where = f"ROS domain {report.domain}{', ' if report.namespace else ''}{report.namespace}"
+    text = f"{where}: {len(report.nodes)} nodes in {processes} processes, listened to for {report.seconds:.1f} s"
     return text + (f"; also there: {', '.join(report.bystanders)}" if report.bystanders else "")
 
 
@@ -126,7 +130,7 @@ def _topics(report: GraphReport) -> str:
 
 
 def _arm(report: GraphReport) -> str:
-    commander, pushes = report.node("commander"), report.topic("/wam/teacher_wrench")
+    commander, pushes = report.node("commander"), report.topic(GUIDING)
     lines = [f"commanded by   {', '.join(report.commanders) or 'nobody'}"]
     if commander is not None and "mode" in commander.values:
         lines.append(f"commander      {commander.values['mode']}; last: {commander.values.get('last') or 'nothing'}")
@@ -137,7 +141,7 @@ def _arm(report: GraphReport) -> str:
     elif bridge is not None:
         lines.append(f"effort bridge  {bridge.says}")
     else:
-        lines.append("safety module  not told: nobody publishes /wam/safety")
+        lines.append(f"safety module  not told: nobody publishes {report.namespace}/wam/safety")
     return "\n".join(lines)
 
 

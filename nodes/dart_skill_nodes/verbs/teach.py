@@ -3,7 +3,7 @@
 import argparse
 from typing import TYPE_CHECKING
 
-from dart_skill.cli.run_options import add_baskets
+from dart_skill.cli.run_options import add_baskets, add_namespace
 from dart_skill_nodes.verbs._run import PATIENCE, baskets, on_running_graph, place, print_result, say, teach_by_hand
 from dart_skill_nodes.verbs._skill_run import THROW, drawn, show_all
 
@@ -20,6 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "real arm you, and the Enter key says when a throw begins and has ended."
     )
     add_baskets(parser, 13)
+    add_namespace(parser)
     parser.add_argument("--json", action="store_true", help="the result as JSON")
 
 
@@ -40,9 +41,9 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
                 return _teach_by_hand(client, options, skill)
             return _teach(client, targets) if skill == THROW else _show(client, options, skill)
 
-        return on_running_graph(wait, task)
+        return on_running_graph(wait, task, options.namespace)
 
-    return print_result(run, options.json)
+    return print_result(run, options.json, options.namespace)
 
 
 def _show(client: "GraphClient", options: argparse.Namespace, name: str) -> dict:

@@ -4,7 +4,7 @@ import argparse
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from dart_skill.cli.run_options import add_baskets, add_model, check_model
+from dart_skill.cli.run_options import add_baskets, add_model, add_namespace, check_model
 from dart_skill_nodes.verbs._run import PATIENCE, baskets, on_running_graph, print_result, throw_all, throw_with_person
 from dart_skill_nodes.verbs._skill_run import THROW
 
@@ -22,6 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_baskets(parser, None)
     add_model(parser)
+    add_namespace(parser)
     parser.add_argument("--json", action="store_true", help="the result as JSON")
 
 
@@ -46,9 +47,9 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
                 client.load(options.model)
             return _throw(client, targets, options.simulated, places)
 
-        return on_running_graph(wait, task)
+        return on_running_graph(wait, task, options.namespace)
 
-    return print_result(run, options.json)
+    return print_result(run, options.json, options.namespace)
 
 
 def _throw(client: "GraphClient", targets: "np.ndarray", simulated: bool, places: bool) -> dict:

@@ -10,11 +10,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dart_skill.cli.run_options import add_arm, add_model, check_model, differences, output_folder
+from dart_skill.cli.run_options import add_arm, add_model, add_namespace, check_model, differences, output_folder
 from dart_skill_nodes.client.failures import GraphFailure
+from dart_skill_nodes.comms.names import DIAGNOSTICS, in_graph, in_namespace
 from dart_skill_nodes.process.discovery import stay_on_this_machine
 from dart_skill_nodes.process.graph_processes import LAYOUTS, SIMULATED, START, TOKEN, Graph, nodes_of, of_executables, parameters_of
 from dart_skill_nodes.process.signals import Interrupts
+from dart_skill_nodes.verbs._run import of_graph
 from dart_skill_nodes.verbs._skill_run import THROW
 
 if TYPE_CHECKING:
@@ -42,6 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--output", type=Path, help="folder for logs and the bag of demonstrations (default output/up_<date>)")
     add_model(parser)
     add_arm(parser)
+    add_namespace(parser)
     parser.add_argument("--json", action="store_true", help="each event as a line of JSON")
 
 
@@ -64,7 +67,7 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     from rclpy.signals import SignalHandlerOptions
 
     interrupts = Interrupts()
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    rclpy.init(args=in_namespace(options.namespace), signal_handler_options=SignalHandlerOptions.NO)
     try:
         stay(options, interrupts, teller(options.json))
     except GraphFailure as failure:
@@ -94,19 +97,22 @@ class Status:
     def __init__(self, client: "GraphClient", nodes: list[str], tell):
         from diagnostic_msgs.msg import DiagnosticArray
 
-        self.strangers, self.own, self._nodes = set(), set(), nodes
+        self._node, self.strangers, self.own, self._nodes = client.node, set(), set(), nodes
         self.silent, self._said, self._tell, self._begun = set(nodes), {}, tell, time.monotonic()
-        client.node.create_subscription(DiagnosticArray, "/diagnostics", self._take, 50)
+        client.node.create_subscription(DiagnosticArray, DIAGNOSTICS, self._take, 50)
 
     def _take(self, message) -> None:
         for status in message.status:
+            name = in_graph(self._node, status.name)
+            if name is None:
+                continue
             if {pair.key: pair.value for pair in status.values}.get("process") not in self.own:
-                self.strangers |= {status.name} & set(self._nodes)
-            elif status.name in self.silent or (status.name in self._said and self._said[status.name] != status.level):
-                self.silent.discard(status.name)
-                self._said[status.name] = status.level
-                message = page(status.message) if status.name == "viewer" and " " not in status.message else status.message
-                self._tell(LEVELS[status.level], node=status.name, message=message, seconds=round(time.monotonic() - self._begun, 1))
+                self.strangers |= {name} & set(self._nodes)
+            elif name in self.silent or (name in self._said and self._said[name] != status.level):
+                self.silent.discard(name)
+                self._said[name] = status.level
+                message = page(status.message) if name == "viewer" and " " not in status.message else status.message
+                self._tell(LEVELS[status.level], node=name, message=message, seconds=round(time.monotonic() - self._begun, 1))
 
 
 def page(url: str) -> str:
@@ -140,7 +146,10 @@ def stay(options: argparse.Namespace, interrupts: Interrupts, tell) -> None:
     from dart_skill_nodes.client.graph_client import GraphClient
 
     wanted = executables(options)
-    with Graph(options.output / "logs") as graph, closed(GraphClient(lambda: dead(graph, tell), name="up")) as client:
+    with (
+        Graph(options.output / "logs", namespace=options.namespace) as graph,
+        closed(GraphClient(lambda: dead(graph, tell), name="up")) as client,
+    ):
         status = Status(client, nodes_of(wanted), tell)
         for name, parameters in wanted.items():
             graph.start(name, parameters)
@@ -151,7 +160,7 @@ def stay(options: argparse.Namespace, interrupts: Interrupts, tell) -> None:
             client.spin()
             if status.strangers and not is_up:
                 names = ", ".join(sorted(status.strangers))
-                raise GraphFailure(f"{names} run already: end them, or set ROS_DOMAIN_ID to another number")
+                raise GraphFailure(f"{names} run already: end them, set ROS_DOMAIN_ID to another number, or give a --namespace")
             if status.silent and time.monotonic() > until:
                 raise GraphFailure(f"nothing was heard of {', '.join(sorted(status.silent))} within {START:.0f} s")
             if not (status.silent or is_up):
@@ -166,6 +175,7 @@ def _tell_up(client: "GraphClient", options: argparse.Namespace, graph: Graph, t
     then = NEXT[options.layout]
     if options.model and options.layout in SIMULATED:
         then = "dart-skill execute" if options.skill not in ("", THROW) else "dart-skill throw"
+    then = of_graph(then, options.namespace)
     tell("up", message=f"all nodes are ready; {model}logs in {graph.logs}; Ctrl-C ends them", next=then)
 
 

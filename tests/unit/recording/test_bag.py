@@ -22,6 +22,7 @@ from dart_skill.recording import (
     BagError,
     BagReader,
     BagWriter,
+    GraphBag,
     definition,
     qos_yaml,
     serialize,
@@ -645,3 +646,37 @@ def test_of_a_bag_that_is_thinned_each_topic_has_a_message_now_and_then(bag):
         assert (np.diff(stamps) >= 50_000_000).all()
         all_of_it = np.array([stamp for name, stamp in everything if name == topic])
         assert stamps[0] == all_of_it[0]
+
+
+def test_a_graph_is_read_whichever_namespace_it_ran_in(tmp_path):
+    commands = "dart_skill_msgs/msg/WamCommand"
+    topics = {"/arm1/wam/command": commands, "/arm1/wam/other": "std_msgs/msg/String", "/tf": "std_msgs/msg/String"}
+    _write_empty(tmp_path / "bag", topics)
+    with GraphBag(tmp_path / "bag") as bag:
+        assert bag.namespace == "/arm1"
+        assert set(bag.topics) == {"/wam/command", "/wam/other", "/tf"}
+        assert [message.topic for message in bag.messages(["/wam/other", "/tf"])] == ["/wam/other", "/tf"]
+        assert bag.topics["/wam/other"].name == "/wam/other"
+        with pytest.raises(BagError, match=r"no topic \['/arm1/wam/other'\]"):
+            next(bag.messages(["/arm1/wam/other"]))
+
+
+def test_without_a_namespace_names_are_as_they_are(tmp_path):
+    _write_empty(tmp_path / "bag", {"/wam/command": "dart_skill_msgs/msg/WamCommand", "/arm1/text": "std_msgs/msg/String"})
+    with GraphBag(tmp_path / "bag") as bag:
+        assert bag.namespace == "" and set(bag.topics) == {"/wam/command", "/arm1/text"}
+
+
+def test_a_bag_of_two_graphs_is_refused_and_both_are_named(tmp_path):
+    _write_empty(tmp_path / "bag", dict.fromkeys(("/wam/command", "/arm2/wam/command"), "dart_skill_msgs/msg/WamCommand"))
+    with pytest.raises(BagError, match="several graphs, in the namespaces /, /arm2: record each into a bag of its own"):
+        GraphBag(tmp_path / "bag")
+
+
+def _write_empty(path, topics):
+    """A bag with a message of only zeros on each topic."""
+    types = typestore()
+    with BagWriter(path) as writer:
+        for ns, (topic, type_name) in enumerate(topics.items(), start=1):
+            writer.add_topic(topic, type_name, definition(types, type_name), qos_yaml(), type_hash(types, type_name))
+            writer.write(topic, ns, ns, serialize(types, type_name, {}))

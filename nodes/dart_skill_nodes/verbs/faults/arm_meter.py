@@ -9,12 +9,13 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from dart_skill_nodes.comms.conversions import leading_stamp_ns
+from dart_skill_nodes.comms.names import COMMANDS, GUIDING
 from dart_skill_nodes.comms.raw_batches import RawBatches, RawMessage
 
-TRUTH, REPLAYED = "/simulation/state", "/joint_states"
+TRUTH, REPLAYED = "simulation/state", "joint_states"
 STANDS_NS = 700_000_000
 """Without a new state for so long the time of the arm stands still [ns, wall clock]."""
-PUSHERS = {"/wam/command": "commander", "/wam/teacher_wrench": "teacher"}
+PUSHERS = {COMMANDS: "commander", GUIDING: "teacher"}
 LOOKED_AT_NS = 40_000_000
 """Commands are looked at whose stamps are whole multiples of this, so that those of commander and teacher can be compared [ns]."""
 CARRYING = 4

@@ -105,12 +105,12 @@ class Bench:
         self.client.meanwhile.append(self.meter.take)
         self._planning = False
         kind = Execute.Impl.FeedbackMessage
-        self.client.node.create_subscription(kind, "/execute/_action/feedback", self._on_feedback, 10)
+        self.client.node.create_subscription(kind, "execute/_action/feedback", self._on_feedback, 10)
         self._orders = self.client.node.create_publisher(String, ORDERS, 10)
         self._done: set[str] = set()
         self._lessons = 0  # that the recorder has kept since it was started: who learns anew hears of no others
         self.client.node.create_subscription(String, DONE, lambda message: self._done.add(message.data), LATCHED)
-        self._reset_arm = self.client.node.create_client(Trigger, "/commander/reset")
+        self._reset_arm = self.client.node.create_client(Trigger, "commander/reset")
         self._shown, (self._target,) = targets_for(SEED, 2, 1)
         self.usual = (LESSONS, float(wam_description().of_joints("peak_torque").max()))
 

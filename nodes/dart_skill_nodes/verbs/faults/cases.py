@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from dart_skill.world import pose_topic
+from dart_skill_nodes.comms.names import COMMANDS, GUIDING, pose_topic
 
 KILL, FREEZE, HOLD_UP = "kill", "freeze", "hold_up"
 """SIGKILL, and started again; SIGSTOP until the client has its answer; SIGSTOP for HELD_UP seconds, after which all goes on."""
@@ -60,9 +60,9 @@ UNSEEN = "not seen|no cameras"
 STALLED = "time has stood still"
 
 TOPICS = {
-    "joint_states": ("/joint_states", SIMULATOR),
-    "command": ("/wam/command", COMMANDER),
-    "teacher_wrench": ("/wam/teacher_wrench", TEACHER),
+    "joint_states": ("joint_states", SIMULATOR),
+    "command": (COMMANDS, COMMANDER),
+    "teacher_wrench": (GUIDING, TEACHER),
     "hand_pose": (pose_topic("hand"), CAMERAS),
     "ball_pose": (pose_topic("ball"), CAMERAS),
     "basket_pose": (pose_topic("basket"), CAMERAS),

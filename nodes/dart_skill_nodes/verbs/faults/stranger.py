@@ -28,9 +28,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
-from dart_skill.world import joint_names, pose_topic
+from dart_skill.world import joint_names
 from dart_skill_nodes.comms.conversions import at_place, set_stamp, stamp_ns
 from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions, message_class
+from dart_skill_nodes.comms.names import COMMANDS, GUIDING, pose_topic
 from dart_skill_nodes.comms.obeyed_publisher import new_sender
 from dart_skill_nodes.comms.presence import be_alive
 from dart_skill_nodes.comms.qos import COMPLETE, LATCHED, WALL
@@ -146,7 +147,7 @@ class Stranger(GuardedNode):
 
     def answering(self, do: Callable[[JointState], object]) -> None:
         """Do something with each state of the arm, as fast as a commander would."""
-        heard = self.create_subscription(JointState, "/joint_states", do, 10)
+        heard = self.create_subscription(JointState, "joint_states", do, 10)
         self._used.append(partial(self.destroy_subscription, heard))
 
     def ask(self, kind: type, service: str, request: object) -> None:
@@ -177,14 +178,14 @@ def _push(one: Stranger, topic: str, **how) -> None:
 
 def _copy_the_sender(one: Stranger) -> None:
     """Pushes under the number of the commander, which anybody can read."""
-    out, known = one.publisher(WamCommand, "/wam/command"), []
-    one.create_subscription(WamCommand, "/wam/command", lambda message: known.append(message.sender) if not known else None, 10)
+    out, known = one.publisher(WamCommand, COMMANDS), []
+    one.create_subscription(WamCommand, COMMANDS, lambda message: known.append(message.sender) if not known else None, 10)
     one.answering(lambda state: out.publish(one.command(state, sender=known[0])) if known else None)
 
 
 def _reversed_states(one: Stranger) -> None:
     """A second arm whose joints are the other way round, always a step ahead."""
-    out = one.publisher(JointState, "/joint_states")
+    out = one.publisher(JointState, "joint_states")
     seen = [0]
 
     def answer(state: JointState) -> None:
@@ -200,7 +201,7 @@ def _reversed_states(one: Stranger) -> None:
 
 
 def _six_joints(one: Stranger) -> None:
-    out, zeros = one.publisher(JointState, "/joint_states"), [0.0] * 6
+    out, zeros = one.publisher(JointState, "joint_states"), [0.0] * 6
 
     def answer(state: JointState) -> None:
         if len(state.name) > len(zeros):  # not its own
@@ -218,41 +219,41 @@ def _poses(one: Stranger, **fields) -> None:
 
 
 def _clock(one: Stranger) -> None:
-    out = one.publisher(Clock, "/clock", QoSProfile(depth=10))
+    out = one.publisher(Clock, "clock", QoSProfile(depth=10))
     one.often(lambda: out.publish(Clock(clock=Time(sec=-5))))
 
 
 def _garbage(one: Stranger) -> None:
     """Bytes that are no messages, on all that nodes hear."""
-    kinds = dict.fromkeys(("/wam/command", "/wam/teacher_wrench"), WamCommand)
-    kinds |= {pose_topic("hand"): PoseStamped, "/demonstrations": Demonstration}
-    outs = [one.publisher(kind, topic, LATCHED if topic == "/demonstrations" else COMPLETE) for topic, kind in kinds.items()]
+    kinds = dict.fromkeys((COMMANDS, GUIDING), WamCommand)
+    kinds |= {pose_topic("hand"): PoseStamped, "demonstrations": Demonstration}
+    outs = [one.publisher(kind, topic, LATCHED if topic == "demonstrations" else COMPLETE) for topic, kind in kinds.items()]
     bad = b"\x00\x01\x00\x00" + b"\xff" * 60
     one.often(lambda: [out.publish(bad) for out in outs])
 
 
 def _guided_reset(one: Stranger) -> None:
     """Says that a person guides the arm, and pushes as no person does."""
-    _push(one, "/wam/teacher_wrench")
-    one.ask(Reset, "/simulation/reset", Reset.Request(guided=True))
+    _push(one, GUIDING)
+    one.ask(Reset, "simulation/reset", Reset.Request(guided=True))
 
 
 def _parameters(one: Stranger) -> None:
     """Values that no arm has."""
-    values = {"/wam_simulator": {"gravity_error": -3.0, "speed_factor": float("nan"), "motor_scale": 1e308, "ball_mass_scale": -1.0},
-              "/mock_optitrack": {"basket_radius": -3.0, "basket_depth": float("nan")},
-              "/commander": {"farthest_error": 1e9, "fastest_hand": 1e9}}  # fmt: skip
+    values = {"wam_simulator": {"gravity_error": -3.0, "speed_factor": float("nan"), "motor_scale": 1e308, "ball_mass_scale": -1.0},
+              "mock_optitrack": {"basket_radius": -3.0, "basket_depth": float("nan")},
+              "commander": {"farthest_error": 1e9, "fastest_hand": 1e9}}  # fmt: skip
     for node, wrong in values.items():
         asked: list[ParameterMsg] = [Parameter(name, value=value).to_parameter_msg() for name, value in wrong.items()]
         one.ask(SetParameters, f"{node}/set_parameters", SetParameters.Request(parameters=asked))
 
 
 ATTACKS: dict[str, Callable[[Stranger], None]] = {
-    "strong_commands": partial(_push, topic="/wam/command"),
-    "future_commands": partial(_push, topic="/wam/command", ahead_ns=HOUR_NS, newtons=30.0),
-    "nan_commands": partial(_push, topic="/wam/command", newtons=float("nan")),
+    "strong_commands": partial(_push, topic=COMMANDS),
+    "future_commands": partial(_push, topic=COMMANDS, ahead_ns=HOUR_NS, newtons=30.0),
+    "nan_commands": partial(_push, topic=COMMANDS, newtons=float("nan")),
     "commands_under_its_number": _copy_the_sender,
-    "strong_pushes": partial(_push, topic="/wam/teacher_wrench"),
+    "strong_pushes": partial(_push, topic=GUIDING),
     "reversed_states": _reversed_states,
     "six_joints": _six_joints,
     "poses_before_time": partial(_poses, stamp=Time(sec=-1)),
@@ -260,12 +261,12 @@ ATTACKS: dict[str, Callable[[Stranger], None]] = {
     "clock_before_time": _clock,
     GARBAGE: _garbage,
     "guided_reset": _guided_reset,
-    "reset": lambda one: one.ask(Reset, "/simulation/reset", Reset.Request()),
+    "reset": lambda one: one.ask(Reset, "simulation/reset", Reset.Request()),
     "parameters": _parameters,
-    "release": lambda one: one.ask(SetBool, "/commander/release_arm", SetBool.Request(data=True)),
-    "stop": lambda one: one.ask(Trigger, "/commander/stop", Trigger.Request()),
-    "second_goal": lambda one: one.send(Execute, "/execute", Execute.Goal(situation=at_place([2.0, 0.0, 0.4]))),
-    "lesson_at_the_origin": lambda one: one.send(Teach, "/teach", Teach.Goal(situation=at_place([0.0, 0.0, 0.0]))),
+    "release": lambda one: one.ask(SetBool, "commander/release_arm", SetBool.Request(data=True)),
+    "stop": lambda one: one.ask(Trigger, "commander/stop", Trigger.Request()),
+    "second_goal": lambda one: one.send(Execute, "execute", Execute.Goal(situation=at_place([2.0, 0.0, 0.4]))),
+    "lesson_at_the_origin": lambda one: one.send(Teach, "teach", Teach.Goal(situation=at_place([0.0, 0.0, 0.0]))),
 }
 """By name, what a stranger does."""
 

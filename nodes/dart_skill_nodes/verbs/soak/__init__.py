@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from dart_skill.cli.run_options import add_arm, differences, output_folder
 from dart_skill.files import new_file
 from dart_skill_nodes.client.failures import GraphFailure
+from dart_skill_nodes.comms.names import COMMANDS
 from dart_skill_nodes.comms.system_process import descriptors_of, memory_of, processor_time_of, threads_of
 from dart_skill_nodes.process.graph_processes import NODES, SIMULATED, Graph, of_executables
 from dart_skill_nodes.verbs._run import carried_out, say, teach
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 ROUND = 10
 """Throws between two samples."""
 DEMONSTRATIONS = 3
-COMMANDS = "/wam/command"
 FASTEST = 1000.0
 
 
@@ -81,7 +81,7 @@ def run(options: argparse.Namespace, samples: list["Sample"]) -> bool:
         client.wait_until_ready()
         teach(client, options.seed, DEMONSTRATIONS)
         say(client.learn().message)
-        client.set_parameters("/wam_simulator", {"speed_factor": options.speed})
+        client.set_parameters("wam_simulator", {"speed_factor": options.speed})
         for sample in practise(client, {name: process.pid for name, process in graph.processes.items()}, options.minutes):
             samples.append(sample)
             say(_told(sample))
@@ -126,12 +126,12 @@ def _usage(pid: int, processor: float) -> "Usage":
 
 def _missing(thrown: int, bag: Path) -> list[str]:
     """Throws that are not in the bag, in words: lessons open the hand, too."""
-    from dart_skill.recording.bags import BagReader
+    from dart_skill.recording.bags import GraphBag
     from dart_skill.recording.grip_signal import GripSignal
 
     grip = GripSignal()
-    with BagReader(bag) as reader:
-        for message in reader.messages([COMMANDS], decode=False):
+    with GraphBag(bag) as reader:
+        for message in reader.messages([f"/{COMMANDS}"], decode=False):
             grip.take_command(message.data)
     found = len(grip.openings)
     return [f"the hand opened {found} times in the bag, for {thrown} throws"] if found < thrown else []
