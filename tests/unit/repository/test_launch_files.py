@@ -21,37 +21,57 @@ class Recorded:
         self.values, self.options = values, options
 
 
+class LaunchConfiguration(Recorded):
+    """Of an argument; a context is a dictionary of their values here."""
+
+    def perform(self, context):
+        return context[self.values[0]]
+
+
 def stand_ins(monkeypatch):
     """Modules of launch and launch_ros; every class is a `Recorded` of its own."""
     wanted = {
-        "launch": ["LaunchDescription"],
-        "launch.actions": ["DeclareLaunchArgument", "SetEnvironmentVariable"],
-        "launch.conditions": ["IfCondition"],
-        "launch.substitutions": ["EqualsSubstitution", "LaunchConfiguration"],
+        "launch": ["LaunchContext", "LaunchDescription"],
+        "launch.actions": ["DeclareLaunchArgument", "OpaqueFunction", "SetEnvironmentVariable", "Shutdown"],
+        "launch.substitutions": [],
         "launch_ros": [],
         "launch_ros.actions": ["Node"],
-        "launch_ros.parameter_descriptions": ["ParameterValue"],
     }
     for name, classes in wanted.items():
         module = types.ModuleType(name)
         for one in classes:
             setattr(module, one, type(one, (Recorded,), {}))
         monkeypatch.setitem(sys.modules, name, module)
+    sys.modules["launch.substitutions"].LaunchConfiguration = LaunchConfiguration
     monkeypatch.delitem(sys.modules, "dart_skill_nodes.process.launch_description", raising=False)
 
 
 @pytest.fixture(params=FILES, ids=lambda file: file.name)
-def entities(request, monkeypatch):
+def launched(request, monkeypatch):
     if importlib.util.find_spec("dart_skill_nodes") is None:
         pytest.skip("the workspace is not built")
     stand_ins(monkeypatch)
-    description = runpy.run_path(str(request.param))["generate_launch_description"]()
-    yield description.values[0]
+    yield Launched(request.param)
     sys.modules.pop("dart_skill_nodes.process.launch_description", None)
 
 
-def of(entities, kind):
-    return [one for one in entities if type(one).__name__ == kind]
+class Launched:
+    """A launch file with its arguments."""
+
+    def __init__(self, file):
+        self.entities = runpy.run_path(str(file))["generate_launch_description"]().values[0]
+        self.declared = {one.values[0]: one.options for one in self.entities if type(one).__name__ == "DeclareLaunchArgument"}
+
+    def nodes(self, **arguments):
+        """Options of the nodes that it starts with these arguments, by executable."""
+        assert set(arguments) <= set(self.declared)
+        (start,) = [one for one in self.entities if type(one).__name__ == "OpaqueFunction"]
+        values = {name: options["default_value"] for name, options in self.declared.items()} | arguments
+        return {node.options["executable"]: node.options for node in start.options["function"](values)}
+
+    @property
+    def layouts(self):
+        return [{"layout": name} for name in self.declared["layout"]["choices"]] if "layout" in self.declared else [{}]
 
 
 def parameters_there_are(executable):
@@ -59,50 +79,59 @@ def parameters_there_are(executable):
     from dart_skill_nodes.process.graph_processes import nodes_of
 
     sources = [(ROOT / "nodes" / "dart_skill_nodes" / "executables" / f"{node}.py").read_text() for node in nodes_of([executable])]
-    return {name for source in sources for name in re.findall(r'\("(\w+)", ', source)}
+    return {name for source in sources for name in re.findall(r'\("(\w+)", ', source)} | {"use_sim_time"}
 
 
-def test_nodes_and_their_parameters_exist(entities):
+def test_nodes_and_their_parameters_exist(launched):
     setup = (ROOT / "setup.py").read_text()
-    nodes = [node for node in of(entities, "Node") if node.options["package"] == "dart_skill"]
-    assert nodes
-    for node in nodes:
-        executable = node.options["executable"]
-        assert f'"{executable}",' in setup
-        for parameters in node.options.get("parameters", []):
-            assert set(parameters) <= parameters_there_are(executable), executable
+    for layout in launched.layouts:
+        nodes = launched.nodes(viewer="true", **layout)
+        assert "viewer" in nodes and len(nodes) > 1
+        for executable, options in nodes.items():
+            assert options["package"] == "dart_skill" and f'"{executable}",' in setup
+            assert set(options["parameters"][0]) <= parameters_there_are(executable), executable
 
 
-def test_arguments_are_described_and_all_that_is_used_is_declared(entities):
-    declared = {argument.values[0]: argument.options for argument in of(entities, "DeclareLaunchArgument")}
-    assert all(options["description"] and isinstance(options["default_value"], str) for options in declared.values())
-    used = set()
-    for node in of(entities, "Node"):
-        if node.options["package"] != "dart_skill":
-            continue
-        values = [value for parameters in node.options.get("parameters", []) for value in parameters.values()]
-        used |= {value.values[0].values[0] for value in values if type(value).__name__ == "ParameterValue"}
-    conditions = [node.options["condition"].values[0] for node in of(entities, "Node") if isinstance(node.options["condition"], Recorded)]
-    used |= {one.values[0] for one in conditions if type(one).__name__ == "LaunchConfiguration"}
-    assert used | {"viewer", "rviz"} <= set(declared) <= used | {"viewer", "rviz", "layout"}
+def test_arguments_are_described(launched):
+    assert all(options["description"] and isinstance(options["default_value"], str) for options in launched.declared.values())
+    assert {"viewer", "rviz", "namespace", "params_file", "use_sim_time", "log_level"} <= set(launched.declared)
+
+
+def test_every_node_has_what_is_given_for_all(launched):
+    given = {"namespace": "arm1", "params_file": "mine.yaml", "use_sim_time": "true", "log_level": "debug", "viewer": "true"}
+    for options in launched.nodes(**given).values():
+        assert options["namespace"] == "arm1" and options["ros_arguments"] == ["--log-level", "debug"]
+        assert options["parameters"][1] == "mine.yaml" and options["parameters"][0]["use_sim_time"] is True
+        assert options["remappings"] == [("/clock", "clock")]
+
+
+def test_all_ends_with_a_node_that_is_needed_and_with_no_other(launched):
+    nodes = launched.nodes(viewer="true")
+    needed = {name for name, options in nodes.items() if options["on_exit"] is not None}
+    assert needed == set(nodes) - {"viewer", "bag_player"}
+
+
+def test_a_switch_is_true_or_false(launched):
+    with pytest.raises(ValueError, match="viewer:=yes: give true or false"):
+        launched.nodes(viewer="yes")
 
 
 def test_a_real_arm_may_have_the_bridge_and_the_measured_registration(monkeypatch):
     stand_ins(monkeypatch)
-    entities = runpy.run_path(str(ROOT / "launch" / "hardware.launch.py"))["generate_launch_description"]().values[0]
-    nodes = {node.options["executable"]: node.options for node in of(entities, "Node")}
-    assert nodes["effort_bridge"]["condition"].values[0].values[0] == "bridge"
-    assert all("registration_file" in nodes[name]["parameters"][0] for name in ("commander", "skill_learner"))
+    hardware = Launched(ROOT / "launch" / "hardware.launch.py")
+    assert "effort_bridge" not in hardware.nodes() and "effort_bridge" in hardware.nodes(bridge="true")
+    nodes = hardware.nodes(registration="arm.yaml")
+    assert all(nodes[name]["parameters"][0]["registration_file"] == "arm.yaml" for name in ("commander", "skill_learner"))
     sys.modules.pop("dart_skill_nodes.process.launch_description", None)
 
 
-def test_rviz_is_optional_and_its_displays_are_shipped(entities):
-    others = [node.options for node in of(entities, "Node") if node.options["package"] != "dart_skill"]
-    assert [one["package"] for one in others] == ["robot_state_publisher", "rviz2"]
-    assert all(one["condition"].values[0].values[0] == "rviz" for one in others)
-    assert Path(others[1]["arguments"][1]).is_file()
+def test_rviz_is_optional_and_a_real_arm_gets_the_transforms_that_it_needs(launched):
+    others = [options for options in launched.nodes(rviz="true").values() if options["package"] != "dart_skill"]
+    assert [one["package"] for one in others] in (["rviz2"], ["rviz2", "robot_state_publisher", "tf2_ros"])
+    assert ("bridge" in launched.declared) == (len(others) == 3)
+    assert Path(others[0]["arguments"][1]).is_file()
 
 
-def test_discovery_stays_on_this_machine(entities):
-    (variable,) = of(entities, "SetEnvironmentVariable")
+def test_discovery_stays_on_this_machine(launched):
+    (variable,) = [one for one in launched.entities if type(one).__name__ == "SetEnvironmentVariable"]
     assert variable.values[0] == "ROS_AUTOMATIC_DISCOVERY_RANGE"
