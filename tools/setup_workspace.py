@@ -532,12 +532,15 @@ def write_prefix_scripts() -> None:
 TELL = ("--event-handlers", "console_direct+", "console_cohesion-")  # colcon hands on what the compiler says, as it comes
 
 
+TF_MESSAGES = "tools/interfaces/tf2_msgs"  # of geometry2, which has no wheels
+
+
 def build(work: Workspace, package: str, *options: str) -> None:
     """Builds one package with the Python of the environment, which so gets into the #! lines."""
     for folder in (ROOT / "build" / package, INSTALL / package):
         shutil.rmtree(folder, ignore_errors=True)
     colcon = [work.python, "-c", "from colcon_core.command import main; raise SystemExit(main())"]
-    selection = ["--base-paths", ".", "msg_schemas", "--packages-select", package]
+    selection = ["--base-paths", ".", "msg_schemas", TF_MESSAGES, "--packages-select", package]
     # colcon's own limit on the load average leaves one job at a time on two cores
     environment = {**work.environment, "MAKEFLAGS": f"-j{os.cpu_count() or 1}"}
     run([*colcon, "--log-base", "log", "build", "--symlink-install", *TELL, *selection, *options], environment)
@@ -547,6 +550,13 @@ def build_interfaces(work: Workspace) -> None:
     generator = ["-GNinja"] if shutil.which("ninja", path=work.environment["PATH"]) else []
     arguments = [f"-DPython3_EXECUTABLE={work.python}", "-DBUILD_TESTING=OFF", *generator]
     build(work, "dart_skill_msgs", "--cmake-args", *arguments)
+    if not has_tf_messages(work):
+        build(work, "tf2_msgs", "--cmake-args", *arguments)
+
+
+def has_tf_messages(work: Workspace) -> bool:
+    """Whether this ROS has the type of /tf; the one that was built here before does not count."""
+    return work.ros is not None and bool(work.ask("import importlib.util as u; print('there' if u.find_spec('tf2_msgs') else '')"))
 
 
 def build_package(work: Workspace) -> None:
@@ -578,7 +588,7 @@ def write_command() -> None:
 
 def verify(work: Workspace) -> None:
     """Loads, in the environment as users get it, everything that was compiled somewhere else."""
-    modules = "rclpy, dart_skill_msgs.msg, dart_skill_msgs.srv, dart_skill_msgs.action, pybullet, pinocchio"
+    modules = "rclpy, tf2_msgs.msg, dart_skill_msgs.msg, dart_skill_msgs.srv, dart_skill_msgs.action, pybullet, pinocchio"
     script = f"import {modules}; rclpy.init(); rclpy.shutdown()"
     command = ["bash", "-c", '. tools/env.sh && exec python3 -c "$1"', "bash", script]
     run(command, without_workspace(dict(os.environ)))
@@ -614,7 +624,7 @@ def plan(work: Workspace) -> list[Step]:
     recipe = digest(origin, Path(__file__).resolve())
     packages = digest(recipe, *([LOCK] if work.ros is None else requirement_files(work)))
     tools = [REQUIREMENTS / name for name in ("ros-pypi.txt", "build.txt")]
-    interfaces = digest(recipe, *tools, ROOT / "msg_schemas")
+    interfaces = digest(recipe, *tools, ROOT / "msg_schemas", ROOT / TF_MESSAGES)
     setup_files = [ROOT / name for name in ("package.xml", "setup.py", "setup.cfg")]
     package = digest(recipe, REQUIREMENTS / "build.txt", *setup_files, install_layout())
     return [

@@ -3,10 +3,12 @@
 import pytest
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
+from tf2_msgs.msg import TFMessage
 
 from dart_skill.recording import BagReader, GraphBag, read_demonstrations
 from dart_skill.regions import targets_for
 from dart_skill_nodes.client.graph_listener import GraphListener
+from dart_skill_nodes.comms.qos import LATCHED
 
 from .conftest import graphs, teach_and_learn
 
@@ -51,6 +53,27 @@ def test_each_hears_of_its_own_nodes_alone(arms):
     assert report.problems == [] and report.namespace == ARMS[1]
     assert [node.name for node in report.nodes] == sorted({node.name for node in report.nodes})
     assert {topic.topic.rsplit("/", 1)[0].split("/")[1] for topic in report.topics} == {"arm2"}
+
+
+def test_the_frames_of_both_hang_on_one_world(arms):
+    node, heard = arms[ARMS[0]].client.node, {}
+
+    def hear(message):
+        heard.update({one.child_frame_id: one for one in message.transforms})
+
+    qualities = {"/tf": 100, "/tf_static": LATCHED}
+    subscriptions = [node.create_subscription(TFMessage, topic, hear, qos) for topic, qos in qualities.items()]
+    wanted = {f"{space[1:]}/{name}" for space in ARMS for name in ("wam_base", "wam_link7", "ball")}
+    for graph in arms.values():
+        graph.client.start_throw(TARGET)
+    while not wanted <= set(heard):
+        for graph in arms.values():
+            graph.client.spin()
+    for subscription in subscriptions:
+        node.destroy_subscription(subscription)
+    parents = {child: one.header.frame_id for child, one in heard.items()}
+    assert {parents[name] for name in wanted if name.endswith(("wam_base", "ball"))} == {"world"}
+    assert all(parent == "world" or parent.split("/")[0] == child.split("/")[0] for child, parent in parents.items())
 
 
 def test_a_second_graph_of_the_same_namespace_is_seen(arms, tmp_path):

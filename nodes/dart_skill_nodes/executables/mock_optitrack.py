@@ -16,7 +16,7 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from rosgraph_msgs.msg import Clock
 
 from dart_skill.configuration import limit_parameters, node_parameters, world_parameters
-from dart_skill.robot import ArmModel
+from dart_skill.robot import ArmModel, Transform
 from dart_skill.simulation import BasketWalls, Board, LatencyQueue, MotionCapture, PlantSettings
 from dart_skill.skill.protocol import HAND, skill_type
 from dart_skill_nodes.comms import conversions
@@ -24,6 +24,7 @@ from dart_skill_nodes.comms.names import CLOCK, pose_topic
 from dart_skill_nodes.comms.qos import CLOCK_QOS, FRAMES, POSES
 from dart_skill_nodes.comms.refusals import GuardedLifecycleNode
 from dart_skill_nodes.comms.seen_in_step import DELIVERED
+from dart_skill_nodes.comms.tf_messages import LiveTransforms
 from dart_skill_nodes.process.node_base import (
     OK,
     WARN,
@@ -131,6 +132,7 @@ class MockOptitrack(GuardedLifecycleNode):
             self._delivered = self.create_publisher(FramesDelivered, DELIVERED, FRAMES)
         self._message = PoseStamped()
         self._message.header.frame_id = self.get_parameter("frame_id").value
+        self._transforms = LiveTransforms(self, self._message.header.frame_id)
         self.create_subscription(SimulationState, "simulation/state", self._on_state, FRAMES)
         self.create_subscription(Clock, CLOCK, self._on_clock, CLOCK_QOS, raw=True)
         self._diagnostics = Diagnostics(self, self._describe)
@@ -199,6 +201,9 @@ class MockOptitrack(GuardedLifecycleNode):
             conversions.set_stamp(message.header.stamp, sample.stamp_ns)
             conversions.set_pose(message.pose, sample.position, sample.quaternion)
             self._publishers_of[sample.name].publish(message)
+            if self._transforms.is_due(sample.name, sample.stamp_ns):
+                seen = Transform(message.header.frame_id, self._name_of[sample.name], sample.position, sample.quaternion)
+                self._transforms.publish([seen], sample.stamp_ns)
             self._published[sample.name] += 1
             self._newest[sample.name] = sample.stamp_ns
         if self._delivered is not None and self._delivered.get_subscription_count() and now_ns - self._frame_ns < self._between_frames:

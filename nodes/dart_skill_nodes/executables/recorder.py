@@ -15,7 +15,7 @@ from dart_skill.recording import LogTime, types_for
 from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink
 from dart_skill_nodes.comms.conversions import leading_stamp_ns
 from dart_skill_nodes.comms.matching_qos import message_class
-from dart_skill_nodes.comms.names import CLOCK
+from dart_skill_nodes.comms.names import CLOCK, namespace_of
 from dart_skill_nodes.comms.qos import WALL
 from dart_skill_nodes.comms.raw_batches import TAKE, RawBatches, RawMessage
 from dart_skill_nodes.comms.tf_messages import TfMessages
@@ -157,7 +157,7 @@ class Recorder(BagKeeper):
         """What viewers need besides, unless somebody publishes it."""
         if self._tf is None:
             there = {*self._messages.topics, *(name for name, _ in self.get_topic_names_and_types())}
-            self._tf = TfMessages(self.p["frame_id"], self.p["transform_rate"], there)
+            self._tf = TfMessages(self.p["frame_id"], self.p["transform_rate"], there, namespace_of(self))
             for name, (type_name, qos) in self._tf.topics.items():
                 self._made.add(name)
                 self._bag.add_own(name, type_name, qos)

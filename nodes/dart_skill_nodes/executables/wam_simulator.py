@@ -19,7 +19,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
 
-from dart_skill.robot import wam_description, write_urdf
+from dart_skill.robot import fixed_transforms, joint_transforms, wam_description, write_urdf
 from dart_skill.simulation import Board, PlantSettings, make_world
 from dart_skill.skill.protocol import skill_type
 from dart_skill_nodes.comms import conversions
@@ -28,6 +28,7 @@ from dart_skill_nodes.comms.obeyed_publisher import ObeyedPublisher
 from dart_skill_nodes.comms.presence import LOOK, Presence, publishers
 from dart_skill_nodes.comms.qos import CLOCK_QOS, COMPLETE, FRAMES, LATCHED, LOOP, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
+from dart_skill_nodes.comms.tf_messages import LiveTransforms
 from dart_skill_nodes.comms.time_of_the_arm import HELD
 from dart_skill_nodes.process.limits import LIMITS
 from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Parameter, declare, run
@@ -112,6 +113,7 @@ class WamSimulator(GuardedNode):
         self._description = self.create_publisher(String, DESCRIPTION, LATCHED)
         self._description.publish(String(data=write_urdf(wam_description())))
         frame = self.p["frame_id"]
+        self._transforms = LiveTransforms(self, frame, fixed_transforms(wam_description(), frame))
         self._joint_msg = JointState(name=[joint.name for joint in wam_description().joints])
         self._tool_msg, self._clock_msg = PoseStamped(), ClockMsg()
         self._truth_msg, self._bodies = SimulationState(), {role: BodyState(name=role) for role in self._plant.bodies}
@@ -329,6 +331,8 @@ class WamSimulator(GuardedNode):
         if self._clock_out.get_subscription_count():
             conversions.set_stamp(self._clock_msg.clock, ns)
             self._clock_out.publish(self._clock_msg)
+        if self._transforms.is_due("arm", ns):
+            self._transforms.publish(joint_transforms(wam_description(), plant.joint_position), ns)
         message = self._joint_msg
         conversions.set_stamp(message.header.stamp, ns)
         message.position, message.velocity = plant.joint_position, plant.joint_velocity
