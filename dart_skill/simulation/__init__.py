@@ -11,6 +11,7 @@ from dart_skill.simulation._motion_capture import BasketWalls, Camera, Frame, La
 from dart_skill.simulation._plant import Plant, PlantSettings, PlantState
 from dart_skill.simulation._pulled_hand import PulledHand, Pulling
 from dart_skill.simulation._reacher import Reacher, Reaching
+from dart_skill.simulation._stillness import Stillness
 from dart_skill.simulation._teacher import Person, Phase, Swing, Teacher
 from dart_skill.simulation._workbench import Bench, Workbench
 from dart_skill.simulation._worlds import WORLDS, make_world
@@ -42,6 +43,7 @@ __all__ = [
     "Reacher",
     "Reaching",
     "Sample",
+    "Stillness",
     "Swing",
     "Teacher",
     "WORLDS",

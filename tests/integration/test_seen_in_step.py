@@ -24,7 +24,7 @@ class Node:
         return callback
 
     def count_publishers(self, topic):
-        assert topic == "/simulation/delivered"
+        assert topic == "simulation/delivered"
         return self.cameras
 
     def resolve_topic_name(self, topic):

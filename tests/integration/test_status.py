@@ -78,7 +78,7 @@ def test_what_a_stranger_says_does_not_reach_the_terminal_as_it_is():
     ("report", "there"), [(None, "on this machine: "), (replace(WELL, nodes=()), "on this machine, only wam_driver: ")]
 )
 def test_where_no_node_of_the_graph_is_found_something_is_wrong(report, there, monkeypatch, capsys):
-    monkeypatch.setattr(status, "look", lambda seconds: report)
+    monkeypatch.setattr(status, "look", lambda seconds, namespace: report)
     parser = argparse.ArgumentParser()
     status.add_arguments(parser)
     assert status.main(parser.parse_args([]), parser) == 1

@@ -20,7 +20,7 @@ from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
 
 from dart_skill.robot import fixed_transforms, joint_transforms, wam_description, write_urdf
-from dart_skill.simulation import Board, PlantSettings, make_world
+from dart_skill.simulation import Board, PlantSettings, Stillness, make_world
 from dart_skill.skill.protocol import skill_type
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.names import CLOCK, COMMANDS, DESCRIPTION, GUIDING, JOINT_STATES
@@ -38,6 +38,9 @@ TABLE = [
     Parameter("seed", "everything random comes from it", 0, 2**31 - 1),
     Parameter("lockstep", "wait for the answer to every state; false: real time"),
     Parameter("speed_factor", "simulated seconds per second at most, 0: no limit", 0.0, 1000.0, read_only=False),
+    Parameter(
+        "rest_after", "lockstep: when nothing has moved for so long the world goes on slowly; 0: never [s]", 0.0, 1e6, read_only=False
+    ),
     Parameter("start_paused", "wait for ~/pause before the first step"),
     Parameter("answer_timeout", "say so when an answer takes longer [s, wall clock]", 0.1, 600.0),
     Parameter("command_timeout", "real time: age of a command after which the arm is braked [s]", 0.002, 10.0),
@@ -69,8 +72,10 @@ TABLE = [
     *LIMITS,
     Parameter("ground_truth_period", "steps between messages on /simulation/state", 1, 1000),
 ]
-CHANGEABLE = [row.name for row in TABLE if not row.read_only and row.name != "speed_factor"]
+CHANGEABLE = [row.name for row in TABLE if not row.read_only and row.name not in ("speed_factor", "rest_after")]
 """What can change while the simulator runs, from the next reset on."""
+RESTING = 0.05
+"""Between two steps of a world that rests [s, wall clock]: whoever looks sees that it lives, and it costs nearly nothing."""
 RESTS = 0.05
 """An arm whose guide has gone is braked until no joint is faster [rad/s]."""
 PUSHES = {"commander": COMMANDS, "teacher": GUIDING}
@@ -91,6 +96,7 @@ class WamSimulator(GuardedNode):
         self._plant = make_world(skill_type(self.p["skill"]).world, PlantSettings.from_parameters(self.p), self.p["seed"], board)
         self._paused, self._guided, self._budget, self._watched = self.p["start_paused"], False, 0, False
         self._answers, self._fault, self._steps_made = {}, "", 0
+        self._stillness, self._stepped = Stillness(), 0.0
         self._guide: Presence | None = None  # who guides the arm
         self._left = ""  # why nobody guides it any more, until it rests
         self._make_topics()
@@ -100,7 +106,9 @@ class WamSimulator(GuardedNode):
         self._mark = (time.monotonic(), 0)
         self.create_timer(LOOK, self._watch_those_who_move, clock=WALL)
         self.create_timer(0.1, self._watch, clock=WALL)
-        if not self.p["lockstep"]:
+        if self.p["lockstep"]:
+            self.create_timer(RESTING, self._go_on_slowly, clock=WALL)
+        else:
             self._wall_due = time.monotonic()
             self.create_timer(self._plant.settings.step, self._real_time, clock=WALL)
         self._publish()
@@ -166,12 +174,26 @@ class WamSimulator(GuardedNode):
         """Make the next step if everybody who is engaged has answered and nothing holds time."""
         if (self._paused and not self._budget) or any(who not in self._answers for who in self._engaged):
             return
+        if self._rests and time.monotonic() < self._stepped + RESTING:
+            return  # `_go_on_slowly` comes back to it
+        self._stepped = time.monotonic()
         answers, self._answers = self._answers, {}
         if not self._step(answers["commander"], answers.get("teacher")):
             return
         self._budget = max(0, self._budget - 1)
         self._pace()
         self._publish()
+
+    @property
+    def _rests(self) -> bool:
+        """Whether nothing has moved for long, nobody guides the arm, and nobody waits for steps."""
+        after = self.get_parameter("rest_after").value
+        still_ns = self._plant.state_stamp_ns - self._stillness.since_ns
+        return 0.0 < after < still_ns * 1e-9 and not (self._guided or self._budget)
+
+    def _go_on_slowly(self) -> None:
+        if self._rests:
+            self._advance()
 
     def _step(self, command, push) -> bool:
         try:
@@ -180,6 +202,8 @@ class WamSimulator(GuardedNode):
             self._complain(f"no step: {error}")
             return False
         self._steps_made += 1
+        if self._stillness.is_due(self._plant.state_stamp_ns) or self._rests:
+            self._stillness.look(self._plant.state_stamp_ns, self._plant.joint_velocity, self._plant.bodies)
         self._tell_of_safety()
         if self._left and np.abs(self._plant.joint_velocity).max() < RESTS:
             self._left = ""
@@ -250,6 +274,7 @@ class WamSimulator(GuardedNode):
             response.success, response.message = False, str(error)
             return response
         self._guided, self._answers, self._budget, self._watched = request.guided, {}, 0, request.real_time
+        self._stillness.wake(state.stamp_ns)
         self._hold(request.paused)
         self._tell_of_safety()
         for one in self._obeyed.values():
@@ -279,6 +304,7 @@ class WamSimulator(GuardedNode):
         self._held_out.publish(Bool(data=held))
 
     def _on_pause(self, request, response):
+        self._stillness.wake(self._plant.state_stamp_ns)
         self._hold(request.data)
         response.success, response.message = True, "paused" if request.data else "running"
         if self.p["lockstep"]:
@@ -302,6 +328,7 @@ class WamSimulator(GuardedNode):
         try:
             pose = conversions.body_pose(request.pose, f"the {request.body}")
             self._plant.put(request.body, pose.position, pose.quaternion)
+            self._stillness.wake(self._plant.state_stamp_ns)
             response.success = True
         except ValueError as error:
             response.success, response.message = False, str(error)
@@ -309,6 +336,7 @@ class WamSimulator(GuardedNode):
 
     def _on_open(self, request, response):
         self._plant.open_hand()
+        self._stillness.wake(self._plant.state_stamp_ns)
         response.success = True
         return response
 
@@ -395,7 +423,7 @@ class WamSimulator(GuardedNode):
             f"{name} publishes {self.resolve_topic_name(PUSHES[who])}, too" for who, one in self._obeyed.items() for name in one.others
         ]
         level = ERROR if fault else (WARN if self._paused or strangers else OK)
-        message = fault or ("paused" if self._paused else "running")
+        message = fault or ("paused" if self._paused else "resting" if self.p["lockstep"] and self._rests else "running")
         if strangers:
             message += f"; {', '.join(strangers)}: it is not obeyed, end it"
         return level, message, {"real_time_factor": f"{factor:.2f}", "steps": steps, "engaged": ", ".join(self._engaged)}
