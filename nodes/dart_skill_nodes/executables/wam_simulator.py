@@ -96,7 +96,7 @@ class WamSimulator(GuardedNode):
         self._plant = make_world(skill_type(self.p["skill"]).world, PlantSettings.from_parameters(self.p), self.p["seed"], board)
         self._paused, self._guided, self._budget, self._watched = self.p["start_paused"], False, 0, False
         self._answers, self._fault, self._steps_made = {}, "", 0
-        self._stillness, self._stepped = Stillness(), 0.0
+        self._stillness = Stillness()
         self._guide: Presence | None = None  # who guides the arm
         self._left = ""  # why nobody guides it any more, until it rests
         self._make_topics()
@@ -170,13 +170,12 @@ class WamSimulator(GuardedNode):
         if self.p["lockstep"]:
             self._advance()
 
-    def _advance(self) -> None:
-        """Make the next step if everybody who is engaged has answered and nothing holds time."""
+    def _advance(self, slowly: bool = False) -> None:
+        """Make the next step if everybody who is engaged has answered and nothing holds time; slowly: of a world that rests, too."""
         if (self._paused and not self._budget) or any(who not in self._answers for who in self._engaged):
             return
-        if self._rests and time.monotonic() < self._stepped + RESTING:
+        if self._rests and not slowly:
             return  # `_go_on_slowly` comes back to it
-        self._stepped = time.monotonic()
         answers, self._answers = self._answers, {}
         if not self._step(answers["commander"], answers.get("teacher")):
             return
@@ -193,7 +192,7 @@ class WamSimulator(GuardedNode):
 
     def _go_on_slowly(self) -> None:
         if self._rests:
-            self._advance()
+            self._advance(slowly=True)
 
     def _step(self, command, push) -> bool:
         try:
