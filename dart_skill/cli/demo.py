@@ -209,7 +209,7 @@ def _skill_report(
 
 
 def _about_throws(options: argparse.Namespace, parser: argparse.ArgumentParser, summary: DemoSummary) -> About:
-    from dart_skill.report import About
+    from dart_skill.report import About, Phase
 
     facts = {
         "Seed": str(options.seed),
@@ -219,4 +219,5 @@ def _about_throws(options: argparse.Namespace, parser: argparse.ArgumentParser, 
         "Time": f"{summary.wall_seconds:.0f} s; a throw at {summary.throw_real_time_factor:.1f} times real time",
     }
     title = f"Demo: {summary.demonstrations} demonstrations, {summary.thrown} throws"
-    return About(title, facts, asked(parser, options), parameter_texts(), options.configuration)
+    phases = (Phase("own throws", summary.thrown),)
+    return About(title, facts, asked(parser, options), parameter_texts(), options.configuration, phases=phases)

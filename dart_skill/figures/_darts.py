@@ -10,7 +10,20 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dart_skill.darts import name_at
-from dart_skill.figures._style import BLACK, BLUE, GREY, LIGHT, ORANGE, VERMILION, house_style, quantity_colours, save
+from dart_skill.figures._style import (
+    BLACK,
+    BLUE,
+    GREY,
+    LIGHT,
+    NARROW,
+    ORANGE,
+    RELEASE,
+    VERMILION,
+    house_style,
+    letter_panels,
+    quantity_colours,
+    save,
+)
 from dart_skill.figures.board import draw_board
 from dart_skill.session import Dart, DartsRun
 
@@ -25,22 +38,28 @@ def draw_arm_darts(run: DartsRun, folder: str | Path, name: str = "arm_darts") -
         return save(arm_darts_figure(run), folder, name)
 
 
-def arm_darts_figure(run: DartsRun) -> Figure:
-    """The figure itself; ValueError for a run without throws."""
+def arm_darts_figure(run: DartsRun, narrow: bool = False) -> Figure:
+    """The figure itself; narrow: its panels stand one below the other. ValueError for a run without throws."""
     if not run.darts:
         raise ValueError("a run without throws: there is nothing to draw")
     throws = np.arange(1, len(run.darts) + 1)
     with house_style():
-        figure = Figure(figsize=(12.0, 7.2), layout="constrained")
-        grid = figure.add_gridspec(3, 2, width_ratios=(1.55, 1.0))
+        figure = Figure(figsize=(NARROW, 12.0) if narrow else (12.0, 7.2), layout="constrained")
+        grid = figure.add_gridspec(4, 1, height_ratios=(1, 1, 1, 1.5)) if narrow else figure.add_gridspec(3, 2, width_ratios=(1.55, 1.0))
         spread = figure.add_subplot(grid[0, 0])
         aim, scores = (figure.add_subplot(grid[k, 0], sharex=spread) for k in (1, 2))
+        hits = figure.add_subplot(grid[3, 0] if narrow else grid[:, 1])
         _draw_spread(spread, throws, run.darts)
         _draw_aim(aim, throws, run.darts)
         _draw_scores(scores, throws, run.darts)
-        _draw_hits(figure, figure.add_subplot(grid[:, 1]), throws, run.darts)
+        _draw_hits(figure, hits, throws, run.darts)
+        letter_panels(spread, aim, scores, hits)
         x, _, height = run.board
-        figure.suptitle(f"Darts by the arm, seed {run.seed}: bull {x:.2f} m from the base axis and {height:.2f} m high", x=0.01, ha="left")
+        figure.suptitle(
+            f"Darts by the arm, seed {run.seed}:{chr(10) if narrow else ' '}bull {x:.2f} m from the base axis and {height:.2f} m high",
+            x=0.01,
+            ha="left",
+        )
         return figure
 
 
@@ -73,8 +92,8 @@ def _draw_spread(axes: Axes, throws: np.ndarray, darts: Sequence[Dart]) -> None:
 
 
 def _draw_release(axes: Axes, throws: np.ndarray, moved: np.ndarray) -> None:
-    axes.step(throws, moved, where="mid", color=VERMILION, linewidth=1.0, linestyle="--")
-    axes.set_ylabel("release moved by [ms]", color=VERMILION)
+    axes.step(throws, moved, where="mid", color=RELEASE, linewidth=1.0, linestyle="--")
+    axes.set_ylabel("release moved by [ms]", color=RELEASE)
     axes.spines["right"].set_visible(True)
     axes.set_ylim(3.0 * min(np.nanmin(moved), -1.0), 0.0)
 

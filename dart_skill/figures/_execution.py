@@ -14,16 +14,21 @@ from matplotlib.figure import Figure
 
 from dart_skill.figures._recordings import Recording
 from dart_skill.figures._style import (
+    ATTRACTOR,
+    BALL,
     BLACK,
-    BLUE,
     GREEN,
     GREY,
+    HAND,
     LIGHT,
-    PURPLE,
+    PLANNED,
+    RELEASE,
     SKY,
-    VERMILION,
     basket_from_the_side,
     house_style,
+    legend_below,
+    letter_panels,
+    panels,
     save,
     unit_along,
 )
@@ -89,15 +94,15 @@ def draw_execution(throw: ExecutedThrow, folder: str | Path, basket: Basket | No
         return save(execution_figure(throw, basket), folder, "execution")
 
 
-def execution_figure(throw: ExecutedThrow, basket: Basket | None = None) -> Figure:
-    """The figure itself, as `draw_execution` writes it."""
+def execution_figure(throw: ExecutedThrow, basket: Basket | None = None, narrow: bool = False) -> Figure:
+    """The figure itself, as `draw_execution` writes it; narrow: its panels stand one below the other."""
     with house_style():
-        figure = Figure(figsize=(10.5, 4.6), layout="constrained")
-        side, error = figure.subplots(1, 2, width_ratios=[1.55, 1.0])
+        figure, (side, error) = panels([(6.4, 4.6), (4.1, 3.4 if narrow else 4.6)], narrow)
         _draw_side(side, throw, basket or Basket())
         _draw_error(error, throw)
         (handles, labels), (more, others) = (axes.get_legend_handles_labels() for axes in (side, error))
-        figure.legend([*handles, *more], [*labels, *others], loc="outside lower center", ncols=5)
+        letter_panels(side, error)
+        legend_below(figure, [*handles, *more], [*labels, *others], 5, narrow)
         return figure
 
 
@@ -111,14 +116,14 @@ def _draw_side(axes: Axes, throw: ExecutedThrow, basket: Basket) -> None:
 
     _draw_arm(axes)
     basket_from_the_side(axes, float(plan.target[:2] @ forward), float(plan.target[2]), basket.radius, basket.depth)
-    axes.plot(*seen(plan.attractor_position), color=SKY, linestyle="--", linewidth=1.3, label="attractor", gid="attractor")
-    axes.plot(*seen(plan.path.position), color=BLACK, linewidth=3.2, alpha=0.3, label="hand, planned", gid="planned")
-    axes.plot(*seen(throw.hand_position), color=BLUE, linewidth=1.2, label="hand, seen", gid="hand")
+    axes.plot(*seen(plan.attractor_position), color=ATTRACTOR, linestyle="--", linewidth=1.3, label="attractor", gid="attractor")
+    axes.plot(*seen(plan.path.position), color=PLANNED, linewidth=3.6, label="hand, planned", gid="planned")
+    axes.plot(*seen(throw.hand_position), color=HAND, linewidth=1.2, label="hand, seen", gid="hand")
     if len(throw.ball_time):
-        axes.plot(*seen(throw.ball_position), ".", color=GREEN, markersize=3.5, label="ball, seen", gid="ball")
+        axes.plot(*seen(throw.ball_position), ".", color=BALL, markersize=3.5, label="ball, seen", gid="ball")
     release = _interpolated(np.array([plan.release]), plan.path.time, plan.path.position)
-    axes.plot(*seen(release), "D", color=VERMILION, markeredgecolor=BLACK, markersize=5.5, label="release, planned", gid="release")
-    cross: dict[str, Any] = {"color": PURPLE, "markersize": 8, "markeredgewidth": 2, "linestyle": "none"}
+    axes.plot(*seen(release), "D", color=RELEASE, markeredgecolor=BLACK, markersize=5.5, label="release, planned", gid="release")
+    cross: dict[str, Any] = {"color": BLACK, "markersize": 8, "markeredgewidth": 2, "linestyle": "none"}
     axes.plot(*seen(plan.predicted_landing[None]), "x", label="landing, planned", gid="predicted_landing", **cross)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("forward, in the plane of the throw [m]")
@@ -143,13 +148,13 @@ def _draw_error(axes: Axes, throw: ExecutedThrow) -> None:
     along, beside = 1e3 * throw.tracking_error[drawn].T
     time, total = time[drawn], np.hypot(along, beside)
     axes.axhline(0.0, color=LIGHT, linewidth=0.8, zorder=0)
-    axes.axvline(0.0, color=VERMILION, linewidth=1.0, zorder=0)
+    axes.axvline(0.0, color=RELEASE, linewidth=1.0, zorder=0)
     axes.plot(time, total, color=BLACK, linewidth=1.8, label="error, total", gid="error_total")
-    axes.plot(time, along, color=BLUE, linewidth=1.2, label="along the motion, + ahead", gid="error_along")
+    axes.plot(time, along, color=SKY, linewidth=1.6, label="along the motion, + ahead", gid="error_along")
     axes.plot(time, beside, color=GREEN, linewidth=1.2, linestyle="--", label="beside it", gid="error_beside")
     axes.margins(y=0.12)
     axes.annotate("release", (0.0, 1.0), xycoords=("data", "axes fraction"), xytext=(-4, -10), textcoords="offset points",
-                  color=VERMILION, ha="right")  # fmt: skip
+                  color=RELEASE, ha="right")  # fmt: skip
     largest = total[time <= 0.0].max(initial=0.0)
     axes.set_title(f"Tracking error of the hand: {np.interp(0.0, time, total):.1f} mm at the\nrelease, at most {largest:.1f} mm before it")
     axes.set_xlabel("time since the planned release [s]")

@@ -17,7 +17,18 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from dart_skill.figures._style import BLACK, GREY, VERMILION, gaussian_ellipse, house_style, quantity_colours, save
+from dart_skill.figures._style import (
+    BLACK,
+    DEMONSTRATION,
+    NARROW,
+    RELEASE,
+    gaussian_ellipse,
+    house_style,
+    legend_below,
+    letter_panels,
+    quantity_colours,
+    save,
+)
 from dart_skill.movement import TaskFrame, azimuth_target_frame
 from dart_skill.skill.learn import PreparedThrow, ThrowingSkill, frames_for
 
@@ -86,24 +97,30 @@ def draw_gaussians(skill: ThrowingSkill, folder: str | Path) -> list[Path]:
         return save(gaussians_figure(skill), folder, "gaussians")
 
 
-def gaussians_figure(skill: ThrowingSkill) -> Figure:
-    """The figure itself, as `draw_gaussians` writes it."""
+def gaussians_figure(skill: ThrowingSkill, narrow: bool = False) -> Figure:
+    """The figure itself, as `draw_gaussians` writes it; narrow: its panels stand one below the other."""
     views = frame_views(skill)
     times = np.concatenate([view.times for view in views])
     shades = ScalarMappable(Normalize(times.min() - 1e-6, times.max() + 1e-6), quantity_colours())
     with house_style():
         ratios = _height_ratios(views)
-        figure = Figure(figsize=(10.5, 1.6 + 4.7 * sum(ratios)), layout="constrained")
-        grid = figure.subplots(2, 2, height_ratios=ratios)
+        if narrow:
+            figure = Figure(figsize=(NARROW, 2.4 + 2.0 * NARROW * sum(ratios)), layout="constrained")
+            grid = figure.subplots(4, 1, height_ratios=2 * ratios).reshape(2, 2).T
+        else:
+            figure = Figure(figsize=(10.5, 1.6 + 4.7 * sum(ratios)), layout="constrained")
+            grid = figure.subplots(2, 2, height_ratios=ratios)
         for number, (column, view) in enumerate(zip(grid.T, views, strict=True), start=1):
             for axes, plane, side in zip(column, PLANES, ("side", "above"), strict=True):
                 _draw_view(axes, view, plane, shades, f"frame{number}_{side}")
-            column[0].set_title(view.name)
+                axes.set_title(f"{view.name}\nfrom {'the side' if side == 'side' else 'above'}")
+        letter_panels(*(grid.T if narrow else grid).ravel())
         instant = "release" if skill.configuration.alignment == "release" else "start of the motion"
-        figure.colorbar(shades, ax=grid, label=f"time of the component since the {instant} [s]", aspect=40, pad=0.02)
+        where: dict[str, Any] = {"location": "top", "aspect": 30} if narrow else {"aspect": 40, "pad": 0.02}
+        figure.colorbar(shades, ax=grid, label=f"time of the component since the {instant} [s]", **where)
         handles, labels = grid[0, 0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
-        figure.suptitle(_headline(skill), x=0.01, ha="left")
+        legend_below(figure, handles, labels, len(labels), narrow)
+        figure.suptitle(_headline(skill).replace(": ", ":\n", 1).replace(", n", ",\nn") if narrow else _headline(skill), x=0.01, ha="left")
         return figure
 
 
@@ -170,14 +187,14 @@ def _draw_view(axes: Axes, view: FrameView, plane: tuple[int, int], shades: Scal
     across, up = plane
     for number, path in enumerate(view.attractors, start=1):
         label = "attractor of a demonstration" if number == 1 else None
-        axes.plot(path[:, across], path[:, up], color=GREY, linewidth=0.7, gid=f"{gid}_attractor_{number}", label=label, zorder=2)
+        axes.plot(path[:, across], path[:, up], color=DEMONSTRATION, linewidth=0.7, gid=f"{gid}_attractor_{number}", label=label, zorder=2)
     for number, (mean, covariance, time) in enumerate(zip(view.means, view.covariances, view.times, strict=True), start=1):
         colour = shades.to_rgba(time)
         look = {"facecolor": (*colour[:3], 0.15), "edgecolor": colour, "linewidth": 1.2, "zorder": 2.5, "gid": f"{gid}_component_{number}"}
         axes.add_patch(gaussian_ellipse(mean[list(plane)], covariance[np.ix_(plane, plane)], DEVIATIONS, **look))
     dots: dict[str, Any] = {"linestyle": "none", "markersize": 4, "markeredgewidth": 0.6, "markeredgecolor": BLACK}
     axes.plot(*view.means[:, plane].T, "o", color="white", label="mean of a component", gid=f"{gid}_means", zorder=3, **dots)
-    axes.plot(*view.releases[:, plane].T, "D", color=VERMILION, label="release", gid=f"{gid}_releases", zorder=3, **dots)
+    axes.plot(*view.releases[:, plane].T, "D", color=RELEASE, label="release", gid=f"{gid}_releases", zorder=3, **dots)
     axes.set_aspect("equal", adjustable="datalim")
     axes.xaxis.set_major_locator(MaxNLocator(6))
     axes.set_xlabel(f"{view.axes[across]} [m]")

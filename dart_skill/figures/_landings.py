@@ -8,7 +8,23 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dart_skill.figures._style import BLACK, BLUE, GREY, LIGHT, PALE, SKY, VERMILION, basket_from_above, house_style, save, unit_along
+from dart_skill.figures._style import (
+    BASKET,
+    BLACK,
+    DEMONSTRATION,
+    FAILURE,
+    LIGHT,
+    PALE,
+    SUCCESS,
+    basket_from_above,
+    house_style,
+    legend_below,
+    letter_panels,
+    panels,
+    save,
+    unit_along,
+    zoomed_inset,
+)
 from dart_skill.session import ThrowResult, footer
 from dart_skill.world import the_world
 
@@ -24,8 +40,10 @@ def draw_landings(
         return save(landings_figure(throws, demonstrated, rim_radius), folder, "landings")
 
 
-def landings_figure(throws: Sequence[ThrowResult], demonstrated: np.ndarray, rim_radius: float = RIM_RADIUS) -> Figure:
-    """The figure itself, as `draw_landings` writes it."""
+def landings_figure(
+    throws: Sequence[ThrowResult], demonstrated: np.ndarray, rim_radius: float = RIM_RADIUS, narrow: bool = False
+) -> Figure:
+    """The figure itself, as `draw_landings` writes it; narrow: its panels stand one below the other."""
     demonstrated = np.asarray(demonstrated, dtype=float)
     demonstrated = demonstrated.reshape(-1, 3) if demonstrated.size == 0 else demonstrated
     if demonstrated.ndim != 2 or demonstrated.shape[1] < 2 or not np.isfinite(demonstrated).all():
@@ -33,12 +51,12 @@ def landings_figure(throws: Sequence[ThrowResult], demonstrated: np.ndarray, rim
     if not throws and not len(demonstrated):
         raise ValueError("no throws and no demonstrated baskets: there is nothing to draw")
     with house_style():
-        figure = Figure(figsize=(10.5, 5.4), layout="constrained")
-        plan, misses = figure.subplots(1, 2)
+        figure, (plan, misses) = panels([(5.25, 5.4), (5.25, 5.4)], narrow)
         _draw_plan(plan, throws, demonstrated, rim_radius)
         _draw_misses(misses, throws, 100.0 * rim_radius)
         handles, labels = plan.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+        letter_panels(plan, misses)
+        legend_below(figure, handles, labels, len(labels), narrow)
         return figure
 
 
@@ -56,13 +74,13 @@ def _draw_plan(axes: Axes, throws: Sequence[ThrowResult], demonstrated: np.ndarr
     for number, centre in enumerate(demonstrated, start=1):
         look: dict[str, Any] = {
             "facecolor": "none",
-            "edgecolor": GREY,
+            "edgecolor": DEMONSTRATION,
             "linestyle": "--",
             "label": "basket, demonstrated" if number == 1 else None,
         }
         basket_from_above(axes, centre, radius, gid=f"demonstrated_{number}", **look)
     for number, throw in enumerate(throws, start=1):
-        look = {"facecolor": SKY, "edgecolor": BLUE, "alpha": 0.5, "label": "basket, thrown at" if number == 1 else None}
+        look = {"facecolor": PALE, "edgecolor": BASKET, "label": "basket, thrown at" if number == 1 else None}
         basket_from_above(axes, throw.target, radius, gid=f"thrown_{number}", **look)
         beyond = throw.target[:2] + (radius + 0.08) * unit_along(throw.azimuth)
         axes.text(beyond[0], beyond[1], str(number), ha="center", va="center", bbox=HALO, zorder=4)
@@ -78,21 +96,37 @@ def _draw_plan(axes: Axes, throws: Sequence[ThrowResult], demonstrated: np.ndarr
 def _draw_misses(axes: Axes, throws: Sequence[ThrowResult], radius_cm: float) -> None:
     seen = [throw for throw in throws if throw.seen]
     places = 100.0 * np.array([along_across(throw) for throw in seen]).reshape(-1, 2)[:, ::-1] * [-1.0, 1.0]
-    basket_from_above(axes, np.zeros(2), radius_cm, gid="rim", facecolor=PALE, edgecolor=BLUE, linewidth=1.5)
+    basket_from_above(axes, np.zeros(2), radius_cm, gid="rim", facecolor=PALE, edgecolor=BASKET, linewidth=1.5)
     axes.axhline(0.0, color=LIGHT, linewidth=0.8)
     axes.axvline(0.0, color=LIGHT, linewidth=0.8)
     _draw_points(axes, seen, places, "relative")
+    _draw_middle(axes, seen, places, radius_cm)
     limit = 1.12 * max(radius_cm, np.abs(places).max(initial=0.0))
     axes.set(xlim=(-limit, limit), ylim=(-limit, limit), aspect="equal")
     axes.set_xlabel("across the throw, + to the right [cm]")
     axes.set_ylabel("along the throw, + too far [cm]")
-    axes.set_title(f"Landings relative to the centre of the rim, radius {radius_cm:g} cm\n{footer(throws)}")
+    axes.set_title(f"Landings about the middle, radius of the rim {radius_cm:g} cm\n{footer(throws)}")
+
+
+def _draw_middle(axes: Axes, seen: Sequence[ThrowResult], places: np.ndarray, radius_cm: float) -> None:
+    """Most landings again, larger, where they are a blob: within a quarter of the rim; places (n, 2) [cm]."""
+    if len(places) < 3:
+        return
+    half = float(np.ceil(1.3 * np.quantile(np.abs(places).max(axis=1), 0.9)))
+    if half > radius_cm / 4.0:
+        return
+    inset = zoomed_inset(axes, half, (0.66, 0.66, 0.32, 0.32))
+    inset.axhline(0.0, color=LIGHT, linewidth=0.8)
+    inset.axvline(0.0, color=LIGHT, linewidth=0.8)
+    _draw_points(inset, seen, places, "middle")
 
 
 def _draw_points(axes: Axes, throws: Sequence[ThrowResult], places: np.ndarray, gid: str) -> None:
     """Landings at places (n, 2), by what became of the ball."""
     inside = np.array([throw.in_basket for throw in throws], dtype=bool)
     look: dict[str, Any] = {"linestyle": "none", "zorder": 3}
-    ring: dict[str, Any] = {"color": BLACK, "markerfacecolor": "white", "markersize": 4.0}
+    ring: dict[str, Any] = {"color": SUCCESS, "markerfacecolor": "white", "markersize": 4.0}
     axes.plot(*places[inside].T, "o", label="landing, in", gid=f"{gid}_in", **ring, **look)
-    axes.plot(*places[~inside].T, "X", color=VERMILION, markersize=6.5, label="landing, out", gid=f"{gid}_out", **look)
+    axes.plot(
+        *places[~inside].T, "X", color=FAILURE, markersize=6.5, label="landing, out" if not inside.all() else None, gid=f"{gid}_out", **look
+    )

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from dart_skill.figures._style import BLACK, BLUE, GREY, LIGHT, VERMILION, house_style, save
+from dart_skill.figures._style import BLACK, DEMONSTRATION, FAILURE, SUCCESS, house_style, legend_below, letter_panels, panels, save
 from dart_skill.session import SkillSummary
 from dart_skill.skill.protocol import HAND, Pose, Skill, TaskDemonstration
 
@@ -24,18 +24,21 @@ def draw_trials(summary: SkillSummary, skill: Skill, shown: Sequence[TaskDemonst
         return save(trials_figure(summary, skill, shown), folder, "trials")
 
 
-def trials_figure(summary: SkillSummary, skill: Skill, shown: Sequence[TaskDemonstration]) -> Figure:
-    """The figure itself, as `draw_trials` writes it; ValueError where nothing was shown and nothing tried."""
+def trials_figure(summary: SkillSummary, skill: Skill, shown: Sequence[TaskDemonstration], narrow: bool = False) -> Figure:
+    """The figure itself, as `draw_trials` writes it; narrow: its panels stand one below the other.
+
+    ValueError where nothing was shown and nothing tried.
+    """
     if not shown and not summary.trials:
         raise ValueError("no demonstrations and no trials: there is nothing to draw")
     with house_style():
-        figure = Figure(figsize=(10.5, 4.6), layout="constrained")
-        above, side, errors = figure.subplots(1, 3, width_ratios=[1.25, 1.0, 0.8])
+        figure, (above, side, errors) = panels([(4.3, 4.6), (3.45, 3.6 if narrow else 4.6), (2.75, 2.4 if narrow else 4.6)], narrow)
         _draw_above(above, summary, skill, shown)
         _draw_side(side, skill, shown)
         _draw_errors(errors, summary)
+        letter_panels(above, side, errors)
         handles, labels = above.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+        legend_below(figure, handles, labels, len(labels), narrow)
         return figure
 
 
@@ -51,19 +54,19 @@ def _movements(skill: Skill, shown: Sequence[TaskDemonstration]) -> list[tuple[T
 def _draw_above(axes: Axes, summary: SkillSummary, skill: Skill, shown: Sequence[TaskDemonstration]) -> None:
     axes.plot(0.0, 0.0, "s", color=BLACK, markersize=8, label="arm", gid="arm")
     for number, (one, hand) in enumerate(_movements(skill, shown)):
-        axes.plot(hand[:, 0], hand[:, 1], color=LIGHT, linewidth=1.0, label=None if number else "hand, shown")
+        axes.plot(hand[:, 0], hand[:, 1], color=DEMONSTRATION, linewidth=1.0, label=None if number else "hand, shown")
         for role in skill.bodies[1:]:
             pose = one.track(role).pose_at(float(one.hand_time[0]))
-            _draw_body(axes, pose, GREY, "" if number else f"{role}, shown", linestyle="--")
+            _draw_body(axes, pose, DEMONSTRATION, "" if number else f"{role}, shown", linestyle="--")
     labelled: set[str] = set()
     for number, trial in enumerate(summary.trials, start=1):
         done = bool(trial.outcome.success)
         for role, pose in trial.situation.poses.items():
             what = f"{role}, {'done' if done else 'failed'}"
-            _draw_body(axes, pose, BLUE if done else VERMILION, "" if what in labelled else what)
+            _draw_body(axes, pose, SUCCESS if done else FAILURE, "" if what in labelled else what)
             axes.text(pose.position[0], pose.position[1], str(number), ha="center", va="center", fontsize=8, gid=f"trial_{number}")
             labelled.add(what)
-    axes.set(title="a  seen from above", xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    axes.set(title="Seen from above", xlabel="x [m]", ylabel="y [m]", aspect="equal")
 
 
 def _draw_body(axes: Axes, pose: Pose, colour: str, label: str, linestyle: str = "-") -> None:
@@ -77,19 +80,19 @@ def _draw_body(axes: Axes, pose: Pose, colour: str, label: str, linestyle: str =
 def _draw_side(axes: Axes, skill: Skill, shown: Sequence[TaskDemonstration]) -> None:
     for _, hand in _movements(skill, shown):
         way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(hand[:, :2], axis=0), axis=1))])
-        axes.plot(way, hand[:, 2], color=LIGHT, linewidth=1.0)
-    axes.set(title=f"b  height of the {HAND}, shown", xlabel="way over the floor [m]", ylabel="z [m]")
+        axes.plot(way, hand[:, 2], color=DEMONSTRATION, linewidth=1.0)
+    axes.set(title=f"Height of the {HAND}, shown", xlabel="way over the floor [m]", ylabel="z [m]")
 
 
 def _draw_errors(axes: Axes, summary: SkillSummary) -> None:
     for number, trial in enumerate(summary.trials, start=1):
         done = bool(trial.outcome.success)
         if trial.error_m is not None:
-            axes.bar(number, 1e3 * trial.error_m, color=BLUE if done else VERMILION, width=0.7)
+            axes.bar(number, 1e3 * trial.error_m, color=SUCCESS if done else FAILURE, width=0.7)
         else:
-            axes.text(number, 0.0, "?", ha="center", va="bottom", color=VERMILION)
+            axes.text(number, 0.0, "?", ha="center", va="bottom", color=FAILURE)
     errors = [1e3 * trial.error_m for trial in summary.trials if trial.error_m is not None]
     if errors and max(errors) > 20.0 * max(np.median(errors), 0.1):
         axes.set_yscale("log")
-    axes.set(title=f"c  {summary.succeeded} of {len(summary.trials)} succeeded", xlabel="trial", ylabel="error [mm]")
+    axes.set(title=f"{summary.succeeded} of {len(summary.trials)} succeeded", xlabel="trial", ylabel="error [mm]")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))

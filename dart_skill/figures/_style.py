@@ -1,7 +1,4 @@
-"""How all figures look and how they are written: colours that colour-blind people can tell apart, and files without a date.
-
-Colours: Okabe and Ito, Color Universal Design (2008), for kinds; viridis for quantities.
-"""
+"""How all figures look and how they are written: colours of `palette` for kinds, viridis for quantities, and files without a date."""
 
 import io
 from collections.abc import Iterator, Sequence
@@ -17,14 +14,22 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Ellipse, Rectangle
 
+from dart_skill import palette
 from dart_skill.files import new_file
+from dart_skill.palette import hexadecimal
 
-BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
-BLUE, VERMILION, PURPLE = "#0072B2", "#D55E00", "#CC79A7"
-GREY = "#777777"
-LIGHT = "#BBBBBB"
-PALE = "#EAF5FC"
+BLACK, GREY, LIGHT, PALE = map(hexadecimal, (palette.BLACK, palette.GREY, palette.LIGHT, palette.PALE))
+BLUE, ORANGE, SKY, GREEN, VERMILION, PURPLE = map(
+    hexadecimal, (palette.BLUE, palette.ORANGE, palette.SKY, palette.GREEN, palette.VERMILION, palette.PURPLE)
+)
+"""For what has no meaning of its own, such as methods that are compared."""
+BASKET, BALL, HAND, PLANNED = map(hexadecimal, (palette.BASKET, palette.BALL, palette.HAND, palette.PLANNED))
+ATTRACTOR, DEMONSTRATION, RELEASE = map(hexadecimal, (palette.ATTRACTOR, palette.DEMONSTRATION, palette.RELEASE))
+GAUSSIAN, SUCCESS, FAILURE = map(hexadecimal, (palette.GAUSSIAN, palette.SUCCESS, palette.FAILURE))
+"""For things."""
 PNG_DPI = 150
+NARROW = 4.6
+"""Width of a figure on a telephone [inches]: its letters are as large there as those of the text."""
 LOOK = {
     "axes.spines.right": False,
     "axes.spines.top": False,
@@ -53,11 +58,30 @@ def quantity_colours() -> LinearSegmentedColormap:
     return LinearSegmentedColormap.from_list("quantity", shades)
 
 
+def panels(sizes: Sequence[tuple[float, float]], narrow: bool = False, **shared: Any) -> tuple[Figure, list[Axes]]:
+    """A figure and its panels, each of a size (width, height) [inches]: side by side, or, for a narrow screen, one below the other."""
+    widths, heights = zip(*sizes, strict=True)
+    if narrow:
+        heights = tuple(height * min(1.0, NARROW / width) for width, height in sizes) if len(sizes) > 1 else heights
+        figure = Figure(figsize=(NARROW, sum(heights) + 0.6), layout="constrained")
+        axes = figure.subplots(len(sizes), 1, height_ratios=heights, squeeze=False)
+    else:
+        figure = Figure(figsize=(sum(widths), max(heights)), layout="constrained")
+        axes = figure.subplots(1, len(sizes), width_ratios=widths, squeeze=False, **shared)
+    return figure, list(axes.ravel())
+
+
+def legend_below(figure: Figure, handles: Sequence[Any], labels: Sequence[str], columns: int, narrow: bool = False) -> None:
+    """One legend of all panels; in two columns below a narrow figure."""
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(2, columns) if narrow else columns)
+
+
 def save(figure: Figure, folder: str | Path, name: str) -> list[Path]:
     """Write `name`.svg and `name`.png into a folder, which is made if need be; returns their paths."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     svg, png = folder / f"{name}.svg", folder / f"{name}.png"
+    _settle(figure)
     with new_file(svg, replace=True) as file:
         figure.savefig(file, format="svg", metadata={"Date": None, "Creator": "dart_skill"})
     with new_file(png, replace=True) as file:
@@ -65,9 +89,21 @@ def save(figure: Figure, folder: str | Path, name: str) -> list[Path]:
     return [svg, png]
 
 
+def _settle(figure: Figure) -> None:
+    """Lay a figure out once and for all: the solver of the layout differs in the last bit from run to run, and names of parts with it."""
+    engine = figure.get_layout_engine()
+    if engine is None:
+        return
+    engine.execute(figure)
+    figure.set_layout_engine("none")
+    for axes in figure.axes:
+        axes.set_position(np.round(axes.get_position(original=True).bounds, 5))  # less than a pixel
+
+
 def svg_text(figure: Figure) -> str:
     """A figure as the text of an SVG file, the same for the same figure."""
     with house_style(), io.StringIO() as text:
+        _settle(figure)
         figure.savefig(text, format="svg", metadata={"Date": None, "Creator": "dart_skill"})
         return text.getvalue()
 
@@ -81,11 +117,11 @@ def basket_from_above(axes: Axes, centre: np.ndarray | Sequence[float], radius: 
 
 def basket_from_the_side(axes: Axes, along: float, rim: float, radius: float, depth: float) -> None:
     """A basket to scale, seen from the side: walls, floor and a thick rim."""
-    box = Rectangle((along - radius, rim - depth), 2 * radius, depth, facecolor=ORANGE, alpha=0.15, edgecolor="none")
+    box = Rectangle((along - radius, rim - depth), 2 * radius, depth, facecolor=BASKET, alpha=0.15, edgecolor="none")
     axes.add_patch(box)
     walls = ([along - radius] * 2 + [along + radius] * 2, [rim, rim - depth, rim - depth, rim])
-    axes.plot(*walls, color=ORANGE, linewidth=1.2, gid="basket")
-    axes.plot([along - radius, along + radius], [rim, rim], color=ORANGE, linewidth=2.2, label="basket")
+    axes.plot(*walls, color=BASKET, linewidth=1.2, gid="basket")
+    axes.plot([along - radius, along + radius], [rim, rim], color=BASKET, linewidth=2.2, label="basket")
 
 
 def gaussian_ellipse(mean: np.ndarray, covariance: np.ndarray, deviations: float, **look: Any) -> Ellipse:
@@ -99,3 +135,23 @@ def gaussian_ellipse(mean: np.ndarray, covariance: np.ndarray, deviations: float
 def unit_along(azimuth: float) -> np.ndarray:
     """Horizontal direction (2,) of an azimuth [rad]."""
     return np.array([np.cos(azimuth), np.sin(azimuth)])
+
+
+def letter_panels(*panels: Axes) -> None:
+    """(a), (b), ... before the titles of panels, in the order in which they are read."""
+    for letter, axes in zip("abcdefghijkl", panels, strict=False):
+        axes.set_title(f"({letter}) {axes.get_title(loc='left')}", loc="left")
+
+
+def zoomed_inset(axes: Axes, half_width: float, bounds: tuple[float, float, float, float], unit: str = "cm") -> Axes:
+    """A square about the middle of `axes`, so many units to either side, drawn larger in a corner of it; where hits are a blob.
+
+    bounds: of the inset in fractions of the axes: left, bottom, width, height. The caller draws into it what it drew into the axes.
+    """
+    inset = axes.inset_axes(bounds, xlim=(-half_width, half_width), ylim=(-half_width, half_width))
+    inset.set(aspect="equal", facecolor="white", xticks=[], yticks=[])
+    for spine in inset.spines.values():
+        spine.set(visible=True, color=GREY)
+    axes.indicate_inset_zoom(inset, edgecolor=GREY)
+    inset.set_title(f"the middle, \N{PLUS-MINUS SIGN}{half_width:g} {unit}", fontsize=8.5, color=GREY, loc="center")
+    return inset

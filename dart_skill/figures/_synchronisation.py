@@ -16,7 +16,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from dart_skill.figures._recordings import Recording
-from dart_skill.figures._style import BLACK, GREY, VERMILION, house_style, quantity_colours, save
+from dart_skill.figures._style import BLACK, GREY, house_style, legend_below, letter_panels, panels, quantity_colours, save
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import Demonstration
 from dart_skill.robot import wam_description
@@ -64,18 +64,19 @@ def draw_synchronisation(
 ) -> list[Path]:
     """Write the figure under a name; returns the paths."""
     with house_style():
-        return save(synchronisation_figure(motions, thresholds), folder, name)
+        return save(synchronisation_figure(motions, thresholds=thresholds), folder, name)
 
 
-def synchronisation_figure(motions: Sequence[DemonstratedMotion], thresholds: VelocityThreshold = THRESHOLDS) -> Figure:
-    """The figure itself, as `draw_synchronisation` writes it."""
+def synchronisation_figure(
+    motions: Sequence[DemonstratedMotion], narrow: bool = False, thresholds: VelocityThreshold = THRESHOLDS
+) -> Figure:
+    """The figure itself, as `draw_synchronisation` writes it; narrow: its panels stand one below the other."""
     if not motions:
         raise ValueError("no demonstrations: the figure of the synchronisation needs at least one")
     distances = [motion.distance for motion in motions]
     shades = ScalarMappable(Normalize(min(distances) - 1e-6, max(distances) + 1e-6), quantity_colours())
     with house_style():
-        figure = Figure(figsize=(10.5, 4.4), layout="constrained")
-        before, after = figure.subplots(1, 2, sharey=True)
+        figure, (before, after) = panels([(5.25, 4.4), (5.25, 4.4)], narrow, sharey=True)
         for number, motion in enumerate(motions, start=1):
             colour = shades.to_rgba(np.asarray(motion.distance))
             kept = (motion.time >= motion.first) & (motion.time <= motion.last)
@@ -83,10 +84,13 @@ def synchronisation_figure(motions: Sequence[DemonstratedMotion], thresholds: Ve
             _curve(after, motion, kept, motion.release, f"after_{number}", colour)
         _describe(before, motions, thresholds, False)
         _describe(after, motions, thresholds, True)
-        before.set_ylabel("speed of the hand [m/s]")
-        figure.colorbar(shades, ax=after, label="distance of the basket [m]", pad=0.02)
+        for axes in (before, after) if narrow else (before,):
+            axes.set_ylabel("speed of the hand [m/s]")
+        letter_panels(before, after)
+        where: dict[str, Any] = {"ax": [before, after], "location": "top", "shrink": 0.9} if narrow else {"ax": after, "pad": 0.02}
+        figure.colorbar(shades, label="distance of the basket [m]", **where)
         handles, labels = before.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+        legend_below(figure, handles, labels, len(labels), narrow)
         return figure
 
 
@@ -127,7 +131,7 @@ def _curve(axes: Axes, motion: DemonstratedMotion, kept: np.ndarray, origin: flo
 def _describe(axes: Axes, motions: Sequence[DemonstratedMotion], thresholds: VelocityThreshold, aligned: bool) -> None:
     for marker, name in EVENTS.values():
         axes.plot([], [], marker, color="white", markeredgecolor=BLACK, markersize=5.5, label=name)
-    axes.axhline(thresholds.start, color=VERMILION, linestyle="--", linewidth=1.0, label=f"start threshold, {thresholds.start:g} m/s")
+    axes.axhline(thresholds.start, color=BLACK, linestyle="--", linewidth=1.0, label=f"start threshold, {thresholds.start:g} m/s")
     axes.axhline(thresholds.stop, color=GREY, linestyle=":", linewidth=1.3, label=f"stop threshold, {thresholds.stop:g} m/s")
     starts = np.array([motion.motion_start - (motion.release if aligned else 0.0) for motion in motions])
     axes.set_title(f"{'After' if aligned else 'Before'} synchronisation, n = {len(motions)}\nmotion starts at {_spread(starts)}")

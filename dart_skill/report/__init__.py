@@ -3,7 +3,7 @@
 from dart_skill.report._page import page_of
 from dart_skill.report._pictures import pictures
 from dart_skill.report._replay import play
-from dart_skill.report._run import About, Run, read_run
+from dart_skill.report._run import About, Phase, Run, read_run
 from dart_skill.report._skill_page import skill_page_of, skill_pictures
 from dart_skill.report._skill_run import SkillRun, read_skill_run
 from dart_skill.report._writing import PAGE, write_page, write_report, write_skill_report
@@ -12,6 +12,7 @@ __all__ = [
     "Run",
     "About",
     "PAGE",
+    "Phase",
     "page_of",
     "pictures",
     "play",

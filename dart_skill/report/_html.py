@@ -5,6 +5,8 @@ from __future__ import annotations
 import html
 from collections.abc import Iterable, Mapping, Sequence
 
+from dart_skill import palette
+from dart_skill.palette import Colour, hexadecimal
 from dart_skill.report._pictures import Picture
 from dart_skill.report._run import About, machine, versions
 
@@ -13,37 +15,66 @@ POLICY = (
     " img-src data: blob:; font-src data:; connect-src data: blob:; frame-src blob: data:"
 )
 """Nothing is fetched from anywhere (Content Security Policy, level 3); the replay within the page inherits it."""
-STYLE = """
-:root { color-scheme: light; }
-body { margin: 0 auto; padding: 1.5rem 1.5rem 4rem; max-width: 64rem; background: #fff; color: #1b1b1b;
-       font: 16px/1.5 system-ui, "Segoe UI", Roboto, "Helvetica Neue", "DejaVu Sans", sans-serif; }
+HANDLING = (
+    "With a mouse: drag to turn, right button to move, wheel to come nearer. On a touch screen: one finger turns, two move and come nearer."
+    " The bar below plays, stops and seeks."
+)
+"""How a replay is looked at."""
+NARROW = "40rem"
+"""A screen that is not wider gets figures whose panels stand one below the other."""
+STYLE = (
+    """
+:root { color-scheme: light dark; --page: #fff; --ink: #1b1b1b; --quiet: #555; --line: #ddd; --strong: #999; --box: #f6f6f6;
+        --accent: ACCENT; --warning: #b34700; }
+@media (prefers-color-scheme: dark) {
+  :root { --page: #16181b; --ink: #e6e6e6; --quiet: #a8adb3; --line: #3a3f45; --strong: #6b7178; --box: #202328;
+          --accent: DARK; --warning: #ff9a52; }
+}
+body { margin: 0 auto; padding: 1.5rem 1.5rem 4rem; max-width: 64rem; background: var(--page); color: var(--ink);
+       font: 16px/1.5 system-ui, "Segoe UI", Roboto, "Helvetica Neue", "DejaVu Sans", sans-serif; overflow-wrap: break-word; }
 h1 { font-size: 1.7rem; line-height: 1.2; margin: 0.5rem 0 0.2rem; }
-h2 { font-size: 1.2rem; margin: 2.6rem 0 0.6rem; padding-top: 0.8rem; border-top: 1px solid #ddd; }
+h2 { font-size: 1.2rem; margin: 2.6rem 0 0.6rem; padding-top: 0.8rem; border-top: 1px solid var(--line); }
 p { max-width: 48rem; margin: 0.4rem 0; }
-.quiet { color: #555; font-size: 0.9rem; }
+.quiet { color: var(--quiet); font-size: 0.9rem; }
 .numbers { display: flex; flex-wrap: wrap; gap: 0.8rem; margin: 1.2rem 0; }
-.numbers div { border: 1px solid #ddd; border-left: 4px solid #0072b2; border-radius: 4px; padding: 0.5rem 0.9rem;
-               min-width: 6rem; max-width: 12rem; }
+.numbers div { border: 1px solid var(--line); border-left: 4px solid var(--accent); border-radius: 4px; padding: 0.5rem 0.9rem;
+               flex: 0 1 auto; min-width: 6rem; max-width: 12rem; box-sizing: border-box; }
 .numbers b { display: block; font-size: 1.5rem; line-height: 1.3; font-weight: 600; }
-.numbers span { color: #555; font-size: 0.85rem; }
+.numbers span { color: var(--quiet); font-size: 0.85rem; }
 figure { margin: 0; }
-figure svg { display: block; width: 100%; height: auto; }
-figcaption { color: #555; font-size: 0.9rem; max-width: 48rem; margin-top: 0.3rem; }
+figure svg { display: block; width: 100%; height: auto; background: #fff; border-radius: 4px; }
+figure .narrow { display: none; max-width: 30rem; }
+figcaption { color: var(--quiet); font-size: 0.9rem; max-width: 48rem; margin-top: 0.3rem; }
+.key { display: flex; flex-wrap: wrap; gap: 0.2rem 1.1rem; margin: 0.4rem 0; padding: 0; list-style: none; font-size: 0.9rem; }
+.key i { display: inline-block; width: 0.8em; height: 0.8em; margin-right: 0.4em; border: 1px solid var(--strong); }
 .wide { overflow-x: auto; }
 table { border-collapse: collapse; font-size: 0.9rem; font-variant-numeric: tabular-nums; }
-th, td { padding: 0.25rem 0.6rem; text-align: right; border-bottom: 1px solid #e6e6e6; white-space: nowrap; }
-th { border-bottom: 2px solid #999; font-weight: 600; vertical-align: bottom; white-space: normal; }
+th, td { padding: 0.25rem 0.6rem; text-align: right; border-bottom: 1px solid var(--line); white-space: nowrap; }
+th { border-bottom: 2px solid var(--strong); font-weight: 600; vertical-align: bottom; white-space: normal; }
 td.text, th.text { text-align: left; white-space: normal; }
-.facts th { text-align: left; border-bottom: 1px solid #e6e6e6; font-weight: 600; white-space: nowrap; vertical-align: top; }
-.facts td { text-align: left; white-space: normal; }
-.out { color: #b34700; font-weight: 600; }
-iframe { width: 100%; height: 34rem; border: 1px solid #ccc; border-radius: 4px; background: #fff; }
+.facts th { text-align: left; border-bottom: 1px solid var(--line); font-weight: 600; white-space: nowrap; vertical-align: top; }
+.facts td { text-align: left; white-space: normal; overflow-wrap: anywhere; }
+.out { color: var(--warning); font-weight: 600; }
+iframe { display: block; width: 100%; height: min(34rem, 85vh); box-sizing: border-box; border: 1px solid var(--strong); border-radius: 4px;
+         background: #fff; color-scheme: light; }
 details { margin: 0.5rem 0; }
 summary { cursor: pointer; }
-pre { background: #f6f6f6; border: 1px solid #e0e0e0; border-radius: 4px; padding: 0.7rem 1rem; overflow: auto; max-height: 28rem;
+pre { background: var(--box); border: 1px solid var(--line); border-radius: 4px; padding: 0.7rem 1rem; overflow: auto; max-height: 28rem;
       font: 0.8rem/1.45 ui-monospace, "DejaVu Sans Mono", Menlo, Consolas, monospace; }
+@media (max-width: NARROW) {
+  body { padding: 1rem 1rem 3rem; }
+  figure .broad { display: none; }
+  figure .narrow { display: block; }
+  iframe { height: 19rem; }
+  .numbers div { flex: 1 1 40%; max-width: none; }
+  .facts th, .facts td { display: block; border-bottom: 0; padding: 0.1rem 0; }
+  .facts td { border-bottom: 1px solid var(--line); padding-bottom: 0.4rem; }
+}
 @media print { iframe { display: none; } h2 { break-after: avoid; } figure { break-inside: avoid; } }
-"""
+""".replace("ACCENT", hexadecimal(palette.BLUE))
+    .replace("DARK", hexadecimal(palette.SKY))
+    .replace("NARROW", NARROW)
+)
 
 
 def page(title: str, sections: Iterable[str]) -> str:
@@ -65,6 +96,12 @@ def page(title: str, sections: Iterable[str]) -> str:
 def large(shown: Iterable[tuple[str, str]]) -> str:
     """The few numbers that matter, and what they are."""
     return '<div class="numbers">' + "".join(f"<div><b>{number}</b><span>{what}</span></div>" for number, what in shown) + "</div>"
+
+
+def colour_key(things: Mapping[str, Colour]) -> str:
+    """Which colour is what."""
+    items = "".join(f'<li><i style="background: {hexadecimal(colour)}"></i>{escaped(name)}</li>' for name, colour in things.items())
+    return f'<ul class="key">{items}</ul>'
 
 
 def embedded(title: str, page_of_its_own: str) -> str:

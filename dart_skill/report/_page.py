@@ -6,14 +6,20 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from dart_skill import palette
 from dart_skill.extras import remedy
-from dart_skill.report._html import embedded, escaped, figure, large, one_line, page, quiet, table_of, what_was_run
+from dart_skill.report._html import HANDLING, colour_key, embedded, escaped, figure, large, one_line, page, quiet, table_of, what_was_run
 from dart_skill.report._pictures import Picture
-from dart_skill.report._replay import Replay, make_replay
+from dart_skill.report._replay import Ellipsoid, Replay, make_replay
 from dart_skill.report._run import Run, result_of
 from dart_skill.session import ThrowResult
 from dart_skill.skill.learn import component_ellipsoids
 from dart_skill.view import ViewUnavailable
+
+SHOWN = {"ball": palette.BALL, "basket": palette.BASKET, "way of the hand": palette.HAND, "demonstrations": palette.DEMONSTRATION} | {
+    "Gaussians": palette.GAUSSIAN
+}
+"""What is seen in the replay."""
 
 
 def page_of(run: Run, drawn: Sequence[Picture]) -> str:
@@ -35,17 +41,34 @@ def page_of(run: Run, drawn: Sequence[Picture]) -> str:
 
 def _numbers(run: Run) -> str:
     """The few numbers that matter, large."""
-    inside, errors = sum(throw.in_basket for throw in run.results), _errors(run.results)
     shown = [(f"{len(run.shown)}", "demonstrations")]
-    if run.results:
-        shown.append((f"{inside}/{len(run.results)}", "own throws in the basket"))
+    shown += _of_practice(run) if run.practised else _of_throws(run.results)
+    if "Seed" in run.about.facts:
+        shown.append((escaped(run.about.facts["Seed"]), "seed"))
+    return large(shown)
+
+
+def _of_throws(throws: Sequence[ThrowResult]) -> list[tuple[str, str]]:
+    """Numbers of throws that have one purpose."""
+    inside, errors, shown = sum(throw.in_basket for throw in throws), _errors(throws), []
+    if throws:
+        shown.append((f"{inside}/{len(throws)}", "own throws in the basket"))
     if len(errors):
         low, middle, high = np.percentile(errors, [25, 50, 75])
         shown.append((f"{middle:.1f} cm", f"median landing error, quartiles {low:.1f} and {high:.1f}, n&nbsp;=&nbsp;{len(errors)}"))
         shown.append((f"{errors.max():.1f} cm", "largest landing error"))
-    if "Seed" in run.about.facts:
-        shown.append((escaped(run.about.facts["Seed"]), "seed"))
-    return large(shown)
+    return shown
+
+
+def _of_practice(run: Run) -> list[tuple[str, str]]:
+    """Numbers of practice: those of its tests, at the same baskets each, and how many throws it took."""
+    shown = []
+    for phase, throws in run.tests:
+        inside, errors = sum(throw.in_basket for throw in throws), _errors(throws)
+        error = f"{np.median(errors):.2f} cm" if len(errors) else "not seen"
+        most = f", largest {errors.max():.1f}" if len(errors) else ""
+        shown.append((error, f"{escaped(phase.name)}: median landing error at {len(throws)} fixed baskets{most}; {inside} in"))
+    return [*shown, (f"{len(run.practised)}", "own throws learned from, elsewhere")]
 
 
 def _errors(throws: Iterable[ThrowResult]) -> np.ndarray:
@@ -60,14 +83,28 @@ def _replay(run: Run) -> tuple[Replay | None, str]:
     throws = run.own or run.guided
     if not any(throw.demonstration is not None for throw in throws):
         return None, "The bag holds no throw that can be shown."
-    task = next(throw.demonstration.target for throw in throws if throw.demonstration is not None)
-    gaussians = component_ellipsoids(run.skill.mixture(task)) if run.skill else ()
     guided = {k: throw.demonstration.id for k, throw in enumerate(run.guided) if throw.demonstration is not None}
-    names = {k: f"throw {number}" for k, number in run.numbers.items()} if run.own else guided
+    purposes = _purposes(run)
+    names = {k: ": ".join(filter(None, (purposes[n - 1], f"throw {n}"))) for k, n in run.numbers.items()} if run.own else guided
     try:
-        return make_replay(run.recording, throws, run.shown, gaussians, names), ""
+        return make_replay(run.recording, throws, run.shown, lambda target: _gaussians(run, target), names), ""
     except ViewUnavailable:
         return None, f"The replay needs the package viser, which was not there: {remedy('viser')}, then dart-skill report BAG."
+
+
+def _gaussians(run: Run, target: np.ndarray) -> Sequence[Ellipsoid]:
+    """Of the skill, for a basket; none without one, or where it knows nothing of it."""
+    try:
+        return component_ellipsoids(run.skill.mixture(target)) if run.skill else ()
+    except ValueError:
+        return ()
+
+
+def _purposes(run: Run) -> list[str]:
+    """What each throw of the arm was for; empty where all were for the same."""
+    if len(run.phases) < 2:
+        return [""] * len(run.results)
+    return [phase.name for phase, results in run.phases for _ in results]
 
 
 def _replay_section(run: Run, replay: Replay | None, why: str) -> str:
@@ -76,12 +113,12 @@ def _replay_section(run: Run, replay: Replay | None, why: str) -> str:
     kind, throws = ("throws of the arm", run.own) if run.own else ("guided throws", run.guided)
     some = f"The first {len(replay.starts)} of {len(throws)}" if len(replay.starts) < len(throws) else f"All {len(throws)}"
     return (
-        f"<h2>Replay</h2><p>{some} {kind}, {replay.seconds:.0f} s. Drag to turn, right button to move, wheel to come nearer; the bar below"
-        " plays, stops and seeks. The tables say when each throw begins.</p>"
+        f"<h2>Replay</h2><p>{some} {kind}, {replay.seconds:.0f} s. {HANDLING} The tables say when each throw begins.</p>"
         f"{embedded('Replay of the throws in three dimensions', replay.html)}"
-        '<p class="quiet">Arm as its joints were measured; ball (vermilion) and hand (axes, path in black) as the cameras saw them; basket'
-        " (blue); ways of the hand in the demonstrations (grey); Gaussians of the skill for the first basket, two standard deviations"
-        " (green).</p>"
+        f"{colour_key(SHOWN)}"
+        '<p class="quiet">Arm as its joints were measured; ball, basket and hand as the cameras saw them. The Gaussians are those of the'
+        " skill that the demonstrations taught, for the basket that is shown, two standard deviations wide. What became of a throw is told"
+        " when the ball is down.</p>"
     )
 
 
@@ -90,8 +127,11 @@ def _replay_section(run: Run, replay: Replay | None, why: str) -> str:
 
 def _throws_section(run: Run, replay: Replay | None) -> str:
     begun = {number: f"{replay.starts[k]:.1f}" for k, number in run.numbers.items() if k in replay.starts} if replay else {}
-    rows = [[str(number), *_result_cells(throw), begun.get(number, "")] for number, throw in enumerate(run.results, start=1)]
-    table = table_of([*_HEAD, "replay [s]"], rows, [one_line(throw.message) for throw in run.results])
+    rows = [
+        [str(number), purpose, *_result_cells(throw), begun.get(number, "")]
+        for number, (purpose, throw) in enumerate(zip(_purposes(run), run.results, strict=True), start=1)
+    ]
+    table = table_of([_HEAD[0], "purpose", *_HEAD[1:], "replay [s]"], rows, [one_line(throw.message) for throw in run.results])
     return f"<h2>Throws of the arm</h2>{table if rows else quiet('The arm made no throws of its own.')}"
 
 

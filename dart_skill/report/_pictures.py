@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from dart_skill.figures import (
     svg_text,
     synchronisation_figure,
 )
-from dart_skill.report._curve import curve_figure
+from dart_skill.report._curve import compared_figure, curve_figure
 from dart_skill.report._run import Run
 
 FONTS = "'DejaVu Sans', Verdana, Arial, sans-serif"
@@ -30,34 +31,51 @@ FONTS = "'DejaVu Sans', Verdana, Arial, sans-serif"
 
 @dataclass(frozen=True)
 class Picture:
-    """svg: text of an SVG file, "" if it could not be drawn; caption then says why."""
+    """svg: text of an SVG file, "" if it could not be drawn; caption then says why. narrow: the same for a narrow screen."""
 
     name: str
     title: str
     caption: str
     svg: str = ""
     figure: Figure | None = None
+    narrow: str = ""
 
     @property
     def element(self) -> str:
-        """The picture as an element of a page."""
-        return embeddable(self.svg, self.name) if self.svg else ""
+        """The picture as an element of a page, which shows the one of its two forms for which there is room."""
+        return "".join(f'<div class="{kind}">{form}</div>' for kind, form in self.forms.items())
+
+    @property
+    def forms(self) -> dict[str, str]:
+        """The broad and the narrow form as elements; none of what could not be drawn."""
+        if not self.svg:
+            return {}
+        return {"broad": embeddable(self.svg, self.name), "narrow": embeddable(self.narrow, f"{self.name}-narrow")}
 
 
 def pictures(run: Run) -> list[Picture]:
     """Every figure of a run, in the order of the page."""
     return [
-        picture("curve", "Learning curve", CURVE, lambda: curve_figure(run.results, run.about.marks)),
-        picture("landings", "Where the balls came down", LANDINGS, lambda: _landings(run)),
-        picture("synchronisation", "Demonstrations before and after synchronisation", SYNCHRONISATION, lambda: _synchronisation(run)),
-        picture("gaussians", "What was learned", GAUSSIANS, lambda: _gaussians(run)),
-        picture("execution", "Executed path against attractor", EXECUTION, lambda: _execution(run)),
+        *_errors(run),
+        picture("landings", *_landings_words(run), partial(_landings, run)),
+        picture("synchronisation", "Demonstrations before and after synchronisation", SYNCHRONISATION, partial(_synchronisation, run)),
+        picture("gaussians", "What was learned", GAUSSIANS, partial(_gaussians, run)),
+        picture("execution", "Executed path against attractor", EXECUTION, partial(_execution, run)),
     ]
 
 
-CURVE = "Horizontal distance from where the ball crossed the plane of the rim to the centre of the rim, in the order of the throws."
-LANDINGS = "Left, the floor plan with the arm at the origin, baskets to scale. Right, every landing relative to its basket."
-SYNCHRONISATION = "Speed of the hand in each demonstration: left, as recorded; right, cut at the thresholds and aligned on the release."
+ERROR = "Landing error: horizontal distance from where the ball crossed the plane of the rim to the centre of the rim."
+TESTS = (
+    "Throws at the same baskets in each test, from which nothing was learned: this is what practice is judged by. "
+    "(a) All of them; (b) basket by basket, with an arrow to the last test from the one before. " + ERROR
+)
+PRACTISED = (
+    "The throws that were learned from, in their order. They go to other baskets each time, where throws are worst or where none was "
+    "thrown yet, so this curve alone does not tell whether practice helps. " + ERROR
+)
+UNTESTED = PRACTISED + " There were no tests (--tests 0)."
+LANDINGS = "(a) The floor plan with the arm at the origin, baskets to scale. (b) Every landing relative to its basket."
+SYNCHRONISATION = "Speed of the hand in each demonstration: (a) as recorded; (b) cut at the thresholds and aligned on the release."
 GAUSSIANS = "Attractors of the demonstrations and the components of the mixture that was learned from them, in two task frames."
 EXECUTION = (
     "The first throw of the arm that can be told apart, from the side. The plan is made again, by the skill learned from the demonstrations"
@@ -84,41 +102,66 @@ def embeddable(svg: str, prefix: str) -> str:
     return svg.replace("'DejaVu Sans'", FONTS).strip()
 
 
-def picture(name: str, title: str, caption: str, draw: Callable[[], Figure]) -> Picture:
-    """A figure, or why it could not be drawn."""
+def picture(name: str, title: str, caption: str, draw: Callable[[bool], Figure]) -> Picture:
+    """A figure, or why it could not be drawn. draw: draws it, for a narrow screen or not."""
     try:
-        figure = draw()
-        return Picture(name, title, caption, svg_text(figure), figure)
+        figure = draw(False)
+        return Picture(name, title, caption, svg_text(figure), figure, svg_text(draw(True)))
     except ValueError as error:
         return Picture(name, title, f"Not drawn: {error}")
 
 
-def _landings(run: Run) -> Figure:
+def _errors(run: Run) -> list[Picture]:
+    """What became better, and the throws from which it did; where nothing was practised, the errors of all throws."""
+    if not run.practised:
+        return [picture("curve", "Landing error, throw by throw", _curve_caption(run), partial(curve_figure, run.results))]
+    tests = [(phase.name, results) for phase, results in run.tests]
+    compared = [picture("tests", "Before and after practice", TESTS, partial(compared_figure, tests))] if len(tests) > 1 else []
+    said = PRACTISED if compared else UNTESTED
+    return [
+        *compared,
+        picture("curve", "Learning curve", said, lambda narrow: curve_figure(run.practised, narrow, run.about.marks, learned=True)),
+    ]
+
+
+def _curve_caption(run: Run) -> str:
+    known = "None of these throws was learned from." if run.about.phases else "The bag does not tell whether the arm learned from them."
+    return f"{known} {ERROR}"
+
+
+def _landings_words(run: Run) -> tuple[str, str]:
+    """Title and caption."""
+    title, caption = "Where the balls came down", LANDINGS
+    return (f"{title}: {run.tests[-1][0].name}", f"The throws of the last test. {caption}") if run.tests else (title, caption)
+
+
+def _landings(run: Run, narrow: bool) -> Figure:
     if not run.results:
         raise ValueError("the arm made no throws of its own")
-    return landings_figure(run.results, np.array([one.target for one in run.shown]).reshape(-1, 3))
+    shown = run.tests[-1][1] if run.tests else run.results
+    return landings_figure(shown, np.array([one.target for one in run.shown]).reshape(-1, 3), narrow=narrow)
 
 
-def _synchronisation(run: Run) -> Figure:
+def _synchronisation(run: Run, narrow: bool) -> Figure:
     if not any(throw.shows for throw in run.guided):
         raise ValueError("no demonstration was recorded with its raw poses")
-    return synchronisation_figure(demonstrated_motions(run.recordings, run.shown))
+    return synchronisation_figure(demonstrated_motions(run.recordings, run.shown), narrow)
 
 
-def _gaussians(run: Run) -> Figure:
+def _gaussians(run: Run, narrow: bool) -> Figure:
     if run.skill is None:
         raise ValueError("no skill was learned")
-    return gaussians_figure(run.skill)
+    return gaussians_figure(run.skill, narrow)
 
 
-def _execution(run: Run) -> Figure:
+def _execution(run: Run, narrow: bool) -> Figure:
     if run.skill is None:
         raise ValueError("no skill was learned, so nothing was planned")
     if not len(run.command_stamps):
         raise ValueError("the commands of the arm were not recorded")
     for result in run.results:
         try:
-            return execution_figure(executed_throw(run.recordings, run.skill.plan(np.array(result.target))))
+            return execution_figure(executed_throw(run.recordings, run.skill.plan(np.array(result.target))), narrow=narrow)
         except ValueError:
             continue  # refused, or stopped
     raise ValueError("no throw of the arm was recorded")

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import contextlib
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,6 +29,8 @@ MOST_THROWS = 60
 """More of them make the page large; 10 kB each."""
 EYE, LOOK_AT, ABOVE = (1.9, -4.6, 2.0), (1.1, 0.0, 1.15), (0.0, 0.0, 2.45)
 """Where the page looks from and to at first, and where it says which throw is shown [m]."""
+Ellipsoid = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Centre (3,), quaternion (4,) and diameters (3,), as `component_ellipsoids` gives them."""
 LOST = 50_000_000
 """A sample further away than this from an instant does not stand for it [ns]."""
 
@@ -45,13 +48,13 @@ def make_replay(
     recording: ThrowRecording,
     throws: Sequence[FoundThrow],
     shown: Sequence[Demonstration],
-    gaussians: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]] = (),
+    gaussians: Callable[[np.ndarray], Sequence[Ellipsoid]] = lambda target: (),
     names: Mapping[int, str] | None = None,
 ) -> Replay:
     """The first throws of a recording, the arm where it was recorded, with the demonstrations that taught it.
 
-    names: what throws are called, by their index; "throw 1", "throw 2", ... by default. gaussians: centres, quaternions and diameters as
-    `component_ellipsoids` gives them. ViewUnavailable without viser.
+    names: what throws are called, by their index; "throw 1", "throw 2", ... by default. gaussians: gives those that are shown with a
+    throw at a basket (3,). ViewUnavailable without viser.
     """
     from dart_skill.view import Scene, open_server
 
@@ -60,8 +63,6 @@ def make_replay(
         scene = Scene(server)
         server.initial_camera.position, server.initial_camera.look_at = EYE, LOOK_AT
         scene.show_demonstrations(shown)
-        if len(gaussians):
-            scene.show_gaussians("gaussians", *map(np.array, zip(*gaussians, strict=True)))
         label = server.scene.add_label("/throw", "", position=ABOVE, anchor="bottom-center")
         serializer = server.get_scene_serializer()
         starts: dict[int, float] = {}
@@ -70,12 +71,22 @@ def make_replay(
             if throw.demonstration is None or len(starts) == MOST_THROWS:
                 continue
             starts[number] = seconds
-            label.text = in_a_line((names or {}).get(number, f"throw {number + 1}"), throw)
-            seconds += play(scene, serializer, recording, throw)
+            label.text = name = (names or {}).get(number, f"throw {number + 1}")
+            _show_gaussians(scene, gaussians(throw.demonstration.target))
+            result = in_a_line(name, throw)
+            seconds += play(scene, serializer, recording, throw, when_down=partial(setattr, label, "text", result))
         return Replay(serializer.as_html(), starts, seconds)
     finally:
         with contextlib.redirect_stdout(io.StringIO()):  # viser says that it stopped
             server.stop()
+
+
+def _show_gaussians(scene: Scene, ellipsoids: Sequence[Ellipsoid]) -> None:
+    """Instead of those that were shown."""
+    if ellipsoids:
+        scene.show_gaussians("gaussians", *map(np.array, zip(*ellipsoids, strict=True)))
+    else:
+        scene.hide_gaussians(scene.gaussian_colours)
 
 
 def in_a_line(name: str, throw: FoundThrow) -> str:
@@ -86,10 +97,18 @@ def in_a_line(name: str, throw: FoundThrow) -> str:
     return f"{name}: {'in' if outcome.in_basket else 'out'}{error}"
 
 
-def play(scene: Scene, timeline: Any, recording: ThrowRecording, throw: FoundThrow, frame: float = FRAME) -> float:
+def play(
+    scene: Scene,
+    timeline: Any,
+    recording: ThrowRecording,
+    throw: FoundThrow,
+    frame: float = FRAME,
+    when_down: Callable[[], None] = lambda: None,
+) -> float:
     """Show a throw that was cut out, picture after picture, `frame` apart [s]; how long it takes [s].
 
-    timeline: its `insert_sleep` is called with the time [s] that each picture stands: of viser's serialiser, or of a camera.
+    timeline: its `insert_sleep` is called with the time [s] that each picture stands: of viser's serialiser, or of a camera. when_down:
+    called once, before the first picture in which the ball is down; at the end of a throw whose landing nobody saw.
     """
     one = throw.demonstration
     assert one is not None  # only what was cut can be shown
@@ -102,13 +121,26 @@ def play(scene: Scene, timeline: Any, recording: ThrowRecording, throw: FoundThr
     where = {"hand": rows_at(hand.stamp_ns, frames), "ball": rows_at(ball.stamp_ns, frames)}
     joints = recording.joints
     at_joints = np.full(len(frames), -1) if joints is None else rows_at(joints.stamp_ns, frames)
+    down = int(np.searchsorted(frames, _down_ns(throw, frames)))
     for k in range(len(frames)):
+        if k == down:
+            when_down()
         if joints is not None and at_joints[k] >= 0:
             scene.move_arm(joints.position[at_joints[k]])
         _move_bodies(scene, hand, ball, where["hand"][k], where["ball"][k], with_path=frames[k] >= throw.stamp_ns - 400_000_000)
         timeline.insert_sleep(frame)
+    if down >= len(frames):
+        when_down()
     timeline.insert_sleep(PAUSE)
     return len(frames) * frame + PAUSE
+
+
+def _down_ns(throw: FoundThrow, frames: np.ndarray) -> int:
+    """When the ball came down, as a stamp [ns]; after the last of the frames (n,) [ns] if nobody saw it."""
+    outcome = throw.outcome
+    if outcome is None or not outcome.landing_seen:
+        return int(frames[-1]) + 1
+    return throw.stamp_ns + round(1e9 * outcome.landing_time)
 
 
 def _move_bodies(scene: Scene, hand: PoseStream, ball: PoseStream, at_hand: int, at_ball: int, with_path: bool) -> None:

@@ -28,6 +28,20 @@ MOST_TEXT = 100_000
 
 
 @dataclass(frozen=True)
+class Phase:
+    """Throws of the arm that had one purpose, one after the other.
+
+    * name: what they were for, such as "before practice".
+    * throws: how many.
+    * learned_from: whether the arm learned from each of them; else they are a test, or only throws.
+    """
+
+    name: str
+    throws: int
+    learned_from: bool = False
+
+
+@dataclass(frozen=True)
 class About:
     """What somebody knows of a run beyond its bag.
 
@@ -36,7 +50,8 @@ class About:
     * options: name, value and default of each.
     * parameters: texts of parameter files, by name.
     * configuration: of the skill, "" for the default one.
-    * marks: what happened after so many throws.
+    * marks: what happened after so many of the throws that were learned from.
+    * phases: what the throws were for, in order of time; together they are all of them. Empty: nobody knows.
     """
 
     title: str = "Throws of a bag"
@@ -45,6 +60,7 @@ class About:
     parameters: Mapping[str, str] = field(default_factory=dict)
     configuration: str = ""
     marks: Mapping[int, str] = field(default_factory=dict)
+    phases: tuple[Phase, ...] = ()
 
     @property
     def changed(self) -> list[tuple[str, Any, Any]]:
@@ -93,6 +109,24 @@ class Run:
         return numbers
 
     @property
+    def phases(self) -> list[tuple[Phase, tuple[ThrowResult, ...]]]:
+        """What the throws of the arm were for, and the results of each purpose; one without a name where nobody knows."""
+        phases = self.about.phases or (Phase("", len(self.results)),)
+        ends = np.cumsum([phase.throws for phase in phases])
+        return [(phase, self.results[end - phase.throws : end]) for phase, end in zip(phases, ends, strict=True)]
+
+    @property
+    def tests(self) -> list[tuple[Phase, tuple[ThrowResult, ...]]]:
+        """The phases at the same baskets each, from which nothing was learned; none where nothing was practised."""
+        practised = any(phase.learned_from for phase, _ in self.phases)
+        return [one for one in self.phases if practised and not one[0].learned_from and one[1]]
+
+    @property
+    def practised(self) -> tuple[ThrowResult, ...]:
+        """The throws from which the arm learned, in order of time."""
+        return tuple(result for phase, results in self.phases if phase.learned_from for result in results)
+
+    @property
     def recordings(self) -> list[Recording]:
         """The stretches between two resets of the world, as the figures want them."""
         return [_stretch(self, since, until) for since, until in worlds([self.recording.bodies["hand"].stamp_ns])]
@@ -113,6 +147,8 @@ def read_run(bag: str | os.PathLike, about: About | None = None, results: Sequen
     guided, own = (tuple(throw for throw in throws if throw.taught == taught) for taught in (True, False))
     shown = _published(bag) or tuple(throw.demonstration for throw in guided if throw.demonstration is not None and throw.shows)
     judged = tuple(result_of(throw) for throw in own if throw.demonstration is not None) if results is None else tuple(results)
+    if described.phases and sum(phase.throws for phase in described.phases) != len(judged):
+        raise ValueError(f"phases {described.phases} of {len(judged)} throws: their numbers must add up to all throws")
     skill, notes = _learned(shown, described.configuration)
     notes += [f"could not be cut: {throw.reason}" for throw in throws if throw.demonstration is None]
     return Run(bag, described, recording, guided, own, judged, shown, skill, stamps, (*notes, *fault_lines(recording.faults)))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from dart_skill.extras import remedy
 from dart_skill.figures import arm_darts_figure, trials_figure
-from dart_skill.report._html import embedded, escaped, figure, large, one_line, page, quiet, table_of, what_was_run
+from dart_skill.report._html import HANDLING, embedded, escaped, figure, large, one_line, page, quiet, table_of, what_was_run
 from dart_skill.report._pictures import Picture, picture
 from dart_skill.report._replay import Replay
 from dart_skill.report._skill_replay import replay_of, shown_in_replay
@@ -19,21 +20,21 @@ from dart_skill.skill.protocol import TaskDemonstration
 from dart_skill.view import ViewUnavailable
 
 TRIALS = (
-    "Left, from above: ways of the hand that were shown, where bodies stood then (dashed), and where it was tried. Middle, the same ways"
-    " from the side. Right, the error of each trial."
+    "(a) From above: ways of the hand that were shown, where bodies stood then (dashed), and where it was tried. (b) The same ways from the"
+    " side. (c) The error of each trial."
 )
 DARTS = "Spread, aim and score over the own throws, and where they hit, all as the cameras saw them."
 
 
 def skill_pictures(run: SkillRun, summary: SkillSummary | DartsSummary | None) -> list[Picture]:
     """Every figure of a run, in the order of the page."""
-    drawn: list[tuple[str, str, str, Callable[[], Figure]]] = []
+    drawn: list[tuple[str, str, str, Callable[[bool], Figure]]] = []
     if isinstance(summary, DartsSummary):
         darts = summary.run
-        drawn.append(("darts", "Darts", DARTS, lambda: arm_darts_figure(darts)))
+        drawn.append(("darts", "Darts", DARTS, partial(arm_darts_figure, darts)))
     else:
         of = summary or SkillSummary(run.skill.name, 0, str(run.bag), len(run.shown), 0, (), 0.0)
-        drawn.append(("trials", "What was shown, and tried", TRIALS, lambda: trials_figure(of, run.skill, run.shown)))
+        drawn.append(("trials", "What was shown, and tried", TRIALS, partial(trials_figure, of, run.skill, run.shown)))
     return [picture(*one) for one in drawn]
 
 
@@ -77,8 +78,7 @@ def _replay_section(run: SkillRun, replay: Replay | None, why: str) -> str:
         return f"<h2>Replay</h2>{quiet(escaped(why))}"
     what = "movements of the arm" if any(not one.guided for one in run.movements) else "guided movements"
     return (
-        f"<h2>Replay</h2><p>{len(replay.starts)} {what}, {replay.seconds:.0f} s. Drag to turn, right button to move, wheel to come"
-        " nearer; the bar below plays, stops and seeks.</p>"
+        f"<h2>Replay</h2><p>{len(replay.starts)} {what}, {replay.seconds:.0f} s. {HANDLING}</p>"
         f"{embedded('Replay of the movements in three dimensions', replay.html)}"
         f"{quiet('Arm as its joints were measured; bodies as the cameras saw them; ways of the hand in the demonstrations (grey).')}"
     )

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dart_skill.view import _colours as colours
+from dart_skill import palette
 from dart_skill.view._placing import on_plane
 from dart_skill.view._shapes import sphere
 from dart_skill.view._solids import Part
@@ -35,19 +35,19 @@ class HeldHand:
         scene, ball = server.scene, sphere(RADIUS)
         vertices, faces = ball.vertices.astype(np.float32), ball.faces.astype(np.uint32)
         self._ball = scene.add_mesh_simple(
-            "/pointer", vertices, faces, color=colours.ATTRACTOR, opacity=0.45, visible=False, cast_shadow=False, receive_shadow=False
+            "/pointer", vertices, faces, color=palette.ATTRACTOR, opacity=0.45, visible=False, cast_shadow=False, receive_shadow=False
         )
         self._lines = {
             name: scene.add_line_segments(
                 f"/pointer_{name}", np.empty((0, 2, 3)), colour, thickness=width, thickness_units="screen", visible=False
             )
-            for name, colour, width in (("spring", colours.ATTRACTOR, 4.0), ("plumb", colours.GREY, 1.5))
+            for name, colour, width in (("spring", palette.ATTRACTOR, 4.0), ("plumb", palette.GREY, 1.5))
         }
         self._goal = scene.add_frame("/goal", show_axes=False, visible=False)
         for number, part in enumerate(parts):
             vertices, faces = part.mesh.vertices.astype(np.float32), part.mesh.faces.astype(np.uint32)
             scene.add_mesh_simple(
-                f"/goal/{number}", vertices, faces, color=colours.GREEN, wireframe=True, cast_shadow=False, receive_shadow=False
+                f"/goal/{number}", vertices, faces, color=palette.GREEN, wireframe=True, cast_shadow=False, receive_shadow=False
             )
 
     @property

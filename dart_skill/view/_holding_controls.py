@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.view import _colours as colours
+from dart_skill import palette
 
 HOW = (
     "Drag the ball at the hand: it moves as the screen does, with Shift over the ground. "
@@ -130,7 +130,7 @@ class HoldingControls:
 
 
 def _row(number: int, row: DemonstrationRow) -> str:
-    colour = colours.VERMILION if row.outlier or not row.counts else colours.GREEN
+    colour = palette.VERMILION if row.outlier or not row.counts else palette.GREEN
     said = [f"{row.seconds:.1f} s"]
     if not row.counts:
         said.append("left out")
@@ -138,7 +138,7 @@ def _row(number: int, row: DemonstrationRow) -> str:
         said.append(f"weight {row.weight:.2g}")
     if np.isfinite(row.unlike):
         said.append(f"{1e3 * row.unlike:.0f} mm from what the others teach{', an outlier' if row.outlier else ''}")
-    dot = f"<span style='color:{colours.hexadecimal(colour)}'>&#9679;</span>"
+    dot = f"<span style='color:{palette.hexadecimal(colour)}'>&#9679;</span>"
     hint = html.escape(f"{row.name}: {row.finding}")
     return _small(f"<span title='{hint}'>{dot} {number}: {html.escape(', '.join(said))}</span>")
 

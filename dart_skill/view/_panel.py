@@ -10,14 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from dart_skill import palette
 from dart_skill.skill.learn import CONFIGURATIONS, DEFAULT
-from dart_skill.view import _colours as colours
 from dart_skill.view._holding_controls import HoldingControls
 from dart_skill.view._scene import GROUPS, Scene
 
 LEVELS = ("ok", "warning", "error", "stale")
 """Of a node's status, as diagnostic_msgs numbers them."""
-LEVEL_COLOURS = (colours.GREEN, colours.ORANGE, colours.VERMILION, colours.GREY)
 UNHEARD = "none has been heard yet"
 LONGEST_CURVE = 2000
 """Throws that the learning curve holds."""
@@ -119,7 +118,7 @@ class Panel:
         self._knobs: dict[tuple[str, str], Any] = {}
         self._errors: list[tuple[float, bool]] = []
         self._says = self._gui.add_html("")
-        self._stop = self._button("Stop", lambda: Request("stop"), colours.VERMILION)
+        self._stop = self._button("Stop", lambda: Request("stop"), palette.STOP)
         self._reset = self._button("Reset after a stop", lambda: Request("reset"))
         tabs = self._gui.add_tab_group()
         self.holding: HoldingControls | None = None
@@ -153,7 +152,7 @@ class Panel:
 
     def say(self, text: str, is_error: bool = False) -> None:
         """A line about what goes on."""
-        self._says.content = _words(text, colours.VERMILION if is_error else colours.BLACK)
+        self._says.content = _words(text, palette.STOP if is_error else palette.BLACK)
 
     def set_busy(self, busy: bool) -> None:
         """While something is carried out, nothing else can be asked for but to stop it."""
@@ -218,7 +217,7 @@ class Panel:
     def _add_throwing(self) -> None:
         words = self._words
         with self._gui.add_folder(f"{words.do} and practise"):
-            throw = self._button(words.do, lambda: Request("throw"), colours.BLUE)
+            throw = self._button(words.do, lambda: Request("throw"), palette.BLUE)
             self._throws = self._gui.add_slider(f"Own {words.trials}", 1, MOST_THROWS, 1, 10, hint="each of them is learned from")
             self._follow = self._gui.add_checkbox(
                 "Only here", False, hint="practise at the basket that is there, else where throws are worst", visible=words.is_of_baskets
@@ -237,10 +236,10 @@ class Panel:
     def _add_curve(self) -> None:
         uplot = importlib.import_module("viser.uplot")
         point = {"show": True, "size": 6}
-        of_kind = ((self._words.done, colours.BLUE), (self._words.failed, colours.VERMILION))
+        of_kind = ((self._words.done, palette.SUCCESS), (self._words.failed, palette.FAILURE))
         series = [uplot.Series(label=self._words.trials[:-1])]
         for label, colour in of_kind:
-            stroke = colours.hexadecimal(colour)
+            stroke = palette.hexadecimal(colour)
             series.append(uplot.Series(label=label, stroke=stroke, width=0, points={**point, "stroke": stroke, "fill": stroke}))
         number = f"own {self._words.trials[:-1]}"
         axes = (uplot.Axis(label=number, incrs=WHOLE_STEPS), uplot.Axis(label=f"error [{self._words.unit[0]}]"))
@@ -284,8 +283,8 @@ def _step(knob: Knob) -> float:
     return float(10.0 ** np.floor(np.log10(max(knob.high - knob.low, 1e-9) / 100.0)))
 
 
-def _words(text: str, colour: tuple[int, int, int] = colours.GREY) -> str:
-    return f"<div style='padding:0.4em 0.8em;font-size:0.85em;color:{colours.hexadecimal(colour)}'>{html.escape(text)}</div>"
+def _words(text: str, colour: tuple[int, int, int] = palette.GREY) -> str:
+    return f"<div style='padding:0.4em 0.8em;font-size:0.85em;color:{palette.hexadecimal(colour)}'>{html.escape(text)}</div>"
 
 
 def _scales(errors: Sequence[tuple[float, bool]]) -> dict[str, Any]:
@@ -296,19 +295,19 @@ def _scales(errors: Sequence[tuple[float, bool]]) -> dict[str, Any]:
 
 def legend(bodies: Sequence[str]) -> dict[str, tuple[int, int, int]]:
     """Which colour is what, in a scene with these bodies."""
-    first = {role: colours.BALL for role in bodies[:1]}
-    ways = {"hand's path": colours.EXECUTED, "attractor": colours.ATTRACTOR, "demonstrations": colours.DEMONSTRATION}
-    return first | ways | {role: colours.BASKET for role in bodies[1:]}
+    first = {role: palette.BALL for role in bodies[:1]}
+    ways = {"hand's path": palette.HAND, "attractor": palette.ATTRACTOR, "demonstrations": palette.DEMONSTRATION}
+    return first | ways | {role: palette.BASKET for role in bodies[1:]}
 
 
 def _swatch(label: str, colour: tuple[int, int, int]) -> str:
-    square = f"display:inline-block;width:0.8em;height:0.8em;margin-right:0.5em;background:{colours.hexadecimal(colour)}"
+    square = f"display:inline-block;width:0.8em;height:0.8em;margin-right:0.5em;background:{palette.hexadecimal(colour)}"
     return f"<div style='font-size:0.8em;line-height:1.5;break-inside:avoid'><span style='{square}'></span>{html.escape(label)}</div>"
 
 
 def _node_line(node: NodeStatus) -> str:
     level = min(max(node.level, 0), len(LEVELS) - 1)
-    dot = f"<span title='{LEVELS[level]}' style='color:{colours.hexadecimal(LEVEL_COLOURS[level])}'>&#9679;</span>"
+    dot = f"<span title='{LEVELS[level]}' style='color:{palette.hexadecimal(palette.LEVELS[level])}'>&#9679;</span>"
     word = "" if level == 0 else f"{LEVELS[level]}: "
     return (
         f"<div style='padding:0.1em 0.8em;font-size:0.8em'>{dot} <b>{html.escape(node.name)}</b> {html.escape(word + node.message)}</div>"

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dart_skill import palette
 from dart_skill.checks import check_unit_quaternions
 from dart_skill.recording import Demonstration
 from dart_skill.regions import REGION, Region
@@ -19,7 +20,6 @@ from dart_skill.robot import WamDescription, joint_transforms, wam_description, 
 from dart_skill.simulation import Basket, Camera
 from dart_skill.skill.protocol import Skill
 from dart_skill.skills.throw import Throw
-from dart_skill.view import _colours as colours
 from dart_skill.view._held_hand import HeldHand
 from dart_skill.view._placing import nearest_in, on_plane, outline
 from dart_skill.view._shapes import Mesh, bucket, circle, pyramid, sphere
@@ -162,7 +162,7 @@ class Scene:
         number = self._numbers.setdefault(group, len(self._numbers))
         self._gaussians[group] = self._scene.add_batched_meshes_simple(
             f"/gaussians/{group}", *_parts(self._ellipsoid), _wxyz(quaternions), centres, batched_scales=diameters.astype(np.float32),
-            batched_colors=colours.GAUSSIANS[number % len(colours.GAUSSIANS)], opacity=0.35, lod="off", cast_shadow=False,
+            batched_colors=palette.GAUSSIANS[number % len(palette.GAUSSIANS)], opacity=0.35, lod="off", cast_shadow=False,
             receive_shadow=False, visible=group not in self._hidden,
         )  # fmt: skip
 
@@ -174,7 +174,7 @@ class Scene:
     @property
     def gaussian_colours(self) -> dict[str, tuple[int, int, int]]:
         """Of the groups that are shown."""
-        return {group: colours.GAUSSIANS[self._numbers[group] % len(colours.GAUSSIANS)] for group in self._gaussians}
+        return {group: palette.GAUSSIANS[self._numbers[group] % len(palette.GAUSSIANS)] for group in self._gaussians}
 
     def show_demonstrations(self, demonstrations: Sequence[Demonstration]) -> None:
         """The hand's way in each, and where each ball was aimed; they replace those that were shown."""
@@ -195,7 +195,7 @@ class Scene:
         axes = np.array([camera.axes.T for camera in cameras])
         self._cameras = self._scene.add_batched_meshes_simple(
             "/cameras/all", *_parts(pyramid(cameras[0].half_angles, CAMERA_SIZE)), _wxyz(Rotation.from_matrix(axes).as_quat()),
-            np.array([camera.position for camera in cameras]), batched_colors=colours.CAMERA, opacity=0.5, flat_shading=True,
+            np.array([camera.position for camera in cameras]), batched_colors=palette.CAMERA, opacity=0.5, flat_shading=True,
             lod="off", side="double", cast_shadow=False, receive_shadow=False,
         )  # fmt: skip
 
@@ -253,7 +253,7 @@ class Scene:
         )  # fmt: skip
         if self._skill is None:
             edge = segments(outline(self.region)) + [0.0, 0.0, 0.005]
-            self._scene.add_line_segments("/ground/region", edge, colours.REGION, thickness=2.0, thickness_units="screen")
+            self._scene.add_line_segments("/ground/region", edge, palette.REGION, thickness=2.0, thickness_units="screen")
 
     def _add_arm(self) -> None:
         self._angles = np.full(len(self._description.joints), np.inf)  # so that every joint moves at first
@@ -264,43 +264,43 @@ class Scene:
             place = {"position": link.translation, "wxyz": _wxyz(link.quaternion)}
             self._links[link.name] = self._scene.add_frame(path, show_axes=False, **place)
             if link.mesh is not None:
-                colour = colours.HAND if link.name.startswith("bhand") else colours.ARM
+                colour = palette.FINGERS if link.name.startswith("bhand") else palette.ARM
                 self._add_mesh(f"{path}/shape", link.mesh, colour)
         height = self._description.mount_height
-        self._scene.add_cylinder("/ground/mount", 0.12, height, color=colours.LIGHT, position=(0.0, 0.0, height / 2), cast_shadow=False)
+        self._scene.add_cylinder("/ground/mount", 0.12, height, color=palette.LIGHT, position=(0.0, 0.0, height / 2), cast_shadow=False)
 
     def _add_bodies(self) -> None:
         radius, shape = self._description.ball.radius, self._basket_shape
         self._hand = self._scene.add_frame("/hand", axes_length=0.12, axes_radius=0.006, origin_radius=0.0, visible=False)
-        self._ball = self._add_mesh("/ball", sphere(radius), colours.BALL, visible=False)
+        self._ball = self._add_mesh("/ball", sphere(radius), palette.BALL, visible=False)
         self._basket = self._add_mesh(
-            "/basket", bucket(shape.radius, shape.depth, shape.wall), colours.BASKET, visible=False, side="double", opacity=0.85
+            "/basket", bucket(shape.radius, shape.depth, shape.wall), palette.BASKET, visible=False, side="double", opacity=0.85
         )
         self._label = self._scene.add_label("/basket_label", "", visible=False, anchor="bottom-center")
         self._wanted = self._scene.add_line_segments(
             "/basket_wanted",
             segments(circle(shape.radius + shape.wall)),
-            colours.BASKET,
+            palette.BASKET,
             thickness=3.0,
             thickness_units="screen",
             visible=False,
         )
         for number, solid in enumerate(self._skill.surroundings() if self._skill is not None else ()):
-            self._add_mesh(f"/surroundings/{number}", parts_of([solid])[0].mesh, colours.LIGHT, opacity=0.6, flat_shading=True)
+            self._add_mesh(f"/surroundings/{number}", parts_of([solid])[0].mesh, palette.LIGHT, opacity=0.6, flat_shading=True)
         for number, role in enumerate(self.bodies if self._skill is not None else ()):
-            self._moved[role] = self._add_solids(role, colours.BALL if number == 0 else colours.BASKET)
-        self._attractor = self._add_mesh("/paths/attractor_now", sphere(0.025), colours.ATTRACTOR, visible=False)
+            self._moved[role] = self._add_solids(role, palette.BALL if number == 0 else palette.BASKET)
+        self._attractor = self._add_mesh("/paths/attractor_now", sphere(0.025), palette.ATTRACTOR, visible=False)
         self._ellipsoid = sphere(0.5, 16)
         self._numbers: dict[str, int] = {}
         self._hidden: set[str] = set()
         self._cameras = None
 
     def _add_paths(self) -> None:
-        of_path = dict(zip(self._trails, (*[colours.BALL][: len(self.bodies)], colours.EXECUTED, colours.ATTRACTOR), strict=True))
+        of_path = dict(zip(self._trails, (*[palette.BALL][: len(self.bodies)], palette.HAND, palette.ATTRACTOR), strict=True))
         self._paths = {name: self._add_lines(f"/paths/{name}", colour, 3.0) for name, colour in of_path.items()}
-        self._curves = self._add_lines("/demonstrations/hand", colours.DEMONSTRATION, 1.5)
+        self._curves = self._add_lines("/demonstrations/hand", palette.DEMONSTRATION, 1.5)
         self._targets = self._scene.add_point_cloud(
-            "/demonstrations/targets", np.empty((0, 3)), colours.DEMONSTRATION, point_size=0.04, point_shape="diamond"
+            "/demonstrations/targets", np.empty((0, 3)), palette.DEMONSTRATION, point_size=0.04, point_shape="diamond"
         )
 
     def _add_solids(self, role: str, colour: tuple[int, int, int]) -> Any:

@@ -1,10 +1,12 @@
 """Practice over DDS is practice in process, to the last bit; ground truth has no part in it: for all but the cameras it is garbage here."""
 
+import argparse
 import json
 import subprocess
 
 import numpy as np
 import pytest
+from dart_skill_msgs.action import Practice
 from dart_skill_msgs.msg import SimulationState
 from dart_skill_msgs.srv import Plan
 
@@ -13,6 +15,7 @@ from dart_skill.session import Session
 from dart_skill.skill.improve import PractisingSkill
 from dart_skill.world import ROLES
 from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.verbs import practice
 
 from .conftest import graphs, plan_request, teach_and_learn
 
@@ -100,6 +103,8 @@ def test_the_practice_command_changes_the_arm_on_the_way_and_reports_every_throw
         "base_turned",
         "--change-after",
         "1",
+        "--tests",
+        "1",
         "--json",
     ]
     done = subprocess.run([*command, "--output", str(tmp_path / "out")], capture_output=True, text=True, timeout=300)
@@ -113,4 +118,90 @@ def test_the_practice_command_changes_the_arm_on_the_way_and_reports_every_throw
     assert "from now on: base_turned" in done.stderr
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert summary == json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert [(one["when"], one["after_throws"], len(one["throws"])) for one in summary["tests"]] == [
+        ("before practice", 0, 1), ("after the change", 1, 1), ("after practice", 2, 1),
+    ]  # fmt: skip
+    before, changed, after = (one["throws"][0] for one in summary["tests"])
+    assert before["target_m"] == changed["target_m"] == after["target_m"], "the same baskets in each test"
+    assert changed["error_m"] > 0.08 > before["error_m"] and after["error_m"] < changed["error_m"]
+    assert "after practice: median landing error at 1 fixed baskets" in page
     assert "base turned" in page and "base_turned, after 1 own throws, unannounced" in page
+
+
+def row(error):
+    return {"target_m": [2.0, 0.0, 0.4], "landing_m": None, "error_m": error, "in_basket": error is not None and error < 0.15}
+
+
+def summary_of(tests, throws):
+    names = ("before practice", "after the change", "after practice")
+    names = names if len(tests) == 3 else names[::2]
+    after = (0, 2, len(throws)) if len(tests) == 3 else (0, len(throws))
+    told = [{"when": when, "after_throws": n, "throws": [*map(row, test)]} for when, n, test in zip(names, after, tests, strict=True)]
+    return {"tests": told, "throws": [*map(row, throws)], "thrown": len(throws), "learned": len(throws), "seconds": 1.0}
+
+
+def test_practice_whose_throws_get_worse_is_not_called_harm_where_its_tests_get_better():
+    """The coach throws where it expects the worst, so the errors of the practised throws may rise while the arm gets better."""
+    told = practice.table(summary_of([(0.010, 0.020), (0.005, 0.008)], (0.01, 0.02, 0.03, 0.04, 0.05, 0.06)))
+    lines = told.splitlines()
+    assert lines[0].startswith("at the same 2 baskets")
+    assert lines[2].split() == ["before", "practice", "2/2", "1.50", "2.00"] and lines[3].split() == [
+        "after",
+        "practice",
+        "2/2",
+        "0.65",
+        "0.80",
+    ]
+    assert lines[4] == "nearer to the middle after practice than before practice: 2 of 2 baskets"
+    assert told.index("the practised throws, at baskets where throws are worst") > told.index(lines[4])
+
+
+def test_practice_after_a_change_is_compared_with_the_arm_that_had_changed():
+    told = practice.table(summary_of([(0.01, 0.01), (0.2, None), (0.02, 0.02)], (0.01,) * 4))
+    assert "nearer to the middle after practice than after the change: 1 of 1 baskets" in told, "of those that were seen"
+
+
+def test_practice_without_tests_says_that_its_table_does_not_judge_it():
+    told = practice.table({**summary_of([(0.01,), (0.01,)], (0.01,) * 3), "tests": []})
+    assert "what practice is worth is told by --tests N" in told and "at the same" not in told
+
+
+@pytest.mark.parametrize(("tests", "purposes"), [
+    (2, ["before practice", "practised", "after practice"]),
+    (3, ["before practice", "practised", "after the change", "practised", "after practice"]),
+])  # fmt: skip
+def test_every_throw_has_its_purpose_in_order_of_time(tests, purposes):
+    summary = summary_of([(0.01, 0.02)] * tests, (0.03, 0.04, 0.05))
+    phases = practice.phases_of(summary)
+    assert [phase.name for phase, _ in phases] == purposes
+    assert [phase.throws for phase, _ in phases] == [len(rows) for _, rows in phases]
+    assert [row for phase, rows in phases if phase.learned_from for row in rows] == summary["throws"]
+
+
+class Coach:
+    """Stands for a graph that runs: remembers what was asked for, and each throw is 1 cm off."""
+
+    def __init__(self):
+        self.asked = []
+
+    def skill(self, _):
+        return "throw"
+
+    def practise(self, throws, only_throw=False, on_feedback=None, **where):
+        self.asked.append((throws, only_throw, where))
+        situation = conversions.at_place(np.array([2.0, 0.0, 0.4]))
+        outcome = conversions.unseen_outcome_msg(situation, "throw", "world")
+        return Practice.Result(success=True, executed=throws, learned=0 if only_throw else throws, outcomes=[outcome] * throws)
+
+
+@pytest.mark.parametrize(("chosen", "where"), [
+    ([], {"follow_basket": True}), (["--at", "2", "0", "0.4"], {"targets": [[2.0, 0.0, 0.4]]}),
+])  # fmt: skip
+def test_on_a_running_graph_there_are_tests_only_if_somebody_asks_for_them(chosen, where):
+    parser = argparse.ArgumentParser()
+    practice.add_arguments(parser)
+    for tests, wanted in (([], [(4, False, where)]), (["--tests", "2"], [(2, True, where), (4, False, where), (2, True, where)])):
+        coach = Coach()
+        told = practice._practise_there(coach, parser.parse_args(["--running", "--throws", "4", *chosen, *tests]))
+        assert coach.asked == wanted and told["thrown"] == 4
+        assert ("at the same 2 baskets" in told["text"]) == bool(tests)

@@ -15,8 +15,8 @@ from rclpy.serialization import serialize_message
 from std_srvs.srv import SetBool
 from visualization_msgs.msg import Marker, MarkerArray
 
+from dart_skill import palette
 from dart_skill.regions import targets_for
-from dart_skill.view import _colours as colours
 from dart_skill.view._scene import EYE, LOOK_AT
 from dart_skill.world import ROLES
 from dart_skill_nodes.client.failures import GraphFailure
@@ -246,7 +246,7 @@ def test_in_a_browser_the_basket_is_dragged_and_a_click_throws(taught, tmp_path)
             wait_for(client, taken, limit, what)
             return pictures[0]
 
-        blue = hue_of(colours.BASKET)
+        blue = hue_of(palette.BASKET)
         look(lambda picture: share_of(picture, front_of(begin), blue) == 1.0, "the basket where it stands")
         wanted = begin * [1.1, 1.1, 1.0]
         grip = front_of(begin)[3]
@@ -259,7 +259,7 @@ def test_in_a_browser_the_basket_is_dragged_and_a_click_throws(taught, tmp_path)
         wait_for(client, lambda: truth.episode > episode and "from the middle" in page.text(), 120.0, "the result of the throw")
         flight = np.array([point for point in truth.flight if point[2] > truth.basket[2] + 0.1])
         assert len(flight) > 20
-        vermilion = hue_of(colours.BALL)
+        vermilion = hue_of(palette.BALL)
         picture = look(lambda picture: share_of(picture, flight, vermilion) > 0.95, "the path of the ball")
         assert share_of(picture, truth.hand[None], lambda pixels: pixels.max(axis=1) < 130) == 1.0, "the hand"
         assert share_of(picture, flight + [0.0, 0.0, 0.5], vermilion) < 0.2, "only there"

@@ -1,9 +1,17 @@
-"""Markers as arrays, for whoever shows them."""
+"""Markers as arrays, for whoever shows them, and their colours."""
 
 import numpy as np
+from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from dart_skill.palette import Colour, unit
 from dart_skill_nodes.comms import conversions
+
+
+def marker_colour(colour: Colour, opacity: float = 1.0) -> ColorRGBA:
+    """A colour of the palette as markers have it; opacity: from 0 to 1."""
+    red, green, blue = unit(colour)
+    return ColorRGBA(r=red, g=green, b=blue, a=opacity)
 
 
 def ellipsoids(message: MarkerArray, frame_id: str) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:

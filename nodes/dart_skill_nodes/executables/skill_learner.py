@@ -7,9 +7,9 @@ from dart_skill_msgs.msg import Demonstration, DemonstrationMark, DemonstrationS
 from dart_skill_msgs.srv import AddTrial, DropDemonstration, Learn, ListDemonstrations, ModelFile, Plan
 from geometry_msgs.msg import Point
 from rcl_interfaces.msg import SetParametersResult
-from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from dart_skill import palette
 from dart_skill.recording import BagError, Marks, check_known, read_dropped
 from dart_skill.robot import load_registration
 from dart_skill.skill.learn import Unreachable, component_ellipsoids
@@ -17,6 +17,7 @@ from dart_skill.skill.model import NoPlan
 from dart_skill.skill.protocol import load_skill
 from dart_skill.skills.throw import Throw
 from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.markers import marker_colour
 from dart_skill_nodes.comms.names import DEMONSTRATIONS, MARKS
 from dart_skill_nodes.comms.qos import LATCHED, SYSTEM
 from dart_skill_nodes.comms.refusals import GuardedNode
@@ -44,8 +45,10 @@ TABLE = [
     Parameter("registration_file", "cameras and arm as `dart-skill check arm --write` measured them; empty: told from the throws alone"),
 ]
 
-COLOURS = (ColorRGBA(g=0.62, b=0.45, a=0.5), ColorRGBA(r=0.34, g=0.71, b=0.91, a=0.4), ColorRGBA(r=0.8, g=0.47, b=0.65, a=0.4))
-"""Of the product of the frames, and of the frames (Okabe and Ito)."""
+COLOURS = tuple(marker_colour(colour, 0.45) for colour in palette.GAUSSIANS)
+"""Of the product of the frames, and of the frames."""
+SHOWN = marker_colour(palette.DEMONSTRATION)
+"""Of the places for which something was shown."""
 
 
 class SkillLearner(GuardedNode):
@@ -236,7 +239,7 @@ class SkillLearner(GuardedNode):
         targets = Marker(ns="targets", id=0, type=Marker.SPHERE_LIST, action=Marker.ADD)
         targets.header.frame_id = self.p["frame_id"]
         targets.scale.x = targets.scale.y = targets.scale.z = 0.05
-        targets.color = ColorRGBA(r=0.8, g=0.3, b=0.1, a=1.0)
+        targets.color = SHOWN
         targets.points = [Point(x=float(x), y=float(y), z=float(z)) for x, y, z in places]
         array.markers.append(targets)
         self._markers.publish(array)

@@ -129,19 +129,22 @@ def throw_result(outcome, message: str) -> "ThrowResult":
     )
 
 
-def tell_practice(feedback, before: int, messages: dict[int, str]) -> None:
-    """What the person should do, and one line per throw, whose message is kept under its number; `before`: throws of earlier goals."""
+def tell_practice(feedback, before: int, messages: dict[int, str], what: str = "throw") -> None:
+    """What the person should do, and one line per throw, whose message is kept under its number; `before`: throws of earlier goals; what:
+    a throw is called.
+    """
     from dart_skill_nodes.comms import conversions
 
     if feedback.phase == "waiting":
-        say(f"throw {before + feedback.number}: {feedback.message}")
+        say(f"{what} {before + feedback.number}: {feedback.message}")
     if feedback.phase != "done":
         return
     messages[before + feedback.number] = feedback.message
     outcome = feedback.outcome
     error = f"{100 * outcome.error:.1f} cm" if outcome.seen else "landing not seen"
     where = place(conversions.target_of(outcome.situation))
-    say(f"throw {before + feedback.number}: {where}: {'in' if outcome.success else 'out'}, {error} {feedback.message}")
+    said = feedback.message.removeprefix("executed")
+    say(f"{what} {before + feedback.number}: {where}: {'in' if outcome.success else 'out'}, {error} {said}".rstrip())
 
 
 def throw_all(client: "GraphClient", targets: Sequence["np.ndarray"]) -> list["ThrowResult"]:

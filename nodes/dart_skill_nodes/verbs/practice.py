@@ -1,4 +1,8 @@
-"""`dart-skill practice`: over the real graph, a few demonstrations, then throw after throw, each of which the arm learns from."""
+"""`dart-skill practice`: over the real graph, a few demonstrations, then throw after throw, each of which the arm learns from.
+
+What it is worth is told by tests at the same baskets before and after, from which nothing is learned. The errors of the practised throws do
+not tell it: the coach sends these where throws are worst.
+"""
 
 import argparse
 import json
@@ -9,16 +13,24 @@ from typing import TYPE_CHECKING
 from dart_skill.cli.names import CHANGES, PRACTICE_METHODS
 from dart_skill.cli.run_options import add_namespace, add_run, asked, check_run, parameter_texts
 from dart_skill.files import new_file
+from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES, Graph, of_executables
 from dart_skill_nodes.verbs._run import PATIENCE, carried_out, on_running_graph, print_result, say, teach, tell_practice
 from dart_skill_nodes.verbs._skill_run import THROW, practise
 
 if TYPE_CHECKING:
+    import numpy as np
+
+    from dart_skill.report import Phase
     from dart_skill.session import ThrowResult
     from dart_skill_nodes.client.graph_client import GraphClient
 
 BLOCK = 5
 """Throws per line of the table."""
+TESTS = 10
+"""Baskets of a test where a simulator throws; a person with a real arm asks for tests."""
+BEFORE, CHANGED, AFTER = "before practice", "after the change", "after practice"
+"""When there is a test."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,6 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_run(parser, demonstrations=3, throws=20, thrown="own throws")
     methods = [name for name in PRACTICE_METHODS if name != "power"]
     parser.add_argument("--method", choices=methods, help="default: of config/skill_learner.yaml")
+    tests = f"throws of a test before and one after, at baskets that stay the same; not learned from (default {TESTS}, with --running 0)"
+    parser.add_argument("--tests", type=int, metavar="N", help=tests)
     parser.add_argument("--change", choices=sorted(CHANGES), default="none", help="what happens to the arm, unannounced (default none)")
     parser.add_argument("--change-after", type=int, default=5, metavar="N", help="own throws before the change (default 5)")
     running = parser.add_argument_group("on a graph that runs (dart-skill up)")
@@ -45,6 +59,8 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Practise; returns the exit status."""
     from dart_skill.report import PAGE
 
+    if options.tests is not None and options.tests < 0:
+        parser.error(f"--tests is {options.tests}; it must be at least 0")
     if options.running:
         _refuse_what_starts_a_graph(options, parser)
         task, namespace = partial(_practise_there, options=options), options.namespace
@@ -85,21 +101,48 @@ def _reach_coach(client: "GraphClient") -> None:
 
 
 def _practise_there(client: "GraphClient", options: argparse.Namespace) -> dict:
-    """Own throws on a graph that runs, each of which is learned from."""
+    """Own throws on a graph that runs, each of which is learned from, between two tests if they were asked for."""
     if (skill := client.skill(PATIENCE)) != THROW:
         return _practise_skill(client, options, skill)
-    messages: dict[int, str] = {}
     wanted = {} if options.choose else {"follow_basket": True} if options.at is None else {"targets": [options.at]}
+    where = wanted if not options.choose else {"targets": _test_baskets(0, options.tests or 0)}
+    tests = [_test(client, BEFORE, 0, options.tests, where)] if options.tests else []
+    messages: dict[int, str] = {}
     result = client.practise(options.throws, **wanted, on_feedback=partial(tell_practice, before=0, messages=messages))
     throws = [_as_row(outcome, messages.get(k, "")) for k, outcome in enumerate(result.outcomes, start=1)]
-    told = {"thrown": int(result.executed), "learned": int(result.learned), "throws": throws}
-    return {"text": result.message, **told, "ok": bool(result.success), "next": "dart-skill throw"}
+    if tests and result.success:
+        tests.append(_test(client, AFTER, len(throws), options.tests, where))
+    told = {"thrown": int(result.executed), "learned": int(result.learned), "throws": throws, "tests": tests}
+    text = "\n".join([result.message, *tests_table(tests)])
+    return {"text": text, **told, "ok": bool(result.success), "next": "dart-skill throw"}
+
+
+def _test_baskets(seed: int, count: int) -> "np.ndarray":
+    """Baskets (n, 3) of all tests of a seed, spread over the region [m]."""
+    import numpy as np
+
+    from dart_skill.regions import REGION
+
+    return REGION.spread(count, np.random.default_rng([seed, 6]))
+
+
+def _test(client: "GraphClient", when: str, after: int, throws: int, where: dict) -> dict:
+    """Throws from which nothing is learned. where: targets, or that they follow the basket; after: own throws practised before them."""
+    say(f"test {when}: {throws} throws, from which nothing is learned")
+    messages: dict[int, str] = {}
+    tell = partial(tell_practice, before=0, messages=messages, what="test throw")
+    result = client.practise(throws, **where, only_throw=True, on_feedback=tell)
+    if len(result.outcomes) < throws:
+        raise GraphFailure(f"the test {when} ended after {len(result.outcomes)} of {throws} throws: {result.message}")
+    rows = [_as_row(outcome, messages.get(k, "").removeprefix("executed")) for k, outcome in enumerate(result.outcomes, start=1)]
+    return {"when": when, "after_throws": after, "throws": rows}
 
 
 def _practise_skill(client: "GraphClient", options: argparse.Namespace, skill: str) -> dict:
     """Own trials of another skill, where the coach lets it be tried."""
-    if options.at is not None:
-        raise ValueError(f"--at is for throws: the graph practises '{skill}', whose situations the coach draws")
+    if options.at is not None or options.tests:
+        name = "tests" if options.at is None else "at"
+        raise ValueError(f"--{name} is for throws: the graph practises '{skill}', whose situations the coach draws")
     result, trials = practise(client, options.throws)
     told = {"executed": int(result.executed), "learned": int(result.learned), "trials": [one.to_json() for one in trials]}
     return {"text": result.message, **told, "ok": bool(result.success), "next": "dart-skill execute"}
@@ -121,6 +164,10 @@ def run(options: argparse.Namespace) -> dict:
         client.wait_until_ready()
         teach(client, options.seed, options.demonstrations)
         say(client.learn().message)
+        tests, count = [], TESTS if options.tests is None else options.tests
+        test = partial(_test, client, throws=count, where={"targets": _test_baskets(options.seed, count)})
+        if count:
+            tests.append(test(BEFORE, 0))
         begun = time.monotonic()
         blocks = [options.throws] if options.change == "none" else [options.change_after, options.throws - options.change_after]
         results, messages = [], {}
@@ -128,10 +175,12 @@ def run(options: argparse.Namespace) -> dict:
             if block:
                 client.set_parameters("wam_simulator", VALUES[options.change])
                 say(f"from now on: {options.change}")
+                tests += [test(CHANGED, options.change_after)] if count else []
             if throws:
                 before = sum(len(result.outcomes) for result in results)
                 results.append(client.practise(throws, on_feedback=partial(tell_practice, before=before, messages=messages)))
         took = time.monotonic() - begun
+        tests += [test(AFTER, options.throws)] if count else []
         client.close()
     outcomes = [outcome for result in results for outcome in result.outcomes]
     throws = [_as_row(outcome, messages.get(number, "")) for number, outcome in enumerate(outcomes, start=1)]
@@ -140,6 +189,7 @@ def run(options: argparse.Namespace) -> dict:
         "seed": options.seed, "demonstrations": options.demonstrations, "thrown": sum(result.executed for result in results),
         "learned": sum(result.learned for result in results), "change": options.change, "change_after": options.change_after,
         "seconds": round(took, 1), "message": results[-1].message, "bag": str(options.output / "bag"), "throws": throws,
+        "tests": tests,
     }  # fmt: skip
 
 
@@ -173,18 +223,60 @@ def _as_row(outcome, message: str) -> dict:
 
 
 def table(summary: dict) -> str:
-    """Errors in blocks of throws."""
-    import numpy as np
-
-    lines = [f"{'throws':>10}{'in':>8}{'median [cm]':>14}{'worst [cm]':>13}"]
+    """What practice is worth, by the tests; then the errors of the practised throws in blocks."""
+    lines = tests_table(summary["tests"])
+    lines += ["", "the practised throws, at baskets where throws are worst:"] if lines else []
+    lines += [_HEAD.format("throws")]
     for first in range(0, len(summary["throws"]), BLOCK):
         block = summary["throws"][first : first + BLOCK]
-        errors = 100 * np.array([row["error_m"] for row in block if row["error_m"] is not None])
-        numbers = f"{np.median(errors):>14.1f}{errors.max():>13.1f}" if len(errors) else f"{'not seen':>14}"
-        span, inside = f"{first + 1}-{first + len(block)}", sum(row["in_basket"] for row in block)
-        lines.append(f"{span:>10}{f'{inside}/{len(block)}':>8}{numbers}")
+        lines.append(_line(f"{first + 1}-{first + len(block)}", block))
+    if not summary["tests"]:
+        lines.append("these baskets differ, and the coach looks for bad ones: what practice is worth is told by --tests N")
     done = f"{summary['thrown']} throws made, {summary['learned']} learned from, in {summary['seconds']:.0f} s"
     return "\n".join([*lines, done])
+
+
+def tests_table(tests: list[dict]) -> list[str]:
+    """The tests line by line, and at how many of the baskets the last one was nearer than the one before; nothing without any."""
+    if not tests:
+        return []
+    rows = [one["throws"] for one in tests]
+    lines = [f"at the same {len(rows[0])} baskets, nothing is learned from these throws:", _HEAD.format("")]
+    lines += [_line(one["when"], one["throws"]) for one in tests]
+    errors = [(first["error_m"], last["error_m"]) for first, last in zip(*rows[-2:], strict=True)] if len(rows) > 1 else []
+    both = [(first, last) for first, last in errors if first is not None and last is not None]
+    if both:
+        nearer = sum(last < first for first, last in both)
+        lines.append(f"nearer to the middle {tests[-1]['when']} than {tests[-2]['when']}: {nearer} of {len(both)} baskets")
+    return lines
+
+
+_HEAD = f"{{:>18}}{'in':>8}{'median [cm]':>14}{'worst [cm]':>13}"
+
+
+def _line(name: str, throws: list[dict]) -> str:
+    """Throws in a line of a table."""
+    import numpy as np
+
+    errors = 100 * np.array([row["error_m"] for row in throws if row["error_m"] is not None])
+    numbers = f"{np.median(errors):>14.2f}{errors.max():>13.2f}" if len(errors) else f"{'not seen':>14}"
+    inside = f"{sum(row['in_basket'] for row in throws)}/{len(throws)}"
+    return f"{name:>18}{inside:>8}{numbers}"
+
+
+def phases_of(summary: dict) -> "list[tuple[Phase, list[dict]]]":
+    """What all throws of a run were for, in order of time, with their rows."""
+    from dart_skill.report import Phase
+
+    found, done = [], 0
+    for test in summary["tests"]:
+        if practised := summary["throws"][done : test["after_throws"]]:
+            found.append((Phase("practised", len(practised), learned_from=True), practised))
+        done = max(done, test["after_throws"])
+        found.append((Phase(test["when"], len(test["throws"])), test["throws"]))
+    if rest := summary["throws"][done:]:
+        found.append((Phase("practised", len(rest), learned_from=True), rest))
+    return found
 
 
 def write_report(summary: dict, options: argparse.Namespace, asked_for: list[tuple]) -> None:
@@ -198,9 +290,10 @@ def write_report(summary: dict, options: argparse.Namespace, asked_for: list[tup
         "Seed": str(options.seed),
         "Change": f"{options.change}, after {options.change_after} own throws, unannounced" if changed else "none",
         "Learned from": f"{summary['learned']} of {summary['thrown']} own throws, besides {options.demonstrations} demonstrations",
-        "Time": f"{summary['seconds']:.0f} s for the own throws",
+        "Time": f"{summary['seconds']:.0f} s for the practised throws" + (" and a test" if changed and summary["tests"] else ""),
     }
     marks = {options.change_after: options.change} if changed else {}
     title = f"Practice: {options.demonstrations} demonstrations, {summary['thrown']} own throws"
-    about = About(title, facts, asked_for, parameter_texts(), marks=marks)
-    write_page(summary["bag"], options.output / PAGE, about, _results(summary["throws"]))
+    phases = phases_of(summary)
+    about = About(title, facts, asked_for, parameter_texts(), marks=marks, phases=tuple(phase for phase, _ in phases))
+    write_page(summary["bag"], options.output / PAGE, about, _results([row for _, rows in phases for row in rows]))

@@ -332,7 +332,12 @@ def test_landings_shows_every_basket_and_every_landing_that_was_seen(tmp_path):
     assert (drawing.count(r"demonstrated_\d+"), drawing.count(r"thrown_\d+")) == (3, 4)
     for panel in ("plan", "relative"):
         assert (drawing.points(f"{panel}_in"), drawing.points(f"{panel}_out")) == (2, 1), "one landing was not seen"
-    for label in ("in 2/4, median 2.2 cm, 90 % 20.4 cm, landing seen 3/4", "radius 15 cm", "along the throw, + too far [cm]", "y [m]"):
+    for label in (
+        "in 2/4, median 2.2 cm, 90 % 20.4 cm, landing seen 3/4",
+        "radius of the rim 15 cm",
+        "along the throw, + too far [cm]",
+        "y [m]",
+    ):
         assert drawing.says(label), drawing.texts
 
 

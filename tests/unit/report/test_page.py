@@ -15,11 +15,13 @@ import pytest
 from dart_skill.cli import main
 from dart_skill.cli.report import page_beside
 from dart_skill.recording import BagWriter
-from dart_skill.report import About, page_of, pictures, read_run, write_page
-from dart_skill.report._curve import WINDOW, curve_figure, running_quartiles
+from dart_skill.report import About, Phase, page_of, pictures, play, read_run, write_page
+from dart_skill.report._curve import WINDOW, compared_figure, curve_figure, running_quartiles
 from dart_skill.report._pictures import embeddable
+from dart_skill.report._replay import make_replay
 from dart_skill.report._run import machine, result_of, versions
 from dart_skill.session import ThrowResult
+from dart_skill.skill.learn import component_ellipsoids
 from dart_skill.view import ViewUnavailable
 from tests.paths import BAGS
 
@@ -105,7 +107,7 @@ def test_the_machine_is_told_without_its_name():
 
 
 def test_each_picture_is_an_element_whose_ids_are_its_own():
-    elements = [picture.element for picture in drawn_of("throws") if picture.svg]
+    elements = [form for picture in drawn_of("throws") for form in picture.forms.values()]
     assert [picture.name for picture in drawn_of("throws") if picture.svg] == ["curve", "landings", "gaussians", "execution"]
     ids = [set(re.findall(r'\bid="([^"]+)"', element)) for element in elements]
     assert sum(map(len, ids)) == len(set.union(*ids))
@@ -114,6 +116,114 @@ def test_each_picture_is_an_element_whose_ids_are_its_own():
         used = set(re.findall(r'(?:href="#|url\(#)([^")]+)', element))
         assert used and used <= own
         assert "<text" in element and "<metadata>" not in element and "sans-serif" in element
+
+
+def test_a_narrow_screen_gets_figures_of_its_own_whose_letters_it_can_read():
+    for picture in drawn_of("throws"):
+        for kind, form in picture.forms.items():
+            width = float(re.search(r'viewBox="0 0 ([\d.]+)', form).group(1))
+            assert (width < 340) == (kind == "narrow"), f"{picture.name}, {kind}: {width} points; a telephone has about 330 pixels"
+            assert f'<div class="{kind}"><svg' in picture.element
+    assert "@media (prefers-color-scheme: dark)" in page_text("throws") and "figure .narrow { display: block; }" in page_text("throws")
+
+
+# practice
+
+
+PHASES = (Phase("before practice", 5), Phase("practised", 10, True), Phase("after practice", 5))
+
+
+def practised_run():
+    """The throws of the bag as if the arm had learned from the ten in the middle."""
+    run = run_of("throws")
+    return replace(run, about=replace(run.about, phases=PHASES))
+
+
+def test_practice_is_judged_by_its_tests_and_not_by_the_throws_that_were_learned_from(monkeypatch):
+    monkeypatch.setattr("dart_skill.report._page._replay", lambda run: (None, "not now"))
+    run = practised_run()
+    assert run.practised == run.results[5:15] and [results for _, results in run.tests] == [run.results[:5], run.results[15:]]
+    drawn = pictures(run)
+    assert [picture.name for picture in drawn[:3]] == ["tests", "curve", "landings"]
+    assert "does not tell whether practice helps" in drawn[1].caption.replace("this curve alone ", "")
+    text = page_of(run, drawn)
+    for name, throws in (("before practice", run.results[:5]), ("after practice", run.results[15:])):
+        median = 100 * np.median([throw.error_m for throw in throws])
+        assert f"<b>{median:.2f} cm</b><span>{name}: median landing error at 5 fixed baskets" in text
+    assert "own throws in the basket" not in text, "one number of throws of three purposes says nothing"
+    assert [text.count(f"<td>{phase.name}</td>") for phase in PHASES] == [5, 10, 5], "the purpose of each throw"
+
+
+def test_a_learning_curve_is_shown_only_where_something_was_learned():
+    titles = {picture.name: picture.title for picture in drawn_of("throws")}
+    assert titles["curve"] == "Landing error, throw by throw" and "Learning curve" not in page_text("throws")
+    labels = [text.get_text() for text in curve_figure(run_of("throws").results).legends[0].get_texts()]
+    assert labels == ["quartiles", "median", "in"], "no running median of throws whose order means nothing"
+    learned = [text.get_text() for text in curve_figure(run_of("throws").results, learned=True).legends[0].get_texts()]
+    assert f"median of the last {WINDOW} throws" in learned
+
+
+def test_phases_that_are_not_all_throws_are_an_error():
+    with pytest.raises(ValueError, match="must add up to all throws"):
+        read_run(BAGS / "throws", About(phases=PHASES[:2]), run_of("throws").results)
+
+
+def test_tests_are_compared_basket_by_basket():
+    before, after = run_of("throws").results[:5], run_of("throws").results[15:]
+    axes = compared_figure([("before", before), ("after", after)]).axes
+    assert [text.get_text() for text in axes[0].get_xticklabels()] == ["before", "after"]
+    medians = [f"{100 * np.median([throw.error_m for throw in throws]):.2f}" for throws in (before, after)]
+    assert [text.get_text() for text in axes[0].texts] == medians
+    assert len(axes[1].texts) == 5, "an arrow for each basket"
+    for wrong in ([("before", before)], [("before", before), ("after", after[:3])]):
+        with pytest.raises(ValueError, match="two or more with the same number"):
+            compared_figure(wrong)
+
+
+# the replay
+
+
+class Stage:
+    """Stands for a scene and its timeline: remembers where the ball was when something was told."""
+
+    def __init__(self):
+        self.ball, self.told = [], []
+
+    def move_ball(self, position):
+        self.ball.append(position)
+
+    def when_down(self):
+        self.told.append(len(self.ball))
+
+    def __getattr__(self, name):
+        return lambda *_: None
+
+
+def test_what_became_of_a_throw_is_told_when_the_ball_is_down():
+    run = run_of("throws")
+    for throw in run.own[:3]:
+        stage = Stage()
+        play(stage, stage, run.recording, throw, when_down=stage.when_down)
+        assert len(stage.told) == 1, "once"
+        heights, rim = np.array(stage.ball)[:, 2], throw.demonstration.target[2]
+        assert heights[: stage.told[0]].min() > rim, "not while it flies"
+        assert heights[stage.told[0]] < rim + 0.06, "in the picture in which it passes the rim: a sample is at most 10 ms older"
+    unseen = replace(throw, outcome=replace(throw.outcome, landing_seen=False))
+    stage = Stage()
+    play(stage, stage, run.recording, unseen, when_down=stage.when_down)
+    assert stage.told == [len(stage.ball)], "nobody saw it: when all is over"
+
+
+def test_each_throw_is_shown_with_the_gaussians_for_its_own_basket():
+    pytest.importorskip("viser")
+    run, asked = run_of("throws"), []
+
+    def gaussians(target):
+        asked.append(target)
+        return component_ellipsoids(run.skill.mixture(target))
+
+    make_replay(run.recording, run.own[:2], run.shown, gaussians)
+    np.testing.assert_array_equal(asked, [throw.demonstration.target for throw in run.own[:2]])
 
 
 def test_an_element_keeps_what_it_draws():
@@ -167,7 +277,7 @@ def test_a_curve_needs_a_landing_and_marks_what_happened():
     unseen = ThrowResult((2.0, 0.0, 0.4), None, None, False)
     with pytest.raises(ValueError, match="no landing was seen"):
         curve_figure([unseen])
-    axes = curve_figure([unseen, *run_of("throws").results], {5: "base_turned"}).axes[0]
+    axes = curve_figure([unseen, *run_of("throws").results], marks={5: "base_turned"}).axes[0]
     assert "base turned" in [text.get_text() for text in axes.texts] and "n = 21 throws, 20 landings seen" in axes.get_title(loc="left")
 
 
