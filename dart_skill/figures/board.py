@@ -12,7 +12,20 @@ from matplotlib.image import AxesImage
 from matplotlib.patches import Circle
 
 from dart_skill.darts import RADII, SECTORS, Aim, Jump, LegPolicy, OptimumPath, Spread, SpreadEstimate, direction, heat_map, local_optima
-from dart_skill.figures._style import BLACK, BLUE, GREY, LIGHT, PALE, VERMILION, house_style, quantity_colours, save
+from dart_skill.figures._style import (
+    BASKET,
+    BLACK,
+    BLUE,
+    GREY,
+    LIGHT,
+    PALE,
+    VERMILION,
+    house_style,
+    legend_below,
+    letter_panels,
+    quantity_colours,
+    save,
+)
 
 NUMBERS_AT, LIMIT = 185.0, 196.0
 HALO = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8}
@@ -22,11 +35,13 @@ HIGHEST_CHECKOUT = 170
 def draw_heat_map(spread: Spread, folder: str | Path, name: str = "heat_map", spacing: float = 1.0) -> list[Path]:
     """Draw the expected score over the board with all local optima, the best one as a cross; returns the paths of the files."""
     with house_style():
-        figure = Figure(figsize=(7.2, 6.0), layout="constrained")
+        figure = Figure(figsize=(7.2, 6.3), layout="constrained")
         axes = figure.subplots()
         image = _heat(axes, spread, local_optima(spread), spacing)
-        figure.colorbar(image, ax=axes, label="expected score of one dart", shrink=0.8)
-        axes.set_title(f"Expected score, {_describe(spread)}\ncross: best aim, dots: other local optima")
+        figure.colorbar(image, ax=axes, label="expected score of one dart [points]", shrink=0.8)
+        axes.set_title(f"Expected score by aim, {_describe(spread)}")
+        handles, labels = axes.get_legend_handles_labels()
+        legend_below(figure, handles, labels, 2)
         return save(figure, folder, name)
 
 
@@ -44,8 +59,9 @@ def draw_path(path: OptimumPath, folder: str | Path, name: str = "best_aim_over_
         for jump in path.jumps:
             _mark_jump(board, scores, jump)
         figure.colorbar(image, ax=board, label="sigma [mm]", shrink=0.8)
-        board.set_title("Best aim")
-        scores.set(xlabel="sigma [mm]", ylabel="expected score of one dart", title="What it scores", ylim=(0, None))
+        board.set_title("Best aim for each sigma")
+        scores.set(xlabel="sigma [mm]", ylabel="expected score of one dart [points]", title="What it scores", ylim=(0, None))
+        letter_panels(board, scores)
         return save(figure, folder, name)
 
 
@@ -57,8 +73,9 @@ def draw_estimate(estimate: SpreadEstimate, best: Aim, folder: str | Path, name:
         curve, board = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
         _profile(curve, estimate, low, high)
         image = _heat(board, estimate.spread, [best], 1.0)
-        figure.colorbar(image, ax=board, label="expected score of one dart", shrink=0.8)
+        figure.colorbar(image, ax=board, label="expected score of one dart [points]", shrink=0.8)
         board.set_title(f"Aim at {best.bed}: {best.expected_score:.2f} points per dart")
+        letter_panels(curve, board)
         return save(figure, folder, name)
 
 
@@ -70,19 +87,22 @@ def draw_leg(policy: LegPolicy, folder: str | Path, name: str = "leg") -> list[P
         figure = Figure(figsize=(10.5, 5.0), layout="constrained")
         curve, board = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
         curve.plot(remaining, policy.expected[remaining], color=BLUE)
-        curve.set(xlabel="remaining score", ylabel=f"expected {policy.objective} to the finish", ylim=(0, None), xlim=(0, policy.start))
+        curve.set(
+            xlabel="remaining score [points]", ylabel=f"expected {policy.objective} to the finish", ylim=(0, None), xlim=(0, policy.start)
+        )
         curve.set_title(f"Double out from {policy.start}: {policy.expected[-1]:.2f} {policy.objective}")
         draw_board(board, aims=aims)
         look = {"cmap": quantity_colours(), "vmin": 2, "vmax": HIGHEST_CHECKOUT, "zorder": 3}
         late = remaining <= HIGHEST_CHECKOUT
         if not late.all():
-            board.plot(
-                *aims[~late].T, "x", color=VERMILION, markersize=5, linestyle="none", label=f"more than {HIGHEST_CHECKOUT}", zorder=4
-            )
-            board.legend(loc="lower left", bbox_to_anchor=(-0.02, -0.04))
-        image = board.scatter(*aims[late].T, c=remaining[late], s=18, **look)
-        figure.colorbar(image, ax=board, label="remaining score", shrink=0.8)
-        board.set_title("First dart of a turn")
+            many = f"aim with more than {HIGHEST_CHECKOUT} left"
+            board.plot(*aims[~late].T, "x", color=BASKET, markersize=5, linestyle="none", label=many, zorder=4)
+        image = board.scatter(*aims[late].T, c=remaining[late], s=18, label="aim with a score left that one turn can finish", **look)
+        figure.colorbar(image, ax=board, label="remaining score [points]", shrink=0.8)
+        board.set_title("Where the first dart of a turn is aimed")
+        letter_panels(curve, board)
+        handles, labels = board.get_legend_handles_labels()
+        legend_below(figure, handles, labels, 2)
         return save(figure, folder, name)
 
 
@@ -105,9 +125,10 @@ def _heat(axes: Axes, spread: Spread, optima: list[Aim], spacing: float) -> Axes
     edge = heat.x[-1] + 0.5 * spacing
     image = axes.imshow(values, origin="lower", extent=(-edge, edge, -edge, edge), cmap=quantity_colours(), interpolation="nearest")
     draw_board(axes, "#FFFFFF60", np.array([optimum.point for optimum in optima]))
-    for optimum in optima[1:]:
-        axes.plot(*optimum.point, "o", color="white", markeredgecolor=BLACK, markersize=5)
-    axes.plot(*optima[0].point, "P", color=VERMILION, markeredgecolor="white", markersize=10)
+    for number, optimum in enumerate(optima[1:]):
+        name = None if number else "other local optimum"
+        axes.plot(*optimum.point, "o", color="white", markeredgecolor=BLACK, markersize=5, linestyle="none", label=name)
+    axes.plot(*optima[0].point, "P", color=BASKET, markeredgecolor="white", markersize=11, linestyle="none", label="best aim")
     beside = optima[0].point + [0.0, 14.0 if optima[0].point[1] < 0 else -14.0]
     axes.text(beside[0], beside[1], f"{optima[0].bed}: {optima[0].expected_score:.2f}", ha="center", va="center", bbox=HALO)
     return image

@@ -12,13 +12,26 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from dart_skill.experiments.thesis.ball_throws import Angles, Trajectory
-from dart_skill.figures import BLACK, BLUE, GREEN, GREY, LIGHT, RIM_RADIUS, SKY, VERMILION, basket_from_above, quantity_colours, unit_along
+from dart_skill.figures import (
+    BALL,
+    BASKET,
+    BLACK,
+    DEMONSTRATION,
+    GREEN,
+    HAND,
+    PURPLE,
+    RIM_RADIUS,
+    SKY,
+    basket_from_above,
+    quantity_colours,
+    unit_along,
+)
 from dart_skill.movement import rotate
 from dart_skill.regions import REGION
 
 TRIAD = 0.09
 """Length of the axes of a gripper frame [m]."""
-TRIAD_COLOURS = (VERMILION, GREEN, BLUE)
+TRIAD_COLOURS = (PURPLE, GREEN, SKY)
 ABOVE, SIDE = (-1.1, 2.75, -1.6, 1.6), (-1.1, 2.75, 0.25, 2.45)
 """Limits of the two views [m]."""
 
@@ -40,36 +53,44 @@ def draw_trajectories(column: np.ndarray, trajectories: list[Trajectory], gid: s
     for axes, above in zip(column, (True, False), strict=True):
         for number, one in enumerate(trajectories, start=1):
             name = f"{gid}_{'above' if above else 'side'}_{number}"
-            _draw_trajectory(axes, one, above, name, BLACK if new else VERMILION, every=0.1 if len(trajectories) < 5 else 0.24)
+            _draw_trajectory(axes, one, above, name, new, every=0.1 if len(trajectories) < 5 else 0.24)
     column[0].plot(0.0, 0.0, "s", color=BLACK, markersize=6)
 
 
 def trajectory_legend(figure: Figure, n_columns: int) -> None:
     """What is what, below the panels."""
     dot: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 4.5}
-    entries = [Line2D([], [], color=GREY, linewidth=1.4, label="hand"), Line2D([], [], color=LIGHT, linewidth=1.2, label="ball")]
+    entries = [
+        Line2D([], [], color=DEMONSTRATION, linewidth=1.4, label="hand, demonstrated"),
+        Line2D([], [], color=HAND, linewidth=1.4, label="hand, planned"),
+        Line2D([], [], color=BALL, linewidth=1.0, label="ball"),
+    ]
     entries += [Line2D([], [], color=colour, label=f"gripper's {name}") for name, colour in zip("xyz", TRIAD_COLOURS, strict=True)]
-    entries += [Line2D([], [], color=colour, label=name, **dot) for colour, name in ((VERMILION, "target"), (BLACK, "new target"))]
+    entries += [
+        Line2D([], [], color=colour, label=name, **dot)
+        for colour, name in ((DEMONSTRATION, "basket, demonstrated"), (BASKET, "basket, new"))
+    ]
     entries += [Line2D([], [], color=BLACK, linestyle="none", marker="s", label="arm")]
     figure.legend(handles=entries, loc="outside lower center", ncols=n_columns)
 
 
-def _draw_trajectory(axes: Axes, one: Trajectory, above: bool, gid: str, colour: str, every: float) -> None:
+def _draw_trajectory(axes: Axes, one: Trajectory, above: bool, gid: str, new: bool, every: float) -> None:
+    hand, basket = (HAND, BASKET) if new else (DEMONSTRATION, DEMONSTRATION)
     forward = unit_along(float(np.arctan2(one.target[1], one.target[0])))
 
     def seen(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return (points[:, 0], points[:, 1]) if above else (points[:, :2] @ forward, points[:, 2])
 
-    axes.plot(*seen(one.flight), color=LIGHT, linewidth=0.9, zorder=1, gid=f"{gid}_ball")
-    axes.plot(*seen(one.position), color=GREY, linewidth=1.1, zorder=2, gid=f"{gid}_hand")
+    axes.plot(*seen(one.flight), color=BALL, linewidth=0.7, alpha=0.7, zorder=1, gid=f"{gid}_ball")
+    axes.plot(*seen(one.position), color=hand, linewidth=1.1, zorder=2, gid=f"{gid}_hand")
     k = np.searchsorted(one.time, np.arange(one.time[0], one.time[-1], every))
     for unit, shade in zip(np.eye(3), TRIAD_COLOURS, strict=True):
         ends = one.position[k] + TRIAD * rotate(one.quaternion[k], unit[None])
         pairs = zip(seen(one.position[k]), seen(ends), strict=True)
         axes.plot(*(_strokes(*pair) for pair in pairs), color=shade, linewidth=0.9, zorder=3)
-    axes.plot(*seen(one.target[None]), "o", color=colour, markersize=4.5, zorder=4, gid=f"{gid}_target")
+    axes.plot(*seen(one.target[None]), "o", color=basket, markersize=4.5, zorder=4, gid=f"{gid}_target")
     if above:
-        basket_from_above(axes, one.target, RIM_RADIUS, facecolor="none", edgecolor=colour, linewidth=0.6, alpha=0.5)
+        basket_from_above(axes, one.target, RIM_RADIUS, facecolor="none", edgecolor=basket, linewidth=0.6, alpha=0.7)
 
 
 def _strokes(starts: np.ndarray, ends: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dart_skill.figures import BLACK, GREEN, LIGHT, VERMILION, gaussian_ellipse, house_style, save
+from dart_skill.figures import BLACK, GAUSSIAN, GREY, LIGHT, gaussian_ellipse, house_style, legend_below, letter_panels, save
 from dart_skill.policy_search import PoWER, return_weights
 
 TITLE = "One update of PoWER: samples, the best of them, new mean and covariance"
@@ -55,21 +55,26 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
     update = compute(seed)
     best = update.weights > 0
     with house_style():
-        figure = Figure(figsize=(10.5, 4.0), layout="constrained")
+        figure = Figure(figsize=(10.5, 4.3), layout="constrained")
         samples, elite, updated = figure.subplots(1, 3, sharex=True, sharey=True)
         for axes, shown in ((samples, np.ones(N_SAMPLES, dtype=bool)), (elite, best), (updated, best)):
             _hill(axes)
             size = 120 * update.returns[shown] / update.returns.max()
-            axes.scatter(*update.tried[shown].T, s=size, facecolor="none", edgecolor=BLACK, linewidth=0.9)
+            axes.scatter(
+                *update.tried[shown].T, s=size, facecolor="none", edgecolor=BLACK, linewidth=0.9, label="sample, area by its return"
+            )
         for axes in (samples, elite):
             _policy(axes, *update.before)
         _policy(updated, *update.after)
-        samples.set_title(f"policy, {DEVIATIONS:g} s.d., and {N_SAMPLES} samples, area by return")
-        elite.set_title(f"the best {N_BEST}")
-        updated.set_title("mean (5.1) and covariance (5.2) after")
-        samples.set_ylabel("second parameter")
+        samples.set_title(f"The policy and {N_SAMPLES} samples of it")
+        elite.set_title(f"The best {N_BEST} of them")
+        updated.set_title("New mean (5.1) and covariance (5.2)")
+        samples.set_ylabel("second parameter [1]")
         for axes in (samples, elite, updated):
-            axes.set(xlabel="first parameter", aspect="equal")
+            axes.set(xlabel="first parameter [1]", aspect="equal")
+        letter_panels(samples, elite, updated)
+        handles, labels = samples.get_legend_handles_labels()
+        legend_below(figure, handles, labels, 5)
         return save(figure, folder, "figure_5_1"), measured(update)
 
 
@@ -82,8 +87,11 @@ def _hill(axes: Axes) -> None:
     x, y = np.meshgrid(np.linspace(-3.2, 4.2, 75), np.linspace(-3.2, 3.6, 69))
     height = np.array([reward(point) for point in np.column_stack([x.ravel(), y.ravel()])]).reshape(x.shape)
     axes.contour(x, y, height, levels=[0.1, 0.3, 0.5, 0.7, 0.9], colors=LIGHT, linewidths=0.7)
+    axes.plot([], [], color=LIGHT, linewidth=0.7, label="return 0.1, 0.3, ..., 0.9")
+    axes.plot(*OPTIMUM, "x", color=GREY, markersize=7, linestyle="none", label="best parameters")
 
 
 def _policy(axes: Axes, mean: np.ndarray, covariance: np.ndarray) -> None:
-    axes.add_patch(gaussian_ellipse(mean, covariance, DEVIATIONS, facecolor="none", edgecolor=GREEN, linewidth=2.0))
-    axes.plot(*mean, "o", color=VERMILION, markersize=7)
+    name = f"policy, {DEVIATIONS:g} standard deviations"
+    axes.add_patch(gaussian_ellipse(mean, covariance, DEVIATIONS, facecolor="none", edgecolor=GAUSSIAN, linewidth=2.0, label=name))
+    axes.plot(*mean, "o", color=GAUSSIAN, markeredgecolor=BLACK, markersize=7, linestyle="none", label="its mean")

@@ -15,9 +15,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
-from dart_skill.darts import HeatMap, expected_score, heat_map
+from dart_skill.darts import RADII, HeatMap, expected_score, heat_map
 from dart_skill.experiments.dart_search import SCHEDULES, SPREAD, START
-from dart_skill.figures import BLACK, draw_board, gaussian_ellipse, house_style, quantity_colours, save
+from dart_skill.figures import BLACK, GREY, draw_board, gaussian_ellipse, house_style, legend_below, letter_panels, quantity_colours, save
 from dart_skill.mixture import GaussianMixture
 from dart_skill.policy_search import MixturePoWER
 
@@ -57,13 +57,16 @@ def compute(seed: int = 0) -> tuple[list[Moment], list[int]]:
 def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
     moments, changes = compute(seed)
     with house_style():
-        figure = Figure(figsize=(13.0, 3.7), layout="constrained")
+        figure = Figure(figsize=(13.0, 4.3), layout="constrained")
         panels = figure.subplots(1, len(moments))
         heats = [heat_map(moment.sigma, SPACING) for moment in moments]
         highest = max(heat.expected_score.max() for heat in heats)
         for axes, moment, heat in zip(panels, moments, heats, strict=True):
             image = _draw_moment(axes, moment, heat, highest)
         figure.colorbar(image, ax=panels, label="expected score [points per dart]", shrink=0.8)
+        letter_panels(*panels)
+        handles, labels = panels[0].get_legend_handles_labels()
+        legend_below(figure, handles, labels, 2)
         return save(figure, folder, "figure_6_2"), measured(moments, changes)
 
 
@@ -78,10 +81,15 @@ def measured(moments: list[Moment], changes: list[int]) -> dict:
 def _draw_moment(axes: Axes, moment: Moment, heat: HeatMap, highest: float) -> AxesImage:
     edge = heat.x[-1] + 0.5 * SPACING
     look: dict[str, Any] = {"cmap": quantity_colours(), "interpolation": "nearest", "vmin": 0.0, "vmax": highest}
-    image = axes.imshow(heat.expected_score, origin="lower", extent=(-edge, edge, -edge, edge), **look)
+    score = np.where(np.hypot(heat.x, heat.y[:, None]) <= RADII[-1], heat.expected_score, np.nan)
+    image = axes.imshow(score, origin="lower", extent=(-edge, edge, -edge, edge), **look)
     draw_board(axes, "#FFFFFF60")
-    axes.plot(*moment.trials.T, ".", color=BLACK, markersize=2.5)
-    for mean, covariance in zip(moment.mixture.means_, moment.mixture.covariances_, strict=True):
-        axes.add_patch(gaussian_ellipse(mean, covariance, 2.0, facecolor="none", edgecolor="white", linewidth=1.6, zorder=3))
-    axes.set_title(f"throw {moment.throws}, sigma {moment.sigma:.1f} mm, K = {len(moment.mixture.priors_)}")
+    axes.plot(*moment.trials.T, ".", color=BLACK, markersize=2.5, linestyle="none", label=f"aim of one of the last {LATEST} throws")
+    for number, (mean, covariance) in enumerate(zip(moment.mixture.means_, moment.mixture.covariances_, strict=True)):
+        name = None if number else "Gaussian of the mixture, 2 standard deviations"
+        look = {"facecolor": "none", "zorder": 3}
+        axes.add_patch(gaussian_ellipse(mean, covariance, 2.0, edgecolor=GREY, linewidth=3.2, **look))
+        axes.add_patch(gaussian_ellipse(mean, covariance, 2.0, edgecolor="white", linewidth=1.6, **look))
+        axes.plot([], [], "o", markerfacecolor="white", markeredgecolor=GREY, markersize=9, linestyle="none", label=name)
+    axes.set_title(f"After {moment.throws} throws\nspread {moment.sigma:.1f} mm, {len(moment.mixture.priors_)} Gaussians")
     return image

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dart_skill.experiments.dart_search import BLOCK, Run, Task, run_tasks
-from dart_skill.figures import BLACK, BLUE, VERMILION, house_style, save
+from dart_skill.figures import BLACK, BLUE, VERMILION, house_style, letter_panels, save
 
 TITLE = "Number of Gaussians, and learning on against stopping half-way"
 N_SEEDS, STOP = 20, 1500
@@ -39,13 +39,17 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
         figure = Figure(figsize=(10.5, 4.2), layout="constrained")
         count, loss = figure.subplots(1, 2)
         components = np.array([one.components for one in runs["mixture, learning on"]])
-        _band(count, components, BLACK, "")
+        _band(count, components, BLACK, "median and quartiles of the runs")
         for name, (_, colour) in CURVES.items():
             _band(loss, np.array([one.best_regrets for one in runs[name]]), colour, name)
-        count.set(xlabel="throw", ylabel="Gaussians", ylim=(0, None), title=f"Gaussians of the mixture, n = {N_SEEDS} runs")
+        count.set(
+            xlabel="throw", ylabel="number of Gaussians", ylim=(0, None), title=f"How many Gaussians the mixture has, n = {N_SEEDS} runs"
+        )
         loss.set(xlabel="throw", ylabel="lost by the best known aim [points per throw]", yscale="log", ylim=(1e-3, 20.0))
-        loss.set_title("Regret, median and quartiles")
+        loss.set_title("What is lost: median and quartiles")
         loss.legend(loc="upper left")
+        count.legend(loc="lower right")
+        letter_panels(count, loss)
         return save(figure, folder, "figure_6_3"), measured(runs)
 
 

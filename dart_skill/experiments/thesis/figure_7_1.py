@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from dart_skill.figures import BLUE, GREY, LIGHT, PALE, VERMILION, house_style, save
+from dart_skill.figures import BLACK, BLUE, GREY, LIGHT, PALE, VERMILION, house_style, legend_below, letter_panels, save
 from dart_skill.movement import AutonomousDSGMR, Motion, TaskFrame, critical_damping, smooth_derivatives
 
 TITLE = "A finger on a ball is held: a clock and a state as what drives it"
@@ -109,9 +109,9 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
     with house_style():
         figure = Figure(figsize=(10.5, 4.4), layout="constrained")
         plane, force = figure.subplots(1, 2)
-        plane.add_patch(Circle((0.0, 0.0), 100 * RADIUS, facecolor=PALE, edgecolor=LIGHT, gid="ball"))
+        plane.add_patch(Circle((0.0, 0.0), 100 * RADIUS, facecolor=PALE, edgecolor=LIGHT, gid="ball", label="surface of the ball"))
         wanted = 100 * surface(np.linspace(0.0, DURATION, 200)).position
-        plane.plot(*wanted.T, color=GREY, linestyle=":", label="demonstrated path")
+        plane.plot(*wanted.T, color=BLACK, linestyle=":", label="path, demonstrated", zorder=4)
         runs = (("clock", "PD controller and a clock (7.3)", clock, VERMILION), ("state", "autonomous DS-GMR", state, BLUE))
         for gid, name, run, colour in runs:
             plane.plot(*(100 * run.path.T), color=colour, label=name, gid=f"path_{gid}")
@@ -120,7 +120,8 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
         plane.plot(*where, "o", color=GREY, markeredgecolor="black", label=f"held for {LET_GO - HELD:.1f} s", linestyle="none", zorder=3)
         _describe(plane, force)
         handles, labels = plane.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+        letter_panels(plane, force)
+        legend_below(figure, handles, labels, len(labels))
         return save(figure, folder, "figure_7_1"), measured(clock, state)
 
 
@@ -132,7 +133,7 @@ def measured(clock: Held, state: Held) -> dict:
 
 
 def _describe(plane: Axes, force: Axes) -> None:
-    plane.set(aspect="equal", xlabel="x [cm]", ylabel="y [cm]", title="Path of the fingertip over the ball")
+    plane.set(aspect="equal", xlabel="x [cm]", ylabel="y [cm]", title="Way of the fingertip over the ball")
     force.axvspan(HELD, LET_GO, color=LIGHT, alpha=0.4, linewidth=0)
     force.text(0.5 * (HELD + LET_GO), force.get_ylim()[1], "held", ha="center", va="top")
-    force.set(xlabel="time [s]", ylabel="acceleration asked for [m/s²]", title="Pull of the controller, unit mass")
+    force.set(xlabel="time [s]", ylabel="acceleration asked for [m/s²]", title="What each asks for, of a unit mass")

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from dart_skill.experiments.thesis import dart_throws as darts
 from dart_skill.experiments.thesis.figure_8_1 import draw_board, draw_side
-from dart_skill.figures import house_style, save
+from dart_skill.figures import DEMONSTRATION, house_style, legend_below, letter_panels, save
 
 TITLE = "Dart throws get better with every attempt"
 N_DEMONSTRATIONS, N_AIMS, N_ROUNDS = 8, 6, 3
@@ -26,16 +26,21 @@ def compute(seed: int = 0) -> tuple[list[darts.DartThrow], list[list[darts.DartT
 def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
     shown, rounds = compute(seed)
     with house_style():
-        figure = Figure(figsize=(9.0, 6.4), layout="constrained")
+        figure = Figure(figsize=(10.2, 7.0), layout="constrained")
         panels = figure.subplot_mosaic([["side", "side"], ["first", "last"]], height_ratios=(1.0, 1.8))
         side, first, last = panels["side"], panels["first"], panels["last"]
-        draw_side(side, shown, f"Demonstrations, n = {len(shown)}")
-        draw_board(first, rounds[0], f"First attempts, n = {N_AIMS}")
-        draw_board(last, rounds[-1], f"The same aims after {N_AIMS * (N_ROUNDS - 1)} attempts")
+        draw_side(side, shown, DEMONSTRATION, f"Demonstrations, n = {len(shown)}")
+        draw_board(first, rounds[0], f"First attempts, n = {N_AIMS}: {_miss(rounds[0])}")
+        draw_board(last, rounds[-1], f"The same aims after {N_AIMS * (N_ROUNDS - 1)} attempts: {_miss(rounds[-1])}")
         handles, labels = side.get_legend_handles_labels()
         board_handles, board_labels = first.get_legend_handles_labels()
-        figure.legend([*handles, *board_handles], [*labels, *board_labels], loc="outside lower center", ncols=4)
+        letter_panels(side, first, last)
+        legend_below(figure, [*handles, *board_handles], [*labels, *board_labels], 5)
         return save(figure, folder, "figure_8_2"), measured(rounds)
+
+
+def _miss(throws: list[darts.DartThrow]) -> str:
+    return f"{1000 * np.mean([throw.error for throw in throws]):.1f} mm off"
 
 
 def measured(rounds: list[list[darts.DartThrow]]) -> dict:

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from dart_skill.experiments.thesis import ball_pictures, ball_throws
-from dart_skill.figures import house_style, save
+from dart_skill.figures import house_style, letter_panels, save
 
 TITLE = "Demonstrated throws of the ball, and the global model's at a new basket"
 MODELS = {"thesis": "Global model of the thesis", "default": "Default of this package"}
@@ -30,7 +30,8 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
             ball_pictures.draw_trajectories(column, [ball_throws.planned(plan)], name, new=True)
             miss = 100 * np.linalg.norm((plan.predicted_landing - basket)[:2])
             column[0].set_title(f"{MODELS[name]}, new target:\nexpected to miss it by {miss:.1f} cm")
-        ball_pictures.trajectory_legend(figure, 8)
+        letter_panels(*panels[0])
+        ball_pictures.trajectory_legend(figure, 5)
         return save(figure, folder, "figure_8_6"), measured(seed)
 
 

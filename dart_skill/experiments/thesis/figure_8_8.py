@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dart_skill.experiments.thesis import ball_throws
-from dart_skill.figures import BLACK, BLUE, GREEN, RIM_RADIUS, VERMILION, basket_from_above, house_style, save
+from dart_skill.figures import BASKET, BLACK, DEMONSTRATION, RIM_RADIUS, basket_from_above, house_style, legend_below, letter_panels, save
 from dart_skill.movement import gaussian_weights, nearest_weights
 from dart_skill.regions import REGION
 from dart_skill.skill.learn import configuration
@@ -34,13 +34,13 @@ def compute(seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
     shown, new, chosen = compute(seed)
     with house_style():
-        figure = Figure(figsize=(9.4, 5.6), layout="constrained")
+        figure = Figure(figsize=(9.8, 6.0), layout="constrained")
         nearest, weighted = figure.subplots(1, 2, sharey=True)
         _draw_baskets(nearest, shown, new)
         for number, centre in enumerate(shown[chosen], start=1):
-            look = {"facecolor": "none", "edgecolor": VERMILION, "linewidth": 2.0, "label": "chosen" if number == 1 else None}
+            look = {"facecolor": "none", "edgecolor": BLACK, "linewidth": 1.8, "label": "chosen to learn from" if number == 1 else None}
             basket_from_above(nearest, centre, 1.35 * RIM_RADIUS, gid=f"chosen_{number}", **look)
-            nearest.plot(*np.stack([new, centre])[:, :2].T, color=VERMILION, linewidth=0.8)
+            nearest.plot(*np.stack([new, centre])[:, :2].T, color=BLACK, linewidth=0.8)
         away = _listed(_distances(shown[chosen], new))
         nearest.set_title(f"Local regression (8.4.2): the {N_NEAREST} nearest of {len(shown)},\n{away} m away")
         _draw_baskets(weighted, shown, new)
@@ -48,7 +48,9 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
         weighted.set_title(f"Chapter 9: a Gaussian weight for each of {len(shown)},\nof width {WIDTH:g} m in distance from the base axis")
         nearest.set_ylabel("y [m]")
         handles, labels = nearest.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+        more, others = weighted.get_legend_handles_labels()
+        letter_panels(nearest, weighted)
+        legend_below(figure, [*handles, more[-1]], [*labels, others[-1]], 5)
         return save(figure, folder, "figure_8_8"), measured(shown, new, chosen, seed)
 
 
@@ -83,9 +85,15 @@ def _listed(values: np.ndarray) -> str:
 def _draw_baskets(axes: Axes, shown: np.ndarray, new: np.ndarray) -> None:
     axes.plot(0.0, 0.0, "s", color=BLACK, markersize=8, label="arm")
     for number, centre in enumerate(shown, start=1):
-        look = {"facecolor": "none", "edgecolor": BLUE, "linewidth": 1.2, "label": "basket, demonstrated" if number == 1 else None}
+        look = {
+            "facecolor": "none",
+            "edgecolor": DEMONSTRATION,
+            "linestyle": "--",
+            "linewidth": 1.2,
+            "label": "basket, demonstrated" if number == 1 else None,
+        }
         basket_from_above(axes, centre, RIM_RADIUS, gid=f"demonstrated_{number}", **look)
-    look = {"facecolor": GREEN, "edgecolor": GREEN, "alpha": 0.45, "label": "basket, new"}
+    look = {"facecolor": BASKET, "edgecolor": BASKET, "alpha": 0.45, "label": "basket, new"}
     basket_from_above(axes, new, RIM_RADIUS, gid="new", **look)
     axes.set(aspect="equal", xlabel="x, front of the arm [m]", xlim=(-0.2, 2.75), ylim=(-1.6, 1.6))
 
@@ -93,6 +101,15 @@ def _draw_baskets(axes: Axes, shown: np.ndarray, new: np.ndarray) -> None:
 def _draw_weights(axes: Axes, shown: np.ndarray, new: np.ndarray) -> None:
     """The baskets filled by their weights."""
     distances = np.hypot(shown[:, 0], shown[:, 1])[:, None]
-    for centre, weight in zip(shown, gaussian_weights(distances, np.hypot(*new[:2])[None], WIDTH), strict=True):
-        basket_from_above(axes, centre, RIM_RADIUS, facecolor=VERMILION, edgecolor="none", alpha=0.8 * weight, zorder=0.5)
+    for number, (centre, weight) in enumerate(zip(shown, gaussian_weights(distances, np.hypot(*new[:2])[None], WIDTH), strict=True)):
+        basket_from_above(
+            axes,
+            centre,
+            RIM_RADIUS,
+            facecolor=DEMONSTRATION,
+            edgecolor="none",
+            alpha=0.6 * weight,
+            zorder=0.5,
+            label=None if number else "filled by its weight",
+        )
         axes.annotate(f"{weight:.2f}", centre[:2], ha="center", va="center", fontsize=7.0)
