@@ -99,6 +99,8 @@ def _settle(figure: Figure) -> None:
     figure.set_layout_engine("none")
     for axes in figure.axes:
         axes.set_position(np.round(axes.get_position(original=True).bounds, 5))  # less than a pixel
+        if axes.get_aspect() != "auto":
+            axes.set_adjustable("box")  # limits follow the box to half a percent only
 
 
 def svg_text(figure: Figure) -> str:

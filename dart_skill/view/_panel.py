@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import importlib
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,6 +14,7 @@ import numpy as np
 from dart_skill import palette
 from dart_skill.skill.learn import CONFIGURATIONS, DEFAULT
 from dart_skill.view._holding_controls import HoldingControls
+from dart_skill.view._page_style import STYLE
 from dart_skill.view._scene import GROUPS, Scene
 
 LEVELS = ("ok", "warning", "error", "stale")
@@ -87,7 +89,9 @@ class PanelWords:
     done: str = "in the basket"
     failed: str = "missed"
     unit: tuple[str, float] = ("cm", 100.0)
-    welcome: str = "drag the basket, teach some throws, learn, throw"
+    welcome: str = (
+        "Press Teach: a person shows the arm some throws. Then press Learn, then Throw. Drag the basket with the mouse to put it elsewhere."
+    )
     is_of_baskets: bool = True
     has_configurations: bool = True
     by_mouse: bool = False
@@ -98,7 +102,7 @@ class PanelWords:
         do, trials = ("Throw", "throws") if throws else ("Execute", "trials")
         return cls(
             do, trials, 8, f"of the skill '{skill}', guided by a person, in new situations", "done", "failed", ("mm", 1000.0),
-            f"teach {skill}{'' if throws else ', or show it yourself'}, learn, {do.lower()}",
+            f"Press Teach to have {skill} shown{'' if throws else ', or Take the hand to show it yourself'}. Then press Learn, then {do}.",
             is_of_baskets=False, has_configurations=throws, by_mouse=not throws,
         )  # fmt: skip
 
@@ -116,10 +120,11 @@ class Panel:
         self._gui, self._scene, self._ask, self._words = server.gui, scene, ask, words or PanelWords()
         self._shown_nodes: tuple[NodeStatus, ...] = ()
         self._knobs: dict[tuple[str, str], Any] = {}
+        self._first: dict[tuple[str, str], float] = {}  # values of the knobs when they were heard of
         self._errors: list[tuple[float, bool]] = []
-        self._says = self._gui.add_html("")
         self._stop = self._button("Stop", lambda: Request("stop"), palette.STOP)
         self._reset = self._button("Reset after a stop", lambda: Request("reset"))
+        self._says = self._gui.add_html(STYLE + _says(""))  # below what must not move
         tabs = self._gui.add_tab_group()
         self.holding: HoldingControls | None = None
         with tabs.add_tab("Run"):
@@ -137,6 +142,8 @@ class Panel:
         with tabs.add_tab("Arm"):
             self._arm = self._gui.add_folder("What is different about the arm")
             with self._arm:
+                self._as_before = self._gui.add_button("As they were at first", hint="every number below", visible=False)
+                self._as_before.on_click(lambda _: self._ask_as_before())
                 self._no_knobs = self._gui.add_html(_words("no node has numbers that can be changed while it runs"))
         if self._words.is_of_baskets:
             scene.on_basket_dragged(lambda place, done: ask(Request("place_basket", {"place": place, "done": done})))
@@ -152,7 +159,7 @@ class Panel:
 
     def say(self, text: str, is_error: bool = False) -> None:
         """A line about what goes on."""
-        self._says.content = _words(text, palette.STOP if is_error else palette.BLACK)
+        self._says.content = STYLE + _says(text, is_error)
 
     def set_busy(self, busy: bool) -> None:
         """While something is carried out, nothing else can be asked for but to stop it."""
@@ -185,12 +192,13 @@ class Panel:
     def add_knobs(self, node: str, knobs: Sequence[Knob]) -> None:
         """Numbers of a node that can be changed; those that are there already get the new values."""
         self._no_knobs.visible = self._no_knobs.visible and not knobs
+        self._as_before.visible = self._as_before.visible or bool(knobs)
         with self._arm:
             for knob in knobs:
                 if (node, knob.name) in self._knobs:
                     self._knobs[node, knob.name].value = knob.value
                 else:
-                    self._knobs[node, knob.name] = self._add_knob(node, knob)
+                    self._knobs[node, knob.name], self._first[node, knob.name] = self._add_knob(node, knob), knob.value
 
     # what it is made of
 
@@ -257,11 +265,16 @@ class Panel:
         box.on_update(lambda event: self._scene.show(group, bool(event.target.value)))
 
     def _add_knob(self, node: str, knob: Knob) -> Any:
-        number = self._gui.add_number(
-            knob.name.replace("_", " "), knob.value, min=knob.low, max=knob.high, step=_step(knob), hint=knob.description
-        )
+        number = self._gui.add_number(knob_label(knob), knob.value, min=knob.low, max=knob.high, step=_step(knob), hint=knob.description)
         number.on_update(lambda event: self._changed(event, node, knob.name))
         return number
+
+    def _ask_as_before(self) -> None:
+        """For every number that differs from what it was when this page heard of it."""
+        for (node, name), value in self._first.items():
+            if (knob := self._knobs[node, name]).value != value:
+                knob.value = value
+                self._ask(Request("set", {"node": node, "name": name, "value": value}))
 
     def _changed(self, event: Any, node: str, name: str) -> None:
         if event.client is not None:  # not by `add_knobs`
@@ -274,6 +287,12 @@ def curve_data(errors: Sequence[tuple[float, bool]]) -> tuple[np.ndarray, np.nda
     return np.arange(1.0, len(values) + 1.0), np.where(inside, values, np.nan), np.where(inside, np.nan, values)
 
 
+def knob_label(knob: Knob) -> str:
+    """The name of a number and its unit, which stands in brackets in its description."""
+    unit = re.search(r"\[[^]]+\]", knob.description)
+    return knob.name.replace("_", " ") + (f" {unit.group()}" if unit else "")
+
+
 def _count(value: float, most: int) -> int:
     return int(min(max(value, 1), most))
 
@@ -283,8 +302,12 @@ def _step(knob: Knob) -> float:
     return float(10.0 ** np.floor(np.log10(max(knob.high - knob.low, 1e-9) / 100.0)))
 
 
-def _words(text: str, colour: tuple[int, int, int] = palette.GREY) -> str:
-    return f"<div style='padding:0.4em 0.8em;font-size:0.85em;color:{palette.hexadecimal(colour)}'>{html.escape(text)}</div>"
+def _says(text: str, is_error: bool = False) -> str:
+    return f"<div class='ds-says{' alarm' if is_error else ''}' role='status'>{html.escape(text)}</div>"
+
+
+def _words(text: str) -> str:
+    return f"<div class='ds-quiet'>{html.escape(text)}</div>"
 
 
 def _scales(errors: Sequence[tuple[float, bool]]) -> dict[str, Any]:
@@ -301,14 +324,11 @@ def legend(bodies: Sequence[str]) -> dict[str, tuple[int, int, int]]:
 
 
 def _swatch(label: str, colour: tuple[int, int, int]) -> str:
-    square = f"display:inline-block;width:0.8em;height:0.8em;margin-right:0.5em;background:{palette.hexadecimal(colour)}"
-    return f"<div style='font-size:0.8em;line-height:1.5;break-inside:avoid'><span style='{square}'></span>{html.escape(label)}</div>"
+    return f"<div class='ds-swatch'><span style='background:{palette.hexadecimal(colour)}'></span>{html.escape(label)}</div>"
 
 
 def _node_line(node: NodeStatus) -> str:
     level = min(max(node.level, 0), len(LEVELS) - 1)
     dot = f"<span title='{LEVELS[level]}' style='color:{palette.hexadecimal(palette.LEVELS[level])}'>&#9679;</span>"
     word = "" if level == 0 else f"{LEVELS[level]}: "
-    return (
-        f"<div style='padding:0.1em 0.8em;font-size:0.8em'>{dot} <b>{html.escape(node.name)}</b> {html.escape(word + node.message)}</div>"
-    )
+    return f"<div class='ds-node'>{dot} <b>{html.escape(node.name)}</b> {html.escape(word + node.message)}</div>"

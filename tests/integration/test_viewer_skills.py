@@ -24,7 +24,7 @@ def test_a_skill_is_taught_learned_and_executed_from_the_page(ros, tmp_path, nam
             def until(condition, what, limit=60.0):
                 page.wait_for(condition, limit, what, meanwhile=client.spin)
 
-            until(lambda: page.says(f"teach {name}") and page.says(f"learn, {button.lower()}"), "what to press")
+            until(lambda: page.says(f"Press Teach to have {name} shown") and page.says(f"Learn, then {button}"), "what to press")
             until(lambda: all(f"/{role}" in page.places for role in skill.bodies), "the bodies")
             page.set("Lessons", shown)
             page.click("Teach")

@@ -13,6 +13,7 @@ from std_srvs.srv import Trigger
 
 from dart_skill.regions import Region
 from dart_skill.skill.protocol import Skill
+from dart_skill.skills.throw import Throw
 from dart_skill.view import Request
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.node_inspector import NodeInspector
@@ -25,6 +26,8 @@ LONGEST_JOB = 86_400.0
 """Of practice and lessons [s, wall clock]."""
 LOOK_STEPS = 20
 """Steps of a world that is held, in which the cameras see that the basket was moved: more than their latency."""
+TO_PRESS = {"call ~/learn, or ~/load a model": "press Teach, then Learn", "call /commander/reset": "press Reset after a stop"}
+"""Remedies of nodes, and the buttons of the page for them."""
 SEEN_WITHIN, SEEN_AFTER = 0.02, 3.0
 """A basket that was put somewhere is seen so near to the place [m], within so long [s, wall clock]."""
 
@@ -34,7 +37,8 @@ class ViewerJobs:
 
     say: called with what goes on, and whether it is an error; busy: with whether a job is under way; threw: with the landing error [m] and
     whether the ball went in; seen: gives where the basket is seen (3,), or None; heard: number of demonstrations that were published.
-    skill: in whose situations something is taught and tried; None: throws at baskets. job: name of the one under way, empty: none.
+    skill: in whose situations something is taught and tried; None: throws at baskets. job: name of the one under way, empty: none;
+    progress: how far it is, such as "lesson 3 of 5".
     """
 
     def __init__(
@@ -55,6 +59,7 @@ class ViewerJobs:
         self.say, self._show_busy, self._threw, self._seen, self.heard = say, busy, threw, seen, heard
         self._calls, self._inspector = ServiceCalls(node), NodeInspector(node)
         self.job, self._handle, self._stopping, self._said = "", None, False, ""
+        self.progress, self._wanted_trials = "", 0
         self._wanted, self._placing, self._placed_at = None, False, None
         self._when_over: Callable[[str], None] = lambda job: None
         self._actions = {name: ActionClient(node, kind, f"/{name}") for name, kind in (("teach", Teach), ("practice", Practice))}
@@ -107,6 +112,7 @@ class ViewerJobs:
 
     def _ended(self, text, error: Exception | None) -> None:
         ended, self.job, self._handle = self.job, "", None
+        self.progress, self._wanted_trials = "", 0
         self._show_busy(False)
         self.tell(text, error)
         self._when_over(ended)
@@ -124,17 +130,28 @@ class ViewerJobs:
         if error is not None and not isinstance(error, CallFailed | ValueError):
             self._node.get_logger().error(f"{type(error).__name__}: {error}")
         if error is not None or text:
-            self.say(str(error) if error is not None else text, error is not None)
+            self.say(_to_press(str(error)) if error is not None else text, error is not None)
 
     async def _teach(self, demonstrations: int) -> str:
         shown = 0
         for situation in self.situations(2 * demonstrations):
             if shown == demonstrations or self._stopping:
                 break
-            self.say(f"demonstration {shown + 1} of {demonstrations}", False)
+            self.progress = f"lesson {shown + 1} of {demonstrations}"
+            self.say(self.progress, False)
             result = await self.carry_out("teach", Teach.Goal(situation=situation))
             shown += bool(result.success)
-        return f"{shown} of {demonstrations} demonstrations shown" + (", stopped" if self._stopping else "")
+        then = ", stopped" if self._stopping else ". Next: press Learn" if shown else ""
+        return f"{shown} of {demonstrations} demonstrations shown{then}"
+
+    def trial_in_words(self, what: str, number: int) -> str:
+        """Such as "throw 3 of 10"; without the second number where somebody else asked for them."""
+        return f"{what} {number}" + (f" of {self._wanted_trials}" if self._wanted_trials >= number else "")
+
+    @property
+    def _do(self) -> str:
+        """The button that has the skill carried out."""
+        return "Throw" if self._skill is None or isinstance(self._skill, Throw) else "Execute"
 
     def situations(self, n: int) -> list[Situation]:
         """In which something is shown."""
@@ -151,7 +168,7 @@ class ViewerJobs:
             await pause(self._node, 0.1)
         if not response.success:
             raise CallFailed(response.message)
-        return response.message
+        return f"{response.message}. Next: press {self._do}"
 
     async def _throw(self) -> str:
         if self._skill is not None:
@@ -177,6 +194,7 @@ class ViewerJobs:
         return (await self._practice(throws, follow_basket, only_throw)).message
 
     async def _practice(self, throws: int, follow_basket: bool, only_throw: bool) -> Practice.Result:
+        self._wanted_trials = throws
         goal = Practice.Goal(trials=throws, follow_bodies=follow_basket, only_execute=only_throw)
         result = await self.carry_out("practice", goal)
         if not result.success and not self._stopping:
@@ -222,7 +240,7 @@ class ViewerJobs:
         if not self._stop.service_is_ready():
             raise CallFailed("nobody serves /commander/stop: is the commander running?")
         await self._calls.call(self._stop, Trigger.Request())
-        return "stopped until it is reset"
+        return "stopped. Look at the arm, then press Reset after a stop"
 
     async def _free_arm(self) -> str:
         await self._calls.call(self._reset, Trigger.Request())
@@ -241,6 +259,13 @@ class ViewerJobs:
             return await self._calls.kept(f"/{name}", over, LONGEST_JOB)
         finally:
             self._handle = None
+
+
+def _to_press(text: str) -> str:
+    """What nodes say is to be called, as what is to be pressed on the page."""
+    for called, pressed in TO_PRESS.items():
+        text = text.replace(called, pressed)
+    return text
 
 
 def in_words(outcome: Outcome) -> str:

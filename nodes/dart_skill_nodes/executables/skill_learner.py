@@ -21,7 +21,7 @@ from dart_skill_nodes.comms.markers import marker_colour
 from dart_skill_nodes.comms.names import DEMONSTRATIONS, MARKS
 from dart_skill_nodes.comms.qos import LATCHED, SYSTEM
 from dart_skill_nodes.comms.refusals import GuardedNode
-from dart_skill_nodes.process.node_base import OK, WARN, Diagnostics, Parameter, declare, run
+from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, run
 from dart_skill_nodes.skills.learning import Compared, Learning, Lesson, TaskLearning, ThrowLearning
 
 TABLE = [
@@ -246,7 +246,7 @@ class SkillLearner(GuardedNode):
 
     def _describe(self):
         if not self._learning.learned:
-            return WARN, "nothing learned yet", {"heard": len(self._heard)}
+            return OK, "nothing learned yet", {"heard": len(self._heard)}
         return OK, "ready to plan", {"heard": len(self._heard), **self._learning.values()}
 
 

@@ -233,11 +233,12 @@ class Viewer(GuardedNode):
     def _on_lesson(self, message) -> None:
         if self._lesson is not None:
             self._lesson.hear(message.feedback.phase)
-        self._say_phase(f"lesson, attempt {message.feedback.attempt}: {message.feedback.phase}")
+        attempt = f", attempt {message.feedback.attempt}" if message.feedback.attempt > 1 else ""
+        self._say_phase(f"{self._controls.progress or 'lesson'}{attempt}: {message.feedback.phase}")
 
     def _on_practice(self, message) -> None:
         feedback = message.feedback
-        what = f"own {self._panel.trial} {feedback.number}"
+        what = self._controls.trial_in_words(self._panel.trial, feedback.number)
         if feedback.phase != "done":
             self._say_phase(f"{what}: {feedback.message or feedback.phase}")
             return

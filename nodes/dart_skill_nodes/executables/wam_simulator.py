@@ -421,7 +421,7 @@ class WamSimulator(GuardedNode):
         strangers = [
             f"{name} publishes {self.resolve_topic_name(PUSHES[who])}, too" for who, one in self._obeyed.items() for name in one.others
         ]
-        level = ERROR if fault else (WARN if self._paused or strangers else OK)
+        level = ERROR if fault else (WARN if strangers else OK)
         message = fault or ("paused" if self._paused else "resting" if self.p["lockstep"] and self._rests else "running")
         if strangers:
             message += f"; {', '.join(strangers)}: it is not obeyed, end it"

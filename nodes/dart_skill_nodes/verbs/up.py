@@ -40,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--play", type=Path, metavar="BAG", help="bag of a replay")
     parser.add_argument("--rate", type=float, help="of a replay; 0: as fast as can be (default 1)")
     parser.add_argument("--viewer", action="store_true", help="the live view, too")
+    parser.add_argument("--port", type=int, metavar="N", help="of the live view; 0: any free one (default: that of config/viewer.yaml)")
     parser.add_argument("--record", type=Path, metavar="FOLDER", help="every topic into a bag, too")
     parser.add_argument("--output", type=Path, help="folder for logs and the bag of demonstrations (default output/up_<date>)")
     add_model(parser)
@@ -53,6 +54,8 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     options.layout = options.layout or ("replay" if options.play else "composed")
     if (options.layout == "replay") != bool(options.play):
         parser.error("the layout replay, and no other, needs --play BAG")
+    if options.port is not None and not (options.viewer and 0 <= options.port <= 65535):
+        parser.error(f"--port is {options.port}: it is of the live view, from 0 to 65535: give --viewer, too")
     if options.rate is not None and not options.play:
         parser.error(f"--rate {options.rate:g} is of a replay: give --play BAG, or leave it out")
     options.rate = 1.0 if options.rate is None else options.rate
@@ -136,7 +139,7 @@ def executables(options: argparse.Namespace) -> dict[str, dict]:
     if options.viewer:
         from dart_skill.view import new_token
 
-        wanted["viewer"] = {}
+        wanted["viewer"] = {} if options.port is None else {"port": options.port}
         os.environ.setdefault(TOKEN, new_token())
     return wanted
 

@@ -1,5 +1,6 @@
 """The live view without a browser and without ROS: what is in the scene, what the controls ask for, who may connect."""
 
+import re
 import socket
 import subprocess
 import sys
@@ -428,6 +429,31 @@ def test_knobs_are_numbers_of_a_node_and_a_change_is_asked_for(page, asked, scen
     scene.panel.add_knobs("/wam_simulator", [view.Knob("friction_scale", "", 0.0, 10.0, 3.0)])
     page.wait_for(lambda: page.controls[page._uuid("friction scale")].get("value") == 3.0, what="the new value")
     assert len(asked) == 1, "what a node says is no request"
+
+
+def test_a_knob_has_its_unit_and_all_of_them_go_back_to_what_they_were(page, asked, scene):
+    turn = view.Knob("base_turn", "of the arm's base about the vertical [rad]", -1.0, 1.0, 0.1)
+    scene.panel.add_knobs("/wam_simulator", [turn, view.Knob("friction_scale", "factor on the joint friction", 0.0, 10.0, 1.0)])
+    page.set("base turn [rad]", 0.3)
+    page.wait_for(lambda: asked, what="the request")
+    page.click("As they were at first")
+    page.wait_for(lambda: len(asked) == 2, what="the request for what was changed, and for nothing else")
+    assert asked[1] == view.Request("set", {"node": "/wam_simulator", "name": "base_turn", "value": 0.1})
+
+
+def test_a_visitor_is_told_what_to_press_and_there_is_room_for_it(page, scene):
+    page.wait_for(lambda: page.says("Press Teach") and page.says("Then press Learn, then Throw"), what="the first words")
+    for skill, throws in (("place", False), ("darts", True)):
+        assert view.PanelWords.of(skill, throws).welcome.startswith(f"Press Teach to have {skill} shown")
+    (says,) = (text for text in page.texts.values() if "class='ds-says'" in text)
+    assert re.search(r"\.ds-says {\s*height: ", says), "of a fixed height: what wraps moves nothing"
+    labels = [one["label"] for one in sorted(page.controls.values(), key=lambda one: one.get("order", 0.0))]
+    assert labels[:2] == ["Stop", "Reset after a stop"], "above whatever may change"
+
+
+def test_the_panel_follows_the_choice_of_dark_and_fits_a_telephone(page):
+    page.wait_for(lambda: page.says("Press Teach"), what="the panel")
+    assert page.says("@media (prefers-color-scheme: dark)") and page.says("@media (max-width: 40rem)")
 
 
 def test_nodes_and_words_are_shown_as_text(page, scene):

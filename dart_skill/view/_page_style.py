@@ -1,0 +1,41 @@
+"""How the panel looks in the dark and on a telephone: a style sheet within the panel, since viser has no place of its own for one.
+
+The scene stays on white: the hand's path is black, and what was shown is grey.
+"""
+
+from dart_skill.palette import BLACK, GREY, STOP, hexadecimal
+
+SAYS_LINES = 4
+"""Of what goes on, in the panel: there is room for so many, so that nothing moves when a line wraps; more can be scrolled to."""
+STYLE = (
+    f"""<style>
+:root {{ --ds-ink: {hexadecimal(BLACK)}; --ds-quiet: {hexadecimal(GREY)}; --ds-alarm: {hexadecimal(STOP)}; }}
+.ds-says {{ height: {1.4 * SAYS_LINES}em; line-height: 1.4; overflow-y: auto; font-size: 0.85em; margin: 0.3em 0.8em;
+  color: var(--ds-ink); }}
+.ds-says.alarm {{ color: var(--ds-alarm); }}
+"""
+    """
+.ds-quiet { padding: 0.4em 0.8em; font-size: 0.85em; color: var(--ds-quiet); }
+.ds-node { padding: 0.1em 0.8em; font-size: 0.8em; color: var(--ds-ink); }
+.ds-swatch { font-size: 0.8em; line-height: 1.5; break-inside: avoid; color: var(--ds-ink); }
+.ds-swatch span { display: inline-block; width: 0.8em; height: 0.8em; margin-right: 0.5em; outline: 1px solid #8888; }
+@media (prefers-color-scheme: dark) {
+  :root[data-mantine-color-scheme] {
+    --ds-ink: #e6e6e6; --ds-quiet: #a8adb3; --ds-alarm: #ff9a52; color-scheme: dark;
+    --mantine-color-body: #1f2226; --mantine-color-text: #e6e6e6; --mantine-color-black: #e6e6e6; --mantine-color-dimmed: #a8adb3;
+    --mantine-color-default: #2a2e33; --mantine-color-default-color: #e6e6e6; --mantine-color-default-border: #4a5057;
+    --mantine-color-default-hover: #343a40; --mantine-color-placeholder: #a8adb3; --input-color: #e6e6e6; --input-bg: #2a2e33;
+  }
+  .mantine-Input-input { --input-bg: #2a2e33; --input-color: #e6e6e6; color: #e6e6e6; background: #2a2e33; }
+  .mantine-Paper-root:has(.ds-says) { background: #1f2226; color: #e6e6e6; }
+  .mantine-Paper-root:has(.ds-says) * { border-color: #4a5057; }
+  .uplot { background: #fff; }
+}
+@media (max-width: 40rem) {
+  .mantine-Paper-root:has(.ds-says) { left: 0 !important; right: 0 !important; width: 100% !important; max-width: none !important;
+    height: 55% !important; max-height: 55% !important; }
+  div:has(> .mantine-Paper-root .ds-says) > div:not(.mantine-Paper-root):has(canvas) { height: 45% !important; }
+  .mantine-Paper-root:has(.ds-says) .mantine-ScrollArea-content > div { width: 100% !important; }
+}
+</style>"""
+)
