@@ -1,4 +1,4 @@
-"""How the panel looks in the dark and on a telephone: a style sheet within the panel, since viser has no place of its own for one.
+"""How the panel looks in the dark and on a telephone, with Stop always in sight: a style sheet in the panel, as viser has no other place.
 
 The scene stays on white: the hand's path is black, and what was shown is grey.
 """
@@ -19,6 +19,8 @@ STYLE = (
 .ds-node { padding: 0.1em 0.8em; font-size: 0.8em; color: var(--ds-ink); }
 .ds-swatch { font-size: 0.8em; line-height: 1.5; break-inside: avoid; color: var(--ds-ink); }
 .ds-swatch span { display: inline-block; width: 0.8em; height: 0.8em; margin-right: 0.5em; outline: 1px solid #8888; }
+.mantine-ScrollArea-content div:has(.ds-says) { overflow: visible !important; min-width: 0; grid-template-columns: minmax(0, 1fr); }
+div:has(+ div + div .ds-says) { position: sticky; top: 0; z-index: 5; background: var(--mantine-color-body); }
 @media (prefers-color-scheme: dark) {
   :root[data-mantine-color-scheme] {
     --ds-ink: #e6e6e6; --ds-quiet: #a8adb3; --ds-alarm: #ff9a52; color-scheme: dark;
@@ -35,7 +37,8 @@ STYLE = (
   .mantine-Paper-root:has(.ds-says) { left: 0 !important; right: 0 !important; width: 100% !important; max-width: none !important;
     height: 55% !important; max-height: 55% !important; }
   div:has(> .mantine-Paper-root .ds-says) > div:not(.mantine-Paper-root):has(canvas) { height: 45% !important; }
-  .mantine-Paper-root:has(.ds-says) .mantine-ScrollArea-content > div { width: 100% !important; }
+  .mantine-Paper-root:has(.ds-says) .mantine-ScrollArea-content { min-width: 0 !important; width: 100vw !important; }
+  .mantine-Paper-root:has(.ds-says) .mantine-ScrollArea-content > div { width: 100vw !important; overflow-x: clip !important; }
 }
 </style>"""
 )

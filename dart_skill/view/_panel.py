@@ -124,7 +124,7 @@ class Panel:
         self._errors: list[tuple[float, bool]] = []
         self._stop = self._button("Stop", lambda: Request("stop"), palette.STOP)
         self._reset = self._button("Reset after a stop", lambda: Request("reset"))
-        self._says = self._gui.add_html(STYLE + _says(""))  # below what must not move
+        self._says = self._gui.add_html(_says(""))  # below what must not move
         tabs = self._gui.add_tab_group()
         self.holding: HoldingControls | None = None
         with tabs.add_tab("Run"):
@@ -133,6 +133,7 @@ class Panel:
             self._add_throwing()
             self._add_curve()
             self._legend = self._gui.add_html("")
+        self._gui.add_html(STYLE)  # last, as it takes a line
         self._show_tab = tabs.add_tab("Show")
         self._switches: set[str] = set()
         for group, label in GROUPS.items():
@@ -159,7 +160,7 @@ class Panel:
 
     def say(self, text: str, is_error: bool = False) -> None:
         """A line about what goes on."""
-        self._says.content = STYLE + _says(text, is_error)
+        self._says.content = _says(text, is_error)
 
     def set_busy(self, busy: bool) -> None:
         """While something is carried out, nothing else can be asked for but to stop it."""

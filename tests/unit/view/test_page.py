@@ -445,8 +445,8 @@ def test_a_visitor_is_told_what_to_press_and_there_is_room_for_it(page, scene):
     page.wait_for(lambda: page.says("Press Teach") and page.says("Then press Learn, then Throw"), what="the first words")
     for skill, throws in (("place", False), ("darts", True)):
         assert view.PanelWords.of(skill, throws).welcome.startswith(f"Press Teach to have {skill} shown")
-    (says,) = (text for text in page.texts.values() if "class='ds-says'" in text)
-    assert re.search(r"\.ds-says {\s*height: ", says), "of a fixed height: what wraps moves nothing"
+    (style,) = (text for text in page.texts.values() if "<style>" in text)
+    assert re.search(r"\.ds-says {\s*height: ", style), "of a fixed height: what wraps moves nothing"
     labels = [one["label"] for one in sorted(page.controls.values(), key=lambda one: one.get("order", 0.0))]
     assert labels[:2] == ["Stop", "Reset after a stop"], "above whatever may change"
 
