@@ -266,7 +266,23 @@ def test_in_a_browser_the_basket_is_dragged_and_a_click_throws(taught, tmp_path)
         assert share_of(picture, truth.hand[None], lambda pixels: pixels.max(axis=1) < 130) == 1.0, "the hand"
         assert share_of(picture, flight + [0.0, 0.0, 0.5], vermilion) < 0.2, "only there"
         assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 500
+        _stop_stays_in_sight(page)
         assert page.exceptions == []
         assert [address for address in page.addresses if not address.startswith((url.partition("?")[0], "data:", "blob:"))] == [], (
             "nothing from outside"
         )
+
+
+def _stop_stays_in_sight(page):
+    """However far the panel is scrolled, on a telephone too."""
+    for width, height in ((1280, 500), (360, 740)):
+        page.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 500)
+        page.draw(3)
+        page.run("document.querySelectorAll('.mantine-ScrollArea-viewport').forEach(part => part.scrollTop = 1000)")
+        page.draw(3)
+        found = page.run(
+            "(() => {const b = [...document.querySelectorAll('button')].find(b => b.innerText.trim() === 'Stop');"
+            "const r = b.getBoundingClientRect(); const seen = document.elementFromPoint(r.x + r.width / 2, r.y + r.height / 2);"
+            "return [b.contains(seen), r.right <= innerWidth]})()"
+        )
+        assert found == [True, True], f"Stop at a width of {width} pixels"
