@@ -34,7 +34,7 @@ from dart_skill.skill.protocol import HAND, TaskDemonstration, load_skill
 from dart_skill.skills.throw import Throw
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink
-from dart_skill_nodes.comms.names import COMMANDS, DEMONSTRATIONS, GUIDING, JOINT_STATES, MARKS, full_name, in_graph, pose_topic
+from dart_skill_nodes.comms.names import COMMANDS, DEMONSTRATIONS, GUIDING, JOINT_STATES, MARKS, in_graph, pose_topic
 from dart_skill_nodes.comms.presence import Cameras
 from dart_skill_nodes.comms.qos import LATCHED, WALL
 from dart_skill_nodes.comms.raw_batches import TAKE, RawBatches, RawMessage
@@ -113,7 +113,7 @@ class DemonstrationRecorder(BagKeeper):
         self._finder, self._arrivals, self._has_marks = None, Arrivals(), False
         if isinstance(self._observer, ThrowObserver) and self.p["automatic"]:
             self._finder = ThrowFinder(self._observer.log, self._thresholds)
-        self._messages = RawBatches(self)
+        self._messages, self._full = RawBatches(self), {}  # the latter: names in full, by how the node calls them
         for topic in [*self._topics, *sorted((self._needed | self._recorded) - set(self._topics))]:
             self._subscribe(topic)
         self._timer = self.create_timer(TAKE, self._take, clock=WALL)
@@ -140,6 +140,7 @@ class DemonstrationRecorder(BagKeeper):
         if topic == DEMONSTRATIONS:
             self._bag.add_own(topic, DEMONSTRATION_TYPE, LATCHED)
             return  # its own publication is written where it is made: a node does not hear itself reliably in order
+        self._full[topic] = self.resolve_topic_name(topic)
         if topic in self._recorded:
             self._messages.listen(topic, partial(self._bag.add_offered, topic))
         else:
@@ -150,11 +151,11 @@ class DemonstrationRecorder(BagKeeper):
             return  # a last tick of the timer, when all is closed
         for message in self._messages.take():
             stamp_ns = self._bag.stamp_ns(message.topic, message.data)
-            usable = stamp_ns is None or self.refusals.accepts(full_name(self, message.topic), self._time.take, message.topic, stamp_ns)
+            usable = stamp_ns is None or self.refusals.accepts(self._full[message.topic], self._time.take, message.topic, stamp_ns)
             ns = self._time.now_ns if stamp_ns is None else stamp_ns
             if message.topic in self._recorded:  # whatever it is
-                self.refusals.accepts(full_name(self, message.topic), self._bag.write, message.topic, self._time.now_ns, ns, message.data)
-            if usable and self.refusals.accepts(full_name(self, message.topic), self._look, message, ns):
+                self.refusals.accepts(self._full[message.topic], self._bag.write, message.topic, self._time.now_ns, ns, message.data)
+            if usable and self.refusals.accepts(self._full[message.topic], self._look, message, ns):
                 self._newest[message.topic] = ns
                 self._heard[message.topic] += 1
                 self._silent.discard(message.topic)

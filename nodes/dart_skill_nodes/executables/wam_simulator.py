@@ -96,7 +96,7 @@ class WamSimulator(GuardedNode):
         self._plant = make_world(skill_type(self.p["skill"]).world, PlantSettings.from_parameters(self.p), self.p["seed"], board)
         self._paused, self._guided, self._budget, self._watched = self.p["start_paused"], False, 0, False
         self._answers, self._fault, self._steps_made = {}, "", 0
-        self._stillness = Stillness()
+        self._stillness, self._rests = Stillness(), False  # the latter: nothing has moved for long, and nobody waits for steps
         self._guide: Presence | None = None  # who guides the arm
         self._left = ""  # why nobody guides it any more, until it rests
         self._make_topics()
@@ -183,12 +183,10 @@ class WamSimulator(GuardedNode):
         self._pace()
         self._publish()
 
-    @property
-    def _rests(self) -> bool:
-        """Whether nothing has moved for long, nobody guides the arm, and nobody waits for steps."""
-        after = self.get_parameter("rest_after").value
-        still_ns = self._plant.state_stamp_ns - self._stillness.since_ns
-        return 0.0 < after < still_ns * 1e-9 and not (self._guided or self._budget)
+    def _wake(self) -> None:
+        """Somebody asked for something: go on at full speed."""
+        self._stillness.wake(self._plant.state_stamp_ns)
+        self._rests = False
 
     def _go_on_slowly(self) -> None:
         if self._rests:
@@ -201,14 +199,23 @@ class WamSimulator(GuardedNode):
             self._complain(f"no step: {error}")
             return False
         self._steps_made += 1
-        if self._stillness.is_due(self._plant.state_stamp_ns) or self._rests:
-            self._stillness.look(self._plant.state_stamp_ns, self._plant.joint_velocity, self._plant.bodies)
+        if self.p["lockstep"]:
+            self._look_for_rest()
         self._tell_of_safety()
         if self._left and np.abs(self._plant.joint_velocity).max() < RESTS:
             self._left = ""
         if self.p["lockstep"]:
             self._fault = ""
         return True
+
+    def _look_for_rest(self) -> None:
+        """See whether something moves: now and then, and at each step of a world that rests."""
+        ns = self._plant.state_stamp_ns
+        if not (self._rests or self._stillness.is_due(ns)):
+            return
+        self._stillness.look(ns, self._plant.joint_velocity, self._plant.bodies)
+        waits = self._guided or self._budget
+        self._rests = not waits and 0.0 < self.get_parameter("rest_after").value < (ns - self._stillness.since_ns) * 1e-9
 
     def _tell_of_safety(self) -> None:
         """On /wam/safety, when it changes: all is well, something is near its limit, or the motors are shorted until a reset."""
@@ -273,7 +280,7 @@ class WamSimulator(GuardedNode):
             response.success, response.message = False, str(error)
             return response
         self._guided, self._answers, self._budget, self._watched = request.guided, {}, 0, request.real_time
-        self._stillness.wake(state.stamp_ns)
+        self._wake()
         self._hold(request.paused)
         self._tell_of_safety()
         for one in self._obeyed.values():
@@ -303,7 +310,7 @@ class WamSimulator(GuardedNode):
         self._held_out.publish(Bool(data=held))
 
     def _on_pause(self, request, response):
-        self._stillness.wake(self._plant.state_stamp_ns)
+        self._wake()
         self._hold(request.data)
         response.success, response.message = True, "paused" if request.data else "running"
         if self.p["lockstep"]:
@@ -316,6 +323,7 @@ class WamSimulator(GuardedNode):
         if not response.success:
             response.message = f"steps are made while paused, 1 to {MOST_STEPS} at a time, one call after the other"
             return response
+        self._wake()
         self._budget = int(request.steps)
         end_ns = self._plant.state_stamp_ns + self._budget * self._plant.settings.step_ns
         response.stamp = conversions.time_msg(end_ns)
@@ -327,7 +335,7 @@ class WamSimulator(GuardedNode):
         try:
             pose = conversions.body_pose(request.pose, f"the {request.body}")
             self._plant.put(request.body, pose.position, pose.quaternion)
-            self._stillness.wake(self._plant.state_stamp_ns)
+            self._wake()
             response.success = True
         except ValueError as error:
             response.success, response.message = False, str(error)
@@ -335,7 +343,7 @@ class WamSimulator(GuardedNode):
 
     def _on_open(self, request, response):
         self._plant.open_hand()
-        self._stillness.wake(self._plant.state_stamp_ns)
+        self._wake()
         response.success = True
         return response
 
@@ -422,7 +430,7 @@ class WamSimulator(GuardedNode):
             f"{name} publishes {self.resolve_topic_name(PUSHES[who])}, too" for who, one in self._obeyed.items() for name in one.others
         ]
         level = ERROR if fault else (WARN if strangers else OK)
-        message = fault or ("paused" if self._paused else "resting" if self.p["lockstep"] and self._rests else "running")
+        message = fault or ("paused" if self._paused else "resting" if self._rests else "running")
         if strangers:
             message += f"; {', '.join(strangers)}: it is not obeyed, end it"
         return level, message, {"real_time_factor": f"{factor:.2f}", "steps": steps, "engaged": ", ".join(self._engaged)}
