@@ -29,7 +29,7 @@ def main() -> int:
     print(f"\nTRIED AGAIN, alone: {' '.join(files)}", flush=True)
     # A process that a signal ended has a negative status.
     failed = [file for file in files if subprocess.call([sys.executable, "-m", "pytest", file], cwd=ROOT) != 0]
-    print(f"\nTRIED AGAIN, alone: {'failed' if failed else 'passed'}: {' '.join(files)}", flush=True)
+    print(f"\nTRIED AGAIN, alone: {'failed' if failed else 'passed'}: {' '.join(failed or files)}", flush=True)
     return int(bool(failed))
 
 

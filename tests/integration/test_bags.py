@@ -62,7 +62,7 @@ def recorded(ros, tmp_path_factory):
     """A bag of everything that a graph said for some thousand steps."""
     folder = tmp_path_factory.mktemp("recorded")
     with graphs(folder) as make:
-        graph, client = make("composed", 0, {"composed": {"dropout_rate": 0.0}})
+        graph, client = make("composed", 0, {"composed": {"dropout_rate": 0.0, "rest_after": 0.0}})
         graph.start("recorder", {"bag": str(folder / "bag"), "use_sim_time": True, "notes": "[seed=0]"})
         diagnoses = Diagnoses(client)
         # Each topic is recorded from when it was discovered, the last one long after the first on a busy machine.

@@ -70,7 +70,7 @@ def test_the_report_tells_of_this_run(small_demo):
     assert "skill_learner.yaml" in page
     for throw in summary["throws"]:
         assert f"{throw['landing'][0]:.3f}" in page and f"{100 * throw['error_m']:.1f}" in page
-    assert page.count("<svg") == len(PICTURES)
+    assert page.count("<svg") == 2 * len(PICTURES), "each for a broad and for a narrow screen"
 
 
 def test_in_process_the_arm_throws_the_same_throws_to_the_last_bit(small_demo, without_ros):

@@ -97,6 +97,7 @@ BESIDE = Elsewhere("integration/test_bag_play.py::test_commands_are_played_where
 PROFILE = Elsewhere("integration/test_discovery.py::test_a_node_listens_on_loopback_alone_and_a_client_without_the_profile_finds_it")
 POLICY = Elsewhere("unit/test_permissions.py::test_the_command_writes_the_policy_and_no_file_over_another")
 SECURITY = Not("needs a full ROS installation with SROS 2; what the policy allows is compared with a graph in test_main_job.py")
+SPACES = Elsewhere("integration/test_namespaces.py::test_what_one_types_concerns_one_arm")
 VIEW = Elsewhere("unit/view/test_rerun.py::test_every_file_of_a_split_bag_is_opened_with_a_layout_of_its_own")
 
 TYPED = {
@@ -145,6 +146,14 @@ TYPED = {
     "dask worker tcp://192.168.10.1:8786 --nworkers 8 --nthreads 1": CLUSTER,
     # the graph
     "dart-skill up --viewer": OnTheGraph("--output up", says="all nodes are ready"),
+    "dart-skill up --viewer --port 0": Run(until="all nodes are ready"),
+    "dart-skill up --namespace /arm1": Run(until="all nodes are ready"),
+    "dart-skill up --namespace /arm2 --seed 1": Run(until="all nodes are ready"),
+    "dart-skill teach --namespace /arm1 --count 5": SPACES,
+    "dart-skill status --namespace /arm2": SPACES,
+    "dart-skill bag play --namespace /arm2 BAG": SPACES,
+    "ros2 launch dart_skill throwing.launch.py namespace:=arm3": FULL_ROS,
+    "ros2 run dart_skill commander --ros-args -r __ns:=/arm4": NODES,
     "ros2 run dart_skill recorder --ros-args -p bag:=monday -p use_sim_time:=true": OnTheGraph(),
     "dart-skill teach --count 5": OnTheGraph("--count 2", says="2 of 2 throws shown"),
     "dart-skill status": STATUS,

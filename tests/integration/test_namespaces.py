@@ -1,5 +1,8 @@
 """Two arms in one ROS domain, each graph in a namespace of its own: they teach, learn, throw and record side by side."""
 
+import signal
+import subprocess
+
 import pytest
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -9,11 +12,13 @@ from dart_skill.recording import BagReader, GraphBag, read_demonstrations
 from dart_skill.regions import targets_for
 from dart_skill_nodes.client.graph_listener import GraphListener
 from dart_skill_nodes.comms.qos import LATCHED
+from dart_skill_nodes.process.graph_processes import NODES
 
-from .conftest import graphs, teach_and_learn
+from .conftest import graphs, teach_and_learn, wait_for
 
 ARMS = ("/arm1", "/arm2")
 SHOWN, (TARGET,) = targets_for(0, 3, 1)
+SHOWN_TO = dict.fromkeys(ARMS, len(SHOWN))
 GLOBAL = {"/diagnostics", "/parameter_events", "/rosout", "/tf", "/tf_static"}
 
 
@@ -37,9 +42,15 @@ def test_both_throw_at_once(arms):
 
 def test_no_name_is_outside_the_namespaces(arms):
     node: Node = arms[ARMS[0]].client.node
-    topics, services = node.get_topic_names_and_types(), node.get_service_names_and_types()
-    outside = {name for name, _ in (*topics, *services) if not name.startswith(ARMS) and "/_" not in name}
-    assert {name for name in outside if not name.startswith("/coach_")} <= GLOBAL  # clients of the tests before this one
+    offered = (
+        node.get_publisher_names_and_types_by_node,
+        node.get_subscriber_names_and_types_by_node,
+        node.get_service_names_and_types_by_node,
+    )
+    ours = [(name, space) for name, space in node.get_node_names_and_namespaces() if space in ARMS]
+    assert {space for _, space in ours} == set(ARMS) and len(ours) >= 2 * len(NODES)
+    names = {name for one in ours for of in offered for name, _ in of(*one)}
+    assert {name for name in names if not name.startswith(tuple(f"{space}/" for space in ARMS))} <= GLOBAL
 
 
 def test_each_hears_of_its_own_nodes_alone(arms):
@@ -82,6 +93,21 @@ def test_a_second_graph_of_the_same_namespace_is_seen(arms, tmp_path):
         client.wait_until_gone(["wam_simulator"], limit=0.5)
 
 
+def _typed(*words):
+    done = subprocess.run(["dart-skill", *words], capture_output=True, text=True, timeout=180)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout + done.stderr
+
+
+def test_what_one_types_concerns_one_arm(arms):
+    _typed("teach", "--namespace", ARMS[0], "--count", "1")
+    SHOWN_TO[ARMS[0]] += 1
+    for space, count in SHOWN_TO.items():
+        assert _typed("demonstrations", "--namespace", space).count("taught") == count, space
+    status = _typed("status", "--namespace", ARMS[1])
+    assert "/arm2/joint_states" in status and "arm1" not in status
+
+
 def test_a_bag_holds_one_arm_and_is_learned_from(arms):
     for number, (space, graph) in enumerate(arms.items(), start=1):
         graph.stop()  # closes the bag
@@ -89,7 +115,7 @@ def test_a_bag_holds_one_arm_and_is_learned_from(arms):
             assert all(name.startswith(f"{space}/") for name in bag.topics), f"arm {number}"
             assert set(graph_bag.topics) == {name.removeprefix(space) for name in bag.topics}
             assert graph_bag.namespace == space
-        assert len(read_demonstrations(graph.bag)) == len(SHOWN)
+        assert len(read_demonstrations(graph.bag)) == SHOWN_TO[space]
 
 
 def test_a_recording_of_one_arm_is_replayed_in_another_namespace(arms, ros, tmp_path):
@@ -98,7 +124,12 @@ def test_a_recording_of_one_arm_is_replayed_in_another_namespace(arms, ros, tmp_
     with graphs(tmp_path) as make:
         graph, client = make(None, namespace="/again")
         client.node.create_subscription(JointState, "joint_states", heard.append, 10)
-        graph.start("bag_player", {"bag": str(bag), "rate": 0.0, "graph": True, "awaited": ["/again/joint_states"]})
-        while not heard:
-            client.spin()
+        played = subprocess.Popen(
+            ["dart-skill", "bag", "play", "--namespace", "/again", str(bag), "--rate", "0", "--wait-for", "/again/joint_states"]
+        )
+        try:
+            wait_for(client, lambda: heard, what="a state of the recording")
+        finally:
+            played.send_signal(signal.SIGINT)
+            assert played.wait(60.0) == 0
     assert heard

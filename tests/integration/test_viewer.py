@@ -283,4 +283,4 @@ def _stop_stays_in_sight(page):
     )
     for width, height in ((1280, 500), (360, 740)):
         page.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 500)
-        page._wait(lambda: page.run(seen), 30.0, f"Stop in a window {width} pixels wide")
+        page._wait(lambda: page.run(seen), 90.0, f"Stop in a window {width} pixels wide")

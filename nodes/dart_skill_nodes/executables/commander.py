@@ -32,7 +32,7 @@ from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.awake import Awake
 from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, finish, pause
 from dart_skill_nodes.comms.joint_states import hear_joint_states
-from dart_skill_nodes.comms.names import COMMANDS, GUIDING, JOINT_STATES, pose_topic
+from dart_skill_nodes.comms.names import COMMANDS, GUIDING, JOINT_STATES, full_name, pose_topic
 from dart_skill_nodes.comms.obeyed_publisher import new_sender
 from dart_skill_nodes.comms.presence import LOOK, Cameras, Presence, others, publishers, servers, subscribers
 from dart_skill_nodes.comms.qos import COMPLETE, FRAMES, LATCHED, WALL
@@ -284,7 +284,7 @@ class CommanderNode(GuardedNode):
 
     def _missing_now(self) -> str:
         if self._state is None:
-            return self._fault or "no /joint_states yet: is the arm, or wam_simulator, running?"
+            return self._fault or f"no {full_name(self, JOINT_STATES)} yet: is the arm, or wam_simulator, running?"
         if self.p["tracking"] == "hand" and not self.count_publishers(SIMULATED):
             return NOT_FOR_AN_ARM
         if self._rivals:
@@ -382,7 +382,7 @@ class CommanderNode(GuardedNode):
     def _look_for_rivals(self) -> None:
         """Two who publish states are two arms, of which it commands none: nobody could say whose state a command answers."""
         drivers = others(self, JOINT_STATES)
-        rivals = f"{' and '.join(drivers)} publish {JOINT_STATES}: end one of them, nothing is commanded until then"
+        rivals = f"{' and '.join(drivers)} publish {full_name(self, JOINT_STATES)}: end one of them, nothing is commanded until then"
         rivals = rivals if len(drivers) > 1 else ""
         if rivals and rivals != self._rivals:
             self.get_logger().error(rivals)
@@ -411,10 +411,10 @@ class CommanderNode(GuardedNode):
         if self._arm is None:
             self._arm = publishers(self, JOINT_STATES)
         if self._arm.gone and self._time.silence > QUIET:
-            return f"{self._arm} has gone: no {JOINT_STATES} any more"
+            return f"{self._arm} has gone: no {full_name(self, JOINT_STATES)} any more"
         moves = self._commander.executing or self._commander.moving
         if moves and self._time.silence > self.p["states_timeout"] and not self.count_publishers(SIMULATED):
-            return f"no {JOINT_STATES} for {self._time.silence:.1f} s: is the arm's driver running?"
+            return f"no {full_name(self, JOINT_STATES)} for {self._time.silence:.1f} s: is the arm's driver running?"
         return ""
 
     def _lose_arm(self, reason: str) -> None:
@@ -450,7 +450,7 @@ class CommanderNode(GuardedNode):
     def _on_move_to(self, request, response):
         try:
             if self._state is None:
-                raise PlanRefused("no /joint_states yet: is the arm's driver running?")
+                raise PlanRefused(f"no {full_name(self, JOINT_STATES)} yet: is the arm's driver running?")
             if self._goal is not None:
                 raise PlanRefused(f"a {self._skill.name} is being planned or is under way: wait for it or stop it first")
             response.duration = conversions.duration_msg(self._commander.move_to(request.posture, self._state))
@@ -479,7 +479,11 @@ class CommanderNode(GuardedNode):
     def _describe(self):
         stopped = self._commander.stopped_by
         level = ERROR if self._fault or self._rivals else (WARN if self._state is None or stopped else OK)
-        text = self._fault or self._rivals or ("no /joint_states yet" if self._state is None else self._commander.mode.value)
+        text = (
+            self._fault
+            or self._rivals
+            or (f"no {full_name(self, JOINT_STATES)} yet" if self._state is None else self._commander.mode.value)
+        )
         text += f", {stopped}: call /commander/reset" if stopped else ""
         if (near := self._commander.warning) and level == OK:
             level, text = WARN, f"{text}; {near}"

@@ -27,8 +27,8 @@ def tool(tmp_path, monkeypatch):
     "failed, status, said",
     [
         (["test_good.py::test_it", "test_good.py::test_other[x]"], 0, "TRIED AGAIN, alone: passed: test_good.py"),
-        (["test_good.py::test_it", "test_bad.py::test_it"], 1, "TRIED AGAIN, alone: failed: test_bad.py test_good.py"),
-        (["test_good.py::test_it", "test_dies.py::test_it"], 1, "TRIED AGAIN, alone: failed: test_dies.py test_good.py"),
+        (["test_good.py::test_it", "test_bad.py::test_it"], 1, "TRIED AGAIN, alone: failed: test_bad.py"),
+        (["test_good.py::test_it", "test_dies.py::test_it"], 1, "TRIED AGAIN, alone: failed: test_dies.py"),
         ([], 1, "0 files failed"),
         ([f"test_{k}.py::test_it" for k in range(7)], 1, "7 files failed; only one to 6 are tried again"),
     ],
