@@ -1,12 +1,15 @@
 """The package, in two forms.
 
-* `colcon build --symlink-install --base-paths . msg_schemas` builds the ament_python package: library, nodes, launch files. A node is an
-  executable in lib/dart_skill, where `ros2 run` looks. What it depends on stands in package.xml.
+* `colcon build` builds the ament_python package: library, nodes, launch files. A node is an executable in lib/dart_skill, where `ros2 run`
+  looks. What it depends on stands in package.xml. colcon does not look for packages below a package, so the one of the messages,
+  msg_schemas/, is built from here unless something else brings it (`build_messages`).
 * `pip install .` builds a wheel for machines without ROS: the library and its one command, with config/ and the definitions of messages in
   it. What it depends on stands here. Executables of nodes would be commands called `recorder` and `viewer` on everybody's PATH.
 """
 
+import os
 import re
+import subprocess
 import sys
 from pathlib import Path
 
@@ -92,8 +95,61 @@ def of_the_workspace() -> dict:
     }
 
 
+MESSAGES = "dart_skill_msgs"
+COLCON = [sys.executable, "-c", "from colcon_core.command import main; raise SystemExit(main())"]
+
+
+def build_messages() -> None:
+    """Builds the package of the messages beside this one, where colcon builds this one and does not know that one.
+
+    colcon knows it where it was told where it lies (`--base-paths src/dart_skill src/dart_skill/msg_schemas`), or where another workspace
+    has it. What was built from here before is brought up to date. SystemExit says in a line what to type, where it does not work.
+    """
+    source = Path(__file__).resolve().parent / "msg_schemas"
+    prefix, build = Path(sys.prefix), _build_base()
+    if build is None or not hasattr(sys, "real_prefix"):  # colcon's own mark, with the prefix to install into: nobody else installs nodes
+        return
+    merged = (prefix / ".colcon_install_layout").is_file()
+    here = prefix if merged else prefix.parent / MESSAGES
+    ours = build / "by_dart_skill"
+    found = [folder for folder in _paths("AMENT_PREFIX_PATH") if (folder / "share" / MESSAGES / "package.xml").is_file()]
+    if found and (not ours.is_file() or here.resolve() not in [folder.resolve() for folder in found]):
+        return
+    print(f"building {MESSAGES}, which takes minutes the first time", flush=True)
+    options = ["--build-base", str(build.parent), "--install-base", str(here if merged else here.parent), *["--merge-install"] * merged]
+    command = [*COLCON, "--log-base", str(build / "log"), "build", "--base-paths", str(source), *options]
+    if subprocess.run(command, env=_outside(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL).returncode:
+        log = build / "log" / "latest_build" / MESSAGES / "stdout_stderr.log"
+        shown = f"colcon build --base-paths {os.path.relpath(source, build.parents[1])} --event-handlers console_direct+"
+        raise SystemExit(f"dart_skill: its messages were not built ({log} says why: is ROS 2 sourced?); to see it: {shown}")
+    ours.touch()
+
+
+def _paths(variable: str) -> list[Path]:
+    return [Path(entry) for entry in os.environ.get(variable, "").split(os.pathsep) if entry]
+
+
+def _build_base() -> Path | None:
+    """Where colcon builds the messages: beside the folder in which it builds this package; None where nothing is built, as when colcon asks
+    for the options of a command.
+    """
+    option = "--build-directory" if "develop" in sys.argv else "--build-base"
+    if option not in sys.argv or not {"develop", "install"} & set(sys.argv) or "--uninstall" in sys.argv:
+        return None
+    return Path(sys.argv[sys.argv.index(option) + 1]).parent.with_name(MESSAGES)
+
+
+def _outside() -> dict[str, str]:
+    """The environment without what colcon puts on the path of modules for one call of setup.py: it would move the prefix of Python."""
+    ours = [str(path) for path in _paths("PYTHONPATH") if path.name not in ("prefix_override", "colcon_distutils_commands")]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(ours)}
+
+
 MAKES_A_WHEEL = bool({"bdist_wheel", "dist_info", "editable_wheel"} & set(sys.argv))
 """What pip and build ask setuptools for; colcon asks for none of these."""
+
+if not MAKES_A_WHEEL:
+    build_messages()
 
 setup(
     name=PACKAGE,

@@ -73,6 +73,9 @@ class Not:
 MAKE = Not("sets a workspace up first, or runs for minutes; what it starts has tests of its own, and the target is looked up")
 TESTS = Not("is about the tests themselves")
 FULL_ROS = Not("needs a full ROS installation; names and types are compared with docs/reference.md")
+COLCON = Elsewhere(
+    "unit/repository/test_messages_with_colcon.py::test_the_messages_are_built_beside_the_package_and_brought_up_to_date_the_next_time"
+)
 NETWORK = Not("fetches packages from the network")
 CLUSTER = Not("needs a Dask cluster")
 MACHINES = Not("is about other machines")
@@ -125,6 +128,12 @@ TYPED = {
     "dart-skill --version": Run(says=r"dart-skill \d+\.\d+\.\d+"),
     "python -m dart_skill --help": Run(says="usage: dart-skill"),
     "colcon build --symlink-install --base-paths src/dart_skill src/dart_skill/msg_schemas": Not("set-up does the same in the checkout"),
+    "colcon build --symlink-install": COLCON,
+    "source install/setup.bash": COLCON,
+    "rosdep install --from-paths src/dart_skill src/dart_skill/msg_schemas --ignore-src -y": NETWORK,
+    "python3 -m venv --system-site-packages": NETWORK,
+    "python -m pip install --upgrade pip": NETWORK,
+    "colcon test --packages-select dart_skill --pytest-args tests/unit/mixture": TESTS,
     "pip install -r requirements/optional.txt": NETWORK,
     "export ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET": MACHINES,
     "export FASTRTPS_DEFAULT_PROFILES_FILE=$PWD/config/fastdds_loopback.xml": PROFILE,
