@@ -468,6 +468,7 @@ MODULES = {  # what a requirement is imported as, where that is not its name
     "pybullet-arm64": "pybullet",
     "pytest-xdist": "xdist",
     "pyyaml": "yaml",
+    "scikit-learn": "sklearn",
 }
 
 

@@ -106,6 +106,8 @@ VIEW = Elsewhere("unit/view/test_rerun.py::test_every_file_of_a_split_bag_is_ope
 TYPED = {
     # set up
     "make setup": MAKE,
+    "make setup PYTHON=python3.12": MAKE,
+    "make clean": MAKE,
     "make demo": MAKE,
     'make demo ARGS="--seed 3 --throws 20 --output my_run"': MAKE,
     "make test": MAKE,

@@ -1,0 +1,36 @@
+"""The examples of the documentation run as they stand; what they promise, they assert themselves."""
+
+import importlib.util
+import runpy
+import warnings
+
+import matplotlib
+import matplotlib.pyplot as plt
+import pytest
+
+from tests.paths import DOCS, ROOT
+
+EXAMPLES = sorted((DOCS / "examples").glob("*.py"))
+NEEDS = {"plot_8_scikit_learn": "sklearn", "plot_4_searches": "cma"}
+
+
+@pytest.fixture
+def at_home(monkeypatch):
+    """In the folder of the checkout, without a screen."""
+    monkeypatch.chdir(ROOT)
+    backend = matplotlib.get_backend()
+    matplotlib.use("Agg")
+    yield
+    plt.close("all")
+    matplotlib.use(backend)
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
+def test_an_example_runs_and_draws(example, at_home):
+    wanted = NEEDS.get(example.stem)
+    if wanted and importlib.util.find_spec(wanted) is None:
+        pytest.skip(f"{wanted} is not installed")
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*non-interactive.*")  # plt.show() without a screen
+        runpy.run_path(str(example))
+    assert plt.get_fignums(), "it draws nothing"
