@@ -46,7 +46,10 @@ EXTRAS = {
     ],
     "plot": ["matplotlib>=3.7,<4", "tqdm>=4.64,<5"],
     "view": ["viser>=1.1,<1.2"],
-    "lerobot": ["pyarrow>=14"],
+    # tools that others have: data sets, tables, another live view
+    "lerobot": ["pyarrow>=16,<30", "av>=12,<20"],
+    "pandas": ["pandas>=2.1,<4"],
+    "foxglove": ["foxglove-sdk>=0.25,<1"],
 }
 
 

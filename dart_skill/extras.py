@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
+from types import ModuleType
 from typing import NoReturn
 
 EXTRA_OF = {
@@ -13,6 +15,9 @@ EXTRA_OF = {
     "matplotlib": "plot",
     "viser": "view",
     "pyarrow": "lerobot",
+    "av": "lerobot",
+    "pandas": "pandas",
+    "foxglove": "foxglove",
 }
 """The extra that brings a module."""
 
@@ -34,6 +39,11 @@ def need(*modules: str) -> None:
     for module in modules:
         if importlib.util.find_spec(module) is None:
             raise ModuleNotFoundError(f"No module named '{module}'", name=module)
+
+
+def optional(module: str) -> ModuleType:
+    """A module of a package that is in an extra; ModuleNotFoundError, as of an import, if it is not there."""
+    return importlib.import_module(module)
 
 
 class Absent:

@@ -463,6 +463,7 @@ def requirement_files(work: Workspace) -> list[Path]:
 
 MODULES = {  # what a requirement is imported as, where that is not its name
     "colcon-common-extensions": "colcon_core",
+    "foxglove-sdk": "foxglove",
     "mcap-ros2-support": "mcap_ros2",
     "pin": "pinocchio",
     "pybullet-arm64": "pybullet",

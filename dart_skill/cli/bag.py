@@ -12,12 +12,11 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dart_skill.cli import graph_verbs
+from dart_skill.cli import _bag_convert, graph_verbs
 from dart_skill.cli.printable import printable
 
 if TYPE_CHECKING:
     from dart_skill.recording.bags import Recovery
-    from dart_skill.recording.imports import ThrowRecording
 
 LONG_AGO_NS = 10**17
 """Log times before it (March 1973) are those of a simulation."""
@@ -30,7 +29,7 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     _add_info(verbs)
     _add_check(verbs)
     _add_recover(verbs)
-    _add_convert(verbs)
+    _bag_convert.add_to(verbs)
     _add_upgrade(verbs)
     graph_verbs.add_to(verbs, "play")
 
@@ -63,15 +62,6 @@ def _add_recover(verbs: argparse._SubParsersAction) -> None:
     _add_new_bag(parser, "recovered")
     parser.add_argument("--json", action="store_true", help="what was kept and lost as JSON")
     parser.set_defaults(run=_recover)
-
-
-def _add_convert(verbs: argparse._SubParsersAction) -> None:
-    parser = verbs.add_parser("convert", help="poses of another laboratory as a bag with our topics, axes and units")
-    parser.add_argument("source", metavar="SOURCE", type=Path, help="bag, or a folder with CSV files")
-    parser.add_argument("--mapping", metavar="FILE", type=Path, help="names topics, columns, axes, units (config/recordings/example.yaml)")
-    _add_new_bag(parser, "converted")
-    parser.add_argument("--json", action="store_true", help="what was written and what was wrong as JSON")
-    parser.set_defaults(run=_convert)
 
 
 def _add_upgrade(verbs: argparse._SubParsersAction) -> None:
@@ -281,42 +271,6 @@ def _loss_text(result: Recovery) -> str:
 def _recovery_json(result: Recovery) -> dict:
     plain = asdict(result) | {"path": str(result.path), "is_complete": result.is_complete, "lost_bytes": result.lost_bytes}
     return plain | {"message_count": sum(result.messages.values())}
-
-
-# convert
-
-
-def _convert(options: argparse.Namespace) -> int:
-    from dart_skill.recording.imports import convert, load_mapping
-
-    output = _output(options, options.source, "converted")
-    if output.exists():
-        raise FileExistsError(f"{output} exists already: bags are never overwritten, name another folder with --output")
-    recording = convert(options.source, output, load_mapping(options.mapping) if options.mapping else None)
-    print(json.dumps(_converted_json(recording, output), indent=1) if options.json else _converted_text(recording, output))
-    return 0
-
-
-def _converted_text(recording: ThrowRecording, output: Path) -> str:
-    from dart_skill.recording.imports import fault_lines
-
-    poses = ", ".join(f"{len(stream)} poses of the {role}" for role, stream in recording.bodies.items())
-    joints = "no joint states" if recording.joints is None else f"{len(recording.joints.stamp_ns)} joint states"
-    opened = f"the hand was told to open {len(recording.openings)} times" if recording.has_button else "nobody recorded when it opened"
-    lines = [*fault_lines(recording.faults), f"{poses}, {joints}; {opened}", f"new bag: {output}"]
-    return "\n".join([*lines, f"next: dart-skill learn {shlex.quote(str(output))}"])
-
-
-def _converted_json(recording: ThrowRecording, output: Path) -> dict:
-    return {
-        "source": recording.source,
-        "path": str(output),
-        "frame": recording.frame_id,
-        "poses": {role: len(stream) for role, stream in recording.bodies.items()},
-        "joint_states": None if recording.joints is None else len(recording.joints.stamp_ns),
-        "openings": [asdict(opening) for opening in recording.openings],
-        "faults": [asdict(fault) for fault in recording.faults],
-    }
 
 
 # upgrade

@@ -13,9 +13,11 @@ from dart_skill.cli import graph_verbs
 from dart_skill.cli.run_options import add_configuration, add_namespace
 
 if TYPE_CHECKING:
+    from dart_skill.recording.lerobot import LeRobotDataset
     from dart_skill.session import LearnReport
     from dart_skill.skill.improve import PractisingSkill
     from dart_skill.skill.observe import FoundThrow
+    from dart_skill.skill.protocol import Skill
     from dart_skill.skills.throw import Throw
 
 THROW = "throw"
@@ -25,7 +27,7 @@ NEXT = "next: dart-skill demo{} --model '{}'"
 def add_to(commands: argparse._SubParsersAction) -> None:
     """Add `learn` to the commands of `dart-skill`."""
     parser = commands.add_parser("learn", help="a model from a recording alone, or on a graph that runs, from what it was shown")
-    text = "rosbag2 folder, .mcap or .db3 file, or a folder with CSV files; none: the learner of the graph that runs learns"
+    text = "rosbag2 folder, .mcap or .db3 file, folder with CSV files, or LeRobot dataset; none: the learner of the graph that runs learns"
     parser.add_argument("bag", metavar="BAG", type=Path, nargs="?", help=text)
     parser.add_argument(
         "--mapping", metavar="FILE", type=Path, help="names topics, columns, axes and units (config/recordings/example.yaml)"
@@ -50,8 +52,10 @@ def _learn(options: argparse.Namespace) -> int:
         return options.run_on_graph(options)
     from dart_skill.recording import skill_of
     from dart_skill.recording.imports import load_mapping
+    from dart_skill.recording.lerobot import is_dataset
     from dart_skill.session import learn_from_bag
     from dart_skill.skill.learn import save_model
+    from dart_skill.skill.protocol import load_skill
 
     if options.at_least is not None:
         raise ValueError("--at-least waits for demonstrations on a graph that runs: leave out BAG, or this")
@@ -60,8 +64,10 @@ def _learn(options: argparse.Namespace) -> int:
     output = options.output or Path(f"{options.bag.resolve().stem}_model.npz")
     if output.exists():
         raise ValueError(f"{output} exists already: name another file with --output")
+    if is_dataset(options.bag):
+        return _learn_dataset(options, output)
     if not options.mapping and (name := skill_of(options.bag)) != THROW:
-        return _learn_skill(options, name, output)
+        return _learn_skill(options, load_skill(name), output)
     mapping = load_mapping(options.mapping) if options.mapping else None
     raw = not options.demonstrations_topic
     wanted = {"raw": raw, "with_throws": options.with_throws, "without": options.without}
@@ -71,19 +77,39 @@ def _learn(options: argparse.Namespace) -> int:
     return 0
 
 
-def _learn_skill(options: argparse.Namespace, name: str, output: Path) -> int:
-    """Another skill than throwing, from the demonstrations that a recorder cut."""
-    from dart_skill.session import learn_skill_from_bag
+def _learn_dataset(options: argparse.Namespace, output: Path) -> int:
+    """Any skill, from the episodes of a dataset of LeRobot."""
+    from dart_skill.session import learn_throws_from_dataset, open_dataset, skill_of_dataset
+    from dart_skill.skill.learn import save_model
+
+    of_bags = {"--mapping": options.mapping, "--demonstrations-topic": options.demonstrations_topic, "--with-throws": options.with_throws}
+    if given := [name for name, value in of_bags.items() if value]:
+        raise ValueError(f"{given[0]} is for bags: {options.bag} is a dataset of LeRobot, whose episodes are the demonstrations")
+    dataset = open_dataset(options.bag)
+    if (skill := skill_of_dataset(dataset)).name != THROW:
+        return _learn_skill(options, skill, output, dataset)
+    learned, report = learn_throws_from_dataset(dataset, options.configuration or "default", options.without)
+    save_model(output, list(report.learned_from), learned.skill.configuration)
+    print(json.dumps(_as_json(learned, report, output), indent=1) if options.json else _as_text(learned, report, output))
+    return 0
+
+
+def _learn_skill(options: argparse.Namespace, skill: Skill, output: Path, dataset: LeRobotDataset | None = None) -> int:
+    """Another skill than throwing at baskets, from the demonstrations that a recorder cut, or from a dataset."""
+    from dart_skill.session import learn_skill_from_bag, learn_skill_from_dataset
     from dart_skill.skill.model import save_skill_model
-    from dart_skill.skill.protocol import load_skill
     from dart_skill.skills.throw import Throw
 
-    if isinstance(skill := load_skill(name), Throw):
-        return _learn_other_throws(options, skill, output)
+    if isinstance(skill, Throw):
+        return _learn_other_throws(options, skill, output, dataset)
+    name = skill.name
     for option, given in {"--with-throws": options.with_throws, "--configuration": options.configuration}.items():
         if given:
             raise ValueError(f"{option} is for throws: {options.bag} is of the skill '{name}'")
-    learned, left_out = learn_skill_from_bag(options.bag, skill, options.without)
+    if dataset is None:
+        learned, left_out = learn_skill_from_bag(options.bag, skill, options.without)
+    else:
+        learned, left_out = learn_skill_from_dataset(dataset, skill, options.without)
     save_skill_model(output, learned)
     told: dict[str, object] = {"skill": name, "learned_from": [one.id for one in learned.demonstrations], "left_out": left_out}
     told = {**told, "duration_s": learned.duration, "model_id": learned.model_id, "model": str(output)}
@@ -94,14 +120,18 @@ def _learn_skill(options: argparse.Namespace, name: str, output: Path) -> int:
     return 0
 
 
-def _learn_other_throws(options: argparse.Namespace, skill: Throw, output: Path) -> int:
-    """Throws in another game than at baskets, from the demonstrations that a recorder cut."""
-    from dart_skill.session import learn_throws_from_bag
+def _learn_other_throws(options: argparse.Namespace, skill: Throw, output: Path, dataset: LeRobotDataset | None) -> int:
+    """Throws in another game than at baskets, from the demonstrations that a recorder cut, or from a dataset."""
+    from dart_skill.session import learn_other_throws_from_dataset, learn_throws_from_bag
     from dart_skill.skill.learn import save_model
 
     if options.with_throws:
         raise ValueError(f"--with-throws is for throws at baskets: {options.bag} is of the skill '{skill.name}'")
-    practice, left_out = learn_throws_from_bag(options.bag, skill, options.configuration or "default", options.without)
+    name = options.configuration or "default"
+    if dataset is None:
+        practice, left_out = learn_throws_from_bag(options.bag, skill, name, options.without)
+    else:
+        practice, left_out = learn_other_throws_from_dataset(dataset, skill, name, options.without)
     learned = practice.learn()
     save_model(output, practice.demonstrations, learned.configuration)
     told: dict[str, object] = {"skill": skill.name, "learned_from": [one.id for one in practice.demonstrations], "left_out": left_out}

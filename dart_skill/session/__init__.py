@@ -18,6 +18,13 @@ from dart_skill.session._darts_run import (
 )
 from dart_skill.session._demo import Job, basket_in_words, throwing_demo
 from dart_skill.session._from_bag import LearnReport, find_throws, learn_from_bag
+from dart_skill.session._from_lerobot import (
+    learn_other_throws_from_dataset,
+    learn_skill_from_dataset,
+    learn_throws_from_dataset,
+    open_dataset,
+    skill_of_dataset,
+)
 from dart_skill.session._in_process import Session, Trial
 from dart_skill.session._reaching_person import ReachingPerson
 from dart_skill.session._session_bag import LAYOUT, SessionBag
@@ -26,6 +33,7 @@ from dart_skill.session._skill_from_bag import learn_skill_from_bag, learn_throw
 from dart_skill.session._skill_session import SkillSession, SkillTrial
 from dart_skill.session._skill_summary import SkillResult, SkillSummary, in_words, situation_json, skill_table
 from dart_skill.session._summary import DemoSummary, ThrowResult, error_quantile, footer, table, write_summary
+from dart_skill.session._to_lerobot import FPS, ExportedDataset, PictureMaker, write_lerobot
 
 __all__ = [
     "BLOCK",
@@ -40,6 +48,9 @@ __all__ = [
     "LegSummary",
     "LearnReport",
     "DemoSummary",
+    "ExportedDataset",
+    "FPS",
+    "PictureMaker",
     "Session",
     "SessionBag",
     "SkillSummary",
@@ -61,15 +72,21 @@ __all__ = [
     "footer",
     "in_words",
     "learn_from_bag",
+    "learn_other_throws_from_dataset",
     "learn_skill_from_bag",
+    "learn_skill_from_dataset",
     "learn_throws_from_bag",
+    "learn_throws_from_dataset",
+    "open_dataset",
     "play_leg",
     "situation_json",
     "skill_demo",
+    "skill_of_dataset",
     "skill_table",
     "summarise",
     "table",
     "throw_dart",
     "throwing_demo",
+    "write_lerobot",
     "write_summary",
 ]

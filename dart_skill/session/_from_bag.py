@@ -65,6 +65,27 @@ def learn_from_bag(
     demonstrations that were dropped while they were recorded. ValueError if there is too little to learn from.
     """
     chosen = configuration_of(configuration)
+    report, recording = throws_in_bag(path, mapping, chosen, raw=raw, with_throws=with_throws, without=without, thresholds=thresholds)
+    if len(report.learned_from) < LEAST_DEMONSTRATIONS:
+        raise ValueError(_too_few(report, recording))
+    return PractisingSkill(list(report.learned_from), chosen, method), report
+
+
+def throws_in_bag(
+    path: str | os.PathLike,
+    mapping: RecordingMapping | None,
+    chosen: SkillConfiguration,
+    *,
+    raw: bool = True,
+    with_throws: bool = False,
+    without: Sequence[str] = (),
+    thresholds: VelocityThreshold = THRESHOLDS,
+) -> tuple[LearnReport, ThrowRecording | None]:
+    """What was found in a recording, and which of it would be learned from; and the recording, if throws were looked for in it.
+
+    As `learn_from_bag`.
+    """
+    recording = None
     if raw:
         recording = read_recording(path, mapping)
         throws = [_judged(throw, with_throws, chosen) for throw in find_throws(recording, thresholds)]
@@ -74,10 +95,7 @@ def learn_from_bag(
         report = LearnReport(os.path.basename(os.fspath(path)), False, tuple(shown))
     check_known(without, [throw.demonstration.id for throw in report.throws if throw.demonstration is not None], report.source)
     dropped = set() if mapping else read_dropped(path)
-    report = replace(report, throws=tuple(_unless_dropped(throw, dropped, without) for throw in report.throws))
-    if len(report.learned_from) < LEAST_DEMONSTRATIONS:
-        raise ValueError(_too_few(report, recording if raw else None))
-    return PractisingSkill(list(report.learned_from), chosen, method), report
+    return replace(report, throws=tuple(_unless_dropped(throw, dropped, without) for throw in report.throws)), recording
 
 
 def find_throws(recording: ThrowRecording, thresholds: VelocityThreshold = THRESHOLDS) -> list[FoundThrow]:

@@ -2,6 +2,7 @@
 
 from dart_skill.simulation._basket import Basket
 from dart_skill.simulation._board import Board
+from dart_skill.simulation._bullet import connect
 from dart_skill.simulation._carrier import Carrier, Carrying
 from dart_skill.simulation._changes import CHANGES, changed
 from dart_skill.simulation._conveyor import Belt, Conveyor
@@ -49,5 +50,6 @@ __all__ = [
     "WORLDS",
     "Workbench",
     "changed",
+    "connect",
     "make_world",
 ]

@@ -90,6 +90,7 @@ class Darts(Throw):
     """Throw the dart in the hand at a point of the board: the situation has the numbers `right` and `up`, without them it is the bull."""
 
     name = "darts"
+    task = "throw the dart at the board"
     bodies = THROWN["darts"]
     world = "board"
     corrects = "board"

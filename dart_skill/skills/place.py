@@ -69,6 +69,7 @@ class Place(Skill):
     """Put a part into a holder."""
 
     name = "place"
+    task = "put the part on its holder"
     bodies = ("part", "holder")
     corrects = "holder"
     settings_type = PlaceSettings

@@ -56,6 +56,7 @@ class Reach(Skill):
     """Reach into a cup that moves."""
 
     name = "reach"
+    task = "reach into the cup"
     bodies = ("cup",)
     world = "belt"
     reacts = True

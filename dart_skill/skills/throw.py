@@ -27,6 +27,7 @@ class Throw(Skill):
     """Throw the ball in the hand at the basket; the pose of a basket is the centre of its rim."""
 
     name = "throw"
+    task = "throw the ball into the basket"
     bodies = THROWN["throw"]
     world = "basket"
     speed = Speed.THROW

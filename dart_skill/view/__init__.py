@@ -8,6 +8,7 @@ from dart_skill.view._held_hand import HeldHand, how_far, turned
 from dart_skill.view._holding_controls import DemonstrationRow
 from dart_skill.view._panel import Knob, NodeStatus, Panel, PanelWords, Request
 from dart_skill.view._scene import Scene
+from dart_skill.view._scene_camera import SceneCamera
 from dart_skill.view._server import ViewUnavailable, new_token, open_server, url_of, with_token
 from dart_skill.view.rerun_bag import RerunUnavailable
 
@@ -21,6 +22,7 @@ __all__ = [
     "Request",
     "RerunUnavailable",
     "Scene",
+    "SceneCamera",
     "ViewUnavailable",
     "how_far",
     "new_token",

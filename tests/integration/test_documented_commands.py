@@ -103,6 +103,8 @@ SECURITY = Not("needs a full ROS installation with SROS 2; what the policy allow
 SPACES = Elsewhere("integration/test_namespaces.py::test_what_one_types_concerns_one_arm")
 VIEW = Elsewhere("unit/view/test_rerun.py::test_every_file_of_a_split_bag_is_opened_with_a_layout_of_its_own")
 
+FILMED = Elsewhere("unit/session/test_lerobot.py::test_a_video_has_a_picture_of_each_frame")
+
 TYPED = {
     # set up
     "make setup": MAKE,
@@ -124,6 +126,8 @@ TYPED = {
     "python -m pydoc dart_skill.movement": Run(says="dart_skill.movement"),
     "pip install 'dart_skill[view]'": NETWORK,
     "pip install 'dart_skill[sim]'": NETWORK,
+    "pip install 'dart_skill[lerobot]'": NETWORK,
+    "pip install 'dart_skill[pandas]'": NETWORK,
     "pip install .": WHEEL,
     "pip install '.[sim,plot,view]'": WHEEL,
     "dart-skill demo --layout in-process": Run("--demonstrations 3 --throws 1", says="in 1/1", leaves="output/demo_*/report.html"),
@@ -280,6 +284,20 @@ TYPED = {
         "unit/recording/test_upgrade.py::test_the_command_says_what_it_did"
     ),
     "dart-skill bag convert thursday --mapping thursday.yaml --output thursday_ours": FOREIGN,
+    "dart-skill bag convert bags/demonstrations --to lerobot": Run(
+        says="13 episodes of 'throw'", leaves="demonstrations_lerobot/meta/info.json"
+    ),
+    "dart-skill bag convert bags/demonstrations --to lerobot --fps 30 --video --output filmed": FILMED,
+    "dart-skill learn demonstrations_lerobot": Elsewhere("unit/session/test_lerobot.py::test_the_commands_convert_and_learn"),
+    "DART_SKILL_LEROBOT=~/lerobot/bin/python python3 -m pytest tests/unit/recording/test_lerobot.py": Elsewhere(
+        "unit/recording/test_lerobot.py::test_lerobot_itself_loads_it"
+    ),
+    "dart-skill bag convert bags/demonstrations --to csv": Run(
+        says="the hand was told to open 13", leaves="demonstrations_csv/mapping.yaml"
+    ),
+    "dart-skill learn demonstrations_csv --mapping demonstrations_csv/mapping.yaml": Elsewhere(
+        "unit/recording/test_tables.py::test_the_tables_teach_the_same_skill_to_the_last_bit"
+    ),
     "python3 benchmarks/power.py --gradients": Run("--seeds 1", says="natural actor-critic, normalised 0.3"),
     "python3 benchmarks/recording.py": Run("--messages 1000 --repeats 1", says="dart_skill"),
     "python3 benchmarks/graph/recorder.py --seconds 60": Run("--seconds 1", says="messages in 1 s"),

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
+from typing import Any
 
 import zstandard
 from mcap.records import Attachment
@@ -20,6 +21,7 @@ from rosbags.typesys.store import Typestore
 
 from dart_skill.files import open_file, require_file
 from dart_skill.recording.bags._files import SUFFIXES, files_in, named_files, part_number
+from dart_skill.recording.bags._frames import frame_of
 from dart_skill.recording.bags._metadata import (
     METADATA_FILE,
     METADATA_VERSION,
@@ -139,6 +141,13 @@ class BagReader:
             found = self._called(self._source.messages(chosen, *limits))
             found = _thinned(found, every_ns) if every_ns else found
             yield from map(self._decoded, found) if decode else found
+
+    def to_pandas(self, topic: str, start_ns: int | None = None, stop_ns: int | None = None) -> Any:
+        """Messages of a topic as a pandas.DataFrame: a row for each, by its log time [ns]; columns as `pose.position.x`, `position[0]`.
+
+        Stamps and durations are nanoseconds. start_ns, stop_ns: as for `messages`. ModuleNotFoundError without pandas.
+        """
+        return frame_of(self.messages([topic], start_ns, stop_ns))
 
     def attachments(self) -> list[Attachment]:
         """Files that were kept with the bag, as `mcap` reads them: name, media_type, data, times."""

@@ -1,5 +1,6 @@
-"""Recordings of other laboratories: what their topics, files, axes and units mean, and what is wrong with their poses."""
+"""Recordings of other laboratories: what their topics, files, axes and units mean, what is wrong with their poses; ours as CSV files."""
 
+from dart_skill.recording.imports._csv_folder import MAPPING, bodies_to_csv, throws_to_csv
 from dart_skill.recording.imports.mapping import (
     MappingError,
     PoseSource,
@@ -15,6 +16,7 @@ from dart_skill.recording.imports.throw_recording import JointStream, ThrowRecor
 
 __all__ = [
     "Fault",
+    "MAPPING",
     "JointStream",
     "MappingError",
     "PoseSource",
@@ -24,10 +26,12 @@ __all__ = [
     "SignalSource",
     "Table",
     "ThrowRecording",
+    "bodies_to_csv",
     "convert",
     "fault_lines",
     "load_mapping",
     "parse_mapping",
     "read_recording",
     "repair",
+    "throws_to_csv",
 ]

@@ -60,6 +60,7 @@ class Skill:
     Class attributes:
 
     * name: of the skill, as `--skill` and the entry point have it.
+    * task: what it does, in words, as data sets for other learners have it; empty: its name.
     * bodies: roles of the tracked bodies that it needs beside the hand.
     * world: the simulated world in which it is shown and tried (`simulation.WORLDS`); with a real arm it is of no meaning.
     * reacts: the model is asked at every state of the arm, with the newest poses of the bodies, which may move (`ReactiveSkill` of
@@ -72,6 +73,7 @@ class Skill:
     """
 
     name = ""
+    task = ""
     bodies: tuple[str, ...] = ()
     world = "bench"
     reacts = False

@@ -37,7 +37,7 @@ def declared(extra=""):
     return tuple(Requirement(text) for text in texts)
 
 
-EXTRAS = ("sim", "plot", "view", "lerobot")
+EXTRAS = ("sim", "plot", "view", "lerobot", "pandas", "foxglove")
 
 
 # --- what is declared ---
@@ -67,7 +67,7 @@ def test_an_error_names_the_extra_that_brings_what_is_missing(module, extra):
 def test_the_wheel_and_the_workspace_want_the_same_versions():
     lines = [line for name in ("runtime", "test") for line in (ROOT / "requirements" / f"{name}.txt").read_text().splitlines()]
     wanted = {(one.name, str(one.specifier), str(one.marker)) for one in map(Requirement, (line for line in lines if line[:1].isalnum()))}
-    own = {(one.name, str(one.specifier), str(one.marker)) for extra in ("", "sim", "plot", "view") for one in declared(extra)}
+    own = {(one.name, str(one.specifier), str(one.marker)) for extra in ("", *EXTRAS) for one in declared(extra)}
     assert own <= wanted
 
 

@@ -17,7 +17,7 @@ LONGEST_PARAGRAPH, LONGEST_LINE = 250, 120
 ITEM = re.compile(r" *([*+-]|\d+\.) ")
 CITED = re.compile(r"[\w./*-]*\w\.(?:md|yaml)\b|\bwam_facts\b|\bfacts \d|\(facts\)|\berrata\b")
 """A name that ends as a page or a parameter file does, and the notes that were cited without an ending."""
-OF_THE_USER = {"thursday.yaml", "cameras.yaml"}
+OF_THE_USER = {"thursday.yaml", "cameras.yaml", "mapping.yaml", "demonstrations_csv/mapping.yaml"}
 """Files of the user's own in examples."""
 
 

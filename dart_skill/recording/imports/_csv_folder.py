@@ -1,0 +1,124 @@
+"""Recordings as CSV files, for every program that reads tables; those of throws with a mapping, by which they are read again.
+
+The header names each column, with its unit. Numbers have as many digits as it takes to be read as the same number again.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from dart_skill.recording.bags import BagError, BagReader
+from dart_skill.recording.grip_signal import GIGA
+from dart_skill.recording.imports.mapping import RecordingMapping
+from dart_skill.recording.imports.pose_stream import PoseStream
+from dart_skill.recording.imports.throw_recording import JointStream, ThrowRecording, read_recording
+from dart_skill.world import joint_names, pose_topic, the_world
+
+MAPPING = "mapping.yaml"
+TIME = "time [s]"
+POSE = ("x [m]", "y [m]", "z [m]", "qx", "qy", "qz", "qw")
+STATES = "/joint_states"
+STATE_TYPE, POSE_TYPE = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PoseStamped"
+
+
+def throws_to_csv(source: str | os.PathLike, output: str | os.PathLike, mapping: RecordingMapping | None = None) -> ThrowRecording:
+    """Write a recording of throws as a folder of CSV files and the mapping that reads them; returns what was read.
+
+    source, mapping: as for `read_recording`. output: folder, which must not exist.
+    """
+    recording = read_recording(source, mapping)
+    folder = Path(output)
+    folder.mkdir(parents=True)
+    keys: dict[str, Any] = {"frame": recording.frame_id}
+    for role, stream in recording.bodies.items():
+        keys[role] = _write_poses(folder, role, stream)
+    if recording.joints is not None:
+        keys["joints"] = _write_joints(folder, recording.joints)
+    for name, taught in (("teacher", True), ("command", False)):
+        if stamps := [one.stamp_ns for one in recording.openings if one.taught == taught]:
+            _write(folder / f"{name}.csv", [TIME], ([seconds(stamp)] for stamp in stamps))
+            keys[name] = {"csv": f"{name}.csv", "columns": {"time": TIME}}
+    text = yaml.safe_dump(keys, sort_keys=False, allow_unicode=True, width=140)
+    (folder / MAPPING).write_text(f"# dart-skill learn FOLDER --mapping FOLDER/{MAPPING}\n{text}", encoding="utf-8")
+    return recording
+
+
+def bodies_to_csv(source: str | os.PathLike, output: str | os.PathLike, roles: Sequence[str]) -> dict[str, int]:
+    """Write poses of tracked bodies and joint states of a bag of ours as CSV files; the number of rows by file. BagError if there are none.
+
+    roles: of the bodies. output: folder, which must not exist.
+    """
+    poses, joints = _read_topics(source, roles)
+    if not poses:
+        raise BagError(f"{source}: no poses of {', '.join(roles)}: were the cameras recorded?")
+    folder = Path(output)
+    folder.mkdir(parents=True)
+    for role, stream in poses.items():
+        _write_poses(folder, role, stream)
+    if joints is not None:
+        _write_joints(folder, joints)
+    counts = {f"{role}.csv": len(stream) for role, stream in poses.items()}
+    return counts if joints is None else {**counts, "joints.csv": len(joints.stamp_ns)}
+
+
+def seconds(stamp_ns: int) -> str:
+    """A stamp [ns] in seconds, with all its digits."""
+    return f"{stamp_ns // GIGA}.{stamp_ns % GIGA:09d}"
+
+
+def _write_poses(folder: Path, role: str, stream: PoseStream) -> dict[str, Any]:
+    rows = zip(map(seconds, stream.stamp_ns.tolist()), np.hstack([stream.position, stream.quaternion]).tolist(), strict=True)
+    _write(folder / f"{role}.csv", [TIME, *POSE], ([time, *row] for time, row in rows))
+    return {"csv": f"{role}.csv", "columns": {"time": TIME, "position": list(POSE[:3]), "quaternion": list(POSE[3:])}}
+
+
+def _write_joints(folder: Path, joints: JointStream) -> dict[str, Any]:
+    names = joints.names or joint_names()
+    position, velocity = [f"{name} position [rad]" for name in names], [f"{name} velocity [rad/s]" for name in names]
+    rows = zip(map(seconds, joints.stamp_ns.tolist()), np.hstack([joints.position, joints.velocity]).tolist(), strict=True)
+    _write(folder / "joints.csv", [TIME, *position, *velocity], ([time, *row] for time, row in rows))
+    columns = {"time": TIME, "position": position, "velocity": velocity}
+    return {"csv": "joints.csv", "columns": columns, **({"names": list(joints.names)} if joints.names else {})}
+
+
+def _write(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
+    with open(path, "w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(header)
+        writer.writerows(rows)
+
+
+def _read_topics(source: str | os.PathLike, roles: Sequence[str]) -> tuple[dict[str, PoseStream], JointStream | None]:
+    topics: Mapping[str, str] = {pose_topic(the_world().body(role)): role for role in roles}
+    with BagReader(source) as bag:
+        kinds = {**dict.fromkeys(topics, POSE_TYPE), STATES: STATE_TYPE}
+        there = [name for name, topic in bag.topics.items() if topic.type_name == kinds.get(name) and topic.count]
+        found: dict[str, list] = {name: [] for name in there}
+        for item in bag.messages(there) if there else ():
+            found[item.topic].append(item.data)
+    poses = {topics[name]: _pose_stream(topics[name], messages) for name, messages in found.items() if name in topics}
+    return poses, _joint_stream(found[STATES]) if STATES in found else None
+
+
+def _stamps(messages: Sequence[Any]) -> np.ndarray:
+    return np.array([one.header.stamp.sec * GIGA + one.header.stamp.nanosec for one in messages], dtype=np.int64)
+
+
+def _pose_stream(role: str, messages: Sequence[Any]) -> PoseStream:
+    poses = [one.pose for one in messages]
+    position = np.array([[p.position.x, p.position.y, p.position.z] for p in poses])
+    quaternion = np.array([[p.orientation.x, p.orientation.y, p.orientation.z, p.orientation.w] for p in poses])
+    return PoseStream(role, _stamps(messages), position, quaternion, messages[0].header.frame_id)
+
+
+def _joint_stream(messages: Sequence[Any]) -> JointStream:
+    n = len(messages[0].name)
+    velocity = [one.velocity if len(one.velocity) == n else np.full(n, np.nan) for one in messages]
+    return JointStream(_stamps(messages), np.array([one.position for one in messages]), np.array(velocity), tuple(messages[0].name))

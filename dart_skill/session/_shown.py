@@ -1,0 +1,185 @@
+"""What was shown of a skill in a recording, with all streams of it: from when the movement began to when its end was seen.
+
+Throws at baskets are found and cut as `dart-skill learn` does. Of other skills it is what their recorder published on /demonstrations.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dart_skill.constants import N_JOINTS
+from dart_skill.recording import BagReader, Demonstration, check_known, read_demonstrations, read_dropped, skill_of
+from dart_skill.recording.grip_signal import GIGA
+from dart_skill.recording.imports import RecordingMapping, ThrowRecording
+from dart_skill.robot import Grip
+from dart_skill.session._from_bag import throws_in_bag
+from dart_skill.skill.learn import configuration
+from dart_skill.skill.protocol import HAND, Skill, TaskDemonstration, Told, Track, load_skill, read_task_demonstrations
+from dart_skill.skills.throw import Throw
+from dart_skill.world import THROWN, the_world
+
+THROW = "throw"
+AROUND_NS = 50_000_000
+"""Samples of so long before and after a movement help to tell where a body was at its ends; worlds are farther apart."""
+COMMANDS = ("/wam/command", "/wam/teacher_wrench")
+"""Who moves the arm: its controller, and a guiding person. Where both do, the arm feels the sum."""
+COMMAND_TYPE = "dart_skill_msgs/msg/WamCommand"
+N_COMMAND = 6 + N_JOINTS
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """A movement that was shown, with what was seen around it; times are seconds after stamp_ns.
+
+    * id, stamp_ns [ns].
+    * duration [s].
+    * tracks: of the hand and of the bodies, by role.
+    * joint_time (m,) [s], joint_position (m, 7) [rad], joint_velocity (m, 7) [rad/s]; m = 0 if they were not recorded.
+    * told: what the fingers were told.
+    """
+
+    id: str
+    stamp_ns: int
+    duration: float
+    tracks: Mapping[str, Track]
+    joint_time: np.ndarray
+    joint_position: np.ndarray
+    joint_velocity: np.ndarray
+    told: tuple[Told, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class CommandStream:
+    """Commands of one who moves the arm: stamps (m,) [ns], and rows (m, 13): force [N], torque [N m], of the hand, joint torques [N m]."""
+
+    stamp_ns: np.ndarray
+    rows: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class ShownSkill:
+    """What a recording shows of a skill.
+
+    * skill.
+    * shown: in the order of time.
+    * left_out: by the id of a demonstration, or the time of a throw, why it is not among them.
+    * commands: of each who moves the arm; empty if nobody recorded them.
+    """
+
+    skill: Skill
+    shown: tuple[Shown, ...]
+    left_out: Mapping[str, str]
+    commands: tuple[CommandStream, ...] = field(default=(), repr=False)
+
+
+def read_shown(
+    path: str | os.PathLike, mapping: RecordingMapping | None = None, *, with_throws: bool = False, without: Sequence[str] = ()
+) -> ShownSkill:
+    """What a recording shows, without what was dropped; arguments as those of `learn_from_bag`. ValueError if it shows nothing."""
+    name = THROW if mapping else skill_of(path)
+    skill = load_skill(name)
+    if name == THROW:
+        shown, left_out = _throws_at_baskets(path, mapping, with_throws, without)
+    else:
+        if with_throws:
+            raise ValueError(f"--with-throws is for throws at baskets: {path} is of the skill '{name}'")
+        shown, left_out = _published(path, skill, without)
+    if not shown:
+        reasons = "; ".join(f"{one}: {why}" for one, why in left_out.items())
+        raise ValueError(f"{path} shows nothing of the skill '{name}'{': ' + reasons if reasons else ': was it recorded?'}")
+    return ShownSkill(skill, tuple(shown), left_out, () if mapping else _commands(path))
+
+
+def _throws_at_baskets(
+    path: str | os.PathLike, mapping: RecordingMapping | None, with_throws: bool, without: Sequence[str]
+) -> tuple[list[Shown], dict[str, str]]:
+    report, recording = throws_in_bag(path, mapping, configuration("default"), with_throws=with_throws, without=without)
+    assert recording is not None  # as throws were looked for in it
+    left_out = {}
+    for throw in report.throws:
+        if throw.reason:
+            left_out[throw.demonstration.id if throw.demonstration else f"{throw.stamp_ns / GIGA:.3f} s"] = throw.reason
+    return [_with_streams(one, recording) for one in report.learned_from], left_out
+
+
+def _published(path: str | os.PathLike, skill: Skill, without: Sequence[str]) -> tuple[list[Shown], dict[str, str]]:
+    found: Sequence[Demonstration | TaskDemonstration]
+    found = read_demonstrations(path) if isinstance(skill, Throw) else read_task_demonstrations(path, skill)
+    check_known(without, [one.id for one in found], str(path))
+    reasons = {**dict.fromkeys(read_dropped(path), "dropped while it was recorded"), **dict.fromkeys(without, "as asked")}
+    kept = [one for one in found if one.id not in reasons]
+    shown = [_of_throw(one) if isinstance(one, Demonstration) else _of_movement(one) for one in kept]
+    return shown, {one.id: reasons[one.id] for one in found if one.id in reasons}
+
+
+def _with_streams(one: Demonstration, recording: ThrowRecording) -> Shown:
+    """A throw with all that was recorded until the ball was down, the hand after its motion, too."""
+    duration = _end_of_throw(one)
+    since, until = one.stamp_ns - AROUND_NS, one.stamp_ns + round(1e9 * duration) + AROUND_NS
+
+    def within(stamps: np.ndarray) -> np.ndarray:
+        return (stamps >= since) & (stamps <= until)
+
+    tracks = {}
+    for role, stream in recording.bodies.items():
+        kept = stream.take(within(stream.stamp_ns))
+        if len(kept):
+            tracks[role] = Track(1e-9 * (kept.stamp_ns - one.stamp_ns), kept.position, kept.quaternion)
+    if "basket" not in tracks:  # hidden all the time: where it was seen at other times
+        tracks["basket"] = _resting(one.target)
+    time, position, velocity = one.joint_time, one.joint_position, one.joint_velocity
+    if recording.joints is not None:
+        mask = within(recording.joints.stamp_ns)
+        time = 1e-9 * (recording.joints.stamp_ns[mask] - one.stamp_ns)
+        position, velocity = recording.joints.position[mask], recording.joints.velocity[mask]
+    return Shown(one.id, one.stamp_ns, duration, tracks, time, position, velocity, _opened(one))
+
+
+def _of_throw(one: Demonstration) -> Shown:
+    """A throw as it was published: the hand until its motion ended."""
+    thrown, aimed_at = THROWN[one.skill]
+    unturned = np.tile([0.0, 0.0, 0.0, 1.0], (len(one.ball_time), 1))
+    tracks = {HAND: Track(one.hand_time, one.hand_position, one.hand_quaternion), aimed_at: _resting(one.target)}
+    if len(one.ball_time):
+        tracks[thrown] = Track(one.ball_time, one.ball_position, unturned)
+    joints = (one.joint_time, one.joint_position, one.joint_velocity)
+    return Shown(one.id, one.stamp_ns, _end_of_throw(one), tracks, *joints, _opened(one))
+
+
+def _of_movement(one: TaskDemonstration) -> Shown:
+    joints = (one.joint_time, one.joint_position, one.joint_velocity)
+    return Shown(one.id, one.stamp_ns, float(one.hand_time[-1]), one.tracks, *joints, one.told)
+
+
+def _end_of_throw(one: Demonstration) -> float:
+    return float(max(one.hand_time[-1], one.ball_time[-1] if len(one.ball_time) else 0.0))
+
+
+def _opened(one: Demonstration) -> tuple[Told, ...]:
+    return () if np.isnan(one.hand_opened) else (Told(one.hand_opened, Grip.OPEN),)
+
+
+def _resting(position: np.ndarray) -> Track:
+    return Track(np.zeros(1), position[None], np.array([[0.0, 0.0, 0.0, 1.0]]))
+
+
+def _commands(path: str | os.PathLike) -> tuple[CommandStream, ...]:
+    """Of all who told the arm something; ValueError for a wrench in other axes than those of the world."""
+    found: dict[str, list[tuple[int, list[float]]]] = {}
+    with BagReader(path) as bag:
+        topics = [name for name in COMMANDS if name in bag.topics and bag.topics[name].type_name == COMMAND_TYPE and bag.topics[name].count]
+        for item in bag.messages(topics) if topics else ():
+            header, force, torque = item.data.header, item.data.wrench.force, item.data.wrench.torque
+            if header.frame_id not in ("", the_world().frame_id):
+                raise ValueError(f"{path}: {item.topic}: a wrench is in the axes of '{header.frame_id}', not '{the_world().frame_id}'")
+            row = [force.x, force.y, force.z, torque.x, torque.y, torque.z, *item.data.joint_torque]
+            found.setdefault(item.topic, []).append((header.stamp.sec * GIGA + header.stamp.nanosec, row))
+    streams = []
+    for rows in found.values():
+        rows.sort(key=lambda one: one[0])
+        streams.append(CommandStream(np.array([one[0] for one in rows], dtype=np.int64), np.array([one[1] for one in rows], dtype=float)))
+    return tuple(streams)

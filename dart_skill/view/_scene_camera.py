@@ -1,0 +1,118 @@
+"""Pictures of arm and bodies without a screen: what a camera that looks at the scene would see, for videos of datasets.
+
+PyBullet draws them with its software renderer, so that no graphics card is needed. Bodies look as in the live view.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from dart_skill.robot import wam_description, write_urdf
+from dart_skill.simulation import Basket, connect
+from dart_skill.skill.protocol import Skill
+from dart_skill.view import _colours as colours
+from dart_skill.view._shapes import bucket, sphere
+from dart_skill.view._solids import Part, parts_of
+
+EYE, LOOKED_AT, ANGLE = (1.0, -3.9, 2.4), (0.85, 0.0, 0.85), 46.0
+"""Where the camera of a throw stands and looks [m], and its angle of view [deg]."""
+BENCH_EYE, BENCH_LOOKED_AT = (1.75, -1.35, 1.95), (0.55, 0.0, 1.15)
+"""The same for work within reach."""
+LIGHT_FROM = (2.0, -3.0, 5.0)
+NEAR, FAR = 0.05, 20.0
+WIDTH, HEIGHT = 320, 240
+AWAY = (0.0, 0.0, -50.0)
+"""Where a body is that nobody has seen yet."""
+
+
+class SceneCamera:
+    """A camera in front of the arm; a maker of pictures for `write_lerobot`.
+
+    skill: whose bodies are in the scene. width, height: of the pictures [pixels].
+    """
+
+    def __init__(self, skill: Skill, width: int = WIDTH, height: int = HEIGHT):
+        self.width, self.height = width, height
+        self._client = client = connect()
+        description = skill.loaded(wam_description())
+        self._arm = self._add_arm(write_urdf(description, shapes=True), description.mount_height)
+        self._joints = [k for k in range(client.getNumJoints(self._arm)) if client.getJointInfo(self._arm, k)[2] == client.JOINT_REVOLUTE]
+        self._add_still(description.mount_height)
+        for solid in skill.surroundings():
+            self._body(parts_of([solid]), colours.LIGHT)
+        self._bodies = {role: self._body(self._parts(skill, role), self._colour(skill, role), AWAY) for role in skill.bodies}
+        far = skill.world in ("basket", "board")
+        eye, looked_at = (EYE, LOOKED_AT) if far else (BENCH_EYE, BENCH_LOOKED_AT)
+        self._view = client.computeViewMatrix(eye, looked_at, (0.0, 0.0, 1.0))
+        self._projection = client.computeProjectionMatrixFOV(ANGLE, width / height, NEAR, FAR)
+
+    def picture(self, joint_position: np.ndarray, poses: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+        """(height, width, 3), uint8, of joints at (7,) [rad] and bodies at their positions (3,) [m] and quaternions (4,), by role."""
+        client = self._client
+        for joint, angle in zip(self._joints, np.asarray(joint_position, dtype=float), strict=True):
+            client.resetJointState(self._arm, joint, float(angle))
+        for role, (position, quaternion) in poses.items():
+            client.resetBasePositionAndOrientation(self._bodies[role], list(map(float, position)), list(map(float, quaternion)))
+        seen = client.getCameraImage(
+            self.width, self.height, self._view, self._projection, lightDirection=LIGHT_FROM, shadow=0,
+            renderer=client.ER_TINY_RENDERER,
+        )  # fmt: skip
+        return np.array(seen[2], dtype=np.uint8).reshape(self.height, self.width, 4)[:, :, :3]
+
+    def close(self) -> None:
+        self._client.disconnect()
+
+    def _add_arm(self, urdf: str, height: float) -> int:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "arm.urdf"
+            path.write_text(urdf, encoding="utf-8")
+            arm = self._client.loadURDF(str(path), [0.0, 0.0, height], useFixedBase=True)
+        for shape in self._client.getVisualShapeData(arm):
+            link = self._client.getJointInfo(arm, shape[1])[12].decode() if shape[1] >= 0 else ""
+            self._client.changeVisualShape(arm, shape[1], rgbaColor=_rgba(colours.HAND if link.startswith("bhand") else colours.ARM))
+        return arm
+
+    def _add_still(self, height: float) -> None:
+        """Floor and pedestal."""
+        client = self._client
+        floor = client.createVisualShape(client.GEOM_BOX, halfExtents=[6.0, 6.0, 0.01], rgbaColor=_rgba((225, 225, 228)))
+        client.createMultiBody(0, -1, floor, [0.0, 0.0, -0.01])
+        mount = client.createVisualShape(client.GEOM_CYLINDER, radius=0.12, length=height, rgbaColor=_rgba(colours.LIGHT))
+        client.createMultiBody(0, -1, mount, [0.0, 0.0, height / 2])
+
+    @staticmethod
+    def _parts(skill: Skill, role: str) -> list[Part]:
+        if skill.name == "throw":  # which says nothing of its bodies: the live view knows them
+            shape = Basket()
+            return [Part(sphere(wam_description().ball.radius) if role == "ball" else bucket(shape.radius, shape.depth, shape.wall))]
+        return parts_of(skill.solids(role))
+
+    @staticmethod
+    def _colour(skill: Skill, role: str) -> tuple[int, int, int]:
+        return colours.BALL if role == skill.moves else colours.BASKET
+
+    def _body(self, parts: list[Part], colour: tuple[int, int, int], position: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> int:
+        """A body of several meshes, each a link that is fixed to the first one."""
+        client, shapes = self._client, [self._shape(part, colour) for part in parts]
+        n, zeros, unturned = len(shapes) - 1, [0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]
+        return client.createMultiBody(
+            0, -1, shapes[0], position, linkMasses=[0] * n, linkCollisionShapeIndices=[-1] * n, linkVisualShapeIndices=shapes[1:],
+            linkPositions=[zeros] * n, linkOrientations=[unturned] * n, linkInertialFramePositions=[zeros] * n,
+            linkInertialFrameOrientations=[unturned] * n, linkParentIndices=[0] * n, linkJointTypes=[client.JOINT_FIXED] * n,
+            linkJointAxis=[[0.0, 0.0, 1.0]] * n,
+        )  # fmt: skip
+
+    def _shape(self, part: Part, colour: tuple[int, int, int]) -> int:
+        vertices, faces = part.mesh.vertices.tolist(), part.mesh.faces
+        both = np.concatenate([faces, faces[:, ::-1]]).ravel().tolist()  # a bucket is looked into
+        return self._client.createVisualShape(
+            self._client.GEOM_MESH, vertices=vertices, indices=both, rgbaColor=_rgba(part.colour or colour)
+        )
+
+
+def _rgba(colour: tuple[int, int, int]) -> list[float]:
+    return [*(part / 255.0 for part in colour), 1.0]
