@@ -1,4 +1,4 @@
-"""`dart-skill view`: a bag in Rerun, with a layout that fits it."""
+"""`dart-skill view`: a bag in Rerun, with a layout that fits it; a bag, or the graph that runs, live for Foxglove."""
 
 from __future__ import annotations
 
@@ -13,31 +13,70 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dart_skill.cli import graph_verbs
+from dart_skill.configuration import config_path
+
 if TYPE_CHECKING:
     from dart_skill.view.rerun_bag import BagLayout
 
 
 def add_to(commands: argparse._SubParsersAction) -> None:
     """Add `view` to the commands of `dart-skill`."""
-    parser = commands.add_parser("view", help="a bag in Rerun: the arm, the ball, and plots over time")
+    parser = commands.add_parser("view", help="a bag in Rerun: the arm, the ball, and plots over time; a bag or the graph live in Foxglove")
     parser.add_argument("bag", metavar="BAG", type=Path, nargs="?", help="rosbag2 folder or .mcap file")
     parser.add_argument("--web", action="store_true", help="serve the view on 127.0.0.1 for a browser, until Ctrl-C; no window")
-    parser.add_argument("--port", type=int, default=9090, help="of the page, with --web; 0: any free one (default 9090)")
+    parser.add_argument("--foxglove", action="store_true", help="serve BAG, again and again, or the graph that runs, live for Foxglove")
+    parser.add_argument("--rate", type=float, default=1.0, help="of BAG, with --foxglove; 2: twice as fast (default 1)")
+    parser.add_argument("--port", type=int, help="of the page, with --web (default 9090), or for Foxglove (default 8765); 0: any free one")
     parser.add_argument("--save", metavar="FOLDER", type=Path, help="write the layout there and open nothing")
     parser.add_argument("--install", action="store_true", help="first put Rerun into .venv-rerun of the workspace (790 MB)")
     parser.add_argument("--json", action="store_true", help="files, layouts and the call of Rerun as JSON")
-    parser.set_defaults(run=_view, usage_error=parser.error)
+    parser.set_defaults(run=_view, usage_error=parser.error, run_on_graph=graph_verbs.runner("foxglove", parser))
 
 
 def _view(options: argparse.Namespace) -> int:
     from dart_skill.view import RerunUnavailable
 
+    if options.foxglove:
+        return _foxglove(options)
     if options.bag is None and not options.install:
-        options.usage_error("name a BAG, or --install")
+        options.usage_error("name a BAG, or --install, or --foxglove for the graph that runs")
     try:
         return _installed(options) if options.bag is None else _shown(options)
     except RerunUnavailable as error:
         raise ValueError(str(error)) from error
+
+
+def _foxglove(options: argparse.Namespace) -> int:
+    """Serve until Ctrl-C, which is no error."""
+    from dart_skill.recording import BagReader
+    from dart_skill.view import foxglove_server
+
+    if wrong := next((name for name in ("web", "save", "install") if getattr(options, name)), None):
+        options.usage_error(f"--{wrong} is for Rerun: leave it out, or --foxglove")
+    if not 0.0 < options.rate < float("inf"):
+        options.usage_error(f"--rate is {options.rate:g}: give a number above 0")
+    port = foxglove_server.PORT if options.port is None else options.port
+    options.foxglove_port, options.say = port, lambda server: _say_served(options, server.url)
+    if options.bag is None:
+        return options.run_on_graph(options)
+    with BagReader(options.bag) as bag, foxglove_server.FoxgloveServer(port) as server:
+        options.say(server)
+        try:
+            while foxglove_server.serve_bag(bag, server, options.rate):
+                pass
+        except KeyboardInterrupt:
+            return 0
+    raise ValueError(f"{options.bag}: no message of a type that it defines")
+
+
+def _say_served(options: argparse.Namespace, url: str) -> None:
+    what = options.bag or "the graph that runs"
+    if options.json:
+        print(json.dumps({"bag": options.bag and os.fspath(options.bag), "url": url}), flush=True)
+    else:
+        layout = config_path("viewers/foxglove.json")
+        print(f"{what}: {url}, until Ctrl-C\nnext: in Foxglove, Open connection, this address; then import the layout {layout}", flush=True)
 
 
 def _installed(options: argparse.Namespace) -> int:
@@ -61,7 +100,7 @@ def _shown(options: argparse.Namespace) -> int:
     rerun = _install() if options.install else rerun_bag.find_rerun()
     if not (options.web or options.save or has_screen()):
         raise rerun_bag.RerunUnavailable("there is no screen here (DISPLAY and WAYLAND_DISPLAY are not set): try --web")
-    ports = rerun_bag.free_ports(options.port) if options.web else rerun_bag.PORTS
+    ports = rerun_bag.free_ports(*([] if options.port is None else [options.port])) if options.web else rerun_bag.PORTS
     with tempfile.TemporaryDirectory(prefix="dart_skill_view_") as scratch:
         folder = options.save or Path(scratch)
         folder.mkdir(parents=True, exist_ok=True)

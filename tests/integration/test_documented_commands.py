@@ -28,7 +28,7 @@ PAGES = {
 }
 PROGRAMS = (
     "dart-skill", "ros2", "make", "pre-commit", "python3", "python", "source", "export", "colcon", "rosdep", "rviz2", "foxglove", "rerun",
-    "pip", "dask", "chronyc", "ssh", "git", "cd", "sudo", "apt", "docker", "curl", "sphinx-build",
+    "plotjuggler", "pip", "dask", "chronyc", "ssh", "git", "cd", "sudo", "apt", "docker", "curl", "sphinx-build",
 )  # fmt: skip
 PATIENCE = 180.0
 """For any command, or for what a command that stays says when it is ready [s, wall clock]."""
@@ -128,6 +128,7 @@ TYPED = {
     "pip install 'dart_skill[sim]'": NETWORK,
     "pip install 'dart_skill[lerobot]'": NETWORK,
     "pip install 'dart_skill[pandas]'": NETWORK,
+    "pip install 'dart_skill[foxglove]'": NETWORK,
     "pip install .": WHEEL,
     "pip install '.[sim,plot,view]'": WHEEL,
     "dart-skill demo --layout in-process": Run("--demonstrations 3 --throws 1", says="in 1/1", leaves="output/demo_*/report.html"),
@@ -304,6 +305,12 @@ TYPED = {
     # Rerun
     "dart-skill view --install bags/throws": NETWORK,
     "dart-skill view bags/throws": VIEW,
+    "dart-skill view bags/throws --foxglove": Elsewhere("unit/view/test_foxglove.py::test_the_command_serves_a_bag_until_ctrl_c"),
+    "dart-skill view --foxglove": Elsewhere(
+        "integration/test_foxglove.py::test_what_is_published_is_shown_and_what_is_latched_comes_to_who_is_late"
+    ),
+    "rviz2 -d config/viewers/throwing.rviz": Not("RViz is not here; test_viewer_files.py reads the file"),
+    "plotjuggler --layout config/viewers/plotjuggler.xml": Not("PlotJuggler is not here; test_viewer_files.py reads the file"),
     "dart-skill view bags/throws --web": Elsewhere("unit/view/test_rerun.py::test_web_prints_the_address_of_the_page"),
     "python3 -m venv ~/rerun && ~/rerun/bin/pip install rerun-sdk==0.41.0": NETWORK,
     "~/rerun/bin/rerun monday/monday_0.mcap": RERUN,
