@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dart_skill.constants import N_JOINTS
-from dart_skill.recording import BagReader, Demonstration, check_known, read_demonstrations, read_dropped, skill_of
+from dart_skill.recording import Demonstration, GraphBag, check_known, read_demonstrations, read_dropped, skill_of
 from dart_skill.recording.grip_signal import GIGA
 from dart_skill.recording.imports import RecordingMapping, ThrowRecording
 from dart_skill.robot import Grip
@@ -170,7 +170,7 @@ def _resting(position: np.ndarray) -> Track:
 def _commands(path: str | os.PathLike) -> tuple[CommandStream, ...]:
     """Of all who told the arm something; ValueError for a wrench in other axes than those of the world."""
     found: dict[str, list[tuple[int, list[float]]]] = {}
-    with BagReader(path) as bag:
+    with GraphBag(path) as bag:
         topics = [name for name in COMMANDS if name in bag.topics and bag.topics[name].type_name == COMMAND_TYPE and bag.topics[name].count]
         for item in bag.messages(topics) if topics else ():
             header, force, torque = item.data.header, item.data.wrench.force, item.data.wrench.torque

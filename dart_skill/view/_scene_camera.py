@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
+from dart_skill import palette
 from dart_skill.robot import wam_description, write_urdf
 from dart_skill.simulation import Basket, connect
 from dart_skill.skill.protocol import Skill
-from dart_skill.view import _colours as colours
 from dart_skill.view._shapes import bucket, sphere
 from dart_skill.view._solids import Part, parts_of
 
@@ -43,7 +43,7 @@ class SceneCamera:
         self._joints = [k for k in range(client.getNumJoints(self._arm)) if client.getJointInfo(self._arm, k)[2] == client.JOINT_REVOLUTE]
         self._add_still(description.mount_height)
         for solid in skill.surroundings():
-            self._body(parts_of([solid]), colours.LIGHT)
+            self._body(parts_of([solid]), palette.LIGHT)
         self._bodies = {role: self._body(self._parts(skill, role), self._colour(skill, role), AWAY) for role in skill.bodies}
         far = skill.world in ("basket", "board")
         eye, looked_at = (EYE, LOOKED_AT) if far else (BENCH_EYE, BENCH_LOOKED_AT)
@@ -73,7 +73,7 @@ class SceneCamera:
             arm = self._client.loadURDF(str(path), [0.0, 0.0, height], useFixedBase=True)
         for shape in self._client.getVisualShapeData(arm):
             link = self._client.getJointInfo(arm, shape[1])[12].decode() if shape[1] >= 0 else ""
-            self._client.changeVisualShape(arm, shape[1], rgbaColor=_rgba(colours.HAND if link.startswith("bhand") else colours.ARM))
+            self._client.changeVisualShape(arm, shape[1], rgbaColor=_rgba(palette.FINGERS if link.startswith("bhand") else palette.ARM))
         return arm
 
     def _add_still(self, height: float) -> None:
@@ -81,7 +81,7 @@ class SceneCamera:
         client = self._client
         floor = client.createVisualShape(client.GEOM_BOX, halfExtents=[6.0, 6.0, 0.01], rgbaColor=_rgba((225, 225, 228)))
         client.createMultiBody(0, -1, floor, [0.0, 0.0, -0.01])
-        mount = client.createVisualShape(client.GEOM_CYLINDER, radius=0.12, length=height, rgbaColor=_rgba(colours.LIGHT))
+        mount = client.createVisualShape(client.GEOM_CYLINDER, radius=0.12, length=height, rgbaColor=_rgba(palette.LIGHT))
         client.createMultiBody(0, -1, mount, [0.0, 0.0, height / 2])
 
     @staticmethod
@@ -93,7 +93,7 @@ class SceneCamera:
 
     @staticmethod
     def _colour(skill: Skill, role: str) -> tuple[int, int, int]:
-        return colours.BALL if role == skill.moves else colours.BASKET
+        return palette.BALL if role == skill.moves else palette.BASKET
 
     def _body(self, parts: list[Part], colour: tuple[int, int, int], position: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> int:
         """A body of several meshes, each a link that is fixed to the first one."""

@@ -118,6 +118,14 @@ def test_a_bag_holds_one_arm_and_is_learned_from(arms):
         assert len(read_demonstrations(graph.bag)) == SHOWN_TO[space]
 
 
+@pytest.mark.parametrize("form", ["csv", "lerobot"])
+def test_the_bag_of_one_arm_is_converted(arms, form, tmp_path):
+    bag, made = str(arms[ARMS[0]].bag), str(tmp_path / form)
+    _typed("bag", "convert", bag, "--to", form, "--output", made)
+    how = ["--mapping", f"{made}/mapping.yaml"] if form == "csv" else []
+    assert f"learned from {SHOWN_TO[ARMS[0]]} of" in _typed("learn", made, *how, "--output", f"{made}.npz")
+
+
 def test_a_recording_of_one_arm_is_replayed_in_another_namespace(arms, ros, tmp_path):
     bag = arms[ARMS[0]].bag
     heard = []

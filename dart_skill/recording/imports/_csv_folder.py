@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from dart_skill.recording.bags import BagError, BagReader
+from dart_skill.recording.bags import BagError, GraphBag
 from dart_skill.recording.grip_signal import GIGA
 from dart_skill.recording.imports.mapping import RecordingMapping
 from dart_skill.recording.imports.pose_stream import PoseStream
@@ -97,7 +97,7 @@ def _write(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> 
 
 def _read_topics(source: str | os.PathLike, roles: Sequence[str]) -> tuple[dict[str, PoseStream], JointStream | None]:
     topics: Mapping[str, str] = {pose_topic(the_world().body(role)): role for role in roles}
-    with BagReader(source) as bag:
+    with GraphBag(source) as bag:
         kinds = {**dict.fromkeys(topics, POSE_TYPE), STATES: STATE_TYPE}
         there = [name for name, topic in bag.topics.items() if topic.type_name == kinds.get(name) and topic.count]
         found: dict[str, list] = {name: [] for name in there}
