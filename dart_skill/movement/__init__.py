@@ -39,6 +39,7 @@ from dart_skill.movement._orientation import (
 from dart_skill.movement._primitives import DiscretePrimitive, Execution, PrimitiveState, RhythmicPrimitive, Trajectory
 from dart_skill.movement._reactive import Reaction, ReactivePolicy
 from dart_skill.movement._segmentation import Segment, VelocityThreshold, segment_containing, speed
+from dart_skill.movement._springs import SpringMixture
 from dart_skill.movement._stiffness import attractor_with_gains, critical_damping_matrix, hold_to, stable_gains, stiffness_from_covariance
 from dart_skill.movement._task_parameterised import PartialFrame, TaskParameterisedMixture
 from dart_skill.pace import PhaseRule
@@ -61,6 +62,7 @@ __all__ = [
     "Reproduction",
     "RhythmicPrimitive",
     "Segment",
+    "SpringMixture",
     "StateDriven",
     "StateFrame",
     "TaskFrame",

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_number, as_samples
+from dart_skill.checks import as_count, as_number, as_samples
 from dart_skill.mixture import GaussianMixture
 from dart_skill.movement._attractor import attractor_from_motion, follow_attractor
 from dart_skill.movement._attractor_model import AttractorModel
@@ -143,6 +143,39 @@ class DSGMR(AttractorModel):
         n_inputs = queries.shape[1]
         return mixture.regress(frames, queries, np.arange(n_inputs), np.arange(n_inputs, mixture.n_dims), covariance)
 
+    def variations(
+        self,
+        frames: Sequence[FrameCourse],
+        time: ArrayLike,
+        n: int,
+        rng: np.random.Generator,
+        inputs: ArrayLike | None = None,
+        *,
+        smoothness: float | None = None,
+    ) -> np.ndarray:
+        """Attractors (n, T, d) that vary as the demonstrations did, and keep what these had in common (7.5.2).
+
+        At each stamp they are distributed as `retrieve` says: normally, with its mean and its covariance. From stamp to stamp they vary
+        smoothly: the deviations, in units of that covariance, are a Gaussian process with the kernel exp(-(t - t')^2 / (2 l^2)).
+
+        Parameters:
+
+        * frames, time (T,), inputs: as in `retrieve`.
+        * n: how many.
+        * smoothness: l [s], default None: the median standard deviation of the components in time.
+        """
+        time, n = as_stamps(time), as_count(n, "n")
+        mean, covariance = self.retrieve(frames, time, inputs)
+        assert covariance is not None
+        length = self._time_scale if smoothness is None else as_number(smoothness, "smoothness")
+        deviations = _smooth_normal(time, length, (n, mean.shape[1]), rng)
+        return mean + np.einsum("tij,njt->nti", _roots(covariance), deviations)
+
+    @property
+    def _time_scale(self) -> float:
+        """Median standard deviation of the components in time, which all frames see alike [s]."""
+        return float(np.median(np.sqrt(self._fitted.covariances_[0][:, 0, 0])))
+
     def reproduce(
         self,
         frames: Sequence[FrameCourse],
@@ -179,6 +212,22 @@ class DSGMR(AttractorModel):
         if len(push) != len(attractor):
             raise ValueError(f"push must have {len(attractor)} rows, one per stamp, got {len(push)}")
         return attractor + push / self.stiffness
+
+
+def _roots(covariance: np.ndarray) -> np.ndarray:
+    """Symmetric roots (n, d, d) of covariances (n, d, d), which change as smoothly as these do."""
+    variance, axes = np.linalg.eigh(covariance)
+    return np.einsum("tij,tj,tkj->tik", axes, np.sqrt(np.maximum(variance, 0.0)), axes)
+
+
+def _smooth_normal(time: np.ndarray, length: float, shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
+    """Samples (*shape, T) of a Gaussian process of mean 0 and variance 1 at stamps (T,), with a squared-exponential kernel of a length."""
+    kernel = np.exp(-0.5 * np.square((time[:, None] - time) / length))
+    variance, axes = np.linalg.eigh(kernel)
+    kept = variance > variance[-1] * len(time) * np.finfo(float).eps  # the rest is rounding
+    root = axes[:, kept] * np.sqrt(variance[kept])
+    root /= np.linalg.norm(root, axis=1, keepdims=True)
+    return rng.standard_normal((*shape, root.shape[1])) @ root.T
 
 
 def _step(time: np.ndarray, given: float | None) -> float:

@@ -129,3 +129,46 @@ def test_wrong_use_is_refused_with_the_remedy(model):
         DSGMR(3).features(TIME, np.ones((3, 2)))
     with pytest.raises(ValueError, match="call fit first"):
         DSGMR(3).product(WORLD)
+
+
+# 7.5.2: variations
+
+
+@pytest.fixture(scope="module")
+def varied():
+    """Paths that begin alike and end apart, in one frame; a model of them, its frame, and stamps."""
+    rng, time = np.random.default_rng(5), np.arange(0.0, 1.0, 0.02)
+    frame = [TaskFrame(np.eye(3), np.zeros(3))]
+    ends = rng.normal([0.4, 0.0], [0.02, 0.1], (12, 2))
+    shown = [np.column_stack([time, np.outer(time**2, end)]) for end in ends]
+    return DSGMR(5, 200.0).fit(shown, [frame] * len(shown)), frame, time
+
+
+def test_variations_have_the_mean_and_the_covariance_of_the_regression(varied):
+    model, frame, time = varied
+    mean, covariance = model.retrieve(frame, time)
+    drawn = model.variations(frame, time, 20000, np.random.default_rng(1))
+    whitened = np.einsum("tij,ntj->nti", np.linalg.inv(np.linalg.cholesky(covariance)), drawn - mean)
+    np.testing.assert_allclose(whitened.mean(axis=0), 0.0, atol=5.0 / np.sqrt(20000))
+    np.testing.assert_allclose(np.einsum("nti,ntj->tij", whitened, whitened) / 20000, np.tile(np.eye(2), (len(time), 1, 1)), atol=0.06)
+
+
+def test_variations_are_smooth_and_the_length_says_how(varied):
+    model, frame, time = varied
+    short, long = (model.variations(frame, time, 400, np.random.default_rng(2), smoothness=length) for length in (0.05, 0.5))
+    rough = [np.abs(np.diff(drawn, 2, axis=1)).mean() for drawn in (short, long)]
+    assert rough[1] < 0.2 * rough[0]
+    mean, covariance = model.retrieve(frame, time)
+    k = 25  # correlation of neighbours at 0.06 s, of a Gaussian process with this kernel
+    one, other = ((short[:, i, 1] - mean[i, 1]) / np.sqrt(covariance[i, 1, 1]) for i in (k, k + 3))
+    assert np.corrcoef(one, other)[0, 1] == pytest.approx(np.exp(-0.5 * (0.06 / 0.05) ** 2), abs=0.1)
+
+
+def test_variations_go_apart_where_the_demonstrations_did_and_the_same_seed_gives_the_same(varied):
+    model, frame, time = varied
+    drawn = model.variations(frame, time, 200, np.random.default_rng(3))
+    spread = drawn.std(axis=0)
+    assert spread[-1, 1] > 5.0 * spread[0, 1] and spread[-1, 1] > 3.0 * spread[-1, 0]
+    np.testing.assert_array_equal(drawn, model.variations(frame, time, 200, np.random.default_rng(3)))
+    with pytest.raises(ValueError, match="smoothness"):
+        model.variations(frame, time, 2, np.random.default_rng(3), smoothness=0.0)
