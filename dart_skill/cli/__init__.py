@@ -4,6 +4,21 @@ A verb's `add_to(commands)` adds its parser, and sets what runs it. Whatever tak
 help, usage errors and completion with TAB come at once.
 """
 
-from dart_skill.cli._main import main
+import signal
+import threading
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point; returns the exit status."""
+    loads = threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if loads:  # Ctrl-C ends it, as it ends any program, instead of a traceback from the middle of an import
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    try:
+        from dart_skill.cli._main import main as run
+    finally:
+        if loads:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+    return run(arguments)
+
 
 __all__ = ["main"]

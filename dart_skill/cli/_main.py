@@ -20,13 +20,13 @@ TAB = "With TAB, bash and zsh complete commands, options and values: source tool
 
 def main(arguments: list[str] | None = None) -> int:
     """Entry point; returns the exit status."""
-    parser = _parser()
-    if _completion.is_asked():
-        return _completion.answer(parser)
-    options, unknown = parser.parse_known_args(sys.argv[1:] if arguments is None else arguments)
-    if unknown and not options.takes_anything:
-        parser.error(f"unrecognized arguments: {' '.join(unknown)}")
     try:
+        parser = _parser()
+        if _completion.is_asked():
+            return _completion.answer(parser)
+        options, unknown = parser.parse_known_args(sys.argv[1:] if arguments is None else arguments)
+        if unknown and not options.takes_anything:
+            parser.error(f"unrecognized arguments: {' '.join(unknown)}")
         with _ends_in_order():
             status = options.run(options)
             sys.stdout.flush()

@@ -22,7 +22,7 @@ from dart_skill.recording import Demonstration
 from dart_skill.session import BLOCK, Dart, DartsRun, Session, after_the_throw, as_pair, before_the_throw, throw_dart
 from dart_skill.simulation import Board, PlantSettings, Swing
 from dart_skill.skill.improve import PractisingSkill
-from dart_skill.skill.learn import DEFAULT
+from dart_skill.skill.learn import configuration
 from dart_skill.skill.protocol import Situation
 from dart_skill.skills.darts import Darts
 from dart_skill.surface import BOARD_DIAMETER
@@ -57,6 +57,7 @@ def run(
     practice: str = "both",
     board: Board | None = None,
     each: Callable[[int, Dart], object] | None = None,
+    name: str = "",
 ) -> DartsRun:
     """One arm from its first lesson on.
 
@@ -68,6 +69,7 @@ def run(
     * practice: one of PRACTICE, default "both".
     * board: Board, default None: one of regulation height and distance.
     * each: function that is called after each throw with its number, from 0, and its Dart; default None.
+    * name: of the skill's configuration, default "": the default one.
     """
     if practice not in PRACTICE:
         raise ValueError(f"there is no practice '{practice}': choose one of {', '.join(PRACTICE)}")
@@ -79,7 +81,9 @@ def run(
         shown, misses = teach(session, game, game.draws(np.random.default_rng([seed, 7]), demonstrations))
         method, steadies = PRACTICE[practice]
         steady_every = game.steady_every if steadies else 0
-        skill = PractisingSkill(shown, game.configured_for(DEFAULT), method, settings=game.correction, steady_every=steady_every)
+        skill = PractisingSkill(
+            shown, game.configured_for(configuration(name)), method, settings=game.correction, steady_every=steady_every
+        )
         agent, darts = game.agent(), []
         for n in range(throws):
             darts.append(_throw(session, skill, agent, game))
@@ -90,13 +94,15 @@ def run(
     return DartsRun(seed, practice, board.position, tuple(as_pair(miss) for miss in misses), tuple(darts))
 
 
-def over_seeds(seeds: Sequence[int], jobs: int = 1, throws: int = 100, demonstrations: int = 8, practice: str = "both") -> list[DartsRun]:
+def over_seeds(
+    seeds: Sequence[int], jobs: int = 1, throws: int = 100, demonstrations: int = 8, practice: str = "both", name: str = ""
+) -> list[DartsRun]:
     """One arm for each seed, `jobs` processes at a time, at a board of regulation height and distance."""
-    return all_of(partial(_listed, throws=throws, demonstrations=demonstrations, practice=practice), seeds, jobs)
+    return all_of(partial(_listed, throws=throws, demonstrations=demonstrations, practice=practice, name=name), seeds, jobs)
 
 
-def _listed(seed: int, throws: int, demonstrations: int, practice: str) -> list[DartsRun]:
-    return [run(seed, throws, demonstrations, practice)]
+def _listed(seed: int, throws: int, demonstrations: int, practice: str, name: str) -> list[DartsRun]:
+    return [run(seed, throws, demonstrations, practice, name=name)]
 
 
 def table_of_seeds(runs: Sequence[DartsRun]) -> str:

@@ -188,16 +188,17 @@ def best_possible(results: list[Throw], settings: tuple[str, ...] = ()) -> float
 
 def table(results: list[Throw]) -> str:
     """The rows of `summarise` as text, with the reasons of misses below."""
-    head = f"{'configuration':<16}{'in':>10}{'median':>9}{'90 %':>8}{'worst':>8}{'along':>15}{'across':>15}   [cm]"
+    wide = max([15, *(len(result.configuration) for result in results)]) + 1
+    head = f"{'configuration':<{wide}}{'in':>10}{'median':>9}{'90 %':>8}{'worst':>8}{'along':>15}{'across':>15}   [cm]"
     lines = [head]
     for row in summarise(results):
         share = f"{row['in']}/{row['throws']}"
         if row["median_cm"] is None:
-            lines.append(f"{row['configuration']:<16}{share:>10}   no landing was seen")
+            lines.append(f"{row['configuration']:<{wide}}{share:>10}   no landing was seen")
             continue
         spread = [f"{row[key][0]:+.1f} +- {row[key][1]:.1f}" for key in ("along_cm", "across_cm")]
         numbers = "".join(f"{row[key]:>8.1f}" for key in ("median_cm", "p90_cm", "worst_cm"))
-        lines.append(f"{row['configuration']:<16}{share:>10} {numbers}{spread[0]:>15}{spread[1]:>15}")
+        lines.append(f"{row['configuration']:<{wide}}{share:>10} {numbers}{spread[0]:>15}{spread[1]:>15}")
     misses = [r for r in results if not r.in_basket]
     for r in misses[:20]:
         why = r.note or f"{100 * r.along:+.1f} cm along, {100 * r.across:+.1f} cm across"

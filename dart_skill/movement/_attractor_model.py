@@ -16,6 +16,8 @@ from dart_skill.movement._task_parameterised import TaskParameterisedMixture
 from dart_skill.movement._time import as_stamps
 
 PARTITIONS = ("em", "time")
+OVERLAP = 0.7
+"""Of components at equal intervals of time."""
 
 
 class AttractorModel:
@@ -31,7 +33,7 @@ class AttractorModel:
         *,
         n_inputs: int = 0,
         partition: str = "em",
-        overlap: float = 0.7,
+        overlap: float | None = None,
         **mixture_options: Any,
     ) -> None:
         if partition not in PARTITIONS:
@@ -39,7 +41,7 @@ class AttractorModel:
         self.stiffness = as_gains(stiffness, None, "stiffness", strict=True)
         self.damping = critical_damping(self.stiffness) if damping is None else as_gains(damping, None, "damping", strict=False)
         self.n_inputs, self.partition = as_count(n_inputs, "n_inputs", 0), partition
-        self.overlap = as_number(overlap, "overlap", 1e-3, strict=False)
+        self.overlap = None if overlap is None else as_number(overlap, "overlap", 1e-3, strict=False)
         self._mixture = TaskParameterisedMixture(n_components, **mixture_options)
 
     def _learn(
@@ -51,9 +53,11 @@ class AttractorModel:
     ) -> None:
         """Fit the mixture to features (n_i, m) of each demonstration."""
         if self.partition == "time":
-            fitted = self._mixture.fit_in_time(samples, frames, weights, self.overlap)
+            fitted = self._mixture.fit_in_time(samples, frames, weights, OVERLAP if self.overlap is None else self.overlap)
         else:
             fitted = self._mixture.fit(samples, frames, weights, rng=rng)
+            if self.overlap is not None:
+                fitted = fitted.fit_around(samples, frames, weights, self.overlap)
         self.mixture_ = self._with_outputs(fitted)
 
     def _with_outputs(self, mixture: TaskParameterisedMixture) -> TaskParameterisedMixture:

@@ -84,7 +84,7 @@ class AutonomousDSGMR(AttractorModel):
         *,
         n_inputs: int = 0,
         partition: str = "em",
-        overlap: float = 0.7,
+        overlap: float | None = None,
         **mixture_options: Any,
     ) -> None:
         super().__init__(n_components, stiffness, damping, n_inputs=n_inputs, partition=partition, overlap=overlap, **mixture_options)

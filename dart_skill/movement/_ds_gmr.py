@@ -56,7 +56,9 @@ class DSGMR(AttractorModel):
     * n_inputs: int, default 0. q, the number of further inputs.
     * partition: "em" or "time", default "em". EM finds which samples belong to a component, or each component has its own
       interval of time.
-    * overlap: float, default 0.7. Standard deviation of a component, relative to its interval; for partition "time".
+    * overlap: float, default None. Standard deviation of a component in time, relative to its interval. For partition "time" the default
+      is 0.7. For "em" it is what EM finds; a number makes `TaskParameterisedMixture.fit_around` follow EM: smoother attractors, and no
+      component that belongs to a few demonstrations.
     * mixture_options: hyper-parameters of `TaskParameterisedMixture`. With partition "time" only covariance_floor is used.
 
     Attribute after `fit`: mixture_, the fitted TaskParameterisedMixture over [t, u, y].

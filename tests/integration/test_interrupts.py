@@ -23,7 +23,10 @@ def job(options):
         rclpy.shutdown()
     raise RuntimeError("rcl node's context is invalid")
 
-carried_out(job, Namespace(output=Path(sys.argv[1])), "the job")
+try:
+    carried_out(job, Namespace(output=Path(sys.argv[1])), "the job")
+except KeyboardInterrupt:
+    print("stopped", file=sys.stderr)
 """
 """Where Python was told to ignore SIGINT, rclpy hears it all the same, and ends its context under the job."""
 EXPERIMENT = ["experiment", "throws", "--seeds", "8", "--demonstrations", "3", "--throws", "1", "--jobs", "2"]
@@ -117,6 +120,29 @@ def test_ctrl_c_ends_a_verb_without_a_traceback(verb, arguments):
     process.press_ctrl_c()
     status = process.status()
     assert "Traceback" not in process.said and status in (1, 130, -signal.SIGINT), process.said
+
+
+@pytest.mark.parametrize("said", ["starting", "demonstration 1/13"])
+def test_ctrl_c_ends_a_job_on_a_graph_of_its_own_and_all_nodes_with_it(verb, tmp_path, said):
+    """While the graph starts, and once it runs."""
+    process = verb(["demo", "--output", str(tmp_path / "run")])
+    process.until(lambda: said in process.said, said)
+    process.press_ctrl_c()
+    assert process.status() == 130, process.said
+    assert process.said.rstrip().endswith("dart-skill: stopped") and "Traceback" not in process.said, process.said
+    process.until(lambda: not process.others, f"no process is left of {process.others}")
+
+
+@pytest.mark.parametrize("wait", [0.05, 0.1, 0.15, 0.2, 0.3, 0.5])
+def test_ctrl_c_while_modules_load_is_no_traceback_of_them(wait):
+    """Before the first line of the package it is Python itself that loads."""
+    code = "import time; print(1, flush=True); from dart_skill.cli import main; raise SystemExit(main(['status', '--duration', '60']))"
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "1\n"
+    time.sleep(wait)
+    process.send_signal(signal.SIGINT)
+    said = process.communicate(timeout=PATIENCE)[1]
+    assert "Traceback" not in said and process.returncode in (130, -signal.SIGINT), said
 
 
 @pytest.mark.parametrize(("end", "status"), [(OnTerminal.press_ctrl_c, 130), (OnTerminal.terminate, 143)])

@@ -5,6 +5,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -251,9 +252,12 @@ def test_in_a_browser_the_basket_is_dragged_and_a_click_throws(taught, tmp_path)
         blue = hue_of(palette.BASKET)
         look(lambda picture: share_of(picture, front_of(begin), blue) == 1.0, "the basket where it stands")
         wanted = begin * [1.1, 1.1, 1.0]
-        grip = front_of(begin)[3]
-        page.drag(*project(np.array([grip, grip + wanted - begin]), EYE, LOOK_AT))
-        wait_for(client, lambda: np.linalg.norm(truth.basket - wanted) < 0.02, what=f"a basket dragged from {begin} to {wanted}")
+        for _ in range(5):  # a page that is late on a busy machine lets go too early: whoever drags does it again
+            now, grip = truth.basket.copy(), front_of(truth.basket)[3]
+            page.drag(*project(np.array([grip, grip + wanted - now]), EYE, LOOK_AT))
+            if _comes(client, lambda: np.linalg.norm(truth.basket - wanted) < 0.02):
+                break
+        assert np.linalg.norm(truth.basket - wanted) < 0.02, f"a basket dragged from {begin} to {wanted} is at {truth.basket}"
         look(lambda picture: share_of(picture, front_of(truth.basket), blue) == 1.0, "the basket where it was dragged to")
 
         episode = truth.episode
@@ -271,6 +275,14 @@ def test_in_a_browser_the_basket_is_dragged_and_a_click_throws(taught, tmp_path)
         assert [address for address in page.addresses if not address.startswith((url.partition("?")[0], "data:", "blob:"))] == [], (
             "nothing from outside"
         )
+
+
+def _comes(client, condition, limit=20.0):
+    """Whether the condition comes true in time."""
+    until = time.monotonic() + limit
+    while not condition() and time.monotonic() < until:
+        client.spin()
+    return condition()
 
 
 def _stop_stays_in_sight(page):

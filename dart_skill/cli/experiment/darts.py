@@ -6,6 +6,8 @@ import argparse
 import json
 from pathlib import Path
 
+from dart_skill.cli.run_options import add_configuration
+
 DEFAULT_BOARD = "2.37,1.73"
 
 
@@ -20,6 +22,7 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
     learned = "what is learned from own throws: which misses repeat, or that and when to let go (default both)"
     parser.add_argument("--practice", choices=("both", "misses", "none"), default="both", help=learned)
     parser.add_argument("--board", default=DEFAULT_BOARD, metavar="DISTANCE,HEIGHT", help="of the bull [m] (default 2.37,1.73: regulation)")
+    add_configuration(parser, "default")
     parser.add_argument("--output", type=Path, metavar="FOLDER", help="write the figure there, as SVG and PNG")
     parser.add_argument("--json", action="store_true", help="every throw as JSON instead of the table")
     parser.set_defaults(run=_arm_darts)
@@ -38,7 +41,7 @@ def _arm_darts(options: argparse.Namespace) -> int:
     distance, height = _board(options.board)
     with tqdm(total=options.throws, unit="throw", disable=None) as progress:
         board, of_the_run = Board((distance, 0.0, height)), (options.seed, options.throws, options.demonstrations, options.practice)
-        run = arm_darts.run(*of_the_run, board, each=lambda n, dart: progress.update())
+        run = arm_darts.run(*of_the_run, board, each=lambda n, dart: progress.update(), name=options.configuration)
     paths = [] if options.output is None else draw_arm_darts(run, options.output)
     if options.json:
         print(json.dumps({**darts_json(run), "figure": [str(path) for path in paths]}, indent=1))
@@ -53,7 +56,8 @@ def _over_seeds(options: argparse.Namespace) -> int:
 
     if options.seeds < 1 or options.board != DEFAULT_BOARD or options.output is not None:
         raise ValueError(f"--seeds is {options.seeds}: give at least 1, and neither --board nor --output, which are for one seed")
-    runs = arm_darts.over_seeds(range(options.seeds), options.jobs, options.throws, options.demonstrations, options.practice)
+    how = (options.throws, options.demonstrations, options.practice, options.configuration)
+    runs = arm_darts.over_seeds(range(options.seeds), options.jobs, *how)
     print(json.dumps([darts_json(one) for one in runs], indent=1) if options.json else arm_darts.table_of_seeds(runs))
     return 0
 

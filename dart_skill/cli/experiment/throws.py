@@ -16,7 +16,8 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
     throws.add_argument(
         "--set", action="append", default=[], metavar="NODE.PARAMETER=VALUE", help="a parameter of a node; may be given several times"
     )
-    throws.add_argument("--configurations", default="default", help="names separated by commas (default: default)")
+    text = "names separated by commas; ladder: from `thesis` to `ds_gmr`, a change each, and `ds_gmr` without each (default: default)"
+    throws.add_argument("--configurations", default="default", metavar="NAMES", help=text)
     throws.add_argument("--demonstrations", type=int, default=13)
     throws.add_argument("--throws", type=int, default=10, help="new baskets per seed (default 10)")
     throws.add_argument("--jobs", type=int, default=1, help="processes at a time (default 1)")
@@ -31,9 +32,10 @@ def _throws(options: argparse.Namespace) -> int:
     from dart_skill.experiments import throws
     from dart_skill.experiments.throws import arm_of
     from dart_skill.fleet import arm_with
-    from dart_skill.skill.learn import configuration
+    from dart_skill.skill.learn import LADDER, configuration
 
-    names = tuple(configuration(name).name for name in options.configurations.split(","))
+    asked = options.configurations.replace("ladder", ",".join(("thesis", *LADDER)))
+    names = tuple(configuration(name).name for name in asked.split(","))
     arm_with(arm_of(options.arms, options.first_seed), options.set)
     seeds = list(range(options.first_seed, options.first_seed + options.seeds))
     results = throws.run(seeds, names, options.jobs, options.demonstrations, options.throws, options.arms, tuple(options.set))

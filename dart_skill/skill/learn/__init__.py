@@ -1,7 +1,7 @@
 """From demonstrations to a skill, and from a skill to the plan of a throw."""
 
 from dart_skill.skill.learn._choosing import choose_components
-from dart_skill.skill.learn._configuration import CONFIGURATIONS, DEFAULT, SkillConfiguration, changed, configuration
+from dart_skill.skill.learn._configuration import CONFIGURATIONS, DEFAULT, LADDER, SkillConfiguration, changed, configuration
 from dart_skill.skill.learn._ellipsoids import component_ellipsoids
 from dart_skill.skill.learn._model_file import load_model, save_model
 from dart_skill.skill.learn._preparation import PreparedThrow, prepare
@@ -12,6 +12,7 @@ from dart_skill.skill.learn._throwing import LEAST_DEMONSTRATIONS, ThrowingSkill
 __all__ = [
     "CONFIGURATIONS",
     "DEFAULT",
+    "LADDER",
     "LEAST_DEMONSTRATIONS",
     "PreparedThrow",
     "SkillConfiguration",

@@ -32,6 +32,7 @@ class SkillConfiguration:
       turned to the target's azimuth. "azimuth_target": that frame and one at the target.
     * components: int, default 16. `n_components` of the DS-GMR.
     * partition: "time" or "em", default "time". `partition` of the DS-GMR.
+    * overlap: float, default 0: that of the DS-GMR, which depends on the partition. `overlap` of the DS-GMR.
     * distance_input: bool, default True. Whether the distance of the target is an input of the regression besides time.
     * alignment: "release" or "start", default "release". Instant that all demonstrations share: the release of the ball or the
       start of the motion.
@@ -75,6 +76,7 @@ class SkillConfiguration:
     registration: KnownRegistration | None = field(default=None, repr=False)  # a model's name has these if they are given
     orientation_stiffness: float = field(default=0.0, repr=False)
     stiffness_range: tuple[float, ...] = field(default=(), repr=False)
+    overlap: float = field(default=0.0, repr=False)
 
     def __post_init__(self) -> None:
         if self.frames not in FRAMES:
@@ -89,6 +91,7 @@ class SkillConfiguration:
             raise ValueError(f"release '{self.release}' is unknown: choose one of {', '.join(RELEASES)}")
         for name, least in (
             ("orientation_stiffness", 0.0),
+            ("overlap", 0.0),
             ("components", 1),
             ("width", 0.0),
             ("nearest", 0),
@@ -133,12 +136,16 @@ DEFAULT = SkillConfiguration()
 THESIS = SkillConfiguration(
     "thesis", "start", 3, partition="em", distance_input=False, alignment="start", relabel=False, solve_aim=False, release="shown"
 )
+DS_GMR = replace(
+    DEFAULT, name="ds_gmr", frames="azimuth_target", components=16, partition="em", overlap=0.7, distance_input=False
+)  # fmt: skip
 CONFIGURATIONS = {
     one.name: one
     for one in (
         DEFAULT,
         THESIS,
         replace(THESIS, name="thesis_local", nearest=3),
+        DS_GMR,
         replace(DEFAULT, name="em", components=12, partition="em"),
         # An average of neighbours cannot aim nearer than what was shown, which the farthest release asks for.
         replace(DEFAULT, name="weighted", distance_input=False, width=0.25, release="shown"),
@@ -148,6 +155,30 @@ CONFIGURATIONS = {
         replace(DEFAULT, name="two_frames", distance_input=False, frames="azimuth_target"),
     )
 }
+STEPS = {
+    "release_clock": "alignment",
+    "where_it_landed": "relabel",
+    "turned_frames": "frames",
+    "more_components": "components",
+    "overlap": "overlap",
+    "solved_aim": "solve_aim",
+    "farthest_release": "release",
+}
+"""What leads from the thesis's configuration to `ds_gmr`, in this order: what it is called, and the field of a configuration."""
+
+
+def _ladder() -> dict[str, SkillConfiguration]:
+    """That configuration after each step, as `+release_clock`, and `ds_gmr` without each, as `without_release_clock`."""
+    found: dict[str, SkillConfiguration] = {}
+    one = THESIS
+    for step, name in STEPS.items():
+        one = replace(one, name=f"+{step}", **{name: getattr(DS_GMR, name)})
+        without = replace(DS_GMR, name=f"without_{step}", **{name: getattr(THESIS, name)})
+        found |= {one.name: one, without.name: without}
+    return dict(sorted(found.items(), key=lambda item: item[0].startswith("without")))
+
+
+LADDER = _ladder()
 
 
 def changed(configuration: SkillConfiguration, parameters: Mapping[str, Any]) -> tuple[SkillConfiguration, str]:
@@ -162,9 +193,11 @@ def changed(configuration: SkillConfiguration, parameters: Mapping[str, Any]) ->
 
 
 def configuration(name: str = "") -> SkillConfiguration:
-    """The configuration of that name, the default one for an empty name; ValueError lists the names there are."""
+    """The configuration of that name, also one of LADDER, the default one for an empty name; ValueError lists the names there are."""
     if not name:
         return DEFAULT
+    if name in LADDER:
+        return LADDER[name]
     if name not in CONFIGURATIONS:
         raise ValueError(f"no configuration '{name}': choose one of {', '.join(sorted(CONFIGURATIONS))}")
     return CONFIGURATIONS[name]

@@ -216,7 +216,8 @@ class ThrowingSkill:
         """A model, not fitted yet, and some of the demonstrations as it takes them."""
         c, moving = self.configuration, [self._moving[i] for i in used]
         kind = AutonomousDSGMR if c.drive == "state" else DSGMR
-        model = kind(c.components, c.stiffness_of_features, n_inputs=int(c.distance_input), partition=c.partition)
+        how: dict[str, Any] = {"n_inputs": int(c.distance_input), "partition": c.partition, "overlap": c.overlap or None}
+        model = kind(c.components, c.stiffness_of_features, **how)
         frames = [frames_for(self.throws[i].task, self.throws[i].motion[0], c) for i in used]
         if isinstance(model, DSGMR):
             features = [model.features(one.time, one.attractor, self._inputs(one.reach)) for one in moving]

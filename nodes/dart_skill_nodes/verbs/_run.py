@@ -160,7 +160,7 @@ def throw_all(client: "GraphClient", targets: Sequence["np.ndarray"]) -> list["T
 
 
 def carried_out(job: Callable, options: argparse.Namespace, what: str):
-    """job(options) with ROS running, on a domain of its own; None, and a line why, if it failed or was stopped."""
+    """job(options) with ROS running, on a domain of its own; None, and a line why, if it failed. KeyboardInterrupt if it was stopped."""
     choose_domain()
     import rclpy
 
@@ -168,15 +168,13 @@ def carried_out(job: Callable, options: argparse.Namespace, what: str):
     rclpy.init(args=[])
     try:
         return job(options)
-    except (GraphFailure, ValueError, OSError) as error:
+    except Exception as error:
+        if not rclpy.ok():  # a signal that rclpy heard first: it ends the context under the job
+            raise KeyboardInterrupt from None
+        if not isinstance(error, (GraphFailure, ValueError, OSError)):
+            raise
         say(f"{what} failed: {error}")
         say(f"logs: {options.output / 'logs'}")
-    except KeyboardInterrupt:
-        say("stopped")
-    except Exception:
-        if rclpy.ok():
-            raise
-        say("stopped")  # by a signal that Python was told to ignore, as in the background of a script: rclpy heard it, and ended
     finally:
         rclpy.try_shutdown()
     return None

@@ -308,3 +308,44 @@ def test_wrong_use_is_refused_with_the_remedy():
         model.reproduce(frames[0], STEPS, [0, 0], [0, 0], np.zeros((3, 2)))
     with pytest.raises(ValueError, match="not positive definite"):
         TaskParameterisedMixture.from_parameters([1.0], np.zeros((1, 1, 2)), np.ones((1, 1, 2, 2)))
+
+
+# fitted around the times that EM found
+
+
+def test_around_equal_intervals_it_is_the_fit_in_equal_intervals():
+    samples, frames = taught()
+    expected = TaskParameterisedMixture(5).fit_in_time(samples, frames, overlap=0.7)
+    one = TaskParameterisedMixture(5).fit(samples, frames)
+    interval = (STEPS[-1] - STEPS[0]) / 5
+    means, covariances = np.array(one.means_), np.array(one.covariances_)
+    means[..., 0], covariances[..., 0, 0] = STEPS[0] + interval * (0.5 + np.arange(5)), interval**2 / 12.0
+    covariances[..., 0, 1:] = covariances[..., 1:, 0] = 0.0
+    equal = TaskParameterisedMixture.from_parameters(one.priors_, means, covariances)
+    assert_same(equal.fit_around(samples, frames, overlap=0.7), expected)
+
+
+def test_each_component_is_of_all_demonstrations_then():
+    """EM gives components to the two that go another way in the middle; each is then the average of what all do around its time."""
+    time = np.arange(0.0, 1.0, 0.01)
+    world, bump = [TaskFrame(np.eye(2), np.zeros(2))], np.exp(-0.5 * ((time - 0.5) / 0.08) ** 2)
+    samples = [np.column_stack([time, time + height * bump]) for height in (0.0, 0.01, 0.4, 0.41)]
+    one = TaskParameterisedMixture(6).fit(samples, [world] * 4)
+    shares = np.array([part.sum(axis=0) for part in one.responsibilities(samples, [world] * 4)])
+    assert (shares / shares.sum(axis=0)).min() < 0.05
+    mean, deviation = one.means_[0][:, 0], 0.7 * np.sqrt(12.0 * one.covariances_[0][:, 0, 0])
+    window = np.exp(-0.5 * ((time[:, None] - mean) / deviation) ** 2) / deviation
+    window /= window.sum(axis=1, keepdims=True)
+    average = np.mean([sample[:, 1] for sample in samples], axis=0)
+    smooth = one.fit_around(samples, [world] * 4, overlap=0.7)
+    np.testing.assert_allclose(smooth.means_[0][:, 1], window.T @ average / window.sum(axis=0), atol=1e-9)
+
+
+@pytest.mark.parametrize("n", [5, 8, 12])
+def test_what_is_retrieved_is_smoother_and_nearer(n):
+    samples, frames = taught(noise=0.01)
+    rough, smooth = (DSGMR(n, overlap=overlap).fit(samples, frames) for overlap in (None, 0.7))
+    jerks = [np.square(np.diff(model.retrieve(frames[0], STEPS)[0], 3, axis=0)).mean() for model in (rough, smooth)]
+    assert jerks[1] < 0.1 * jerks[0]
+    off = [max(np.abs(model.retrieve(one, STEPS)[0] - reach(one)[:, 1:]).max() for one in frames) for model in (rough, smooth)]
+    assert off[1] < 1.05 * off[0]

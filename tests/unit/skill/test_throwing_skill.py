@@ -1,6 +1,7 @@
 """The skill, from demonstrations that a session recorded to plans for baskets that nobody demonstrated."""
 
 from dataclasses import fields, replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from dart_skill.robot._throw_plan import same_plan
 from dart_skill.skill.learn import (
     CONFIGURATIONS,
     DEFAULT,
+    LADDER,
     LEAST_DEMONSTRATIONS,
     SkillConfiguration,
     Unreachable,
@@ -292,11 +294,26 @@ def test_the_width_is_the_one_that_predicts_left_out_demonstrations_best(demonst
 
 def test_an_unknown_configuration_is_refused_with_the_names_there_are():
     with pytest.raises(
-        ValueError, match="no configuration 'defualt': choose one of autonomous, cross_validated, default, em, shown_release, "
+        ValueError, match="no configuration 'defualt': choose one of autonomous, cross_validated, default, ds_gmr, em, shown_release, "
     ):
         configuration("defualt")
     assert configuration() is configuration("") is DEFAULT
     assert all(configuration(name).name == name for name in CONFIGURATIONS)
+
+
+def test_the_ladder_leads_from_the_thesis_to_ds_gmr_in_single_steps():
+    whole, thesis = CONFIGURATIONS["ds_gmr"], CONFIGURATIONS["thesis"]
+    assert (whole.partition, whole.frames, whole.distance_input) == ("em", "azimuth_target", False), "EM, frames, their product"
+    rows = [thesis, *(one for name, one in LADDER.items() if name.startswith("+"))]
+
+    def differing(one, other):
+        return [row.name for row in fields(SkillConfiguration) if row.name != "name" and getattr(one, row.name) != getattr(other, row.name)]
+
+    steps = [differing(*pair) for pair in pairwise(rows)]
+    assert all(len(step) == 1 for step in steps) and not differing(rows[-1], whole)
+    without = [differing(one, whole) for name, one in LADDER.items() if name.startswith("without")]
+    assert without == steps
+    assert all(configuration(name) is one for name, one in LADDER.items())
 
 
 @pytest.mark.parametrize(

@@ -54,7 +54,12 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     options.warm_up = 0.1 * options.minutes if options.warm_up is None else options.warm_up
     options.differs, options.output = differences(parser, options), output_folder(parser, options.output)
     samples: list[Sample] = []
-    ended = carried_out(partial(run, samples=samples), options, "the soak")
+    try:
+        ended = carried_out(partial(run, samples=samples), options, "the soak")
+    except KeyboardInterrupt:
+        if not samples:
+            raise
+        ended = None
     if not samples:
         return 1
     wrong = [] if ended else ["it did not come to its end"]
