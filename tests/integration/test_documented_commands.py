@@ -348,6 +348,9 @@ TYPED = {
     "--configurations default,shown_release,em,two_frames,autonomous,weighted,cross_validated,thesis,thesis_local": Elsewhere(
         "unit/cli/test_usage.py::test_the_throws_experiment_gives_one_row_per_throw_as_json"
     ),
+    "dart-skill experiment throws --seeds 10 --configurations default,ds_gmr,ladder": Elsewhere(
+        "unit/cli/test_usage.py::test_the_ladder_stands_for_its_configurations"
+    ),
     "dart-skill experiment soak --minutes 120 --layout processes --speed 1": Elsewhere(
         "integration/test_soak.py::test_a_soak_looks_at_its_processes_after_each_round"
     ),

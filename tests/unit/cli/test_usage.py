@@ -47,6 +47,14 @@ def test_the_throws_experiment_gives_one_row_per_throw_as_json(capfd):
         assert throw["along"] is not None or throw["note"], f"neither a landing nor a reason: {throw}"
 
 
+def test_the_ladder_stands_for_its_configurations(monkeypatch, capfd):
+    asked = []
+    monkeypatch.setattr("dart_skill.experiments.throws.run", lambda seeds, names, *_: asked.extend(names) or [])
+    assert main(["experiment", "throws", "--seeds", "1", "--configurations", "default,ladder"]) == 0
+    assert asked[:3] == ["default", "thesis", "+release_clock"] and {"+farthest_release", "without_overlap"} < set(asked)
+    assert capfd.readouterr().out.startswith("configuration ")
+
+
 @pytest.mark.parametrize("command", ["up", "demo", "practice", "teach", "throw", "execute", "learn", "bag play", "check arm"])
 def test_help_and_usage_errors_need_no_ros(command):
     told = run_without(["rclpy"], *command.split(), "--help")
