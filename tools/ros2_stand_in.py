@@ -23,6 +23,24 @@ and nothing else: no launch, bag, topic, service, action, param or doctor. Those
 Jazzy; where there is one, its own ros2 is used."""
 
 
+STATUS = "dart-skill status shows nodes, topics, rates and publishers"
+CLIENTS = "dart-skill teach, learn, throw, execute and practice do what ours offer; rclpy calls any"
+INSTEAD = {
+    "topic": STATUS,
+    "node": STATUS,
+    "doctor": STATUS,
+    "lifecycle": STATUS,
+    "service": CLIENTS,
+    "action": CLIENTS,
+    "param": "dart-skill up --set NODE.PARAMETER=VALUE starts with others",
+    "launch": "dart-skill up starts the graph",
+    "bag": "dart-skill bag info, check and play, and ros2 run dart_skill recorder",
+    "interface": "docs/reference.md lists all types",
+    "security": "dart-skill security writes the policy",
+}
+"""What does the same here, by the verbs that people type first."""
+
+
 class StandInError(Exception):
     """What cannot be done, in one line."""
 
@@ -101,7 +119,8 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: list[str]) -> int:
     """Does what was asked, or says in one line why it cannot."""
     if arguments and not arguments[0].startswith("-") and arguments[0] not in ("run", "pkg"):
-        print(f"ros2 (stand-in): '{arguments[0]}' needs an installed ROS 2; see ros2 --help", file=sys.stderr)
+        instead = INSTEAD.get(arguments[0], "see ros2 --help")
+        print(f"ros2 (stand-in): '{arguments[0]}' needs an installed ROS 2; {instead}", file=sys.stderr)
         return 1
     asked = parser().parse_args(arguments)
     try:

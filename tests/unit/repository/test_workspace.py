@@ -6,6 +6,7 @@ import importlib.util
 import json
 import os
 import re
+import runpy
 import shutil
 import signal
 import subprocess
@@ -536,7 +537,17 @@ def test_it_says_what_it_is_and_refuses_the_rest(ros2):
     assert "stand-in" in out and "no launch" in out
     status, out, err = ros2("launch", "dart_skill", "x.launch.py")
     assert (status, out, err.count("\n")) == (1, "", 1)
-    assert "'launch' needs an installed ROS 2" in err
+    assert "'launch' needs an installed ROS 2; dart-skill up starts the graph" in err
+
+
+def test_what_it_recommends_are_commands():
+    from dart_skill.cli._completion import commands_of
+    from dart_skill.cli._main import _parser
+
+    known = {command.prog for command in commands_of(_parser())}
+    instead = runpy.run_path(str(ROOT / "tools" / "ros2_stand_in.py"))["INSTEAD"]
+    named = [found[0] for text in instead.values() for found in re.finditer(r"dart-skill \w+", text)]
+    assert named and set(named) <= known
 
 
 # --- domains of test runs ---
