@@ -220,12 +220,13 @@ class TaskParameterisedMixture(EMEstimator):
 
         EM divides time as the movement asks for, but its components hardly overlap, so that what is retrieved changes abruptly from one to
         the next, and it may give one to a few demonstrations. Here responsibilities are those of Gaussians over time alone, at the times
-        that EM found, and wider. overlap: their standard deviation in units of the interval sqrt(12) s that has EM's deviation s.
+        that EM found, and wider. overlap: their standard deviation in units of the share of all time that EM gave to the component, its
+        prior. So components that shared a time are not wide each.
         """
-        means, covariances = self.means_[0], self.covariances_[0]  # time is the same in all frames
         taught, weights = _with_weight(samples, frames, weights)
-        deviations = as_number(overlap, "overlap", 1e-3, strict=False) * np.sqrt(12.0 * covariances[:, 0, 0])
-        off = (shared_time(taught.blocks)[:, None] - means[:, 0]) / deviations
+        time = shared_time(taught.blocks)
+        deviations = as_number(overlap, "overlap", 1e-3, strict=False) * self.priors_ * (time.max() - time.min())
+        off = (time[:, None] - self.means_[0][:, 0]) / deviations  # time is the same in all frames
         return self._maximise(taught, weights, normalise_log(-0.5 * np.square(off) - np.log(deviations))[0])
 
     def _maximise(self, taught: TaskSamples, weights: np.ndarray, responsibilities: np.ndarray) -> TaskParameterisedMixture:

@@ -321,7 +321,7 @@ def test_around_equal_intervals_it_is_the_fit_in_equal_intervals():
     means, covariances = np.array(one.means_), np.array(one.covariances_)
     means[..., 0], covariances[..., 0, 0] = STEPS[0] + interval * (0.5 + np.arange(5)), interval**2 / 12.0
     covariances[..., 0, 1:] = covariances[..., 1:, 0] = 0.0
-    equal = TaskParameterisedMixture.from_parameters(one.priors_, means, covariances)
+    equal = TaskParameterisedMixture.from_parameters(np.full(5, 0.2), means, covariances)
     assert_same(equal.fit_around(samples, frames, overlap=0.7), expected)
 
 
@@ -333,7 +333,7 @@ def test_each_component_is_of_all_demonstrations_then():
     one = TaskParameterisedMixture(6).fit(samples, [world] * 4)
     shares = np.array([part.sum(axis=0) for part in one.responsibilities(samples, [world] * 4)])
     assert (shares / shares.sum(axis=0)).min() < 0.05
-    mean, deviation = one.means_[0][:, 0], 0.7 * np.sqrt(12.0 * one.covariances_[0][:, 0, 0])
+    mean, deviation = one.means_[0][:, 0], 0.7 * one.priors_ * (time[-1] - time[0])
     window = np.exp(-0.5 * ((time[:, None] - mean) / deviation) ** 2) / deviation
     window /= window.sum(axis=1, keepdims=True)
     average = np.mean([sample[:, 1] for sample in samples], axis=0)
