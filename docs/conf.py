@@ -5,12 +5,12 @@
 
 import re
 import sys
-from itertools import groupby
 from pathlib import Path
 
-from docutils.nodes import SkipNode
+from docutils.nodes import SkipNode, inline
 from docutils.utils.math import latex2mathml
 from sphinx.addnodes import pending_xref
+from sphinx.domains.python import PyXRefRole
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -30,13 +30,14 @@ myst_enable_extensions = ["dollarmath"]
 myst_dmath_allow_space = False
 
 autodoc_default_options = {"members": True, "member-order": "bysource"}
-autodoc_typehints = "signature"
-autodoc_type_aliases = {"ArrayLike": "ArrayLike"}  # and not all that it stands for
+autodoc_typehints = "none"  # the fields have them
 autodoc_preserve_defaults = True
 python_use_unqualified_type_names = True
-python_maximum_signature_line_length = 100
 
 sys.path.insert(0, str(ROOT))  # the examples use the library of this checkout
+if not PROSE_ONLY:
+    sys.path.insert(0, str(ROOT / "docs" / "_ext"))
+    import fields  # noqa: E402
 sphinx_gallery_conf = {
     "examples_dirs": "examples",
     "gallery_dirs": "gallery",
@@ -59,36 +60,11 @@ html_css_files = ["wide.css"]
 html_show_sphinx = False
 linkcheck_ignore = [r"http://(127\.0\.0\.1|localhost):\d+"]  # the viewer's page, while it runs
 
-MARKUP = re.compile(r"([\\*|_])")
-ITEM = re.compile(r"[*-] ")
-ALIAS = re.compile(r"TypeAliasForwardRef\('(\w+)'\)")
-
-
-def _plain(text: str) -> str:
-    """Text in which nothing is markup but `names` in backticks, which become literals."""
-    parts = re.split(r"`+([^`]+)`+", text)
-    shown = [f"``{part}``" if i % 2 else MARKUP.sub(r"\\\1", part).replace("::", ":\\:") for i, part in enumerate(parts)]
-    return "\\ ".join(shown)
-
-
-def _paragraph(lines: list[str]) -> list[str]:
-    """Lines without a blank one between them as reStructuredText: a list, or text, or, where they are indented, as they stand."""
-    if ITEM.match(lines[0]) and all(ITEM.match(line) or line.startswith("  ") for line in lines):
-        return [line[:2] + _plain(line[2:]) for line in lines]
-    if any(line.startswith(" ") for line in lines):
-        return ["::", "", *(f"   {line}" for line in lines)]
-    return ["\\ " + _plain(lines[0]), *map(_plain, lines[1:])]  # what begins with an escape begins no list
-
 
 def show_as_written(app, what, name, obj, options, lines: list[str]) -> None:
-    """Docstrings here are text, not reStructuredText: a star, a bar or an underscore in them is just that."""
-    paragraphs = [list(block) for is_text, block in groupby(lines, key=lambda line: bool(line.strip())) if is_text]
-    lines[:] = [shown for paragraph in paragraphs for shown in [*_paragraph(paragraph), ""]]
-
-
-def without_the_inside_of_names(app, what, name, obj, options, signature, returns):
-    """Of a name for a type, such as ArrayLike, Sphinx shows how it holds it where it is one of several."""
-    return tuple(None if part is None else ALIAS.sub(r"\1", part) for part in (signature, returns))
+    """Docstrings here are text, not reStructuredText; what they say of parameters, results and errors becomes fields."""
+    has_fields = what in ("function", "method", "class", "property")
+    lines[:] = fields.as_rest(lines, fields.documented(obj) if has_fields else None)
 
 
 def show_what_has_no_page_as_text(app, doctree) -> None:
@@ -120,4 +96,4 @@ def setup(app) -> None:
     app.connect("doctree-read", show_what_has_no_page_as_text)
     if not PROSE_ONLY:
         app.connect("autodoc-process-docstring", show_as_written)
-        app.connect("autodoc-process-signature", without_the_inside_of_names)
+        app.add_role_to_domain("py", "kind", PyXRefRole(innernodeclass=inline))  # of types: a link, where there is a page, and no code
