@@ -13,7 +13,10 @@ LARGEST = 2**28
 
 
 def read_arrays(file: BinaryIO) -> dict[str, np.ndarray]:
-    """Everything in an open archive, once it is known how much that is; ValueError, or what zip and NumPy raise, for what is none."""
+    """Everything in an open archive, once it is known how much that is; ValueError, or what zip and NumPy raise, for what is none.
+
+    file: open for reading bytes.
+    """
     with zipfile.ZipFile(file) as archive:
         members = archive.infolist()
         size = sum(member.file_size for member in members)

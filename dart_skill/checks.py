@@ -33,7 +33,10 @@ def _reshape_hint(array: np.ndarray, ndim: int) -> str:
 
 
 def as_samples(value: ArrayLike, name: str, n_dims: int | None = None) -> np.ndarray:
-    """Samples (n, d) with n, d >= 1, and d == n_dims where that is given."""
+    """Samples (n, d) with n, d >= 1, and d == n_dims where that is given.
+
+    value: what is given; name: of it, for the message of an error; n_dims: None for any. ValueError for what is none.
+    """
     samples = as_finite(value, name, 2)
     if samples.size == 0:
         raise ValueError(f"{name} is empty, shape {samples.shape}; at least one sample is needed")
@@ -43,7 +46,7 @@ def as_samples(value: ArrayLike, name: str, n_dims: int | None = None) -> np.nda
 
 
 def as_learnable(value: ArrayLike, name: str) -> np.ndarray:
-    """Samples (n, d) whose squares do not overflow."""
+    """Samples (n, d) whose squares do not overflow. value, name: as of `as_samples`. ValueError for what is none."""
     samples = as_samples(value, name)
     if np.abs(samples).max() > LARGEST_LEARNABLE:
         place = tuple(int(i) for i in np.unravel_index(np.abs(samples).argmax(), samples.shape))
@@ -63,7 +66,7 @@ def require_near(log_density: np.ndarray, points: np.ndarray, name: str, first_r
 
 
 def as_vector(value: ArrayLike, name: str, length: int | None = None) -> np.ndarray:
-    """Vector (length,) of finite numbers."""
+    """Vector (length,) of finite numbers. value, name: as of `as_samples`; length: None for any. ValueError for what is none."""
     vector = as_finite(value, name, 1)
     if length is not None and len(vector) != length:
         raise ValueError(f"{name} must have length {length}, got {len(vector)}")
@@ -71,7 +74,10 @@ def as_vector(value: ArrayLike, name: str, length: int | None = None) -> np.ndar
 
 
 def as_place(value: ArrayLike, name: str) -> np.ndarray:
-    """A place (3,) within `FARTHEST` [m] of the origin in each direction; ValueError for what is no place."""
+    """A place (3,) within `FARTHEST` [m] of the origin in each direction; ValueError for what is no place.
+
+    value, name: as of `as_samples`.
+    """
     place = np.asarray(value, dtype=float)
     if place.shape != (3,) or not bool((np.abs(place) <= FARTHEST).all()):  # NaN is not within it either
         raise ValueError(f"{name} is at {place.tolist()}: give three finite numbers in metres, none beyond {FARTHEST:.0f} m")
@@ -79,7 +85,10 @@ def as_place(value: ArrayLike, name: str) -> np.ndarray:
 
 
 def as_weights(value: ArrayLike | None, n_samples: int, name: str = "weights") -> np.ndarray:
-    """Weights (n_samples,), not negative and not all zero; ones when None."""
+    """Weights (n_samples,), not negative and not all zero; ones when None.
+
+    value, name: as of `as_samples`; n_samples: how many. ValueError for what is none.
+    """
     if value is None:
         return np.ones(n_samples)
     weights = as_vector(value, name, n_samples)
@@ -91,7 +100,7 @@ def as_weights(value: ArrayLike | None, n_samples: int, name: str = "weights") -
 
 
 def as_count(value: int, name: str, minimum: int = 1) -> int:
-    """Integer of at least `minimum`."""
+    """Integer of at least `minimum`. value, name: as of `as_samples`. ValueError for what is none."""
     try:
         count = operator.index(value)
     except TypeError:
@@ -102,7 +111,7 @@ def as_count(value: int, name: str, minimum: int = 1) -> int:
 
 
 def as_number(value: ArrayLike, name: str, minimum: float = 0.0, strict: bool = True) -> float:
-    """Finite scalar above `minimum`, or equal to it when not strict."""
+    """Finite scalar above `minimum`, or equal to it when not strict. value, name: as of `as_samples`. ValueError for what is none."""
     number = float(as_finite(value, name, 0))
     if number < minimum or (strict and number == minimum):
         raise ValueError(f"{name} must be {'above' if strict else 'at least'} {minimum:g}, got {number:g}")
@@ -110,7 +119,10 @@ def as_number(value: ArrayLike, name: str, minimum: float = 0.0, strict: bool = 
 
 
 def as_dims(value: ArrayLike, n_dims: int, name: str) -> np.ndarray:
-    """Distinct column indices within range(n_dims); an integer stands for one column."""
+    """Distinct column indices within range(n_dims); an integer stands for one column.
+
+    value, name: as of `as_samples`; n_dims: number of columns. ValueError for what is none.
+    """
     dims = np.atleast_1d(np.asarray(value))
     if dims.ndim != 1 or dims.size == 0 or not np.issubdtype(dims.dtype, np.integer):
         raise ValueError(f"{name} must be one or more column indices, got {value!r}")
@@ -121,7 +133,10 @@ def as_dims(value: ArrayLike, n_dims: int, name: str) -> np.ndarray:
 
 
 def as_covariances(value: ArrayLike, name: str, shape: tuple[int, ...]) -> np.ndarray:
-    """Matrices of the given shape (..., d, d) that are symmetric but for rounding; the rounding is removed."""
+    """Matrices of the given shape (..., d, d) that are symmetric but for rounding; the rounding is removed.
+
+    value, name: as of `as_samples`. ValueError for what is none.
+    """
     matrices = as_finite(value, name)
     if matrices.shape != shape:
         raise ValueError(f"{name} must have shape {shape}, got {matrices.shape}")
@@ -139,7 +154,7 @@ def as_covariances(value: ArrayLike, name: str, shape: tuple[int, ...]) -> np.nd
 
 def check_samples(name: str, time: np.ndarray, values: np.ndarray, least: int = 1, width: int = 3) -> tuple[np.ndarray, np.ndarray]:
     """`time` (n,) and `values` (n, width) as float arrays; ValueError, with `name`, for what is no
-    series.
+    series. least: number of samples n.
     """
     time, values = np.asarray(time, dtype=float), np.asarray(values, dtype=float)
     if time.ndim != 1 or values.shape != (len(time), width):

@@ -5,7 +5,10 @@ from pathlib import Path
 
 
 def config_path(name: str) -> Path:
-    """Path of a file of config/: in $DART_SKILL_CONFIG, in a wheel, beside the library in a checkout, or in a package's share folder."""
+    """Path of a file of config/: in $DART_SKILL_CONFIG, in a wheel, beside the library in a checkout, or in a package's share folder.
+
+    FileNotFoundError if it is nowhere.
+    """
     folders = _folders()
     for folder in folders:
         if (folder / name).is_file():
@@ -38,7 +41,10 @@ def node_file(node: str) -> str:
 
 
 def node_parameters(name: str, node: str) -> dict:
-    """Parameters of one node from a ROS parameter file of config/, without ROS; those of world and limits that it does not set, too."""
+    """Parameters of one node from a ROS parameter file of config/, without ROS; those of world and limits that it does not set, too.
+
+    KeyError if the file has no section of the node.
+    """
     content = load_yaml(name)
     if node not in content:
         raise KeyError(f"{name} has no section '{node}', only {sorted(content)}")

@@ -28,7 +28,7 @@ def remedy(module: str) -> str:
 
 
 def explained(error: ImportError) -> str:
-    """An import that failed, in a line: what is missing, and what brings it, where that is an extra of ours."""
+    """An import that failed, in a line: what is missing, and what brings it, where that is an extra of ours. error: of the import."""
     module = (error.name or "").split(".")[0]
     missing = isinstance(error, ModuleNotFoundError) and module in EXTRA_OF
     return f"the package {module} is needed for this, and is not there: {remedy(module)}" if missing else str(error)

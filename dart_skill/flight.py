@@ -117,7 +117,7 @@ def acceleration(velocity: np.ndarray, ball: Ball = TENNIS_BALL) -> np.ndarray:
 def flight(position: np.ndarray, velocity: np.ndarray, times: np.ndarray, ball: Ball = TENNIS_BALL) -> tuple[np.ndarray, np.ndarray]:
     """Positions and velocities (n_times, ..., 3) of balls at `times` (n_times,) [s], negative ones too.
 
-    position, velocity: (..., 3) at time 0, world frame, Z up.
+    position, velocity: (..., 3) at time 0, world frame, Z up. ValueError for times that are not finite.
     """
     position, velocity = _states(position, velocity)
     times = np.asarray(times, dtype=float)
@@ -144,7 +144,8 @@ def landing(position: np.ndarray, velocity: np.ndarray, plane_z: float | np.ndar
 def crossing(position: np.ndarray, velocity: np.ndarray, normal: np.ndarray, offset: float, ball: Ball = TENNIS_BALL) -> Landing:
     """Where balls with position, velocity (..., 3) cross the vertical plane normal . p = offset in the direction of its normal.
 
-    normal (3,): horizontal unit vector. A ball that is beyond the plane already, or flies away from it, gives nan.
+    normal (3,): horizontal unit vector. A ball that is beyond the plane already, or flies away from it, gives nan. ValueError for another
+    normal, or an offset that is not finite.
     """
     position, velocity = _states(position, velocity)
     normal = np.asarray(normal, dtype=float)
@@ -191,7 +192,7 @@ def fit_flight(
     """Least-squares flight through samples with known drag and gravity.
 
     time (n,) [s], position (n, 3) [m], n >= 3; at: instant of the fitted state, by default the first sample; near: a flight that is
-    like it, which saves time and changes the result by less than a micrometre.
+    like it, which saves time and changes the result by less than a micrometre. ValueError for an instant that is not finite.
     """
     time, position = check_samples("ball", time, position, least=3)
     origin = float(time[0] if at is None else at)

@@ -31,7 +31,10 @@ class Rims:
         return landing(position, velocity, target[2], ball)
 
     def reached(self, position: np.ndarray, velocity: np.ndarray, target: np.ndarray, ball: Ball = TENNIS_BALL) -> float:
-        """Reach [m] of a flight that starts in the plane y = 0, in the direction x, if that plane were turned to the target (3,)."""
+        """Reach [m] of a flight that starts in the plane y = 0, in the direction x, if that plane were turned to the target (3,).
+
+        position, velocity: (3,) at the start.
+        """
         return float(landing(position, velocity, target[2], ball).position[0])
 
     def coordinates(self, points: np.ndarray) -> np.ndarray:
@@ -100,11 +103,17 @@ class BoardFace:
         return np.array([[0.0, -y], [0.0, x], [1.0, 0.0]])
 
     def crossing(self, position: np.ndarray, velocity: np.ndarray, target: np.ndarray, ball: Ball = DART) -> Landing:
-        """Where flights with position, velocity (..., 3) at their start meet the plane."""
+        """Where flights with position, velocity (..., 3) at their start meet the plane.
+
+        target: without effect, since the plane is the board's.
+        """
         return crossing(position, velocity, self.normal, self.distance, ball)
 
     def reached(self, position: np.ndarray, velocity: np.ndarray, target: np.ndarray, ball: Ball = DART) -> float:
-        """Reach [m] of a flight that starts in the plane y = 0, in the direction x, if that plane were turned to the target (3,)."""
+        """Reach [m] of a flight that starts in the plane y = 0, in the direction x, if that plane were turned to the target (3,).
+
+        position, velocity: (3,) at the start.
+        """
         aside = np.arctan2(target[1], target[0]) - np.arctan2(self.bull[1], self.bull[0])
         plane = self.distance / float(np.cos(aside))
         return float(crossing(position, velocity, np.array([1.0, 0.0, 0.0]), plane, ball).position[2])
@@ -120,11 +129,11 @@ class BoardFace:
         return self.distance * self.normal + left + [0.0, 0.0, coordinates[0]]
 
     def miss(self, difference: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """A difference of points (3,) as up and to the left (2,)."""
+        """A difference of points (3,) as up and to the left (2,). at: without effect, since the face is a plane."""
         return difference @ self.axes
 
     def offset(self, miss: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """The difference (3,) that a miss (2,) is."""
+        """The difference (3,) that a miss (2,) is. at: without effect, since the face is a plane."""
         return self.axes @ miss
 
     def seen_from(self, target: np.ndarray, place: np.ndarray, miss: np.ndarray) -> tuple[float, float]:

@@ -10,7 +10,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Endpoint:
-    """A publisher or subscriber. reliability: "reliable" or "best_effort"."""
+    """A publisher or subscriber. reliability: "reliable" or "best_effort". node: its name."""
 
     node: str
     reliability: str = "reliable"

@@ -83,7 +83,7 @@ class SpreadEstimate:
     def confidence_interval(self, level: float = 0.95) -> tuple[float, float]:
         """Lowest and highest sigma [mm] that the likelihood ratio does not reject at 1 - level.
 
-        An end that the throws do not determine is 0 or inf.
+        An end that the throws do not determine is 0 or inf. ValueError for a level that is not between 0 and 1.
         """
         if not 0.0 < as_number(level, "level") < 1.0:
             raise ValueError(f"level must lie between 0 and 1, got {level:g}")
@@ -146,6 +146,8 @@ def estimate_from_scores(
     * model: "isotropic" (one sigma, default) or "general" (a covariance).
     * bias: bool, default False. Whether the mean may differ from the aim.
     * misses: "counted" (default), or "unrecorded" if only darts that hit the board are listed.
+
+    ValueError if all darts missed the board.
     """
     throws = throws_from_scores(scores, aim, misses)
     if all(group.patterns.shape[0] == 1 and group.patterns[0, -1] for group in throws.groups):

@@ -67,7 +67,10 @@ def expected_score(aims: ArrayLike, spread: Spread | float | ArrayLike) -> np.nd
 
 
 def bed_probabilities(aims: ArrayLike, spread: Spread | float | ArrayLike) -> np.ndarray:
-    """Probability (..., 83) of each bed (BED_NAMES) for one dart at aims (..., 2) [mm]; absolute error below 1e-12."""
+    """Probability (..., 83) of each bed (BED_NAMES) for one dart at aims (..., 2) [mm]; absolute error below 1e-12.
+
+    spread: as in `expected_score`.
+    """
     aims, spread = as_points(aims, "aims"), as_spread(spread)
     flat = aims.reshape(-1, 2) + spread.bias
     boundary = boundary_for(spread.deviations[0])
@@ -79,7 +82,10 @@ def bed_probabilities(aims: ArrayLike, spread: Spread | float | ArrayLike) -> np
 
 
 def score_derivatives(aims: ArrayLike, spread: Spread | float | ArrayLike) -> Derivatives:
-    """Expected score of aims (n, 2) [mm], with gradient and Hessian with respect to the aim; all are exact to round-off."""
+    """Expected score of aims (n, 2) [mm], with gradient and Hessian with respect to the aim; all are exact to round-off.
+
+    spread: as in `expected_score`.
+    """
     aims, spread = as_samples(aims, "aims", 2), as_spread(spread)
     boundary = boundary_for(spread.deviations[0])
     jump, position = boundary.jump, boundary.position

@@ -66,7 +66,8 @@ class _Grid:
 def heat_map(spread: Spread | float | ArrayLike, spacing: float = 1.0, half_width: float = 170.0) -> HeatMap:
     """Expected score on the grid of multiples of `spacing` [mm] within +- half_width [mm].
 
-    spread: a Spread, a sigma [mm] of at least 1, or a covariance (2, 2) [mm^2].
+    spread: a Spread, a sigma [mm] of at least 1, or a covariance (2, 2) [mm^2]. half_width: default 170, the board. ValueError for too
+    many aims, or a spread too narrow for a grid.
     """
     spread, spacing = as_spread(spread), as_number(spacing, "spacing")
     steps = as_number(half_width, "half_width") / spacing + 1e-9

@@ -71,7 +71,8 @@ class LegPolicy:
     def best_aim(self, remaining: int, darts_left: int = 3, turn_start: int | None = None) -> np.ndarray:
         """Point (2,) [mm] to aim at with this remaining score and number of darts left.
 
-        turn_start: score before the turn, to which a bust returns; default None: remaining, so nothing is scored yet.
+        turn_start: score before the turn, to which a bust returns; default None: remaining, so nothing is scored yet. ValueError for a
+        state that cannot be.
         """
         turn_start = remaining if turn_start is None else turn_start
         remaining, turn_start = _as_remaining(remaining, self.start), _as_remaining(turn_start, self.start)
@@ -109,6 +110,8 @@ def solve_leg(spread: Spread | SpreadByTarget | float | ArrayLike, start: int = 
     * spread: a Spread, a sigma [mm], a covariance (2, 2) [mm^2], or a SpreadByTarget such as `professional()`.
     * start: int from 2 to 1001, default 501.
     * objective: "turns" (default) or "darts".
+
+    ValueError for another start or objective.
     """
     start = as_count(start, "start", 2)
     if start > HIGHEST_START:
@@ -151,7 +154,10 @@ def checkout_table(spread: Spread | SpreadByTarget | float | ArrayLike, highest:
 
 
 def simulate_legs(policy: LegPolicy, n_legs: int, rng: np.random.Generator, max_turns: int = 10_000) -> tuple[np.ndarray, np.ndarray]:
-    """Simulates legs dart by dart with random impacts; returns the numbers of turns (n_legs,) and of darts (n_legs,)."""
+    """Simulates legs dart by dart with random impacts; returns the numbers of turns (n_legs,) and of darts (n_legs,).
+
+    policy: from `solve_leg`; max_turns: of one leg. ValueError if a leg takes more turns.
+    """
     turn_start = np.full(as_count(n_legs, "n_legs"), policy.start)
     turns, darts = np.zeros(n_legs, dtype=int), np.zeros(n_legs, dtype=int)
     playing: np.ndarray = np.arange(n_legs)

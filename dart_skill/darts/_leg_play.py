@@ -33,6 +33,8 @@ class LegInPlay:
 
     * darts: that were thrown, in order.
     * remaining: what is left; turn_start: what was left when the turn began, to which a bust returns; darts_left: of the turn.
+
+    start: the score at the start, default 501.
     """
 
     def __init__(self, start: int = 501):
@@ -51,7 +53,7 @@ class LegInPlay:
         return self._thrown(place_of(point), int(BED_SCORES[bed]), bool(BED_IS_DOUBLE[bed]))
 
     def lost(self, why: str) -> LegDart:
-        """A dart that nobody saw on the board: it scores nothing."""
+        """A dart that nobody saw on the board: it scores nothing. why: what became of it."""
         return self._thrown(why, 0, False)
 
     def _thrown(self, hit: str, points: int, double: bool) -> LegDart:

@@ -60,7 +60,8 @@ class OptimumPath:
 def optimum_path(lowest: float, highest: float, shape: Spread | ArrayLike | None = None) -> OptimumPath:
     """The best aim for sigmas from lowest to highest [mm].
 
-    shape: a spread or covariance that gives the shape and the bias; isotropic without bias by default.
+    shape: a spread or covariance that gives the shape and the bias; isotropic without bias by default. ValueError unless lowest is below
+    highest.
     """
     shape = Spread(np.eye(2)) if shape is None else as_spread(shape)
     low, high = shape.scaled_to(lowest), shape.scaled_to(highest)

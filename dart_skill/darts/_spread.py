@@ -45,7 +45,7 @@ class Spread:
 
     @classmethod
     def isotropic(cls, sigma: float, bias: ArrayLike = (0.0, 0.0)) -> Spread:
-        """The same standard deviation sigma [mm] in every direction."""
+        """The same standard deviation sigma [mm] in every direction. bias: (2,) [mm], default zero."""
         return cls(_as_sigma(sigma) ** 2 * np.eye(2), as_vector(bias, "bias", 2))
 
     @property

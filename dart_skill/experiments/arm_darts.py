@@ -40,7 +40,10 @@ def darts_session(seed: int, board: Board | None = None, **plant: Any) -> Sessio
 
 
 def teach(session: Session, skill: Darts, situations: Iterable[Situation]) -> tuple[list[Demonstration], np.ndarray]:
-    """A demonstration for each aim with which the teacher hit the board; misses (m, 2) [mm] of all of the teacher's darts."""
+    """A demonstration for each aim with which the teacher hit the board; misses (m, 2) [mm] of all of the teacher's darts.
+
+    situations: with the aims.
+    """
     kept, misses = [], []
     for situation in situations:
         lessons = session.teach(skill.target(situation))
@@ -70,6 +73,8 @@ def run(
     * board: Board, default None: one of regulation height and distance.
     * each: function that is called after each throw with its number, from 0, and its Dart; default None.
     * name: of the skill's configuration, default "": the default one.
+
+    ValueError for too few throws or demonstrations, or a practice that there is not.
     """
     if practice not in PRACTICE:
         raise ValueError(f"there is no practice '{practice}': choose one of {', '.join(PRACTICE)}")
@@ -97,7 +102,10 @@ def run(
 def over_seeds(
     seeds: Sequence[int], jobs: int = 1, throws: int = 100, demonstrations: int = 8, practice: str = "both", name: str = ""
 ) -> list[DartsRun]:
-    """One arm for each seed, `jobs` processes at a time, at a board of regulation height and distance."""
+    """One arm for each seed, `jobs` processes at a time, at a board of regulation height and distance.
+
+    throws: of each arm; practice, name: as in `run`.
+    """
     return all_of(partial(_listed, throws=throws, demonstrations=demonstrations, practice=practice, name=name), seeds, jobs)
 
 
@@ -106,7 +114,10 @@ def _listed(seed: int, throws: int, demonstrations: int, practice: str, name: st
 
 
 def table_of_seeds(runs: Sequence[DartsRun]) -> str:
-    """Of each seed the mean score of a dart in the first and the last block of throws, and the median distance from the aim in the last."""
+    """Of each seed the mean score of a dart in the first and the last block of throws, and the median distance from the aim in the last.
+
+    runs: one for each seed.
+    """
     head = f"{'seed':>6}{'score, first':>15}{'score, last':>14}{'off, last [mm]':>17}{'on the board':>15}"
     rows = [_row_of_seed(one) for one in runs]
     lines = [f"{one.seed:>6}{_columns(row)}{_on_the_board(one):>15}" for one, row in zip(runs, rows, strict=True)]

@@ -28,7 +28,7 @@ PLACES = ("as shown", "to the side", "beyond")
 
 @dataclass(frozen=True)
 class Task:
-    """One teacher, all models learned from the same demonstrations and tried on the same baskets."""
+    """One teacher, all models learned from the same demonstrations and tried on the same baskets. throws: of each model."""
 
     seed: int
     models: tuple[str, ...] = ("default",)
@@ -130,7 +130,7 @@ class Throws:
 
 
 def throws_of(results: list[Run], model: str, demonstrations: int) -> Throws:
-    """Throws of one model after so many demonstrations, over all runs that have them."""
+    """Throws of one model after so many demonstrations, over all runs that have them; ValueError if none has."""
     parts = [
         (one, one.task.models.index(model)) for one in results if model in one.task.models and one.task.demonstrations == demonstrations
     ]

@@ -58,7 +58,7 @@ class Swing:
 
 
 def run(seeds: list[int], jobs: int = 1, demonstrations: int = 13, throws: int = 5) -> list[Swing]:
-    """All seeds, `jobs` processes at a time."""
+    """All seeds, `jobs` processes at a time. throws: of each seed and kind."""
     one = partial(run_seed, demonstrations=demonstrations, throws=throws)
     return all_of(one, seeds, jobs)
 
@@ -112,7 +112,7 @@ def _resistance(arm: Impedance, gains: PoseGains, state: PlantState, axis: np.nd
 
 
 def table(swings: list[Swing]) -> str:
-    """A row for each kind: medians over its throws."""
+    """A row for each kind: medians over its throws. swings: every throw."""
     lines = [f"{'stiffness':<12}{'throws':>8}{'force where they varied, agreed [N]':>38}{'off the path there [mm]':>26}{'miss [cm]':>12}"]
     for kind in dict.fromkeys(one.kind for one in swings):
         part = [one for one in swings if one.kind == kind]

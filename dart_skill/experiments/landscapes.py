@@ -53,7 +53,10 @@ class Stage(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class StagedLandscape:
-    """One stage after the other: stages[i + 1] begins with trial changes[i]."""
+    """One stage after the other: stages[i + 1] begins with trial changes[i].
+
+    start: first guess; spread: standard deviation of the first trials.
+    """
 
     start: np.ndarray
     spread: float
@@ -112,13 +115,13 @@ class Peaks:
 
 
 def reflected(values: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Values thrown back at the bounds as often as need be."""
+    """Values thrown back at the bounds as often as need be. low, high: the bounds."""
     length = high - low
     return low + length - np.abs((values - low) % (2 * length) - length)
 
 
 def moving_peaks(rng: np.random.Generator, n_dims: int, every: int, n_peaks: int = 5) -> StagedLandscape:
-    """Peaks at random places of the box that change after `every` trials."""
+    """Peaks at random places of the box that change after `every` trials. n_dims: of the box."""
     peaks = [Peaks(rng.uniform(*HEIGHTS, n_peaks), rng.uniform(*RADII, n_peaks), rng.uniform(*BOX, (n_peaks, n_dims)))]
     changes = tuple(range(every, N_TRIALS, every))
     for _ in changes:
@@ -135,7 +138,7 @@ HILL, LOWER, AWAY, OBSTACLE = 0.6, 0.8, 1.25, 0.9
 @dataclass(frozen=True, eq=False)
 class Hills:
     """Gaussian hills with tops (k, 2) and heights (k,), the highest of those at each place; none of it within the disc of that radius
-    about the first top.
+    about the first top. obstacle: the radius, default 0.
     """
 
     tops: np.ndarray
@@ -220,7 +223,7 @@ class PlanarArm:
         return np.column_stack([(self.tip(angles) - self.target) / TOLERANCE, (angles - REST) / EASE])
 
     def limited(self, joint: int, low: float, high: float) -> PlanarArm:
-        """With a joint that only moves within these angles; stuck where both are the same."""
+        """With a joint that only moves within these angles; stuck where both are the same. low, high: the angles [rad]."""
         lows, highs = self.low.copy(), self.high.copy()
         lows[joint], highs[joint] = low, high
         return replace(self, low=lows, high=highs)

@@ -21,7 +21,10 @@ ATTEMPTS = 3
 
 @dataclass(frozen=True)
 class Placed:
-    """One part: its seed, how far from where it was shown [m] and how far turned [rad] its holder was, and what came of it."""
+    """One part: its seed, how far from where it was shown [m] and how far turned [rad] its holder was, and what came of it.
+
+    away, turn: of its holder; success, error, reason: the outcome, error in [m].
+    """
 
     seed: int
     away: float
@@ -32,7 +35,7 @@ class Placed:
 
 
 def run(seeds: list[int], jobs: int = 1, demonstrations: int = 8, parts: int = 10, arm: str = "ideal") -> list[Placed]:
-    """All seeds, `jobs` processes at a time."""
+    """All seeds, `jobs` processes at a time. parts: that each seed places. arm: of the fleet, or "fleet"."""
     one = partial(run_seed, demonstrations=demonstrations, parts=parts, arm=arm)
     return all_of(one, seeds, jobs)
 
@@ -73,7 +76,7 @@ def _place(session: BenchSession, skill: Place, learned: LearnedSkill, seed: int
 
 
 def table(placed: list[Placed]) -> str:
-    """How many went in, how near, and every failure with its reason."""
+    """How many went in, how near, and every failure with its reason. placed: every part."""
     errors = 1e3 * np.array([one.error for one in placed if one.success])
     lines = [f"{len(errors)} of {len(placed)} parts are in their holders"]
     if len(errors):

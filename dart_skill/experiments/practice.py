@@ -58,7 +58,7 @@ class Task:
 class Run:
     """errors [m] (throws,) and in_basket (throws,) of the practised throws; test_errors, test_in_basket: per test, its throws; nan where no
     throw came about or no landing was seen; spreads [m]: per basket of the last test, how far throws of one plan come down from their
-    centre.
+    centre. notes: why throws did not come about.
     """
 
     task: Task
@@ -71,7 +71,10 @@ class Run:
 
 
 def teach(session: Session, seed: int, wanted: int) -> list[Demonstration]:
-    """As many demonstrations as wanted, each of a throw that went in; ValueError if the person fails too often."""
+    """As many demonstrations as wanted, each of a throw that went in; ValueError if the person fails too often.
+
+    session: where the person teaches.
+    """
     kept = throws.teach(session, seed, wanted)
     if len(kept) < wanted:
         raise ValueError(f"seed {seed}: only {len(kept)} of {wanted} demonstrations succeeded")

@@ -55,7 +55,10 @@ class Reached:
 
 
 def run(seeds: list[int], jobs: int = 1, demonstrations: int = 8, cups: int = 10, held: int = 3, arm: str = "ideal") -> list[Reached]:
-    """All seeds, `jobs` processes at a time."""
+    """All seeds, `jobs` processes at a time.
+
+    cups: that each seed reaches into; held: how many of them again with a hand that is held. arm: of the fleet, or "fleet".
+    """
     one = partial(run_seed, demonstrations=demonstrations, cups=cups, held=held, arm=arm)
     return all_of(one, seeds, jobs)
 
@@ -144,7 +147,10 @@ def _fastest(seen: TaskDemonstration, since: float) -> float:
 
 
 def table(reached: list[Reached]) -> str:
-    """How many, medians and worst of hands that were free and of those that were held; then every failure with its reason."""
+    """How many, medians and worst of hands that were free and of those that were held; then every failure with its reason.
+
+    reached: every cup.
+    """
     lines = [f"{'':<6}{'in the cup':>12}{'at the rim [mm]':>18}{'at the end [mm]':>18}{'fastest [m/s]':>18}"]
     lines.append(f"{'':<18}" + 3 * f"{'median  worst':>18}")
     for kind in ("free", "held"):

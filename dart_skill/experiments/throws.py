@@ -91,7 +91,10 @@ def teach(session: Session, seed: int, wanted: int) -> list[Demonstration]:
 
 
 def taught(session: Session, target: np.ndarray) -> Trial | None:
-    """The guided throw that went in, or None: a person who does not get it in, or whom the recorder cannot follow, goes on elsewhere."""
+    """The guided throw that went in, or None: a person who does not get it in, or whom the recorder cannot follow, goes on elsewhere.
+
+    target: the basket (3,) [m].
+    """
     try:
         lesson = session.teach(target)[-1]
     except ValueError:
@@ -128,7 +131,10 @@ def run(
     arms: str = "ideal",
     settings: tuple[str, ...] = (),
 ) -> list[Throw]:
-    """All seeds, `jobs` processes at a time; a progress bar on stderr when it is a terminal. arms, settings: as in `run_seed`."""
+    """All seeds, `jobs` processes at a time; a progress bar on stderr when it is a terminal. arms, settings: as in `run_seed`.
+
+    names: of the configurations; throws: of each.
+    """
     one = partial(run_seed, names=names, demonstrations=demonstrations, throws=throws, arms=arms, settings=settings)
     return all_of(one, seeds, jobs)
 
@@ -212,6 +218,7 @@ def repeatability(seed: int, distances: list[float], throws: int, demonstrations
     """One plan thrown again and again, straight ahead: what of the error is the hand's, not the plan's.
 
     Per distance: mean and standard deviation of the landing along and across [cm], and the median distance from the mean landing.
+    distances: of the basket [m]; throws: at each.
     """
     session = Session(seed)
     lessons = [session.teach(target)[-1] for target in targets_for(seed, demonstrations, 0)[0]]

@@ -33,7 +33,7 @@ MOST_BEDS = 12
 
 
 def draw_arm_darts(run: DartsRun, folder: str | Path, name: str = "arm_darts") -> list[Path]:
-    """Write the figure; returns the paths."""
+    """Write the figure; returns the paths. run: all throws of one arm."""
     with house_style():
         return save(arm_darts_figure(run), folder, name)
 

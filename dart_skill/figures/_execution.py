@@ -89,13 +89,19 @@ def executed_throw(recordings: Sequence[Recording], plan: ThrowPlan) -> Executed
 
 
 def draw_execution(throw: ExecutedThrow, folder: str | Path, basket: Basket | None = None) -> list[Path]:
-    """Write the figure; returns the paths. basket: its size, the one of the simulator by default."""
+    """Write the figure; returns the paths. basket: its size, the one of the simulator by default.
+
+    throw: what was planned and what was done.
+    """
     with house_style():
         return save(execution_figure(throw, basket), folder, "execution")
 
 
 def execution_figure(throw: ExecutedThrow, basket: Basket | None = None, narrow: bool = False) -> Figure:
-    """The figure itself, as `draw_execution` writes it; narrow: its panels stand one below the other."""
+    """The figure itself, as `draw_execution` writes it; narrow: its panels stand one below the other.
+
+    throw, basket: as of `draw_execution`.
+    """
     with house_style():
         figure, (side, error) = panels([(6.4, 4.6), (4.1, 3.4 if narrow else 4.6)], narrow)
         _draw_side(side, throw, basket or Basket())

@@ -35,7 +35,10 @@ HALO = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8}
 def draw_landings(
     throws: Sequence[ThrowResult], demonstrated: np.ndarray, folder: str | Path, rim_radius: float = RIM_RADIUS
 ) -> list[Path]:
-    """Write the figure; returns the paths. demonstrated (n, >= 2): baskets of the demonstrations [m]."""
+    """Write the figure; returns the paths. demonstrated (n, >= 2): baskets of the demonstrations [m].
+
+    throws: their results; rim_radius: of the baskets [m].
+    """
     with house_style():
         return save(landings_figure(throws, demonstrated, rim_radius), folder, "landings")
 
@@ -43,7 +46,10 @@ def draw_landings(
 def landings_figure(
     throws: Sequence[ThrowResult], demonstrated: np.ndarray, rim_radius: float = RIM_RADIUS, narrow: bool = False
 ) -> Figure:
-    """The figure itself, as `draw_landings` writes it; narrow: its panels stand one below the other."""
+    """The figure itself, as `draw_landings` writes it; narrow: its panels stand one below the other.
+
+    throws, demonstrated, rim_radius: as of `draw_landings`. ValueError if there is nothing to draw.
+    """
     demonstrated = np.asarray(demonstrated, dtype=float)
     demonstrated = demonstrated.reshape(-1, 3) if demonstrated.size == 0 else demonstrated
     if demonstrated.ndim != 2 or demonstrated.shape[1] < 2 or not np.isfinite(demonstrated).all():

@@ -59,7 +59,10 @@ def quantity_colours() -> LinearSegmentedColormap:
 
 
 def panels(sizes: Sequence[tuple[float, float]], narrow: bool = False, **shared: Any) -> tuple[Figure, list[Axes]]:
-    """A figure and its panels, each of a size (width, height) [inches]: side by side, or, for a narrow screen, one below the other."""
+    """A figure and its panels, each of a size (width, height) [inches]: side by side, or, for a narrow screen, one below the other.
+
+    shared: what `subplots` of matplotlib takes.
+    """
     widths, heights = zip(*sizes, strict=True)
     if narrow:
         heights = tuple(height * min(1.0, NARROW / width) for width, height in sizes) if len(sizes) > 1 else heights
@@ -72,12 +75,12 @@ def panels(sizes: Sequence[tuple[float, float]], narrow: bool = False, **shared:
 
 
 def legend_below(figure: Figure, handles: Sequence[Any], labels: Sequence[str], columns: int, narrow: bool = False) -> None:
-    """One legend of all panels; in two columns below a narrow figure."""
+    """One legend of all panels; in two columns below a narrow figure. handles, labels: of its entries, as matplotlib has them."""
     figure.legend(handles, labels, loc="outside lower center", ncols=min(2, columns) if narrow else columns)
 
 
 def save(figure: Figure, folder: str | Path, name: str) -> list[Path]:
-    """Write `name`.svg and `name`.png into a folder, which is made if need be; returns their paths."""
+    """Write `name`.svg and `name`.png into a folder, which is made if need be; returns their paths. figure: of matplotlib."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     svg, png = folder / f"{name}.svg", folder / f"{name}.png"
@@ -112,7 +115,10 @@ def svg_text(figure: Figure) -> str:
 
 
 def basket_from_above(axes: Axes, centre: np.ndarray | Sequence[float], radius: float, **look: Any) -> Circle:
-    """The free opening of a basket to scale, seen from above; centre (>= 2,) and radius in the units of the axes."""
+    """The free opening of a basket to scale, seen from above; centre (>= 2,) and radius in the units of the axes.
+
+    look: of the circle, as matplotlib's patches take it.
+    """
     circle = Circle((float(centre[0]), float(centre[1])), radius, **look)
     axes.add_patch(circle)
     return circle
@@ -128,7 +134,10 @@ def basket_from_the_side(axes: Axes, along: float, rim: float, radius: float, de
 
 
 def gaussian_ellipse(mean: np.ndarray, covariance: np.ndarray, deviations: float, **look: Any) -> Ellipse:
-    """Contour of a planar Gaussian, mean (2,) and covariance (2, 2), at so many standard deviations."""
+    """Contour of a planar Gaussian, mean (2,) and covariance (2, 2), at so many standard deviations.
+
+    look: of the ellipse, as matplotlib's patches take it.
+    """
     values, vectors = np.linalg.eigh(covariance)
     width, height = 2 * deviations * np.sqrt(np.maximum(values, 0.0))
     angle = float(np.degrees(np.arctan2(vectors[1, 0], vectors[0, 0])))
@@ -150,6 +159,7 @@ def zoomed_inset(axes: Axes, half_width: float, bounds: tuple[float, float, floa
     """A square about the middle of `axes`, so many units to either side, drawn larger in a corner of it; where hits are a blob.
 
     bounds: of the inset in fractions of the axes: left, bottom, width, height. The caller draws into it what it drew into the axes.
+    half_width: half the side of the square, in units of the axes.
     """
     inset = axes.inset_axes(bounds, xlim=(-half_width, half_width), ylim=(-half_width, half_width))
     inset.set(aspect="equal", facecolor="white", xticks=[], yticks=[])

@@ -62,7 +62,7 @@ def demonstrated_motions(
 def draw_synchronisation(
     motions: Sequence[DemonstratedMotion], folder: str | Path, thresholds: VelocityThreshold = THRESHOLDS, name: str = "synchronisation"
 ) -> list[Path]:
-    """Write the figure under a name; returns the paths."""
+    """Write the figure under a name; returns the paths. motions: of the demonstrations."""
     with house_style():
         return save(synchronisation_figure(motions, thresholds=thresholds), folder, name)
 
@@ -70,7 +70,10 @@ def draw_synchronisation(
 def synchronisation_figure(
     motions: Sequence[DemonstratedMotion], narrow: bool = False, thresholds: VelocityThreshold = THRESHOLDS
 ) -> Figure:
-    """The figure itself, as `draw_synchronisation` writes it; narrow: its panels stand one below the other."""
+    """The figure itself, as `draw_synchronisation` writes it; narrow: its panels stand one below the other.
+
+    motions: of the demonstrations; ValueError if there are none.
+    """
     if not motions:
         raise ValueError("no demonstrations: the figure of the synchronisation needs at least one")
     distances = [motion.distance for motion in motions]

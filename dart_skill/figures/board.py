@@ -33,7 +33,10 @@ HIGHEST_CHECKOUT = 170
 
 
 def draw_heat_map(spread: Spread, folder: str | Path, name: str = "heat_map", spacing: float = 1.0) -> list[Path]:
-    """Draw the expected score over the board with all local optima, the best one as a cross; returns the paths of the files."""
+    """Draw the expected score over the board with all local optima, the best one as a cross; returns the paths of the files.
+
+    spread: of the thrower; spacing: of the grid [mm].
+    """
     with house_style():
         figure = Figure(figsize=(7.2, 6.3), layout="constrained")
         axes = figure.subplots()
@@ -66,7 +69,7 @@ def draw_path(path: OptimumPath, folder: str | Path, name: str = "best_aim_over_
 
 
 def draw_estimate(estimate: SpreadEstimate, best: Aim, folder: str | Path, name: str = "estimate") -> list[Path]:
-    """Draw the likelihood of sigma with its 95 % interval, and where to aim."""
+    """Draw the likelihood of sigma with its 95 % interval, and where to aim. estimate: of the spread; best: where to aim."""
     low, high = estimate.confidence_interval()
     with house_style():
         figure = Figure(figsize=(10.5, 4.8), layout="constrained")
@@ -80,7 +83,7 @@ def draw_estimate(estimate: SpreadEstimate, best: Aim, folder: str | Path, name:
 
 
 def draw_leg(policy: LegPolicy, folder: str | Path, name: str = "leg") -> list[Path]:
-    """Draw the expected turns or darts to the finish, and the aims of the first dart of a turn."""
+    """Draw the expected turns or darts to the finish, and the aims of the first dart of a turn. policy: from `solve_leg`."""
     remaining = np.arange(2, policy.start + 1)
     aims = policy.aims[policy.choices[0][remaining, 0]]
     with house_style():
@@ -107,7 +110,10 @@ def draw_leg(policy: LegPolicy, folder: str | Path, name: str = "leg") -> list[P
 
 
 def draw_board(axes: Axes, colour: str = LIGHT, aims: np.ndarray | None = None) -> None:
-    """Draw the wires and numbers of the board [mm], as the thrower sees it; aims (n, 2) beyond the board widen the picture."""
+    """Draw the wires and numbers of the board [mm], as the thrower sees it; aims (n, 2) beyond the board widen the picture.
+
+    colour: of wires and numbers.
+    """
     limit = LIMIT if aims is None else max(LIMIT, float(np.abs(aims).max()) + 10.0)
     for radius in RADII:
         axes.add_patch(Circle((0.0, 0.0), radius, facecolor="none", edgecolor=colour, linewidth=0.7))

@@ -92,7 +92,7 @@ def joint_log_densities(blocks: list[np.ndarray], parameters: Parameters) -> np.
 
 
 def normalise_log(log_values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """exp(log_values) (n, K) divided by their sum over K, and the log of that sum (n,), without under- or overflow."""
+    """exp(log_values) (n, K) divided by their sum over K, and the log of that sum (n,), without under- or overflow. log_values: (n, K)."""
     top = log_values.max(axis=1, keepdims=True)
     shares = np.exp(log_values - top)
     total = shares.sum(axis=1, keepdims=True)
@@ -105,7 +105,10 @@ def expectation(blocks: list[np.ndarray], parameters: Parameters) -> tuple[np.nd
 
 
 def expectation_at(points: np.ndarray, blocks: list[np.ndarray], parameters: Parameters) -> tuple[np.ndarray, np.ndarray]:
-    """`expectation` for any points (n, d), given as blocks, too; ValueError for a point whose log density overflows."""
+    """`expectation` for any points (n, d), given as blocks, too; ValueError for a point whose log density overflows.
+
+    parameters: of the mixture.
+    """
     with np.errstate(over="ignore", invalid="ignore"):
         shares, log_density = expectation(blocks, parameters)
     require_near(log_density, points, "samples")
@@ -116,7 +119,7 @@ def maximisation(blocks: list[np.ndarray], counts: np.ndarray, floor: float) -> 
     """M step from counts (n, K), which are responsibilities times weights; no component may have a total count of zero.
 
     If a component has almost no count among the samples that a block sees, it gets mean and covariance of all samples
-    in that block.
+    in that block. floor: the covariance floor of `EMEstimator`.
     """
     mass = counts.sum(0)
     moments = [_moments(*_only_seen(block, counts), floor) for block in blocks]
@@ -145,7 +148,8 @@ def _moments(block: np.ndarray, counts: np.ndarray, floor: float) -> tuple[np.nd
 def column_scales(block: np.ndarray, weights: np.ndarray, least: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """Weighted mean and standard deviation (d,) of the columns, the latter at least `least`.
 
-    For a constant column its magnitude, or 1 for zeros, replaces the standard deviation.
+    For a constant column its magnitude, or 1 for zeros, replaces the standard deviation. block: samples (n, d). ValueError for a column
+    that spreads too little for a variance.
     """
     block, weights = _only_seen(block, weights)
     magnitude = np.abs(block).max(0)

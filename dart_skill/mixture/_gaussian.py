@@ -20,7 +20,10 @@ LOG_2PI = float(np.log(2.0 * np.pi))
 
 
 def cholesky(covariances: np.ndarray, what: str = "covariance") -> np.ndarray:
-    """Lower factors (..., d, d) of positive definite matrices; ValueError names the first that is not."""
+    """Lower factors (..., d, d) of positive definite matrices; ValueError names the first that is not.
+
+    covariances: (..., d, d); what: they are called in the message.
+    """
     try:
         return np.linalg.cholesky(covariances)
     except np.linalg.LinAlgError:
@@ -166,7 +169,7 @@ class Gaussian:
         return self.mean.size
 
     def linear_map(self, matrix: ArrayLike, offset: ArrayLike | None = None) -> Gaussian:
-        """Distribution of A x + b for any A (e, d) and b (e,), zero by default."""
+        """Distribution of A x + b for any A (e, d) and b (e,), zero by default. matrix, offset: A and b."""
         matrix = as_samples(matrix, "matrix", self.n_dims)
         offset = np.zeros(len(matrix)) if offset is None else as_vector(offset, "offset", len(matrix))
         return Gaussian(matrix @ self.mean + offset, symmetric(matrix @ self.covariance @ matrix.T))
@@ -193,7 +196,7 @@ class Gaussian:
         return self.mean + noise @ square_root(self.covariance).T
 
     def log_density(self, points: ArrayLike) -> np.ndarray:
-        """log N(x; mean, covariance) of points (..., d): (...)."""
+        """log N(x; mean, covariance) of points (..., d): (...). ValueError for points of another dimension."""
         points = as_finite(points, "points")
         if points.ndim == 0 or points.shape[-1] != self.n_dims:
             raise ValueError(f"points must have {self.n_dims} columns, got shape {points.shape}")
@@ -214,7 +217,10 @@ def _require_semidefinite(covariance: np.ndarray) -> None:
 
 
 def linear_combination(gaussians: Sequence[Gaussian], matrices: Sequence[ArrayLike], offset: ArrayLike | None = None) -> Gaussian:
-    """(3.6): distribution of A1 x1 + A2 x2 + ... + c for independent x1, x2, ..."""
+    """(3.6): distribution of A1 x1 + A2 x2 + ... + c for independent x1, x2, ...
+
+    gaussians: of x1, x2, ...; matrices: A1, A2, ...; offset: c, default zero. ValueError if these do not fit together.
+    """
     if len(gaussians) == 0 or len(gaussians) != len(matrices):
         raise ValueError(f"one matrix per Gaussian is needed, got {len(matrices)} for {len(gaussians)}")
     terms = [gaussian.linear_map(matrix) for gaussian, matrix in zip(gaussians, matrices, strict=True)]
@@ -228,7 +234,8 @@ def linear_combination(gaussians: Sequence[Gaussian], matrices: Sequence[ArrayLi
 def product(gaussians: Sequence[Gaussian]) -> tuple[Gaussian, float]:
     """(3.8): Gaussian N and log C with C N(x) = N1(x) N2(x) ... for every x.
 
-    Covariances may be singular as long as each sum S1 + S2 on the way can be inverted.
+    Covariances may be singular as long as each sum S1 + S2 on the way can be inverted. ValueError for none, for different dimensions, or
+    for factors so far apart that C overflows.
     """
     if len(gaussians) == 0:
         raise ValueError("gaussians is empty; a product needs at least one factor")
@@ -251,7 +258,10 @@ def moments(shares: np.ndarray, means: np.ndarray, covariances: np.ndarray) -> t
 
 
 def merge(gaussians: Sequence[Gaussian], weights: ArrayLike) -> Gaussian:
-    """The Gaussian with the mean and covariance of the mixture of several Gaussians with these weights (positive, any sum)."""
+    """The Gaussian with the mean and covariance of the mixture of several Gaussians with these weights (positive, any sum).
+
+    ValueError for none, or for different dimensions.
+    """
     if len(gaussians) == 0 or len({gaussian.n_dims for gaussian in gaussians}) > 1:
         raise ValueError(f"gaussians must be one or more of one dimension, got {[gaussian.n_dims for gaussian in gaussians]}")
     weights = as_weights(weights, len(gaussians))

@@ -23,7 +23,7 @@ FORMAT = "dart_skill mixture 1"
 
 
 def checked_priors(priors: ArrayLike) -> np.ndarray:
-    """Priors (K,), positive and with sum one; a rounding error of the sum is removed."""
+    """Priors (K,), positive and with sum one; a rounding error of the sum is removed. ValueError for what is none."""
     priors = as_vector(priors, "priors")
     if priors.size == 0 or priors.min() <= 0 or abs(priors.sum() - 1.0) > 1e-6:
         raise ValueError(f"priors must be positive and sum to one, got {priors.tolist()}")
@@ -38,7 +38,7 @@ def _require_parameters(priors: np.ndarray, means: np.ndarray, covariances: np.n
 
 
 def n_free_parameters(n_components: int, n_dims: int) -> int:
-    """Free parameters of one block: means and symmetric covariances."""
+    """Free parameters of one block: means and symmetric covariances. n_components, n_dims: K and d."""
     return n_components * (n_dims + n_dims * (n_dims + 1) // 2)
 
 
@@ -121,7 +121,10 @@ class GaussianMixture(EMEstimator):
 
     @classmethod
     def from_parameters(cls, priors: ArrayLike, means: ArrayLike, covariances: ArrayLike) -> GaussianMixture:
-        """Mixture with given priors (K,), means (K, d) and positive definite covariances (K, d, d)."""
+        """Mixture with given priors (K,), means (K, d) and positive definite covariances (K, d, d).
+
+        ValueError for other shapes or values.
+        """
         priors, means = checked_priors(priors), as_samples(means, "means")
         if len(means) != len(priors):
             raise ValueError(f"one mean per prior is needed, got {len(means)} for {len(priors)}")
@@ -230,7 +233,7 @@ class GaussianMixture(EMEstimator):
 
     def linear_map(self, matrix: ArrayLike, offset: ArrayLike | None = None) -> GaussianMixture:
         """Mixture of A x + b for any A (e, d) and b (e,), zero by default. More rows than columns make the
-        covariances singular: such a mixture has moments, marginals and samples, but no density.
+        covariances singular: such a mixture has moments, marginals and samples, but no density. matrix, offset: A and b.
         """
         return self._of(self.priors_, [component.linear_map(matrix, offset) for component in self.components])
 
@@ -238,7 +241,7 @@ class GaussianMixture(EMEstimator):
         """Mixture M and log C with C M(x) = this(x) other(x) for every x.
 
         M has a component for each pair of components, those of `other` in the inner loop. A pair is left out if its
-        components are so far apart that its prior is zero.
+        components are so far apart that its prior is zero. ValueError for another dimension, or factors so far apart that C overflows.
         """
         other = GaussianMixture._of(np.ones(1), [other]) if isinstance(other, Gaussian) else other
         if other.n_dims != self.n_dims:
@@ -272,7 +275,7 @@ class GaussianMixture(EMEstimator):
 
     def reduce(self, n_components: int) -> GaussianMixture:
         """Mixture of n_components, by merging the pair whose merger costs least until so many are left (Runnalls
-        2007: an upper bound of the divergence from the mixture before).
+        2007: an upper bound of the divergence from the mixture before). ValueError if that is more than there are.
         """
         mixture, n_components = self, as_count(n_components, "n_components")
         self._require_fitted()
@@ -296,7 +299,10 @@ class GaussianMixture(EMEstimator):
 
     @staticmethod
     def together(mixtures: Sequence[GaussianMixture], weights: ArrayLike | None = None) -> GaussianMixture:
-        """All components of several mixtures, each mixture with its weight (positive, any sum; equal by default)."""
+        """All components of several mixtures, each mixture with its weight (positive, any sum; equal by default).
+
+        ValueError for none, or for different dimensions.
+        """
         if len(mixtures) == 0 or len({mixture.n_dims for mixture in mixtures}) > 1:
             raise ValueError(f"mixtures must be one or more of one dimension, got {[mixture.n_dims for mixture in mixtures]}")
         weights = as_weights(weights, len(mixtures))

@@ -58,7 +58,7 @@ class Regression:
         return mean, covariance
 
     def mean(self, inputs: ArrayLike) -> np.ndarray:
-        """Mean (n, o) of the outputs (3.4) without their covariance; equal to the mean of a call to the last bit."""
+        """Mean (n, o) of the outputs (3.4) without their covariance; equal to the mean of a call to the last bit. inputs: (n, i)."""
         inputs = self._checked(inputs)
         mean = np.empty((len(inputs), self.n_outputs))
         for start in range(0, len(inputs), SLICE):
@@ -69,7 +69,7 @@ class Regression:
         return mean
 
     def responsibilities(self, inputs: ArrayLike) -> np.ndarray:
-        """h_k of (3.5): (n, K)."""
+        """h_k of (3.5): (n, K). inputs: (n, i)."""
         inputs = self._checked(inputs)
         return self._shares(self._deviations(inputs), inputs)[0].T
 
@@ -110,7 +110,7 @@ class Regression:
 def regress(mixture: GaussianMixture, inputs: ArrayLike, input_dims: ArrayLike, output_dims: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """(3.3) to (3.5): mean (n, o) and covariance (n, o, o) of the output dimensions, given inputs (n, i).
 
-    With one input dimension, inputs (n,) are n queries. For more than one call, prepare a `Regression`.
+    With one input dimension, inputs (n,) are n queries. For more than one call, prepare a `Regression`. mixture: over inputs and outputs.
     """
     return Regression(mixture, input_dims, output_dims)(inputs)
 

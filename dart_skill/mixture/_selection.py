@@ -44,7 +44,10 @@ class Selection:
 
 
 def best_number(candidates: Sequence[int], score: Callable[[int], float]) -> int:
-    """The number of components whose score is lowest, the first one of equals; ValueError if no score is finite."""
+    """The number of components whose score is lowest, the first one of equals; ValueError if no score is finite.
+
+    candidates: numbers of components; score: gives that of one.
+    """
     scores = np.array([score(candidate) for candidate in candidates], dtype=float)
     scores[~np.isfinite(scores)] = np.inf
     if np.isinf(scores).all():
@@ -85,7 +88,8 @@ def select_by_cross_validation(
 
     groups (n,): samples with the same label are left out together; each sample is a group by default. Use the number
     of the demonstration: otherwise the neighbours in time of a sample that is left out show the fit where it is. If
-    there are no more groups than n_folds, each group is left out once. options: hyper-parameters of `GaussianMixture`.
+    there are no more groups than n_folds, each group is left out once. options: hyper-parameters of `GaussianMixture`. n_folds: parts of
+    the samples that are left out in turn, default 5. ValueError for groups of another shape.
     """
     candidates, n_folds = _as_candidates(n_components), as_count(n_folds, "n_folds", 2)
     counted = as_weights(weights, len(as_samples(samples, "samples"))) > 0

@@ -66,6 +66,8 @@ def data_spectroscopy(
       that of the copied points.
     * reading: "copies" (default), as described above. "printed" takes (5.13) literally: the kernel is w_i k w_j, and its
       eigenvectors give signs and labels. Then a weight of 2 is equal neither to two points nor to one.
+
+    ValueError for a reading that there is not, or a core above 1.
     """
     points = as_learnable(points, "points")
     weights = as_weights(weights, len(points))

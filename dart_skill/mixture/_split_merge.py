@@ -98,7 +98,7 @@ class Adapted:
 def split(mixture: GaussianMixture, index: int, axis: int = 0, rule: SplitMerge | None = None) -> GaussianMixture:
     """(5.7)-(5.12): the mixture with one component split in two along an axis, 0 for the longest.
 
-    The two new components are at `index` and at the end.
+    The two new components are at `index` and at the end. rule: thresholds and sizes, default those of `SplitMerge`.
     """
     n_dims, n_components = mixture.n_dims, len(mixture.means_)
     _require_below(index, "index", n_components)
@@ -112,7 +112,8 @@ def split_and_merge(
 ) -> Adapted:
     """One round of the thesis's algorithm (lines 4 to 21) on samples (n, d) with weights (n,).
 
-    First comes the best split, if it gains more than its threshold, then the best merger, if it costs less than its own.
+    First comes the best split, if it gains more than its threshold, then the best merger, if it costs less than its own. mixture: at the
+    start; rule: as in `split`.
     """
     samples = as_samples(samples, "samples", mixture.n_dims)
     weights = as_weights(weights, len(samples))
@@ -121,7 +122,7 @@ def split_and_merge(
 
 
 def adapt(components: Components, samples: np.ndarray, weights: np.ndarray, rule: SplitMerge, most: int | None = None) -> Adaptation:
-    """`split_and_merge` on arrays that have been checked, up to `most` components."""
+    """`split_and_merge` on arrays that have been checked, up to `most` components. samples: (n, d)."""
     weights = weights / weights.sum() if rule.normalise else weights
     split_one: int | None = None
     merged: tuple[int, int] | None = None

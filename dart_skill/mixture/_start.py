@@ -66,7 +66,7 @@ def one_hot(labels: np.ndarray, n_components: int) -> np.ndarray:
 
 
 def kmeans_start(samples: np.ndarray, weights: np.ndarray, n_components: int, rng: np.random.Generator) -> np.ndarray:
-    """Responsibilities (n, K) from weighted k-means with a k-means++ start."""
+    """Responsibilities (n, K) from weighted k-means with a k-means++ start. samples: (n, d)."""
     centres = plus_plus_centres(samples, weights, n_components, rng)
     return one_hot(refine_centres(samples, weights, centres), n_components)
 

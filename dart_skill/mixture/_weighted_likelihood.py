@@ -14,7 +14,10 @@ from dart_skill.mixture._mixture import GaussianMixture
 
 
 def mean_log_likelihood(mixture: GaussianMixture, samples: ArrayLike, weights: ArrayLike | None = None) -> float:
-    """(6.4): sum of w_n log P(x_n) over samples (n, d); the weights (n,) are scaled to sum one, and are equal when None."""
+    """(6.4): sum of w_n log P(x_n) over samples (n, d); the weights (n,) are scaled to sum one, and are equal when None.
+
+    mixture: that gives P.
+    """
     log_density = mixture.log_density(samples)
     weights = as_weights(weights, len(log_density))
     return float(weights / weights.sum() @ log_density)
@@ -23,7 +26,10 @@ def mean_log_likelihood(mixture: GaussianMixture, samples: ArrayLike, weights: A
 def resampled_mean_log_likelihood(
     mixture: GaussianMixture, samples: ArrayLike, weights: ArrayLike, n_drawn: int, rng: np.random.Generator
 ) -> float:
-    """(6.3): mean of log P over n_drawn of the samples (n, d), drawn by stochastic universal sampling with weights (n,)."""
+    """(6.3): mean of log P over n_drawn of the samples (n, d), drawn by stochastic universal sampling with weights (n,).
+
+    mixture: that gives P.
+    """
     log_density = mixture.log_density(samples)
     drawn = stochastic_universal_sampling(as_weights(weights, len(log_density)), n_drawn, rng)
     return float(log_density[drawn].mean())
@@ -34,7 +40,7 @@ def stochastic_universal_sampling(weights: ArrayLike, n_drawn: int, rng: np.rand
 
     The weights are laid end to end. Pointers at equal distances, the first one at random, choose the indices. An index
     with the share p of all weight is drawn floor(p n_drawn) or ceil(p n_drawn) times, and p n_drawn times on average.
-    (J. E. Baker, Reducing bias and inefficiency in the selection algorithm, ICGA 1987.)
+    (J. E. Baker, Reducing bias and inefficiency in the selection algorithm, ICGA 1987.) ValueError for no weights.
     """
     weights = as_vector(weights, "weights")
     if weights.size == 0:

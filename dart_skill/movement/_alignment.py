@@ -62,6 +62,8 @@ def check_alignment(
     * largest_lag: float, default 0.1 [s]. Largest lag that is accepted.
     * tolerance: one number or one per variable (d,), default 0. The usual residual is taken to be at least this large, in
       the unit of the variable. Without it, demonstrations that are almost equal would have a usual residual near zero.
+
+    ValueError if tasks are missing, or the demonstrations have no time in common.
     """
     clocks, paths = _checked(times, positions)
     n = len(clocks)

@@ -16,7 +16,7 @@ from dart_skill.movement._differentiation import Motion
 
 
 def critical_damping(stiffness: ArrayLike) -> np.ndarray:
-    """kv = 2 sqrt(kp), at which a unit mass returns fastest without overshoot."""
+    """kv = 2 sqrt(kp), at which a unit mass returns fastest without overshoot. stiffness: kp [1/s^2], one number or (d,)."""
     return 2.0 * np.sqrt(as_gains(stiffness, None, "stiffness", strict=True))
 
 
@@ -39,7 +39,8 @@ def attractor_from_motion(
 ) -> np.ndarray:
     """(7.20): attractor (n, d) of a motion: position, velocity and acceleration (n, d).
 
-    stiffness [1/s^2] and damping [1/s] per unit mass: one number or (d,). Damping None is critical, 2 sqrt(stiffness).
+    stiffness [1/s^2] and damping [1/s] per unit mass: one number or (d,). Damping None is critical, 2 sqrt(stiffness). ValueError if
+    these have not one shape.
     """
     position = as_samples(position, "position")
     velocity, acceleration = as_samples(velocity, "velocity"), as_samples(acceleration, "acceleration")
@@ -63,7 +64,7 @@ def follow_attractor(
     """Motion (n, d) that follows an attractor (n, d) by (7.19).
 
     The attractor is sampled every `step` seconds and linear in between. The motion is at the same stamps. Its row 0 is
-    the start: position0 and velocity0 (d,). Gains as in `attractor_from_motion`.
+    the start: position0 and velocity0 (d,). stiffness, damping: as in `attractor_from_motion`.
     """
     attractor = as_samples(attractor, "attractor")
     n_dims = attractor.shape[1]

@@ -159,7 +159,10 @@ class AutonomousDSGMR(AttractorModel):
         *,
         n_inputs: int = 0,
     ) -> AutonomousDSGMR:
-        """The model whose mixture over [t, u, x, x', y] was fitted elsewhere; ends: first and last phase [s]. The rest as of the class."""
+        """The model whose mixture over [t, u, x, x', y] was fitted elsewhere; ends: first and last phase [s].
+
+        stiffness, damping, rule, n_inputs: as of the class.
+        """
         model = cls(len(mixture.priors_), stiffness, damping, rule, n_inputs=n_inputs)
         model.mixture_, model._ends = model._with_outputs(mixture), np.array(ends, dtype=float)
         return model
@@ -335,7 +338,7 @@ class AutonomousPolicy:
         return self._at(self._gain, np.asarray(phase, dtype=float))
 
     def acceleration(self, phase: float, position: ArrayLike, velocity: ArrayLike) -> np.ndarray:
-        """(7.19) at a phase: kp (y - x) - kv x' (d,)."""
+        """(7.19) at a phase: kp (y - x) - kv x' (d,). position, velocity: x and x' (d,)."""
         state = self._as_state(position, velocity)
         d = len(self._kp)
         return self._kp * (self.attractor(phase) - state[:d]) - self._kv * state[d:]

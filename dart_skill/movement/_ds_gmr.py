@@ -68,7 +68,7 @@ class DSGMR(AttractorModel):
     def from_mixture(
         cls, mixture: TaskParameterisedMixture, stiffness: ArrayLike = 200.0, damping: ArrayLike | None = None, n_inputs: int = 0
     ) -> DSGMR:
-        """Model around a mixture that is already fitted."""
+        """Model around a mixture that is already fitted. stiffness, damping, n_inputs: as of the class."""
         model = cls(len(mixture.priors_), stiffness, damping, n_inputs=n_inputs)
         model._mixture = model.mixture_ = model._with_outputs(mixture)
         return model

@@ -94,7 +94,7 @@ def turn_matrix(azimuth: float) -> np.ndarray:
 
 
 def azimuth_of(target: ArrayLike, origin: ArrayLike = (0.0, 0.0, 0.0)) -> float:
-    """Azimuth, radians, of a target (3,) about the vertical through the origin (3,)."""
+    """Azimuth, radians, of a target (3,) about the vertical through the origin (3,). ValueError for a target on the vertical."""
     x, y, _ = as_vector(target, "target", 3) - as_vector(origin, "origin", 3)
     if np.hypot(x, y) < 1e-9:
         raise ValueError(f"target {np.asarray(target).tolist()} lies on the vertical through the origin, it has no azimuth")
@@ -114,12 +114,12 @@ def pointing_axes(direction: ArrayLike) -> np.ndarray:
 
 
 def base_frame(n_angles: int = 2) -> TaskFrame:
-    """(8.2), first frame: the identity."""
+    """(8.2), first frame: the identity. n_angles: of the features, after the position."""
     return _frame(np.eye(3), np.zeros(3), np.zeros(as_count(n_angles, "n_angles", 0)))
 
 
 def start_frame(start: ArrayLike, n_angles: int = 2) -> TaskFrame:
-    """(8.3): world axes at the starting position (3,)."""
+    """(8.3): world axes at the starting position (3,). start: the position; n_angles: of the features, after the position."""
     return _frame(np.eye(3), as_vector(start, "start", 3), np.zeros(as_count(n_angles, "n_angles", 0)))
 
 
@@ -159,7 +159,7 @@ def features(time: ArrayLike, positions: ArrayLike, quaternions: ArrayLike, azim
 
     Positions stay in the world. The angles are relative to axes turned by the azimuth [rad]. A frame that is used with
     these features must have the same azimuth. The roll is
-    `angles_from_quaternions(turn_about_z(quaternions, -azimuth))[:, 2]`.
+    `angles_from_quaternions(turn_about_z(quaternions, -azimuth))[:, 2]`. ValueError if these are not equally many.
     """
     positions = as_samples(positions, "positions", 3)
     time = as_stamps(time, len(positions))

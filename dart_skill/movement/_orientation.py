@@ -49,7 +49,7 @@ def make_continuous(quaternions: ArrayLike) -> np.ndarray:
 def multiply(left: ArrayLike, right: ArrayLike) -> np.ndarray:
     """Hamilton products (n, 4) of unit quaternions (n, 4): the rotation by `right`, then by `left`.
 
-    One of them may have one row, which is then used for all rows of the other.
+    One of them may have one row, which is then used for all rows of the other. ValueError if these are not equally many.
     """
     left, right = normalise(left), normalise(right)
     if len(left) != len(right) and 1 not in (len(left), len(right)):
@@ -78,12 +78,15 @@ def rotate(quaternions: ArrayLike, vectors: ArrayLike) -> np.ndarray:
 
 
 def to_matrices(quaternions: ArrayLike) -> np.ndarray:
-    """Rotation matrices (n, 3, 3)."""
+    """Rotation matrices (n, 3, 3). quaternions: (n, 4)."""
     return _rotation(normalise(quaternions)).as_matrix()
 
 
 def from_matrices(matrices: ArrayLike) -> np.ndarray:
-    """Unit quaternions (n, 4), with signs as in `make_continuous`, of rotation matrices (n, 3, 3)."""
+    """Unit quaternions (n, 4), with signs as in `make_continuous`, of rotation matrices (n, 3, 3).
+
+    ValueError for another shape, or for what is no rotation.
+    """
     matrices = as_finite(matrices, "matrices", 3)
     if matrices.shape[1:] != (3, 3) or len(matrices) == 0:
         raise ValueError(f"matrices must have shape (n, 3, 3), got {matrices.shape}")
@@ -97,14 +100,14 @@ def from_matrices(matrices: ArrayLike) -> np.ndarray:
 def turn_about_z(quaternions: ArrayLike, angle: float) -> np.ndarray:
     """Orientations (n, 4) turned by an angle [rad] about the vertical.
 
-    -azimuth turns from the world into a task frame, +azimuth back.
+    -azimuth turns from the world into a task frame, +azimuth back. quaternions: (n, 4).
     """
     half = 0.5 * float(as_finite(angle, "angle", 0))
     return multiply([[0.0, 0.0, np.sin(half), np.cos(half)]], quaternions)
 
 
 def pointing_angles(directions: ArrayLike) -> np.ndarray:
-    """(n, 2) alpha in (-pi, pi] and beta of directions (n, 3) of any length."""
+    """(n, 2) alpha in (-pi, pi] and beta of directions (n, 3) of any length. ValueError for a direction of length zero."""
     directions = as_samples(directions, "directions", 3)
     lengths = np.linalg.norm(directions, axis=1)
     if lengths.min() == 0:
@@ -114,7 +117,7 @@ def pointing_angles(directions: ArrayLike) -> np.ndarray:
 
 
 def pointing_directions(angles: ArrayLike) -> np.ndarray:
-    """Unit vectors (n, 3) of angles whose first two columns are alpha and beta."""
+    """Unit vectors (n, 3) of angles whose first two columns are alpha and beta. ValueError for fewer columns."""
     angles = as_samples(angles, "angles")
     if angles.shape[1] < 2:
         raise ValueError(f"angles must have columns alpha and beta, got shape {angles.shape}")
@@ -128,7 +131,7 @@ def angles_from_quaternions(quaternions: ArrayLike, alpha_near: float = np.pi / 
     alpha and roll have no jumps along the sequence. The first alpha is within half a turn of `alpha_near`, the first roll
     within half a turn of `roll_near`. So with the default all demonstrations get the same branch, even if the hand starts
     pointing backwards and below the horizontal (alpha up to 270 degrees). Near |beta| = 90 degrees alpha and roll are
-    ill-defined.
+    ill-defined. quaternions: (n, 4).
     """
     x, y, z, w = normalise(quaternions).T
     ahead = np.stack([x * z + w * y, y * z - w * x, 0.5 - x * x - y * y], axis=1)  # half the hand's z axis
@@ -142,7 +145,10 @@ def angles_from_quaternions(quaternions: ArrayLike, alpha_near: float = np.pi / 
 
 
 def quaternions_from_angles(angles: ArrayLike) -> np.ndarray:
-    """Unit quaternions (n, 4) in the task frame, with signs as in `make_continuous`, from alpha, beta, roll (n, 3) [rad]."""
+    """Unit quaternions (n, 4) in the task frame, with signs as in `make_continuous`, from alpha, beta, roll (n, 3) [rad].
+
+    angles: alpha, beta, roll.
+    """
     alpha, beta, roll = as_samples(angles, "angles", 3).T
     hand = _pointing_rotation(alpha, beta) * _turn("x", roll) * _rotation(HAND_TO_POINTING)
     return make_continuous(hand.as_quat())
@@ -169,7 +175,7 @@ def angular_velocity(time: ArrayLike, quaternions: ArrayLike) -> np.ndarray:
     """Angular velocity (n, 3) [rad/s] of orientations (n, 4) at increasing stamps (n,) [s], in the frame of the orientations.
 
     The mean rates between neighbours (logarithm of the relative rotation) are interpolated to the stamps. This is exact for
-    a constant rate, and of second order otherwise. Neighbours must be less than half a turn apart.
+    a constant rate, and of second order otherwise. Neighbours must be less than half a turn apart. quaternions: (n, 4).
     """
     quaternions = normalise(quaternions)
     time = as_stamps(time, len(quaternions), 2)

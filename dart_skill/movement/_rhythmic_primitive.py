@@ -50,7 +50,7 @@ class RhythmicPrimitive(Primitive):
         """Learn as `DiscretePrimitive.fit` does; the phase is zero at the first sample of each demonstration.
 
         period [s]: when None it is estimated from each demonstration, which must then span about two periods. ValueError
-        also if a demonstration does not repeat.
+        also if a demonstration does not repeat. position, velocity, acceleration, weights, noise: as of `DiscretePrimitive.fit`.
         """
         demonstrations = as_demonstrations(time, position, velocity, acceleration, weights, noise)
         tracks = [(demo.time, demo.motion.position) for demo in demonstrations]
@@ -66,7 +66,7 @@ class RhythmicPrimitive(Primitive):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Position and velocity (d,) on the limit cycle at a phase in units of the period.
 
-        It is the state that is the same again after one period.
+        It is the state that is the same again after one period. baseline, amplitude: of the cycle; None for the baseline that was learned.
         """
         wanted = self._execution(baseline, period, amplitude)
         n_steps = CYCLE_STEPS + 2 * int(np.ceil(1.0 / self._max_step))

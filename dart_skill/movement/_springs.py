@@ -82,6 +82,8 @@ class SpringMixture:
         * damping: kv [1/s], default None: critical for `stiffness`.
         * bounds: least and largest eigenvalue of each K_i [1/s^2], default None: a tenth and ten times `stiffness`.
         * timing: which spring pulls when, a mixture of K components over time, if that is known; default None: EM finds it.
+
+        ValueError if there are none, or not equally many; or for bounds that are none.
         """
         kp = as_number(stiffness, "stiffness")
         kv = 2.0 * np.sqrt(kp) if damping is None else as_number(damping, "damping", strict=False)
@@ -113,14 +115,14 @@ class SpringMixture:
 
     def attractor(self, time: ArrayLike, position: ArrayLike, stiffness: float) -> np.ndarray:
         """The attractor (n, d) of (7.19), with this constant stiffness [1/s^2] and the same damping, that pulls a mass at position (n, d)
-        as all springs do.
+        as all springs do. time: (n,) [s].
         """
         position = self._samples(position, "position")
         return position + self._pull(time, position) / as_number(stiffness, "stiffness")
 
     def follow(self, time: ArrayLike, position0: ArrayLike, velocity0: ArrayLike) -> Motion:
         """Motion (n, d) of a unit mass at stamps (n,) [s], from the state (d,) at the first one; integrated by an explicit Runge-Kutta
-        method of order 8 (DOP853 of scipy).
+        method of order 8 (DOP853 of scipy). position0, velocity0: the state at the first stamp.
         """
         stamps, d = as_stamps(time, minimum=2), self.centres.shape[1]
         start = np.concatenate([as_vector(position0, "position0", d), as_vector(velocity0, "velocity0", d)])

@@ -26,7 +26,7 @@ def stiffness_from_covariance(covariance: ArrayLike, least: float, most: float) 
     """Symmetric stiffness matrices (n, d, d) [1/s^2] with eigenvalues in [least, most], from covariances (n, d, d).
 
     All d movement variables must have the same unit. Call it separately for metres and radians: their variances cannot
-    be compared.
+    be compared. ValueError for a variance that is not positive, or if least is above most.
     """
     covariance = as_covariances(covariance, "covariance", np.shape(covariance))
     least, most = as_number(least, "least"), as_number(most, "most")
@@ -41,7 +41,10 @@ def stiffness_from_covariance(covariance: ArrayLike, least: float, most: float) 
 
 
 def critical_damping_matrix(stiffness: ArrayLike) -> np.ndarray:
-    """2 K^(1/2) (n, d, d): critical damping along every principal axis of stiffness matrices (n, d, d)."""
+    """2 K^(1/2) (n, d, d): critical damping along every principal axis of stiffness matrices (n, d, d).
+
+    ValueError for a negative eigenvalue.
+    """
     gains, axes = np.linalg.eigh(as_finite(stiffness, "stiffness", 3))
     if gains.min() < 0.0:
         raise ValueError(f"stiffness has the eigenvalue {gains.min():.3g}; it must not be negative")
@@ -59,6 +62,8 @@ def stable_gains(time: ArrayLike, stiffness: ArrayLike) -> tuple[np.ndarray, np.
 
     * time (n,): stamps [s], n at least 2.
     * stiffness (n, d, d): wanted, positive definite, per unit mass [1/s^2].
+
+    ValueError for an eigenvalue that is not positive.
     """
     stiffness = as_finite(stiffness, "stiffness", 3)
     steps = np.diff(as_stamps(time, len(stiffness), minimum=2))
@@ -104,6 +109,8 @@ def hold_to(time: ArrayLike, motion: Motion, stiffness: ArrayLike, push: ArrayLi
     * motion: the reference, (n, d).
     * stiffness (n, d, d): K per unit mass [1/s^2], constant between the stamps.
     * push (n, d): acceleration from outside, in units of the motion per s^2, constant between the stamps; default None, no push.
+
+    ValueError for stiffness or push of another shape.
     """
     position = as_samples(motion.position, "position")
     step = uniform_step(as_stamps(time, len(position), minimum=2))

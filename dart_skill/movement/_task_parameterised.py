@@ -126,7 +126,7 @@ class TaskParameterisedMixture(EMEstimator):
     @classmethod
     def from_parameters(cls, priors: ArrayLike, means: Sequence[ArrayLike], covariances: Sequence[ArrayLike]) -> TaskParameterisedMixture:
         """Mixture with priors (K,), and per frame means (K, d_p) and positive definite covariances (K, d_p, d_p). The
-        features are as many as the largest d_p.
+        features are as many as the largest d_p. ValueError for other shapes or values.
         """
         priors, n_components = checked_priors(priors), len(priors)
         if len(means) == 0 or len(means) != len(covariances):
@@ -182,7 +182,7 @@ class TaskParameterisedMixture(EMEstimator):
         rng: np.random.Generator | None = None,
     ) -> TaskParameterisedMixture:
         """EM on demonstrations (n_i, m) in the world with P frames each; weights per demonstration, per
-        sample (a list of arrays), or None.
+        sample (a list of arrays), or None. ValueError if rng is missing where centres are drawn.
         """
         if self.start == "kmeans" and rng is None:
             raise ValueError("start='kmeans' draws random centres: pass rng=numpy.random.default_rng(seed)")
@@ -209,7 +209,7 @@ class TaskParameterisedMixture(EMEstimator):
 
         No component can settle on a few demonstrations, as EM lets it when other inputs than time vary from one to
         the next, and there is no local optimum. overlap: standard deviation of a component in units of the interval.
-        A component in a gap of the stamps, which nothing belongs to, is dropped.
+        A component in a gap of the stamps, which nothing belongs to, is dropped. samples: (n_i, m) of each demonstration.
         """
         taught, weights = _with_weight(samples, frames, weights)
         overlap = as_number(overlap, "overlap", 1e-3, strict=False)
@@ -247,7 +247,7 @@ class TaskParameterisedMixture(EMEstimator):
         return normalise_log(-0.5 * np.square((time[:, None] - centres) / (overlap * interval)))[0]
 
     def responsibilities(self, samples: Samples, frames: Frames) -> list[np.ndarray]:
-        """Per demonstration, (n_i, K) posterior probability of each component."""
+        """Per demonstration, (n_i, K) posterior probability of each component. samples: (n_i, m) of each demonstration."""
         return self._per_demonstration(samples, frames, 0)
 
     def log_density(self, samples: Samples, frames: Frames) -> list[np.ndarray]:

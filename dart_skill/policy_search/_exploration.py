@@ -11,12 +11,15 @@ EXPLORATIONS = ("automatic", "constant", "proportional", "fixed")
 
 
 def with_constant_noise(variances: np.ndarray, minimum: float) -> np.ndarray:
-    """Figure 5.2, Sigma_0 = minimum^2 I: the same for all eigenvalues (d,)."""
+    """Figure 5.2, Sigma_0 = minimum^2 I: the same for all eigenvalues (d,). variances: the eigenvalues."""
     return variances + minimum**2
 
 
 def with_proportional_noise(variances: np.ndarray, minimum: float) -> np.ndarray:
-    """Figure 5.3: the same total noise as with Sigma_0, distributed in proportion to the eigenvalues (d,); the shape is kept."""
+    """Figure 5.3: the same total noise as with Sigma_0, distributed in proportion to the eigenvalues (d,); the shape is kept.
+
+    variances: the eigenvalues; minimum: standard deviation of Sigma_0.
+    """
     total = variances.sum()
     share = variances / total if total > 0 else np.full(variances.shape, 1 / variances.size)
     return variances + variances.size * minimum**2 * share
@@ -57,7 +60,10 @@ class PathLength:
         return float(np.exp(rate / damping * (np.linalg.norm(self.path[known]) / expected - 1)))
 
     def shape_rates(self, effective: float) -> tuple[float, float]:
-        """Learning rates of the shape: for the path, and for the weighted covariance of the trials (5.2)."""
+        """Learning rates of the shape: for the path, and for the weighted covariance of the trials (5.2).
+
+        effective: number of trials that count.
+        """
         n = self.path.size
         faster = (n + 2) / 3 if self.diagonal else 1.0
         along_path = faster * 2 / ((n + 1.3) ** 2 + effective)

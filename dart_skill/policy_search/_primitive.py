@@ -28,7 +28,7 @@ class PrimitiveTrial(Trial):
     """A primitive to try.
 
     parameters (d,), d = n_basis n_dims: for `with_parameters` of a movement primitive; output (n_steps, n_dims): (7.14). With
-    `hold` the parameters are (n_stretches, d), one row for each stretch of `hold` steps.
+    `hold` the parameters are (n_stretches, d), one row for each stretch of `hold` steps. number: counts from 0.
     """
 
     output: np.ndarray

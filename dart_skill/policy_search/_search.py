@@ -86,6 +86,8 @@ class Search(ABC):
     * n_asked, n_told, n_failed: numbers of trials that were drawn, that have a finite return, and that failed.
     * n_updates: number of updates of the policy.
     * best_return, best_trial: the highest return so far, -inf at first, and its trial, None at first.
+
+    settings: checked options.
     """
 
     def __init__(self, settings: Settings, rng: np.random.Generator):
@@ -167,7 +169,10 @@ class Search(ABC):
         return self.trials()
 
     def maximise(self, return_function: Callable, n_trials: int, tolerance: float = 0.0) -> np.ndarray:
-        """At most n_trials trials with return_function(parameters (d,)); returns the policy's parameters (d,) at the end."""
+        """At most n_trials trials with return_function(parameters (d,)); returns the policy's parameters (d,) at the end.
+
+        return_function: tries parameters; tolerance: it stops where `exploration_size` is below.
+        """
         for trial in self.trials(n_trials, tolerance):
             self.tell(trial, return_function(self._argument(trial)))
         return self.parameters
@@ -218,7 +223,7 @@ class Search(ABC):
 
     @classmethod
     def from_state(cls: type[AnySearch], state: dict) -> AnySearch:
-        """A search as it was when `state()` was called."""
+        """A search as it was when `state()` was called. ValueError for what is none."""
         kind = state.get("kind") if isinstance(state, dict) else type(state).__name__
         if kind != cls.__name__:
             raise ValueError(f"state is of {kind!r}, not of {cls.__name__!r}: give what {cls.__name__}.state() returned")

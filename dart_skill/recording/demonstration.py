@@ -235,7 +235,7 @@ def skill_of(bag_path: str | os.PathLike) -> str:
 
 
 def read_demonstrations(bag_path: str | os.PathLike, topic: str = DEMONSTRATION_TOPIC) -> list[Demonstration]:
-    """Demonstrations of a bag in the order of recording; BagError if it has none or they are not valid."""
+    """Demonstrations of a bag in the order of recording; BagError if it has none or they are not valid. topic: of the demonstrations."""
     with GraphBag(bag_path) as bag:
         if topic not in bag.topics:
             raise BagError(f"{bag_path}: no topic {topic}, only {sorted(bag.topics)}: was it recorded?")
@@ -283,12 +283,15 @@ def _content(one: Demonstration) -> dict[str, Any]:
 
 
 def duration_content(seconds: float) -> dict[str, int]:
-    """Fields of a duration, to the nanosecond."""
+    """Fields of a duration, to the nanosecond. seconds: how long."""
     return stamp_content(round(float(seconds) * 1e9))
 
 
 def filled(msg: Any, content: Mapping[str, Any], new: Callable[[str], Any], within: str = "") -> Any:
-    """Fields of a demonstration's message written into an empty one of rclpy; `new` makes the messages in its sequences by type name."""
+    """Fields of a demonstration's message written into an empty one of rclpy; `new` makes the messages in its sequences by type name.
+
+    msg: the empty one; content: by field; within: name of what it is a part of.
+    """
     for name, value in content.items():
         kind = _ITEMS.get(f"{within}.{name}") or _ITEMS.get(name)
         if isinstance(value, dict):
@@ -312,18 +315,21 @@ def _event(stamp: Any, origin: int) -> float:
 
 
 def times_after(items: Iterable[Any], origin: int) -> np.ndarray:
-    """Stamps of stamped messages as seconds after an origin [ns] (n,)."""
+    """Stamps of stamped messages as seconds after an origin [ns] (n,). items: the messages."""
     return np.array([stamp_ns(item.header.stamp) - origin for item in items], dtype=np.int64) * 1e-9
 
 
 def pose_rows(poses: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:
-    """Positions (n, 3) and quaternions (n, 4) of PoseStamped messages."""
+    """Positions (n, 3) and quaternions (n, 4) of PoseStamped messages. poses: the messages."""
     turned = [[*_vector(item.pose.orientation), item.pose.orientation.w] for item in poses]
     return _rows([_vector(item.pose.position) for item in poses], 3), _rows(turned, 4)
 
 
 def arm_rows(states: Sequence[Any], field_name: str) -> np.ndarray:
-    """A field of JointState messages (n, 7), in the order of the arm's joints; ValueError for a state of another length."""
+    """A field of JointState messages (n, 7), in the order of the arm's joints; ValueError for a state of another length.
+
+    field_name: position, velocity or effort.
+    """
     return _rows([_of_arm(item.name, getattr(item, field_name)) for item in states], N_JOINTS)
 
 

@@ -43,7 +43,10 @@ class Marks:
 
 
 def read_dropped(bag_path: str | os.PathLike) -> set[str]:
-    """Ids of the demonstrations that were dropped in the end, by the marks of a bag; none without marks."""
+    """Ids of the demonstrations that were dropped in the end, by the marks of a bag; none without marks.
+
+    BagError if the marks are of another type.
+    """
     with GraphBag(bag_path) as bag:
         if MARK_TOPIC not in bag.topics:
             return set()
@@ -56,7 +59,7 @@ def read_dropped(bag_path: str | os.PathLike) -> set[str]:
 
 
 def check_known(ids: Iterable[str], known: Collection[str], where: str) -> None:
-    """ValueError for an id that no demonstration has, with those that there are."""
+    """ValueError for an id that no demonstration has, with those that there are. known: the ids that there are; where: for the message."""
     for name in ids:
         if name not in known:
             there = ", ".join(known) or "none"

@@ -23,7 +23,7 @@ SHOWN = {"ball": palette.BALL, "basket": palette.BASKET, "way of the hand": pale
 
 
 def page_of(run: Run, drawn: Sequence[Picture]) -> str:
-    """The page of a run with its pictures; the same for the same run, versions and machine."""
+    """The page of a run with its pictures; the same for the same run, versions and machine. drawn: the pictures."""
     replay, why = _replay(run)
     sections = [
         _numbers(run),

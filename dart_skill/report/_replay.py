@@ -108,7 +108,8 @@ def play(
     """Show a throw that was cut out, picture after picture, `frame` apart [s]; how long it takes [s].
 
     timeline: its `insert_sleep` is called with the time [s] that each picture stands: of viser's serialiser, or of a camera. when_down:
-    called once, before the first picture in which the ball is down; at the end of a throw whose landing nobody saw.
+    called once, before the first picture in which the ball is down; at the end of a throw whose landing nobody saw. recording: of the
+    throw; scene: that shows it.
     """
     one = throw.demonstration
     assert one is not None  # only what was cut can be shown

@@ -136,7 +136,7 @@ def read_run(bag: str | os.PathLike, about: About | None = None, results: Sequen
     """Everything that a bag tells of a run; BagError says what is wrong with it.
 
     about: what is known besides. results: of the arm's throws as they were judged in the run, which has those, too, that came to nothing;
-    by default they are judged again, by what the cameras saw.
+    by default they are judged again, by what the cameras saw. ValueError if phases do not add up to all throws.
     """
     bag = Path(bag)
     if (name := skill_of(bag)) != SKILL:

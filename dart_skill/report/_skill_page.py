@@ -39,7 +39,7 @@ def skill_pictures(run: SkillRun, summary: SkillSummary | DartsSummary | None) -
 
 
 def skill_page_of(run: SkillRun, drawn: Sequence[Picture], summary: SkillSummary | DartsSummary | None = None) -> str:
-    """The page of a run with its pictures; the same for the same run, versions and machine."""
+    """The page of a run with its pictures; the same for the same run, versions and machine. drawn: the pictures."""
     try:
         replay: Replay | None = replay_of(run)
         why = ""

@@ -69,7 +69,8 @@ def read_skill_run(
 ) -> SkillRun:
     """Everything that a bag tells of a run of a skill; BagError says what is wrong with it.
 
-    trials: what became of them, as they were judged in the run. then: what the arm did after them, such as "501, dart 1".
+    trials: what became of them, as they were judged in the run. then: what the arm did after them, such as "501, dart 1". about: what is
+    known besides.
     """
     bag = Path(bag)
     described, _ = describe(bag, about or About(f"{skill.name.capitalize()}: a bag"))

@@ -40,7 +40,10 @@ def write_page(
 
 
 def write_skill_report(summary: SkillSummary | DartsSummary, skill: Skill, output: Path, about: About) -> list[Path]:
-    """Write summary.json, the page and every picture of a run of any other skill into `output`; returns the paths."""
+    """Write summary.json, the page and every picture of a run of any other skill into `output`; returns the paths.
+
+    about: what is known besides.
+    """
     of = summary.of if isinstance(summary, DartsSummary) else summary
     written = [write_summary(summary, output)]
     leg = summary.leg if isinstance(summary, DartsSummary) else None

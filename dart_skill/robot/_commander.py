@@ -185,20 +185,23 @@ class Commander:
         return self._requested is not None or self._mode in UNDER_WAY
 
     def execute(self, plan: MotionPlan) -> None:
-        """Begin a planned motion with the next state; PlanRefused if a limit forbids it."""
+        """Begin a planned motion with the next state; PlanRefused if a limit forbids it. plan: of the hand."""
         self._check_ready()
         plan = registered(plan, self._measured).as_the_arm_has_it()
         check_plan(plan, self.settings, self._description)
         self._request(PlanGuide(plan, self.settings.follow_time))
 
     def follow(self, guide: Guide) -> None:
-        """Begin a motion with the next state, in which somebody else says at every state what the hand shall do."""
+        """Begin a motion with the next state, in which somebody else says at every state what the hand shall do. guide: who says it."""
         self._check_ready()
         check_range("the start posture", guide.start_posture, self._lower, self._upper)
         self._request(guide)
 
     def agreed(self, own: Registration, position: np.ndarray, quaternion: np.ndarray) -> Registration:
-        """The registration that counts for a motion whose hand starts there (3,), (4,), as the cameras see it; PlanRefused if none."""
+        """The registration that counts for a motion whose hand starts there (3,), (4,), as the cameras see it; PlanRefused if none.
+
+        own: the guide's registration; position, quaternion: of the hand.
+        """
         return agreed(own, self._measured, position[None], quaternion[None])
 
     def _request(self, guide: Guide) -> None:
@@ -255,7 +258,10 @@ class Commander:
         return self._time_to(posture, state.position)
 
     def release_arm(self, free: bool) -> None:
-        """Leave the arm to gravity compensation alone, or hold it again where it is."""
+        """Leave the arm to gravity compensation alone, or hold it again where it is.
+
+        free: whether to leave it. PlanRefused while it moves.
+        """
         if self.executing or self.moving:
             raise PlanRefused(f"a {self.what} is under way, or the arm moves to a posture: stop it before it is released (~/stop)")
         if free:
@@ -281,7 +287,7 @@ class Commander:
         self._safety.reset()
 
     def step(self, state: ArmState) -> Command:
-        """The command that answers `state`."""
+        """The command that answers `state`. ValueError for a state that is not finite."""
         if not (all_finite(state.position) and all_finite(state.velocity)):
             raise ValueError(f"joint state of {state.stamp_ns} ns is not finite: {state.position}, {state.velocity}")
         self._refuse_jump(state)

@@ -181,7 +181,10 @@ class WamDescription:
 
 
 def with_box(description: WamDescription, mass: float, size: Sequence[float], centre: Sequence[float]) -> WamDescription:
-    """The arm with a solid box as what its hand may hold: mass [kg], edges (3,) [m], its centre in the frame of the hand (3,) [m]."""
+    """The arm with a solid box as what its hand may hold: mass [kg], edges (3,) [m], its centre in the frame of the hand (3,) [m].
+
+    size: its edges.
+    """
     square = np.square(size)
     inertia = mass / 12.0 * (square.sum() - square)
     load = Ball(mass, float(size[0]), 0.0, 0.0, float(inertia.max()))

@@ -95,13 +95,16 @@ class EffortBridge:
         self._step = 0.0
 
     def on_publishers(self, count: int) -> None:
-        """How many publish commands now: none is a silent commander, two are a fault."""
+        """How many publish commands now: none is a silent commander, two are a fault. count: their number."""
         self._publishers = count
         if count > 1 and self.phase is BridgePhase.ACTIVE:
             self.stop(f"{count} nodes publish commands: end all but one")
 
     def on_command(self, command: Command, frame_id: str, now: float) -> bool | None:
-        """Take a command; whether the hand shall open (True) or close (False) now, None if nothing is said of it anew."""
+        """Take a command; whether the hand shall open (True) or close (False) now, None if nothing is said of it anew.
+
+        frame_id: of its wrench.
+        """
         if self.phase is BridgePhase.STOPPED:
             return None
         if reason := self._refused(command, frame_id, now):

@@ -61,7 +61,10 @@ class Guide(Protocol):
     speed: Speed
 
     def look(self, time: float, hand: HandState, stamp_ns: int) -> Guidance:
-        """What a hand in this state shall do, so long after the motion began [s]; stamp_ns: of the state [ns]."""
+        """What a hand in this state shall do, so long after the motion began [s]; stamp_ns: of the state [ns].
+
+        time: on the guide's clock.
+        """
         ...
 
 
@@ -107,7 +110,8 @@ class PlanGuide:
 class Fingers:
     """What the fingers do on the clock of a guide, and where that clock waits for a hand that is held back.
 
-    carries: whether the hand holds something at the start. fault: once it was held back for too long; empty until then.
+    carries: whether the hand holds something at the start. fault: once it was held back for too long; empty until then. events: when they
+    are told something.
     """
 
     def __init__(self, events: Sequence[GripEvent], carries: bool):
@@ -121,7 +125,10 @@ class Fingers:
         return told[-1].grip if told else Grip.UNSPECIFIED, done[-1].grip == Grip.CLOSE if done else self._carries
 
     def held(self, now: float, later: float, rate: float, step: float) -> float:
-        """Where the clock gets in a step [s] that would lead it from now to later [s]: not past an event while the hand is held back."""
+        """Where the clock gets in a step [s] that would lead it from now to later [s]: not past an event while the hand is held back.
+
+        rate: of the clock, 1 as shown.
+        """
         if rate >= AS_SHOWN:
             self._slow = 0.0
             return later
@@ -194,7 +201,7 @@ class References:
         return PoseGains(*(_block_diagonal(position, orientation) for position, orientation in zip(*parts, strict=True)))
 
     def posture_at(self, time: float) -> np.ndarray | None:
-        """What the arm's free motion aims at then (7,) [rad]; None where the plan does not say."""
+        """What the arm's free motion aims at then (7,) [rad]; None where the plan does not say. time: on the clock of the plan [s]."""
         if self._posture is None:
             return None
         k, share = self._place(time)

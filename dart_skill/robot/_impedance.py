@@ -111,7 +111,7 @@ class Impedance:
         self, q: np.ndarray, qd: np.ndarray, acceleration: np.ndarray, posture: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The same for a state of the model itself, and the joint acceleration (7,) that it then has. Friction is that of joints that move:
-        a joint that shall rest is held by its own.
+        a joint that shall rest is held by its own. posture: that the arm's free motion aims at (7,) [rad].
         """
         drive = self._drive(q, qd, acceleration, posture)
         torque = self.model.coriolis_torque(q, qd) + self.friction_torque(qd) + drive.null_torque
@@ -142,7 +142,7 @@ class _Drive:
 
 
 def attractor_acceleration(reference: Reference, hand: HandState, gains: PoseGains) -> np.ndarray:
-    """(7.19) for position and orientation: k (y - x) - d v, linear over angular (6,)."""
+    """(7.19) for position and orientation: k (y - x) - d v, linear over angular (6,). reference: y; hand: x and v; gains: k and d."""
     error = pose_error(reference.attractor_position, reference.attractor_rotation, hand)
     if gains.stiffness.ndim == 2:
         return gains.stiffness @ error - gains.damping @ hand.velocity
@@ -215,7 +215,10 @@ class JointServo:
 
 
 def minimum_jerk(start: np.ndarray, end: np.ndarray, duration: float, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Position, velocity and acceleration of the rest-to-rest motion of least jerk from start to end (n,) at `time` [s]."""
+    """Position, velocity and acceleration of the rest-to-rest motion of least jerk from start to end (n,) at `time` [s].
+
+    duration: of the whole motion [s].
+    """
     s = min(max(time / duration, 0.0), 1.0)
     way = end - start
     position = start + way * (10 - 15 * s + 6 * s * s) * s**3

@@ -24,7 +24,7 @@ class Gains:
 
     @classmethod
     def critical(cls, stiffness: float) -> Gains:
-        """Critically damped."""
+        """Critically damped. stiffness: of the spring, above 0."""
         return cls(stiffness, 2.0 * float(np.sqrt(stiffness)))
 
     def __post_init__(self) -> None:

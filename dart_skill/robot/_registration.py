@@ -55,7 +55,7 @@ class Registration:
         return scipy.spatial.transform.Rotation.from_quat(self.turn).inv().as_matrix()
 
     def poses(self, position: np.ndarray, quaternion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What the arm says of hands that the cameras see at (n, 3), (n, 4)."""
+        """What the arm says of hands that the cameras see at (n, 3), (n, 4). position, quaternion: as the cameras see them."""
         if self.is_none:
             return position, quaternion
         turns = scipy.spatial.transform.Rotation

@@ -21,7 +21,7 @@ HEAD = """\
 
 
 def save_registration(path: str | Path, fit: RegistrationFit) -> None:
-    """Write a registration to `path`, which must not exist; FileExistsError if it does."""
+    """Write a registration to `path`, which must not exist; FileExistsError if it does. fit: what was measured."""
     found, known = fit.registration, fit.known
     ends = np.cumsum(list(PARTS.values()))[:-1]
     spreads = dict(zip(PARTS, np.split(np.array(known.spread), ends), strict=True))

@@ -54,7 +54,10 @@ class Sightings:
 
     @classmethod
     def of_joints(cls, model: ArmModel, joints: np.ndarray, speeds: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> Sightings:
-        """Of joint angles and speeds (k, 7) [rad], [rad/s] and the poses (k, 3) [m], (k, 4) that the cameras saw then."""
+        """Of joint angles and speeds (k, 7) [rad], [rad/s] and the poses (k, 3) [m], (k, 4) that the cameras saw then.
+
+        model: of the arm.
+        """
         states = [model.hand_state(*pair) for pair in zip(joints, speeds, strict=True)]
         rotations = np.array([state.rotation for state in states]).reshape(-1, 3, 3)
         return cls(
@@ -67,7 +70,7 @@ class Sightings:
 
     @classmethod
     def together(cls, parts: Sequence[Sightings]) -> Sightings:
-        """All sightings of several."""
+        """All sightings of several. parts: the several."""
         return cls(*(np.concatenate([getattr(one, f.name) for one in parts]) for f in fields(cls)))
 
 
@@ -121,7 +124,8 @@ class RegistrationFit:
 def fit_registration(seen: Sequence[Sightings], known: KnownRegistration | None = None) -> Registration:
     """The most probable registration: least squares with a prior, by the method of Gauss and Newton on rotation vectors.
 
-    The prior is a registration that was measured before (`known`), or that of a system that was set up with care (`USUAL`).
+    The prior is a registration that was measured before (`known`), or that of a system that was set up with care (`USUAL`). seen: what
+    cameras and arm say of the hand.
     """
     if not sum(len(one) for one in seen):
         return Registration() if known is None else known.registration
@@ -137,7 +141,7 @@ def measure_registration(seen: Sightings) -> RegistrationFit:
     """The registration of sightings (k of them, k >= 3), whatever it is; ValueError for fewer, or for values that are not finite.
 
     It begins with the turn that fits the axes of the turns between postures best, and goes on with Gauss and Newton.
-    Postures that do not determine it give a result with a large `spread` and `condition`.
+    Postures that do not determine it give a result with a large `spread` and `condition`. seen: what cameras and arm say of the hand.
     """
     if len(seen) < 3:
         raise ValueError(f"{len(seen)} postures are too few to register cameras and arm: show at least 3")

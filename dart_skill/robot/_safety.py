@@ -165,7 +165,10 @@ class SafetyModule:
 
 
 def check_push(push: Command, limits: SafetyLimits) -> None:
-    """ValueError for a push that is stronger than a person is: at the hand, or by the other hand as torques of joints, up to 1 m away."""
+    """ValueError for a push that is stronger than a person is: at the hand, or by the other hand as torques of joints, up to 1 m away.
+
+    limits: of the arm.
+    """
     fx, fy, fz, *moments = push.wrench.tolist()
     force, moment, torque = math.hypot(fx, fy, fz), math.hypot(*moments), math.hypot(*push.joint_torque.tolist())
     if force > limits.human_force or moment > limits.human_moment or torque > limits.human_force:

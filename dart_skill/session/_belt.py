@@ -53,7 +53,7 @@ class BeltSession(SkillSession):
         self.person.look(self.plant.arm_state)
 
     def execute(self, guide: ReactiveGuide, belt: Belt, push: Push = nobody) -> SkillTrial:
-        """Carry out a movement with a cup on a belt; push: what somebody does to the arm meanwhile."""
+        """Carry out a movement with a cup on a belt; push: what somebody does to the arm meanwhile. guide: of the hand."""
         self._start(belt, guide)
         try:
             self._run("look", nobody, lambda: True, watch=LOOKED)

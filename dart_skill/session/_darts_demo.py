@@ -68,7 +68,10 @@ def darts_demo(job: Job, skill: Darts, say: Say) -> DartsSummary:
 
 
 def throw_dart(session: Session, learned: PractisingSkill, skill: Darts, aim: np.ndarray) -> Hit:
-    """A dart at a point (2,) [mm] of the board, which is learned from. ValueError says why there is no plan for it, or it was stopped."""
+    """A dart at a point (2,) [mm] of the board, which is learned from. ValueError says why there is no plan for it, or it was stopped.
+
+    aim: the point.
+    """
     plan = learned.plan(skill.target(skill.aimed(aim)))
     trial = session.throw(plan)
     if not trial.outcome.landing_seen:
@@ -118,6 +121,7 @@ def play_leg(agent: ModelBasedAgent, throw: Callable[[np.ndarray], Hit], say: Sa
     """501, double out, with as few darts as the spread that the agent knows allows; None before it knows one.
 
     throw: at a point (2,) [mm] of the board. The arm learns from these darts, too: a miss that repeats at one bed would repeat for ever.
+    say: called with what goes on, in words.
     """
     if agent.spread is None:
         say("no leg of 501: the spread is not known yet; let more darts be thrown (--throws)")

@@ -94,7 +94,10 @@ class DartsSummary:
 
 
 def before_the_throw(agent: ModelBasedAgent, release_shift: float = float("nan")) -> Dart:
-    """What is known of a dart before it is thrown where the agent aims."""
+    """What is known of a dart before it is thrown where the agent aims.
+
+    release_shift: by which the release is shifted [s]; nan where nobody says.
+    """
     covariance = UNKNOWN
     if agent.spread is not None:
         across, up = agent.spread.covariance
@@ -103,17 +106,20 @@ def before_the_throw(agent: ModelBasedAgent, release_shift: float = float("nan")
 
 
 def after_the_throw(dart: Dart, hit: np.ndarray, note: str = "") -> Dart:
-    """The same with what was seen of it: hit (2,) [mm]."""
+    """The same with what was seen of it: hit (2,) [mm]. dart: before that; note: why it was not seen."""
     return replace(dart, hit=as_pair(hit), score=int(score(hit)), note=note)
 
 
 def as_pair(values: np.ndarray) -> tuple[float, float]:
-    """Two numbers (2,) as a tuple."""
+    """Two numbers (2,) as a tuple. values: the numbers."""
     return float(values[0]), float(values[1])
 
 
 def summarise(run: DartsRun, block: int = BLOCK) -> list[dict]:
-    """One row per block of throws: standard deviation and mean of the misses across and up [mm], beds aimed at, mean and expected score."""
+    """One row per block of throws: standard deviation and mean of the misses across and up [mm], beds aimed at, mean and expected score.
+
+    run: all darts of one arm.
+    """
     return [_row(start + 1, run.darts[start : start + block]) for start in range(0, len(run.darts), block)]
 
 
@@ -139,7 +145,7 @@ def _row(first: int, darts: tuple[Dart, ...]) -> dict:
 
 
 def darts_table(run: DartsRun) -> str:
-    """The rows of `summarise` as text."""
+    """The rows of `summarise` as text. run: all darts of one arm."""
     head = f"{'throws':>9}{'across [mm]':>16}{'up [mm]':>16}{'score':>8}{'expected':>10}{'release':>10}  aims"
     x, _, height = run.board
     lines = [f"seed {run.seed}, practice {run.practice}, bull {x:.2f} m from the base axis, {height:.2f} m high", head]
@@ -155,7 +161,7 @@ def darts_table(run: DartsRun) -> str:
 
 
 def darts_json(run: DartsRun) -> dict:
-    """Everything, with None for what is not known."""
+    """Everything, with None for what is not known. run: all darts of one arm."""
     darts = [{key: _plain(value) for key, value in asdict(dart).items()} for dart in run.darts]
     return {"seed": run.seed, "practice": run.practice, "board": run.board, "shown": run.shown, "blocks": summarise(run), "darts": darts}
 

@@ -41,7 +41,7 @@ def skill_of_dataset(dataset: LeRobotDataset) -> Skill:
 def learn_throws_from_dataset(
     dataset: LeRobotDataset, name: str = "default", without: Sequence[str] = (), method: str = "residual"
 ) -> tuple[PractisingSkill, LearnReport]:
-    """Throws at baskets that the episodes teach, and what became of each; as `learn_from_bag`."""
+    """Throws at baskets that the episodes teach, and what became of each; as `learn_from_bag`. ValueError if too few can be used."""
     chosen, skill = configuration(name), skill_of_dataset(dataset)
     assert isinstance(skill, Throw)
     check_known(without, [_id(episode) for episode in dataset.episodes], str(dataset.path))
@@ -73,7 +73,7 @@ def learn_other_throws_from_dataset(
 
 
 def learn_skill_from_dataset(dataset: LeRobotDataset, skill: Skill, without: Collection[str] = ()) -> tuple[AnySkill, dict[str, str]]:
-    """Any other skill; as `learn_skill_from_bag`."""
+    """Any other skill; as `learn_skill_from_bag`. ValueError says why it cannot be learned."""
     check_known(without, [_id(episode) for episode in dataset.episodes], str(dataset.path))
     shown = [movement_in_episode(dataset, episode, skill) for episode in dataset.episodes]
     try:

@@ -61,7 +61,7 @@ class SessionBag:
         self._writer.add_topic(topic, type_name, definition(self._types, type_name), qos, type_hash(self._types, type_name))
 
     def step(self, arm: ArmState, command: Command, push: Command | None) -> None:
-        """A state of the arm, and what answered it."""
+        """A state of the arm, and what answered it. command, push: of controller and person."""
         self._state.position, self._state.velocity = arm.position, arm.velocity
         self._keep(JOINT_STATES, JOINT_STATE, self._state, arm.stamp_ns)
         self._keep(COMMAND, WAM_COMMAND, _filled(self._command, command), command.stamp_ns)
@@ -69,7 +69,7 @@ class SessionBag:
             self._keep(GUIDING, WAM_COMMAND, _filled(self._push, push), push.stamp_ns)
 
     def see(self, samples: Iterable[Sample]) -> None:
-        """Poses as the cameras delivered them."""
+        """Poses as the cameras delivered them. samples: one for each body."""
         for sample in samples:
             where, turn = self._pose.pose.position, self._pose.pose.orientation
             where.x, where.y, where.z = sample.position.tolist()
@@ -77,12 +77,15 @@ class SessionBag:
             self._keep(self._poses[sample.name], POSE, self._pose, sample.stamp_ns, sample.publish_ns)
 
     def keep_throw(self, shown: Demonstration, now_ns: int) -> None:
-        """A throw that succeeded, at the end of its world."""
+        """A throw that succeeded, at the end of its world. shown: the throw."""
         opened = shown.stamp_ns + round(1e9 * shown.hand_opened)
         self._demonstrate(demonstration_message(self._types, replace(shown, id=demonstration_id(opened))), now_ns)
 
     def keep_movement(self, shown: TaskDemonstration, now_ns: int) -> TaskDemonstration:
-        """Another movement that succeeded, at the end of its world; as whoever reads the bag has it, to the last bit."""
+        """Another movement that succeeded, at the end of its world; as whoever reads the bag has it, to the last bit.
+
+        shown: the movement.
+        """
         kept = _on_its_own_clock(shown)
         self._demonstrate(task_demonstration_message(self._types, kept, self._skill), now_ns)
         return kept

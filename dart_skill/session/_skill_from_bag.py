@@ -31,7 +31,10 @@ def learn_skill_from_bag(path: str | os.PathLike, skill: Skill, without: Collect
 def learn_throws_from_bag(
     path: str | os.PathLike, skill: Throw, name: str = "default", without: Collection[str] = ()
 ) -> tuple[Practice, dict[str, str]]:
-    """What a bag shows of a skill of throwing, to be learned with a configuration; and by its id why a demonstration was left out."""
+    """What a bag shows of a skill of throwing, to be learned with a configuration; and by its id why a demonstration was left out.
+
+    ValueError for a bag of another skill.
+    """
     shown = read_demonstrations(path)
     if other := sorted({one.skill for one in shown} - {skill.name}):
         raise ValueError(f"{path} shows the skill {', '.join(other)}, not '{skill.name}'")

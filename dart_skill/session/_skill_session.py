@@ -36,7 +36,10 @@ def nobody() -> None:
 
 @dataclass(frozen=True, eq=False)
 class SkillTrial:
-    """One movement: what was seen of it, what the skill says came of it, and why it was stopped, if it was."""
+    """One movement: what was seen of it, what the skill says came of it, and why it was stopped, if it was.
+
+    outcome: what the skill says.
+    """
 
     seen: TaskDemonstration
     outcome: TaskOutcome

@@ -14,7 +14,10 @@ from dart_skill.skill.protocol import Situation, TaskOutcome
 
 @dataclass(frozen=True)
 class SkillResult:
-    """One trial: for which situation, what came of it, and what was wrong with its execution, empty if nothing was."""
+    """One trial: for which situation, what came of it, and what was wrong with its execution, empty if nothing was.
+
+    outcome: what the skill says.
+    """
 
     situation: Situation
     outcome: TaskOutcome

@@ -53,7 +53,10 @@ class PictureMaker(Protocol):
 
 @dataclass(frozen=True)
 class ExportedDataset:
-    """What was written: the skill, episodes and frames, by its id why a demonstration is none, and whether there are commands."""
+    """What was written: the skill, episodes and frames, by its id why a demonstration is none, and whether there are commands.
+
+    ids: of the episodes; left_out: why, by id.
+    """
 
     skill: str
     ids: tuple[str, ...]

@@ -25,7 +25,10 @@ class Board:
         return BoardFace(self.position)
 
     def hit(self, before: np.ndarray, after: np.ndarray) -> np.ndarray | None:
-        """Where a dart that moved from one point (3,) to another met the face of the board (3,), if it did."""
+        """Where a dart that moved from one point (3,) to another met the face of the board (3,), if it did.
+
+        before, after: the two points.
+        """
         face = self.face
         first, last = (face.distance - point @ face.normal for point in (before, after))
         if not first > 0.0 >= last:

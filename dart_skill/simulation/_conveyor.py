@@ -45,11 +45,11 @@ class Belt:
     tunnel: float = np.inf
 
     def at(self, time: float) -> Pose:
-        """Where the cup is then: the middle of its floor, its z axis up."""
+        """Where the cup is then: the middle of its floor, its z axis up. time: since the reset of the world [s]."""
         return self.place(time), self._turned
 
     def place(self, time: float) -> np.ndarray:
-        """The middle of its floor then (3,) [m]."""
+        """The middle of its floor then (3,) [m]. time: since the reset of the world [s]."""
         share = (time - self.start) / self.duration
         share = share if self.steady else smooth(share)
         return np.array(self.begin) + share * np.array(self.way)
@@ -101,7 +101,7 @@ class Conveyor(Plant):
         return self.reset()
 
     def put(self, role: str, position: np.ndarray, quaternion: np.ndarray) -> None:
-        """Put the cup somewhere at once: it stands there from now on."""
+        """Put the cup somewhere at once: it stands there from now on. position: of the cup (3,) [m]."""
         self._check_movable([role])
         self._belt = Belt.of((position, quaternion), {})
         self._observe_ball()

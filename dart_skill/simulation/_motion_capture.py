@@ -144,7 +144,7 @@ Walls = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class BasketWalls:
-    """Opaque wall of a basket: upright cylinder that hangs `depth` below its rim's centre (3,) [m]."""
+    """Opaque wall of a basket: upright cylinder that hangs `depth` below its rim's centre (3,) [m]. radius: of the cylinder [m]."""
 
     rim: np.ndarray
     radius: float
@@ -183,7 +183,10 @@ NO_CAPSULES = (np.empty((0, 2, 3)), np.empty(0))
 
 @dataclass(frozen=True)
 class Frame:
-    """The true world at one exposure: what the arguments of `MotionCapture.observe` of the same names say."""
+    """The true world at one exposure: what the arguments of `MotionCapture.observe` of the same names say.
+
+    bodies, capsules: as of `MotionCapture.observe`; number: of the frame in its episode.
+    """
 
     stamp_ns: int
     bodies: Mapping[str, tuple[np.ndarray, np.ndarray]]
@@ -233,7 +236,7 @@ class MotionCapture:
     def observe_frames(self, episode: int, frames: Sequence[Frame]) -> list[Sample]:
         """The samples that `observe` gives of one frame after the other, at a tenth of its cost per frame.
 
-        Every frame has the same bodies, as many capsules, and a basket if another one has.
+        Every frame has the same bodies, as many capsules, and a basket if another one has. episode: its number.
         """
         if episode != self._episode:
             self.begin(episode)
@@ -266,7 +269,7 @@ class MotionCapture:
         capsules: tuple[np.ndarray, np.ndarray] = NO_CAPSULES,
         basket: BasketWalls | None = None,
     ) -> np.ndarray:
-        """How many cameras see each of the points (n, 3): integers (n,)."""
+        """How many cameras see each of the points (n, 3): integers (n,). capsules: as in `observe`."""
         frame = Frame(0, {}, capsules, basket)
         ends, radii = _check_capsules([capsules])
         return self._view.count(np.asarray(points, dtype=float)[None], ends, radii, _walls([frame]))[0]

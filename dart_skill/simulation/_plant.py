@@ -244,7 +244,10 @@ class Plant:
             client.disconnect()
 
     def reset(self, basket: np.ndarray | None = None) -> PlantState:
-        """Arm at rest in its start posture, ball in the hand; the world is built anew, time goes on. A board stays where it hangs."""
+        """Arm at rest in its start posture, ball in the hand; the world is built anew, time goes on. A board stays where it hangs.
+
+        basket: centre of its rim (3,) [m].
+        """
         self._basket = self._basket if basket is None else _checked_basket(basket)
         self._apply_change()
         if self.settings.board is not None:
@@ -268,7 +271,10 @@ class Plant:
         return self.state
 
     def change(self, settings: PlantSettings) -> None:
-        """From the next reset on the plant is as `settings` say: worn joints, another ball, a base that was pushed. Time and seed stay."""
+        """From the next reset on the plant is as `settings` say: worn joints, another ball, a base that was pushed. Time and seed stay.
+
+        ValueError for what cannot change while it runs.
+        """
         if (settings.step_ns, settings.reset_ns) != (self.settings.step_ns, self.settings.reset_ns):
             raise ValueError("step_ns and reset_ns cannot change while a plant runs: make a new one")
         if (settings.board is None) != (self.settings.board is None):
@@ -314,7 +320,7 @@ class Plant:
         return self.reset(poses[self.movable_body][0] if poses else None)
 
     def put(self, role: str, position: np.ndarray, quaternion: np.ndarray) -> None:
-        """Put a body somewhere at once; ValueError for one that cannot be."""
+        """Put a body somewhere at once; ValueError for one that cannot be. position: of the body (3,) [m]."""
         self._check_movable([role])
         self.place_basket(position)
 
@@ -328,7 +334,7 @@ class Plant:
             raise ValueError(f"this world can put the {self.movable_body} somewhere, not {', '.join(map(repr, other))}")
 
     def place_basket(self, position: np.ndarray) -> None:
-        """Put the basket, centre of its rim at position (3,), without touching anything else."""
+        """Put the basket, centre of its rim at position (3,), without touching anything else. ValueError if there is a board instead."""
         if self.settings.board is not None:
             raise ValueError("there is a board and no basket to place: change the settings to hang it elsewhere")
         self._basket = _checked_basket(position)

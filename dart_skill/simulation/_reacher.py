@@ -62,7 +62,8 @@ class Reacher(Guiding):
     def watch(self, state: ArmState, cup: np.ndarray, speed: np.ndarray, beside: np.ndarray) -> None:
         """What the person sees now: the cup (3,) [m] and how it moves (3,) [m/s], and the hand from where the arm takes it to be (3,) [m].
 
-        Encoders that read wrong do not mislead them: what they see of the hand counts.
+        Encoders that read wrong do not mislead them: what they see of the hand counts. speed: of the cup; beside: place of the hand from
+        there.
         """
         self._cup, self._speed, self._beside, self._seen = cup, speed, beside, self._time(state)
 

@@ -33,7 +33,10 @@ class Stillness:
         return stamp_ns - self._looked_ns >= LOOK_NS
 
     def look(self, stamp_ns: int, joint_velocity: np.ndarray, bodies: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> None:
-        """Joint velocities (7,) [rad/s], and by name the position (3,) [m] and quaternion of each body."""
+        """Joint velocities (7,) [rad/s], and by name the position (3,) [m] and quaternion of each body.
+
+        joint_velocity: of all joints; bodies: poses by name.
+        """
         self._looked_ns = stamp_ns
         places = {name: np.array(position) for name, (position, _) in bodies.items()}
         still = places.keys() == self._places.keys() and all(np.abs(places[name] - self._places[name]).max() <= MOVED for name in places)

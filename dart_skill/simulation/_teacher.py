@@ -116,7 +116,7 @@ class Teacher:
     """Guides one throw at a time: `begin` with a target, then `step` once per state until the phase is WATCHING.
 
     game: what is thrown at what. `learn_from(landing)` corrects the next throw at the same target, as a person does who saw where the
-    ball went.
+    ball went. swing: how the person throws.
     """
 
     _motion: _Motion  # from the first throw on
@@ -147,20 +147,26 @@ class Teacher:
         self._phase = Phase.TURNING
 
     def check(self, target: np.ndarray, correction: bool = False) -> tuple[np.ndarray, np.ndarray]:
-        """The target (3,), and what was learned at it (2,); ValueError for one out of reach."""
+        """The target (3,), and what was learned at it (2,); ValueError for one out of reach.
+
+        correction: whether what was learned before counts.
+        """
         target, learned = self._checked(target), self._correction if correction else np.zeros(2)
         self._speed_for(self._reach(target) + learned[0], target)
         return target, learned
 
     def learn_from(self, landed: np.ndarray) -> None:
-        """Aim the next throw against the miss: landed (3,) is where the ball was seen to come down."""
+        """Aim the next throw against the miss: landed (3,) is where the ball was seen to come down. ValueError if nobody saw that."""
         if not np.isfinite(landed[:2]).all():
             raise ValueError(f"nobody saw where the ball landed ({landed}): there is nothing to learn from it")
         along, across = self._game.surface.miss(landed - self._target, self._target)
         self._correction = self._correction - 0.8 * np.array([along, across / np.hypot(*self._target[:2])])
 
     def step(self, state: ArmState) -> Command:
-        """The push that answers one state: a wrench at the hand, a force at the elbow as joint torque, and the hand's button."""
+        """The push that answers one state: a wrench at the hand, a force at the elbow as joint torque, and the hand's button.
+
+        ValueError before `begin`.
+        """
         if self._phase is Phase.IDLE:
             raise ValueError("the teacher has no throw in mind: begin one")
         time = (state.stamp_ns - self._started_ns) * 1e-9

@@ -87,7 +87,7 @@ class Workbench(Plant):
         return self.reset()
 
     def put(self, role: str, position: np.ndarray, quaternion: np.ndarray) -> None:
-        """As of the plant."""
+        """As of the plant. position: of the body (3,) [m]."""
         self._check_movable([role])
         self.stand((position, quaternion))
         self._world.resetBasePositionAndOrientation(self._holder_body, self._holder[0].tolist(), self._holder[1].tolist())

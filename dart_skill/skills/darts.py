@@ -195,7 +195,7 @@ class Darts(Throw):
         return self.draws(rng, 1)[0]
 
     def check_seen(self, aimed_at: np.ndarray) -> None:
-        """ValueError if the cameras see the board (3,) [m] elsewhere than config/world.yaml has it."""
+        """ValueError if the cameras see the board (3,) [m] elsewhere than config/world.yaml has it. aimed_at: the place."""
         away = float(np.linalg.norm(np.asarray(aimed_at, dtype=float) - self.face.bull))
         if not away <= self.settings.tolerance:
             raise ValueError(
@@ -204,6 +204,6 @@ class Darts(Throw):
             )
 
     def points(self, landing: np.ndarray) -> tuple[int, str]:
-        """Score of a dart that met the plane of the board at a place (3,) [m], and the bed in which it is."""
+        """Score of a dart that met the plane of the board at a place (3,) [m], and the bed in which it is. landing: the place."""
         hit = self.face.on_board(landing)
         return int(score(hit)), place_of(hit)

@@ -131,7 +131,7 @@ class Place(Skill):
         return [hand, situation.pose("holder").place(part.sees(hand))]
 
     def judge(self, seen: TaskDemonstration, situation: Situation) -> TaskOutcome:
-        """Whether the part is in the holder, after the fingers have opened."""
+        """Whether the part is in the holder, after the fingers have opened. seen: the movement."""
         part, opened = seen.track("part"), [one.time for one in seen.told][-1:]
         if not opened or part.time[-1] < opened[0] + LIES:
             return TaskOutcome(False, np.nan, "the part was not seen after the hand had opened: do the cameras see into the holder?")

@@ -68,7 +68,10 @@ class Reach(Skill):
         return (Solid("cup", (WIDE, self.settings.rim, 0.003)),)
 
     def cut(self, demonstration: TaskDemonstration) -> tuple[float, float]:
-        """From when the hand begins to move to when it rests in the cup, as seen from there: the cup may go on."""
+        """From when the hand begins to move to when it rests in the cup, as seen from there: the cup may go on.
+
+        ValueError if the hand does not move.
+        """
         d, s = demonstration, self.settings
         fast = np.flatnonzero(self._speeds(d.hand_time, d.hand_position) > s.start_speed)
         if not len(fast):
@@ -99,7 +102,10 @@ class Reach(Skill):
         return []
 
     def distances(self, seen: TaskDemonstration) -> tuple[float, float]:
-        """Of the hand from the axis of the cup when it came past the rim, and from the middle at the end [m]; ValueError if it did not."""
+        """Of the hand from the axis of the cup when it came past the rim, and from the middle at the end [m]; ValueError if it did not.
+
+        seen: the movement.
+        """
         at_rim, miss = self._places(seen)
         return float(np.hypot(*at_rim[:2])), float(np.linalg.norm(miss))
 
@@ -112,7 +118,7 @@ class Reach(Skill):
         return at_rim, np.median(local[(time >= stop) & (time <= stop + RESTING)], axis=0) - self.settings.middle
 
     def judge(self, seen: TaskDemonstration, situation: Situation) -> TaskOutcome:
-        """Whether the hand came into the cup without touching its rim, and ended in its middle."""
+        """Whether the hand came into the cup without touching its rim, and ended in its middle. seen: the movement."""
         try:
             at_rim, miss = self._places(seen)
         except ValueError as error:

@@ -79,7 +79,7 @@ class Throw(Skill):
         return self.at(self.target(situation))
 
     def check_seen(self, aimed_at: np.ndarray) -> None:
-        """ValueError if what is thrown at cannot be where it was seen (3,) [m]. A basket can be anywhere."""
+        """ValueError if what is thrown at cannot be where it was seen (3,) [m]. A basket can be anywhere. aimed_at: the place."""
 
     def draw(self, rng: np.random.Generator, wide: bool = False) -> Situation:
         """A basket in the region of config/world.yaml."""
@@ -90,7 +90,7 @@ class Throw(Skill):
         return float(demonstration.hand_time[0]), float(demonstration.hand_time[-1])
 
     def situation(self, demonstration: TaskDemonstration, start: float) -> Situation:
-        """The one that it shows how to serve: where the throw went; ValueError if nobody saw that."""
+        """The one that it shows how to serve: where the throw went; ValueError if nobody saw that. start: of the movement [s]."""
         middle = self.at(np.array(self.middle))
         outcome = self.judge(demonstration, middle)
         if not np.isfinite(outcome.miss).all():
@@ -98,7 +98,7 @@ class Throw(Skill):
         return self.at(self.target(middle) + outcome.miss)
 
     def judge(self, seen: TaskDemonstration, situation: Situation) -> TaskOutcome:
-        """Where the ball came down on the plane of the rim, or the dart met the board, and whether it is in."""
+        """Where the ball came down on the plane of the rim, or the dart met the board, and whether it is in. seen: the throw."""
         opened = [one.time for one in seen.told if one.grip == Grip.OPEN]
         thrown, aimed_at = self.bodies
         if not opened:

@@ -85,7 +85,10 @@ class HeldHand:
         self._goal.position, self._goal.wxyz, self._goal.visible = position, quaternion[[3, 0, 1, 2]], True
 
     def on_drag(self, callback: Callable[[np.ndarray], None]) -> None:
-        """Call with where the ball is dragged to (3,): in the plane that faces the eye; with Shift over the ground, at its height."""
+        """Call with where the ball is dragged to (3,): in the plane that faces the eye; with Shift over the ground, at its height.
+
+        callback: takes the place.
+        """
 
         async def dragged(event: Any) -> None:
             if event.phase == "start":
@@ -128,12 +131,15 @@ def within_reach(place: np.ndarray) -> np.ndarray:
 
 
 def turned(quaternion: np.ndarray, degrees: float) -> np.ndarray:
-    """A hand's quaternion (4,) turned about the vertical."""
+    """A hand's quaternion (4,) turned about the vertical. degrees: to the left, seen from above."""
     return (Rotation.from_euler("z", degrees, degrees=True) * Rotation.from_quat(quaternion)).as_quat()
 
 
 def how_far(lies: np.ndarray, turn: np.ndarray) -> str:
-    """How far a body is from where it shall be, as seen from there: (3,) [m] and (3, 3), whose z axis points up."""
+    """How far a body is from where it shall be, as seen from there: (3,) [m] and (3, 3), whose z axis points up.
+
+    lies, turn: place and rotation of the body in the wanted frame.
+    """
     degrees = float(np.rad2deg(Rotation.from_matrix(turn).as_rotvec()[2]))
     way = "to the left" if degrees > 0.0 else "to the right"
     height = f"{1e3 * abs(lies[2]):.0f} mm {'above' if lies[2] >= 0.0 else 'below'} it"

@@ -33,7 +33,7 @@ class Request:
     """What somebody asked for with a control, and its details.
 
     what: "teach", "learn", "throw", "practice", "stop", "reset", "place_basket" or "set"; of a lesson with the mouse "hold", "pull",
-    "turn", "grip", "look", "done", "discard" or "undo".
+    "turn", "grip", "look", "done", "discard" or "undo". values: the details.
     """
 
     what: str
@@ -159,11 +159,11 @@ class Panel:
     # what it tells
 
     def say(self, text: str, is_error: bool = False) -> None:
-        """A line about what goes on."""
+        """A line about what goes on. text: the line; is_error: shows it as one."""
         self._says.content = _says(text, is_error)
 
     def set_busy(self, busy: bool) -> None:
-        """While something is carried out, nothing else can be asked for but to stop it."""
+        """While something is carried out, nothing else can be asked for but to stop it. busy: whether that is so."""
         for button in self._starting:
             button.disabled = busy
 
@@ -184,14 +184,17 @@ class Panel:
         self._legend.content = f"<div style='columns:2;padding:0.5em 0.8em'>{swatches}</div>"
 
     def add_throw(self, error: float, in_basket: bool) -> None:
-        """A point of the learning curve: error [m], nan if it was not seen, and whether it succeeded: a ball, whether it went in."""
+        """A point of the learning curve: error [m], nan if it was not seen, and whether it succeeded: a ball, whether it went in.
+
+        in_basket: whether it succeeded.
+        """
         self._errors.append((self._words.unit[1] * float(error), bool(in_basket)))
         del self._errors[:-LONGEST_CURVE]
         self._curve.scales = _scales(self._errors)
         self._curve.data, self._curve.visible = curve_data(self._errors), True
 
     def add_knobs(self, node: str, knobs: Sequence[Knob]) -> None:
-        """Numbers of a node that can be changed; those that are there already get the new values."""
+        """Numbers of a node that can be changed; those that are there already get the new values. knobs: the numbers."""
         self._no_knobs.visible = self._no_knobs.visible and not knobs
         self._as_before.visible = self._as_before.visible or bool(knobs)
         with self._arm:

@@ -108,7 +108,7 @@ class Scene:
             self.held_hand.follow(position)
 
     def move_body(self, role: str, position: np.ndarray, quaternion: np.ndarray) -> None:
-        """A body of the skill as it is tracked: position (3,) and quaternion (4,)."""
+        """A body of the skill as it is tracked: position (3,) and quaternion (4,). ValueError for a role that the scene does not have."""
         if role not in self._moved:
             raise ValueError(f"there is no {role} in this scene: choose one of {', '.join(self._moved) or 'none'}")
         node, position = self._moved[role], _array(role, position, 3)
@@ -150,6 +150,7 @@ class Scene:
         """Ellipsoids: centres (K, 3), quaternions (K, 4) of their axes, diameters (K, 3) along these; they replace those of the group.
 
         group: of which task frame they are, or of their product; each has a colour of its own, in the order of their first coming.
+        ValueError if these are not equally many.
         """
         centres, diameters = _array(group, centres, -1, 3), _array(group, diameters, -1, 3)
         if len(diameters) != len(centres) or np.any(diameters < 0.0):
@@ -220,7 +221,10 @@ class Scene:
         self._basket.on_drag(dragged)
 
     def show(self, group: str, visible: bool) -> None:
-        """Switch one of `GROUPS`, or a group of Gaussians that has been shown, on or off."""
+        """Switch one of `GROUPS`, or a group of Gaussians that has been shown, on or off.
+
+        visible: on or off. ValueError for a group that there is not.
+        """
         if group in GROUPS:
             self._groups[group].visible = visible
         elif group in self._numbers:

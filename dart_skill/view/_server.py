@@ -36,7 +36,7 @@ def open_server(host: str = "127.0.0.1", port: int = 0, title: str = "dart_skill
     """A running viser.ViserServer, empty, for `Scene` and `Panel`.
 
     host: address to listen on; port: 0 for any free one, else that one and no other. token: only who has it is let in (`with_token`);
-    empty: everybody. ViewUnavailable if viser is missing or the port is taken. Stop it with its method `stop`.
+    empty: everybody. ViewUnavailable if viser is missing or the port is taken. Stop it with its method `stop`. title: of the page.
     """
     viser = load_viser()
     _check_free(host, port)
@@ -49,7 +49,7 @@ def open_server(host: str = "127.0.0.1", port: int = 0, title: str = "dart_skill
 
 
 def url_of(server: Any) -> str:
-    """Where a browser on this machine finds the page."""
+    """Where a browser on this machine finds the page. server: from `open_server`."""
     host = server.get_host()
     host = "127.0.0.1" if host in ("0.0.0.0", "::", "") else host
     return f"http://{f'[{host}]' if ':' in host else host}:{server.get_port()}"
@@ -61,7 +61,10 @@ def new_token() -> str:
 
 
 def with_token(url: str, token: str) -> str:
-    """The address of a page, of which the browser opens the websocket with the token: viser takes its address as a parameter."""
+    """The address of a page, of which the browser opens the websocket with the token: viser takes its address as a parameter.
+
+    url: without the token.
+    """
     return f"{url}/?websocket={url.replace('http', 'ws', 1)}/{token}"
 
 

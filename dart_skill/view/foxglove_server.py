@@ -53,14 +53,17 @@ class FoxgloveServer:
         return list(self._channels)
 
     def add_topic(self, topic: str, type_name: str, text: str, lasting: bool = False) -> None:
-        """A topic of a type, with its definition (`recording.definition`). lasting: whoever comes later gets the last message, too."""
+        """A topic of a type, with its definition (`recording.definition`). lasting: whoever comes later gets the last message, too.
+
+        text: the definition.
+        """
         schema = self._sdk.Schema(name=type_name, encoding="ros2msg", data=text.encode())
         self._channels[topic] = self._sdk.Channel(topic, schema=schema, message_encoding="cdr", context=self._context)
         if lasting:
             self._lasting.add(topic)
 
     def publish(self, topic: str, data: bytes, stamp_ns: int) -> None:
-        """A serialised message, with the time of its log [ns]."""
+        """A serialised message, with the time of its log [ns]. topic: its name."""
         if topic in self._lasting:
             with self._lock:
                 self._kept[topic] = data, stamp_ns
@@ -101,7 +104,7 @@ class _Listener:
 def serve_bag(bag: BagReader, server: FoxgloveServer, rate: float = 1.0, stopped: Callable[[], bool] = lambda: False) -> int:
     """Publish the messages of a bag at the pace of their log times, and go on until all are out, or it is stopped; how many were.
 
-    rate: 2 is twice as fast, 0 as fast as possible. A topic whose type the bag does not define is left out.
+    rate: 2 is twice as fast, 0 as fast as possible. A topic whose type the bag does not define is left out. server: to publish with.
     """
     for name in set(_shown(bag)) - set(server.topics):
         server.add_topic(name, bag.topics[name].type_name, definition(bag.types, bag.topics[name].type_name), _is_lasting(bag, name))

@@ -135,7 +135,10 @@ def describe(bag: str | os.PathLike) -> BagLayout:
 
 
 def write_layouts(rerun: Path, shown: BagLayout, folder: Path) -> list[Path]:
-    """A layout for each file of a bag, made by Rerun's own interpreter; RerunUnavailable if it has none, or that fails."""
+    """A layout for each file of a bag, made by Rerun's own interpreter; RerunUnavailable if it has none, or that fails.
+
+    shown: what to show of the bag.
+    """
     python = interpreter_of(rerun)
     if python is None:
         raise RerunUnavailable(f"{rerun} belongs to no Python, which could make a layout")
@@ -151,13 +154,16 @@ def write_layouts(rerun: Path, shown: BagLayout, folder: Path) -> list[Path]:
 
 
 def command_line(rerun: Path, files: Sequence[Path], layouts: Sequence[Path], web: bool, ports: tuple[int, int] = PORTS) -> list[str]:
-    """The call of Rerun; its servers are bound to this machine alone."""
+    """The call of Rerun; its servers are bound to this machine alone.
+
+    files: of the bag; layouts: for them; web: show it as a web page; ports: of the page, and of its data.
+    """
     command = [str(rerun), *map(str, files), *map(str, layouts), "--bind", HOST]
     return [*command, "--serve-web", "--web-viewer-port", str(ports[0]), "--port", str(ports[1])] if web else command
 
 
 def url_of_page(ports: tuple[int, int]) -> str:
-    """Where a browser on this machine finds the bag."""
+    """Where a browser on this machine finds the bag. ports: of the page, and of its data."""
     return f"http://{HOST}:{ports[0]}/?url={quote(f'rerun+http://{HOST}:{ports[1]}/proxy', safe='')}"
 
 

@@ -101,7 +101,10 @@ class PoseDSGMR:
         return self.features(time if at is None else at, motion, inputs)
 
     def features(self, time: ArrayLike, motion: PoseMotion, inputs: ArrayLike | None = None) -> np.ndarray:
-        """Features [t, u, y] (n, q + 8) of a motion whose velocity and acceleration are known, at stamps (n,) [s]."""
+        """Features [t, u, y] (n, q + 8) of a motion whose velocity and acceleration are known, at stamps (n,) [s].
+
+        inputs: the further inputs u, (q,) or (n, q).
+        """
         attractor = pose_attractor(motion, self.stiffness, self.damping)
         return np.column_stack([self._with_inputs(as_stamps(time, len(attractor)), inputs), attractor])
 
@@ -121,6 +124,8 @@ class PoseDSGMR:
         * frames: for each demonstration P task frames, as in `TaskParameterisedPoseMixture`.
         * weights: for each demonstration one number or one per sample (n_i,); default: all count alike.
         * rng: random generator, only for the hyper-parameter start="kmeans".
+
+        ValueError for attractors of another shape.
         """
         for i, one in enumerate(attractors):
             if np.ndim(one) != 2 or np.shape(one)[1] != self.n_inputs + 8:

@@ -97,7 +97,10 @@ class PoseMixture(PoseEstimator):
 
     @classmethod
     def from_parameters(cls, priors: ArrayLike, means: ArrayLike, covariances: ArrayLike) -> PoseMixture:
-        """Mixture with given priors (K,), means (K, q + 7) and positive definite covariances (K, q + 6, q + 6)."""
+        """Mixture with given priors (K,), means (K, q + 7) and positive definite covariances (K, q + 6, q + 6).
+
+        ValueError for other shapes or values.
+        """
         priors, means = checked_priors(priors), as_rows(means, "means")
         if len(means) != len(priors):
             raise ValueError(f"one mean per prior is needed, got {len(means)} for {len(priors)}")

@@ -132,6 +132,7 @@ def follow_pose_attractor(
 
     Positions are exact (`follow_attractor`). Orientations are integrated by a Runge-Kutta method of fourth order in steps of a
     twentieth of the fastest time constant at most, which is stable at any rate. The hand turns to the attractor the shorter way.
+    ValueError for a push of another shape.
     """
     attractor, pose, velocity = as_poses(attractor, "attractor"), as_pose(pose0, "pose0"), as_vector(velocity0, "velocity0", 6)
     step = as_number(step, "step")

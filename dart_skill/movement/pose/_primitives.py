@@ -172,7 +172,7 @@ class DiscretePosePrimitive(PosePrimitive):
     * start_, goal_ (7,): poses. duration_ [s].
     * start_turn_ (3,): rotation vector from the goal to the start [rad]. It may be longer than half a turn.
 
-    The movement turns the way that was shown, through half a turn and up to nearly a full turn from its goal.
+    The movement turns the way that was shown, through half a turn and up to nearly a full turn from its goal. options: all but n_basis.
     """
 
     _inner: DiscretePrimitive
@@ -290,7 +290,8 @@ class RhythmicPosePrimitive(PosePrimitive):
     * weights_ (n_basis, 6).
     * baseline_ (7,): mean pose over whole periods. period_ [s].
 
-    The hand swings by less than a full turn from its baseline. A baseline that changes carries the cycle with it, in world axes.
+    The hand swings by less than a full turn from its baseline. A baseline that changes carries the cycle with it, in world axes. options:
+    all but n_basis.
     """
 
     # The inner primitive has nine coordinates: position, rotation vector from the baseline, and that of the baseline from its
@@ -312,7 +313,8 @@ class RhythmicPosePrimitive(PosePrimitive):
         """Learn as `DiscretePosePrimitive.fit` does; the phase is zero at the first sample of each demonstration.
 
         period [s]: when None it is estimated from each demonstration, which must then span about two periods. ValueError
-        also if a demonstration does not repeat, or turns by nearly a full turn from its mean.
+        also if a demonstration does not repeat, or turns by nearly a full turn from its mean. pose, weights, noise: as of
+        `DiscretePosePrimitive.fit`.
         """
         shown = _demonstrations(time, pose)
         bases, tracks = zip(*(_about_baseline(stamps, rows, period) for stamps, rows in shown), strict=True)
@@ -325,7 +327,10 @@ class RhythmicPosePrimitive(PosePrimitive):
     def limit_cycle(
         self, phase: float = 0.0, *, baseline: ArrayLike | None = None, period: float | None = None, amplitude: ArrayLike = 1.0
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Pose (7,) and velocity (6,) on the limit cycle at a phase in units of the period."""
+        """Pose (7,) and velocity (6,) on the limit cycle at a phase in units of the period.
+
+        baseline, amplitude: of the cycle; None for the baseline that was learned.
+        """
         state = self.begin(baseline=baseline, period=period, amplitude=amplitude, phase=phase)
         return state.pose, state.velocity
 

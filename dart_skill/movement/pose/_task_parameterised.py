@@ -80,6 +80,8 @@ class TaskParameterisedPoseMixture(PoseEstimator):
 
         * weights: for each demonstration one number or one per sample (n_i,); default: all count alike.
         * rng: random generator, only for start="kmeans".
+
+        ValueError for a start that these demonstrations do not allow, or if rng is missing.
         """
         blocks, mass = self._seen(samples, frames, weights)
         self._require_enough(mass)
@@ -100,7 +102,7 @@ class TaskParameterisedPoseMixture(PoseEstimator):
     ) -> TaskParameterisedPoseMixture:
         """One component in each of K equal intervals of time, by a single M step; returns self.
 
-        overlap: float, default 0.7. Standard deviation of the window of a component in intervals.
+        overlap: float, default 0.7. Standard deviation of the window of a component in intervals. samples, frames, weights: as of `fit`.
         """
         blocks, mass = self._seen(samples, frames, weights)
         counts = windows_in_time(self._time(blocks), self.n_components, overlap) * mass[:, None]
@@ -140,7 +142,7 @@ class TaskParameterisedPoseMixture(PoseEstimator):
         return self._per_demonstration(samples, frames, 1)
 
     def responsibilities(self, samples: Sequence[ArrayLike], frames: PoseFrames) -> list[np.ndarray]:
-        """Per demonstration, (n_i, K) posterior probability of each component."""
+        """Per demonstration, (n_i, K) posterior probability of each component. samples: (n_i, q + 7) of each demonstration."""
         return self._per_demonstration(samples, frames, 0)
 
     def bic(self, samples: Sequence[ArrayLike], frames: PoseFrames, weights: Weights = None) -> float:

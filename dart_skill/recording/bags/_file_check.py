@@ -39,7 +39,7 @@ class Finding:
 
     severity: "error" (something is lost or unreadable), "warning" (look at it) or "note".
     place: file, topic or byte.
-    remedy: what to do about it; empty if nothing needs to be done.
+    remedy: what to do about it; empty if nothing needs to be done. message: what it is.
     """
 
     severity: str

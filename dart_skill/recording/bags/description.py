@@ -14,7 +14,7 @@ from dart_skill.recording.bags.reader import BagFile, BagReader, TopicInfo
 
 
 def describe(path: str | os.PathLike, types: Typestore | None = None) -> dict:
-    """What a bag holds, in numbers, texts, lists and dicts only (JSON). Raises BagError."""
+    """What a bag holds, in numbers, texts, lists and dicts only (JSON). Raises BagError. types: known message types."""
     with BagReader(path, types) as bag:
         duration_ns = bag.end_ns - bag.start_ns
         attachments = bag.attachments()

@@ -28,7 +28,10 @@ _STAMPED = ("std_msgs/msg/Header", "builtin_interfaces/msg/Time")
 
 
 def interface_folder() -> Path:
-    """Folder of our interfaces: in a wheel, msg_schemas/ of a checkout, or the installed package's share."""
+    """Folder of our interfaces: in a wheel, msg_schemas/ of a checkout, or the installed package's share.
+
+    FileNotFoundError if it is nowhere.
+    """
     folders = shared_folders("msg_schemas", PACKAGE)
     for folder in folders:
         if (folder / "msg").is_dir():
@@ -40,7 +43,7 @@ def typestore(*extra_folders: str | os.PathLike) -> Typestore:
     """Message types of ROS 2 Jazzy, of our interface package, and of the packages in `extra_folders`.
 
     A folder holds .msg, .srv and .action files in any subfolder; its package is named by the package.xml in
-    it or above it, else by the folder itself.
+    it or above it, else by the folder itself. extra_folders: of other packages.
     """
     types = get_typestore(Stores.ROS2_JAZZY)
     for folder in (interface_folder(), *map(Path, extra_folders)):
@@ -78,7 +81,7 @@ def message(types: Typestore, type_name: str, value: Any = None) -> Any:
     """Message object of a type, filled from `value`: a mapping or any object with the type's field names.
 
     Fields that are missing, in nested messages too, are zero or empty; sequences may be lists or arrays. A
-    field of `value` that the type does not have is an error.
+    field of `value` that the type does not have is an error. ValueError for a field that the type does not have.
     """
     constants_and_fields = types.fielddefs[_known(types, type_name)]
     fields = dict(constants_and_fields[1])
@@ -89,7 +92,10 @@ def message(types: Typestore, type_name: str, value: Any = None) -> Any:
 
 
 def serialize(types: Typestore, type_name: str, value: Any) -> bytes:
-    """CDR bytes (little endian, with encapsulation header) of whatever `message` accepts."""
+    """CDR bytes (little endian, with encapsulation header) of whatever `message` accepts.
+
+    types: known message types; value: as of `message`.
+    """
     return bytes(types.serialize_cdr(message(types, type_name, value), type_name))
 
 
@@ -109,12 +115,12 @@ def stamp_content(stamp_ns: int) -> dict[str, int]:
 
 
 def header_content(stamp_ns: int, frame_id: str) -> dict[str, Any]:
-    """Fields of a header."""
+    """Fields of a header. frame_id: of what follows."""
     return {"stamp": stamp_content(stamp_ns), "frame_id": frame_id}
 
 
 def vector_content(values: Sequence[float]) -> dict[str, float]:
-    """Fields of a point or vector x, y, z, or of a quaternion x, y, z, w."""
+    """Fields of a point or vector x, y, z, or of a quaternion x, y, z, w. values: (3,) or (4,)."""
     return dict(zip("xyzw", values, strict=False))
 
 

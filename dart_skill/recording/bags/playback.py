@@ -70,7 +70,7 @@ class Selection:
 class Playback:
     """The messages of an open bag in the order in which they are due; iterate once.
 
-    topics: published name -> what the bag says of it; ValueError if nothing is left to play.
+    topics: published name -> what the bag says of it; ValueError if nothing is left to play. selection: what of the bag is played.
     """
 
     def __init__(self, bag: BagReader, selection: Selection):
@@ -160,7 +160,7 @@ class Pace:
         self.rate = _checked(rate)
 
     def pause(self, paused: bool, now: float) -> None:
-        """Stop here, or go on from here."""
+        """Stop here, or go on from here. paused: whether to stop."""
         self._stand(now)
         self.paused = paused
 

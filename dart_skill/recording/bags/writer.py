@@ -60,7 +60,7 @@ def qos_yaml(reliability: str = "reliable", durability: str = "volatile", histor
     reliability: "reliable" or "best_effort".
     durability: "volatile" or "transient_local".
     history: "keep_last", "keep_all" or "unknown".
-    depth: messages that are kept.
+    depth: messages that are kept. ValueError for a value that ROS does not have.
     """
     allowed = {
         "reliability": ("reliable", "best_effort"),
@@ -161,7 +161,7 @@ class BagWriter:
         type_name: as package/msg/Name.
         definition_text: with all nested definitions (`definition`).
         qos_profile_yaml: list of profiles (`qos_yaml`).
-        type_hash: RIHS01 (`type_hash`).
+        type_hash: RIHS01 (`type_hash`). ValueError for a name, type or QoS that cannot be, or that contradicts what the bag has.
         """
         self._check_writable()
         if not name.startswith("/"):
@@ -185,7 +185,7 @@ class BagWriter:
 
         log_time_ns: when it was received.
         publish_time_ns: when it was sent.
-        cdr_bytes: any buffer of bytes.
+        cdr_bytes: any buffer of bytes. topic: as in `add_topic`. ValueError for times or bytes that cannot be.
         """
         entry = self._writable.get(topic)
         if entry is None:
@@ -209,14 +209,17 @@ class BagWriter:
         entry.count += 1
 
     def add_attachment(self, name: str, data: bytes | str, media_type: str = "text/plain", time_ns: int = 0) -> None:
-        """Keep a file with the bag: parameters (YAML), robot description (URDF)."""
+        """Keep a file with the bag: parameters (YAML), robot description (URDF).
+
+        data: its content; media_type: as on the internet; time_ns: when it was made [ns].
+        """
         self._check_writable()
         data = data.encode() if isinstance(data, str) else bytes(data)
         with self._explained():
             self._current.add_attachment(name, media_type, data, time_ns, time_ns)
 
     def note(self, name: str, text: str) -> None:
-        """Add to the custom data, or replace what it says by that name; until the bag is closed."""
+        """Add to the custom data, or replace what it says by that name; until the bag is closed. text: what it says."""
         if self._closed:
             raise self._refusal()
         self.custom_data.update(_check_custom_data({name: text}))
@@ -238,7 +241,10 @@ class BagWriter:
             self._check_writable()
 
     def close(self) -> None:
-        """Write index, summary and metadata.yaml. Closing twice is no error, nor closing what cannot be written."""
+        """Write index, summary and metadata.yaml. Closing twice is no error, nor closing what cannot be written.
+
+        BagWriteError if the bag could not be written.
+        """
         if self._closed:
             return
         self._closed, self._writable = True, {}

@@ -53,7 +53,7 @@ def throws_to_csv(source: str | os.PathLike, output: str | os.PathLike, mapping:
 def bodies_to_csv(source: str | os.PathLike, output: str | os.PathLike, roles: Sequence[str]) -> dict[str, int]:
     """Write poses of tracked bodies and joint states of a bag of ours as CSV files; the number of rows by file. BagError if there are none.
 
-    roles: of the bodies. output: folder, which must not exist.
+    roles: of the bodies. output: folder, which must not exist. source: the bag.
     """
     poses, joints = _read_topics(source, roles)
     if not poses:

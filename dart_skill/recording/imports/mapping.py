@@ -141,7 +141,7 @@ def load_mapping(path: str | os.PathLike) -> RecordingMapping:
 
 
 def parse_mapping(content: Any, place: str = "mapping") -> RecordingMapping:
-    """The mapping in nested dictionaries as YAML gives them; MappingError. place: names them in errors."""
+    """The mapping in nested dictionaries as YAML gives them; MappingError. place: names them in errors. content: of the file."""
     values = _Section(content, place)
     shared = values.section("axes") or _Section({}, f"{place}: axes")
     axes = _axes(shared)

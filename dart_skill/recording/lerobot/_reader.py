@@ -31,7 +31,10 @@ class Episode:
 
 @dataclass(frozen=True, eq=False)
 class LeRobotDataset:
-    """A dataset: its folder, frames per second, names of the elements by feature (vectors only), and episodes in order."""
+    """A dataset: its folder, frames per second, names of the elements by feature (vectors only), and episodes in order.
+
+    fps: frames per second.
+    """
 
     path: Path
     fps: int
@@ -39,7 +42,7 @@ class LeRobotDataset:
     episodes: tuple[Episode, ...]
 
     def column(self, episode: Episode, name: str) -> np.ndarray | None:
-        """An element (n,) of any feature by its name; None if there is none of that name."""
+        """An element (n,) of any feature by its name; None if there is none of that name. episode: which one."""
         for key, names in self.names.items():
             if name in names:
                 return episode.frames[key][:, names.index(name)]

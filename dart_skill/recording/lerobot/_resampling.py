@@ -25,7 +25,10 @@ def at_frames(stamps: np.ndarray, values: np.ndarray, frames: np.ndarray) -> np.
 
 
 def turned_at_frames(stamps: np.ndarray, quaternions: np.ndarray, frames: np.ndarray) -> np.ndarray:
-    """Orientations (m, 4), x, y, z, w, at frames (n,): (n, 4) of norm 1 and continuous sign, the first one with w >= 0."""
+    """Orientations (m, 4), x, y, z, w, at frames (n,): (n, 4) of norm 1 and continuous sign, the first one with w >= 0.
+
+    stamps: (m,) [s]. quaternions: the orientations.
+    """
     if len(stamps) == 1:
         turned = np.tile(Rotation.from_quat(quaternions[0]).as_quat(), (len(frames), 1))
     else:
@@ -38,7 +41,7 @@ def turned_at_frames(stamps: np.ndarray, quaternions: np.ndarray, frames: np.nda
 def held_mean(stamps: np.ndarray, values: np.ndarray, frames: np.ndarray, fps: int, hold: float = np.inf) -> np.ndarray:
     """Mean over each frame (n,), until 1 / fps later, of what holds from each of the stamps (m,) until the next one: (n, k) of (m, k).
 
-    hold: so long at most [s]; then, and before the first stamp, it is 0.
+    hold: so long at most [s]; then, and before the first stamp, it is 0. values: (m, k).
     """
     ends = np.minimum(np.append(stamps[1:], np.inf), stamps + hold)
     ends = np.minimum(ends, max(frames[-1] + 1.0 / fps, stamps[-1]) + 1.0)
@@ -53,7 +56,7 @@ def held_mean(stamps: np.ndarray, values: np.ndarray, frames: np.ndarray, fps: i
 def seen_at(stamps: np.ndarray, frames: np.ndarray, fps: int) -> np.ndarray:
     """1 for each frame (n,) near a sample (m,), 0 for one in a gap: the nearest sample is three quarters of a period away, or more.
 
-    The period is that of the slower of the two.
+    The period is that of the slower of the two. fps: frames per second; stamps: (m,) [s].
     """
     period = max(1.0 / fps, float(np.median(np.diff(stamps))) if len(stamps) > 1 else 0.0)
     after = np.searchsorted(stamps, frames)
@@ -62,7 +65,10 @@ def seen_at(stamps: np.ndarray, frames: np.ndarray, fps: int) -> np.ndarray:
 
 
 def changes_at(share: np.ndarray, fps: int) -> list[tuple[float, bool]]:
-    """When a signal (n,) that `held_mean` brought to frames switched [s], and whether on; also one that only ever is 0 or 1."""
+    """When a signal (n,) that `held_mean` brought to frames switched [s], and whether on; also one that only ever is 0 or 1.
+
+    fps: frames per second. share: the signal, from 0 to 1.
+    """
     found: list[tuple[float, bool]] = []
     on = bool(share[0] >= 1.0 - CERTAIN)
     for k, value in enumerate(share):

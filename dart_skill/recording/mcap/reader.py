@@ -30,7 +30,7 @@ class BagMessage(NamedTuple):
     """A message.
 
     stamp_ns: log time.
-    data: CDR bytes or, decoded, an object with the message's fields.
+    data: CDR bytes or, decoded, an object with the message's fields. topic: its name.
     """
 
     topic: str

@@ -210,7 +210,7 @@ def records_of(raw: bytes | memoryview, cut_off: bool = False, most: int | None 
 
 
 def messages_of(raw: bytes, cut_off: bool = False, most: int | None = None) -> Iterator[Message]:
-    """The messages among the records of a chunk; DamagedError, cut_off and most as for `records_of`."""
+    """The messages among the records of a chunk; DamagedError as from `records_of`. raw, cut_off, most: as for that."""
     for opcode, begin, end in records_of(raw, cut_off, most):
         if opcode == Opcode.MESSAGE:
             channel, sequence, log_time, publish_time = _MESSAGE_HEAD.unpack_from(raw, begin)
@@ -218,7 +218,7 @@ def messages_of(raw: bytes, cut_off: bool = False, most: int | None = None) -> I
 
 
 def parse_header(data: bytes | memoryview) -> tuple[Header, int]:
-    """The first record of a file, and where it ends; DamagedError."""
+    """The first record of a file, and where it ends; DamagedError. data: the first bytes of the file."""
     if bytes(data[:8]) != MAGIC:
         raise DamagedError("the file magic is invalid: this is no MCAP file, or its first bytes are damaged")
     if len(data) < 17 or data[8] != Opcode.HEADER:

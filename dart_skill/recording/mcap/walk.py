@@ -137,7 +137,10 @@ def walk(data: memoryview, summary: Summary | None = None) -> Iterator[Record | 
 
 
 def read_definitions(data: memoryview, summary: Summary | None = None) -> tuple[dict[int, Schema], dict[int, Channel]]:
-    """Schemas and channels of a file by number: best those of the summary, then those in chunks with a CRC, then the others."""
+    """Schemas and channels of a file by number: best those of the summary, then those in chunks with a CRC, then the others.
+
+    data: the file's bytes.
+    """
     if summary is not None and summary.has_crc and summary.channels:
         return summary.schemas, summary.channels
     vouched: list[Schema | Channel] = []

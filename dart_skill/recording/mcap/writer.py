@@ -86,14 +86,14 @@ class McapFile:
         return definitions + self._index_bytes + 200 * (len(self._attachment_indexes) + len(self._metadata_indexes)) + 500
 
     def add_schema(self, name: str, encoding: str, data: bytes, number: int | None = None) -> int:
-        """Announce a message type; returns its number."""
+        """Announce a message type; returns its number. encoding: of its definition, such as ros2msg."""
         schema = Schema(id=len(self.schemas) + 1 if number is None else number, name=name, encoding=encoding, data=data)
         self._define(packed(schema))
         self.schemas[schema.id] = schema
         return schema.id
 
     def add_channel(self, topic: str, encoding: str, schema: int, metadata: Mapping[str, str], number: int | None = None) -> McapChannel:
-        """Announce a topic; schema: number of its type, 0 for none."""
+        """Announce a topic; schema: number of its type, 0 for none. encoding: of its messages, such as cdr; metadata: more about it."""
         number = len(self.channels) + 1 if number is None else number
         channel = McapChannel(Channel(id=number, topic=topic, message_encoding=encoding, schema_id=schema, metadata=dict(metadata)))
         self._define(packed(channel.record))
@@ -101,7 +101,10 @@ class McapFile:
         return channel
 
     def add_message(self, channel: McapChannel, sequence: int, log_time_ns: int, publish_time_ns: int, data: bytes) -> bool:
-        """Append a message; True if it ended a chunk. Raises struct.error for numbers out of range."""
+        """Append a message; True if it ended a chunk. Raises struct.error for numbers out of range.
+
+        channel: its topic; sequence: its number, 0 for none; log_time_ns, publish_time_ns: received and sent.
+        """
         chunk, index = self._chunk, channel.index
         header = _MESSAGE(5, 22 + len(data), channel.number, sequence, log_time_ns, publish_time_ns)
         index.append(log_time_ns)
@@ -150,7 +153,7 @@ class McapFile:
         return True
 
     def add_attachment(self, name: str, media_type: str, data: bytes, create_time_ns: int = 0, log_time_ns: int = 0) -> None:
-        """Append a file that goes with the messages."""
+        """Append a file that goes with the messages. create_time_ns, log_time_ns: when it was made and when it was added [ns]."""
         attachment = Attachment(data=data, name=name, media_type=media_type, create_time=create_time_ns, log_time=log_time_ns)
         record, offset = packed(attachment), self.position
         self._append(record)
@@ -166,7 +169,7 @@ class McapFile:
         self._attachment_indexes.append(index)
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """Append names and texts."""
+        """Append names and texts. values: texts by name."""
         record, offset = packed(Metadata(name=name, metadata=dict(values))), self.position
         self._append(record)
         self._metadata_indexes.append(MetadataIndex(offset=offset, length=len(record), name=name))

@@ -111,7 +111,7 @@ class Practice:
         return Verdict(True, forgotten=tuple(self._forget()))
 
     def withdraw(self, trial_id: str, reason: str) -> None:
-        """Take back a trial that was kept but cannot be learned from."""
+        """Take back a trial that was kept but cannot be learned from. trial_id: of the trial; reason: in words."""
         self._tried = [one for one in self._tried if one.id != trial_id]
         self._prepared.pop(trial_id, None)
         self.kept_out[trial_id] = reason

@@ -138,7 +138,7 @@ class PractisingSkill:
         return self._in_time(plan)
 
     def tell(self, plan: ThrowPlan | None, trial: Demonstration) -> Told:
-        """What came of a plan of this skill; without a plan the throw is a demonstration, whatever the method."""
+        """What came of a plan of this skill; without a plan the throw is a demonstration, whatever the method. trial: plan and outcome."""
         if plan is None:
             verdict = self._bootstrap(trial)
             return Told(verdict.kept, verdict.reason, forgotten=verdict.forgotten)

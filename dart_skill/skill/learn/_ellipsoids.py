@@ -11,7 +11,8 @@ def component_ellipsoids(
 ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """The components' positions as ellipsoids: centre (3,), orientation (4,) x, y, z, w, diameters (3,) [m].
 
-    x, y, z are the last columns but for the angles, of a throw two: t, [distance,] x, y, z, alpha, beta.
+    x, y, z are the last columns but for the angles, of a throw two: t, [distance,] x, y, z, alpha, beta. mixture: in the world;
+    deviations: half the length of an axis, in standard deviations.
     """
     first = mixture.means_.shape[1] - 3 - angles
     xyz = slice(first, first + 3)

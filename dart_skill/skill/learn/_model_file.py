@@ -26,7 +26,7 @@ def save_model(
 ) -> None:
     """Write a model to `path`, which must not exist; the folder must. It is there whole, or not at all.
 
-    practised (n, 6): `Correction.throws`.
+    practised (n, 6): `Correction.throws`. FileNotFoundError if there is no such folder.
     """
     path = Path(path)
     if not path.parent.is_dir():

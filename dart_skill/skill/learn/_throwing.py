@@ -425,7 +425,7 @@ def learn(demonstrations: Sequence[Demonstration], configuration: SkillConfigura
 
 
 def learn_prepared(throws: Sequence[PreparedThrow], configuration: SkillConfiguration = DEFAULT) -> ThrowingSkill:
-    """The same from throws that were prepared before, for the same configuration."""
+    """The same from throws that were prepared before, for the same configuration. ValueError if these are too few."""
     if len(throws) < LEAST_DEMONSTRATIONS:
         raise ValueError(f"{len(throws)} demonstrations are too few: record at least {LEAST_DEMONSTRATIONS}")
     return ThrowingSkill(configuration, throws)

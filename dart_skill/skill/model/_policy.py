@@ -55,7 +55,7 @@ class Policy:
     def guide(self, situation: Situation | None = None, registration: Registration | None = None) -> ReactiveGuide:
         """What guides the hand through a movement; the situation need not say where the hand starts, or where the bodies are.
 
-        registration: of cameras and arm, where that of the demonstrations does not count.
+        registration: of cameras and arm, where that of the demonstrations does not count. ValueError for another number of inputs.
         """
         situation, s, registration = situation or Situation({}), self._settings, registration or self.registration
         situation = situation if HAND in situation.poses else situation.moved(HAND, self.start)
@@ -110,7 +110,7 @@ class Policy:
 
     @classmethod
     def from_bytes(cls, data: bytes, skill: Skill) -> Policy:
-        """What `to_bytes` wrote of the same skill; ValueError if it is none."""
+        """What `to_bytes` wrote of the same skill; ValueError if it is none. data: the bytes."""
         try:
             content = read_arrays(io.BytesIO(data))
             if str(content["format"]) != FORMAT:

@@ -52,7 +52,7 @@ class PreparedMovement:
 
 
 def prepare_movement(skill: Skill, demonstration: TaskDemonstration, arm: ArmModel) -> PreparedMovement:
-    """ValueError names the demonstration and what is wrong with it."""
+    """ValueError names the demonstration and what is wrong with it. arm: model of the arm."""
     try:
         return _prepare(skill, demonstration, arm)
     except ValueError as error:

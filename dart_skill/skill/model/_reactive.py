@@ -75,7 +75,7 @@ class ReactiveSkill(Shown):
             raise ValueError(f"demonstration {movement.id}: {error}") from error
 
     def frames_along(self, movement: PreparedMovement, clock: np.ndarray) -> list[list[MovingFrame]]:
-        """The task frames at each instant of the clock (m,): a list of m for each frame."""
+        """The task frames at each instant of the clock (m,): a list of m for each frame. movement: what was prepared of a demonstration."""
         moved = {role: self._body_motions(movement, track, clock) for role, track in movement.bodies.items()}
         instants = [dict(zip(moved, motions, strict=True)) for motions in zip(*moved.values(), strict=True)]
         frames = [self._frames(movement.situation, motions) for motions in instants]

@@ -42,7 +42,10 @@ def changed_skill(skill: K, parameters: dict[str, Any]) -> tuple[K, str]:
 
 
 def save_skill_model(path: str | Path, learned: AnySkill) -> None:
-    """Write a model to `path`, which must not exist; the folder must. It is there whole, or not at all."""
+    """Write a model to `path`, which must not exist; the folder must. It is there whole, or not at all.
+
+    learned: the skill. FileNotFoundError if there is no such folder.
+    """
     path = Path(path)
     if not path.parent.is_dir():
         raise FileNotFoundError(f"there is no folder {path.parent} to save a model in")

@@ -10,7 +10,7 @@ PARAMETER_FILES = ("world.yaml", "limits.yaml", "wam.yaml", "wam_simulator.yaml"
 
 
 def attach_arm(writer: BagWriter) -> None:
-    """Attach the arm's description and the parameter files to a bag."""
+    """Attach the arm's description and the parameter files to a bag. writer: of the bag."""
     writer.add_attachment("wam.urdf", write_urdf(wam_description()), "application/xml")
     for name in PARAMETER_FILES:
         writer.add_attachment(name, config_path(name).read_text(encoding="utf-8"), "application/yaml")

@@ -119,7 +119,10 @@ class ThrowLog(SensorLog):
         return self.ball.between(since_ns, 0.0, (until_ns - since_ns) * 1e-9)
 
     def release_between(self, since_ns: int, until_ns: int, projectile: Ball = TENNIS_BALL) -> Release | None:
-        """How the ball left the hand between two instants; times after the first one. None if hand or flight was not seen."""
+        """How the ball left the hand between two instants; times after the first one. None if hand or flight was not seen.
+
+        projectile: what is thrown.
+        """
         if not (self.ball.stamps and self.hand.stamps):
             return None
         stop = (until_ns - since_ns) * 1e-9

@@ -43,7 +43,8 @@ def find_flight(time: np.ndarray, position: np.ndarray, ball: Ball = TENNIS_BALL
 
     Every window of some samples is fitted; runs of windows that fly freely are candidates. The first one that is at least half as long as
     the longest is refitted and grown over its neighbours, skipping up to two outliers. A flight that is not this ball's is fitted with a
-    drag of its own: `fit.ball` says which. noise: standard deviation of a coordinate [m]; default None: told from the samples.
+    drag of its own: `fit.ball` says which. noise: standard deviation of a coordinate [m]; default None: told from the samples. time,
+    position: the samples.
     """
     noise = position_noise(time, position) if noise is None else noise
     runs = _flying_runs(time, position, ball, noise)

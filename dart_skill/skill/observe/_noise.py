@@ -34,7 +34,7 @@ def position_noise(time: ArrayLike, position: ArrayLike) -> float:
 
 
 def column_noise(time: ArrayLike, columns: ArrayLike) -> np.ndarray:
-    """Standard deviation of each column of samples (n,) [s], (n, d): (d,), in the columns' units; at least 1e-6."""
+    """Standard deviation of each column of samples (n,) [s], (n, d): (d,), in the columns' units; at least 1e-6. time: (n,) [s]."""
     time, columns = fresh(np.asarray(time, dtype=float), np.asarray(columns, dtype=float))
     return np.maximum([float(estimate_noise(time, column[:, None])) for column in columns.T], 1e-6)
 

@@ -80,7 +80,7 @@ def judge_flight(
     ball_time (n,) [s], ball_position (n, 3) [m], world frame: every sample from the grip until the ball has
     come to rest or was lost for good. No samples, or none in flight, is an outcome too: not seen.
     noise: standard deviation of a coordinate of a sample [m], default None: told from the samples; free: what `find_flight` says of these
-    samples, if it was asked before.
+    samples, if it was asked before. surface: where the flight ends.
     """
     ball_time, ball_position = check_samples("ball", ball_time, ball_position, least=0)
     rim = _check_rim(rim, rim_radius)

@@ -30,7 +30,7 @@ class Recorded(Protocol):
 
 
 def sightings(demonstration: Recorded, model: ArmModel) -> Sightings:
-    """The hand of a demonstration at some instants; none (k = 0) if the arm's joints were not recorded meanwhile."""
+    """The hand of a demonstration at some instants; none (k = 0) if the arm's joints were not recorded meanwhile. model: of the arm."""
     d = demonstration
     if not len(d.joint_time):
         return Sightings(*(np.empty((0, n)) for n in (3, 4, 3, 4, 6)))

@@ -48,13 +48,16 @@ class ThrowFinder:
         self._since = 0
 
     def add_command(self, data: bytes, guiding: bool) -> None:
-        """A serialised WamCommand, of the person who guides the arm or of its controller."""
+        """A serialised WamCommand, of the person who guides the arm or of its controller. guiding: whether a person guides."""
         signal = self._teacher if guiding else self._controller
         if signal.take_command(data):
             self._openings.append((signal.openings.pop(), guiding))
 
     def until(self, arrived_ns: int) -> list[FoundThrow]:
-        """The throws that were watched to their end when everything up to a stamp has come [ns], in order of time."""
+        """The throws that were watched to their end when everything up to a stamp has come [ns], in order of time.
+
+        arrived_ns: the stamp.
+        """
         self._openings.sort()
         found = []
         while self._openings and watched_until(self._openings[0][0]) <= arrived_ns:
@@ -103,7 +106,7 @@ def cut_throw(log: ThrowLog, opening: Opening, thresholds: VelocityThreshold = T
 
 def worlds(streams: Iterable[np.ndarray]) -> list[tuple[int, int]]:
     """First and last stamp [ns] of each stretch in which something was seen all the time, of the stamps (n,) of several sensors: a reset
-    sets the clock on.
+    sets the clock on. streams: stamps of each sensor.
     """
     stamps = np.unique(np.concatenate([np.asarray(stream, dtype=np.int64) for stream in streams]))
     if not len(stamps):

@@ -48,7 +48,7 @@ def situation_content(situation: Situation) -> dict[str, Any]:
 
 
 def task_demonstration_content(one: TaskDemonstration, skill: Skill) -> dict[str, Any]:
-    """Fields of the message; ValueError where the skill finds no movement in it."""
+    """Fields of the message; ValueError where the skill finds no movement in it. one: the demonstration."""
     start, stop = skill.cut(one)
     frame = the_world().frame_id
 
@@ -77,7 +77,7 @@ def task_demonstration_content(one: TaskDemonstration, skill: Skill) -> dict[str
 
 
 def task_demonstration_message(types: Typestore, one: TaskDemonstration, skill: Skill) -> Any:
-    """The message of a demonstration as an object of `types`, without ROS."""
+    """The message of a demonstration as an object of `types`, without ROS. one: the demonstration."""
     return message(types, DEMONSTRATION_TYPE, task_demonstration_content(one, skill))
 
 

@@ -96,7 +96,10 @@ class SkillSettings:
 
     @classmethod
     def from_mapping(cls: type[S], content: dict[str, Any], where: str) -> S:
-        """The same from names and values; `where` they stand, for messages."""
+        """The same from names and values; `where` they stand, for messages.
+
+        content: values by name. ValueError for a name or value that cannot be.
+        """
         known = {one.name: one for one in fields(cls) if one.name in cls.names()}
         if unknown := sorted(set(content) - set(known)):
             raise ValueError(f"{where}: {', '.join(map(str, unknown))} is no setting; there are {', '.join(known)}")

@@ -34,12 +34,12 @@ class Pose:
         return Rotation.from_quat(self.quaternion).as_matrix()
 
     def place(self, local: Pose) -> Pose:
-        """What is at a pose in this body's frame, in the world."""
+        """What is at a pose in this body's frame, in the world. local: position, or pose, in this frame."""
         turn = Rotation.from_quat(self.quaternion)
         return Pose(self.position + turn.apply(local.position), (turn * Rotation.from_quat(local.quaternion)).as_quat())
 
     def sees(self, other: Pose) -> Pose:
-        """Where another body is in the frame of this one."""
+        """Where another body is in the frame of this one. other: its pose."""
         back = Rotation.from_quat(self.quaternion).inv()
         return Pose(back.apply(other.position - self.position), (back * Rotation.from_quat(other.quaternion)).as_quat())
 
@@ -62,5 +62,5 @@ class Situation:
         return self.poses[role]
 
     def moved(self, role: str, pose: Pose) -> Situation:
-        """The same situation with one body elsewhere."""
+        """The same situation with one body elsewhere. pose: where it is then."""
         return replace(self, poses={**self.poses, role: pose})

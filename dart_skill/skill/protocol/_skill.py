@@ -30,7 +30,10 @@ class Planner(Protocol):
 
 
 def settings_file(kind: type[Skill]) -> Path | None:
-    """YAML file with the settings of a skill: in the folder skills of config/, or of another package the file beside its module."""
+    """YAML file with the settings of a skill: in the folder skills of config/, or of another package the file beside its module.
+
+    kind: class of the skill.
+    """
     try:
         return config_path(f"skills/{kind.name}.yaml")
     except FileNotFoundError:
@@ -193,7 +196,10 @@ class Skill:
         return situation
 
     def judge(self, seen: TaskDemonstration, situation: Situation) -> TaskOutcome:
-        """What became of a movement that was made in a situation, from what was seen of it."""
+        """What became of a movement that was made in a situation, from what was seen of it.
+
+        NotImplementedError if the skill does not say.
+        """
         raise NotImplementedError(f"the skill '{self.name}' does not say how its outcome is judged: write {type(self).__name__}.judge")
 
     def corrected(self, situation: Situation, offset: np.ndarray) -> Situation:
