@@ -4,11 +4,12 @@ A turn is bust if it would leave 1 or less than 0, or 0 without a double (the do
 do not count. V(s) is the expected cost from the score s at the start of a turn. It is computed for s = 2, 3, ... With k darts left
 and r remaining, in a turn that started at s,
 
-    W_k(r) = c + min over aims of the mean over results o of (V(s) if o is bust, else W_{k-1}(r - o)),   W_0 = V,   V(s) = t + W_3(s)
+    W_k(r) = c + min over aims of the mean over results o of (V(s) if o is bust, else W_{k-1}(r - o)),   W_0 = V,   V(s) = t + d W_3(s)
 
-where c and t are the costs of a dart and of a turn. All of it is known but V(s) itself, to which a bust and three misses lead back. For
-fixed aims W_3(s) = a + b V(s). The equation in this one unknown is solved by policy iteration (Howard), which is Newton's method here:
-W_3(s) is concave in V(s), so from any guess the first step leads to the root or above it, and the others down to it.
+where c and t are the costs of a dart and of a turn, and d is 1 unless an opponent may finish in between. All of it is known but V(s)
+itself, to which a bust and three misses lead back. For fixed aims W_3(s) = a + b V(s). The equation in this one unknown is solved by
+policy iteration (Howard), which is Newton's method here: W_3(s) is concave in V(s), so from any guess the first step leads to the root or
+above it, and the others down to it.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from dart_skill.darts._board import BED_IS_DOUBLE, BED_SCORES
 
 _RESULTS, RESULT_OF_BED = np.unique(2 * BED_SCORES + BED_IS_DOUBLE, return_inverse=True)
 POINTS, IS_DOUBLE = _RESULTS // 2, _RESULTS % 2 == 1
-"""The distinct results of a dart (63,): its points, and whether it is a double."""
+"""The distinct results of a dart (57,): its points, and whether it is a double."""
 LARGEST_SCORE = 60
 SAFE = LARGEST_SCORE + 2
 """From this score on no dart can bust."""
@@ -44,19 +45,19 @@ class Solution(NamedTuple):
 
 
 def after_dart(remaining: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Scores (..., 63) after each result of a dart with these remaining (...), and whether it is bust, where the score means nothing."""
+    """Scores (..., 57) after each result of a dart with these remaining (...), and whether it is bust, where the score means nothing."""
     left = remaining[..., None] - POINTS
     return np.maximum(left, 0), (left < 0) | (left == 1) | ((left == 0) & ~IS_DOUBLE)
 
 
 class Everywhere:
-    """In every state every aim may be chosen. results (n, 63): probabilities of the results of a dart at each of n aims."""
+    """In every state every aim may be chosen. results (n, 57): probabilities of the results of a dart at each of n aims."""
 
     def __init__(self, results: np.ndarray):
         self.results, self._transposed = results, np.ascontiguousarray(results.T)
 
     def means(self, darts: int, low: int, values: np.ndarray) -> np.ndarray:
-        """Means (m, n) over the results of a dart of values (m, 63), for the remaining scores low, low + 1, ... with these darts left."""
+        """Means (m, n) over the results of a dart of values (m, 57), for the remaining scores low, low + 1, ... with these darts left."""
         return values @ self._transposed
 
     def aims(self, darts: int, remaining: np.ndarray, chosen: np.ndarray) -> np.ndarray:
@@ -65,29 +66,53 @@ class Everywhere:
 
 
 class Nearby:
-    """In each state only some of the aims may be chosen. near (3, start + 1, n): which, by the darts left less one, and what remains."""
+    """In each state only some of the aims may be chosen. near (3, start + 1, n): which, by the darts left less one, and what remains.
+
+    counts (3, start + 1): how many. In each row of means the first so many are different.
+    """
 
     def __init__(self, results: np.ndarray, near: np.ndarray):
-        self.results = results
+        self.results, self.counts = results, near.sum(axis=2)
         # scores from which darts can bust have many aims, as their V differs from turn to turn, and the others few
-        self._lists = [[_padded(mask[: _safe(darts)]), _padded(mask[_safe(darts) :])] for darts, mask in enumerate(near, start=1)]
+        self._lists = [[_padded(mask[: safe_from(darts)]), _padded(mask[safe_from(darts) :])] for darts, mask in enumerate(near, start=1)]
         self._blocks = [[results[lists] for lists in parts] for parts in self._lists]
 
     def means(self, darts: int, low: int, values: np.ndarray) -> np.ndarray:
         """As of Everywhere, (m, k)."""
-        part = int(low >= _safe(darts))
-        first = low - part * _safe(darts)
+        part = int(low >= safe_from(darts))
+        first = low - part * safe_from(darts)
         return np.matmul(self._blocks[darts - 1][part][first : first + len(values)], values[..., None])[..., 0]
+
+    def allowed(self, darts: int, remaining: int) -> np.ndarray:
+        """Index (k,) of the aims that may be chosen in a state."""
+        part = int(remaining >= safe_from(darts))
+        return np.unique(self._lists[darts - 1][part][remaining - part * safe_from(darts)])
+
+    def block(self, darts: int, low: int, end: int) -> np.ndarray:
+        """Probabilities of the results (m, k, 57) of the aims that may be chosen with these scores left, from which darts can bust."""
+        return self._blocks[darts - 1][0][low:end]
+
+    def best(self, darts: int, low: int, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The highest of the means of values (m, 57), as in means, and its aim, (m,) each."""
+        parts = [(first, end) for first, end in cut(low, low + len(values), safe_from(darts)) if first < end]
+        means = [self.means(darts, first, values[first - low : end - low]) for first, end in parts]
+        aims = [self.aims(darts, np.arange(*part), mean.argmax(axis=1)) for part, mean in zip(parts, means, strict=True)]
+        return np.concatenate([mean.max(axis=1) for mean in means]), np.concatenate(aims)
 
     def aims(self, darts: int, remaining: np.ndarray, chosen: np.ndarray) -> np.ndarray:
         """As of Everywhere."""
-        part = int(remaining[0] >= _safe(darts))
-        return self._lists[darts - 1][part][remaining - part * _safe(darts), chosen]
+        part = int(remaining[0] >= safe_from(darts))
+        return self._lists[darts - 1][part][remaining - part * safe_from(darts), chosen]
 
 
-def _safe(darts: int) -> int:
+def safe_from(darts: int) -> int:
     """From this score on so many darts cannot bust."""
     return SAFE + LARGEST_SCORE * (darts - 1)
+
+
+def cut(low: int, end: int, at: int) -> tuple[tuple[int, int], tuple[int, int]]:
+    """The parts of a range below a number and from it on; one of them may be empty."""
+    return (low, min(end, at)), (max(low, at), end)
 
 
 def _padded(mask: np.ndarray) -> np.ndarray:
@@ -100,25 +125,47 @@ def _padded(mask: np.ndarray) -> np.ndarray:
     return lists
 
 
-def solve(choice: Everywhere | Nearby, start: int, dart: float, turn: float, guesses: np.ndarray | None = None) -> Solution:
+class Costs(NamedTuple):
+    """Costs of a dart and of a turn; share: d, what a turn counts of the one before it.
+
+    If an opponent finishes in each of his turns with the chance 1 - d, the least cost means the highest chance to finish before him.
+    """
+
+    dart: float
+    turn: float
+    share: float = 1.0
+
+
+def solve(choice: Everywhere | Nearby, start: int, costs: Costs, guesses: np.ndarray | None = None) -> Solution:
     """Policy with the least cost from every score up to `start`.
 
-    choice: between which aims; dart, turn: their costs; guesses (start + 1,): of V. ValueError if no policy finishes.
+    choice: between which aims; guesses (start + 1,): of V. ValueError if no policy finishes.
     """
-    leg = _Leg(choice, start, dart)
+    leg = _Leg(choice, start, costs.dart)
     for score in range(2, start + 1):
         guess = guesses[score] if guesses is not None else leg.expected[score - 1] if score > 2 else 1.0
-        this = (_Turn if score < _safe(3) else _SafeTurn)(leg, score)
-        leg.expected[score] = _root(this, float(guess), turn)
+        this = (_Turn if score < safe_from(3) else _SafeTurn)(leg, score)
+        leg.expected[score] = _root(this, float(guess), costs)
         leg.keep(score, this)
     return Solution(leg.expected, leg.choices)
 
 
-def _root(turn: _Turn | _SafeTurn, guess: float, cost: float) -> float:
-    """The V(s) that a turn from s costs with it, and the aims of that turn; cost: of a turn."""
+def solve_turn(choice: Everywhere | Nearby, after: np.ndarray) -> Solution:
+    """One turn with the least cost from every score, if after (start + 1,) is the cost of what is left at its end; expected: that cost."""
+    leg, costs = _Leg(choice, len(after) - 1, 0.0), after.copy()
+    for score in range(2, len(after)):
+        leg.expected[score] = after[score]
+        this = (_Turn if score < safe_from(3) else _SafeTurn)(leg, score)
+        costs[score], _ = this.value(float(after[score]))
+        leg.keep(score, this)
+    return Solution(costs, leg.choices)
+
+
+def _root(turn: _Turn | _SafeTurn, guess: float, costs: Costs) -> float:
+    """The V(s) that a turn from s costs with it, and the aims of that turn."""
     for _ in range(MAX_ROUNDS):
         value, slope = turn.value(guess)
-        step = (cost + value - guess) / max(1.0 - slope, FEWEST_ENDS)
+        step = (costs.turn + costs.share * value - guess) / max(1.0 - costs.share * slope, FEWEST_ENDS)
         guess += step
         if abs(step) <= ACCURACY * guess:
             return guess  # what the aims of this round really cost
@@ -147,7 +194,7 @@ class _Leg:
             known = np.where(self.bust[score], 0.0, self.expected[self.left[score]])
             self.last_cost[score] = self.dart + self.choice.means(1, score, known[None])[0]
         for darts in (1, 2):
-            lowest = _safe(darts)
+            lowest = safe_from(darts)
             if score >= lowest:
                 self.safe[darts - 1, score], self.safe_aim[darts - 1, score] = turn.safe(darts)
             scores = np.arange(max(lowest, score - LARGEST_SCORE * (3 - darts)), score)
@@ -193,7 +240,7 @@ class _Turn:
     def __init__(self, leg: _Leg, score: int):
         self._leg, self.score = leg, score
         self._last = slice(max(2, score - 2 * LARGEST_SCORE), min(SAFE, score))
-        lower = max(2, score - LARGEST_SCORE), min(_safe(2), score)
+        lower = max(2, score - LARGEST_SCORE), min(safe_from(2), score)
         self._second = [part for part in (lower, (score, score + 1)) if part[0] < part[1]]
         after = np.where(leg.bust[score], 0.0, np.where(leg.left[score] < score, leg.expected[leg.left[score]], 0.0))
         back = leg.bust[score] | (leg.left[score] == score)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dart_skill.darts import LegInPlay, as_target, simulate_legs, solve_leg
-from dart_skill.darts._leg import _impacts
+from dart_skill.darts._leg import impacts
 
 
 def played(start, *beds):
@@ -60,7 +60,7 @@ def test_a_leg_takes_as_many_darts_as_the_simulation_of_its_policy_says():
         leg = LegInPlay(101)
         while not leg.is_over:
             choice = policy.choices[3 - leg.darts_left][leg.turn_start, leg.turn_start - leg.remaining]
-            leg.hit(_impacts(policy, np.array([choice]), rng)[0])
+            leg.hit(impacts(policy.aims[[choice]], policy.which[[choice]], policy.spreads, rng)[0])
         counts.append(len(leg.darts))
     simulated = simulate_legs(policy, 3000, rng)[1]
     standard_error = np.std(counts) / np.sqrt(len(counts)) + np.std(simulated) / np.sqrt(len(simulated))
