@@ -26,6 +26,8 @@ from dart_skill.darts._exact import bed_probabilities, expected_score, score_der
 from dart_skill.darts._heat_map import HeatMap, heat_map
 from dart_skill.darts._leg import CheckoutTable, LegPolicy, checkout_table, simulate_legs, solve_leg
 from dart_skill.darts._leg_play import LegDart, LegInPlay
+from dart_skill.darts._match import AimsApart, MatchPolicy, MatchSide, aims_apart, match_chance, simulate_match_legs, solve_match
+from dart_skill.darts._match_players import MatchPlayer, match_player
 from dart_skill.darts._optimum import Aim, best_aim, local_optima
 from dart_skill.darts._path import Jump, OptimumPath, optimum_path
 from dart_skill.darts._professionals import PROFESSIONALS, professional
@@ -33,6 +35,7 @@ from dart_skill.darts._spread import Spread, SpreadByTarget
 
 __all__ = [
     "Aim",
+    "AimsApart",
     "BED_IS_DOUBLE",
     "BED_NAMES",
     "BED_SCORES",
@@ -43,6 +46,9 @@ __all__ = [
     "LegInPlay",
     "LegPolicy",
     "LikelihoodRatio",
+    "MatchPlayer",
+    "MatchPolicy",
+    "MatchSide",
     "ModelBasedAgent",
     "OptimumPath",
     "POSSIBLE_SCORES",
@@ -53,6 +59,7 @@ __all__ = [
     "Spread",
     "SpreadByTarget",
     "SpreadEstimate",
+    "aims_apart",
     "as_target",
     "bed_at",
     "bed_centres",
@@ -65,6 +72,8 @@ __all__ = [
     "expected_score",
     "heat_map",
     "local_optima",
+    "match_chance",
+    "match_player",
     "name_at",
     "optimum_path",
     "place_of",
@@ -72,5 +81,7 @@ __all__ = [
     "score",
     "score_derivatives",
     "simulate_legs",
+    "simulate_match_legs",
     "solve_leg",
+    "solve_match",
 ]

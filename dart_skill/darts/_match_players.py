@@ -1,0 +1,107 @@
+"""A player of a match: between which aims to choose in each state, and what comes of turns with the fewest turns on average.
+
+The aims are the best ones against opponents of two kinds. Some finish in each of their turns with a fixed chance h, from 0 (the fewest
+turns) to nearly 1 (now or never): then a turn counts 1 - h of the one before. Others cannot finish in their next turns, and do so with
+such a chance later: against them it pays to prepare the next turns. More of both kinds raise the chance to win from 501 by 1e-5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dart_skill.darts._candidates import (
+    Candidates,
+    Choices,
+    Thrower,
+    best_play,
+    best_turn,
+    candidates_at,
+    first_aims,
+    states_of,
+    thrower_of,
+)
+from dart_skill.darts._leg import LegPolicy, as_start
+from dart_skill.darts._leg_solver import Costs, Nearby, Solution, after_dart
+from dart_skill.darts._spread import Spread, SpreadByTarget
+
+HAZARDS = (0.0, 0.1, 0.3, 0.6, 0.95)
+"""Chances of the first kind of opponents to finish in a turn."""
+LATE, RESPITE = (2, 4), 4
+"""Which of these chances the others have after a respite of one to four turns."""
+
+
+@dataclass(frozen=True, eq=False)
+class MatchPlayer:
+    """How one player can play, made by `match_player`.
+
+    * leg: the policy with the fewest turns on average.
+    * outcomes (start + 1, start + 1): chance of what is left after a turn of that policy, by what was left before.
+    * aims (n, 2) [mm]: between which to choose; which (n,): index of the spread of each.
+    * choice: which of them are good with so many darts left and so much remaining.
+    """
+
+    leg: LegPolicy
+    outcomes: np.ndarray
+    aims: np.ndarray
+    which: np.ndarray
+    choice: Nearby
+
+
+def match_player(spread: Spread | SpreadByTarget | float | ArrayLike, start: int) -> MatchPlayer:
+    """The player with a spread, in legs from `start`; both as in `solve_leg`."""
+    start, thrower = as_start(start), thrower_of(spread)
+    first = candidates_at(first_aims(thrower), thrower)
+    plays = [best_play(thrower, start, Costs(0.0, 1.0, 1.0 - hazard), first) for hazard in HAZARDS]
+    later = [play for late in LATE for play in _after_respite(thrower, plays[late][1], first)]
+    candidates, near = _united([*plays, *later])
+    fewest, (expected, choices) = plays[0]
+    leg = LegPolicy(fewest.aims, expected, choices, thrower.spreads, fewest.which, "turns")
+    outcomes = turn_outcomes(fewest.results, choices)
+    return MatchPlayer(leg, outcomes, candidates.aims, candidates.which, Nearby(candidates.results, near))
+
+
+def _after_respite(thrower: Thrower, solution: Solution, first: Candidates) -> Iterator[tuple[Candidates, Solution]]:
+    """The best turns before those of a solution. To finish costs nothing, and what is left costs what it is expected to, less a turn."""
+    after = np.maximum(solution.expected - 1.0, 0.0)
+    for _ in range(RESPITE):
+        candidates, turn = best_turn(thrower, after, first)
+        yield candidates, turn
+        after = turn.expected
+
+
+def _united(plays: list[tuple[Candidates, Solution]]) -> tuple[Candidates, np.ndarray]:
+    """All aims that are chosen somewhere, and in which states, (3, start + 1, n)."""
+    begins = np.cumsum([0, *(len(candidates.aims) for candidates, _ in plays)])
+    aims, results, which = (np.concatenate([candidates[part] for candidates, _ in plays]) for part in range(3))
+    _, first, same = np.unique(aims @ [1.0, 1j], return_index=True, return_inverse=True)
+    near = np.zeros((3, len(plays[0][1].expected), len(first)), dtype=bool)
+    for begin, (_, solution) in zip(begins, plays, strict=False):
+        for darts, table in enumerate(solution.choices[::-1]):
+            remaining, aim = states_of(table)
+            near[darts, remaining, same[begin + aim]] = True
+    used = near.any(axis=(0, 1))
+    return Candidates(*(part[first][used] for part in (aims, results, which))), near[..., used]
+
+
+def turn_outcomes(results: np.ndarray, choices: Choices) -> np.ndarray:
+    """Chance (start + 1, start + 1) of what is left after a turn, by what was left before; results (n, 57), and choices between them."""
+    size = len(choices[0])
+    left, bust = after_dart(np.arange(size))
+    now, outcomes = np.eye(size), np.zeros((size, size))
+    for table in choices:
+        after = np.zeros_like(now)
+        for scored in range(table.shape[1]):
+            begun = np.arange(scored + 2, size)
+            chance = now[begun, begun - scored, None] * results[table[begun, scored]]
+            fails = bust[begun - scored]
+            outcomes[begun, begun] += np.einsum("mo,mo->m", chance, fails)
+            np.add.at(after, (begun[:, None], left[begun - scored]), np.where(fails, 0.0, chance))
+        outcomes[:, 0] += after[:, 0]
+        after[:, 0] = 0.0
+        now = after
+    outcomes[2:] += now[2:]
+    return outcomes
