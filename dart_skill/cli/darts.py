@@ -1,4 +1,4 @@
-"""`dart-skill darts heatmap|aim|estimate|501|search`: where to aim, from a spread or from scores alone."""
+"""`dart-skill darts heatmap|aim|estimate|501|match|search`: where to aim, from a spread or from scores alone."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
+from dart_skill.cli import _darts_match
 from dart_skill.cli.experiment import search
 from dart_skill.files import new_file
 
@@ -29,6 +30,7 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     _add_aim(verbs)
     _add_estimate(verbs)
     _add_leg(verbs)
+    _darts_match.add_to(verbs)
     search.add_to(verbs)
 
 

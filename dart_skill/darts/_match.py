@@ -93,7 +93,7 @@ class MatchPolicy:
 def solve_match(spread: Player, against: Player, start: int = 501, plays: tuple[str, str] = ("best", "best")) -> MatchPolicy:
     """The chances of two players to win a leg, double out, and where they aim in every state of it (Haugh and Wang 2022).
 
-    They throw three darts in turn. Each aims where the chance to win is highest, whatever the other does. From 501 this takes 10 to 20 s.
+    They throw three darts in turn. Each aims where the chance to win is highest, whatever the other does. From 501 this takes 10 to 60 s.
 
     Parameters:
 

@@ -325,6 +325,8 @@ TYPED = {
     "dart-skill darts aim --from 5 --to 60": Run(says="sigma = .* mm: from T20 "),
     "dart-skill darts heatmap --sigma 28.3": Run(says="best aim: ", leaves="figures/*.svg"),
     "dart-skill darts 501 --sigma 20": Run(says="turns on average from 501"),
+    "dart-skill darts match --sigma 12 --against 15": Run("--start 60", says="you win .* % if you begin"),
+    "dart-skill darts match --sigma 12 --against 15 --legs 11": Run("--start 60", says="best of 11, you begin the first leg: you win "),
     "dart-skill darts search --methods mixture,power,cem,cma,niches,sharpening --schedules thesis,extended --results runs.jsonl": Run(
         "--methods power --seeds 1", says="power", leaves="runs.jsonl"
     ),

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from dart_skill.cli import main
 from dart_skill.cli.darts import add_to
-from dart_skill.darts import estimate_from_scores, local_optima
+from dart_skill.darts import estimate_from_scores, local_optima, match_chance, solve_match
 
 FIFTY = """12 16 19 3 17 1 25 19 17 50 18 1 3 17 2 2 13 18 16 2 25 5 5 1 5
 4 17 25 25 50 3 7 17 17 3 3 3 7 11 10 25 1 19 15 4 1 5 12 17 16""".split()
@@ -133,6 +133,35 @@ def test_one_state_of_a_leg(run):
     assert 0.1 < row["best_chance_to_finish"] < 0.15
 
 
+@pytest.fixture(scope="module")
+def match_from_41():
+    return solve_match(12.0, 15.0, 41)
+
+
+def test_a_match_is_that_of_the_library(run, match_from_41):
+    status, result = run("match", "--sigma", 12, "--against", 15, "--start", 41, "--legs", 5, "--first", "them", "--json")
+    leg = {"first": match_from_41.me.first[41, 41], "second": match_from_41.me.second[41, 41]}
+    assert status == 0 and result["leg"] == pytest.approx(leg)
+    assert result["match"] == {"legs": 5, "first": "them", "chance": pytest.approx(match_chance(*leg.values(), 5, "them"))}
+    assert result["aim"]["bed"] == match_from_41.me.target(41, 41)
+    assert result["leg_against_fewest_turns"]["first"] >= result["leg_both_fewest_turns"]["first"]
+
+
+def test_a_match_reads_well_as_text(run, match_from_41):
+    _, text = run("match", "--sigma", 12, "--against", 15, "--start", 41, "--legs", 3)
+    first, second = 100 * match_from_41.me.first[41, 41], 100 * match_from_41.me.second[41, 41]
+    assert f"leg from 41, both play to win: you win {first:.2f} % if you begin, {second:.2f} % if they begin" in text
+    assert "best of 3, you begin the first leg: you win " in text and "first dart: " in text
+    assert "no aim of a first dart depends on what they have left" in text or "left: " in text
+
+
+def test_each_player_of_a_match_has_a_spread_of_any_kind(run):
+    mine, theirs = ["--covariance", 400, -60, 200, "--bias", -3, 2], ["--against-professional", "Wade"]
+    against = run("match", *mine, *theirs, "--start", 10, "--json")[1]["leg"]
+    swapped = ["--against-covariance", 400, -60, 200, "--against-bias", -3, 2, "--professional", "Wade"]
+    assert run("match", *swapped, "--start", 10, "--json")[1]["leg"]["first"] == pytest.approx(1.0 - against["second"], abs=1e-6)
+
+
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -144,6 +173,10 @@ def test_one_state_of_a_leg(run):
         ["heatmap"],
         ["501"],
         ["501", "--sigma", "9", "--professional"],
+        ["match", "--sigma", "9"],
+        ["match", "--against", "9"],
+        ["match", "--sigma", "9", "--against", "9", "--against-professional"],
+        ["match", "--sigma", "9", "--against", "9", "--first", "you"],
         ["throw"],
         [],
     ],
@@ -167,6 +200,11 @@ def test_wrong_usage_ends_with_status_two(run, arguments, capsys):
         (["heatmap", "--covariance", "1", "5", "1"], "variances"),
         (["501", "--sigma", "20", "--start", "4", "--remaining", "5"], "between 2 and 4"),
         (["501", "--professional", "Nobody"], "no professional is called"),
+        (["match", "--sigma", "0", "--against", "9"], "you: sigma must lie between .* got 0"),
+        (["match", "--sigma", "9", "--against", "nan"], "opponent: sigma must lie between .* got nan"),
+        (["match", "--sigma", "9", "--against-professional", "Nobody"], "opponent: no professional is called"),
+        (["match", "--sigma", "9", "--against", "9", "--legs", "4"], "legs must be an odd number .* such as 5, got 4"),
+        (["match", "--sigma", "9", "--against", "9", "--start", "1"], "start must be an integer of at least 2, got 1"),
     ],
 )
 def test_bad_values_are_named(run, arguments, words):
@@ -185,7 +223,7 @@ NUMBERS = st.sampled_from(["0", "-1", "1e-308", "1e308", "-1e308", "nan", "inf",
 OPTIONS = {
     "heatmap": (["--spacing"], ["--covariance", 3], ["--bias", 2]),
     "aim": (["--sigma"], ["--covariance", 3], ["--bias", 2]),
-    "leg": (["--start"], ["--remaining"], ["--turn-start"]),
+    "501": (["--start"], ["--remaining"], ["--turn-start"]),
 }
 
 
