@@ -14,6 +14,11 @@ because it is held back is not taken to be at the end of the movement. Then (7.1
 The system has no clock. If the robot is held back, the movement waits. If it is pushed ahead, the movement skips a part.
 It reaches the goal from every start: since s' >= slowest > 0, s reaches its end in finite time; from then on y is
 constant, and (7.19) with a constant attractor is a stable linear system.
+
+The goal is where the demonstrations ended: their last positions are one Gaussian in each frame, and the product of these
+(7.21) is the goal in new frames. The regression at the mean duration is elsewhere, as some demonstrations have ended by
+then and others have not. A stretch of `SETTLING` after the last phase leads from there to the goal, so the course before is
+the regression's.
 """
 
 from __future__ import annotations
@@ -25,7 +30,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_count, as_number, as_samples, as_vector
+from dart_skill.checks import as_count, as_finite, as_number, as_samples, as_vector
 from dart_skill.mixture import GaussianMixture, regress
 from dart_skill.movement._attractor import attractor_from_motion, discretise
 from dart_skill.movement._attractor_model import AttractorModel
@@ -42,6 +47,8 @@ StateFrame = TaskFrame | MovingFrame | None
 """A frame that stands still, one that moves, or one that is missing."""
 SLOPE_STEP = 0.01
 """Over which the change of the state with the phase is measured on either side [s]."""
+SETTLING = 0.2
+"""How long the attractor takes from the end of the regression to the goal [s of phase]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +122,9 @@ class AutonomousDSGMR(AttractorModel):
         * inputs: for each demonstration its further inputs u, (q,) or (n_i, q); default None: there are none.
         * rng: as in `DSGMR.fit`.
         """
-        self._learn(*self._encoded(times, motions, frames, attractors, inputs), weights, rng)
+        samples, lifted = self._encoded(times, motions, frames, attractors, inputs)
+        self._learn(samples, lifted, weights, rng)
+        self._last = _gaussian_of_ends(samples, lifted, weights)
         self._ends = np.array([(np.min(time), np.max(time)) for time in times]).mean(0)
         return self
 
@@ -169,6 +178,11 @@ class AutonomousDSGMR(AttractorModel):
 
     def _features(self, time: ArrayLike, motion: Sequence[ArrayLike], attractor: ArrayLike | None, inputs: ArrayLike | None) -> np.ndarray:
         """[t, u, x, x', y] (n, 1 + q + 3d)."""
+        if isinstance(motion, np.ndarray) and motion.ndim < 3:
+            raise ValueError(
+                f"a motion must hold position, velocity and acceleration, (n, d) each, got one array of shape {motion.shape}; "
+                "smooth_derivatives(time, positions) makes a motion of positions"
+            )
         if attractor is None:
             if len(motion) != 3:
                 raise ValueError(f"a motion must hold position, velocity and acceleration, got {len(motion)} parts; or give its attractor")
@@ -219,6 +233,7 @@ class AutonomousDSGMR(AttractorModel):
         *,
         phase: ArrayLike | None = None,
         inputs: ArrayLike | None = None,
+        goal: ArrayLike | None = None,
     ) -> AutonomousPolicy:
         """The policy for new frames.
 
@@ -228,12 +243,37 @@ class AutonomousDSGMR(AttractorModel):
         * resolution: int, default 400. Number of phases at which the policy is computed beforehand.
         * phase: (n,) [s], equally spaced, default None: `resolution` of them, from the start to the end of the demonstrations.
         * inputs: the further inputs u, (q,) or one row for each phase (n, q); default None: there are none.
+        * goal: (d,), where the movement ends. Default None: where the demonstrations ended (`goal`); but if `phase` is given,
+          or the mixture was fitted elsewhere, where the regression is at the last phase.
         """
+        if goal is None and phase is None and hasattr(self, "_last"):
+            goal = self.goal(frames, inputs)
         if phase is None:
             phase = np.linspace(*self.ends, as_count(resolution, "resolution", 10))
         phase = as_stamps(phase, minimum=2)
-        uniform_step(phase)  # or a ValueError
-        return AutonomousPolicy(phase, *self._at_phases(frames, phase, inputs), self.stiffness, self.damping, self.rule)
+        step = uniform_step(phase)  # or a ValueError
+        course = self._at_phases(frames, phase, inputs)
+        if goal is not None:
+            goal = as_vector(goal, "goal", course[2].shape[1])
+            phase, course = _settled(phase, step, course, goal)
+        return AutonomousPolicy(phase, *course, self.stiffness, self.damping, self.rule)
+
+    def goal(self, frames: Sequence[StateFrame], inputs: ArrayLike | None = None) -> np.ndarray:
+        """Where the demonstrations ended, as seen in P new frames (d,): the product (7.21) of the Gaussians of their last positions.
+
+        inputs: the further inputs u, (q,) or rows (n, q), of which the last counts; the ends are regressed on them.
+        """
+        if not hasattr(self, "_last"):
+            self._fitted  # noqa: B018 - or a ValueError that says so
+            raise ValueError(
+                "the mixture of this model was fitted elsewhere, and the ends of its demonstrations are not known: give a goal"
+            )
+        product = self._last.product(self._lifted(frames))
+        first, d = 1 + self.n_inputs, (product.n_dims - 1 - self.n_inputs) // 3
+        if not self.n_inputs:
+            return product.means_[0, first : first + d]
+        query = self._with_inputs(self.ends[1:], None if inputs is None else np.atleast_2d(as_finite(inputs, "inputs"))[-1])[:, 1:]
+        return regress(product, query, np.arange(1, first), np.arange(first, first + d))[0][0]
 
     def reproduce(
         self,
@@ -246,12 +286,13 @@ class AutonomousDSGMR(AttractorModel):
         push: Push | None = None,
         phase: ArrayLike | None = None,
         inputs: ArrayLike | None = None,
+        goal: ArrayLike | None = None,
     ) -> StateDriven:
         """Movement in new frames from position0 and velocity0 (d,), for `duration` [s].
 
-        step and push as in `AutonomousPolicy.run`; phase and inputs as in `policy`.
+        step and push as in `AutonomousPolicy.run`; phase, inputs and goal as in `policy`.
         """
-        policy = self.policy(frames, phase=phase, inputs=inputs)
+        policy = self.policy(frames, phase=phase, inputs=inputs, goal=goal)
         return policy.run(position0, velocity0, step=step, duration=duration, push=push)
 
 
@@ -262,6 +303,29 @@ def _one_each(given: Sequence | None, n: int, name: str) -> Sequence:
     if len(given) != n:
         raise ValueError(f"{name} has {len(given)} entries for {n} demonstrations; give one for each")
     return given
+
+
+def _gaussian_of_ends(samples: list[np.ndarray], frames: list[list], weights: Weights) -> TaskParameterisedMixture:
+    """One Gaussian in each frame of the last row of the features [t, u, x, x', y] (n_i, m) of each demonstration."""
+    last = [[one[-1:] if isinstance(one, list) else one for one in its_frames] for its_frames in frames]
+    heard = None if weights is None else [np.ravel(one)[-1:] for one in weights]
+    return TaskParameterisedMixture(1).fit([rows[-1:] for rows in samples], last, heard)
+
+
+def _settled(
+    phase: np.ndarray, step: float, course: tuple[np.ndarray, np.ndarray, np.ndarray], goal: np.ndarray
+) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Phases (n + k,) [s], states, their covariances and attractors: the course (n, ...) and then smoothly to rest at the goal (d,)."""
+    n_more = max(2, round(SETTLING / step))
+    share = (np.arange(1, n_more + 1) / n_more)[:, None]
+    share = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    states, spreads, attractors = course
+    rest = np.concatenate([goal, np.zeros_like(goal)])
+    states = np.vstack([states, states[-1] + share * (rest - states[-1])])
+    attractors = np.vstack([attractors, attractors[-1] + share * (goal - attractors[-1])])
+    attractors[-1] = goal
+    spreads = np.concatenate([spreads, np.broadcast_to(spreads[-1], (n_more, *spreads.shape[1:]))])
+    return np.concatenate([phase, phase[-1] + step * np.arange(1, n_more + 1)]), (states, spreads, attractors)
 
 
 def correction(state: np.ndarray, spread: np.ndarray, slope: np.ndarray, rule: PhaseRule) -> tuple[np.ndarray, np.ndarray]:

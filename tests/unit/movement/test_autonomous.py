@@ -218,3 +218,75 @@ def test_bad_input_is_named(model, policy, demonstrations):
     mixed[1, 0] = 0.5
     with pytest.raises(ValueError, match="mixes time"):
         lift(TaskFrame(mixed, np.zeros(3)))
+
+
+def unequal_durations(rng):
+    """Eight reaches to (1, 0) that last 0.8 to 1.2 s and end at once, without a rest: their clocks and motions."""
+    clocks, motions = [], []
+    for duration in np.linspace(0.8, 1.2, 8):
+        clock = np.linspace(0.0, duration, 101)
+        s = clock / duration
+        path = np.outer(s**2 * (3.0 - 2.0 * s), [1.0, 0.0]) + np.outer(np.sin(np.pi * s), [0.0, 0.2]) + rng.normal(0.0, 1e-4, (101, 2))
+        clocks.append(clock)
+        motions.append(smooth_derivatives(clock, path))
+    return clocks, motions
+
+
+def test_it_ends_where_the_demonstrations_ended():
+    """The regression at the mean duration is elsewhere: some have ended by then, others have not."""
+    clocks, motions = unequal_durations(np.random.default_rng(1))
+    model = AutonomousDSGMR(8).fit(clocks, motions, [WORLD] * 8)
+    wanted = np.mean([motion.position[-1] for motion in motions], axis=0)
+    regressed = model.policy(WORLD, phase=np.linspace(*model.ends, 400))
+    assert np.linalg.norm(regressed.goal - wanted) > 2e-3
+    np.testing.assert_allclose(model.goal(WORLD), wanted, atol=1e-9)
+    for start in np.random.default_rng(2).uniform(-0.5, 1.5, (5, 2)):
+        run = model.reproduce(WORLD, start, [0.0, 0.0], duration=25.0, step=0.01)
+        assert np.linalg.norm(run.position[-1] - wanted) < 1e-6
+
+
+def test_the_course_before_the_end_is_that_of_the_regression(model):
+    with_end, regressed = model.policy(WORLD), model.policy(WORLD, phase=np.linspace(*model.ends, 400))
+    np.testing.assert_array_equal(with_end.attractors[:400], regressed.attractors)
+    np.testing.assert_array_equal(with_end.state[:400], regressed.state)
+    assert np.abs(np.diff(with_end.attractors[399:], axis=0)).max() < 0.01, "no jump to the goal"
+
+
+def test_a_goal_may_be_given(model):
+    run = model.reproduce(WORLD, [0.0, 0.0], [0.0, 0.0], duration=20.0, step=0.01, goal=[1.2, 0.3])
+    np.testing.assert_allclose(run.position[-1], [1.2, 0.3], atol=1e-6)
+    with pytest.raises(ValueError, match="goal"):
+        model.policy(WORLD, goal=[1.0, 0.0, 0.0])
+
+
+def test_the_goal_goes_with_the_frame_in_which_the_demonstrations_agreed():
+    rng = np.random.default_rng(3)
+    goals = rng.uniform([0.8, -0.4], [1.4, 0.4], (8, 2))
+    frames = [[WORLD[0], TaskFrame(np.eye(3), [0.0, *goal])] for goal in goals]
+    motions = [smooth_derivatives(STAMPS, wind_up_and_reach(rng, goal)) for goal in goals]
+    model = AutonomousDSGMR(10).fit([STAMPS] * 8, motions, frames)
+    off = np.mean([motion.position[-1] - goal for motion, goal in zip(motions, goals, strict=True)], axis=0)
+    new = np.array([1.1, 0.1])
+    assert np.linalg.norm(model.goal([WORLD[0], TaskFrame(np.eye(3), [0.0, *new])]) - new - off) < 0.005
+
+
+def test_one_demonstration_has_an_end_too(demonstrations):
+    motion = smooth_derivatives(STAMPS, demonstrations[0])
+    model = AutonomousDSGMR(6).fit([STAMPS], [motion], [WORLD])
+    np.testing.assert_allclose(model.goal(WORLD), motion.position[-1], atol=1e-9)
+
+
+def test_positions_in_place_of_motions_are_named(model, demonstrations):
+    path = demonstrations[0]
+    for given in (path, path[:3], path.T, path[:, 0]):
+        with pytest.raises(ValueError, match=r"got one array of shape .*smooth_derivatives"):
+            AutonomousDSGMR(3).fit([STAMPS], [given], [WORLD])
+    with pytest.raises(ValueError, match=r"got one array of shape .*smooth_derivatives"):
+        model.bic([STAMPS], [path], [WORLD])
+
+
+def test_a_mixture_from_elsewhere_has_no_ends(model):
+    other = AutonomousDSGMR.of_mixture(model.mixture_, model.ends)
+    np.testing.assert_array_equal(other.policy(WORLD).goal, other.policy(WORLD).attractors[-1])
+    with pytest.raises(ValueError, match="give a goal"):
+        other.goal(WORLD)
