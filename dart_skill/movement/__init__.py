@@ -38,6 +38,7 @@ from dart_skill.movement._orientation import (
 )
 from dart_skill.movement._primitives import DiscretePrimitive, Execution, PrimitiveState, RhythmicPrimitive, Trajectory
 from dart_skill.movement._reactive import Reaction, ReactivePolicy
+from dart_skill.movement._sample_faults import SampleFaults, find_faults, without_repeats
 from dart_skill.movement._segmentation import Segment, VelocityThreshold, segment_containing, speed
 from dart_skill.movement._springs import SpringMixture
 from dart_skill.movement._stiffness import attractor_with_gains, critical_damping_matrix, hold_to, stable_gains, stiffness_from_covariance
@@ -61,6 +62,7 @@ __all__ = [
     "ReactivePolicy",
     "Reproduction",
     "RhythmicPrimitive",
+    "SampleFaults",
     "Segment",
     "SpringMixture",
     "StateDriven",
@@ -85,6 +87,7 @@ __all__ = [
     "critical_damping_matrix",
     "estimate_noise",
     "features",
+    "find_faults",
     "follow_attractor",
     "from_matrices",
     "gaussian_weights",
@@ -108,4 +111,5 @@ __all__ = [
     "to_matrices",
     "turn_about_z",
     "turn_matrix",
+    "without_repeats",
 ]

@@ -176,7 +176,9 @@ class AutonomousDSGMR(AttractorModel):
         model.mixture_, model._ends = model._with_outputs(mixture), np.array(ends, dtype=float)
         return model
 
-    def _features(self, time: ArrayLike, motion: Sequence[ArrayLike], attractor: ArrayLike | None, inputs: ArrayLike | None) -> np.ndarray:
+    def _features(
+        self, time: ArrayLike, motion: Sequence[ArrayLike] | np.ndarray, attractor: ArrayLike | None, inputs: ArrayLike | None
+    ) -> np.ndarray:
         """[t, u, x, x', y] (n, 1 + q + 3d)."""
         if isinstance(motion, np.ndarray) and motion.ndim < 3:
             raise ValueError(

@@ -8,7 +8,7 @@ followed by (7.19).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +19,7 @@ from dart_skill.movement._attractor import attractor_from_motion, follow_attract
 from dart_skill.movement._attractor_model import AttractorModel
 from dart_skill.movement._differentiation import smooth_derivatives
 from dart_skill.movement._placement import Frame, FrameCourse, Weights
+from dart_skill.movement._sample_faults import find_faults, without_repeats
 from dart_skill.movement._task_parameterised import TaskParameterisedMixture
 from dart_skill.movement._time import as_stamps, uniform_step
 
@@ -81,6 +82,7 @@ class DSGMR(AttractorModel):
         noise: float | ArrayLike | None = None,
         at: ArrayLike | None = None,
         inputs: ArrayLike | None = None,
+        faults: str = "keep",
     ) -> np.ndarray:
         """Features [t, u, y] (n, m) of one demonstration, from noisy movement variables: the attractor is computed by (7.20).
 
@@ -91,7 +93,11 @@ class DSGMR(AttractorModel):
         * noise: standard deviation of the samples, as in `smooth_derivatives`; default None: estimated.
         * at: stamps (n,) of the features [s], default None: those of the samples.
         * inputs: the further inputs u, (q,) or (n, q); default None: there are none.
+        * faults: "keep" (default), the samples are taken as they are; "refuse", a ValueError says which repeats and jumps `find_faults`
+          finds; "thin", samples that repeat are left out first (`without_repeats`), and features are at the stamps that remain.
         """
+        if faults != "keep":
+            time, positions = _faultless(time, positions, faults)
         motion = smooth_derivatives(time, positions, noise=noise, at=at)
         return self.features(time if at is None else at, attractor_from_motion(*motion, self.stiffness, self.damping), inputs)
 
@@ -214,6 +220,21 @@ class DSGMR(AttractorModel):
         if len(push) != len(attractor):
             raise ValueError(f"push must have {len(attractor)} rows, one per stamp, got {len(push)}")
         return attractor + push / self.stiffness
+
+
+def _faultless(time: ArrayLike, positions: ArrayLike, faults: str) -> tuple[ArrayLike, ArrayLike]:
+    """Stamps and samples without repeats if `faults` is "thin"; ValueError if repeats or jumps are left, or `faults` is not known.
+
+    Quantisation is no reason to refuse: it is noise of a known size.
+    """
+    if faults not in ("refuse", "thin"):
+        raise ValueError(f"faults must be one of ('keep', 'refuse', 'thin'), got {faults!r}")
+    if faults == "thin":
+        time, positions = without_repeats(time, positions)
+    found = replace(find_faults(time, positions), quantum=()).reasons
+    if found:
+        raise ValueError("the samples cannot be differentiated: " + "; ".join(found))
+    return time, positions
 
 
 def _roots(covariance: np.ndarray) -> np.ndarray:

@@ -367,6 +367,9 @@ TYPED = {
     "dart-skill experiment place --jobs 2 --demonstrations 5 --seeds 4": Run("--seeds 1 --parts 1", says="of 1 parts are in their holders"),
     "dart-skill experiment reach --jobs 2 --demonstrations 3": Run("--seeds 1 --cups 1 --held 0", says=r"of 1 "),
     "dart-skill experiment reach --jobs 2 --arm fleet": Run("--seeds 1 --cups 1 --demonstrations 3 --held 0", says=r"of 1 "),
+    "dart-skill experiment real_data --data FOLDER --jobs 2": Elsewhere(
+        "unit/experiments/test_real_data.py::test_the_command_prints_a_table_of_what_is_there"
+    ),
     "dart-skill experiment compliance": Run("--seeds 1 --throws 1 --demonstrations 4", says="50 to 800 +1 "),
     "dart-skill experiment repeatability --throws 50": Run("--throws 1 --demonstrations 3", says="1.60 +1 "),
     "dart-skill experiment basket --models default,autonomous,weighted,thesis,thesis_local,shown_release --figure figures": Run(

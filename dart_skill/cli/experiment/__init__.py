@@ -15,13 +15,29 @@ from dart_skill.cli.experiment import (
     place,
     practice,
     reach,
+    real_data,
     repeatability,
     search,
     soak,
     throws,
 )
 
-EXPERIMENTS = (throws, basket, practice, darts, repeatability, search, landscapes, compliance, place, reach, figure, faults, soak)
+EXPERIMENTS = (
+    throws,
+    basket,
+    practice,
+    darts,
+    repeatability,
+    search,
+    landscapes,
+    compliance,
+    place,
+    reach,
+    real_data,
+    figure,
+    faults,
+    soak,
+)
 
 
 def add_to(commands: argparse._SubParsersAction) -> None:

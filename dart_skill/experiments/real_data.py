@@ -1,0 +1,235 @@
+"""Published demonstrations of people: what the learning core reproduces, and what it makes of starts and frames that it has not seen.
+
+* Handwriting (LASA): trained on demonstrations 1 to 4, from the starts of all seven. The error is the dynamic time warping distance
+  (DTWD, Sakoe and Chiba 1978) [mm]: the sum of the distances along the best alignment of two paths of 500 samples each. It is the mean
+  of 1 to 4 (train) and 5 to 7 (test). For what is driven by the state: the share of a grid of starts, over the rectangle of all
+  demonstrations, that ends within 1 mm of the mean end of the training demonstrations.
+* Task-parameterised sets (pbdlib): each demonstration is left out once. Error and goal: the mean distance along the best alignment, and
+  that of the ends, in % of the diagonal of all demonstrations.
+
+The demonstrations of a shape last differently long; their stamps are scaled to the mean duration. Peers are used where they are installed.
+`dart-skill experiment real_data` prints the table that docs/learning.md quotes.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from dart_skill.experiments.parallel import all_of
+from dart_skill.movement import DSGMR, AutonomousDSGMR, AutonomousPolicy, DiscretePrimitive, TaskFrame, smooth_derivatives
+from dart_skill.recording.imports import Demonstrated, lasa_shapes, pbdlib_sets
+
+N_TRAIN = 4
+N_SAMPLES = 500
+"""Of both paths that are compared, for handwriting."""
+GRID = 5
+"""Starts along either side of the grid."""
+NEAR = 1.0
+"""How near the goal a start must end [mm]."""
+COMPONENTS = 8
+WEIGHTS = 50
+STEP = 0.01
+PATIENCE = 8.0
+"""A start of the grid gets so many times the mean duration."""
+STILL = [TaskFrame(np.eye(3), np.zeros(3))]
+PEER = "movement_primitives"
+Reproduce = Callable[[np.ndarray], np.ndarray]
+"""From a start (d,) to a path (n, d)."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """One method on one set.
+
+    train, test: DTWD [mm] for handwriting; for a task-parameterised set test is the error and goal that of the ends [%], and train nan.
+    arrived: share of the grid that ends at the goal, nan for what has a clock.
+    """
+
+    kind: str
+    name: str
+    method: str
+    train: float
+    test: float
+    arrived: float = np.nan
+    goal: float = np.nan
+
+
+def run(folder: Path, jobs: int = 1, shapes: Sequence[str] = ()) -> list[Score]:
+    """All that the folder holds of either set; shapes: only these. ValueError: it holds neither, or not a shape that is named."""
+    work: list[tuple[str, str, list[Demonstrated]]] = []
+    problems = []
+    for kind, load in (("handwriting", lasa_shapes), ("frames", pbdlib_sets)):
+        try:
+            work += [(kind, name, demonstrations) for name, demonstrations in load(folder).items()]
+        except ValueError as error:
+            problems.append(str(error))
+    if not work or any("cannot be read" in problem for problem in problems):
+        raise ValueError("; ".join(problems))
+    unknown = set(shapes) - {name for _, name, _ in work}
+    if unknown:
+        raise ValueError(f"there is no {', '.join(sorted(unknown))} in {folder}; it holds {', '.join(name for _, name, _ in work)}")
+    work = [one for one in work if not shapes or one[1] in shapes]
+    return all_of(partial(_scored, work), list(range(len(work))), jobs)
+
+
+def _scored(work: Sequence[tuple[str, str, list[Demonstrated]]], i: int) -> list[Score]:
+    kind, name, demonstrations = work[i]
+    return handwriting(name, demonstrations) if kind == "handwriting" else left_out(name, demonstrations)
+
+
+def handwriting(name: str, demonstrations: Sequence[Demonstrated]) -> list[Score]:
+    """The methods on one shape."""
+    shown = demonstrations[:N_TRAIN]
+    duration = float(np.mean([one.time[-1] - one.time[0] for one in shown]))
+    clock = duration * np.linspace(0.0, 1.0, N_SAMPLES)
+    paths = [resampled(one.position, N_SAMPLES) for one in demonstrations]
+    policy = _driven_by_state(clock, paths[:N_TRAIN])
+    methods: dict[str, Reproduce] = {
+        "AutonomousDSGMR": partial(_until_rest, policy, duration),
+        "DSGMR": _driven_by_clock(clock, paths[:N_TRAIN]),
+        "DiscretePrimitive, nearest": _nearest_primitive(clock, paths[:N_TRAIN]),
+    }
+    if importlib.util.find_spec(PEER) is not None:
+        methods[f"{PEER}, nearest"] = _nearest_peer(clock, paths[:N_TRAIN])
+    arrived = {"AutonomousDSGMR": _arrived(policy, paths, duration)}
+    scores = []
+    for method, reproduce in methods.items():
+        errors = [warped_distance(resampled(reproduce(path[0]), N_SAMPLES), path)[0] for path in paths]
+        train, test = float(np.mean(errors[:N_TRAIN])), float(np.mean(errors[N_TRAIN:]))
+        scores.append(Score("handwriting", name, method, train, test, arrived.get(method, np.nan)))
+    return scores
+
+
+def _driven_by_state(clock: np.ndarray, paths: list[np.ndarray]) -> AutonomousPolicy:
+    motions = [smooth_derivatives(clock, path) for path in paths]
+    return AutonomousDSGMR(COMPONENTS).fit([clock] * len(paths), motions, [STILL] * len(paths)).policy(STILL)
+
+
+def _until_rest(policy: AutonomousPolicy, duration: float, start: np.ndarray) -> np.ndarray:
+    """The path (n, d) from a start at rest until its end stays within NEAR of the goal."""
+    run = policy.run(start, np.zeros_like(start), step=STEP, duration=PATIENCE * duration)
+    away = np.flatnonzero(np.linalg.norm(run.position - policy.goal, axis=1) > NEAR)
+    return run.position[: away[-1] + 2 if len(away) else 2]
+
+
+def _arrived(policy: AutonomousPolicy, paths: list[np.ndarray], duration: float) -> float:
+    every, goal = np.vstack(paths), np.mean([path[-1] for path in paths[:N_TRAIN]], axis=0)
+    axes = [np.linspace(least, most, GRID) for least, most in zip(every.min(axis=0), every.max(axis=0), strict=True)]
+    starts = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, len(axes))
+    ends = [policy.run(start, np.zeros_like(start), step=2.0 * STEP, duration=PATIENCE * duration).position[-1] for start in starts]
+    return float(np.mean(np.linalg.norm(np.array(ends) - goal, axis=1) < NEAR))
+
+
+def _driven_by_clock(clock: np.ndarray, paths: list[np.ndarray]) -> Reproduce:
+    model = DSGMR(COMPONENTS)
+    model.fit([model.encode(clock, path) for path in paths], [STILL] * len(paths))
+    return lambda start: model.reproduce(STILL, clock, start, np.zeros_like(start), covariance=False).position
+
+
+def _nearest(paths: list[np.ndarray], start: np.ndarray) -> int:
+    return int(np.argmin([np.linalg.norm(path[0] - start) for path in paths]))
+
+
+def _nearest_primitive(clock: np.ndarray, paths: list[np.ndarray]) -> Reproduce:
+    primitives = [DiscretePrimitive(WEIGHTS).fit(clock, path) for path in paths]
+
+    def reproduce(start: np.ndarray) -> np.ndarray:
+        primitive = primitives[_nearest(paths, start)]
+        return primitive.open_loop(clock, primitive.begin(start)).position
+
+    return reproduce
+
+
+def _nearest_peer(clock: np.ndarray, paths: list[np.ndarray]) -> Reproduce:
+    peer_class = importlib.import_module(f"{PEER}.dmp").DMP
+
+    def reproduce(start: np.ndarray) -> np.ndarray:
+        path = paths[_nearest(paths, start)]
+        peer = peer_class(n_dims=path.shape[1], execution_time=clock[-1], dt=clock[1], n_weights_per_dim=WEIGHTS)
+        peer.imitate(clock, path)
+        peer.configure(start_y=start, goal_y=path[-1])
+        return peer.open_loop()[1]
+
+    return reproduce
+
+
+def left_out(name: str, demonstrations: Sequence[Demonstrated]) -> list[Score]:
+    """DSGMR on one task-parameterised set, each demonstration left out once; its stamps are scaled to the mean duration."""
+    duration, n = float(np.mean([one.time[-1] for one in demonstrations])), len(demonstrations)
+    clocks = [one.time * duration / one.time[-1] for one in demonstrations]
+    every = np.vstack([one.position for one in demonstrations])
+    unit, errors = float(np.linalg.norm(np.ptp(every, axis=0))) / 100.0, []
+    for i, unseen in enumerate(demonstrations):
+        model, others = DSGMR(COMPONENTS), [j for j in range(n) if j != i]
+        encoded = [model.encode(clocks[j], demonstrations[j].position) for j in others]
+        model.fit(encoded, [demonstrations[j].frames for j in others])
+        clock, start = np.linspace(0.0, duration, len(unseen.time)), unseen.position[0]
+        path = model.reproduce(unseen.frames, clock, start, np.zeros_like(start), covariance=False).position
+        total, steps = warped_distance(path, unseen.position)
+        errors.append([total / steps / unit, float(np.linalg.norm(path[-1] - unseen.position[-1])) / unit])
+    error, goal = np.mean(errors, axis=0)
+    return [Score("frames", name, "DSGMR", np.nan, float(error), goal=float(goal))]
+
+
+def resampled(path: np.ndarray, n: int) -> np.ndarray:
+    """A path (m, d) at n instants, equally spaced over its indices: (n, d)."""
+    place = np.linspace(0.0, len(path) - 1.0, n)
+    return np.column_stack([np.interp(place, np.arange(len(path)), column) for column in path.T])
+
+
+def warped_distance(first: np.ndarray, second: np.ndarray) -> tuple[float, int]:
+    """Least sum of distances over monotone alignments of paths (n, d) and (m, d), and how many pairs that alignment has.
+
+    D(i, j) = |a_i - b_j| + min(D(i-1, j), D(i, j-1), D(i-1, j-1)); all of one antidiagonal i + j at a time.
+    """
+    distance = np.linalg.norm(first[:, None] - second, axis=2)
+    n, m = distance.shape
+    total = np.full((n + 1, m + 1), np.inf)
+    total[0, 0] = 0.0
+    for diagonal in range(2, n + m + 1):
+        i = np.arange(max(1, diagonal - m), min(n, diagonal - 1) + 1)
+        j = diagonal - i
+        before = np.minimum(np.minimum(total[i - 1, j], total[i, j - 1]), total[i - 1, j - 1])
+        total[i, j] = distance[i - 1, j - 1] + before
+    return float(total[n, m]), _pairs(total)
+
+
+def _pairs(total: np.ndarray) -> int:
+    """How many pairs the best alignment of D (n + 1, m + 1) has, from its end back to its start."""
+    i, j, pairs = total.shape[0] - 1, total.shape[1] - 1, 1
+    while (i, j) != (1, 1):
+        i, j = min(((i - 1, j - 1), (i - 1, j), (i, j - 1)), key=lambda place: total[place])
+        pairs += 1
+    return pairs
+
+
+def table(scores: Sequence[Score]) -> str:
+    """Means over the shapes of handwriting, and each task-parameterised set, as a table."""
+    lines = []
+    for kind, head in (
+        ("handwriting", f"{'method':<32}{'shapes':>7}{'train [mm]':>12}{'test [mm]':>12}{'at the goal':>13}"),
+        ("frames", f"{'set, left out':<32}{'method':>7}{'error [%]':>12}{'goal [%]':>12}"),
+    ):
+        rows = [score for score in scores if score.kind == kind]
+        lines += [head] if rows else []
+        lines += _means(rows) if kind == "handwriting" else [f"{r.name:<32}{r.method:>7}{r.test:>12.2f}{r.goal:>12.2f}" for r in rows]
+    if importlib.util.find_spec(PEER) is None:
+        lines.append(f"{PEER} is not installed, so there is no row of it")
+    return "\n".join(lines)
+
+
+def _means(rows: Sequence[Score]) -> list[str]:
+    lines = []
+    for method in dict.fromkeys(row.method for row in rows):
+        own = [row for row in rows if row.method == method]
+        train, test, arrived = (np.mean([getattr(row, field) for row in own]) for field in ("train", "test", "arrived"))
+        share = "-" if np.isnan(arrived) else f"{100.0 * arrived:.0f} %"
+        lines.append(f"{method:<32}{len(own):>7}{train:>12.0f}{test:>12.0f}{share:>13}")
+    return lines

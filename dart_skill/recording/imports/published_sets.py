@@ -1,0 +1,93 @@
+"""Published demonstrations of people, read from the files as their authors published them; the user names the folder.
+
+* LASA handwriting (Khansari-Zadeh and Billard 2011): seven demonstrations of each of 30 shapes, drawn on a tablet [mm], 26 with one
+  pattern and 4 with several. Its licence forbids passing it on, so no file of it is in this repository.
+* The planar task-parameterised sets of pbdlib-python (Idiap, MIT): hand movements in two frames, in pixels.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dart_skill.checks import as_samples
+from dart_skill.movement import TaskFrame
+
+LASA_PAGE = "https://github.com/epfl-lasa/LASAHandwritingDataset"
+PBDLIB_PAGE = "https://gitlab.idiap.ch/rli/pbdlib-python"
+STEP = 0.01
+"""The sets of pbdlib have no stamps: their samples are taken to be so far apart [s]."""
+FIRST_OF_SEVERAL = "Multi_Models"
+
+
+@dataclass(frozen=True, eq=False)
+class Demonstrated:
+    """One demonstration: time (n,) [s]; position (n, d) in the unit of its set; frames of [t, position], empty where the set has none."""
+
+    time: np.ndarray
+    position: np.ndarray
+    frames: tuple[TaskFrame, ...] = ()
+
+
+def lasa_shapes(folder: Path, *, several: bool = False) -> dict[str, list[Demonstrated]]:
+    """The demonstrations of each LASA shape [mm], by name; folder: that which holds `DataSet`, or the .mat files themselves.
+
+    several: the shapes of several patterns instead of those of one. ValueError: there are no such files, or one cannot be read.
+    """
+    files = sorted((folder / "DataSet" if (folder / "DataSet").is_dir() else folder).glob("*.mat"))
+    files = [file for file in files if file.stem.startswith(FIRST_OF_SEVERAL) == several]
+    if not files:
+        raise ValueError(f"{folder} holds no DataSet/*.mat of LASA handwriting; it is published at {LASA_PAGE}")
+    return {file.stem: _read(file, _lasa_shape, LASA_PAGE) for file in files}
+
+
+def pbdlib_sets(folder: Path) -> dict[str, list[Demonstrated]]:
+    """The demonstrations of each planar task-parameterised set [pixels], by name; folder: pbdlib/data, its TPGMM, or what holds pbdlib.
+
+    ValueError: there are no such files, or one cannot be read.
+    """
+    places = [folder / "pbdlib" / "data" / "TPGMM", folder / "data" / "TPGMM", folder / "TPGMM", folder]
+    place = next((place for place in places if list(place.glob("*_tp_0_d_0_A.npy"))), None)
+    if place is None:
+        raise ValueError(f"{folder} holds no TPGMM/*_tp_0_d_0_A.npy of pbdlib-python; they are published at {PBDLIB_PAGE}, in pbdlib/data")
+    names = sorted(file.name.removesuffix("_tp_0_d_0_A.npy") for file in place.glob("*_tp_0_d_0_A.npy"))
+    return {name: [_read(file, _pbdlib_one, PBDLIB_PAGE) for file in _numbered(place, name)] for name in names}
+
+
+def _read(file: Path, reader: Callable[[Path], Any], page: str) -> Any:
+    try:
+        return reader(file)
+    except Exception as error:  # whatever a damaged file makes its reader raise
+        raise ValueError(f"{file} cannot be read ({type(error).__name__}: {error}); it is published at {page}") from error
+
+
+def _lasa_shape(file: Path) -> list[Demonstrated]:
+    from scipy.io import loadmat
+
+    demos = loadmat(file, simplify_cells=True)["demos"]
+    return [Demonstrated(np.ravel(one["t"]).astype(float), as_samples(np.transpose(one["pos"]), "pos")) for one in demos]
+
+
+def _numbered(place: Path, name: str) -> list[Path]:
+    """The demonstrations name0.npy, name1.npy, ... or name_0.npy, ..., in order."""
+    numbers = {file: re.fullmatch(re.escape(name) + r"_?(\d+)", file.stem) for file in place.glob(f"{name}*.npy")}
+    return sorted((file for file, number in numbers.items() if number), key=lambda file: int(re.findall(r"\d+", file.stem)[-1]))
+
+
+def _pbdlib_one(file: Path) -> Demonstrated:
+    """Rows hold the position as seen from each frame, one after the other; frames: matrix A (2, 2) and origin b (2,) of each."""
+    rows, number = as_samples(np.load(file, allow_pickle=False), "samples"), int(re.findall(r"\d+", file.stem)[-1])
+    name = re.sub(r"_?\d+$", "", file.stem)
+    frames = []
+    for matrix_file in sorted(file.parent.glob(f"{name}_tp_*_d_{number}_A.npy")):
+        matrix = np.eye(3)
+        matrix[1:, 1:] = np.load(matrix_file, allow_pickle=False)
+        offset = np.load(matrix_file.with_name(matrix_file.name.replace("_A.npy", "_b.npy")), allow_pickle=False)
+        frames.append(TaskFrame(matrix, np.concatenate([[0.0], offset])))
+    position = rows[:, :2] @ frames[0].A[1:, 1:].T + frames[0].b[1:]
+    return Demonstrated(STEP * np.arange(len(rows)), position, tuple(frames))
