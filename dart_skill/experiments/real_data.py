@@ -23,8 +23,8 @@ from pathlib import Path
 import numpy as np
 
 from dart_skill.experiments.parallel import all_of
+from dart_skill.experiments.published_sets import Demonstrated, lasa_shapes, pbdlib_sets
 from dart_skill.movement import DSGMR, AutonomousDSGMR, AutonomousPolicy, DiscretePrimitive, TaskFrame, smooth_derivatives
-from dart_skill.recording.imports import Demonstrated, lasa_shapes, pbdlib_sets
 
 N_TRAIN = 4
 N_SAMPLES = 500

@@ -12,11 +12,9 @@ from dart_skill.recording.imports.mapping import (
 )
 from dart_skill.recording.imports.pose_faults import Fault, fault_lines, repair
 from dart_skill.recording.imports.pose_stream import PoseStream, RigidTransform
-from dart_skill.recording.imports.published_sets import Demonstrated, lasa_shapes, pbdlib_sets
 from dart_skill.recording.imports.throw_recording import JointStream, ThrowRecording, convert, read_recording
 
 __all__ = [
-    "Demonstrated",
     "Fault",
     "MAPPING",
     "JointStream",
@@ -31,10 +29,8 @@ __all__ = [
     "bodies_to_csv",
     "convert",
     "fault_lines",
-    "lasa_shapes",
     "load_mapping",
     "parse_mapping",
-    "pbdlib_sets",
     "read_recording",
     "repair",
     "throws_to_csv",

@@ -5,8 +5,8 @@ import pytest
 from scipy.io import savemat
 
 from dart_skill.cli import main
+from dart_skill.experiments.published_sets import lasa_shapes, pbdlib_sets
 from dart_skill.experiments.real_data import handwriting, left_out, resampled, run, table, warped_distance
-from dart_skill.recording.imports import lasa_shapes, pbdlib_sets
 
 STARTS = np.random.default_rng(0).normal([-40.0, 20.0], 2.0, (7, 2))
 
