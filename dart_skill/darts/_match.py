@@ -70,8 +70,8 @@ class MatchSide:
         return self.player.leg if self.play == "turns" else self.player
 
     def choices(self, begun: int, against: int) -> tuple[np.ndarray, ...]:
-        """Index of the aims of a turn from a score, when the other player has `against` left: with three, two and one darts left three
-        arrays, by the points of the turn so far.
+        """Index of the aims of a turn from the score `begun`, when the other player has `against` left: with three, two and one darts left
+        three arrays, by the points of the turn so far.
         """
         if self.play == "turns":
             return tuple(table[begun] for table in self.player.leg.choices)
@@ -146,7 +146,7 @@ class AimsApart(NamedTuple):
 def aims_apart(side: MatchSide, near: int = 40, far: int = 140) -> AimsApart | None:
     """Where the best aim depends most on what the other player has left, near or far; None if it is in the same bed everywhere.
 
-    side: one with the play "best"; a `far` above the start means the start.
+    side: one with the play "best"; a `far` above the start means the start. ValueError for another play.
     """
     start = side.player.leg.start
     against = as_remaining(min(near, start), start, "near"), as_remaining(min(far, start), start, "far")
@@ -171,7 +171,8 @@ def match_chance(first: float, second: float, legs: int, begins: str = "me") -> 
 
     first, second: chance to win a leg that the player begins, and one that the other begins; begins: the first leg, "me" or "them".
 
-    The match is won if all legs were played and more than half of them were won: a sum of two binomial numbers.
+    The match is won if all legs were played and more than half of them were won: a sum of two binomial numbers. ValueError for an even
+    number of legs or too many, no chance, or another player.
     """
     first, second = _as_chance(first, "first"), _as_chance(second, "second")
     legs = as_count(legs, "legs", 1)
@@ -187,7 +188,10 @@ def match_chance(first: float, second: float, legs: int, begins: str = "me") -> 
 def simulate_match_legs(
     policy: MatchPolicy, n_legs: int, rng: np.random.Generator, begins: str = "me", max_turns: int = 10_000
 ) -> np.ndarray:
-    """Simulates legs dart by dart with random hits; returns which of them the side `me` wins, (n_legs,). begins: "me" or "them"."""
+    """Simulates legs dart by dart with random hits; returns which of them the side `me` wins, (n_legs,).
+
+    policy: of both sides. begins: "me" or "them". max_turns: of both together. ValueError for another player, and if a leg takes longer.
+    """
     if begins not in PLAYERS:
         raise ValueError(f"begins must be one of {', '.join(PLAYERS)}, got {begins!r}")
     left = np.full((2, as_count(n_legs, "n_legs")), policy.start)

@@ -48,6 +48,7 @@ Reproduce = Callable[[np.ndarray], np.ndarray]
 class Score:
     """One method on one set.
 
+    kind: of the set, "handwriting" or "frames". name: of the set. method: in the words of the table.
     train, test: DTWD [mm] for handwriting; for a task-parameterised set test is the error and goal that of the ends [%], and train nan.
     arrived: share of the grid that ends at the goal, nan for what has a clock.
     """
@@ -185,7 +186,7 @@ def resampled(path: np.ndarray, n: int) -> np.ndarray:
 
 
 def warped_distance(first: np.ndarray, second: np.ndarray) -> tuple[float, int]:
-    """Least sum of distances over monotone alignments of paths (n, d) and (m, d), and how many pairs that alignment has.
+    """Least sum of distances over monotone alignments of two paths, first (n, d) and second (m, d), and how many pairs that one has.
 
     D(i, j) = |a_i - b_j| + min(D(i-1, j), D(i, j-1), D(i-1, j-1)); all of one antidiagonal i + j at a time.
     """
@@ -211,7 +212,7 @@ def _pairs(total: np.ndarray) -> int:
 
 
 def table(scores: Sequence[Score]) -> str:
-    """Means over the shapes of handwriting, and each task-parameterised set, as a table."""
+    """The scores as a table: means over the shapes of handwriting, and each task-parameterised set."""
     lines = []
     for kind, head in (
         ("handwriting", f"{'method':<32}{'shapes':>7}{'train [mm]':>12}{'test [mm]':>12}{'at the goal':>13}"),

@@ -263,7 +263,8 @@ class AutonomousDSGMR(AttractorModel):
     def goal(self, frames: Sequence[StateFrame], inputs: ArrayLike | None = None) -> np.ndarray:
         """Where the demonstrations ended, as seen in P new frames (d,): the product (7.21) of the Gaussians of their last positions.
 
-        inputs: the further inputs u, (q,) or rows (n, q), of which the last counts; the ends are regressed on them.
+        inputs: the further inputs u, (q,) or rows (n, q), of which the last counts; the ends are regressed on them. ValueError if
+        nothing was fitted, or elsewhere.
         """
         if not hasattr(self, "_last"):
             self._fitted  # noqa: B018 - or a ValueError that says so

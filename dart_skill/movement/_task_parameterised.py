@@ -220,8 +220,10 @@ class TaskParameterisedMixture(EMEstimator):
 
         EM divides time as the movement asks for, but its components hardly overlap, so that what is retrieved changes abruptly from one to
         the next, and it may give one to a few demonstrations. Here responsibilities are those of Gaussians over time alone, at the times
-        that EM found, and wider. overlap: their standard deviation in units of the share of all time that EM gave to the component, its
-        prior. So components that shared a time are not wide each.
+        that EM found, and wider.
+
+        samples, frames, weights: as in `fit`. overlap: standard deviation of a component in time, in units of the share of all time that
+        EM gave to it, its prior. So components that shared a time are not wide each.
         """
         taught, weights = _with_weight(samples, frames, weights)
         time = shared_time(taught.blocks)
