@@ -9,6 +9,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import FrameType
 
 from dart_skill import __version__
 from dart_skill.cli import _completion, bag, check, darts, demo, experiment, graph_verbs, learn, report, security, view
@@ -20,6 +21,7 @@ TAB = "With TAB, bash and zsh complete commands, options and values: source tool
 
 def main(arguments: list[str] | None = None) -> int:
     """Entry point; returns the exit status."""
+    interrupted = threading.Event()
     try:
         parser = _parser()
         if _completion.is_asked():
@@ -27,7 +29,7 @@ def main(arguments: list[str] | None = None) -> int:
         options, unknown = parser.parse_known_args(sys.argv[1:] if arguments is None else arguments)
         if unknown and not options.takes_anything:
             parser.error(f"unrecognized arguments: {' '.join(unknown)}")
-        with _ends_in_order():
+        with _ends_in_order(interrupted):
             status = options.run(options)
             sys.stdout.flush()
             return status
@@ -38,6 +40,9 @@ def main(arguments: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except ImportError as error:
+        if interrupted.is_set():  # some packages make a broken installation of a Ctrl-C while they load
+            print("dart-skill: stopped", file=sys.stderr)
+            return 128 + signal.SIGINT
         print(f"dart-skill: {in_a_line(explained(error))}", file=sys.stderr)
         return 1
     except (ValueError, OSError) as error:
@@ -46,16 +51,28 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 @contextmanager
-def _ends_in_order() -> Iterator[None]:
-    """SIGTERM ends what runs as Ctrl-C does, so that nothing of it is left; verbs of the nodes have handlers of their own."""
+def _ends_in_order(interrupted: threading.Event) -> Iterator[None]:
+    """SIGTERM ends what runs as Ctrl-C does, so that nothing of it is left; verbs of the nodes have handlers of their own. interrupted: is
+    set by a Ctrl-C.
+    """
     if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
         yield
         return
+    usual = signal.getsignal(signal.SIGINT)
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        interrupted.set()
+        signal.default_int_handler(number, frame)
+
     signal.signal(signal.SIGTERM, _end)
+    if usual is signal.default_int_handler:
+        signal.signal(signal.SIGINT, interrupt)
     try:
         yield
     finally:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        if usual is signal.default_int_handler:
+            signal.signal(signal.SIGINT, usual)
 
 
 def _end(number: int, _: object) -> None:

@@ -133,18 +133,6 @@ def test_ctrl_c_ends_a_job_on_a_graph_of_its_own_and_all_nodes_with_it(verb, tmp
     process.until(lambda: not process.others, f"no process is left of {process.others}")
 
 
-@pytest.mark.parametrize("wait", [0.05, 0.1, 0.15, 0.2, 0.3, 0.5])
-def test_ctrl_c_while_modules_load_is_no_traceback_of_them(wait):
-    """Before the first line of the package it is Python itself that loads."""
-    code = "import time; print(1, flush=True); from dart_skill.cli import main; raise SystemExit(main(['status', '--duration', '60']))"
-    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    assert process.stdout.readline() == "1\n"
-    time.sleep(wait)
-    process.send_signal(signal.SIGINT)
-    said = process.communicate(timeout=PATIENCE)[1]
-    assert "Traceback" not in said and process.returncode in (130, -signal.SIGINT), said
-
-
 @pytest.mark.parametrize(("end", "status"), [(OnTerminal.press_ctrl_c, 130), (OnTerminal.terminate, 143)])
 def test_whoever_computes_on_all_cores_ends_at_once_and_leaves_no_worker(verb, end, status):
     process = verb(EXPERIMENT)

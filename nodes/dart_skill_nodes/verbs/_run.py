@@ -6,6 +6,7 @@ rclpy is imported when something runs: parsers must come at once.
 import argparse
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -176,7 +177,8 @@ def carried_out(job: Callable, options: argparse.Namespace, what: str):
         say(f"{what} failed: {error}")
         say(f"logs: {options.output / 'logs'}")
     finally:
-        rclpy.try_shutdown()
+        with suppress(RuntimeError):  # a signal that rclpy hears at this very moment has shut it down already
+            rclpy.try_shutdown()
     return None
 
 
