@@ -1,6 +1,7 @@
 """Keeps the ROS graphs of test runs apart: from the network, and from every other run on this machine; and what all tests share."""
 
 import os
+import signal
 import socket
 
 import pytest
@@ -11,6 +12,10 @@ settings.register_profile("same", derandomize=True, deadline=None)
 settings.register_profile("explore", derandomize=False, deadline=None)
 settings.register_profile("long", derandomize=False, deadline=None, max_examples=5000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
+
+# A script starts what it leaves in the background with SIGINT ignored, and so would be every process that a test starts.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 FIRST_LOCK_PORT = 7200  # domain d is taken by whoever holds UDP port 7200 + d; DDS uses ports from 7400 on
 DOMAINS = range(1, 101)
