@@ -21,7 +21,6 @@ TAB = "With TAB, bash and zsh complete commands, options and values: source tool
 
 def main(arguments: list[str] | None = None) -> int:
     """Entry point; returns the exit status."""
-    interrupted = threading.Event()
     try:
         parser = _parser()
         if _completion.is_asked():
@@ -29,7 +28,7 @@ def main(arguments: list[str] | None = None) -> int:
         options, unknown = parser.parse_known_args(sys.argv[1:] if arguments is None else arguments)
         if unknown and not options.takes_anything:
             parser.error(f"unrecognized arguments: {' '.join(unknown)}")
-        with _ends_in_order(interrupted):
+        with _ends_in_order():
             status = options.run(options)
             sys.stdout.flush()
             return status
@@ -40,9 +39,6 @@ def main(arguments: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except ImportError as error:
-        if interrupted.is_set():  # some packages make a broken installation of a Ctrl-C while they load
-            print("dart-skill: stopped", file=sys.stderr)
-            return 128 + signal.SIGINT
         print(f"dart-skill: {in_a_line(explained(error))}", file=sys.stderr)
         return 1
     except (ValueError, OSError) as error:
@@ -51,14 +47,14 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 @contextmanager
-def _ends_in_order(interrupted: threading.Event) -> Iterator[None]:
-    """SIGTERM ends what runs as Ctrl-C does, so that nothing of it is left; verbs of the nodes have handlers of their own. interrupted: is
-    set by a Ctrl-C.
+def _ends_in_order() -> Iterator[None]:
+    """SIGTERM ends what runs as Ctrl-C does, so that nothing of it is left, and a Ctrl-C is one whatever becomes of it while packages load;
+    verbs of the nodes have handlers of their own.
     """
     if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
         yield
         return
-    usual = signal.getsignal(signal.SIGINT)
+    usual, interrupted = signal.getsignal(signal.SIGINT), threading.Event()
 
     def interrupt(number: int, frame: FrameType | None) -> None:
         interrupted.set()
@@ -69,6 +65,10 @@ def _ends_in_order(interrupted: threading.Event) -> Iterator[None]:
         signal.signal(signal.SIGINT, interrupt)
     try:
         yield
+    except ImportError as error:
+        if interrupted.is_set():  # some packages make a broken installation of it
+            raise KeyboardInterrupt from error
+        raise
     finally:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         if usual is signal.default_int_handler:

@@ -2,7 +2,7 @@
 
 * LASA handwriting (Khansari-Zadeh and Billard 2011): seven demonstrations of each of 30 shapes, drawn on a tablet [mm], 26 with one
   pattern and 4 with several. Its licence forbids passing it on, so no file of it is in this repository.
-* The planar task-parameterised sets of pbdlib-python (Idiap, MIT): hand movements in two frames, in pixels.
+* The planar task-parameterised sets of pbdlib-python (Idiap): hand movements in two frames, in pixels.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dart_skill.constants import N_JOINTS
-from dart_skill.recording import Demonstration, GraphBag, check_known, read_demonstrations, read_dropped, skill_of
+from dart_skill.recording import Demonstration, GraphBag, check_known, read_demonstrations, read_dropped, skill_of, stamp_ns
 from dart_skill.recording.grip_signal import GIGA
 from dart_skill.recording.imports import RecordingMapping, ThrowRecording
 from dart_skill.robot import Grip
@@ -177,7 +177,7 @@ def _commands(path: str | os.PathLike) -> tuple[CommandStream, ...]:
             if header.frame_id not in ("", the_world().frame_id):
                 raise ValueError(f"{path}: {item.topic}: a wrench is in the axes of '{header.frame_id}', not '{the_world().frame_id}'")
             row = [force.x, force.y, force.z, torque.x, torque.y, torque.z, *item.data.joint_torque]
-            found.setdefault(item.topic, []).append((header.stamp.sec * GIGA + header.stamp.nanosec, row))
+            found.setdefault(item.topic, []).append((stamp_ns(header.stamp), row))
     streams = []
     for rows in found.values():
         rows.sort(key=lambda one: one[0])

@@ -15,6 +15,7 @@ import numpy as np
 import yaml
 
 from dart_skill.recording.bags import BagError, GraphBag
+from dart_skill.recording.demonstration import stamp_ns
 from dart_skill.recording.grip_signal import GIGA
 from dart_skill.recording.imports.mapping import RecordingMapping
 from dart_skill.recording.imports.pose_stream import PoseStream
@@ -108,7 +109,7 @@ def _read_topics(source: str | os.PathLike, roles: Sequence[str]) -> tuple[dict[
 
 
 def _stamps(messages: Sequence[Any]) -> np.ndarray:
-    return np.array([one.header.stamp.sec * GIGA + one.header.stamp.nanosec for one in messages], dtype=np.int64)
+    return np.array([stamp_ns(one.header.stamp) for one in messages], dtype=np.int64)
 
 
 def _pose_stream(role: str, messages: Sequence[Any]) -> PoseStream:

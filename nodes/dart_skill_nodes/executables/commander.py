@@ -127,6 +127,7 @@ class CommanderNode(GuardedNode):
         self._cameras = Cameras(self, pose_topic(name_of[self._skill.moves]))
         self._unseen = ""  # why nobody would see a throw
         self._awake = Awake()
+        self._states_name = full_name(self, JOINT_STATES)
         self._strangers: list[str] = []  # who commands the arm, too
         self._arm_fault = ""  # why the arm's own safety module has stopped it
         self._rivals = ""  # why it is not known which arm's states come
@@ -284,7 +285,7 @@ class CommanderNode(GuardedNode):
 
     def _missing_now(self) -> str:
         if self._state is None:
-            return self._fault or f"no {full_name(self, JOINT_STATES)} yet: is the arm, or wam_simulator, running?"
+            return self._fault or f"no {self._states_name} yet: is the arm, or wam_simulator, running?"
         if self.p["tracking"] == "hand" and not self.count_publishers(SIMULATED):
             return NOT_FOR_AN_ARM
         if self._rivals:
@@ -382,8 +383,9 @@ class CommanderNode(GuardedNode):
     def _look_for_rivals(self) -> None:
         """Two who publish states are two arms, of which it commands none: nobody could say whose state a command answers."""
         drivers = others(self, JOINT_STATES)
-        rivals = f"{' and '.join(drivers)} publish {full_name(self, JOINT_STATES)}: end one of them, nothing is commanded until then"
-        rivals = rivals if len(drivers) > 1 else ""
+        rivals = ""
+        if len(drivers) > 1:
+            rivals = f"{' and '.join(drivers)} publish {self._states_name}: end one of them, nothing is commanded until then"
         if rivals and rivals != self._rivals:
             self.get_logger().error(rivals)
             self._withdraw(rivals)
@@ -411,10 +413,10 @@ class CommanderNode(GuardedNode):
         if self._arm is None:
             self._arm = publishers(self, JOINT_STATES)
         if self._arm.gone and self._time.silence > QUIET:
-            return f"{self._arm} has gone: no {full_name(self, JOINT_STATES)} any more"
+            return f"{self._arm} has gone: no {self._states_name} any more"
         moves = self._commander.executing or self._commander.moving
         if moves and self._time.silence > self.p["states_timeout"] and not self.count_publishers(SIMULATED):
-            return f"no {full_name(self, JOINT_STATES)} for {self._time.silence:.1f} s: is the arm's driver running?"
+            return f"no {self._states_name} for {self._time.silence:.1f} s: is the arm's driver running?"
         return ""
 
     def _lose_arm(self, reason: str) -> None:
@@ -450,7 +452,7 @@ class CommanderNode(GuardedNode):
     def _on_move_to(self, request, response):
         try:
             if self._state is None:
-                raise PlanRefused(f"no {full_name(self, JOINT_STATES)} yet: is the arm's driver running?")
+                raise PlanRefused(f"no {self._states_name} yet: is the arm's driver running?")
             if self._goal is not None:
                 raise PlanRefused(f"a {self._skill.name} is being planned or is under way: wait for it or stop it first")
             response.duration = conversions.duration_msg(self._commander.move_to(request.posture, self._state))
@@ -479,11 +481,8 @@ class CommanderNode(GuardedNode):
     def _describe(self):
         stopped = self._commander.stopped_by
         level = ERROR if self._fault or self._rivals else (WARN if self._state is None or stopped else OK)
-        text = (
-            self._fault
-            or self._rivals
-            or (f"no {full_name(self, JOINT_STATES)} yet" if self._state is None else self._commander.mode.value)
-        )
+        mode = f"no {self._states_name} yet" if self._state is None else self._commander.mode.value
+        text = self._fault or self._rivals or mode
         text += f", {stopped}: call /commander/reset" if stopped else ""
         if (near := self._commander.warning) and level == OK:
             level, text = WARN, f"{text}; {near}"
