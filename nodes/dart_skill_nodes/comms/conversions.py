@@ -76,6 +76,7 @@ BASKET, BOARD, LANDING, RELEASE, MISS = "basket", "board", "landing", "release",
 
 BASKETS = Throw()
 """The skill of throwing at baskets."""
+ENCAPSULATION, TIME = b"\0\1\0\0", struct.Struct("<iI")
 LEADING_STAMP = struct.Struct("<4xiI")
 """A stamp behind the encapsulation (CDR, little-endian, as on every machine that ROS 2 supports)."""
 
@@ -136,6 +137,11 @@ def _nanoseconds(ns: int) -> Duration:
     return Duration(sec=sec, nanosec=nanosec)
 
 
+def leading_stamp_bytes(ns: int) -> bytes:
+    """A serialised message that is nothing but a stamp, as of /clock."""
+    return ENCAPSULATION + TIME.pack(*divmod(ns, GIGA))
+
+
 def set_stamp(stamp: Time, ns: int) -> None:
     """Write nanoseconds into a stamp in place: cheaper than a new one."""
     stamp.sec, stamp.nanosec = divmod(ns, GIGA)
@@ -164,7 +170,11 @@ def quaternion(message) -> np.ndarray:
 
 def unit_quaternion(message, what: str) -> np.ndarray:
     """x, y, z, w of a quaternion message as (4,); ValueError, with `what` is turned so, for one that is not of unit length."""
-    turn = quaternion(message)
+    return as_unit_quaternion(quaternion(message), what)
+
+
+def as_unit_quaternion(turn: np.ndarray, what: str) -> np.ndarray:
+    """The quaternion (4,) x, y, z, w itself; ValueError, with `what` is turned so, if it is not of unit length."""
     if not abs(math.hypot(*turn) - 1.0) < UNIT:
         raise ValueError(f"the orientation of {what} is {turn.tolist()}: give a quaternion of unit length, x, y, z, w")
     return turn
@@ -184,7 +194,12 @@ def set_pose(message, position: np.ndarray, orientation: np.ndarray) -> None:
 
 def arm_state(message: JointState) -> ArmState:
     """The state of the arm in a JointState, in the order of the arm's joints; ValueError for names and numbers that are not those."""
-    names, position, velocity = tuple(message.name), message.position, message.velocity
+    ns = checked_stamp_ns(message.header.stamp, "/joint_states")
+    return state_of_joints(tuple(message.name), np.array(message.position), np.array(message.velocity), ns)
+
+
+def state_of_joints(names: tuple[str, ...], position: np.ndarray, velocity: np.ndarray, ns: int) -> ArmState:
+    """The state of the arm in what a driver says of its joints (n,) each; ValueError as of `arm_state`. ns: its stamp [ns]."""
     if not len(names) == len(position) == len(velocity):
         counts = f"{len(names)} names, {len(position)} positions and {len(velocity)} velocities"
         raise ValueError(f"/joint_states has {counts}: the driver must give one of each for every joint")
@@ -192,7 +207,7 @@ def arm_state(message: JointState) -> ArmState:
         order = joint_order(names)
     except ValueError as error:
         raise ValueError(f"/joint_states: {error}") from error
-    state = ArmState(checked_stamp_ns(message.header.stamp, "/joint_states"), np.array(position)[order], np.array(velocity)[order])
+    state = ArmState(ns, position[order], velocity[order])
     if not (all_finite(state.position) and all_finite(state.velocity)):
         raise ValueError(f"/joint_states: positions {state.position}, velocities {state.velocity}: the driver must give finite numbers")
     return state
@@ -220,8 +235,13 @@ def fill_command(message: WamCommand, command: Command) -> WamCommand:
 def command(message: WamCommand) -> Command:
     """The command in a message; ValueError for an unknown grip or speed."""
     force, torque = message.wrench.force, message.wrench.torque
-    wrench = np.array([force.x, force.y, force.z, torque.x, torque.y, torque.z])
-    return Command(stamp_ns(message.header.stamp), wrench, np.array(message.joint_torque), Grip(message.grip), Speed(message.speed))
+    numbers = np.array([force.x, force.y, force.z, torque.x, torque.y, torque.z, *message.joint_torque])
+    return command_of_numbers(message, stamp_ns(message.header.stamp), numbers)
+
+
+def command_of_numbers(message: WamCommand, ns: int, numbers: np.ndarray) -> Command:
+    """The command with the grip and speed of a message, a stamp [ns], and numbers (13,): wrench, then joint torque."""
+    return Command(ns, numbers[:6], numbers[6:], Grip(message.grip), Speed(message.speed))
 
 
 def demonstration(message: DemonstrationMsg) -> Demonstration:

@@ -8,7 +8,9 @@ from collections.abc import Callable
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
-from dart_skill_nodes.comms.conversions import leading_stamp_ns, stamp_ns
+from dart_skill.robot import ArmState
+from dart_skill_nodes.comms.conversions import leading_stamp_ns, stamp_ns, state_of_joints
+from dart_skill_nodes.comms.fixed_layout import LayoutReader
 from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions
 from dart_skill_nodes.comms.names import JOINT_STATES
 from dart_skill_nodes.comms.qos import LOOP
@@ -38,3 +40,16 @@ def hear_joint_states(node: Node, callback: Callable, raw: bool = False) -> Matc
     in_order = InOrder(callback, leading_stamp_ns if raw else lambda message: stamp_ns(message.header.stamp))
     heard.subscribe(JOINT_STATES, in_order, JointState, depth=LOOP.depth, raw=raw, at_once=True)
     return heard
+
+
+class StateReader:
+    """Reads serialised /joint_states."""
+
+    def __init__(self) -> None:
+        self._layouts = LayoutReader(JointState)
+
+    def read(self, data: bytes) -> ArmState:
+        """The state of the arm, in the order of its joints; ValueError for names and numbers that are not those, and other bytes."""
+        like, ns, numbers = self._layouts.read(data)
+        positions, both = len(like.position), len(like.position) + len(like.velocity)
+        return state_of_joints(tuple(like.name), numbers[:positions], numbers[positions:both], ns)

@@ -33,7 +33,7 @@ class LatestMessages:
 
     def take(self, topic: str) -> list[bytes]:
         """Serialised messages that have come since the last time, the newest last."""
-        return [data for data, _ in taken(self._subscriptions[topic])]
+        return [data for data, _, _ in taken(self._subscriptions[topic])]
 
     def close(self) -> None:
         """Keep nothing any more."""

@@ -8,10 +8,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import rclpy
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 
+from dart_skill_nodes.comms.in_process import UnspunNode, kept_for
 from dart_skill_nodes.comms.matching_qos import MatchingSubscriptions
 
 TAKE = 0.01
@@ -48,8 +48,8 @@ class _Numbering:
         """Take in the numbers of messages that came while so many published the topic; one that was started again begins anew."""
         self.mixed |= publishers != 1
         for number in numbers:
-            if number is None:
-                return
+            if number is None:  # handed over within the process
+                continue
             if self.expected and number > self.expected:
                 self.open += number - self.expected
             self.expected = number + 1
@@ -101,9 +101,9 @@ class RawBatches:
         message = []
         for topic, subscription in self._offered.subscriptions.items():
             numbers = []
-            for data, info in taken(subscription):
-                numbers.append(info["publication_sequence_number"])
-                message.append(RawMessage(info["received_timestamp"], topic, data))
+            for data, received_ns, number in taken(subscription):
+                numbers.append(number)
+                message.append(RawMessage(received_ns, topic, data))
             if numbers:
                 self._numbering[topic].count(numbers, subscription.get_publisher_count())
         message.sort(key=lambda one: one.received_ns)
@@ -125,17 +125,22 @@ def unspun_node(node: Node, purpose: str) -> Node:
     `ros2 node list`.
     """
     name = f"_{node.get_name()}_{purpose}"
-    return rclpy.create_node(name, namespace=node.get_namespace(), start_parameter_services=False, enable_rosout=False)
+    return UnspunNode(name, namespace=node.get_namespace(), start_parameter_services=False, enable_rosout=False)
 
 
-def taken(subscription: Subscription) -> Iterator[tuple[bytes, dict]]:
-    """Serialised messages of a subscription that have come since the last time, and what the middleware knows of each; MOST at a time."""
+def taken(subscription: Subscription) -> Iterator[tuple[bytes, int, int | None]]:
+    """Serialised messages of a subscription that have come since the last time, MOST at a time: when each came on the wall clock [ns], and
+    the number that its publisher gave it; None where it was handed over within the process, so that it cannot get lost.
+    """
+    for received_ns, data in kept_for(subscription):
+        yield data, received_ns, None
     with subscription.handle:
         for _ in range(MOST):
             message = subscription.handle.take_message(subscription.msg_type, True)
             if message is None:
                 return
-            yield message
+            data, info = message
+            yield data, info["received_timestamp"], info["publication_sequence_number"]
 
 
 def never_called(data: bytes) -> None:

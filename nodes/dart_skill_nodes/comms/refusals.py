@@ -12,6 +12,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.lifecycle import LifecycleNode
 from rclpy.node import Node
 
+from dart_skill_nodes.comms.in_process import Handing
 from dart_skill_nodes.comms.qos import CALLS, WALL
 
 SAID_AGAIN = 5.0
@@ -70,7 +71,7 @@ def in_a_line(error: Exception) -> str:
     return f"{type(error).__name__}{where}: {text}"
 
 
-class _Guarded:
+class _Guarded(Handing):
     """Before Node or LifecycleNode: no callback of a subscription, a service or a timer ends the node."""
 
     def __init__(self, name: str, **options):

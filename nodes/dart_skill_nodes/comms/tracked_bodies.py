@@ -6,10 +6,12 @@ from collections import deque
 from collections.abc import Callable
 
 import numpy as np
-from geometry_msgs.msg import Pose, PoseStamped
+from geometry_msgs.msg import PoseStamped
 
+from dart_skill.checks import as_place
 from dart_skill.skill.observe import RESET_NS, SensorLog, ThrowLog
 from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.fixed_layout import LayoutReader
 
 FRAME_NS = 10_000_000
 """Between two frames of the cameras."""
@@ -39,10 +41,10 @@ class Arrivals:
         return max(self._sure_ns, min(newest_ns))
 
 
-def _sample(role: str, pose: Pose, turned: bool) -> tuple[np.ndarray, np.ndarray]:
-    """What is kept of a pose: position (3,) and quaternion (4,); where it does not count how a body is turned, that may be anything."""
-    position = conversions.place(pose.position, f"the {role}")
-    return position, conversions.unit_quaternion(pose.orientation, f"the {role}") if turned else UNTURNED
+def _sample(role: str, pose: np.ndarray, turned: bool) -> tuple[np.ndarray, np.ndarray]:
+    """What is kept of a pose (7,): position (3,) and quaternion (4,); of a body whose turn does not count, any quaternion."""
+    position = as_place(pose[:3], f"the {role}")
+    return position, conversions.as_unit_quaternion(pose[3:], f"the {role}") if turned else UNTURNED
 
 
 class TrackedBodies:
@@ -60,6 +62,7 @@ class TrackedBodies:
         log: SensorLog | None = None,
     ):
         self._clock = clock
+        self._readers: dict[str, LayoutReader] = {}  # by role
         self._behind: dict[str, float] = {}  # by role, since when poses of others come that are newer than its own by LAG_NS
         self.log, self._newest_of, self._forgotten_ns = ThrowLog() if log is None else log, {}, 0
         self._awaited: dict[str, tuple[int, float]] = {}  # by role, up to where poses are waited for, and since when on the wall clock
@@ -107,14 +110,13 @@ class TrackedBodies:
 
     def take(self, role: str, data: bytes) -> None:
         """A pose of a body, serialised; ValueError, and nothing has changed, for what is no pose of this world."""
-        message = conversions.decoded(data, PoseStamped)
-        if message.header.frame_id != self._frame_id:
+        like, ns, numbers = self._readers.setdefault(role, LayoutReader(PoseStamped)).read(data)
+        if like.header.frame_id != self._frame_id:
             if not self._wrong_frame:
-                self._complain(f"{role} poses are in '{message.header.frame_id}', not '{self._frame_id}': ignored")
-            self._wrong_frame = message.header.frame_id
+                self._complain(f"{role} poses are in '{like.header.frame_id}', not '{self._frame_id}': ignored")
+            self._wrong_frame = like.header.frame_id
             return
-        ns = conversions.checked_stamp_ns(message.header.stamp, f"the {role}")
-        sample = _sample(role, message.pose, role in self.log.turned)
+        sample = _sample(role, numbers, role in self.log.turned)
         newest = self._newest_of.get(role, 0)
         if ns < newest - RESET_NS:  # the clock was set back: another simulator, or a bag that is played again
             self.log.clear()

@@ -18,7 +18,6 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from rclpy.action import CancelResponse, GoalResponse
 from scipy.spatial.transform import Rotation
-from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
 from dart_skill.robot import ArmState, Commander, CommanderSettings, Grip, Mode, MotionPlan, PlanRefused, load_registration, wam_description
@@ -29,9 +28,10 @@ from dart_skill.skill.protocol import HAND, load_skill
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.service_calls import Eyes, Judge, ServiceCalls
 from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.arm_commands import CommandWriter
 from dart_skill_nodes.comms.awake import Awake
 from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, finish, pause
-from dart_skill_nodes.comms.joint_states import hear_joint_states
+from dart_skill_nodes.comms.joint_states import StateReader, hear_joint_states
 from dart_skill_nodes.comms.names import COMMANDS, GUIDING, JOINT_STATES, full_name, pose_topic
 from dart_skill_nodes.comms.obeyed_publisher import new_sender
 from dart_skill_nodes.comms.presence import LOOK, Cameras, Presence, others, publishers, servers, subscribers
@@ -119,8 +119,7 @@ class CommanderNode(GuardedNode):
         load = self._skill.loaded(wam_description())
         self._commander = Commander(CommanderSettings.from_parameters(self.p), load, measured)
         self._state: ArmState | None = None
-        self._message = WamCommand(sender=new_sender())
-        self._message.header.frame_id = self.p["frame_id"]
+        self._reader, self._writer, self._written = StateReader(), CommandWriter(new_sender(), self.p["frame_id"]), b""
         self._fault = ""
         self._goal: GoalUnderWay | None = None
         self._reacting: ReactiveGuide | None = None  # is told where the bodies are
@@ -140,7 +139,7 @@ class CommanderNode(GuardedNode):
         calls = ServiceCalls(self)
         self._calls, self._judge, self._eyes = calls, Judge(self, calls), Eyes(self, calls)
         self._seen = SeenInStep(self, name_of, self.p["frame_id"], self._answer) if self._skill.reacts else None
-        self._states = hear_joint_states(self, self._on_state)
+        self._states = hear_joint_states(self, self._on_state, raw=True)
         self._planner = self.create_client(Plan, "skill_learner/plan")
         self.create_subscription(DiagnosticStatus, "wam/safety", self._on_safety, LATCHED)
         self.create_service(SetBool, "~/release_arm", self._on_release_arm)
@@ -155,12 +154,12 @@ class CommanderNode(GuardedNode):
 
     # the control step
 
-    def _on_state(self, message: JointState) -> None:
+    def _on_state(self, data: bytes) -> None:
         self._notice_a_gap()
         if self._rivals:
             return
         try:
-            state = conversions.arm_state(message)
+            state = self._reader.read(data)
         except ValueError as error:
             self._fault = str(error)
             raise
@@ -177,13 +176,13 @@ class CommanderNode(GuardedNode):
                     self._reacting.see(*one)
             if self._state is None or state.stamp_ns != self._state.stamp_ns:
                 command = self._commander.step(state)
-                conversions.fill_command(self._message, command)
+                self._written = self._writer.write(command)
                 self._time.goes_on()
             self._state, self._fault = state, ""
         except ValueError as error:
             self._fault = str(error)
             raise
-        self._command.publish(self._message)
+        self._command.publish(self._written)
         if self._goal is not None and self._goal.armed:
             self._follow_goal(self._goal, state)
 

@@ -15,7 +15,6 @@ from dart_skill_msgs.msg import DemonstrationMark
 from dart_skill_msgs.srv import Judge, Look, StopDemonstration
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.serialization import serialize_message
-from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from dart_skill.movement import VelocityThreshold
@@ -34,6 +33,7 @@ from dart_skill.skill.protocol import HAND, TaskDemonstration, load_skill
 from dart_skill.skills.throw import Throw
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink
+from dart_skill_nodes.comms.joint_states import StateReader
 from dart_skill_nodes.comms.names import COMMANDS, DEMONSTRATIONS, GUIDING, JOINT_STATES, MARKS, in_graph, pose_topic
 from dart_skill_nodes.comms.presence import Cameras
 from dart_skill_nodes.comms.qos import LATCHED, WALL
@@ -73,6 +73,7 @@ class DemonstrationRecorder(BagKeeper):
         self._name_of = declare_bodies(self, (HAND, *self._skill.bodies))
         self.declare_parameter("autostart", True)
         self._bag, self._count, self._recording, self._time, self._up_to = None, 0, False, LogTime(), 0
+        self._reader = StateReader()
         self._fault, self._joints = "", b""  # what is wrong with the arm's states, and the newest of them, serialised
         self._marked = Marks()
         self._unwritten: list[DemonstrationMark] = []
@@ -182,7 +183,7 @@ class DemonstrationRecorder(BagKeeper):
     def _arm_state(self) -> ArmState | None:
         """The newest state of the arm; None if it is not one, and what is wrong with it is kept."""
         try:
-            state, self._fault = conversions.arm_state(conversions.decoded(self._joints, JointState)), ""
+            state, self._fault = self._reader.read(self._joints), ""
             return state
         except ValueError as error:
             if str(error) != self._fault:

@@ -20,6 +20,7 @@ from dart_skill.robot import ArmModel, Transform
 from dart_skill.simulation import BasketWalls, Board, LatencyQueue, MotionCapture, PlantSettings
 from dart_skill.skill.protocol import HAND, skill_type
 from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.fixed_layout import FixedLayout
 from dart_skill_nodes.comms.names import CLOCK, pose_topic
 from dart_skill_nodes.comms.qos import CLOCK_QOS, FRAMES, POSES
 from dart_skill_nodes.comms.refusals import GuardedLifecycleNode
@@ -130,9 +131,10 @@ class MockOptitrack(GuardedLifecycleNode):
         self._published, self._lost, self._newest = dict.fromkeys(names, 0), dict.fromkeys(names, 0), dict.fromkeys(names, 0)
         if self._is_reacted_to:
             self._delivered = self.create_publisher(FramesDelivered, DELIVERED, FRAMES)
-        self._message = PoseStamped()
-        self._message.header.frame_id = self.get_parameter("frame_id").value
-        self._transforms = LiveTransforms(self, self._message.header.frame_id)
+        like = PoseStamped()
+        like.header.frame_id = self._frame_id = self.get_parameter("frame_id").value
+        self._layout = FixedLayout(like)
+        self._transforms = LiveTransforms(self, self._frame_id)
         self.create_subscription(SimulationState, "simulation/state", self._on_state, FRAMES)
         self.create_subscription(Clock, CLOCK, self._on_clock, CLOCK_QOS, raw=True)
         self._diagnostics = Diagnostics(self, self._describe)
@@ -197,12 +199,10 @@ class MockOptitrack(GuardedLifecycleNode):
 
     def _publish_due(self, now_ns: int) -> None:
         for sample in self._queue.due(now_ns):
-            message = self._message
-            conversions.set_stamp(message.header.stamp, sample.stamp_ns)
-            conversions.set_pose(message.pose, sample.position, sample.quaternion)
-            self._publishers_of[sample.name].publish(message)
+            numbers = np.concatenate([sample.position, sample.quaternion])
+            self._publishers_of[sample.name].publish(self._layout.pack(sample.stamp_ns, numbers))
             if self._transforms.is_due(sample.name, sample.stamp_ns):
-                seen = Transform(message.header.frame_id, self._name_of[sample.name], sample.position, sample.quaternion)
+                seen = Transform(self._frame_id, self._name_of[sample.name], sample.position, sample.quaternion)
                 self._transforms.publish([seen], sample.stamp_ns)
             self._published[sample.name] += 1
             self._newest[sample.name] = sample.stamp_ns

@@ -18,7 +18,6 @@ from dart_skill_msgs.msg import Situation, WamCommand
 from dart_skill_msgs.srv import Reset, Step
 from geometry_msgs.msg import PoseStamped
 from rclpy.action import CancelResponse, GoalResponse
-from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
 from dart_skill.robot import ArmState, Command, Grip
@@ -28,9 +27,10 @@ from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.service_calls import Eyes, Judge, Recording, ServiceCalls
 from dart_skill_nodes.client.trial_sequence import LOOK_STEPS
 from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.arm_commands import CommandWriter
 from dart_skill_nodes.comms.awake import Awake
 from dart_skill_nodes.comms.coroutines import CoroutineActionServer, Promise, finish_by_success, pause
-from dart_skill_nodes.comms.joint_states import hear_joint_states
+from dart_skill_nodes.comms.joint_states import StateReader, hear_joint_states
 from dart_skill_nodes.comms.names import COMMANDS, GUIDING, JOINT_STATES, pose_topic
 from dart_skill_nodes.comms.obeyed_publisher import new_sender
 from dart_skill_nodes.comms.presence import LOOK, Cameras, publishers, subscribers
@@ -91,8 +91,7 @@ class TeacherNode(GuardedNode):
         calls = ServiceCalls(self)
         self._call, self._recording, self._judge = calls.call, Recording(self, calls), Judge(self, calls)
         self._eyes, self._step = Eyes(self, calls), self.create_client(Step, "simulation/step")
-        self._message = WamCommand(sender=new_sender())
-        self._message.header.frame_id = self.p["frame_id"]
+        self._reader, self._writer, self._written = StateReader(), CommandWriter(new_sender(), self.p["frame_id"]), b""
         self._wrench = self.create_publisher(WamCommand, GUIDING, COMPLETE)
         self._seen = SeenInStep(self, name_of, self.p["frame_id"], self._answer) if self._person.watches else None
         self._states = hear_joint_states(self, self._on_state, raw=True)
@@ -114,7 +113,7 @@ class TeacherNode(GuardedNode):
         if self._goal is None:
             return
         self._notice_a_gap()
-        state = conversions.arm_state(conversions.decoded(data, JointState))
+        state = self._reader.read(data)
         if self._seen is not None and self._seen.goes_on:
             self._seen.offer(state.stamp_ns, state)
         else:
@@ -128,8 +127,8 @@ class TeacherNode(GuardedNode):
             self._notice_a_jump(state.stamp_ns)
             self._last_ns, self._speed = state.stamp_ns, float(np.abs(state.velocity).max())
             self._time.goes_on()
-            conversions.fill_command(self._message, self._try_to_push(state))
-        self._wrench.publish(self._message)
+            self._written = self._writer.write(self._try_to_push(state))
+        self._wrench.publish(self._written)
         if self._over is not None and self._ended_ns is not None and self._last_ns >= self._ended_ns:
             self._over.keep()
 

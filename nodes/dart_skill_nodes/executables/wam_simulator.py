@@ -23,6 +23,8 @@ from dart_skill.robot import fixed_transforms, joint_transforms, wam_description
 from dart_skill.simulation import Board, PlantSettings, Stillness, make_world
 from dart_skill.skill.protocol import skill_type
 from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.arm_commands import command_reader
+from dart_skill_nodes.comms.fixed_layout import FixedLayout, LayoutReader
 from dart_skill_nodes.comms.names import CLOCK, COMMANDS, DESCRIPTION, GUIDING, JOINT_STATES
 from dart_skill_nodes.comms.obeyed_publisher import ObeyedPublisher
 from dart_skill_nodes.comms.presence import LOOK, Presence, publishers
@@ -122,18 +124,20 @@ class WamSimulator(GuardedNode):
         self._description.publish(String(data=write_urdf(wam_description())))
         frame = self.p["frame_id"]
         self._transforms = LiveTransforms(self, frame, fixed_transforms(wam_description(), frame))
-        self._joint_msg = JointState(name=[joint.name for joint in wam_description().joints])
-        self._tool_msg, self._clock_msg = PoseStamped(), ClockMsg()
-        self._truth_msg, self._bodies = SimulationState(), {role: BodyState(name=role) for role in self._plant.bodies}
-        for message in (self._joint_msg, self._tool_msg, self._truth_msg):
+        joints = JointState(name=[joint.name for joint in wam_description().joints])
+        joints.position = joints.velocity = joints.effort = [0.0] * len(joints.name)
+        self._tool_msg, self._truth_msg = PoseStamped(), SimulationState()
+        self._bodies = {role: BodyState(name=role) for role in self._plant.bodies}
+        for message in (joints, self._tool_msg, self._truth_msg):
             message.header.frame_id = frame
+        self._joint_layout = FixedLayout(joints)
         self._safety = self.create_publisher(DiagnosticStatus, "wam/safety", LATCHED)
         self._said_of_safety = None
         self._held_out = self.create_publisher(Bool, HELD, LATCHED)
         self._hold(self._paused)
         self._obeyed = {who: ObeyedPublisher(self, topic) for who, topic in PUSHES.items()}
         for who, topic in PUSHES.items():
-            self.create_subscription(WamCommand, topic, partial(self._on_answer, who), LOOP)
+            self.create_subscription(WamCommand, topic, partial(self._on_answer, who, command_reader()), LOOP, raw=True)
 
     def _make_services(self) -> None:
         self.create_service(Reset, "simulation/reset", self._on_reset)
@@ -149,8 +153,8 @@ class WamSimulator(GuardedNode):
     def _engaged(self) -> tuple[str, ...]:
         return ("commander", "teacher") if self._guided else ("commander",)
 
-    def _on_answer(self, who: str, message: WamCommand) -> None:
-        ns = conversions.stamp_ns(message.header.stamp)
+    def _on_answer(self, who: str, reader: LayoutReader, data: bytes) -> None:
+        message, ns, numbers = reader.read(data)
         if self.p["lockstep"] and (ns != self._plant.state_stamp_ns or who not in self._engaged or who in self._answers):
             return
         if not self._obeyed[who].accepts(message.sender):
@@ -163,7 +167,7 @@ class WamSimulator(GuardedNode):
             self._complain(f"a command of the {who} is in frame '{message.header.frame_id}', not '{self.p['frame_id']}': ignored")
             return
         try:
-            self._answers[who] = conversions.command(message)
+            self._answers[who] = conversions.command_of_numbers(message, ns, numbers)
         except ValueError as error:
             self._complain(f"a command of the {who} is ignored: {error}")
             return
@@ -364,15 +368,11 @@ class WamSimulator(GuardedNode):
             conversions.set_pose(self._tool_msg.pose, plant.hand_position, plant.hand_quaternion)
             self._tool_pose.publish(self._tool_msg)
         if self._clock_out.get_subscription_count():
-            conversions.set_stamp(self._clock_msg.clock, ns)
-            self._clock_out.publish(self._clock_msg)
+            self._clock_out.publish(conversions.leading_stamp_bytes(ns))
         if self._transforms.is_due("arm", ns):
             self._transforms.publish(joint_transforms(wam_description(), plant.joint_position), ns)
-        message = self._joint_msg
-        conversions.set_stamp(message.header.stamp, ns)
-        message.position, message.velocity = plant.joint_position, plant.joint_velocity
-        message.effort = plant.joint_effort.tolist()
-        self._joint_states.publish(message)
+        numbers = np.array([*plant.joint_position, *plant.joint_velocity, *plant.joint_effort.tolist()])
+        self._joint_states.publish(self._joint_layout.pack(ns, numbers))
 
     def _publish_truth(self) -> None:
         state, message = self._plant.state, self._truth_msg

@@ -18,6 +18,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from dart_skill.configuration import node_parameters
 from dart_skill.world import the_world
+from dart_skill_nodes.comms.in_process import exchanging, spin_once
 from dart_skill_nodes.comms.names import DIAGNOSTICS, diagnostic_name
 from dart_skill_nodes.comms.presence import be_alive
 from dart_skill_nodes.comms.qos import STATUS, SYSTEM
@@ -140,21 +141,22 @@ def run(
     hear_loopback_alone()
     interrupts = Interrupts()
     nodes: list[Node] = []
-    try:
-        nodes = _started(make_nodes, args, program or Path(sys.argv[0]).stem)
-        executor = make_executor()
-        for node in nodes:
-            be_alive(node)
-            executor.add_node(node)
-        ends = OnceIn(ENDS_WITHIN, lambda: interrupts or over(nodes) or not rclpy.ok())
-        while not ends():
-            executor.spin_once(timeout_sec=ENDS_WITHIN)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    finally:
-        for node in nodes:
-            node.destroy_node()
-        rclpy.try_shutdown()
+    with exchanging() as exchange:
+        try:
+            nodes = _started(make_nodes, args, program or Path(sys.argv[0]).stem)
+            executor = make_executor()
+            for node in nodes:
+                be_alive(node)
+                executor.add_node(node)
+            ends = OnceIn(ENDS_WITHIN, lambda: interrupts or over(nodes) or not rclpy.ok())
+            while not ends():
+                spin_once(executor, exchange, ENDS_WITHIN)
+        except (KeyboardInterrupt, ExternalShutdownException):
+            pass
+        finally:
+            for node in nodes:
+                node.destroy_node()
+            rclpy.try_shutdown()
 
 
 class OnceIn:
