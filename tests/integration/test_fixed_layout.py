@@ -10,7 +10,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
-from dart_skill_nodes.comms.conversions import GIGA, leading_stamp_bytes
+from dart_skill_nodes.comms.conversions import EPISODE_AND_STEP, GIGA, ground_truth, leading_stamp_bytes
 from dart_skill_nodes.comms.fixed_layout import FixedLayout, LayoutReader, _Cdr
 
 NAMES = st.text(st.characters(min_codepoint=32, max_codepoint=0x24F), max_size=12)
@@ -110,3 +110,17 @@ def test_a_stamp_alone():
 
     clock = deserialize_message(leading_stamp_bytes(12 * GIGA + 34), Clock).clock
     assert (clock.sec, clock.nanosec) == (12, 34)
+
+
+def test_counters_are_no_part_of_a_layout():
+    example = SimulationState(bodies=[BodyState(name="hand")])
+    layout, reader = FixedLayout(example, EPISODE_AND_STEP), LayoutReader(SimulationState, EPISODE_AND_STEP)
+    for step in (3, 2**32 - 1):
+        data = layout.pack(9, np.arange(float(layout.count)), 2, step)
+        message = deserialize_message(data, SimulationState)
+        assert (message.episode, message.step) == (2, step)
+        for _ in range(2):
+            truth = ground_truth(*reader.read_all(data))
+            assert (truth.stamp_ns, truth.episode, truth.step, truth.base_turn) == (9, 2, step, layout.count - 1)
+            assert list(truth.bodies["hand"][1]) == [24.0, 25.0, 26.0, 27.0] and list(truth.joint_position) == list(range(7))
+    assert len(reader._layouts) == 1

@@ -7,11 +7,11 @@ import math
 import struct
 from array import array
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
-from dart_skill_msgs.msg import BodyState, BodyTrack, Event, WamCommand
+from dart_skill_msgs.msg import BodyState, BodyTrack, Event, SimulationState, WamCommand
 from dart_skill_msgs.msg import Demonstration as DemonstrationMsg
 from dart_skill_msgs.msg import Outcome as OutcomeMsg
 from dart_skill_msgs.msg import Plan as PlanMsg
@@ -81,6 +81,10 @@ LEADING_STAMP = struct.Struct("<4xiI")
 """A stamp behind the encapsulation (CDR, little-endian, as on every machine that ROS 2 supports)."""
 
 
+EPISODE_AND_STEP = ("episode", "step")
+"""What differs from one SimulationState to the next beside its numbers."""
+
+
 def what_comes(skill: str) -> str:
     """What nobody sees of a skill without cameras, in words."""
     return f"where the {THROWN[skill][0]} goes" if skill in THROWN else "what becomes of it"
@@ -114,6 +118,26 @@ def leading_stamp_ns(data: bytes) -> int:
     if sec < 0 or nanosec >= GIGA:
         raise ValueError(f"it is stamped {sec} s and {nanosec} ns: stamps are not negative, and below 1 s of nanoseconds")
     return sec * GIGA + nanosec
+
+
+class GroundTruth(NamedTuple):
+    """What a camera of a simulated world needs of it: stamp [ns], episode and step, joint angles (7,) [rad], the turn of the arm's base
+    about the vertical [rad], and poses of the bodies by role: position (3,) [m] and quaternion (4,).
+    """
+
+    stamp_ns: int
+    episode: int
+    step: int
+    joint_position: np.ndarray
+    base_turn: float
+    bodies: dict[str, tuple[np.ndarray, np.ndarray]]
+
+
+def ground_truth(like: SimulationState, ns: int, numbers: np.ndarray, counters: Sequence[int]) -> GroundTruth:
+    """What a SimulationState says. like: one with the same bodies; ns: its stamp; numbers: all of its float64; counters: episode, step."""
+    rows = numbers[3 * N_JOINTS : -1].reshape(len(like.bodies), -1)  # pose and twist
+    bodies = {body.name: (row[:3], row[3:7]) for body, row in zip(like.bodies, rows, strict=True)}
+    return GroundTruth(ns, *counters, numbers[:N_JOINTS], float(numbers[-1]), bodies)
 
 
 def time_msg(ns: int) -> Time:

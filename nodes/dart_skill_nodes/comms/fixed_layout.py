@@ -1,10 +1,11 @@
-"""Messages that come hundreds of times a second and differ in their stamp and in their float64 alone, read and written as bytes.
+"""Messages that come hundreds of times a second and differ in their stamp and in their numbers alone, read and written as bytes.
 
 rclpy makes a Python object of each part of a message, which for a state of the arm takes as long as the control law. Names, frames and
 lengths are the same in all messages of a publisher, so they are decoded once, and after that only the stamp and the numbers.
 """
 
 import re
+import struct
 
 import numpy as np
 from rclpy.serialization import serialize_message
@@ -13,6 +14,7 @@ from dart_skill_nodes.comms.conversions import GIGA, TIME, checked_stamp_ns, dec
 
 BODY = 4
 """Where the content of a message begins, behind its encapsulation: fields are aligned to that (CDR)."""
+COUNTER = struct.Struct("<I")
 LAYOUTS = 8
 """That are remembered of one topic: commands of each grip and speed, of a few publishers."""
 BYTES = {"boolean": 1, "octet": 1, "uint8": 1, "int8": 1, "uint16": 2, "int16": 2, "uint32": 4, "int32": 4, "float": 4}
@@ -24,12 +26,14 @@ class FixedLayout:
     """Bytes of messages that begin with a header and have everything in common but its stamp, and their numbers: all that is float64.
 
     * example: one of these messages. ValueError if it has fields that this class does not know.
+    * counters: names of those of its fields of type uint32 that differ, too.
     """
 
-    def __init__(self, example):
+    def __init__(self, example, counters: tuple[str, ...] = ()):
         self.example = example
-        cdr = _Cdr()
+        cdr = _Cdr(counters)
         cdr.message(example)
+        self._counters = cdr.counters
         data = serialize_message(example)
         if cdr.at > len(data):
             raise ValueError(f"{type(example).__name__} takes {len(data)} bytes, not {cdr.at}")
@@ -42,10 +46,12 @@ class FixedLayout:
             self._bytes[start:end] = fixed
         self._view = np.frombuffer(self._bytes, dtype="<f8", count=self._words, offset=BODY)
 
-    def pack(self, stamp_ns: int, values: np.ndarray) -> bytes:
-        """The bytes of a message. stamp_ns: of its header [ns]; values: its numbers (count,) in the order of its fields."""
+    def pack(self, stamp_ns: int, values: np.ndarray, *counters: int) -> bytes:
+        """The bytes of a message. stamp_ns: of its header [ns]; values: its numbers (count,) in the order of its fields; counters, too."""
         TIME.pack_into(self._bytes, BODY, *divmod(stamp_ns, GIGA))
         self._view[self._at] = values
+        for at, counter in zip(self._counters, counters, strict=True):
+            COUNTER.pack_into(self._bytes, at, counter)
         return bytes(self._bytes)
 
     def fits(self, data: bytes) -> bool:
@@ -57,33 +63,43 @@ class FixedLayout:
         """The numbers (count,) in the bytes of such a message."""
         return np.frombuffer(data, dtype="<f8", count=self._words, offset=BODY)[self._at]
 
+    def counters(self, data: bytes) -> list[int]:
+        """The counters in the bytes of such a message."""
+        return [COUNTER.unpack_from(data, at)[0] for at in self._counters]
+
 
 class LayoutReader:
     """Reads serialised messages of a type; those of a layout that has come before at a tenth of the cost.
 
     * message_type: of the messages.
+    * counters: as of `FixedLayout`.
     """
 
-    def __init__(self, message_type: type):
-        self._type, self._layouts = message_type, []
+    def __init__(self, message_type: type, counters: tuple[str, ...] = ()):
+        self._type, self._counters, self._layouts = message_type, counters, []
 
     def read(self, data: bytes) -> tuple[object, int, np.ndarray]:
         """A message that has all but its stamp and numbers in common with this one, the stamp [ns], and the numbers (n,) in the order of
         the fields. ValueError for bytes that are no such message, and a stamp that is none.
         """
+        message, stamp_ns, values, _ = self.read_all(data)
+        return message, stamp_ns, values
+
+    def read_all(self, data: bytes) -> tuple[object, int, np.ndarray, list[int]]:
+        """What `read` gives, and the counters."""
         for layout in self._layouts:
             if layout.fits(data):
-                return layout.example, leading_stamp_ns(data), layout.values(data)
+                return layout.example, leading_stamp_ns(data), layout.values(data), layout.counters(data)
         return self._first_of_its_kind(data)
 
-    def _first_of_its_kind(self, data: bytes) -> tuple[object, int, np.ndarray]:
+    def _first_of_its_kind(self, data: bytes) -> tuple[object, int, np.ndarray, list[int]]:
         message = decoded(data, self._type)
-        stamp_ns, cdr = checked_stamp_ns(message.header.stamp), _Cdr()
+        stamp_ns, cdr = checked_stamp_ns(message.header.stamp), _Cdr(self._counters)
         cdr.message(message)
-        layout = FixedLayout(message)
+        layout = FixedLayout(message, self._counters)
         if layout.fits(data):  # not those of a machine with another order of bytes
             self._layouts = [layout, *self._layouts[: LAYOUTS - 1]]
-        return message, stamp_ns, np.array(cdr.values, dtype=float)
+        return message, stamp_ns, np.array(cdr.values, dtype=float), [getattr(message, name) for name in self._counters]
 
 
 def _joined(stretches: list[tuple[int, int]]) -> list[tuple[int, int]]:
@@ -100,18 +116,25 @@ def _joined(stretches: list[tuple[int, int]]) -> list[tuple[int, int]]:
 class _Cdr:
     """Goes through a message's fields as the serialisation of ROS does (CDR, version 1, as rmw_fastrtps and others write it).
 
-    at: where the next byte stands. numbers, values: where each float64 stands, and what it is. meant: stretches of what else is said.
+    at: where the next byte stands. numbers, values: where each float64 stands, and what it is. counters: where those stand that are named.
+    meant: stretches of what else is said.
     """
 
-    def __init__(self) -> None:
-        self.at = BODY
+    def __init__(self, counters: tuple[str, ...] = ()) -> None:
+        self.at, self._names = BODY, counters
+        self.counters: list[int] = []
         self.numbers: list[int] = []
         self.values: list[float] = []
         self.meant: list[tuple[int, int]] = []
 
     def message(self, message) -> None:
         for name, kind in message.get_fields_and_field_types().items():
-            self._field(kind, getattr(message, name))
+            if name in self._names:
+                self._align(COUNTER.size)
+                self.counters.append(self.at)
+                self.at += COUNTER.size
+            else:
+                self._field(kind, getattr(message, name))
 
     def _field(self, kind: str, value) -> None:
         if several := SEVERAL.fullmatch(kind):

@@ -5,22 +5,22 @@ Stamps are those of the exposure (vrpn_mocap: use_vrpn_timestamps); messages com
 must give the same throw on a busy machine too; `reliability: best_effort` is what vrpn_mocap does.
 """
 
-from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
-from dart_skill_msgs.msg import BodyState, FramesDelivered, SimulationState
+from dart_skill_msgs.msg import FramesDelivered, SimulationState
 from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.lifecycle import TransitionCallbackReturn
 from rosgraph_msgs.msg import Clock
 
+from dart_skill.checks import as_place
 from dart_skill.configuration import limit_parameters, node_parameters, world_parameters
 from dart_skill.robot import ArmModel, Transform
 from dart_skill.simulation import BasketWalls, Board, LatencyQueue, MotionCapture, PlantSettings
 from dart_skill.skill.protocol import HAND, skill_type
 from dart_skill_nodes.comms import conversions
-from dart_skill_nodes.comms.fixed_layout import FixedLayout
+from dart_skill_nodes.comms.fixed_layout import FixedLayout, LayoutReader
 from dart_skill_nodes.comms.names import CLOCK, pose_topic
 from dart_skill_nodes.comms.qos import CLOCK_QOS, FRAMES, POSES
 from dart_skill_nodes.comms.refusals import GuardedLifecycleNode
@@ -40,6 +40,8 @@ from dart_skill_nodes.process.node_base import (
 
 STEP_NS = PlantSettings().step_ns
 Capsules = tuple[np.ndarray, ...]
+Bodies = dict[str, tuple[np.ndarray, np.ndarray]]
+"""Positions (3,) [m] and quaternions (4,) by role."""
 WORLD = [
     Parameter("frame_id", "frame of the poses"),
     Parameter("skill", "whose bodies are tracked"),
@@ -135,7 +137,8 @@ class MockOptitrack(GuardedLifecycleNode):
         like.header.frame_id = self._frame_id = self.get_parameter("frame_id").value
         self._layout = FixedLayout(like)
         self._transforms = LiveTransforms(self, self._frame_id)
-        self.create_subscription(SimulationState, "simulation/state", self._on_state, FRAMES)
+        self._reader = LayoutReader(SimulationState, conversions.EPISODE_AND_STEP)
+        self.create_subscription(SimulationState, "simulation/state", self._on_state, FRAMES, raw=True)
         self.create_subscription(Clock, CLOCK, self._on_clock, CLOCK_QOS, raw=True)
         self._diagnostics = Diagnostics(self, self._describe)
         return TransitionCallbackReturn.SUCCESS
@@ -156,41 +159,38 @@ class MockOptitrack(GuardedLifecycleNode):
         """Time between two frames [ns]; when the clock is farther than that, a frame has yet to be taken in."""
         return round(1e9 / self._capture.config.rate)
 
-    def _on_state(self, message: SimulationState) -> None:
-        ns = conversions.checked_stamp_ns(message.header.stamp, "the state")
-        frame_ns = self._between_frames
-        if not self._active or (message.step * STEP_NS) % frame_ns or ns == self._frame_ns:
+    def _on_state(self, data: bytes) -> None:
+        truth = conversions.ground_truth(*self._reader.read_all(data))
+        ns, frame_ns = truth.stamp_ns, self._between_frames
+        if not self._active or (truth.step * STEP_NS) % frame_ns or ns == self._frame_ns:
             return  # an unanswered state is published again: it is the same frame
-        if message.episode != self._episode or ns < self._frame_ns:  # the latter: a simulator that was started again
-            self._episode = message.episode
-            self._capture.begin(message.episode)
+        if truth.episode != self._episode or ns < self._frame_ns:  # the latter: a simulator that was started again
+            self._episode = truth.episode
+            self._capture.begin(truth.episode)
             self._queue.clear()
             self._newest = dict.fromkeys(self._newest, 0)
         self._frame_ns = ns
-        there = {body.name: body for body in message.bodies}
-        bodies = {name: self._pose(there[name].pose) for name in self._capture.config.bodies if name in there}
-        walls = self._walls(message.bodies)
-        capsules = self._beside_a_board(message.bodies, self._kinematics.link_capsules(message.joint_position, message.base_turn))
-        samples = self._capture.observe(ns, message.episode, bodies, capsules, walls, message.step * STEP_NS // frame_ns)
+        bodies = {name: truth.bodies[name] for name in self._capture.config.bodies if name in truth.bodies}
+        capsules = self._beside_a_board(truth.bodies, self._kinematics.link_capsules(truth.joint_position, truth.base_turn))
+        samples = self._capture.observe(ns, truth.episode, bodies, capsules, self._walls(truth.bodies), truth.step * STEP_NS // frame_ns)
         for name in set(self._lost) - {sample.name for sample in samples}:
             self._lost[name] += 1
         self._queue.push(samples)
         self._publish_due(max(ns, self._clock_ns))
 
-    def _walls(self, bodies: Sequence[BodyState]) -> BasketWalls | None:
+    def _walls(self, bodies: Bodies) -> BasketWalls | None:
         """What of a basket hides other bodies; None in a world without one."""
-        if conversions.BASKET not in (body.name for body in bodies):
+        if conversions.BASKET not in bodies:
             return None
         radius, depth = (self.get_parameter(name).value for name in ("basket_radius", "basket_depth"))
-        rim = conversions.state_of(bodies, conversions.BASKET).pose.position
-        return BasketWalls(conversions.place(rim, "the basket"), radius, depth)
+        return BasketWalls(as_place(bodies[conversions.BASKET][0], "the basket"), radius, depth)
 
     @staticmethod
-    def _beside_a_board(bodies: Sequence[BodyState], capsules: Capsules) -> Capsules:
+    def _beside_a_board(bodies: Bodies, capsules: Capsules) -> Capsules:
         """What hides bodies: the arm, and a board where there is one."""
-        if conversions.BOARD not in (body.name for body in bodies):
+        if conversions.BOARD not in bodies:
             return capsules
-        bull = conversions.place(conversions.state_of(bodies, conversions.BOARD).pose.position, "the board")
+        bull = as_place(bodies[conversions.BOARD][0], "the board")
         return tuple(np.concatenate(parts) for parts in zip(capsules, _board(tuple(bull.tolist())).capsules, strict=True))
 
     def _on_clock(self, data: bytes) -> None:
@@ -209,10 +209,6 @@ class MockOptitrack(GuardedLifecycleNode):
         if self._delivered is not None and self._delivered.get_subscription_count() and now_ns - self._frame_ns < self._between_frames:
             newest = [conversions.time_msg(ns) for ns in self._newest.values()]
             self._delivered.publish(FramesDelivered(stamp=conversions.time_msg(now_ns), bodies=list(self._newest), newest=newest))
-
-    @staticmethod
-    def _pose(message) -> tuple:
-        return conversions.vector(message.position), conversions.quaternion(message.orientation)
 
     def _describe(self):
         lost = {f"{name}_lost": count for name, count in self._lost.items()}

@@ -84,6 +84,7 @@ PUSHES = {"commander": COMMANDS, "teacher": GUIDING}
 """Who moves the arm, and where."""
 MOST_STEPS = 100_000
 """Of one call of ~/step: 200 s of simulated time."""
+STILL = np.zeros(3)
 CATCH_UP = 25
 """Real time: steps made at once at most after the machine was late."""
 
@@ -126,10 +127,10 @@ class WamSimulator(GuardedNode):
         self._transforms = LiveTransforms(self, frame, fixed_transforms(wam_description(), frame))
         joints = JointState(name=[joint.name for joint in wam_description().joints])
         joints.position = joints.velocity = joints.effort = [0.0] * len(joints.name)
-        self._tool_msg, self._truth_msg = PoseStamped(), SimulationState()
-        self._bodies = {role: BodyState(name=role) for role in self._plant.bodies}
-        for message in (joints, self._tool_msg, self._truth_msg):
+        self._tool_msg = PoseStamped()
+        for message in (joints, self._tool_msg):
             message.header.frame_id = frame
+        self._truth_layouts: dict[tuple, FixedLayout] = {}  # by what the messages say beside numbers
         self._joint_layout = FixedLayout(joints)
         self._safety = self.create_publisher(DiagnosticStatus, "wam/safety", LATCHED)
         self._said_of_safety = None
@@ -375,19 +376,18 @@ class WamSimulator(GuardedNode):
         self._joint_states.publish(self._joint_layout.pack(ns, numbers))
 
     def _publish_truth(self) -> None:
-        state, message = self._plant.state, self._truth_msg
-        conversions.set_stamp(message.header.stamp, state.stamp_ns)
-        message.episode, message.step, message.base_turn = state.episode, state.step, self.p["base_turn"]
-        message.joint_position, message.joint_velocity = state.position, state.velocity
-        message.joint_effort = state.effort
-        there = self._plant.bodies
-        message.bodies = [body for name, body in self._bodies.items() if name in there]
-        for body in message.bodies:
-            conversions.set_pose(body.pose, *there[body.name])
-            if body.name == self._plant.loose_body:
-                conversions.set_vector(body.twist.linear, state.ball_velocity)
-        message.held, message.success = self._plant.held_body, self._plant.succeeded
-        self._truth.publish(message)
+        state, there = self._plant.state, self._plant.bodies
+        numbers = [state.position, state.velocity, state.effort]
+        for name, (position, quaternion) in there.items():
+            numbers += [position, quaternion, state.ball_velocity if name == self._plant.loose_body else STILL, STILL]
+        said = tuple(there), self._plant.held_body, self._plant.succeeded
+        layout = self._truth_layouts.get(said) or self._truth_layouts.setdefault(said, self._truth_layout(*said))
+        self._truth.publish(layout.pack(state.stamp_ns, np.concatenate([*numbers, [self.p["base_turn"]]]), state.episode, state.step))
+
+    def _truth_layout(self, bodies: tuple[str, ...], held: str, success: bool) -> FixedLayout:
+        message = SimulationState(bodies=[BodyState(name=name) for name in bodies], held=held, success=success)
+        message.header.frame_id = self.p["frame_id"]
+        return FixedLayout(message, conversions.EPISODE_AND_STEP)
 
     # saying what goes on
 
