@@ -136,9 +136,7 @@ DEFAULT = SkillConfiguration()
 THESIS = SkillConfiguration(
     "thesis", "start", 3, partition="em", distance_input=False, alignment="start", relabel=False, solve_aim=False, release="shown"
 )
-DS_GMR = replace(
-    DEFAULT, name="ds_gmr", frames="azimuth_target", components=16, partition="em", overlap=0.7, distance_input=False
-)  # fmt: skip
+DS_GMR = replace(DEFAULT, name="ds_gmr", frames="azimuth_target", components=16, partition="em", overlap=0.7)
 CONFIGURATIONS = {
     one.name: one
     for one in (
@@ -161,6 +159,7 @@ STEPS = {
     "turned_frames": "frames",
     "more_components": "components",
     "overlap": "overlap",
+    "distance": "distance_input",
     "solved_aim": "solve_aim",
     "farthest_release": "release",
 }
