@@ -2,6 +2,7 @@
 components, split and merge (5.3), data spectroscopy (5.4), likelihood of weighted data (6.4).
 """
 
+from dart_skill.mixture._estimator import GaussianMixtureEstimator, GaussianMixtureRegressor
 from dart_skill.mixture._expectation_maximisation import Parameters, column_scales, expectation_at, in_units, maximisation, normalise_log
 from dart_skill.mixture._gaussian import (
     Gaussian,
@@ -28,6 +29,8 @@ __all__ = [
     "EMEstimator",
     "Gaussian",
     "GaussianMixture",
+    "GaussianMixtureEstimator",
+    "GaussianMixtureRegressor",
     "Parameters",
     "Regression",
     "Selection",

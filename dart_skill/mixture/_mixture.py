@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_count, as_covariances, as_dims, as_finite, as_learnable, as_number, as_samples, as_vector, as_weights
+from dart_skill.hyper_parameters import HyperParameters
 from dart_skill.mixture._expectation_maximisation import Parameters, Settings, Start, best_fit, expectation_at, normalise_log
 from dart_skill.mixture._gaussian import Gaussian, cholesky, log_determinants, moments, product_of_two, split_dims, square_root
 from dart_skill.mixture._start import kmeans_start
@@ -49,7 +50,7 @@ def require_enough(n_samples: int, n_components: int) -> None:
         )
 
 
-class EMEstimator:
+class EMEstimator(HyperParameters):
     """Hyper-parameters of EM and results of a fit; the base class of every mixture that EM fits.
 
     Parameters:
@@ -209,6 +210,11 @@ class GaussianMixture(EMEstimator):
         log_density = self.log_density(samples)
         weights = as_weights(weights, len(log_density))
         return float(-2.0 * weights @ log_density + self.n_parameters * np.log(weights.sum()))
+
+    def aic(self, samples: ArrayLike, weights: ArrayLike | None = None) -> float:
+        """Akaike's information criterion for samples (n, d) with weights (n,), lower is better."""
+        log_density = self.log_density(samples)
+        return float(-2.0 * as_weights(weights, len(log_density)) @ log_density + 2.0 * self.n_parameters)
 
     def collapse(self) -> Gaussian:
         """The Gaussian with the mean and covariance of the whole mixture."""
