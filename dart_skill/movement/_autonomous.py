@@ -151,7 +151,10 @@ class AutonomousDSGMR(AttractorModel):
     ) -> tuple[list[np.ndarray], list[list]]:
         """Features [t, u, x, x', y] of each demonstration, and its frames over them."""
         if not len(times) == len(motions) == len(frames):
-            raise ValueError(f"times, motions and frames must be as many, got {len(times)}, {len(motions)} and {len(frames)}")
+            raise ValueError(
+                f"times, motions and frames must be as many, got {len(times)}, {len(motions)} and {len(frames)}; each is a list with one "
+                "entry for each demonstration, also for a single one"
+            )
         attractors = _one_each(attractors, len(times), "attractors")
         inputs = _one_each(inputs, len(times), "inputs")
         samples = [self._features(times[i], motions[i], attractors[i], inputs[i]) for i in range(len(times))]
@@ -180,14 +183,8 @@ class AutonomousDSGMR(AttractorModel):
         self, time: ArrayLike, motion: Sequence[ArrayLike] | np.ndarray, attractor: ArrayLike | None, inputs: ArrayLike | None
     ) -> np.ndarray:
         """[t, u, x, x', y] (n, 1 + q + 3d)."""
-        if isinstance(motion, np.ndarray) and motion.ndim < 3:
-            raise ValueError(
-                f"a motion must hold position, velocity and acceleration, (n, d) each, got one array of shape {motion.shape}; "
-                "smooth_derivatives(time, positions) makes a motion of positions"
-            )
+        _require_motion(motion, 2 if attractor is not None else 3)
         if attractor is None:
-            if len(motion) != 3:
-                raise ValueError(f"a motion must hold position, velocity and acceleration, got {len(motion)} parts; or give its attractor")
             position, velocity, acceleration = motion
             attractor = attractor_from_motion(position, velocity, acceleration, self.stiffness, self.damping)
         attractor = as_samples(attractor, "attractor")
@@ -297,6 +294,22 @@ class AutonomousDSGMR(AttractorModel):
         """
         policy = self.policy(frames, phase=phase, inputs=inputs, goal=goal)
         return policy.run(position0, velocity0, step=step, duration=duration, push=push)
+
+
+def _require_motion(motion: Sequence[ArrayLike] | np.ndarray, least: int) -> None:
+    """ValueError unless a motion has its parts (n, d): `least` to 3 of them."""
+    shapes = [np.shape(part) for part in motion] if isinstance(motion, (Sequence, np.ndarray)) else []
+    if least <= len(shapes) <= 3 and all(len(shape) == 2 for shape in shapes):
+        return
+    alike = len(set(shapes)) == 1 and len(shapes[0]) < 2
+    got = f"one array of shape {(len(shapes), *shapes[0])}" if alike else f"{len(shapes)} parts of shapes {shapes[:4]}"
+    parts = "position, velocity and acceleration" if least == 3 else "position and velocity"
+    remedy = (
+        "give the acceleration, or its attractor"
+        if len(shapes) == 2 and not alike
+        else "smooth_derivatives(time, positions) makes one of positions"
+    )
+    raise ValueError(f"a motion must hold {parts}, (n, d) each, got {got}; {remedy}")
 
 
 def _one_each(given: Sequence | None, n: int, name: str) -> Sequence:

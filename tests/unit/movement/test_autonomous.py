@@ -192,6 +192,20 @@ def test_a_frame_that_is_missing_is_no_factor(demonstrations):
     assert (np.linalg.det(alone.covariances_) > np.linalg.det(two.product(WORLD * 2).covariances_)).all()
 
 
+@pytest.mark.parametrize("form", [np.ndarray.tolist, lambda path: path[:3].tolist(), lambda path: (path,), lambda _: None])
+@pytest.mark.parametrize("known", [False, True])
+def test_positions_of_any_kind_are_answered_with_what_makes_a_motion(demonstrations, form, known):
+    """Lists of rows, a tuple of one part and None once met other errors, one of them a TypeError, and none said what to give."""
+    path = demonstrations[0]
+    with pytest.raises(ValueError, match=r"a motion must hold position.*; smooth_derivatives\(time, positions\) makes one of positions"):
+        AutonomousDSGMR(3).fit([STAMPS], [form(path)], [WORLD], attractors=[path] if known else None)
+
+
+def test_one_demonstration_without_its_list_is_answered_with_where_lists_go(demonstrations):
+    with pytest.raises(ValueError, match="got 161, 3 and 1; each is a list with one entry for each demonstration"):
+        AutonomousDSGMR(3).fit(STAMPS, smooth_derivatives(STAMPS, demonstrations[0]), WORLD)
+
+
 def test_bad_input_is_named(model, policy, demonstrations):
     with pytest.raises(ValueError, match="position must have length 2|position"):
         policy.advance(0.0, [0.0, 0.0, 0.0], [0.0, 0.0], 0.01)
@@ -206,7 +220,7 @@ def test_bad_input_is_named(model, policy, demonstrations):
     with pytest.raises(ValueError, match="as many"):
         AutonomousDSGMR(3).fit([STAMPS], [], [WORLD])
     path = demonstrations[0]
-    with pytest.raises(ValueError, match="position, velocity and acceleration, got 2 parts; or give its attractor"):
+    with pytest.raises(ValueError, match="got 2 parts of shapes .*; give the acceleration, or its attractor"):
         AutonomousDSGMR(3).fit([STAMPS], [(path, path)], [WORLD])
     with pytest.raises(ValueError, match="attractors has 2 entries for 1 demonstrations"):
         AutonomousDSGMR(3).fit([STAMPS], [(path, path)], [WORLD], attractors=[path, path])
