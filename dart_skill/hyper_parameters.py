@@ -28,7 +28,7 @@ class HyperParameters:
         return {name: getattr(self, name) for name in self._parameters()}
 
     def set_params(self: AnyModel, **params: Any) -> AnyModel:
-        """Change hyper-parameters; returns self. What was fitted stays until the next fit.
+        """Change hyper-parameters; returns self. What was fitted with the former ones is forgotten.
 
         * params: by name, as the constructor takes them. ValueError names one that is none.
         """
@@ -37,7 +37,9 @@ class HyperParameters:
             if name not in known:
                 raise ValueError(f"Invalid parameter {name!r} for {type(self).__name__}; it has {', '.join(known)}")
         if params:
-            type(self).__init__(self, **{**known, **params})
+            made = type(self)(**{**known, **params})  # or a ValueError, and nothing has changed
+            vars(self).clear()
+            vars(self).update(vars(made))
         return self
 
     def __sklearn_clone__(self: AnyModel) -> AnyModel:
@@ -58,7 +60,7 @@ class HyperParameters:
 
 def _same(value: Any, default: Any) -> bool:
     """Whether a value is its default, also where it is an array."""
-    return value is default or bool(type(value) is type(default) and np.array_equal(value, default))
+    return value is default or bool(isinstance(value, bool) == isinstance(default, bool) and np.array_equal(value, default))
 
 
 def _short(value: Any) -> str:

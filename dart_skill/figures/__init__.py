@@ -7,6 +7,7 @@ from dart_skill.figures._darts import arm_darts_figure, draw_arm_darts, running
 from dart_skill.figures._execution import SAME_BASKET, ExecutedThrow, draw_execution, executed_throw, execution_figure
 from dart_skill.figures._gaussians import FrameView, draw_gaussians, frame_views, gaussians_figure
 from dart_skill.figures._landings import RIM_RADIUS, draw_landings, landings_figure
+from dart_skill.figures._models import plot_frames, plot_mixture, plot_reproduction
 from dart_skill.figures._recordings import COMMAND, Recording, read_recordings
 from dart_skill.figures._skill_trials import draw_trials, trials_figure
 from dart_skill.figures._style import (
@@ -97,6 +98,9 @@ __all__ = [
     "legend_below",
     "letter_panels",
     "panels",
+    "plot_frames",
+    "plot_mixture",
+    "plot_reproduction",
     "quantity_colours",
     "read_recordings",
     "save",

@@ -94,9 +94,7 @@ class _Estimator(HyperParameters):
         return hasattr(self, "mixture_")
 
     def _fitted_to(self) -> str:
-        if not hasattr(self, "mixture_"):
-            return ""
-        return f"fitted, {len(self.mixture_.priors_)} components in {self.mixture_.n_dims} dimensions"
+        return self.mixture_._fitted_to() if hasattr(self, "mixture_") else ""
 
     def __sklearn_tags__(self) -> Any:
         """What scikit-learn asks for; only it does, so it is loaded."""

@@ -120,6 +120,9 @@ class GaussianMixture(EMEstimator):
     * n_iterations_: int. converged_: bool, False if max_iterations was reached first.
     """
 
+    def _fitted_to(self) -> str:
+        return f"{len(self.priors_)} components in {self.n_dims} dimensions" if hasattr(self, "priors_") else ""
+
     @classmethod
     def from_parameters(cls, priors: ArrayLike, means: ArrayLike, covariances: ArrayLike) -> GaussianMixture:
         """Mixture with given priors (K,), means (K, d) and positive definite covariances (K, d, d).

@@ -4,6 +4,7 @@ task-parameterised mixture that is fitted by EM or with one component in each in
 
 from __future__ import annotations
 
+import inspect
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike
 from dart_skill.checks import as_count, as_finite, as_number
 from dart_skill.movement._attractor import as_gains, critical_damping
 from dart_skill.movement._placement import Frames, Samples, Weights
+from dart_skill.movement._saved import Arrays, SavedModel
 from dart_skill.movement._task_parameterised import TaskParameterisedMixture
 from dart_skill.movement._time import as_stamps
 
@@ -20,7 +22,7 @@ OVERLAP = 0.7
 """Of components at equal intervals of time."""
 
 
-class AttractorModel:
+class AttractorModel(SavedModel):
     """Base class of the models that learn attractors; `DSGMR` describes its parameters."""
 
     mixture_: TaskParameterisedMixture
@@ -40,9 +42,11 @@ class AttractorModel:
             raise ValueError(f"partition must be one of {PARTITIONS}, got {partition!r}")
         self.stiffness = as_gains(stiffness, None, "stiffness", strict=True)
         self.damping = critical_damping(self.stiffness) if damping is None else as_gains(damping, None, "damping", strict=False)
+        self._given_damping = damping
         self.n_inputs, self.partition = as_count(n_inputs, "n_inputs", 0), partition
         self.overlap = None if overlap is None else as_number(overlap, "overlap", 1e-3, strict=False)
         self._mixture = TaskParameterisedMixture(n_components, **mixture_options)
+        self.n_components = self._mixture.n_components
 
     def _learn(
         self,
@@ -58,13 +62,42 @@ class AttractorModel:
             fitted = self._mixture.fit(samples, frames, weights, rng=rng)
             if self.overlap is not None:
                 fitted = fitted.fit_around(samples, frames, weights, self.overlap)
-        self.mixture_ = self._with_outputs(fitted)
+        self.mixture_, self.n_demonstrations_ = self._with_outputs(fitted), len(samples)
 
     def _with_outputs(self, mixture: TaskParameterisedMixture) -> TaskParameterisedMixture:
         """The mixture; ValueError if it has no columns besides time and the further inputs."""
         if mixture.n_dims < self.n_inputs + 2:
             raise ValueError(f"{mixture.n_dims} columns are too few for time, {self.n_inputs} further inputs (n_inputs) and an attractor")
         return mixture
+
+    @classmethod
+    def _parameters(cls) -> dict[str, inspect.Parameter]:
+        return {**super()._parameters(), **TaskParameterisedMixture._parameters()}
+
+    def get_params(self, deep: bool = True) -> dict[str, Any]:
+        """The hyper-parameters by name, with those of the mixture, as the constructor takes them. deep: for scikit-learn."""
+        known = {**vars(self), **self._mixture.get_params(), "damping": self._given_damping}
+        return {name: known[name] for name in self._parameters()}
+
+    def _to_arrays(self) -> Arrays:
+        return self._fitted._to_arrays()
+
+    def _from_arrays(self, arrays: Arrays) -> None:
+        mixture = TaskParameterisedMixture(self._mixture.n_components)
+        mixture._from_arrays(arrays)
+        self.mixture_ = self._with_outputs(mixture)
+
+    @property
+    def _blocks_of_columns(self) -> int:
+        """How many groups of columns the movement variables fill."""
+        return 1
+
+    def _fitted_to(self) -> str:
+        if not hasattr(self, "mixture_"):
+            return ""
+        d = (self.mixture_.n_dims - 1 - self.n_inputs) // self._blocks_of_columns
+        inputs = f" and {self.n_inputs} further inputs" if self.n_inputs else ""
+        return f"{self._shown()}{d} movement variables{inputs}, {self.mixture_._fitted_to()}"
 
     @property
     def _fitted(self) -> TaskParameterisedMixture:

@@ -24,7 +24,7 @@ the regression's.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -36,6 +36,7 @@ from dart_skill.movement._attractor import attractor_from_motion, discretise
 from dart_skill.movement._attractor_model import AttractorModel
 from dart_skill.movement._frames import MovingFrame, TaskFrame
 from dart_skill.movement._placement import Weights
+from dart_skill.movement._saved import Arrays, array_of
 from dart_skill.movement._task_parameterised import TaskParameterisedMixture
 from dart_skill.movement._time import as_stamps, uniform_step
 from dart_skill.pace import PhaseRule
@@ -96,6 +97,29 @@ class AutonomousDSGMR(AttractorModel):
     ) -> None:
         super().__init__(n_components, stiffness, damping, n_inputs=n_inputs, partition=partition, overlap=overlap, **mixture_options)
         self.rule = rule or PhaseRule()
+
+    def _plain_params(self) -> dict[str, Any]:
+        return {**super()._plain_params(), "rule": asdict(self.rule)}
+
+    @classmethod
+    def _from_plain(cls, values: dict[str, Any]) -> dict[str, Any]:
+        return {**values, "rule": PhaseRule(**values["rule"])}
+
+    def _to_arrays(self) -> Arrays:
+        last = {f"last.{name}": value for name, value in self._last._to_arrays().items()} if hasattr(self, "_last") else {}
+        return {**super()._to_arrays(), **last, "ends": self._ends}
+
+    def _from_arrays(self, arrays: Arrays) -> None:
+        super()._from_arrays(arrays)
+        self._ends = array_of(arrays, "ends", (2,))
+        last = {name.removeprefix("last."): value for name, value in arrays.items() if name.startswith("last.")}
+        if last:
+            self._last = TaskParameterisedMixture(1)
+            self._last._from_arrays(last)
+
+    @property
+    def _blocks_of_columns(self) -> int:
+        return 3
 
     def fit(
         self,

@@ -36,6 +36,8 @@ class DiscretePrimitive(Primitive):
     * start_velocity_ (d,), in units of the position per second.
     """
 
+    _LEARNED = ("start", "goal", "start_velocity", "duration")
+
     def __init__(
         self,
         n_basis: int = 50,

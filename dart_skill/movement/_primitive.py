@@ -19,6 +19,7 @@ from dart_skill.movement._demonstrations import Demonstration
 from dart_skill.movement._differentiation import Motion
 from dart_skill.movement._forcing import REGRESSIONS, Kernels, normalised, transformation
 from dart_skill.movement._runge_kutta import divide, integrate
+from dart_skill.movement._saved import Arrays, SavedModel, array_of
 from dart_skill.movement._time import as_stamps
 
 # A tracking error slows a movement down to this share of its pace at least. At zero it could not continue.
@@ -78,7 +79,7 @@ class Clock(NamedTuple):
 AnyPrimitive = TypeVar("AnyPrimitive", bound="Primitive")
 
 
-class Primitive:
+class Primitive(SavedModel):
     """Base of both kinds. A subclass has `fit`, `begin` and `step`.
 
     Its method `_gate` gives the factor by which f fades. Its method `_goal_path` gives the position of g between start (0)
@@ -86,6 +87,8 @@ class Primitive:
     """
 
     weights_: np.ndarray
+    _LEARNED: tuple[str, ...]
+    """Attributes (d,) that `fit` sets beside weights_; the last is a number [s]."""
 
     def __init__(self, kernels: Kernels, n_basis: int, stiffness: float, regression: str) -> None:
         if regression not in REGRESSIONS:
@@ -145,6 +148,21 @@ class Primitive:
         clock = self._clock(state, (stamps - stamps[0])[:, None], 1.0)
         return Trajectory(stamps, *_timed(clock, *self._follow(state, np.asarray(clock.made)[:, 0], None)))
 
+    def _to_arrays(self) -> Arrays:
+        self._fitted()
+        return {"weights": self.weights_, **{name: np.array(getattr(self, f"{name}_")) for name in self._LEARNED}}
+
+    def _from_arrays(self, arrays: Arrays) -> None:
+        weights = array_of(arrays, "weights", (self.n_basis, None))
+        for name in self._LEARNED[:-1]:
+            setattr(self, f"{name}_", array_of(arrays, name, weights.shape[1:]))
+        lasts = self._LEARNED[-1]
+        setattr(self, f"{lasts}_", as_number(array_of(arrays, lasts, ()), lasts))
+        self.weights_ = weights
+
+    def _fitted_to(self) -> str:
+        return f"{self._shown()}{self.n_dims} movement variables, {self.n_basis} kernels" if hasattr(self, "weights_") else ""
+
     def _fitted(self: AnyPrimitive) -> AnyPrimitive:
         if not hasattr(self, "weights_"):
             raise ValueError(f"this {type(self).__name__} holds no weights yet; call fit first")
@@ -152,6 +170,7 @@ class Primitive:
 
     def _learn(self, demonstrations: list[Demonstration], starts: np.ndarray, goals: np.ndarray, durations: np.ndarray) -> None:
         """Weights from all demonstrations by (7.12), then (7.13) or its joint form."""
+        self.n_demonstrations_ = len(demonstrations)
         executions = list(zip(demonstrations, starts, goals, durations, strict=True))
         progress = np.concatenate([demo.time / duration for demo, _, _, duration in executions])
         target = np.concatenate([self._reference(*execution) for execution in executions])

@@ -32,6 +32,8 @@ class RhythmicPrimitive(Primitive):
     * period_ [s].
     """
 
+    _LEARNED = ("baseline", "period")
+
     def __init__(self, n_basis: int = 50, *, stiffness: float = 156.25, regression: str = "joint"):
         n_basis = as_count(n_basis, "n_basis", 3)
         super().__init__(PeriodicKernels(n_basis), n_basis, stiffness, regression)

@@ -39,6 +39,7 @@ from dart_skill.mixture import (
 )
 from dart_skill.movement._frames import TaskFrame
 from dart_skill.movement._placement import FrameCourse, Frames, PartialFrame, Samples, Situation, TaskSamples, Weights
+from dart_skill.movement._saved import Arrays, SavedModel, array_of
 
 __all__ = ["PartialFrame", "TaskParameterisedMixture"]
 
@@ -87,7 +88,7 @@ def shared_time(blocks: list[np.ndarray]) -> np.ndarray:
     return time
 
 
-class TaskParameterisedMixture(EMEstimator):
+class TaskParameterisedMixture(EMEstimator, SavedModel):
     """Mixture of K components in P task frames over m features, of which column 0 is time.
 
     start: "time" cuts the samples into K slices of equal weight along column 0 of the first frame that
@@ -156,6 +157,27 @@ class TaskParameterisedMixture(EMEstimator):
         alike = len({mean.shape[1] for mean in parameters.means}) == 1
         self.means_ = np.stack(parameters.means) if alike else parameters.means
         self.covariances_ = np.stack(parameters.covariances) if alike else parameters.covariances
+
+    def _to_arrays(self) -> Arrays:
+        self._require_fitted()
+        arrays = {"priors": self.priors_, "n_features": np.array(self._n_features)}
+        for j, (mean, covariance) in enumerate(zip(self.means_, self.covariances_, strict=True)):
+            arrays |= {f"means.{j}": mean, f"covariances.{j}": covariance}
+        return arrays
+
+    def _from_arrays(self, arrays: Arrays) -> None:
+        priors = array_of(arrays, "priors", (None,))
+        n_frames = len({name.split(".")[1] for name in arrays if name.startswith(("means.", "covariances."))})
+        checked_priors(priors)
+        means = [array_of(arrays, f"means.{j}", (len(priors), None)) for j in range(n_frames)]
+        covariances = [array_of(arrays, f"covariances.{j}", (*mean.shape, mean.shape[1])) for j, mean in enumerate(means)]
+        n_features = int(array_of(arrays, "n_features", ()))
+        if not means or max(mean.shape[1] for mean in means) > n_features:
+            raise ValueError(f"its {n_frames} frames do not fit {n_features} features")
+        self._set(Parameters(priors, means, covariances), n_features)
+
+    def _fitted_to(self) -> str:
+        return f"{len(self.priors_)} components in {self.n_frames} task frames" if hasattr(self, "priors_") else ""
 
     @property
     def n_frames(self) -> int:

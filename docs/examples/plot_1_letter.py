@@ -10,7 +10,7 @@ letter it is retrieved from the frames there and followed by a spring and a damp
 import matplotlib.pyplot as plt
 import numpy as np
 
-from dart_skill.figures import gaussian_ellipse
+from dart_skill.figures import BLUE, plot_frames, plot_mixture, plot_reproduction
 from dart_skill.movement import DSGMR, TaskFrame
 
 rng = np.random.default_rng(0)
@@ -58,17 +58,14 @@ print(f"at most {1e3 * off.max():.1f} mm beside the letter that was meant, {1e3 
 # %%
 # The new letter goes up instead of to the right, and is larger than all that were shown.
 
-figure, axes = plt.subplots(figsize=(6.4, 4.8), layout="constrained")
-for path in shown:
-    axes.plot(*path.T, color="0.75", label="shown" if path is shown[0] else None)
-mixture = model.product(frames(*new)).marginal([1, 2])
-for one in mixture.components:
-    axes.add_patch(gaussian_ellipse(one.mean, one.covariance, 2.0, facecolor="tab:green", alpha=0.25))
-axes.plot(*written.attractor.T, "--", color="tab:green", label="attractor")
-axes.plot(*written.position.T, color="tab:blue", label="written")
-axes.plot(*letter(*new).T, ":", color="black", label="meant")
-axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", title="grey: six demonstrations; colour: a new letter")
-axes.legend()
+figure, axes = plt.subplots(figsize=(7.0, 5.2), layout="constrained")
+plot_mixture(axes, model.product(frames(*new)), dims=(1, 2), label="components (7.21)")
+plot_frames(axes, frames(*new), size=0.15)
+plot_reproduction(axes, written, demonstrations=shown)
+axes.plot(*letter(*new).T, ":", color=BLUE, linewidth=2.0, label="meant")
+axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
+figure.suptitle(str(model).replace(": ", "\n"))
+figure.legend(loc="outside right center")
 plt.show()
 
 assert off.max() < 0.01 and off[-1] < 0.004

@@ -4,6 +4,7 @@ spring-damper on the manifold (thesis 7.5, with R^3 x S3 in the place of R^d).
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,6 +17,7 @@ from dart_skill.movement._attractor import critical_damping
 from dart_skill.movement._attractor_model import PARTITIONS
 from dart_skill.movement._ds_gmr import _step
 from dart_skill.movement._placement import Weights
+from dart_skill.movement._saved import Arrays, SavedModel
 from dart_skill.movement._time import as_stamps
 from dart_skill.movement.pose._frames import PoseCourse
 from dart_skill.movement.pose._mixture import PoseMixture
@@ -37,7 +39,7 @@ class PoseReproduction:
     acceleration: np.ndarray
 
 
-class PoseDSGMR:
+class PoseDSGMR(SavedModel):
     """Movement of position and orientation that is driven by a clock.
 
     The features are rows [t, u, y] with q + 8 columns: time, q further inputs, and the attractor pose.
@@ -74,9 +76,34 @@ class PoseDSGMR:
             raise ValueError(f"partition must be one of {PARTITIONS}, got {partition!r}")
         self.stiffness = as_pair(stiffness, "stiffness", strict=True)
         self.damping = critical_damping(self.stiffness) if damping is None else as_pair(damping, "damping", strict=False)
+        self._given_damping = damping
         self.n_inputs, self.partition = as_count(n_inputs, "n_inputs", 0), partition
         self.overlap = as_number(overlap, "overlap", 1e-3, strict=False)
         self._mixture = TaskParameterisedPoseMixture(n_components, **mixture_options)
+        self.n_components = self._mixture.n_components
+
+    @classmethod
+    def _parameters(cls) -> dict[str, inspect.Parameter]:
+        return {**super()._parameters(), **TaskParameterisedPoseMixture._parameters()}
+
+    def get_params(self, deep: bool = True) -> dict[str, Any]:
+        """The hyper-parameters by name, with those of the mixture, as the constructor takes them. deep: for scikit-learn."""
+        known = {**vars(self), **self._mixture.get_params(), "damping": self._given_damping}
+        return {name: known[name] for name in self._parameters()}
+
+    def _to_arrays(self) -> Arrays:
+        return self._fitted._to_arrays()
+
+    def _from_arrays(self, arrays: Arrays) -> None:
+        mixture = TaskParameterisedPoseMixture(self._mixture.n_components, correlated=self._mixture.correlated)
+        mixture._from_arrays(arrays)
+        self.mixture_ = mixture
+
+    def _fitted_to(self) -> str:
+        if not hasattr(self, "mixture_"):
+            return ""
+        inputs = f" and {self.n_inputs} further inputs" if self.n_inputs else ""
+        return f"{self._shown()}positions and orientations{inputs}, {self.mixture_._fitted_to()}"
 
     def encode(
         self,
@@ -137,6 +164,7 @@ class PoseDSGMR:
             self.mixture_ = self._mixture.fit_in_time(attractors, frames, weights, self.overlap)
         else:
             self.mixture_ = self._mixture.fit(attractors, frames, weights, rng=rng)
+        self.n_demonstrations_ = len(attractors)
         return self
 
     @property

@@ -14,6 +14,7 @@ For periodic movements e is the rotation vector from a baseline: the projection 
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
@@ -28,6 +29,7 @@ from dart_skill.movement._discrete_primitive import DiscretePrimitive
 from dart_skill.movement._period import as_period, estimate_period, mean_over_periods
 from dart_skill.movement._primitive import Primitive, PrimitiveState
 from dart_skill.movement._rhythmic_primitive import RhythmicPrimitive
+from dart_skill.movement._saved import Arrays, SavedModel, array_of
 from dart_skill.movement._time import as_stamps
 from dart_skill.movement.pose import _quaternions as quaternions
 from dart_skill.movement.pose._chart import nearest, path_about, slope_of, turning
@@ -82,10 +84,39 @@ class PoseState:
 AnyPosePrimitive = TypeVar("AnyPosePrimitive", bound="PosePrimitive")
 
 
-class PosePrimitive:
+class PosePrimitive(SavedModel):
     """Base of both kinds: a linear primitive over coordinates of the pose, position and e, then any others."""
 
     _inner: Primitive
+
+    _KIND: type[Primitive]
+    """Of the inner primitive."""
+    _LEARNED: dict[str, int]
+    """Attributes that `fit` sets beside those of the inner primitive, and their lengths."""
+
+    @classmethod
+    def _parameters(cls) -> dict[str, inspect.Parameter]:
+        return cls._KIND._parameters()
+
+    def get_params(self, deep: bool = True) -> dict[str, Any]:
+        """The hyper-parameters by name, as the constructor takes them. deep: for scikit-learn."""
+        return self._inner.get_params(deep)
+
+    def _to_arrays(self) -> Arrays:
+        inner = {f"inner.{name}": value for name, value in self._inner._to_arrays().items()}
+        return {**inner, **{name.strip("_"): getattr(self, name) for name in self._LEARNED}}
+
+    def _from_arrays(self, arrays: Arrays) -> None:
+        self._inner._from_arrays({name.removeprefix("inner."): value for name, value in arrays.items() if name.startswith("inner.")})
+        for name, length in self._LEARNED.items():
+            setattr(self, name, array_of(arrays, name.strip("_"), (length,)))
+        lasts = f"{self._inner._LEARNED[-1]}_"
+        setattr(self, lasts, getattr(self._inner, lasts))
+
+    def _fitted_to(self) -> str:
+        if not hasattr(self._inner, "weights_"):
+            return ""
+        return f"{self._shown()}positions and orientations, {self._inner.n_basis} kernels"
 
     @property
     def n_dims(self) -> int:
@@ -176,6 +207,8 @@ class DiscretePosePrimitive(PosePrimitive):
     """
 
     _inner: DiscretePrimitive
+    _KIND = DiscretePrimitive
+    _LEARNED = {"start_": 7, "goal_": 7, "start_turn_": 3, "_goal_rotation": 4}
 
     def __init__(self, n_basis: int = 50, **options: Any):
         self._inner = DiscretePrimitive(n_basis, **options)
@@ -199,6 +232,7 @@ class DiscretePosePrimitive(PosePrimitive):
         _learn(self._inner, shown, tracks, weights, noise, _are_several(pose))
         shares = _shares(weights, _are_several(pose))
         self._goal_rotation = mean_point([rows[-1, 3:] for _, rows in shown], shares)
+        self.n_demonstrations_ = self._inner.n_demonstrations_
         self.start_turn_, self.duration_ = self._inner.start_[3:], self._inner.duration_
         self.goal_ = np.concatenate([self._inner.goal_[:3], self._goal_rotation])
         self.start_ = _in_world(self._goal_rotation, *(np.atleast_2d(one) for one in (self._inner.start_, np.zeros(6), np.zeros(6)))).pose[
@@ -297,6 +331,8 @@ class RhythmicPosePrimitive(PosePrimitive):
     # The inner primitive has nine coordinates: position, rotation vector from the baseline, and that of the baseline from its
     # first place, which no weight moves. So the cycle is the same about any baseline.
     _inner: RhythmicPrimitive
+    _KIND = RhythmicPrimitive
+    _LEARNED = {"baseline_": 7}
 
     def __init__(self, n_basis: int = 50, **options: Any):
         self._inner = RhythmicPrimitive(n_basis, **options)
@@ -321,6 +357,7 @@ class RhythmicPosePrimitive(PosePrimitive):
         nine = [np.hstack([track, np.zeros((len(track), 3))]) for track in tracks]
         _learn(self._inner, shown, nine, weights, noise, _are_several(pose), period=period)
         base = mean_point(np.array(bases), _shares(weights, _are_several(pose)))
+        self.n_demonstrations_ = self._inner.n_demonstrations_
         self.baseline_, self.period_ = np.concatenate([self._inner.baseline_[:3], base]), self._inner.period_
         return self
 

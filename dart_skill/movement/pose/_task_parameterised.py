@@ -14,8 +14,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.mixture import Parameters, n_free_parameters, sliced_start
+from dart_skill.mixture import Parameters, checked_priors, cholesky, n_free_parameters, sliced_start
 from dart_skill.movement._placement import Weights
+from dart_skill.movement._saved import Arrays, SavedModel, array_of
 from dart_skill.movement._task_parameterised import STARTS, as_sample_weights
 from dart_skill.movement.pose._em import LEAST_SHARE, Blocks, expectation, maximisation, scales_of, tangents_at, windows_in_time
 from dart_skill.movement.pose._frames import PoseCourse, Stage, as_rows, see
@@ -26,7 +27,7 @@ PoseFrames = Sequence[Sequence[PoseCourse]]
 """P frames for each demonstration."""
 
 
-class TaskParameterisedPoseMixture(PoseEstimator):
+class TaskParameterisedPoseMixture(PoseEstimator, SavedModel):
     """Mixture of K components in P task frames over rows of q numbers, of which column 0 is time, and a pose.
 
     Parameters; those that are not here are as in `PoseMixture`:
@@ -123,6 +124,22 @@ class TaskParameterisedPoseMixture(PoseEstimator):
     def _set(self, parameters: Parameters) -> None:
         self.priors_ = parameters.priors
         self.means_, self.covariances_ = np.stack(parameters.means), np.stack(parameters.covariances)
+
+    def _to_arrays(self) -> Arrays:
+        self._require_fitted()
+        return {"priors": self.priors_, "means": self.means_, "covariances": self.covariances_}
+
+    def _from_arrays(self, arrays: Arrays) -> None:
+        priors = array_of(arrays, "priors", (None,))
+        means = array_of(arrays, "means", (None, len(priors), None))
+        width = means.shape[2] - 1
+        covariances = array_of(arrays, "covariances", (*means.shape[:2], width, width))
+        checked_priors(priors)
+        cholesky(covariances, "covariance")
+        self._set(Parameters(priors, list(means), list(covariances)))
+
+    def _fitted_to(self) -> str:
+        return f"{len(self.priors_)} components in {len(self.means_)} task frames" if hasattr(self, "priors_") else ""
 
     @property
     def n_numbers(self) -> int:

@@ -55,7 +55,7 @@ def test_the_estimator_is_the_mixture():
     assert found.score(X) == pytest.approx(found.lower_bound_, abs=1e-6) and found.n_iter_ == mine.n_iterations_
     assert found.aic(X) == pytest.approx(-2.0 * 120 * found.score(X) + 2.0 * (2 + 9 + 18))
     assert np.array_equal(found.predict(X), mine.responsibilities(X).argmax(1))
-    assert repr(found) == "GaussianMixtureEstimator(n_components=3, random_state=5): fitted, 3 components in 3 dimensions"
+    assert repr(found) == "GaussianMixtureEstimator(n_components=3, random_state=5): 3 components in 3 dimensions"
 
 
 def test_draws_have_the_moments_of_the_mixture():
