@@ -33,9 +33,11 @@ class _Estimator(HyperParameters):
         tol: float = 1e-6,
         max_iter: int = 300,
         n_init: int = 1,
+        covariance_prior: float = 0.0,
         random_state: Any = None,
     ) -> None:
         self.n_components, self.covariance_floor = n_components, covariance_floor
+        self.covariance_prior = covariance_prior
         self.tol, self.max_iter, self.n_init, self.random_state = tol, max_iter, n_init, random_state
 
     def _fit_mixture(self, samples: np.ndarray, sample_weight: ArrayLike | None) -> None:
@@ -46,6 +48,7 @@ class _Estimator(HyperParameters):
             tolerance=self.tol,
             max_iterations=self.max_iter,
             n_starts=self.n_init,
+            covariance_prior=self.covariance_prior,
         )
         self.mixture_ = mixture.fit(as_learnable(samples, "X"), weights, rng=_generator(self.random_state))
 
@@ -118,6 +121,7 @@ class GaussianMixtureEstimator(_Estimator):
     * tol: float, default 1e-6. EM stops when the mean log-likelihood per sample changes by no more than this.
     * max_iter: int, default 300. EM stops after so many iterations in any case.
     * n_init: int, default 1. Number of runs with different random starts; the most likely result is kept.
+    * covariance_prior: float, default 0. For few samples: weight of a prior on the covariances, in samples; as of `GaussianMixture`.
     * random_state: None (another start each time), a seed, a numpy Generator or a RandomState.
 
     Attributes after `fit`:
@@ -209,7 +213,7 @@ class GaussianMixtureRegressor(_Estimator):
     Parameters:
 
     * n_components: int, default 1. Number K of components at the start.
-    * covariance_floor, tol, max_iter, n_init, random_state: as of `GaussianMixtureEstimator`.
+    * covariance_floor, tol, max_iter, n_init, covariance_prior, random_state: as of `GaussianMixtureEstimator`.
 
     Attributes after `fit`:
 

@@ -8,6 +8,10 @@ the density, and nothing is learned for this block from this sample.
 First each column of the samples is standardised. So the covariance floor is relative to the scale of the data, and a
 change of units changes the result only by that unit. The floor is a lower bound of the eigenvalues of each covariance.
 The M step is the maximum under this constraint, so the likelihood still rises with every iteration.
+
+A prior on the covariances (C. Fraley and A. Raftery, "Bayesian regularization for normal mixture estimation and model-based
+clustering", Journal of Classification 24, 2007) is inverse Wishart. Its weight is given in samples, so the M step averages what
+the samples say with the prior, and the posterior rises.
 """
 
 from __future__ import annotations
@@ -20,7 +24,7 @@ from numpy.typing import ArrayLike
 
 from dart_skill.checks import LARGEST_LEARNABLE, require_near
 from dart_skill.mixture._gaussian import LOG_2PI, cholesky, raise_to_floor, symmetric
-from dart_skill.mixture._sweep import DEAD_SHARE, Components, Sweep, seen_rows
+from dart_skill.mixture._sweep import DEAD_SHARE, Components, Sums, Sweep, seen_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,11 +53,13 @@ class Settings:
     * covariance_floor: smallest variance of a component, relative to the variance of the data.
     * tolerance: EM has converged if the mean log-likelihood rises by less.
     * max_iterations: EM stops after so many.
+    * covariance_prior: weight of `prior_covariance` in each covariance, in samples; 0 for none.
     """
 
     covariance_floor: float
     tolerance: float
     max_iterations: int
+    covariance_prior: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,12 +70,14 @@ class Fit:
     * log_likelihood: mean over the samples, weighted.
     * n_iterations: how many were made.
     * converged: False if `max_iterations` came first.
+    * log_prior: of the covariances, up to a constant, per sample; 0 without a prior.
     """
 
     parameters: Parameters
     log_likelihood: float
     n_iterations: int
     converged: bool
+    log_prior: float = 0.0
 
 
 def log_densities(block: np.ndarray, means: np.ndarray, covariances: np.ndarray) -> np.ndarray:
@@ -196,12 +204,11 @@ class _Run:
         floor = self.settings.covariance_floor
         counts = responsibilities * self.weights[:, None]
         dead = self.dead(counts.sum(0))
-        if dead.size == 0:
-            return maximisation(self.blocks, counts, floor)
-        if dead.size <= self.revivals_left:
+        if 0 < dead.size <= self.revivals_left:
             self.revivals_left -= dead.size
             return _revive(self.blocks, counts, log_density, dead, floor)
-        return maximisation(self.blocks, np.delete(counts, dead, axis=1), floor)
+        counts = np.delete(counts, dead, axis=1) if dead.size else counts
+        return self._with_prior(maximisation(self.blocks, counts, floor), [_only_seen(block, counts)[1].sum(0) for block in self.blocks])
 
     def iterate(self, parameters: Parameters) -> Fit:
         """EM until the mean log-likelihood stops changing."""
@@ -211,18 +218,56 @@ class _Run:
         previous, last = -np.inf, self.settings.max_iterations
         for iteration in range(1, last + 1):
             sums = sweep(priors, components)
-            likelihood = float(share @ sums.log_density)
-            if abs(likelihood - previous) <= self.settings.tolerance:
-                return Fit(_from_white(sweep, priors, components), likelihood, iteration, True)
+            likelihood, log_prior = float(share @ sums.log_density), self._log_prior(sweep, components)
+            if abs(likelihood + log_prior - previous) <= self.settings.tolerance:
+                return Fit(_from_white(sweep, priors, components), likelihood, iteration, True, log_prior)
             if self.dead(sums.mass).size == 0:
-                previous, priors, components = likelihood, sums.mass / sums.mass.sum(), sweep.maximise(sums)
+                previous, priors, components = likelihood + log_prior, sums.mass / sums.mass.sum(), self._maximise(sweep, sums)
             else:
                 # A revived component needs further iterations, so in the last one it is dropped instead.
                 self.revivals_left *= iteration < last
                 parameters = self.update(*expectation(self.blocks, _from_white(sweep, priors, components)))
                 previous, priors, components = -np.inf, parameters.priors, _to_white(sweep, parameters)
         likelihood = float(share @ sweep(priors, components).log_density)
-        return Fit(_from_white(sweep, priors, components), likelihood, last, False)
+        return Fit(_from_white(sweep, priors, components), likelihood, last, False, self._log_prior(sweep, components))
+
+    def _maximise(self, sweep: Sweep, sums: Sums) -> list[Components]:
+        """M step of the sweep, with the prior if there is one."""
+        components = sweep.maximise(sums)
+        if not self.settings.covariance_prior:
+            return components
+        return _to_white(sweep, self._with_prior(_from_white(sweep, sums.mass, components), [one[:, 0, 0] for one in sums.products]))
+
+    def _with_prior(self, parameters: Parameters, masses: list[np.ndarray]) -> Parameters:
+        """Each covariance averaged with that of the prior: the mode of the inverse Wishart posterior. masses: counts (K,) of each block."""
+        strength = self.settings.covariance_prior
+        if not strength:
+            return parameters
+        covariances = [
+            (mass[:, None, None] * one + strength * prior_covariance(*one.shape[:2])) / (mass + strength)[:, None, None]
+            for one, mass in zip(parameters.covariances, masses, strict=True)
+        ]
+        return replace(parameters, covariances=covariances)
+
+    def _log_prior(self, sweep: Sweep, components: list[Components]) -> float:
+        """Of the covariances, per sample and up to a constant: -(strength / 2) sum_k log |S_k| + tr(S_k^-1 P)."""
+        strength = self.settings.covariance_prior
+        if not strength:
+            return 0.0
+        covariances = _from_white(sweep, np.ones(1), components).covariances
+        terms = [
+            np.linalg.slogdet(one)[1].sum() + np.trace(np.linalg.solve(one, prior_covariance(*one.shape[:2])), axis1=1, axis2=2).sum()
+            for one in covariances
+        ]
+        return float(-0.5 * strength * sum(terms) / self.weights.sum())
+
+
+def prior_covariance(n_components: int, n_dims: int) -> np.ndarray:
+    """P (d, d) of standardised columns: K ellipsoids of it fill the volume of the data (Fraley and Raftery 2007, section 4.2).
+
+    Diagonal, as the covariance of few samples would bring the correlations back that they have by chance.
+    """
+    return n_components ** (-2.0 / n_dims) * np.eye(n_dims)
 
 
 def _to_white(sweep: Sweep, parameters: Parameters) -> list[Components]:
@@ -248,6 +293,7 @@ def expectation_maximisation(
     if not (weights > 0).all():
         blocks, weights = [block[weights > 0] for block in blocks], weights[weights > 0]
     # Fortran order: all that follows runs along the columns.
+    settings = replace(settings, covariance_prior=settings.covariance_prior / float(weights.mean()))
     blocks, weights = [np.asfortranarray(block) for block in blocks], weights / weights.mean()
     scales = [column_scales(block, weights, least) for block, least in zip(blocks, least_scales, strict=True)]
     standard = [(block - centre) / scale for block, (centre, scale) in zip(blocks, scales, strict=True)]
@@ -287,4 +333,4 @@ def best_fit(
     """The most likely of n_starts EM runs, the first of equals; from given parameters there is only one run."""
     n_starts = 1 if isinstance(start, Parameters) else n_starts
     fits = [expectation_maximisation(blocks, weights, start, settings, least_scales) for _ in range(n_starts)]
-    return max(fits, key=lambda fit: fit.log_likelihood)
+    return max(fits, key=lambda fit: fit.log_likelihood + fit.log_prior)

@@ -84,11 +84,13 @@ class EMEstimator(HyperParameters):
         self.max_iterations = as_count(max_iterations, "max_iterations")
         self.n_starts = as_count(n_starts, "n_starts")
 
+    covariance_prior = 0.0
+
     def _run(
         self, blocks: list[np.ndarray], weights: np.ndarray, start: Start, least_scales: Sequence[ArrayLike] | None = None
     ) -> Parameters:
         require_enough(int((weights > 0).sum()), self.n_components)
-        settings = Settings(self.covariance_floor, self.tolerance, self.max_iterations)
+        settings = Settings(self.covariance_floor, self.tolerance, self.max_iterations, self.covariance_prior)
         fit = best_fit(blocks, weights, start, settings, self.n_starts, least_scales)
         self.log_likelihood_ = fit.log_likelihood * float(weights.sum())
         self.n_iterations_, self.converged_ = fit.n_iterations, fit.converged
@@ -110,6 +112,9 @@ class GaussianMixture(EMEstimator):
     * tolerance: float, default 1e-6. EM stops when the mean log-likelihood per sample changes by no more than this.
     * max_iterations: int, default 300. EM stops after so many iterations in any case.
     * n_starts: int, default 1. Number of runs with different random starts; the most likely result is kept.
+    * covariance_prior: float, default 0, no prior. For few samples: each covariance is averaged with one that says that all columns vary
+      alike and by chance only together, and this one counts as so many samples (inverse Wishart, Fraley and Raftery 2007). The number of
+      columns is a good weight for up to three samples per component and column, less for more.
 
     Attributes after `fit`; a mixture made by `from_parameters` has the first three only:
 
@@ -119,6 +124,25 @@ class GaussianMixture(EMEstimator):
     * log_likelihood_: float, (3.1), the sum over the samples times their weights.
     * n_iterations_: int. converged_: bool, False if max_iterations was reached first.
     """
+
+    def __init__(
+        self,
+        n_components: int,
+        *,
+        covariance_floor: float = 1e-6,
+        tolerance: float = 1e-6,
+        max_iterations: int = 300,
+        n_starts: int = 1,
+        covariance_prior: float = 0.0,
+    ):
+        super().__init__(
+            n_components,
+            covariance_floor=covariance_floor,
+            tolerance=tolerance,
+            max_iterations=max_iterations,
+            n_starts=n_starts,
+        )
+        self.covariance_prior = as_number(covariance_prior, "covariance_prior", strict=False)
 
     def _fitted_to(self) -> str:
         return f"{len(self.priors_)} components in {self.n_dims} dimensions" if hasattr(self, "priors_") else ""

@@ -300,6 +300,7 @@ TYPED = {
         "unit/recording/test_tables.py::test_the_tables_teach_the_same_skill_to_the_last_bit"
     ),
     "python3 benchmarks/power.py --gradients": Run("--seeds 1", says="natural actor-critic, normalised 0.3"),
+    "python3 benchmarks/few_samples.py --sets 200": Run("--sets 2", says="15 x 8"),
     "python3 benchmarks/recording.py": Run("--messages 1000 --repeats 1", says="dart_skill"),
     "python3 benchmarks/graph/recorder.py --seconds 60": Run("--seconds 1", says="messages in 1 s"),
     # Rerun
