@@ -61,7 +61,8 @@ def data_spectroscopy(
     * core: float in (0, 1], default 0.99, and tolerance: float. Let s be the value that |f| does not exceed on the share
       `core` of all weight, and t = tolerance s. An eigenfunction f does not change its sign if f > -t on at least the
       share `core` of all weight, or f < t on it. The authors have core = 1. Then single points of little weight are
-      groups; 0.99 leaves them out. tolerance = None is the authors' 1 / n, with n points; figure 5.5 needs a larger one.
+      groups; 0.99 leaves them out. tolerance = None is the authors' 1 / n, with n points. For figure 5.5 it does
+      with reading="printed"; with "copies" the figure needs 0.1.
     * counts: bool, default False. True: the weights are numbers of copies, so that n counts copies, and the result is
       that of the copied points.
     * reading: "copies" (default), as described above. "printed" takes (5.13) literally: the kernel is w_i k w_j, and its
