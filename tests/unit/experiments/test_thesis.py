@@ -14,16 +14,21 @@ from dart_skill.experiments.thesis import ball_throws as balls
 from dart_skill.experiments.thesis import dart_throws as darts
 from dart_skill.experiments.thesis import (
     figure_3_1,
+    figure_3_2,
     figure_5_1,
     figure_5_2,
     figure_5_3,
+    figure_5_4,
+    figure_6_1,
     figure_6_2,
     figure_6_3,
+    figure_6_4,
     figure_6_6,
     figure_7_1,
     figure_7_4,
     figure_8_1,
     figure_8_3,
+    figure_8_4_4,
     figure_8_6,
     figure_8_7,
     figure_8_8,
@@ -33,7 +38,7 @@ from dart_skill.experiments.thesis import (
     regrets,
 )
 
-WITHOUT_UNITS = {"3.1", "5.1", "5.2", "5.3", "5.5"}
+WITHOUT_UNITS = {"3.1", "5.1", "5.2", "5.3", "5.4", "5.5"}
 """Figures of abstract parameters."""
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -51,6 +56,12 @@ def fewer_runs(monkeypatch):
     monkeypatch.setattr(figure_6_3, "N_SEEDS", 1)
     monkeypatch.setattr(figure_6_6, "LOWEST", 12.0)
     monkeypatch.setattr(figure_6_6, "HIGHEST", 30.0)
+    monkeypatch.setattr(figure_8_4_4, "N_TEACHERS", 1)
+    monkeypatch.setattr(figure_8_4_4, "N_DEMONSTRATIONS", 4)
+    monkeypatch.setattr(figure_8_4_4, "N_THROWS", 1)
+    monkeypatch.setattr(figure_8_4_4, "ANGLES", (6.0,))
+    monkeypatch.setattr(figure_8_4_4, "SPREADS", (0.1,))
+    monkeypatch.setattr(figure_8_4_4, "CASES", (figure_8_4_4.Case(6.0, 0.0), figure_8_4_4.Case(6.0, 0.1)))
     best_scores.cache_clear()
     yield
     best_scores.cache_clear()
@@ -74,6 +85,57 @@ def test_regression_retrieves_what_the_demonstrations_share_and_how_much_they_di
     demonstrated = np.interp(data.grid, data.x1[0], data.x2.std(0))
     assert np.corrcoef(data.deviation, demonstrated)[0, 1] > 0.7
     assert data.deviation[90:110].mean() < 0.5 * min(data.deviation[:20].mean(), data.deviation[-20:].mean())
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_gestures_are_recognised_by_their_likelihood_the_better_the_more_is_seen(seed):
+    """Section 3.2."""
+    found = figure_3_2.compute(seed)
+    right = np.einsum("kii->k", found.counts) / found.counts[0].sum()
+    assert right[-1] > 0.9 and right[0] < right[4] < right[-1], right
+    assert (found.counts.sum(axis=2) == figure_3_2.N_NEW).all()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_two_halves_are_together_what_was_split(seed):
+    """Figure 5.4: with u^2 = 3/4 they are sqrt(3) deviations apart."""
+    numbers = figure_5_4.measured(*figure_5_4.compute(seed))
+    assert numbers["halves_apart_over_deviation"] == pytest.approx(np.sqrt(3.0), abs=1e-6)
+    assert numbers["largest_change_of_the_covariance"] < 1e-9
+
+
+def test_the_board_is_to_scale(tmp_path):
+    """Figure 6.1: the field of treble 20 is a twentieth of its ring."""
+    numbers = figure_6_1.draw(tmp_path)[1]
+    assert numbers["largest_score"] == 60.0
+    assert numbers["treble_20_share_percent"] == pytest.approx(100.0 * (107.0**2 - 99.0**2) / 20.0 / 170.0**2, rel=0.01)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_universal_sampling_is_within_one_of_what_is_expected_and_its_pointers_show_it(seed):
+    """Figure 6.4."""
+    shares, once, universal, independent = figure_6_4.compute(seed)
+    assert np.abs(universal - figure_6_4.N_DRAWN * shares).max() < 1.0 < np.abs(independent - figure_6_4.N_DRAWN * shares).max()
+    ends = np.concatenate([[0.0], np.cumsum(shares)])
+    assert np.array_equal(np.searchsorted(ends, figure_6_4._pointers(ends, once)) - 1, once)
+
+
+def test_success_is_measured_where_8_4_4_says():
+    """The first cases widen the angle at one distance, the others the distances at the smallest angle."""
+    angles, distances = [], []
+    for case in figure_8_4_4.CASES:
+        x, y = case.region.spread(200, np.random.default_rng(0)).T[:2]
+        angles.append(np.degrees(np.abs(np.arctan2(y, x))).max())
+        distances.append(np.ptp(np.hypot(x, y)))
+    np.testing.assert_allclose(angles, [6, 15, 30, 45, 6, 6, 6], rtol=0.02)
+    np.testing.assert_allclose(distances, [0, 0, 0, 0, 0.2, 0.5, 1.0], rtol=0.02, atol=1e-9)
+    with pytest.raises(ValueError, match="0 teachers and 6 throws: give at least one of each"):
+        figure_8_4_4.compute(teachers=0)
+
+
+def test_an_option_belongs_to_its_figure(tmp_path):
+    with pytest.raises(ValueError, match="figure 3.1 has no option 'teachers': leave it out"):
+        thesis.draw("3.1", tmp_path, teachers=3)
 
 
 def test_an_update_of_power_is_5_1_and_5_2():
