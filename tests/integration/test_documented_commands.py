@@ -409,6 +409,9 @@ TYPED = {
         "unit/experiments/test_landscapes.py::test_landscapes_on_the_command_line"
     ),
     "dart-skill experiment figure NUMBER": Run(says="figure 7.1", leaves="figures/*.svg"),
+    "dart-skill experiment figure 8.4.4": Elsewhere(
+        "unit/experiments/test_thesis.py::test_the_same_seed_gives_the_same_bytes_and_the_units_are_on_the_axes"
+    ),
     "dart-skill experiment figure regrets": Elsewhere(
         "unit/experiments/test_thesis.py::test_the_picture_of_regrets_comes_with_its_table_and_runs_are_not_run_again"
     ),
