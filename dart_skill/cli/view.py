@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -95,32 +96,46 @@ def _install() -> Path:
 
 def _shown(options: argparse.Namespace) -> int:
     from dart_skill.view import rerun_bag
+    from dart_skill.view.rerun_page import RerunPage
 
     shown = rerun_bag.describe(options.bag)
     rerun = _install() if options.install else rerun_bag.find_rerun()
     if not (options.web or options.save or has_screen()):
         raise rerun_bag.RerunUnavailable("there is no screen here (DISPLAY and WAYLAND_DISPLAY are not set): try --web")
-    ports = rerun_bag.free_ports(*([] if options.port is None else [options.port])) if options.web else rerun_bag.PORTS
+    ports = rerun_bag.free_ports(rerun_bag.PORT if options.port is None else options.port) if options.web else None
     with tempfile.TemporaryDirectory(prefix="dart_skill_view_") as scratch:
         folder = options.save or Path(scratch)
         folder.mkdir(parents=True, exist_ok=True)
-        try:
-            layouts = rerun_bag.write_layouts(rerun, shown, folder)
-        except rerun_bag.RerunUnavailable as error:
-            if options.save:
-                raise
-            print(f"without a layout: {error}", file=sys.stderr)
-            layouts = []
-        command = rerun_bag.command_line(rerun, shown.files, layouts, options.web, ports)
-        _say(options, shown, layouts, command, rerun_bag.url_of_page(ports) if options.web else None)
+        environment = rerun_bag.quiet_environment(Path(scratch) / "settings", rerun)
+        files, layouts = _prepared(options, rerun, shown, folder, environment)
+        command = rerun_bag.command_line(rerun, files, layouts, ports)
+        _say(options, files, layouts, command, None if ports is None else rerun_bag.url_of_page(ports))
         if options.save:
             return 0
-        return run_to_the_end(command, rerun_bag.quiet_environment(Path(scratch) / "settings", rerun))
+        with contextlib.nullcontext() if ports is None else RerunPage(*ports):
+            return run_to_the_end(command, environment)
 
 
-def _say(options: argparse.Namespace, shown: BagLayout, layouts: Sequence[Path], command: Sequence[str], url: str | None) -> None:
+def _prepared(
+    options: argparse.Namespace, rerun: Path, shown: BagLayout, folder: Path, environment: Mapping[str, str]
+) -> tuple[list[Path], list[Path]]:
+    """The files that Rerun opens, and a layout for each; without what it cannot make, unless that was asked for."""
+    from dart_skill.view import rerun_bag
+
+    files, layouts = list(shown.files), []
+    try:
+        files = rerun_bag.with_durations(rerun, shown, folder, environment)
+        layouts = rerun_bag.write_layouts(rerun, shown, folder)
+    except rerun_bag.RerunUnavailable as error:
+        if options.save:
+            raise
+        print(f"without a layout: {error}", file=sys.stderr)
+    return files, layouts
+
+
+def _say(options: argparse.Namespace, files: Sequence[Path], layouts: Sequence[Path], command: Sequence[str], url: str | None) -> None:
     if options.json:
-        lists = {"files": list(map(str, shown.files)), "layouts": list(map(str, layouts)), "command": list(command)}
+        lists = {"files": list(map(str, files)), "layouts": list(map(str, layouts)), "command": list(command)}
         print(json.dumps({"bag": os.fspath(options.bag), **lists, "url": url}, indent=1), flush=True)
     elif options.save:
         print(f"layout: {', '.join(map(str, layouts))}\nnext: {' '.join(command)}", flush=True)

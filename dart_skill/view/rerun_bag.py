@@ -11,9 +11,10 @@ import shutil
 import socket
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import NamedTuple
 from urllib.parse import quote
 from xml.etree import ElementTree
 
@@ -25,8 +26,12 @@ VERSION, SIZE = "0.41.0", "790 MB"
 VARIABLE = "DART_SKILL_RERUN"
 ENVIRONMENT = ".venv-rerun"
 LAYOUT = Path(__file__).with_name("rerun_layout.py")
-HOST, PORTS = "127.0.0.1", (9090, 9876)
-"""Of the page, and of the server that it gets its data from."""
+HOST, PORT = "127.0.0.1", 9090
+"""Of the page."""
+QUIET_LOG = "info,re_sdk::web_viewer=warn"
+"""What Rerun writes: not the address of its own web server, whose page is not kept from asking elsewhere."""
+DATED_NS = 10**18
+"""Stamps from 2001-09-09 on are dates [ns]; a simulated world begins at zero."""
 POSE, STATE = "geometry_msgs/msg/PoseStamped", "sensor_msgs/msg/JointState"
 
 
@@ -41,8 +46,10 @@ class BagLayout:
     * files: all files of the bag, in order.
     * frame: the frame that poses stand in; None without poses.
     * ball, basket: names of their bodies; None if the bag has none.
-    * joints: topic of the joint states; None if there is none.
+    * joints: topic of the joint states; None if there is none. names: of the joints.
     * effort: whether joint states hold torques.
+    * arm: name of the robot that is described; None if none is. stands: how high its base is above the ground [m].
+    * dated: whether the clock of the bag shows dates; else it began at zero, as that of a simulator does.
     """
 
     files: tuple[Path, ...]
@@ -50,11 +57,15 @@ class BagLayout:
     ball: str | None
     basket: str | None
     joints: str | None
-    effort: bool
+    names: tuple[str, ...] = ()
+    effort: bool = False
+    arm: str | None = None
+    stands: float = 0.0
+    dated: bool = True
 
     def of(self, file: Path) -> str:
         """For the layout script, as JSON; a recording is called as its file is."""
-        about = {name: value for name, value in asdict(self).items() if name != "files"}
+        about = {name: value for name, value in asdict(self).items() if name not in ("files", "dated")}
         world = the_world()
         about |= {"ball_radius": 0.5 * world.ball_diameter, "basket_size": [world.basket_radius, world.basket_depth]}
         return json.dumps({"application": file.stem, **about}, sort_keys=True)
@@ -124,13 +135,19 @@ def describe(bag: str | os.PathLike) -> BagLayout:
         joints = next((name for name, topic in sorted(reader.topics.items()) if topic.type_name == STATE and topic.count), None)
         state = None if joints is None else next(reader.messages([joints])).data
         frame = next((next(reader.messages([topic])).data.header.frame_id for topic in (ball, basket) if topic), None)
+        arm, root = _robot(reader)
+        frame = frame or root
         return BagLayout(
             tuple(file.path for file in reader.files),
-            frame or _root(reader),
+            frame,
             ball,
             basket,
             joints,
-            state is not None and len(state.effort) > 0,
+            names=() if state is None else tuple(state.name),
+            effort=state is not None and len(state.effort) > 0,
+            arm=arm,
+            stands=_height_of(reader, root, frame),
+            dated=reader.start_ns >= DATED_NS,
         )
 
 
@@ -153,30 +170,58 @@ def write_layouts(rerun: Path, shown: BagLayout, folder: Path) -> list[Path]:
     return written
 
 
-def command_line(rerun: Path, files: Sequence[Path], layouts: Sequence[Path], web: bool, ports: tuple[int, int] = PORTS) -> list[str]:
+def with_durations(rerun: Path, shown: BagLayout, folder: Path, environment: Mapping[str, str]) -> list[Path]:
+    """The files of a bag that Rerun opens: those of a simulated world as recordings in the folder, whose time is no date of 1970.
+
+    shown: what to show of the bag; environment: as `quiet_environment` makes it. RerunUnavailable if Rerun cannot convert them.
+    """
+    if shown.dated:
+        return list(shown.files)
+    written = []
+    for file in shown.files:
+        output = folder / f"{file.stem}.rrd"
+        names = ["--application-id", file.stem, "--timeline-type", "duration", "-o", str(output)]
+        made = subprocess.run([str(rerun), "mcap", "convert", str(file), *names], env=dict(environment), capture_output=True, text=True)
+        if made.returncode or not output.is_file():
+            last = (made.stderr.strip().splitlines() or ["no output"])[-1]
+            raise RerunUnavailable(f"{rerun} did not convert {file} ({last}): is it rerun-sdk {VERSION}?")
+        written.append(output)
+    return written
+
+
+class Ports(NamedTuple):
+    """Of the page, of Rerun's own web server behind it, and of the server of its data."""
+
+    page: int
+    behind: int
+    data: int
+
+
+def command_line(rerun: Path, files: Sequence[Path], layouts: Sequence[Path], ports: Ports | None = None) -> list[str]:
     """The call of Rerun; its servers are bound to this machine alone.
 
-    files: of the bag; layouts: for them; web: show it as a web page; ports: of the page, and of its data.
+    files: of the bag; layouts: for them; ports: of a web page, which `RerunPage` passes on; None: a window.
     """
     command = [str(rerun), *map(str, files), *map(str, layouts), "--bind", HOST]
-    return [*command, "--serve-web", "--web-viewer-port", str(ports[0]), "--port", str(ports[1])] if web else command
+    return command if ports is None else [*command, "--serve-web", "--web-viewer-port", str(ports.behind), "--port", str(ports.data)]
 
 
-def url_of_page(ports: tuple[int, int]) -> str:
-    """Where a browser on this machine finds the bag. ports: of the page, and of its data."""
-    return f"http://{HOST}:{ports[0]}/?url={quote(f'rerun+http://{HOST}:{ports[1]}/proxy', safe='')}"
+def url_of_page(ports: Ports) -> str:
+    """Where a browser on this machine finds the bag. ports: of the page and its data."""
+    return f"http://{HOST}:{ports.page}/?url={quote(f'rerun+http://{HOST}:{ports.data}/proxy', safe='')}"
 
 
-def free_ports(first: int = PORTS[0]) -> tuple[int, int]:
-    """The given port for the page, and a free one for its data; RerunUnavailable if the first one is taken."""
-    with socket.socket() as page, socket.socket() as data:
+def free_ports(first: int = PORT) -> Ports:
+    """The given port for the page, and free ones for what is behind it; RerunUnavailable if the first one is taken."""
+    with socket.socket() as page, socket.socket() as behind, socket.socket() as data:
         try:
             page.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             page.bind((HOST, first))
+            behind.bind((HOST, 0))
             data.bind((HOST, 0))
         except (OSError, OverflowError) as error:
             raise RerunUnavailable(f"port {first} on {HOST} cannot be served ({error}): choose another one with --port") from error
-        return page.getsockname()[1], data.getsockname()[1]
+        return Ports(page.getsockname()[1], behind.getsockname()[1], data.getsockname()[1])
 
 
 def quiet_environment(folder: Path, rerun: Path) -> dict[str, str]:
@@ -184,6 +229,7 @@ def quiet_environment(folder: Path, rerun: Path) -> dict[str, str]:
     environment = {**os.environ, "XDG_CONFIG_HOME": str(folder), "TELEMETRY_ENABLED": "false"}
     for name in ("PYTHONPATH", "PYTHONHOME"):  # of ROS, whose numpy is not Rerun's
         environment.pop(name, None)
+    environment.setdefault("RUST_LOG", QUIET_LOG)
     subprocess.run([str(rerun), "analytics", "disable"], env=environment, capture_output=True)
     return environment
 
@@ -195,14 +241,23 @@ def _pose_topic(reader: BagReader, body: str) -> str | None:
     return usual if usual in named else next(iter(named), None)
 
 
-def _root(reader: BagReader) -> str | None:
-    """The link of /robot_description that hangs on no other; None without one, or without transforms that move the arm."""
+def _robot(reader: BagReader) -> tuple[str | None, str | None]:
+    """Name of the robot of /robot_description, and its link that hangs on no other; None without one, or if no transforms move it."""
     topics = reader.topics
     if not all(name in topics and topics[name].count for name in ("/robot_description", "/tf")):
-        return None
+        return None, None
     try:
         robot = ElementTree.fromstring(next(reader.messages(["/robot_description"])).data.data)
     except ElementTree.ParseError:
-        return None
+        return None, None
     children = {child.get("link") for child in robot.findall("joint/child")}
-    return next((name for link in robot.findall("link") if (name := link.get("name")) not in children), None)
+    return robot.get("name"), next((name for link in robot.findall("link") if (name := link.get("name")) not in children), None)
+
+
+def _height_of(reader: BagReader, link: str | None, frame: str | None) -> float:
+    """How high a link stands above the origin of a frame, by the bag's static transforms [m]; 0 if they do not say so."""
+    if link is None or "/tf_static" not in reader.topics:
+        return 0.0
+    transforms = (one for message in reader.messages(["/tf_static"]) for one in message.data.transforms)
+    heights = (one.transform.translation.z for one in transforms if (one.header.frame_id, one.child_frame_id) == (frame, link))
+    return float(next(heights, 0.0))

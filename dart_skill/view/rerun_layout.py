@@ -9,7 +9,10 @@ Keys, of which what is null is left out:
   ball_radius   of what stands for the ball [m]
   basket_size   radius and depth of what stands for the basket [m]
   joints        topic of the joint states
-  effort        whether these have efforts
+  names         of the joints
+  effort        whether joint states have efforts
+  arm           name of the robot, below which Rerun puts the shapes of /robot_description
+  stands        how high the arm's base is above the ground [m]
 """
 
 import json
@@ -19,14 +22,22 @@ from typing import Any
 
 rr, rrb, encodings = map(import_module, ("rerun", "rerun.blueprint", "rerun.blueprint.encodings"))
 
-BALL, BASKET, GREY, SKY = (213, 94, 0), (0, 114, 178), (119, 119, 119), (86, 180, 233)
+BALL, BASKET, GREY, SKY, LIGHT = (213, 94, 0), (0, 114, 178), (119, 119, 119), (86, 180, 233), (187, 187, 187)
+JOINTS = (BASKET, (230, 159, 0), (0, 158, 115), BALL, (204, 121, 167), SKY, GREY)
+"""A joint has one colour in all plots, on a light page and on a dark one."""
+MOUNT_RADIUS = 0.12
+"""Of what stands for the pedestal [m], as on the live page."""
 TIMELINE = "message_log_time"
 """All topics are on it."""
 
 
 def scene(about: dict[str, Any]) -> Any:
-    """The arm with ball and basket in space."""
+    """The arm on its pedestal with ball and basket in space."""
     drawn = {}
+    if about.get("arm") and (height := about.get("stands", 0.0)) > 0.0:
+        drawn[f"/{about['arm']}"] = rr.Cylinders3D.from_fields(
+            centers=[[0.0, 0.0, -height / 2]], radii=[MOUNT_RADIUS], lengths=[height], colors=[LIGHT], fill_mode="Solid"
+        )
     if about.get("ball"):
         drawn[about["ball"]] = rr.Ellipsoids3D.from_fields(half_sizes=[[about["ball_radius"]] * 3], colors=[BALL], fill_mode="Solid")
     if about.get("basket"):
@@ -45,18 +56,25 @@ def scene(about: dict[str, Any]) -> Any:
     )
 
 
-def joint_plot(about: dict[str, Any], field: str, name: str) -> Any:
+def scalars(component: str, **how: str) -> Any:
+    """That the lines of a plot are the numbers of a component."""
+    source = encodings.ComponentSourceKind.SourceComponent
+    return encodings.VisualizerComponentMapping("Scalars:scalars", source, source_component=component, **how)
+
+
+def joint_plot(about: dict[str, Any], field: str, name: str, legend: bool) -> Any:
     """One quantity of every joint over time."""
-    return rrb.TimeSeriesView(name=name, origin=f"{about['joints']}/{field}", plot_legend=rrb.PlotLegend(visible=False))
+    topic, names = f"{about['joints']}/{field}", about["names"]
+    lines = rr.SeriesLines(colors=[JOINTS[k % len(JOINTS)] for k in range(len(names))], names=names)
+    drawn = {topic: lines.visualizer(mappings=[scalars("Scalars:scalars")])}
+    corner = rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=legend)
+    return rrb.TimeSeriesView(name=name, origin=topic, contents=[f"+ {topic}"], overrides=drawn, plot_legend=corner)
 
 
 def height_plot(topic: str, name: str) -> Any:
     """Third coordinate of a pose over time; the legend switches the others on."""
-    position = encodings.VisualizerComponentMapping(
-        "Scalars:scalars", encodings.ComponentSourceKind.SourceComponent, source_component="InstancePoses3D:translations", selector=".[]"
-    )
     lines = rr.SeriesLines(colors=[GREY, SKY, BALL], names=["x", "y", "height"], visible_series=[False, False, True])
-    drawn = {topic: lines.visualizer(mappings=[position])}
+    drawn = {topic: lines.visualizer(mappings=[scalars("InstancePoses3D:translations", selector=".[]")])}
     return rrb.TimeSeriesView(name=f"{name} [m]", origin=topic, contents=[f"+ {topic}"], overrides=drawn)
 
 
@@ -64,14 +82,14 @@ def layout(about: dict[str, Any]) -> Any:
     """What is seen of a bag, by what is in it."""
     plots = []
     if about.get("joints"):
-        plots.append(joint_plot(about, "position", "Joint positions [rad]"))
-        plots.append(joint_plot(about, "velocity", "Joint speeds [rad/s]"))
+        plots.append(joint_plot(about, "position", "Joint positions [rad]", legend=True))
+        plots.append(joint_plot(about, "velocity", "Joint speeds [rad/s]", legend=False))
         if about.get("effort"):
-            plots.append(joint_plot(about, "effort", "Joint efforts [N m]"))
+            plots.append(joint_plot(about, "effort", "Joint efforts [N m]", legend=False))
     if about.get("ball"):
         plots.append(height_plot(about["ball"], "Height of the ball"))
     left = [scene(about)] if about.get("frame") else []
-    right = [rrb.Vertical(*plots)] if plots else []
+    right = [rrb.Vertical(*plots, row_shares=[2] + [1] * (len(plots) - 1))] if plots else []
     return rrb.Blueprint(
         rrb.Horizontal(*left, *right, column_shares=[3, 2][: len(left) + len(right)]),
         rrb.TimePanel(timeline=TIMELINE, state="collapsed"),

@@ -21,8 +21,10 @@ NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable"
 OPTIONS = (
     "--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--disable-quic",
     "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-dev-shm-usage",
-    "--hide-scrollbars", "--force-device-scale-factor=1", "--remote-debugging-port=0",
+    "--hide-scrollbars", "--force-device-scale-factor=1", "--remote-debugging-port=0", "--no-proxy-server",
+    "--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1",
 )  # fmt: skip
+"""No name is looked up: whatever a page asks for outside this machine is listed, and fails."""
 SIZE, SMALL = (1280, 800), (1120, 560)
 """Of a page [pixels]. Without a graphics card a large one takes several seconds of a core for a second of movement. The panel takes 320
 of the width: what is beside the middle must not be under it.

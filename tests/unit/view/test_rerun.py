@@ -3,14 +3,18 @@
 Without Rerun a stand-in plays its part: a `rerun` that writes down how it was called, beside a `python3` that makes no real layout.
 """
 
+import http.server
 import json
 import os
 import re
 import shutil
 import signal
+import socket
 import subprocess
 import sys
+import threading
 import time
+import urllib.error
 import urllib.request
 from pathlib import Path
 
@@ -22,6 +26,7 @@ from dart_skill.recording import BagWriter, definition, qos_yaml, serialize, typ
 from dart_skill.view import RerunUnavailable, rerun_bag
 from dart_skill.view.rerun_bag import (
     BagLayout,
+    Ports,
     command_line,
     describe,
     find_rerun,
@@ -30,9 +35,12 @@ from dart_skill.view.rerun_bag import (
     interpreter_of,
     quiet_environment,
     url_of_page,
+    with_durations,
     write_layouts,
 )
+from dart_skill.view.rerun_page import RerunPage
 from dart_skill.world import the_world
+from tests.integration.browser import SMALL, Page, needs_chromium
 from tests.paths import BAGS
 
 POSE, TEXT = "geometry_msgs/msg/PoseStamped", "std_msgs/msg/String"
@@ -47,10 +55,13 @@ def script(path, text):
 
 @pytest.fixture
 def stand_in(tmp_path, monkeypatch):
-    """A `rerun` that writes its arguments, and what it was told of settings, into calls.txt; its python3 writes what it is given."""
+    """A `rerun` that writes its arguments, and what it was told of settings, into calls.txt, and converts nothing into empty files;
+    its python3 writes what it is given.
+    """
     calls = tmp_path / "calls.txt"
     rerun = script(
-        tmp_path / "venv" / "bin" / "rerun", f'echo "$@" >> {calls}; echo "settings=$XDG_CONFIG_HOME path=$PYTHONPATH" >> {calls}'
+        tmp_path / "venv" / "bin" / "rerun",
+        f'echo "$@" >> {calls}; echo "settings=$XDG_CONFIG_HOME path=$PYTHONPATH" >> {calls}; [ "$1" != mcap ] || : > "$9"',
     )
     script(rerun.with_name("python3"), 'printf "%s" "$4" > "$3"')
     monkeypatch.setenv(rerun_bag.VARIABLE, str(rerun))
@@ -59,7 +70,7 @@ def stand_in(tmp_path, monkeypatch):
     return rerun, calls
 
 
-def small_bag(path, topics, files=1):
+def small_bag(path, topics, files=1, begins=0):
     """A bag with one message per topic and file: names and types, or names and contents of texts."""
     types = typestore()
     with BagWriter(path, max_duration_ns=500_000_000 if files > 1 else 0) as bag:
@@ -67,7 +78,7 @@ def small_bag(path, topics, files=1):
             bag.add_topic(topic, type_name, definition(types, type_name), qos_yaml(), type_hash(types, type_name))
         for k in range(files):
             for number, (topic, (type_name, content)) in enumerate(topics.items()):
-                stamp = 1_000_000_000 * (k + 1) + number
+                stamp = begins + 1_000_000_000 * (k + 1) + number
                 bag.write(topic, stamp, stamp, serialize(types, type_name, content))
     return path
 
@@ -143,13 +154,14 @@ def test_arm_ball_basket_and_joints_of_our_bag_are_found():
     assert shown.joints == "/joint_states" and shown.effort and [file.name for file in shown.files] == ["throws_0.mcap"]
     assert json.loads(shown.of(shown.files[0])) == {
         "application": "throws_0", "frame": "world", "ball": shown.ball, "basket": shown.basket, "joints": shown.joints, "effort": True,
+        "names": [f"wam_j{k}" for k in range(1, 8)], "arm": "wam", "stands": 0.84,
         "ball_radius": 0.5 * the_world().ball_diameter, "basket_size": [the_world().basket_radius, the_world().basket_depth],
     }  # fmt: skip
 
 
 def test_a_bag_without_arm_and_joints_has_what_it_has(tmp_path):
     shown = describe(small_bag(tmp_path / "bag", {"/natnet/Ball/pose": pose("lab"), "/said": (TEXT, {"data": "x"})}))
-    assert shown == BagLayout(shown.files, "lab", "/natnet/Ball/pose", None, None, False)
+    assert shown == BagLayout(shown.files, "lab", "/natnet/Ball/pose", None, None, dated=False)
     assert describe(small_bag(tmp_path / "texts", {"/said": (TEXT, {"data": "x"})})).frame is None
 
 
@@ -161,20 +173,44 @@ def test_the_root_of_the_arm_is_the_frame_where_nothing_was_tracked(tmp_path):
     assert describe(small_bag(tmp_path / "broken", topics)).frame is None
 
 
+def test_the_arm_stands_as_high_as_the_static_transform_to_its_root_says(tmp_path):
+    def transform(parent, child, z):
+        return {"header": {"frame_id": parent}, "child_frame_id": child, "transform": {"translation": {"z": z}}}
+
+    urdf = "<robot name='r'><link name='hand'/><link name='base'/><joint><parent link='base'/><child link='hand'/></joint></robot>"
+    static = {"transforms": [transform("lab", "camera", 2.5), transform("lab", "base", 0.6)]}
+    topics = {"/robot_description": (TEXT, {"data": urdf}), "/tf": ("tf2_msgs/msg/TFMessage", {"transforms": []})}
+    still = {"/tf_static": ("tf2_msgs/msg/TFMessage", static), "/ball/pose": pose("lab")}
+    shown = describe(small_bag(tmp_path / "bag", topics | still))
+    assert (shown.arm, shown.stands) == ("r", 0.6)
+    assert describe(small_bag(tmp_path / "elsewhere", topics | still | {"/ball/pose": pose("map")})).stands == 0.0
+    assert describe(small_bag(tmp_path / "unknown", topics)).stands == 0.0
+
+
+@pytest.mark.parametrize(("begins", "dated"), [(0, False), (1_700_000_000_000_000_000, True)])
+def test_stamps_of_a_simulated_world_are_no_dates(begins, dated, stand_in, tmp_path):
+    bag = small_bag(tmp_path / "bag", {"/said": (TEXT, {"data": "x"})}, begins=begins)
+    shown = describe(bag)
+    files = with_durations(stand_in[0], shown, tmp_path, dict(os.environ))
+    assert shown.dated is dated and files == ([bag / "bag_0.mcap"] if dated else [tmp_path / "bag_0.rrd"])
+    script(stand_in[0], "echo no such command >&2; exit 2")
+    if not dated:
+        with pytest.raises(RerunUnavailable, match="did not convert .*bag_0.mcap .no such command.*rerun-sdk 0.41.0"):
+            with_durations(stand_in[0], shown, tmp_path, dict(os.environ))
+
+
 # the call
 
 
 def test_servers_are_for_this_machine_alone():
-    plain = command_line(Path("rerun"), [Path("a.mcap")], [Path("l.rbl")], web=False)
-    web = command_line(Path("rerun"), [Path("a.mcap")], [Path("l.rbl")], web=True, ports=(1234, 5678))
+    plain = command_line(Path("rerun"), [Path("a.mcap")], [Path("l.rbl")])
+    web = command_line(Path("rerun"), [Path("a.mcap")], [Path("l.rbl")], Ports(80, 1234, 5678))
     assert plain == ["rerun", "a.mcap", "l.rbl", "--bind", "127.0.0.1"]
     assert web == [*plain, "--serve-web", "--web-viewer-port", "1234", "--port", "5678"]
-    assert url_of_page((1234, 5678)) == "http://127.0.0.1:1234/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A5678%2Fproxy"
+    assert url_of_page(Ports(80, 1234, 5678)) == "http://127.0.0.1:80/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A5678%2Fproxy"
 
 
 def test_a_port_that_is_taken_is_told():
-    import socket
-
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen()
@@ -182,21 +218,20 @@ def test_a_port_that_is_taken_is_told():
             free_ports(other.getsockname()[1])
     with pytest.raises(RerunUnavailable, match="port 70000"):
         free_ports(70000)
-    page, data = free_ports(0)
-    assert 0 < page != data > 0
+    assert len({*free_ports(0), 0}) == 4
 
 
 def test_every_file_of_a_split_bag_is_opened_with_a_layout_of_its_own(stand_in, tmp_path, capsys):
     _, calls = stand_in
     bag = small_bag(tmp_path / "split", {"/vrpn_mocap/ball/pose": pose(), "/said": (TEXT, {"data": "x" * 5000})}, files=12)
     files = sorted(bag.glob("*.mcap"), key=lambda file: int(file.stem.rsplit("_", 1)[1]))
-    assert len(files) > 10
+    assert len(files) > 10 and describe(bag).files == tuple(files)
     assert main(["view", str(bag), "--json"]) == 0
     said, called = json.loads(capsys.readouterr().out), calls.read_text().splitlines()
-    assert said["files"] == [str(file) for file in files] and len(said["layouts"]) == len(files)
-    assert called[0] == "analytics disable"
-    assert called[2] == " ".join(said["command"][1:]) == " ".join([*said["files"], *said["layouts"], "--bind", "127.0.0.1"])
-    assert re.fullmatch(r"settings=.*dart_skill_view_.*/settings path=", called[3])
+    assert [Path(file).name for file in said["files"]] == [f"{file.stem}.rrd" for file in files] and len(said["layouts"]) == len(files)
+    assert called[0] == "analytics disable" and called[2].startswith(f"mcap convert {files[0]} --application-id split_0 ")
+    assert called[-2] == " ".join(said["command"][1:]) == " ".join([*said["files"], *said["layouts"], "--bind", "127.0.0.1"])
+    assert re.fullmatch(r"settings=.*dart_skill_view_.*/settings path=", called[-1])
     assert not Path(said["layouts"][0]).exists(), "layouts are gone when the view is closed"
 
 
@@ -206,7 +241,8 @@ def test_web_prints_the_address_of_the_page(stand_in, tmp_path, capsys):
     assert main(["view", str(bag), "--web", "--port", "0"]) == 0
     out = capsys.readouterr().out
     port = re.search(r"http://127.0.0.1:(\d+)/\?url=", out)[1]
-    assert f"--serve-web --web-viewer-port {port}" in calls.read_text() and "next: dart-skill report" in out
+    assert "--serve-web --web-viewer-port" in calls.read_text() and f"--web-viewer-port {port}" not in calls.read_text(), "not its own page"
+    assert "next: dart-skill report" in out
 
 
 def test_save_writes_the_layout_and_opens_nothing(stand_in, tmp_path, monkeypatch, capsys):
@@ -215,7 +251,8 @@ def test_save_writes_the_layout_and_opens_nothing(stand_in, tmp_path, monkeypatc
     bag = small_bag(tmp_path / "bag", {"/vrpn_mocap/ball/pose": pose()})
     assert main(["view", str(bag), "--save", str(tmp_path / "new" / "layouts")]) == 0
     assert json.loads((tmp_path / "new" / "layouts" / "layout_0.rbl").read_text())["ball"] == "/vrpn_mocap/ball/pose"
-    assert not calls.exists() and "layout_0.rbl" in capsys.readouterr().out
+    assert "--bind" not in calls.read_text() and "layout_0.rbl" in capsys.readouterr().out
+    assert (tmp_path / "new" / "layouts" / "bag_0.rrd").exists(), "what the call that was printed opens"
 
 
 def test_without_a_screen_web_is_named(stand_in, tmp_path, monkeypatch, capsys):
@@ -232,7 +269,7 @@ def test_without_an_interpreter_the_bag_opens_without_a_layout(stand_in, tmp_pat
     rerun.with_name("python3").unlink()
     bag = small_bag(tmp_path / "bag", {"/said": (TEXT, {"data": "x"})})
     assert main(["view", str(bag)]) == 0
-    assert "without a layout" in capsys.readouterr().err and f"{bag}/bag_0.mcap --bind" in calls.read_text()
+    assert "without a layout" in capsys.readouterr().err and "/bag_0.rrd --bind" in calls.read_text()
 
 
 def test_a_viewer_that_fails_gives_status_1(stand_in, tmp_path):
@@ -291,6 +328,65 @@ def _runs(number):
         return False
 
 
+# the page
+
+
+PAGE = b"""<html><link rel="icon" href="favicon.ico"><link rel="preconnect" href="https://fonts.example" crossorigin />
+<link
+  href="https://fonts.example/css2?family=Inter" rel="stylesheet"
+/><body>what is shown</body></html>"""
+WASM = bytes(range(256)) * 5000
+
+
+@pytest.fixture
+def behind():
+    """Port of a server that serves a page as Rerun does, and its program."""
+
+    class Handler(http.server.BaseHTTPRequestHandler):
+        def do_GET(self):
+            known = {"/?url=data": ("text/html", PAGE), "/re_viewer_bg.wasm": ("application/wasm", WASM)}
+            if self.path not in known:
+                return self.send_error(404)
+            kind, content = known[self.path]
+            self.send_response(200)
+            self.send_header("Content-Type", kind)
+            self.send_header("rerun-final-length", str(len(content)))
+            self.end_headers()
+            self.wfile.write(content)
+
+        def log_message(self, *_):
+            pass
+
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield server.server_address[1]
+        server.shutdown()
+
+
+def test_the_page_is_passed_on_without_links_to_other_sites_and_may_reach_nothing_else(behind):
+    ports = free_ports(0)
+    with RerunPage(ports.page, behind, ports.data):
+        with urllib.request.urlopen(f"http://127.0.0.1:{ports.page}/?url=data") as answer:
+            page, allowed = answer.read(), answer.headers["Content-Security-Policy"]
+        with urllib.request.urlopen(f"http://127.0.0.1:{ports.page}/re_viewer_bg.wasm") as answer:
+            assert answer.read() == WASM and answer.headers["Content-Type"] == "application/wasm"
+            assert answer.headers["rerun-final-length"] == str(len(WASM)), "of which the page tells how far it is"
+        with pytest.raises(urllib.error.HTTPError, match="404"):
+            urllib.request.urlopen(f"http://127.0.0.1:{ports.page}/other")
+    assert b"fonts.example" not in page and b"favicon.ico" in page and b"what is shown" in page
+    assert allowed.startswith("default-src 'none';")
+    assert set(re.findall(r"https?://\S+", allowed)) == {f"http://127.0.0.1:{ports.data}"} and "*" not in allowed
+
+
+def test_a_page_that_is_not_served_yet_can_be_asked_for_again():
+    ports = free_ports(0)
+    with RerunPage(*ports), pytest.raises(urllib.error.HTTPError, match="502.*reload"):
+        urllib.request.urlopen(f"http://127.0.0.1:{ports.page}/")
+    with socket.socket() as other:
+        other.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        other.bind(("127.0.0.1", ports.page))  # the port is free again
+
+
 # with Rerun
 
 
@@ -328,17 +424,26 @@ def test_rerun_makes_a_layout_for_the_recording_that_it_makes_of_our_bag(rerun, 
 def test_rerun_serves_our_bag_with_its_layout_on_this_machine_alone(rerun, tmp_path):
     shown, ports, log = describe(BAGS / "throws"), free_ports(0), tmp_path / "log.txt"
     layouts = write_layouts(rerun.executable, shown, tmp_path)
-    command = command_line(rerun.executable, shown.files, layouts, web=True, ports=ports)
+    files = with_durations(rerun.executable, shown, tmp_path, rerun.environment)
+    command = command_line(rerun.executable, files, layouts, ports)
     with open(log, "w") as file:
         process = subprocess.Popen(command, stdout=file, stderr=file, env=rerun.environment, start_new_session=True)
     try:
-        page = _fetched(url_of_page(ports), process)
+        with RerunPage(*ports):
+            page = _fetched(url_of_page(ports), process)
         said = log.read_text()
     finally:
         os.killpg(process.pid, signal.SIGTERM)
         process.wait()
     assert "<html" in page
-    assert "throws_0.mcap" in said and "layout_0.rbl" in said and f"127.0.0.1:{ports[1]}" in said and "0.0.0.0" not in said
+    assert "fonts.googleapis.com/css2" not in page, "nothing from elsewhere"
+    assert (
+        "throws_0.rrd" in said
+        and "layout_0.rbl" in said
+        and f":{ports.behind}" not in said
+        and f"127.0.0.1:{ports.data}" in said
+        and "0.0.0.0" not in said
+    )
     assert "ERROR" not in said, said
 
 
@@ -352,6 +457,26 @@ def _fetched(url, process, patience=60.0):
                 return answer.read().decode("utf-8", "replace").lower()
         except OSError:
             time.sleep(0.05)
+
+
+@needs_chromium
+def test_in_a_browser_the_page_gets_the_bag_and_asks_for_nothing_outside_this_machine(rerun, tmp_path):
+    shown, ports = describe(BAGS / "throws"), free_ports(0)
+    files = with_durations(rerun.executable, shown, tmp_path, rerun.environment)
+    command = command_line(rerun.executable, files, write_layouts(rerun.executable, shown, tmp_path), ports)
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=rerun.environment, start_new_session=True)
+    try:
+        with RerunPage(*ports):
+            _fetched(url_of_page(ports), process)
+            with Page(tmp_path / "browser", url_of_page(ports), SMALL) as page:
+                data = f"http://127.0.0.1:{ports.data}/"
+                page._wait(lambda: page.text() is not None and any(one.startswith(data) for one in page.addresses), 120.0, "its data")
+                page.draw(5)
+                own = (f"http://127.0.0.1:{ports.page}/", data, "data:", "blob:")
+                assert [one for one in page.addresses if not one.startswith(own)] == []
+    finally:
+        os.killpg(process.pid, signal.SIGTERM)
+        process.wait()
 
 
 def test_rerun_makes_a_layout_without_an_arm_and_without_anything(rerun, tmp_path):
