@@ -226,12 +226,18 @@ class ScreenPerson:
 
         wait_for(self._client, there, limit, f"the hand beside the {role}")
 
-    def place(self, goal):
-        """Take the part around which the hand is, and put it to a goal (a Pose): up, over, turned, and down."""
+    def carry(self, goal):
+        """Take the part around which the hand is, and bring it over a goal (a Pose); returns the pose of the hand down there."""
         hand = self.seen["hand"]
         self.hands.grip(True)
         self.pull(hand.position + [0.0, 0.0, 0.1], hand.quaternion)
         end = goal.place(self.seen["part"].sees(self.seen["hand"]))
-        for height in (0.07, 0.02, 0.0):
+        self.pull(end.position + [0.0, 0.0, 0.07], end.quaternion)
+        return end
+
+    def place(self, goal):
+        """The same, and put it down there."""
+        end = self.carry(goal)
+        for height in (0.02, 0.0):
             self.pull(end.position + [0.0, 0.0, height], end.quaternion)
         self.hands.grip(False)

@@ -1,18 +1,21 @@
 #!/usr/bin/env python3
-"""Makes the pictures of the documentation that a browser draws, in docs/: throws.webp, view.png and report.png.
+"""Makes the pictures of the documentation that a browser draws, in docs/: throws.webp, report.png and those of the live page.
 
-    source tools/env.sh && python3 tools/make_pictures.py              # or some of them: throws view report
+    source tools/env.sh && python3 tools/make_pictures.py              # or some of them: view_darts view_by_mouse
 
 Needs a Chromium on PATH, or named by $CHROMIUM, and takes some minutes: the arm learns and practises for them.
 """
 
 import argparse
+import functools
 import json
 import re
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -30,19 +33,26 @@ from PIL import Image  # noqa: E402
 from dart_skill.regions import REGION  # noqa: E402
 from dart_skill.report import play, read_run  # noqa: E402
 from dart_skill.skill.learn import component_ellipsoids  # noqa: E402
+from dart_skill.skill.protocol import Situation, load_skill  # noqa: E402
 from dart_skill.view import Scene, open_server  # noqa: E402
 from dart_skill_nodes.client.graph_client import GraphClient  # noqa: E402
 from tests.integration.browser import Page  # noqa: E402
+from tests.screen_person import PageHands, ScreenPerson  # noqa: E402
+from tests.view_client import PageClient  # noqa: E402
 
 DOCS = ROOT / "docs"
 FILM = (560, 400)  # pixels
 FRAME = 0.04  # between two pictures of the film [s]
 FILMED = 3  # throws, the first three of bags/throws
 EYE, LOOK_AT = (1.0, -3.7, 1.7), (0.85, 0.0, 1.0)
+LIVE = (1280, 880)
+"""Of the live page [pixels]: as much as its panel needs."""
 CLOSE_NOTES = """(() => {
   const within = document.querySelector('iframe')?.contentDocument ?? document;
   within.querySelectorAll('button[class*=Notification]').forEach(button => button.click());
 })()"""
+
+TO_THE_TOP = "document.querySelectorAll('.mantine-ScrollArea-viewport').forEach(part => part.scrollTop = 0)"
 
 
 class Film:
@@ -87,31 +97,88 @@ def _mixture(run, throw):
     return run.skill.mixture(throw.demonstration.target)
 
 
-def show_view(folder: Path) -> Path:
-    """The live view after thirteen demonstrations and ten own throws."""
+@contextmanager
+def _live_graph(folder: Path, skill: str = "") -> Iterator[tuple[GraphClient, str]]:
+    """A client of the simulated graph of a skill, and the address of its live page."""
     rclpy.init()
     with Graph(folder / "logs") as graph:
         client = GraphClient(graph.dead)
-        graph.start_all("composed", 0, folder / "bag")
+        graph.start_all("composed", 0, folder / "bag", skill=skill)
         client.wait_until_ready()
-        graph.start("viewer", {"port": 0})
+        graph.start("viewer", {"port": 0} | ({"skill": skill} if skill else {}))
         log = folder / "logs" / "viewer.log"
-        url = _wait(lambda: re.search(r"live view is at (\S+)", log.read_text()), "the viewer", client.spin).group(1)
+        yield client, _wait(lambda: re.search(r"live view is at (\S+)", log.read_text()), "the viewer", client.spin).group(1)
+        client.close()
+    rclpy.try_shutdown()
+
+
+def _press(page: PageClient, client: GraphClient, button: str, said: str) -> None:
+    """A button of the live page, as soon as it can be pressed, until the page says so and can be asked again."""
+    page.wait_for(lambda: not page.is_disabled(button), 60.0, f"the button '{button}'", client.spin)
+    page.click(button)
+    page.wait_for(lambda: page.says(said) and not page.is_disabled(button), 900.0, f"'{said}' after {button}", client.spin)
+
+
+def _picture(folder: Path, url: str, client: GraphClient, path: Path, arrange: Callable[[], None] = lambda: None) -> Path:
+    """The live page in a browser, once it stands still. It comes last, as one that looks on takes a core of its own.
+
+    arrange: called when the page is there.
+    """
+    with Page(folder, url, LIVE) as page:
+        _wait(lambda: page.button("Stop"), "the page", client.spin)
+        arrange()
+        page.settle(meanwhile=client.spin)
+        page.run(CLOSE_NOTES)
+        page.run(TO_THE_TOP)
+        page.settle(meanwhile=client.spin)
+        Image.fromarray(page.screenshot()).save(path, optimize=True)
+    return path
+
+
+def show_view(folder: Path) -> Path:
+    """The live view after thirteen demonstrations and ten own throws."""
+    with _live_graph(folder) as (client, url):
         for target in REGION.spread(13, np.random.default_rng([0, 1])):
             client.teach(target)
         client.learn()
-        with Page(folder, url) as page:
-            _wait(lambda: page.button("Throw"), "the button", client.spin)
-            page.run(CLOSE_NOTES)
-            page.click("Practise")
-            _wait(lambda: "throws made" in page.text(), "ten throws", client.spin)
-            page.click("Throw")
-            _wait(lambda: "from the middle" in page.text() and page.button("Throw"), "a throw", client.spin)
-            time.sleep(3.0)
-            page.screenshot(DOCS / "view.png")
-        client.close()
-    rclpy.try_shutdown()
-    return DOCS / "view.png"
+        with PageClient(url, origin=url) as page:  # after the lessons, as a page that does not listen is closed
+            _press(page, client, "Practise", "throws made")
+            _press(page, client, "Throw", "from the middle")
+        return _picture(folder, url, client, DOCS / "view.png")
+
+
+def show_skill(name: str, folder: Path) -> Path:
+    """The live view of another skill that was taught, learned, practised and tried once more, with the buttons of the page."""
+    do, trials = ("Throw", "throws") if name == "darts" else ("Execute", "trials")
+    with _live_graph(folder, name) as (client, url), PageClient(url, origin=url) as page:
+        _press(page, client, "Teach", "demonstrations shown")
+        _press(page, client, "Learn", f"Next: press {do}")
+        _press(page, client, "Practise", f"{trials} made")
+        _press(page, client, do, "mm off")
+        return _picture(folder, url, client, DOCS / f"view_{name}.png")
+
+
+def show_by_mouse(folder: Path) -> Path:
+    """A lesson on the page: the part was pulled over its holder, as the page looks at it from the side."""
+    with _live_graph(folder, "place") as (client, url), PageClient(url, origin=url) as page:
+
+        def until(found, what: str) -> None:
+            page.wait_for(found, 120.0, what, client.spin)
+
+        person = ScreenPerson(client, ("hand", "part", "holder"), PageHands(page), meanwhile=page.listen)
+        until(lambda: not page.is_disabled("Take the hand"), "the button")
+        page.click("Take the hand")
+        until(lambda: page.says("beside its place"), "a hand that is held")
+        person.look(until)
+        person.carry(load_skill("place").goal(Situation({"holder": person.seen["holder"]})))
+
+        def look_from_the_side() -> None:
+            for _ in range(2):  # from above is first
+                looks = page.looks
+                page.click("From above, or the side (V)")
+                until(lambda looks=looks: page.looks > looks, "another look")
+
+        return _picture(folder, url, client, DOCS / "view_by_mouse.png", look_from_the_side)
 
 
 def show_report(folder: Path) -> Path:
@@ -138,7 +205,8 @@ def _wait(found, what: str, meanwhile=lambda: time.sleep(0.1), limit: float = 30
     return result
 
 
-MAKERS = {"throws": film_throws, "view": show_view, "report": show_report}
+SKILLS = {f"view_{name}": functools.partial(show_skill, name) for name in ("darts", "place", "reach")}
+MAKERS = {"throws": film_throws, "report": show_report, "view": show_view, **SKILLS, "view_by_mouse": show_by_mouse}
 
 
 def main() -> None:
