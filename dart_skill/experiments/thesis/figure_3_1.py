@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dart_skill.figures import BLUE, GREY, ORANGE, SKY, VERMILION, gaussian_ellipse, house_style, save
+from dart_skill.figures import BLACK, GAUSSIAN, GREY, gaussian_ellipse, house_style, legend_below, letter_panels, save
 from dart_skill.mixture import GaussianMixture, Selection, regress, select_by_bic
 
 TITLE = "Gaussian mixture model and regression on planar data"
@@ -61,19 +61,24 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
         _demonstrations(shown, data)
         _demonstrations(fitted, data, LIGHTLY)
         for number, (mean, covariance) in enumerate(zip(data.mixture.means_, data.mixture.covariances_, strict=True), start=1):
-            look = {"facecolor": SKY, "edgecolor": BLUE, "alpha": 0.5, "gid": f"component_{number}"}
+            look = {"facecolor": GAUSSIAN, "edgecolor": GAUSSIAN, "alpha": 0.5, "gid": f"component_{number}"}
             fitted.add_patch(gaussian_ellipse(mean, covariance, DEVIATIONS, **look))
-        fitted.plot(*data.mixture.means_.T, "o", color=VERMILION, markersize=4)
+        fitted.plot(*data.mixture.means_.T, "o", color=BLACK, markersize=4)
         band = DEVIATIONS * data.deviation
-        retrieved.fill_between(data.grid, data.mean - band, data.mean + band, color=ORANGE, alpha=0.35, linewidth=0)
-        retrieved.plot(data.grid, data.mean, color=VERMILION, gid="retrieved")
+        retrieved.fill_between(data.grid, data.mean - band, data.mean + band, color=GAUSSIAN, alpha=0.35, linewidth=0)
+        retrieved.plot(data.grid, data.mean, color=BLACK, gid="retrieved")
         n = data.selection.best
         shown.set_title(f"Demonstrations, n = {N_DEMONSTRATIONS}")
-        fitted.set_title(f"Mixture, K = {n} (lowest BIC of 1 to {CANDIDATES[-1]}), {DEVIATIONS:g} s.d.")
-        retrieved.set_title(f"Regression of x2 on x1, mean and {DEVIATIONS:g} s.d.")
+        fitted.set_title(f"Mixture, K = {n} (lowest BIC of 1 to {CANDIDATES[-1]})")
+        retrieved.set_title("Regression of x2 on x1")
+        letter_panels(shown, fitted, retrieved)
         for axes in (shown, fitted, retrieved):
-            axes.set_xlabel("x1")
-        shown.set_ylabel("x2")
+            axes.set_xlabel("x1 [1]")
+        shown.set_ylabel("x2 [1]")
+        spread = f"{DEVIATIONS:g} standard deviations"
+        names = ["demonstration", f"Gaussian, {spread}", "its mean", "regression, mean", f"its {spread}"]
+        marks = [shown.lines[0], fitted.patches[0], fitted.lines[-1], retrieved.lines[0], retrieved.collections[0]]
+        legend_below(figure, marks, names, columns=5)
         return save(figure, folder, "figure_3_1"), measured(data)
 
 

@@ -13,7 +13,19 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dart_skill.figures import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILION, gaussian_ellipse, house_style, save
+from dart_skill.figures import (
+    ATTRACTOR,
+    BLUE,
+    DEMONSTRATION,
+    GAUSSIAN,
+    HAND,
+    PURPLE,
+    gaussian_ellipse,
+    house_style,
+    legend_below,
+    letter_panels,
+    save,
+)
 from dart_skill.movement import DSGMR, Reproduction, TaskFrame
 
 TITLE = "Task-parameterised movement: two frames, and new places for them"
@@ -22,6 +34,7 @@ DURATION, RATE, NOISE = 1.5, 100.0, 0.0005
 """Of a demonstration [s], samples per second, standard deviation of the measurement [m]."""
 LEAVE, ENTER, SWAY = 0.12, 0.12, 0.03
 """Straight ways out of frame 1 and into frame 2, and how much demonstrations differ between them [m]."""
+FRAMES = (BLUE, PURPLE)
 LAST_PART = 0.05
 """Length of the end of the path whose direction is judged [m]."""
 
@@ -104,16 +117,21 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
         figure = Figure(figsize=(10.5, 7.6), layout="constrained")
         shown, first, second, made = figure.subplots(2, 2).ravel()
         for number, one in enumerate(demonstrations, start=1):
-            shown.plot(*one.path.T, color=GREY, linewidth=1.0, gid=f"demonstration_{number}")
+            shown.plot(*one.path.T, color=DEMONSTRATION, linewidth=1.0, gid=f"demonstration_{number}")
             _draw_frames(shown, one.frames)
         for j, axes in enumerate((first, second)):
             _draw_view(axes, demonstrations, model, j)
         for number, one in enumerate(new, start=1):
             _draw_reproduction(made, model, one, number)
-        shown.set_title(f"(a) Demonstrations, n = {len(demonstrations)}")
-        first.set_title("(b) Attractors as frame 1 sees them, and its Gaussians, 2 s.d.")
-        second.set_title("(c) Attractors as frame 2 sees them, and its Gaussians, 2 s.d.")
-        made.set_title(f"(d) New places, n = {len(new)}: products (7.21), attractor, path")
+        shown.set_title(f"Demonstrations, n = {len(demonstrations)}")
+        first.set_title("As frame 1 sees them")
+        second.set_title("As frame 2 sees them")
+        made.set_title(f"New places, n = {len(new)}, with products (7.21)")
+        letter_panels(shown, first, second, made)
+        path, *brackets = shown.lines[:3]
+        marks = [*brackets, path, first.lines[0], first.patches[0], made.lines[1]]
+        names = ["frame 1", "frame 2", "path, demonstrated", "attractor (7.20)", "Gaussian, 2 standard deviations", "path, reproduced"]
+        legend_below(figure, marks, names, columns=6)
         for axes in (shown, first, second, made):
             axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
             axes.set_aspect("equal", adjustable="datalim")
@@ -134,26 +152,26 @@ def measured(demonstrations: list[Insertion], new: list[Insertion]) -> dict:
 def _draw_view(axes: Axes, demonstrations: list[Insertion], model: DSGMR, j: int) -> None:
     for one in demonstrations:
         attractor = model.encode(stamps(), one.path)
-        axes.plot(*one.frames[j].to_frame(attractor)[:, 1:].T, color=GREY, linewidth=0.8)
+        axes.plot(*one.frames[j].to_frame(attractor)[:, 1:].T, color=ATTRACTOR, linewidth=0.9)
     mixture = model.mixture_
     for mean, covariance in zip(mixture.means_[j], mixture.covariances_[j], strict=True):
-        look = {"facecolor": SKY, "edgecolor": BLUE, "alpha": 0.5, "zorder": 2.5}
+        look = {"facecolor": GAUSSIAN, "edgecolor": GAUSSIAN, "alpha": 0.35, "zorder": 1.5}
         axes.add_patch(gaussian_ellipse(mean[1:], covariance[1:, 1:], 2.0, **look))
-    _draw_frame(axes, TaskFrame(np.eye(3), np.zeros(3)), (GREEN, VERMILION)[j])
+    _draw_frame(axes, TaskFrame(np.eye(3), np.zeros(3)), FRAMES[j])
 
 
 def _draw_reproduction(axes: Axes, model: DSGMR, one: Insertion, number: int) -> None:
     product = model.mixture_.product(one.frames)
     for mean, covariance in zip(product.means_, product.covariances_, strict=True):
-        axes.add_patch(gaussian_ellipse(mean[1:], covariance[1:, 1:], 2.0, facecolor=SKY, edgecolor=BLUE, alpha=0.3))
+        axes.add_patch(gaussian_ellipse(mean[1:], covariance[1:, 1:], 2.0, facecolor=GAUSSIAN, edgecolor=GAUSSIAN, alpha=0.25, zorder=1.5))
     assert one.reproduction is not None
-    axes.plot(*one.reproduction.attractor.T, color=ORANGE, linewidth=0.9, linestyle="--", gid=f"attractor_{number}")
-    axes.plot(*one.path.T, color=BLACK, linewidth=1.3, gid=f"reproduction_{number}")
+    axes.plot(*one.reproduction.attractor.T, color=ATTRACTOR, linewidth=0.9, gid=f"attractor_{number}")
+    axes.plot(*one.path.T, color=HAND, linewidth=1.3, gid=f"reproduction_{number}")
     _draw_frames(axes, one.frames)
 
 
 def _draw_frames(axes: Axes, frames: tuple[TaskFrame, TaskFrame]) -> None:
-    for frame, colour in zip(frames, (GREEN, VERMILION), strict=True):
+    for frame, colour in zip(frames, FRAMES, strict=True):
         _draw_frame(axes, frame, colour)
 
 
