@@ -175,7 +175,7 @@ class Gaussian:
         return Gaussian(matrix @ self.mean + offset, symmetric(matrix @ self.covariance @ matrix.T))
 
     def marginal(self, dims: ArrayLike) -> Gaussian:
-        """Distribution of the given dimensions, in the given order."""
+        """Distribution of some dimensions, in the order in which they are named. dims: their indices (k,), from 0."""
         dims = as_dims(dims, self.n_dims, "dims")
         return Gaussian(self.mean[dims], self.covariance[np.ix_(dims, dims)])
 

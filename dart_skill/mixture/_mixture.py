@@ -249,7 +249,7 @@ class GaussianMixture(EMEstimator):
         return Gaussian(*moments(self.priors_, self.means_, self.covariances_))
 
     def marginal(self, dims: ArrayLike) -> GaussianMixture:
-        """Mixture of the given dimensions, in the given order."""
+        """Mixture over some dimensions, in the order in which they are named. dims: their indices (k,), from 0."""
         dims = as_dims(dims, self.n_dims, "dims")
         return self._made(self.priors_, self.means_[:, dims], self.covariances_[:, dims[:, None], dims])
 

@@ -110,7 +110,11 @@ class Regression:
 def regress(mixture: GaussianMixture, inputs: ArrayLike, input_dims: ArrayLike, output_dims: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """(3.3) to (3.5): mean (n, o) and covariance (n, o, o) of the output dimensions, given inputs (n, i).
 
-    With one input dimension, inputs (n,) are n queries. For more than one call, prepare a `Regression`. mixture: over inputs and outputs.
+    With one input dimension, inputs (n,) are n queries. For more than one call, prepare a `Regression`.
+
+    * mixture: over inputs and outputs.
+    * input_dims: indices (i,) of the dimensions of the mixture that are given, from 0, such as [0] for time.
+    * output_dims: those (o,) that are asked for, in the order of the result.
     """
     return Regression(mixture, input_dims, output_dims)(inputs)
 
@@ -120,6 +124,8 @@ def regress_each(
 ) -> tuple[np.ndarray, np.ndarray]:
     """`regress` with a mixture of its own for each query: means (n, K, d), covariances (n, K, d, d), inputs (n, i); the priors (K,)
     are common to all.
+
+    input_dims, output_dims: indices (i,) and (o,) of the dimensions that are given and asked for, from 0.
     """
     into, out = _split(means.shape[-1], input_dims, output_dims)
     whiteners = np.linalg.inv(cholesky(covariances[..., into[:, None], into], "covariance of the inputs of component"))

@@ -271,7 +271,11 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
         return normalise_log(-0.5 * np.square((time[:, None] - centres) / (overlap * interval)))[0]
 
     def responsibilities(self, samples: Samples, frames: Frames) -> list[np.ndarray]:
-        """Per demonstration, (n_i, K) posterior probability of each component. samples: (n_i, m) of each demonstration."""
+        """Per demonstration, (n_i, K) posterior probability of each component.
+
+        * samples: (n_i, m) of each demonstration.
+        * frames: for each demonstration its P task frames; one that moves is a list with a frame for each sample.
+        """
         return self._per_demonstration(samples, frames, 0)
 
     def log_density(self, samples: Samples, frames: Frames) -> list[np.ndarray]:
@@ -294,7 +298,10 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
         frames: Frames,
         weights: Weights = None,
     ) -> float:
-        """Bayesian information criterion, lower is better; the sum of the weights counts as sample number."""
+        """Bayesian information criterion, lower is better; the sum of the weights counts as sample number.
+
+        samples, frames: as of `responsibilities`.
+        """
         log_density = self.log_density(samples, frames)
         weights = as_sample_weights(weights, [len(one) for one in log_density])
         return float(-2.0 * weights @ np.concatenate(log_density) + self.n_parameters * np.log(weights.sum()))

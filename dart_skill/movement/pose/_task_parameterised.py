@@ -184,7 +184,10 @@ class TaskParameterisedPoseMixture(PoseEstimator, SavedModel):
     def regress(
         self, frames: Sequence[PoseCourse], inputs: ArrayLike, input_dims: ArrayLike | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """`PoseMixture.regress` in new frames; a frame that moves is given by a list with one for each of the inputs."""
+        """`PoseMixture.regress` in new frames; a frame that moves is given by a list with one for each of the inputs.
+
+        input_dims: as of `PoseMixture.regress`: columns (i,) of numbers or position, default the q numbers before the pose.
+        """
         self._require_fitted()
         n = len(np.atleast_1d(inputs))
         means, covariances = self._products(Stage.of(frames, n, "the new situation", len(self.means_)))
