@@ -72,6 +72,7 @@ class Not:
 
 MAKE = Not("sets a workspace up first, or runs for minutes; what it starts has tests of its own, and the target is looked up")
 TESTS = Not("is about the tests themselves")
+PICTURES = Not("teaches and practises for minutes, and writes over the pictures of the documentation")
 FULL_ROS = Not("needs a full ROS installation; names and types are compared with docs/reference.md")
 COLCON = Elsewhere(
     "unit/repository/test_messages_with_colcon.py::test_the_messages_are_built_beside_the_package_and_brought_up_to_date_the_next_time"
@@ -120,6 +121,7 @@ TYPED = {
     "python3 -m pytest tests/integration/test_strangers.py -x": TESTS,
     "HYPOTHESIS_PROFILE=long python3 -m pytest tests/integration/test_fuzz.py": TESTS,
     "python3 -m tests.reference.results tests/reference/results.json": TESTS,
+    "python3 tools/make_pictures.py view view_darts view_place view_reach view_by_mouse": PICTURES,
     "make benchmark": MAKE,
     "make docs": MAKE,
     "source tools/env.sh": Run(then="command -v dart-skill ros2 && printenv ROS_AUTOMATIC_DISCOVERY_RANGE", says="LOCALHOST"),
