@@ -221,7 +221,7 @@ class _Run:
             likelihood, log_prior = float(share @ sums.log_density), self._log_prior(sweep, components)
             if abs(likelihood + log_prior - previous) <= self.settings.tolerance:
                 return Fit(_from_white(sweep, priors, components), likelihood, iteration, True, log_prior)
-            if self.dead(sums.mass).size == 0:
+            if sums.mass.min() >= self.least_mass:
                 previous, priors, components = likelihood + log_prior, sums.mass / sums.mass.sum(), self._maximise(sweep, sums)
             else:
                 # A revived component needs further iterations, so in the last one it is dropped instead.

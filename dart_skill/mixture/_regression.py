@@ -11,13 +11,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_dims, as_finite, as_samples, require_near
+from dart_skill.checks import as_dims, as_samples, require_near
 from dart_skill.mixture._expectation_maximisation import normalise_log
 from dart_skill.mixture._gaussian import LOG_2PI, cholesky, symmetric, upper_triangle
 from dart_skill.mixture._mixture import GaussianMixture
 from dart_skill.mixture._sweep import to_counts
 
 SLICE = 1024
+# For up to so many queries, whole matrices cost less than the calls that it takes to compute only their upper triangles.
+FEW = 256
 
 
 class Regression:
@@ -35,17 +37,18 @@ class Regression:
 
     def __init__(self, mixture: GaussianMixture, input_dims: ArrayLike, output_dims: ArrayLike):
         into, out = _split(mixture.n_dims, input_dims, output_dims)
-        factors = cholesky(mixture.covariances_[:, into[:, None], into], "covariance of the inputs of component")
-        self._whiteners = np.linalg.inv(factors)
-        half = self._whiteners @ mixture.covariances_[:, into[:, None], out]
+        self.n_inputs, self.n_outputs = len(into), len(out)
+        rows = mixture.covariances_[:, into]
+        factors, self._whiteners = _factors(rows[:, :, into])
+        # With one input, products of matrices with it are products of numbers, and those are quicker.
+        self._times = np.multiply if self.n_inputs == 1 else np.matmul
+        half = self._times(self._whiteners, rows[:, :, out])
         self._input_means, self._output_means = mixture.means_[:, into, None], mixture.means_[:, out, None]
-        self._slopes = np.swapaxes(half, 1, 2) @ self._whiteners
-        within = mixture.covariances_[:, out[:, None], out] - np.swapaxes(half, 1, 2) @ half
-        upper, self._square = upper_triangle(len(out))
-        self._within = within.reshape(len(within), -1).take(upper, axis=1).T
+        self._slopes = self._times(np.swapaxes(half, 1, 2), self._whiteners)
+        self._within = (mixture.covariances_[:, out[:, None], out] - np.swapaxes(half, 1, 2) @ half).reshape(len(half), -1).T
+        self._upper, self._square = upper_triangle(self.n_outputs)
         log_volumes = np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(1) + 0.5 * len(into) * LOG_2PI
         self._constants = (np.log(mixture.priors_) - log_volumes)[:, None]
-        self.n_inputs, self.n_outputs = len(into), len(out)
 
     def __call__(self, inputs: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         inputs = self._checked(inputs)
@@ -54,7 +57,7 @@ class Regression:
             span = slice(start, start + SLICE)
             deviations = self._deviations(inputs[span])
             shares, _ = self._shares(deviations, inputs[span], start)
-            self._collapse(shares, self._output_means + self._slopes @ deviations, mean[span], covariance[span])
+            self._collapse(shares, self._means(deviations), mean[span], covariance[span])
         return mean, covariance
 
     def mean(self, inputs: ArrayLike) -> np.ndarray:
@@ -65,7 +68,7 @@ class Regression:
             span = slice(start, start + SLICE)
             deviations = self._deviations(inputs[span])
             shares, _ = self._shares(deviations, inputs[span], start)
-            mean[span] = _centre(shares, self._output_means + self._slopes @ deviations).T
+            mean[span] = _centre(shares, self._means(deviations)).T
         return mean
 
     def responsibilities(self, inputs: ArrayLike) -> np.ndarray:
@@ -79,17 +82,21 @@ class Regression:
         return self._shares(self._deviations(inputs), inputs)[1]
 
     def _checked(self, inputs: ArrayLike) -> np.ndarray:
-        inputs = as_finite(inputs, "inputs")
-        return as_samples(inputs[:, None] if inputs.ndim == 1 and self.n_inputs == 1 else inputs, "inputs", self.n_inputs)
+        column = self.n_inputs == 1 and np.ndim(inputs) == 1
+        return as_samples(np.asarray(inputs)[:, None] if column else inputs, "inputs", self.n_inputs)
 
     def _deviations(self, inputs: np.ndarray) -> np.ndarray:
         """Deviations (K, i, n) of the inputs from the means of the components."""
         return inputs.T - self._input_means
 
+    def _means(self, deviations: np.ndarray) -> np.ndarray:
+        """Means (K, o, n) of the outputs by each component."""
+        return self._output_means + self._times(self._slopes, deviations)
+
     def _shares(self, deviations: np.ndarray, inputs: np.ndarray, first_row: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """Responsibilities (K, n) and log densities (n,) from the inputs (n, i) and their deviations (K, i, n)."""
         with np.errstate(over="ignore", invalid="ignore"):
-            white = self._whiteners @ deviations
+            white = self._times(self._whiteners, deviations)
             shares = self._constants - 0.5 * np.einsum("kin,kin->kn", white, white)
             log_density = to_counts(shares, 1.0)
         require_near(log_density, inputs, "inputs", first_row)
@@ -98,13 +105,27 @@ class Regression:
     def _collapse(self, shares: np.ndarray, means: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> None:
         """Mean (n, o) and total covariance (n, o, o), in place, of mixtures with shares (K, n) and means (K, o, n)."""
         centre = _centre(shares, means)
-        spread = (means - centre) * np.sqrt(shares)[:, None, :]
-        upper, row = self._within @ shares, 0
-        for i in range(self.n_outputs):
-            upper[row : row + self.n_outputs - i] += np.einsum("kn,kon->on", spread[:, i], spread[:, i:])
-            row += self.n_outputs - i
         mean[:] = centre.T
-        covariance[:] = upper.take(self._square, axis=0).transpose(2, 0, 1)
+        spread = (means - centre) * np.sqrt(shares)[:, None, :]
+        if len(mean) <= FEW:
+            whole = np.einsum("kin,kjn->ijn", spread, spread)
+            whole += (self._within @ shares).reshape(whole.shape)
+        else:
+            upper, row = self._within[self._upper] @ shares, 0
+            for i in range(self.n_outputs):
+                upper[row : row + self.n_outputs - i] += np.einsum("kn,kon->on", spread[:, i], spread[:, i:])
+                row += self.n_outputs - i
+            whole = upper.take(self._square, axis=0)
+        covariance[:] = whole.transpose(2, 0, 1)
+
+
+def _factors(covariances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """L and L^-1 (K, i, i) of the covariances L L' of the inputs."""
+    if covariances.shape[1] == 1 and covariances.min() > 0:
+        factors = np.sqrt(covariances)
+        return factors, 1.0 / factors
+    factors = cholesky(covariances, "covariance of the inputs of component")
+    return factors, np.linalg.inv(factors)
 
 
 def regress(mixture: GaussianMixture, inputs: ArrayLike, input_dims: ArrayLike, output_dims: ArrayLike) -> tuple[np.ndarray, np.ndarray]:

@@ -15,17 +15,20 @@ instead. This costs more and is as accurate as the plain form.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dart_skill.mixture._gaussian import LOG_2PI, raise_to_floor, symmetric, upper_triangle
 
 SLICE = 4096
+EPSILON = float(np.finfo(float).eps)
 # The products of up to so many samples are kept between sweeps. For more, computing them again costs no more than reading them.
 KEPT = 4 * SLICE
 # Largest error of a log density that is computed from products.
 LARGEST_LOSS = 1e-10
+# A sample whose density, relative to the highest peak, is above this has lost nothing to underflow.
+LEAST_DENSITY, LEAST_LOG = 1e-250, -690.0
 # A component is dead if its count is below this share of the weight of one sample.
 DEAD_SHARE = 1e-3
 
@@ -39,33 +42,56 @@ def seen_rows(block: np.ndarray) -> np.ndarray:
 class Components:
     """Components of one block in white coordinates.
 
-    means (K, d); whiteners (K, d, d): L^-1 of the covariances L L'; log_volumes (K,): log of sqrt(det(2 pi L L'));
-    largest_precision: an upper bound of the eigenvalues of all inverse covariances.
+    means (K, d); affine (K, d, 1 + d): [-L^-1 mean, L^-1] of the covariances L L', which makes standard normal numbers of (1, z);
+    log_volumes (K,): log of sqrt(det(2 pi L L')); largest_precision: an upper bound of the eigenvalues of all inverse covariances.
     """
 
     means: np.ndarray
-    whiteners: np.ndarray
+    affine: np.ndarray
     log_volumes: np.ndarray
     largest_precision: float
 
     @classmethod
     def of(cls, means: np.ndarray, covariances: np.ndarray) -> Components:
         whiteners = np.linalg.inv(np.linalg.cholesky(covariances))
+        return cls._of_affine(means, np.concatenate([-(whiteners @ means[:, :, None]), whiteners], axis=2))
+
+    @classmethod
+    def of_second_moments(cls, moments: np.ndarray) -> Components:
+        """From the means (K, 1 + d, 1 + d) of the outer products of (1, z).
+
+        Their Cholesky factor is [[1, 0], [mean, L]], and the inverse of this [[1, 0], [-L^-1 mean, L^-1]].
+        """
+        return cls._of_affine(moments[:, 0, 1:], np.linalg.inv(np.linalg.cholesky(moments))[:, 1:])
+
+    @classmethod
+    def _of_affine(cls, means: np.ndarray, affine: np.ndarray) -> Components:
+        whiteners = affine[:, :, 1:]
         log_volumes = 0.5 * means.shape[1] * LOG_2PI - np.log(np.einsum("kii->ki", whiteners)).sum(1)
-        return cls(means, whiteners, log_volumes, float(np.einsum("kij,kij->k", whiteners, whiteners).max()))
+        return cls(means, affine, log_volumes, float(np.einsum("kij,kij->k", whiteners, whiteners).max()))
+
+    @property
+    def whiteners(self) -> np.ndarray:
+        """L^-1 (K, d, d)."""
+        return self.affine[:, :, 1:]
+
+    def moved(self, origin: np.ndarray) -> Components:
+        """The same components if their means were told from an origin (K, d)."""
+        offsets = self.affine[:, :, :1] - self.whiteners @ origin[:, :, None]
+        return replace(self, means=self.means + origin, affine=np.concatenate([offsets, self.whiteners], axis=2))
 
 
 @dataclass(frozen=True, eq=False)
 class Sums:
     """What the M step needs.
 
-    mass (K,): sum of the counts; log_density (n,), in the units of the blocks; for each block an origin (K, d), or 0, and
+    mass (K,): sum of the counts; log_density (n,), in the units of the blocks; for each block an origin (K, d), or None for 0, and
     products (K, 1 + d, 1 + d): the sum over the samples of count times the outer product of (1, z - origin).
     """
 
     mass: np.ndarray
     log_density: np.ndarray
-    origins: list[np.ndarray | float]
+    origins: list[np.ndarray] | list[None]
     products: list[np.ndarray]
 
 
@@ -74,7 +100,8 @@ class WhiteBlock:
 
     def __init__(self, block: np.ndarray, weights: np.ndarray, floor: float):
         seen = seen_rows(block)
-        if not seen.all():
+        self.sees_all = bool(seen.all())
+        if not self.sees_all:
             block, weights = np.where(seen[:, None], block, 0.0), weights * seen
         share = weights / weights.sum()
         self.floor, self.least_mass = floor, DEAD_SHARE * weights.sum() / seen.sum()
@@ -87,7 +114,7 @@ class WhiteBlock:
         self.white = np.empty((1 + len(self.centre), len(block)))
         self.white[0] = seen
         np.matmul(self.inverse_root, centred.T, out=self.white[1:])
-        if not seen.all():
+        if not self.sees_all:
             self.white[1:] *= seen
         self.reach = float(np.einsum("in,in->n", self.white, self.white).max())
         # If no precision exceeds this in white coordinates, all variances are certainly above the floor.
@@ -116,12 +143,15 @@ class WhiteBlock:
 
     def coefficients(self, components: Components) -> np.ndarray:
         """Coefficients (K, q) of the products in the log density."""
-        offsets = components.whiteners @ components.means[:, :, None]
-        affine = np.concatenate([-offsets, components.whiteners], axis=2)
-        precisions = np.swapaxes(affine, 1, 2) @ affine
+        precisions = np.swapaxes(components.affine, 1, 2) @ components.affine
         coefficients = precisions.reshape(len(precisions), -1).take(self.upper, axis=1) * self.factors
         coefficients[:, 0] -= components.log_volumes + self.log_volume
         return coefficients
+
+    def log_peaks(self, components: Components) -> np.ndarray:
+        """(K,) the largest log density of each component; 0 is that of a sample that the block does not see."""
+        peaks = -(components.log_volumes + self.log_volume)
+        return peaks if self.sees_all else np.maximum(peaks, 0.0)
 
     def deviations(self, components: Components, span: slice) -> np.ndarray:
         """(1, z - mean) of the samples in span from each component: (K, 1 + d, m)."""
@@ -134,28 +164,27 @@ class WhiteBlock:
         log_volumes = (components.log_volumes + self.log_volume)[:, None]
         return -0.5 * np.einsum("kin,kin->kn", white, white) - log_volumes * deviations[:, 0]
 
-    def maximise(self, origin: np.ndarray | float, products: np.ndarray) -> Components:
-        """Components from the sums; eigenvalues of covariances are at least the floor, in the units of the block."""
-        means, covariances = self._moments(origin, products)
+    def maximise(self, origin: np.ndarray | None, products: np.ndarray) -> Components:
+        """Components from the sums; eigenvalues of covariances are at least the floor, in the units of the block.
+
+        A component with almost no count in this block gets mean and covariance of all samples.
+        """
+        mass = products[:, 0, 0]
+        moments = products / np.maximum(mass, self.least_mass)[:, None, None]
+        if mass.min() < self.least_mass:
+            unowned = mass < self.least_mass
+            moments[unowned], origin = np.eye(moments.shape[1]), origin if origin is None else np.where(unowned[:, None], 0.0, origin)
         try:
-            components = Components.of(means, covariances)
+            components = Components.of_second_moments(moments)
             if components.largest_precision <= self.safe_precision:
-                return components
+                return components if origin is None else components.moved(origin)
         except np.linalg.LinAlgError:
             pass
+        step = moments[:, 0, 1:]
+        covariances = moments[:, 1:, 1:] - step[:, :, None] * step[:, None, :]
         raised = raise_to_floor(symmetric(self.root @ covariances @ self.root.T), self.floor)
+        means = step if origin is None else step + origin
         return self.to_white(means @ self.root.T + self.centre, raised)
-
-    def _moments(self, origin: np.ndarray | float, products: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Means and covariances from the sums; a component with almost no count in this block gets those of all samples."""
-        mass = products[:, 0, 0]
-        unowned = mass < self.least_mass
-        products = products / np.maximum(mass, self.least_mass)[:, None, None]
-        step = products[:, 0, 1:]
-        means, covariances = origin + step, products[:, 1:, 1:] - step[:, :, None] * step[:, None, :]
-        if unowned.any():
-            means[unowned], covariances[unowned] = 0.0, np.eye(means.shape[1])
-        return means, covariances
 
 
 class Sweep:
@@ -179,7 +208,7 @@ class Sweep:
     def __call__(self, priors: np.ndarray, components: list[Components]) -> Sums:
         """E step, and the sums of the M step that follows."""
         parts = zip(self.blocks, components, strict=True)
-        loss = np.finfo(float).eps * max(block.reach * one.largest_precision for block, one in parts)
+        loss = EPSILON * max(block.reach * one.largest_precision for block, one in parts)
         if loss <= LARGEST_LOSS:
             return self._by_products(np.log(priors), components)
         return self._by_deviations(np.log(priors), components)
@@ -191,15 +220,24 @@ class Sweep:
 
     def _by_products(self, log_priors: np.ndarray, components: list[Components]) -> Sums:
         parts = [block.coefficients(one) for block, one in zip(self.blocks, components, strict=True)]
-        coefficients = np.concatenate([log_priors[:, None], *parts], axis=1)
+        # The highest peak of all components: relative to it no product of prior and density is above one.
+        top = sum((block.log_peaks(one) for block, one in zip(self.blocks, components, strict=True)), log_priors).max()
+        coefficients = np.concatenate([(log_priors - top)[:, None], *parts], axis=1)
         total, log_density = np.zeros_like(coefficients), np.empty(len(self.weights))
         for i, span in enumerate(self.spans):
             products = self._kept[i] if self._kept else self._products(span, self._scratch)
             counts = coefficients @ products
-            log_density[span] = to_counts(counts, self.weights[span])
+            np.maximum(counts, LEAST_LOG, out=counts)  # an exponential that underflows takes many times as long
+            density = np.exp(counts, out=counts).sum(0)
+            if density.min() > LEAST_DENSITY:
+                counts *= self.weights[span] / density
+                np.log(density, out=log_density[span])
+            else:
+                log_density[span] = to_counts(np.matmul(coefficients, products, out=counts), self.weights[span])
             total += counts @ products.T
+        log_density += top
         squares = [total.take(start + block.square, axis=1) for start, block in zip(self.starts, self.blocks, strict=False)]
-        return Sums(total[:, 0], log_density, [0.0] * len(self.blocks), squares)
+        return Sums(total[:, 0], log_density, [None] * len(self.blocks), squares)
 
     def _by_deviations(self, log_priors: np.ndarray, components: list[Components]) -> Sums:
         mass, log_density = np.zeros(len(log_priors)), np.empty(len(self.weights))
