@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_dims, as_samples, require_near
+from dart_skill.checks import as_dims, as_finite, as_samples, require_near
 from dart_skill.mixture._expectation_maximisation import normalise_log
 from dart_skill.mixture._gaussian import LOG_2PI, cholesky, symmetric, upper_triangle
 from dart_skill.mixture._mixture import GaussianMixture
@@ -82,8 +82,8 @@ class Regression:
         return self._shares(self._deviations(inputs), inputs)[1]
 
     def _checked(self, inputs: ArrayLike) -> np.ndarray:
-        column = self.n_inputs == 1 and np.ndim(inputs) == 1
-        return as_samples(np.asarray(inputs)[:, None] if column else inputs, "inputs", self.n_inputs)
+        given = inputs if isinstance(inputs, np.ndarray) else as_finite(inputs, "inputs")
+        return as_samples(given[:, None] if given.ndim == 1 and self.n_inputs == 1 else given, "inputs", self.n_inputs)
 
     def _deviations(self, inputs: np.ndarray) -> np.ndarray:
         """Deviations (K, i, n) of the inputs from the means of the components."""

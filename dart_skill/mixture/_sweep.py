@@ -196,11 +196,15 @@ class Sweep:
         # A row of ones comes first, for the priors: the products of a block are zero for samples that it does not see.
         self.starts = np.cumsum([1] + [block.n_products for block in self.blocks])
         self.spans = [slice(start, min(start + SLICE, len(weights))) for start in range(0, len(weights), SLICE)]
-        self._scratch = np.ones((self.starts[-1], min(SLICE, len(weights))))
-        self._kept = [self._products(span, self._scratch.copy()) for span in self.spans] if len(weights) <= KEPT else []
+        self._scratch: np.ndarray | None = None
+        self._kept = [self._products(span) for span in self.spans] if len(weights) <= KEPT else []
+        if not self._kept:
+            self._scratch = self._products(self.spans[0])
 
-    def _products(self, span: slice, out: np.ndarray) -> np.ndarray:
-        out = out[:, : span.stop - span.start]
+    def _products(self, span: slice) -> np.ndarray:
+        """Products (1 + q, m) of all blocks for the m samples in span, written over those of the last span unless they are kept."""
+        out = np.empty((self.starts[-1], span.stop - span.start)) if self._scratch is None else self._scratch[:, : span.stop - span.start]
+        out[0] = 1.0
         for block, start in zip(self.blocks, self.starts, strict=False):
             block.write_products(span, out[start : start + block.n_products])
         return out
@@ -225,7 +229,7 @@ class Sweep:
         coefficients = np.concatenate([(log_priors - top)[:, None], *parts], axis=1)
         total, log_density = np.zeros_like(coefficients), np.empty(len(self.weights))
         for i, span in enumerate(self.spans):
-            products = self._kept[i] if self._kept else self._products(span, self._scratch)
+            products = self._kept[i] if self._kept else self._products(span)
             counts = coefficients @ products
             np.maximum(counts, LEAST_LOG, out=counts)  # an exponential that underflows takes many times as long
             density = np.exp(counts, out=counts).sum(0)

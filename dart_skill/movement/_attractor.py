@@ -5,6 +5,8 @@ its inverse (7.20).
 has a closed form (matrix exponential). So the result is exact and stable at any rate.
 """
 
+from functools import lru_cache
+
 import numpy as np
 
 # The parts of scipy load on first use: together they would take most of the time of this package's import.
@@ -79,17 +81,21 @@ def follow_attractor(
     return Motion(position, velocity, kp * (attractor - position) - kv * velocity)
 
 
+@lru_cache(maxsize=64)
 def discretise(step: float, stiffness: float, damping: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """F (2, 2), g0 (2,) and g1 (2,) of one step s+ = F s + g0 y + g1 y+ of the state s = (x, x' / w), w = sqrt(kp).
 
-    During the step the attractor goes linearly from y to y+.
+    During the step the attractor goes linearly from y to y+. A plan asks for the same ones again and again: they are kept, and read-only.
     """
     w = np.sqrt(stiffness)
     generator = np.zeros((4, 4))
     generator[:2] = step * np.array([[0.0, w, 0.0, 0.0], [-w, -damping, w, 0.0]])
     generator[2, 3] = 1.0
     flow = scipy.linalg.expm(generator)
-    return flow[:2, :2], flow[:2, 2] - flow[:2, 3], flow[:2, 3]
+    parts = flow[:2, :2], flow[:2, 2] - flow[:2, 3], flow[:2, 3]
+    for part in parts:
+        part.flags.writeable = False
+    return parts
 
 
 def _respond(attractor: np.ndarray, step: float, start: np.ndarray, stiffness: float, damping: float) -> tuple[np.ndarray, np.ndarray]:
@@ -108,6 +114,7 @@ def recur(transition: np.ndarray, forcing: np.ndarray) -> np.ndarray:
     """
     state, reach = forcing.copy(), 1
     while reach < state.shape[1]:
-        state[:, reach:] += np.tensordot(transition, state[:, :-reach], axes=1)
+        before = state[:, :-reach]
+        state[:, reach:] += (transition @ before.reshape(2, -1)).reshape(before.shape)
         transition, reach = transition @ transition, 2 * reach
     return state

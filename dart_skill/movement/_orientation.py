@@ -25,9 +25,6 @@ from dart_skill.movement._time import as_stamps
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
-# A quarter turn about y.
-HAND_TO_POINTING = np.sqrt(0.5) * np.array([0.0, 1.0, 0.0, 1.0])
-
 
 def normalise(quaternions: ArrayLike) -> np.ndarray:
     """Quaternions (n, 4) scaled to length 1; ValueError for one of length zero."""
@@ -149,21 +146,16 @@ def quaternions_from_angles(angles: ArrayLike) -> np.ndarray:
 
     angles: alpha, beta, roll.
     """
-    alpha, beta, roll = as_samples(angles, "angles", 3).T
-    hand = _pointing_rotation(alpha, beta) * _turn("x", roll) * _rotation(HAND_TO_POINTING)
-    return make_continuous(hand.as_quat())
-
-
-def _pointing_rotation(alpha: np.ndarray, beta: np.ndarray) -> Rotation:
-    return _turn("y", -alpha) * _turn("z", beta)
+    half = 0.5 * as_samples(angles, "angles", 3).T
+    (sa, sb, sr), (ca, cb, cr) = np.sin(half), np.cos(half)
+    # R_y(-alpha) R_z(beta), then R_x(roll), then R_y(90 deg), each as a quaternion.
+    x, y, z, w = -sa * sb, -sa * cb, ca * sb, ca * cb
+    x, y, z, w = w * sr + x * cr, y * cr + z * sr, z * cr - y * sr, w * cr - x * sr
+    return make_continuous(np.sqrt(0.5) * np.stack([x - z, w + y, z + x, w - y], axis=1))
 
 
 def _rotation(quaternions: np.ndarray) -> Rotation:
     return scipy.spatial.transform.Rotation.from_quat(quaternions)
-
-
-def _turn(axis: str, angles: np.ndarray) -> Rotation:
-    return scipy.spatial.transform.Rotation.from_euler(axis, angles[:, None])
 
 
 def _unwrap_near(angles: np.ndarray, near: float) -> np.ndarray:

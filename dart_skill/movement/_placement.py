@@ -128,6 +128,7 @@ class Situation:
         there = situation.seen.any(1)
         if not there.all():
             raise ValueError(f"all task frames are missing at moment {int(there.argmin())} of the new situation; give one at least")
+        situation._invert(n_dims)
         return situation
 
     def _put(self, j: int, course: list[Frame | None], n_dims: int) -> None:
@@ -137,11 +138,18 @@ class Situation:
             return
         _require_dims(j, {frame.n_dims for frame in frames} | {n_dims})
         there = slice(None) if len(course) == 1 else [frame is not None for frame in course]
-        matrices = np.array([frame.A for frame in frames])
-        self.A[there, j, :, :n_dims] = matrices
-        self.inverses[there, j, :n_dims] = invert(matrices)
+        self.A[there, j, :, :n_dims] = [frame.A for frame in frames]
         self.b[there, j] = [frame.b for frame in frames]
         self.seen[there, j] = True
+
+    def _invert(self, n_dims: Sequence[int]) -> None:
+        """Enter the inverses of all frames, at once where all see all directions."""
+        if min(n_dims) == self.A.shape[-1] and self.seen.all():
+            self.inverses[:] = np.linalg.inv(self.A)
+            return
+        for j, d in enumerate(n_dims):
+            there = self.seen[:, j]
+            self.inverses[there, j, :d] = invert(self.A[there, j, :, :d])
 
     def middle(self, means: np.ndarray) -> np.ndarray:
         """(n, K, m) local means (P, K, m) mapped to the world by each frame, averaged over the frames that are present."""

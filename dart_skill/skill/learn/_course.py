@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -54,7 +55,7 @@ class Course:
             pace_gain=None if self.pace_gain is None else self.pace_gain[start:stop],
         )
 
-    @property
+    @cached_property
     def hand_quaternion(self) -> np.ndarray:
         """Orientation (n, 4) of the hand in the world."""
         return self._quaternions(self.position[:, 3:])
@@ -111,7 +112,7 @@ class Course:
         rolled = np.column_stack([angles, np.full(len(angles), self.roll)])
         return turn_about_z(quaternions_from_angles(rolled), self.azimuth)
 
-    @property
+    @cached_property
     def _angular_velocity(self) -> np.ndarray:
         """In world axes (n, 3): of R_z(azimuth) R_y(-alpha) R_z(beta), from alpha and the rates of alpha and beta."""
         alpha, rates = self.position[:, 3], self.velocity[:, 3:]

@@ -10,11 +10,12 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from dart_skill.constants import N_JOINTS
 from dart_skill.movement import angles_from_quaternions, attractor_from_motion, smooth_derivatives, turn_about_z, turn_matrix
 from dart_skill.recording import Demonstration
-from dart_skill.robot import ArmModel, Sightings, measure_registration, wam_description
+from dart_skill.robot import ArmModel, Registration, Sightings, fit_registration, measure_registration, wam_description
 from dart_skill.skill.learn._configuration import SkillConfiguration
 from dart_skill.skill.observe import (
     FreeFlight,
@@ -158,7 +159,7 @@ def _prepare(demonstration: Demonstration, configuration: SkillConfiguration) ->
 
 def _check_joints(both: Sightings) -> None:
     """ValueError for joints that move the hand otherwise than the cameras saw it: in another order or unit, or of another arm."""
-    if len(both) < 3:
+    if len(both) < 3 or any(_explains(registration, both) for registration in (Registration(), fit_registration([both]))):
         return
     off = measure_registration(both)
     if off.position_error > OFF_POSITION or off.angle_error > OFF_ANGLE:
@@ -166,6 +167,20 @@ def _check_joints(both: Sightings) -> None:
         raise ValueError(
             f"by its joints the hand moved otherwise than the cameras saw it, by {far}: give them in radians, in the arm's order"
         )
+
+
+def _explains(registration: Registration, both: Sightings) -> bool:
+    """Whether so little is left with a registration that with the best one, which is long to find, less than the limits must be left.
+
+    The best one has the least sum of squares in parts of 1 mm and 2 mrad: a quarter of OFF_ANGLE is 10 parts, half of OFF_POSITION 7.5,
+    together 12.5, which are 12.5 mm and 25 mrad at most.
+    """
+    base, hand = Rotation.from_quat(registration.turn), Rotation.from_quat(registration.hand_turn)
+    arm = Rotation.from_rotvec(-registration.delay * both.arm_velocity[:, 3:]) * Rotation.from_quat(both.arm_quaternion)
+    lever = both.arm_position - registration.delay * both.arm_velocity[:, :3] + arm.apply(registration.hand_shift)
+    off = np.square(both.position - base.apply(lever) - np.array(registration.shift)).sum(axis=1)
+    twist = np.square((Rotation.from_quat(both.quaternion).inv() * (base * arm * hand)).magnitude())
+    return bool(np.mean(off) < (0.5 * OFF_POSITION) ** 2 and np.mean(twist) < (0.25 * OFF_ANGLE) ** 2)
 
 
 @lru_cache(maxsize=1)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.movement import rotate
-from dart_skill.robot import STRETCHED, ThrowPlan, wam_description
+from dart_skill.robot import STRETCHED, Registration, ThrowPlan, wam_description
 from dart_skill.surface import BASKETS, Game
 
 
@@ -73,10 +73,23 @@ def stretched_at(time: np.ndarray, position: np.ndarray) -> float:
     """The first instant of time (n,) at which a hand with position (n, 3) is too far from the shoulder for the arm; infinite if there is
     none.
     """
-    arm = wam_description()
-    shoulder = np.array([0.0, 0.0, arm.mount_height + arm.shoulder_height])
-    over = np.linalg.norm(position - shoulder, axis=1) - (arm.reach - STRETCHED)
+    over = np.linalg.norm(position - _shoulder(), axis=1) - (wam_description().reach - STRETCHED)
     k = int(np.argmax(over >= 0.0))
     if over[k] < 0.0:
         return np.inf
     return float(time[0] if k == 0 else np.interp(0.0, over[k - 1 : k + 1], time[k - 1 : k + 1]))
+
+
+def certainly_within(position: np.ndarray, registration: Registration) -> bool:
+    """Whether no hand that the cameras see at position (n, 3) is too far from the shoulder for the arm, however it is turned: much less
+    work than `stretched_at`, for which the poses of the hand are told from those of the tracked body.
+    """
+    shoulder = rotate([registration.turn], _shoulder()[None]) + np.array(registration.shift)
+    farthest = np.linalg.norm(position - shoulder, axis=1).max() + np.linalg.norm(registration.hand_shift)
+    return bool(farthest < wam_description().reach - STRETCHED)
+
+
+def _shoulder() -> np.ndarray:
+    """The shoulder (3,) in the world of the arm."""
+    arm = wam_description()
+    return np.array([0.0, 0.0, arm.mount_height + arm.shoulder_height])

@@ -37,6 +37,7 @@ def frames_for(task: np.ndarray, start: np.ndarray, configuration: SkillConfigur
 
 def _with_distance(frame: TaskFrame) -> TaskFrame:
     """The frame with one more input after time, the distance of the target, which passes through."""
-    A = np.insert(np.insert(frame.A, 1, 0.0, axis=0), 1, 0.0, axis=1)
-    A[1, 1] = 1.0
-    return TaskFrame(A, np.insert(frame.b, 1, 0.0))
+    passed = np.arange(frame.n_dims + 1) != 1
+    A, b = np.eye(frame.n_dims + 1), np.zeros(frame.n_dims + 1)
+    A[np.ix_(passed, passed)], b[passed] = frame.A, frame.b
+    return TaskFrame(A, b)

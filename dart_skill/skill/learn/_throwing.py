@@ -45,7 +45,7 @@ from dart_skill.robot import Gains, GainsOverTime, Pace, ThrowPlan, fit_registra
 from dart_skill.skill.learn._configuration import DEFAULT, SkillConfiguration
 from dart_skill.skill.learn._course import Course
 from dart_skill.skill.learn._preparation import PreparedThrow, prepare
-from dart_skill.skill.learn._release import farthest, hits_along, nearest_step, stretched_at, weights_at
+from dart_skill.skill.learn._release import certainly_within, farthest, hits_along, nearest_step, stretched_at, weights_at
 from dart_skill.skill.learn._task_frames import frames_for
 
 LEAST_DEMONSTRATIONS = 2
@@ -374,6 +374,8 @@ class ThrowingSkill:
         k, after = farthest(self._surface.coordinates(hits)[:, 0])
         top = float(near.time[k] + after * (near.time[k + 1] - near.time[k]))
         # Few demonstrations may send the hand beyond the arm's reach: then it lets go before it is there.
+        if certainly_within(near.position[:, :3], self.registration):
+            return top
         position, _ = self.registration.poses(near.position[:, :3], near.hand_quaternion)
         return min(top, max(float(near.time[0]), stretched_at(near.time, position)))
 
