@@ -1,11 +1,13 @@
 #!/usr/bin/env python3
-"""Gaussian mixtures against scikit-learn (EM) and gmr (regression), on demonstrations of 200 steps.
+"""Gaussian mixtures against scikit-learn (EM), pbdlib-python (EM in task frames, products, regression) and gmr (regression), on
+demonstrations of 200 steps.
 
-    python3 benchmarks/mixtures.py
+    python3 benchmarks/mixtures.py [--pbdlib FOLDER]
 
-One thread, medians of interleaved repeats in the same process; a repeat of what takes less than a few milliseconds is the
-mean of as many calls in a row as fill them. Both sides start EM from the same parameters and do all iterations; the report
-says how far their results differ. The peers are optional: pip install scikit-learn gmr.
+One thread, medians of the processor time of interleaved repeats in the same process; a repeat of what takes less than a few
+milliseconds is the mean of as many calls in a row as fill them. Both sides start EM from the same parameters and do all
+iterations. The report says how far their results differ, and the script fails where they do. The peers are optional: pip install
+scikit-learn gmr. pbdlib-python is no package: FOLDER is its checkout for Python 3, in which pbdlib/gmm.py is.
 """
 
 import os
@@ -14,12 +16,16 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"
 
 import argparse  # noqa: E402
+import importlib  # noqa: E402
 import statistics  # noqa: E402
+import sys  # noqa: E402
 import time  # noqa: E402
 import tracemalloc  # noqa: E402
+import types  # noqa: E402
 import warnings  # noqa: E402
 from collections.abc import Callable  # noqa: E402
 from dataclasses import dataclass  # noqa: E402
+from pathlib import Path  # noqa: E402
 
 import numpy as np  # noqa: E402
 
@@ -40,18 +46,19 @@ except ImportError:
     Peer = None
 
 N_STEPS, BLOCK_SECONDS, LARGEST_DIFFERENCE = 200, 5e-3, 1e-6
+MOST_MEGABYTES = 40.0
 
 
 @dataclass(frozen=True)
 class Work:
-    """One row: the work of both sides, and the least ratio or the most milliseconds; difference: of both results."""
+    """One row: the work of both sides, the ratio that is asked, and the difference of both results."""
 
     name: str
+    library: str
     own: Callable
-    peer: Callable | None = None
-    least_ratio: float | None = None
-    most_ms: float | None = None
-    difference: Callable[[], float] | None = None
+    peer: Callable
+    least_ratio: float
+    difference: Callable[[], float]
 
 
 # data
@@ -66,22 +73,32 @@ def demonstrations(n: int, rng: np.random.Generator) -> np.ndarray:
     return np.concatenate([np.hstack([stamps, one]) for one in noisy])
 
 
-def planar_frame(angle: float, place: np.ndarray) -> TaskFrame:
-    matrix = np.eye(3)
-    matrix[1:, 1:] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
-    return TaskFrame(matrix, np.concatenate([[0.0], place]))
+def frame(rng: np.random.Generator) -> TaskFrame:
+    """A frame over time and five variables, of which the first three are turned."""
+    matrix = np.eye(6)
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    matrix[1:4, 1:4] = turn * np.sign(np.linalg.det(turn))
+    return TaskFrame(matrix, np.concatenate([[0.0], rng.normal(size=5)]))
 
 
-def reach(rng: np.random.Generator) -> tuple[np.ndarray, list[TaskFrame]]:
-    """Time and two attractor variables (200, 3) that leave a start frame and enter a goal frame along their x axes; the frames."""
-    start, goal = (
-        planar_frame(rng.uniform(-0.5, 0.5), rng.uniform(-0.2, 0.2, 2)),
-        planar_frame(rng.uniform(-1, 1), rng.uniform(0.8, 1.5, 2)),
-    )
-    points = np.vstack([start.from_frame([[0, 0, 0], [0, 0.3, 0]]), goal.from_frame([[0, -0.3, 0], [0, 0, 0]])])[:, 1:]
-    u = np.linspace(0.0, 1.0, N_STEPS)[:, None]
-    path = np.hstack([(1 - u) ** 3, 3 * u * (1 - u) ** 2, 3 * u**2 * (1 - u), u**3]) @ points
-    return np.hstack([u, path + rng.normal(0.0, 0.01, path.shape)]), [start, goal]
+def pbdlib_mixture(folder: str | None) -> type | None:
+    """The class GMM of a checkout of pbdlib-python, without the plots, Gaussians and utilities that load with it, which are not used."""
+    if folder is None:
+        return None
+    package = Path(folder) / "pbdlib"
+    if not (package / "gmm.py").is_file():
+        raise SystemExit(f"there is no pbdlib/gmm.py in {folder}: give the checkout of pbdlib-python")
+
+    def stand_in(name: str, **content: object) -> None:
+        sys.modules[name] = types.ModuleType(name)
+        sys.modules[name].__dict__.update(content)
+
+    stand_in("pbdlib", __path__=[str(package)])
+    stand_in("pbdlib.utils", __path__=[str(package / "utils")])
+    stand_in("pbdlib.mvn", MVN=type("MVN", (), {}))
+    stand_in("pbdlib.plot", plot_gmm=None)
+    stand_in("termcolor", colored=None)
+    return importlib.import_module("pbdlib.gmm").GMM
 
 
 # work
@@ -107,7 +124,7 @@ def em_work(name: str, samples: np.ndarray, n_components: int, n_iterations: int
         require_iterations(mixture.n_iter_, n_iterations)
         return mixture
 
-    return Work(name, own, peer, least_ratio, difference=lambda: abs(own() - peer().score(samples)))
+    return Work(name, "scikit-learn", own, peer, least_ratio, lambda: abs(own() - peer().score(samples)))
 
 
 def require_iterations(done: int, wanted: int) -> None:
@@ -115,50 +132,82 @@ def require_iterations(done: int, wanted: int) -> None:
         raise SystemExit(f"the comparison is void: {done} iterations were done instead of {wanted}")
 
 
-def gmr_work(n_queries: int, n_components: int, samples: np.ndarray, means_only: bool) -> Work:
-    """All of the covariance against the peer's, one query after the other, or against its means only."""
+def gmr_works(n_queries: int, n_components: int, samples: np.ndarray, pbdlib: type | None, least_ratio: float | None) -> list[Work]:
+    """Mean and covariance against pbdlib's, all queries at once, and gmr's: few queries one after the other, or means only of many."""
     mixture = GaussianMixture(n_components).fit(samples, rng=np.random.default_rng(n_components))
     queries, inputs = np.linspace(0.0, 1.0, n_queries)[:, None], np.array([0])
-    other = gmr and gmr.GMM(n_components, mixture.priors_, mixture.means_, mixture.covariances_)
+    name, works = f"GMR, {n_queries} queries, K = {n_components}", []
 
     def own():
         return regress(mixture, queries, [0], [1, 2, 3, 4, 5])
 
-    def peer_means():
-        return (other.predict(inputs, queries),)
+    if pbdlib and least_ratio:
+        other = pbdlib(mu=mixture.means_, sigma=mixture.covariances_, priors=mixture.priors_)
 
-    def peer_all():
-        conditionals = [other.condition(inputs, query).to_mvn() for query in queries]
-        return np.stack([one.mean for one in conditionals]), np.stack([one.covariance for one in conditionals])
+        def peer():
+            return other.condition(queries, dim_in=slice(0, 1), dim_out=slice(1, 6))
 
-    peer = peer_means if means_only else peer_all
-    name = f"GMR, {n_queries} queries, K = {n_components}{', peer: means only' if means_only else ''}"
-    return Work(name, own, peer, 1.0 if means_only else 300.0, difference=lambda: largest_difference(own(), peer()))
+        works.append(Work(name, "pbdlib", own, peer, least_ratio, lambda: largest_difference(own(), peer())))
+    if gmr:
+        another = gmr.GMM(n_components, mixture.priors_, mixture.means_, mixture.covariances_)
+
+        def means():
+            return (another.predict(inputs, queries),)
+
+        def each():
+            conditionals = [another.condition(inputs, query).to_mvn() for query in queries]
+            return np.stack([one.mean for one in conditionals]), np.stack([one.covariance for one in conditionals])
+
+        many = n_queries > 1000
+        label, slow, asked = ("gmr, means", means, 1.0) if many else ("gmr", each, 300.0)
+        works.append(Work(name, label, own, slow, asked, lambda: largest_difference(own(), slow())))
+    return works
 
 
 def largest_difference(one: tuple, other: tuple) -> float:
     return max(float(np.abs(left - right).max()) for left, right in zip(one, other, strict=False))
 
 
-def task_works(rng: np.random.Generator) -> list[Work]:
-    """Learning in two task frames against the peer in each frame by itself, and the answer for a new situation."""
-    samples, frames = zip(*[reach(rng) for _ in range(13)], strict=True)
-    blocks = [np.concatenate([its_frames[j].to_frame(one) for one, its_frames in zip(samples, frames, strict=True)]) for j in range(2)]
-    starts = [GaussianMixture(3, max_iterations=2).fit(block, rng=np.random.default_rng(0)) for block in blocks]
+def task_works(samples: np.ndarray, rng: np.random.Generator, pbdlib: type) -> list[Work]:
+    """Learning in two task frames, and the answer for a new situation.
 
-    def fit():
-        mixture = TaskParameterisedMixture(3, tolerance=0.0, max_iterations=50).fit(samples, frames)
-        require_iterations(mixture.n_iterations_, 50)
+    The peer's mixture is over what both frames see, side by side, with covariances that are zero between them.
+    """
+    demonstrations, frames = samples.reshape(-1, N_STEPS, 6), [[frame(rng), frame(rng)] for _ in range(len(samples) // N_STEPS)]
+    blocks = [np.concatenate([its[j].to_frame(one) for one, its in zip(demonstrations, frames, strict=True)]) for j in range(2)]
+    start = TaskParameterisedMixture(3, max_iterations=1).fit(demonstrations, frames)
+
+    def fit(n_iterations: int = 50):
+        mixture = TaskParameterisedMixture(3, tolerance=0.0, max_iterations=n_iterations).fit(demonstrations, frames)
+        require_iterations(mixture.n_iterations_, n_iterations)
         return mixture
 
     def peer():
-        for start, block in zip(starts, blocks, strict=True):
-            require_iterations(peer_from(start, 50).fit(block).n_iter_, 50)
+        other, apart = pbdlib(nb_states=3, nb_dim=12), np.kron(np.eye(2), np.ones((6, 6)))
+        other.mu, other.priors = np.hstack(list(start.means_)), start.priors_.copy()
+        other.sigma = np.zeros((3, 12, 12))
+        other.sigma[:, :6, :6], other.sigma[:, 6:, 6:] = start.covariances_
+        other.em(np.hstack(blocks), reg=0.0, maxiter=50, minstepsize=-np.inf, no_init=True, dep_mask=apart)
+        return other
 
-    mixture, situation, stamps = fit(), reach(rng)[1], np.linspace(0.0, 1.0, N_STEPS)[:, None]
+    mixture, situation, stamps = fit(), [frame(rng), frame(rng)], np.linspace(0.0, 1.0, N_STEPS)[:, None]
+
+    def own_answer():
+        return regress(mixture.product(situation), stamps, [0], [1, 2, 3, 4, 5])
+
+    def peer_answer():
+        parts = zip(mixture.means_, mixture.covariances_, situation, strict=True)
+        one, other = (pbdlib(mu=mu, sigma=sigma, priors=mixture.priors_).lintrans(its.A, its.b) for mu, sigma, its in parts)
+        return (one * other).condition(stamps, dim_in=slice(0, 1), dim_out=slice(1, 6))
+
+    def difference_of_fits() -> float:
+        # Ours begins one step earlier, with the slices from which the start was made.
+        return float(np.abs(peer().mu - np.hstack(list(fit(51).means_))).max())
+
+    difference_of_answers = lambda: largest_difference(own_answer(), peer_answer())  # noqa: E731
     return [
-        Work("TP-GMM fit, 13 x 200, P = 2, K = 3, 50 it.", fit, peer, 4.0),
-        Work("TP-GMM product and GMR, 200 steps", lambda: regress(mixture.product(situation), stamps, [0], [1, 2]), most_ms=0.3),
+        Work("TP-GMM fit, 13 x 200, P = 2, K = 3, 50 it.", "pbdlib", fit, peer, 10.0, difference_of_fits),
+        Work("TP-GMM product and GMR, 200 steps", "pbdlib", own_answer, peer_answer, 2.0, difference_of_answers),
     ]
 
 
@@ -168,20 +217,20 @@ def task_works(rng: np.random.Generator) -> list[Work]:
 def calls_per_repeat(task: Callable) -> int:
     """How many calls fill a block; the first call only warms up."""
     task()
-    begin = time.perf_counter()
+    begin = time.process_time()
     task()
-    return max(1, int(BLOCK_SECONDS / (time.perf_counter() - begin)))
+    return max(1, int(BLOCK_SECONDS / max(time.process_time() - begin, 1e-6)))
 
 
 def medians(tasks: dict, repeats: int) -> dict:
-    """Median seconds per call of each task, the tasks taking turns so that a disturbance meets all of them."""
+    """Median processor seconds per call of each task, the tasks taking turns so that a disturbance meets all of them."""
     numbers, seconds = {name: calls_per_repeat(task) for name, task in tasks.items()}, {name: [] for name in tasks}
     for _ in range(repeats):
         for name, task in tasks.items():
-            begin = time.perf_counter()
+            begin = time.process_time()
             for _ in range(numbers[name]):
                 task()
-            seconds[name].append((time.perf_counter() - begin) / numbers[name])
+            seconds[name].append((time.process_time() - begin) / numbers[name])
     return {name: statistics.median(values) for name, values in seconds.items()}
 
 
@@ -196,45 +245,49 @@ def peak_megabytes(task: Callable) -> float:
 
 
 def report(works: list[Work], seconds: dict) -> None:
-    print(f"{'work':<48}{'dart_skill':>13}{'peer':>13}{'ratio':>8}   target")
-    for work in works:
-        own, peer = 1e3 * seconds[work.name, "own"], 1e3 * seconds.get((work.name, "peer"), np.nan)
-        print(f"{work.name:<48}{own:>10.3f} ms", end="")
-        print(f"{peer:>10.2f} ms{peer / own:>8.1f}" if peer == peer else " " * 21, end="   ")
-        if work.most_ms is not None:
-            print(f"under {work.most_ms:g} ms{'' if own < work.most_ms else ', missed'}")
-        else:
-            print(f"{work.least_ratio:g}{', missed' if peer / own < work.least_ratio else ''}")
+    print(f"{'work':<44}{'dart_skill':>13}{'peer':>26}{'ratio':>9}   asked")
+    for row, work in enumerate(works):
+        own, peer = 1e3 * seconds[row, "own"], 1e3 * seconds[row, "peer"]
+        missed = "" if peer / own >= work.least_ratio else ", missed"
+        print(f"{work.name:<44}{own:>10.3f} ms{work.library:>14}{peer:>9.2f} ms{peer / own:>9.2f}   {work.least_ratio:g}{missed}")
 
 
 def report_differences(works: list[Work]) -> None:
     for work in works:
         difference = work.difference()
-        print(f"{work.name:<48}results differ by {difference:.1e}")
+        print(f"{work.name:<44}{work.library:<14} results differ by {difference:.1e}")
         if not difference < LARGEST_DIFFERENCE:
             raise SystemExit("the comparison is void: both sides must have the same result")
+
+
+def report_memory(large: Work) -> None:
+    own, peer = peak_megabytes(large.own), peak_megabytes(large.peer)
+    missed = "" if own <= MOST_MEGABYTES else ", missed"
+    print(f"memory of the large EM: {own:.0f} MB, peer {peer:.0f} MB; asked {MOST_MEGABYTES:g} MB at most{missed}")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repeats", type=int, default=20, help="repeats per task (default 20)")
+    parser.add_argument("--pbdlib", metavar="FOLDER", default=os.environ.get("PBDLIB"), help="checkout of pbdlib-python (default $PBDLIB)")
     options, rng = parser.parse_args(), np.random.default_rng(0)
-    small = demonstrations(13, rng)
-    large = em_work("EM, 100,000 x 6, K = 8, 20 iterations", demonstrations(500, rng), 8, 20, 4.0)
-    em = [em_work("EM, 2600 x 6, K = 3, 50 iterations", small, 3, 50, 5.0), large]
-    regression = [gmr_work(n, k, small, means_only=n > 1000) for n in (200, 10_000) for k in (3, 10)]
-    tasks = task_works(rng)
-    with_peer = (em + tasks[:1] if Peer else []) + (regression if gmr else [])
-    for name, peer in (("scikit-learn", Peer), ("gmr", gmr)):
+    pbdlib, small, works = pbdlib_mixture(options.pbdlib), demonstrations(13, rng), []
+    for name, peer in (("scikit-learn", Peer), ("gmr", gmr), ("pbdlib-python", pbdlib)):
         if peer is None:
-            print(f"skipped the comparison with {name}: it is not installed (pip install {name})")
-    print(f"one thread; median of {options.repeats} repeats; numpy {np.__version__}")
-    works = em + regression + tasks
-    sides = {(work.name, "own"): work.own for work in works} | {(work.name, "peer"): work.peer for work in with_peer}
+            print(f"skipped the comparison with {name}: it is not here, see the beginning of this file")
+    print(f"one thread; median processor time of {options.repeats} repeats; numpy {np.__version__}")
+    if Peer:
+        large = em_work("EM, 100,000 x 6, K = 8, 20 iterations", demonstrations(500, rng), 8, 20, 10.0)
+        works += [em_work("EM, 2600 x 6, K = 3, 50 iterations", small, 3, 50, 8.0), large]
+    for n_queries, n_components, least_ratio in ((200, 3, 2.0), (200, 10, 4.0), (10_000, 3, 4.0), (10_000, 10, None)):
+        works += gmr_works(n_queries, n_components, small, pbdlib, least_ratio)
+    if pbdlib:
+        works += task_works(small, rng, pbdlib)
+    sides = {(row, side): getattr(work, side) for row, work in enumerate(works) for side in ("own", "peer")}
     report(works, medians(sides, options.repeats))
-    memory = f"memory of the large EM: {peak_megabytes(large.own):.0f} MB"
-    print(f"{memory}, peer {peak_megabytes(large.peer):.0f} MB" if Peer else memory)
-    report_differences([work for work in with_peer if work.difference])
+    if Peer:
+        report_memory(large)
+    report_differences(works)
 
 
 if __name__ == "__main__":
