@@ -8,6 +8,8 @@ Queries lie along the last axis of the arrays and are processed in slices that f
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -18,8 +20,6 @@ from dart_skill.mixture._mixture import GaussianMixture
 from dart_skill.mixture._sweep import to_counts
 
 SLICE = 1024
-# For up to so many queries, whole matrices cost less than the calls that it takes to compute only their upper triangles.
-FEW = 256
 
 
 class Regression:
@@ -45,8 +45,9 @@ class Regression:
         half = self._times(self._whiteners, rows[:, :, out])
         self._input_means, self._output_means = mixture.means_[:, into, None], mixture.means_[:, out, None]
         self._slopes = self._times(np.swapaxes(half, 1, 2), self._whiteners)
-        self._within = (mixture.covariances_[:, out[:, None], out] - np.swapaxes(half, 1, 2) @ half).reshape(len(half), -1).T
-        self._upper, self._square = upper_triangle(self.n_outputs)
+        within = mixture.covariances_[:, out[:, None], out] - np.swapaxes(half, 1, 2) @ half
+        # What makes the covariance of shares, and of the upper triangle of the spread between the components.
+        self._collector = np.concatenate([within.reshape(len(half), -1), _unpacking(self.n_outputs)])
         log_volumes = np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(1) + 0.5 * len(into) * LOG_2PI
         self._constants = (np.log(mixture.priors_) - log_volumes)[:, None]
 
@@ -91,7 +92,9 @@ class Regression:
 
     def _means(self, deviations: np.ndarray) -> np.ndarray:
         """Means (K, o, n) of the outputs by each component."""
-        return self._output_means + self._times(self._slopes, deviations)
+        means = self._times(self._slopes, deviations)
+        means += self._output_means
+        return means
 
     def _shares(self, deviations: np.ndarray, inputs: np.ndarray, first_row: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """Responsibilities (K, n) and log densities (n,) from the inputs (n, i) and their deviations (K, i, n)."""
@@ -103,20 +106,23 @@ class Regression:
         return shares, log_density
 
     def _collapse(self, shares: np.ndarray, means: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> None:
-        """Mean (n, o) and total covariance (n, o, o), in place, of mixtures with shares (K, n) and means (K, o, n)."""
+        """Mean (n, o) and total covariance (n, o, o), in place, of mixtures with shares (K, n) and means (K, o, n), which are overwritten."""
         centre = _centre(shares, means)
         mean[:] = centre.T
-        spread = (means - centre) * np.sqrt(shares)[:, None, :]
-        if len(mean) <= FEW:
-            whole = np.einsum("kin,kjn->ijn", spread, spread)
-            whole += (self._within @ shares).reshape(whole.shape)
-        else:
-            upper, row = self._within[self._upper] @ shares, 0
-            for i in range(self.n_outputs):
-                upper[row : row + self.n_outputs - i] += np.einsum("kn,kon->on", spread[:, i], spread[:, i:])
-                row += self.n_outputs - i
-            whole = upper.take(self._square, axis=0)
-        covariance[:] = whole.transpose(2, 0, 1)
+        means -= centre
+        means *= np.sqrt(shares)[:, None, :]
+        row, parts = len(shares), np.empty((len(self._collector), len(mean)))
+        parts[:row] = shares
+        for i in range(self.n_outputs):
+            np.einsum("kn,kon->on", means[:, i], means[:, i:], out=parts[row : row + self.n_outputs - i])
+            row += self.n_outputs - i
+        np.matmul(parts.T, self._collector, out=covariance.reshape(len(mean), -1))
+
+
+@lru_cache(maxsize=64)
+def _unpacking(n_dims: int) -> np.ndarray:
+    """Zeros and ones (q, d d) that make a symmetric matrix of its upper triangle: a product with them is faster than copying its columns."""
+    return np.equal.outer(np.arange(n_dims * (n_dims + 1) // 2), upper_triangle(n_dims)[1].ravel()).astype(float)
 
 
 def _factors(covariances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
