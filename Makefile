@@ -56,7 +56,7 @@ BENCHMARK_PYTHON := .venv-benchmark/bin/python3
 
 benchmark: .venv-benchmark/installed
 	@for script in benchmarks/*.py; do echo; echo "== $$script"; PYTHONPATH=. $(BENCHMARK_PYTHON) "$$script" || exit 1; done
-	@$(ENV) && for script in benchmarks/graph/*.py; do echo; echo "== $$script"; python3 "$$script" || exit 1; done
+	@$(ENV) && for script in benchmarks/skill/*.py benchmarks/graph/*.py; do echo; echo "== $$script"; python3 "$$script" || exit 1; done
 
 .venv-benchmark/installed: requirements/benchmark.txt | setup
 	@.venv/bin/python3 -m venv .venv-benchmark

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -113,7 +113,8 @@ def as_count(value: int, name: str, minimum: int = 1) -> int:
 
 def as_number(value: ArrayLike, name: str, minimum: float = 0.0, strict: bool = True) -> float:
     """Finite scalar above `minimum`, or equal to it when not strict. value, name: as of `as_samples`. ValueError for what is none."""
-    number = value if type(value) is float and math.isfinite(value) else float(as_finite(value, name, 0))
+    given: Any = value
+    number = given if type(given) is float and math.isfinite(given) else float(as_finite(value, name, 0))
     if number < minimum or (strict and number == minimum):
         raise ValueError(f"{name} must be {'above' if strict else 'at least'} {minimum:g}, got {number:g}")
     return number

@@ -106,7 +106,9 @@ class Regression:
         return shares, log_density
 
     def _collapse(self, shares: np.ndarray, means: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> None:
-        """Mean (n, o) and total covariance (n, o, o), in place, of mixtures with shares (K, n) and means (K, o, n), which are overwritten."""
+        """Mean (n, o) and total covariance (n, o, o), in place, of mixtures with shares (K, n) and means (K, o, n); the last are
+        overwritten.
+        """
         centre = _centre(shares, means)
         mean[:] = centre.T
         means -= centre
@@ -121,7 +123,7 @@ class Regression:
 
 @lru_cache(maxsize=64)
 def _unpacking(n_dims: int) -> np.ndarray:
-    """Zeros and ones (q, d d) that make a symmetric matrix of its upper triangle: a product with them is faster than copying its columns."""
+    """Zeros and ones (q, d d) that make a symmetric matrix of its upper triangle: a product with them is faster than copying."""
     return np.equal.outer(np.arange(n_dims * (n_dims + 1) // 2), upper_triangle(n_dims)[1].ravel()).astype(float)
 
 
