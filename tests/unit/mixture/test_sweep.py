@@ -201,3 +201,27 @@ def test_a_fit_of_many_samples_needs_little_more_memory_than_the_samples():
     finally:
         tracemalloc.stop()
     assert peak < 8 * samples.nbytes, f"{peak / samples.nbytes:.1f} times the samples"
+
+
+@pytest.mark.parametrize("path", ["_by_products", "_by_deviations"])
+def test_a_sample_that_is_too_far_out_for_its_density_counts_as_in_the_plain_iteration(path):
+    """Its density is e^-10000 and less, which is zero; its responsibilities are not."""
+    rng = np.random.default_rng(5)
+    samples = np.concatenate([rng.normal(size=(400, 2)) * 0.01 + [0.0, 1.0], rng.normal(size=(400, 2)) * 0.01 - [0.0, 1.0], [[2.0, 0.3]]])
+    weights, covariances = np.ones(801), np.stack([1e-4 * np.eye(2)] * 2)
+    parameters = Parameters(np.array([0.4, 0.6]), [np.array([[0.0, 1.0], [0.0, -1.0]])], [covariances])
+    found, expected = (one([samples], weights, parameters, *more) for one, more in ((one_iteration, (path,)), (plain_iteration, ())))
+    assert expected[0].min() < -10_000 and largest_difference(found, expected) < 1e-9 * -expected[0].min()
+    assert np.abs(found[0][:800] - expected[0][:800]).max() < 1e-9
+
+
+def test_a_peak_of_one_block_is_not_the_highest_of_a_sample_that_it_does_not_see():
+    """A wide component: its density is far below one everywhere, but the block says nothing of half of the samples."""
+    rng = np.random.default_rng(6)
+    wide, other = 1e50 * rng.normal(size=(300, 1)), rng.normal(size=(300, 1))
+    wide[150:] = np.nan
+    blocks, weights = [wide, other], np.ones(300)
+    shares = rng.dirichlet([1.0, 1.0], 300)
+    parameters = maximisation(blocks, shares, FLOOR)
+    found, expected = one_iteration(blocks, weights, parameters, "_by_products"), plain_iteration(blocks, weights, parameters)
+    assert np.isfinite(found[0]).all() and largest_difference(found, expected) < 1e-8

@@ -161,3 +161,11 @@ def test_continuity_keeps_the_sign_of_the_first():
 def test_unusable_orientations_are_refused(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+def test_quaternions_of_angles_are_the_product_of_the_four_turns():
+    angles = np.random.default_rng(8).uniform(-3.0, 3.0, (50, 3))
+    alpha, beta, roll = angles.T[:, :, None]
+    quarter = Rotation.from_euler("y", np.pi / 2)
+    expected = Rotation.from_euler("y", -alpha) * Rotation.from_euler("z", beta) * Rotation.from_euler("x", roll) * quarter
+    assert (Rotation.from_quat(quaternions_from_angles(angles)) * expected.inv()).magnitude().max() < 1e-14

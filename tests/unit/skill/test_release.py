@@ -9,10 +9,10 @@ from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
 from dart_skill.flight import DART, TENNIS_BALL, crossing, landing
-from dart_skill.robot import STRETCHED, CommanderSettings, Gains, HandPath, PlanRefused, ThrowPlan, wam_description
+from dart_skill.robot import STRETCHED, CommanderSettings, Gains, HandPath, PlanRefused, Registration, ThrowPlan, wam_description
 from dart_skill.robot._commander import check_plan
 from dart_skill.skill.learn import SkillConfiguration, configuration, landing_if_late, learn
-from dart_skill.skill.learn._release import farthest, hits_along, nearest_step, stretched_at, weights_at
+from dart_skill.skill.learn._release import certainly_within, farthest, hits_along, nearest_step, stretched_at, weights_at
 from dart_skill.skill.learn._throwing import EARLIEST, LATEST
 from dart_skill.surface import BASKETS, RIMS, BoardFace, Game, game_at
 
@@ -176,3 +176,15 @@ def test_a_hand_that_would_go_beyond_the_arms_reach_lets_go_before(demonstration
 def test_an_unknown_release_is_refused():
     with pytest.raises(ValueError, match="release 'nearest' is unknown: choose one of shown, farthest"):
         SkillConfiguration(release="nearest")
+
+
+def test_hands_that_are_certainly_within_reach_are_within_it_whatever_the_registration():
+    rng, said = np.random.default_rng(9), []
+    for _ in range(200):
+        turns = Rotation.from_rotvec(rng.normal(0.0, 0.3, (2, 3))).as_quat()
+        registration = Registration(tuple(turns[0]), tuple(rng.normal(0.0, 0.1, 3)), tuple(turns[1]), tuple(rng.normal(0.0, 0.03, 3)))
+        position, quaternion = rng.uniform(-0.5, 0.5, (4, 3)) + [0.0, 0.0, SHOULDER], Rotation.random(4, random_state=rng).as_quat()
+        inside = stretched_at(np.arange(4.0), registration.poses(position, quaternion)[0]) == np.inf
+        said.append(certainly_within(position, registration))
+        assert inside or not said[-1]
+    assert 10 < sum(said) < 190, sum(said)
