@@ -15,17 +15,7 @@ from typing import Any
 
 import zstandard
 from mcap.records import Attachment
-from rosbags.interfaces import (
-    Connection,
-    ConnectionExtRosbag2,
-    MessageDefinitionFormat,
-    Qos,
-    QosDurability,
-    QosHistory,
-    QosLiveliness,
-    QosReliability,
-    QosTime,
-)
+from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinitionFormat
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
@@ -310,6 +300,8 @@ class _McapSource:
 
     def _topics(self) -> dict[str, TopicInfo]:
         """Counts from the files; what only metadata.yaml tells (types of schemaless channels, hashes, QoS) from there."""
+        from rosbags.rosbag2.metadata import parse_qos
+
         items = [item["topic_metadata"] for item in self.metadata.get("topics_with_message_count") or []]
         told_of = {told["name"]: told for told in items}
         found: dict[str, TopicInfo] = {}
@@ -325,7 +317,7 @@ class _McapSource:
                     (known and known.type_name) or file.type_name(channel) or told.get("type", ""),
                     file.counts[number] + (known.count if known else 0),
                     told.get("type_description_hash") or channel.metadata.get("topic_type_hash", ""),
-                    _profiles(qos),
+                    tuple(parse_qos(qos)),
                     channel.message_encoding,
                 )
         return found
@@ -478,38 +470,6 @@ def _open(path: Path, files: list[Path], metadata: dict | None) -> _McapSource |
     if missing or not named:
         raise BagError(f"{path}: {', '.join(missing) or 'every file'} is missing, which metadata.yaml names")
     return _McapSource(path, named, metadata)
-
-
-def _profiles(qos: Any) -> tuple[Qos, ...]:
-    """QoS profiles as `rosbags` has them; its own parser, which loads much that nothing else needs, gets what is written otherwise."""
-    try:
-        return tuple(_profile(item) for item in qos) if isinstance(qos, list) else _parsed_profiles(qos)
-    except (KeyError, TypeError, AttributeError):
-        return _parsed_profiles(qos)
-
-
-def _profile(item: dict) -> Qos:
-    """A profile in the words of rosbag2 since version 9; KeyError or another error for one in other words."""
-    spans = [QosTime(item[name]["sec"], item[name]["nsec"]) for name in ("deadline", "lifespan", "liveliness_lease_duration")]
-    return Qos(
-        QosHistory[item["history"].upper()],
-        item["depth"],
-        QosReliability[item["reliability"].upper()],
-        QosDurability[item["durability"].upper()],
-        spans[0],
-        spans[1],
-        QosLiveliness[item["liveliness"].upper()],
-        spans[2],
-        item["avoid_ros_namespace_conventions"],
-    )
-
-
-def _parsed_profiles(qos: Any) -> tuple[Qos, ...]:
-    if not qos:
-        return ()
-    from rosbags.rosbag2.metadata import parse_qos
-
-    return tuple(parse_qos(qos))
 
 
 def embedded_types(definitions: Iterable[tuple[str, str, str]], types: Typestore | None) -> tuple[Typestore, dict[str, str]]:

@@ -17,7 +17,6 @@ from mcap.writer import Writer as McapWriter
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.rosbag2.metadata import parse_qos
 
 from dart_skill.recording import (
     BagError,
@@ -30,8 +29,6 @@ from dart_skill.recording import (
     type_hash,
     typestore,
 )
-from dart_skill.recording.bags.reader import _profiles
-from tests.paths import BAGS
 
 TOPICS = {
     "/vrpn_mocap/hand/pose": ("geometry_msgs/msg/PoseStamped", qos_yaml("best_effort", depth=5)),
@@ -683,21 +680,3 @@ def _write_empty(path, topics):
         for ns, (topic, type_name) in enumerate(topics.items(), start=1):
             writer.add_topic(topic, type_name, definition(types, type_name), qos_yaml(), type_hash(types, type_name))
             writer.write(topic, ns, ns, serialize(types, type_name, {}))
-
-
-@pytest.mark.parametrize("name", ["demonstrations", "throws"])
-def test_qos_is_read_as_rosbags_reads_it(name):
-    information = yaml.safe_load((BAGS / name / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
-    told = {item["topic_metadata"]["name"]: item["topic_metadata"] for item in information["topics_with_message_count"]}
-    with BagReader(BAGS / name) as reader:
-        found = {topic: info.qos for topic, info in reader.topics.items()}
-    assert found == {topic: tuple(parse_qos(one["offered_qos_profiles"])) for topic, one in told.items()} and found
-
-
-def test_qos_in_words_of_another_day_is_left_to_rosbags():
-    seconds = {"sec": 1, "nsec": 2}
-    profile = {
-        "history": 3, "depth": 1, "reliability": "firm", "durability": 2, "deadline": seconds, "lifespan": seconds,
-        "liveliness": "automatic", "liveliness_lease_duration": seconds, "avoid_ros_namespace_conventions": False,
-    }  # fmt: skip
-    assert _profiles([profile]) == tuple(parse_qos([profile])) and _profiles([]) == _profiles("") == ()
