@@ -461,16 +461,26 @@ def _small_rotations(vectors: np.ndarray) -> np.ndarray:
 
 def _multiply(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Products (..., 4) of quaternions (..., 4)."""
-    (a, b, c, d), (e, f, g, h) = np.moveaxis(p, -1, 0), np.moveaxis(q, -1, 0)
-    rows = [d * e + a * h + b * g - c * f, d * f - a * g + b * h + c * e, d * g + a * f - b * e + c * h, d * h - a * e - b * f - c * g]
-    return np.stack(rows, axis=-1)
+    a, b, c, d = p[..., 0], p[..., 1], p[..., 2], p[..., 3]
+    e, f, g, h = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    product = np.empty(np.broadcast_shapes(p.shape, q.shape))
+    product[..., 0] = d * e + a * h + b * g - c * f
+    product[..., 1] = d * f - a * g + b * h + c * e
+    product[..., 2] = d * g + a * f - b * e + c * h
+    product[..., 3] = d * h - a * e - b * f - c * g
+    return product
 
 
 def _rotate(q: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Vectors (..., 3) turned by quaternions (..., 4)."""
-    (x, y, z, w), (a, b, c) = np.moveaxis(q, -1, 0), np.moveaxis(vectors, -1, 0)
+    x, y, z, w = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    a, b, c = vectors[..., 0], vectors[..., 1], vectors[..., 2]
     u, v, n = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
-    return np.stack([a + w * u + y * n - z * v, b + w * v + z * u - x * n, c + w * n + x * v - y * u], axis=-1)
+    turned = np.empty((*np.broadcast_shapes(q.shape[:-1], vectors.shape[:-1]), 3))
+    turned[..., 0] = a + w * u + y * n - z * v
+    turned[..., 1] = b + w * v + z * u - x * n
+    turned[..., 2] = c + w * n + x * v - y * u
+    return turned
 
 
 def _check_poses(names: Sequence[str], poses: Sequence[Sequence[Pose]]) -> tuple[np.ndarray, np.ndarray]:

@@ -29,7 +29,7 @@ NODES = LAYOUTS["processes"]
 """Names of all nodes; each is the name of its executable too."""
 NODES_OF = {"composed": NODES[:-1]}
 """Nodes of an executable that has several."""
-TAKING_TURNS = ("wam_simulator", "commander", "composed")
+TAKING_TURNS = ("wam_simulator", "commander")
 """They wait for each other at every step: on one core they hand over faster than from core to core (1.6 times, on two cores)."""
 OVERRIDE = "ROS_SECURITY_ENCLAVE_OVERRIDE"
 """Environment variable: the enclave of the process that starts the graph, not of the nodes."""
