@@ -303,7 +303,7 @@ def test_an_unknown_configuration_is_refused_with_the_names_there_are():
 
 def test_the_ladder_leads_from_the_thesis_to_ds_gmr_in_single_steps():
     whole, thesis = CONFIGURATIONS["ds_gmr"], CONFIGURATIONS["thesis"]
-    assert (whole.partition, whole.frames, whole.distance_input) == ("em", "azimuth_target", False), "EM, frames, their product"
+    assert (whole.partition, whole.frames, whole.distance_input) == ("em", "azimuth_target", True), "EM, frames, their product"
     rows = [thesis, *(one for name, one in LADDER.items() if name.startswith("+"))]
 
     def differing(one, other):
