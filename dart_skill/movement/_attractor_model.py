@@ -4,7 +4,6 @@ task-parameterised mixture that is fitted by EM or with one component in each in
 
 from __future__ import annotations
 
-import inspect
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from numpy.typing import ArrayLike
 from dart_skill.checks import as_count, as_finite, as_number
 from dart_skill.movement._attractor import as_gains, critical_damping
 from dart_skill.movement._placement import Frames, Samples, Weights
-from dart_skill.movement._saved import Arrays, SavedModel
+from dart_skill.movement._saved import Arrays, MixtureModel
 from dart_skill.movement._task_parameterised import TaskParameterisedMixture
 from dart_skill.movement._time import as_stamps
 
@@ -22,9 +21,10 @@ OVERLAP = 0.7
 """Of components at equal intervals of time."""
 
 
-class AttractorModel(SavedModel):
+class AttractorModel(MixtureModel):
     """Base class of the models that learn attractors; `DSGMR` describes its parameters."""
 
+    _MIXTURE = TaskParameterisedMixture
     mixture_: TaskParameterisedMixture
 
     def __init__(
@@ -70,18 +70,6 @@ class AttractorModel(SavedModel):
             raise ValueError(f"{mixture.n_dims} columns are too few for time, {self.n_inputs} further inputs (n_inputs) and an attractor")
         return mixture
 
-    @classmethod
-    def _parameters(cls) -> dict[str, inspect.Parameter]:
-        return {**super()._parameters(), **TaskParameterisedMixture._parameters()}
-
-    def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """The hyper-parameters by name, with those of the mixture, as the constructor takes them. deep: for scikit-learn."""
-        known = {**vars(self), **self._mixture.get_params(), "damping": self._given_damping}
-        return {name: known[name] for name in self._parameters()}
-
-    def _to_arrays(self) -> Arrays:
-        return self._fitted._to_arrays()
-
     def _from_arrays(self, arrays: Arrays) -> None:
         mixture = TaskParameterisedMixture(self._mixture.n_components)
         mixture._from_arrays(arrays)
@@ -98,12 +86,6 @@ class AttractorModel(SavedModel):
         d = (self.mixture_.n_dims - 1 - self.n_inputs) // self._blocks_of_columns
         inputs = f" and {self.n_inputs} further inputs" if self.n_inputs else ""
         return f"{self._shown()}{d} movement variables{inputs}, {self.mixture_._fitted_to()}"
-
-    @property
-    def _fitted(self) -> TaskParameterisedMixture:
-        if not hasattr(self, "mixture_"):
-            raise ValueError(f"this {type(self).__name__} holds no model yet; call fit first")
-        return self.mixture_
 
     def _with_inputs(self, time: ArrayLike, inputs: ArrayLike | None, n: int | None = None) -> np.ndarray:
         """Stamps (n,) and further inputs, (q,) or (n, q), as columns (n, 1 + q)."""

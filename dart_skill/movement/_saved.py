@@ -6,6 +6,7 @@ from the rest (kernels, whiteners) is computed again. A skill on disk is another
 
 from __future__ import annotations
 
+import inspect
 import json
 from pathlib import Path
 from typing import Any, TypeVar
@@ -76,6 +77,34 @@ class SavedModel(HyperParameters):
         """Of how many demonstrations, in words."""
         n = getattr(self, "n_demonstrations_", 0)
         return f"{n} demonstration{'s' if n != 1 else ''}, " if n else ""
+
+
+class MixtureModel(SavedModel):
+    """Base of models that fit a mixture: its hyper-parameters are theirs, too, and what it learned is what they save."""
+
+    _MIXTURE: type[SavedModel]
+    _mixture: Any
+    mixture_: Any
+    _given_damping: Any
+    """As it was given, before a default took the place of None."""
+
+    @classmethod
+    def _parameters(cls) -> dict[str, inspect.Parameter]:
+        return {**super()._parameters(), **cls._MIXTURE._parameters()}
+
+    def get_params(self, deep: bool = True) -> dict[str, Any]:
+        """The hyper-parameters by name, with those of the mixture, as the constructor takes them. deep: for scikit-learn."""
+        known = {**vars(self), **self._mixture.get_params(), "damping": self._given_damping}
+        return {name: known[name] for name in self._parameters()}
+
+    @property
+    def _fitted(self) -> Any:
+        if not hasattr(self, "mixture_"):
+            raise ValueError(f"this {type(self).__name__} holds no model yet; call fit first")
+        return self.mixture_
+
+    def _to_arrays(self) -> Arrays:
+        return self._fitted._to_arrays()
 
 
 def array_of(arrays: Arrays, name: str, shape: tuple[int | None, ...]) -> np.ndarray:

@@ -4,7 +4,6 @@ spring-damper on the manifold (thesis 7.5, with R^3 x S3 in the place of R^d).
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,7 +16,7 @@ from dart_skill.movement._attractor import critical_damping
 from dart_skill.movement._attractor_model import PARTITIONS
 from dart_skill.movement._ds_gmr import _step
 from dart_skill.movement._placement import Weights
-from dart_skill.movement._saved import Arrays, SavedModel
+from dart_skill.movement._saved import Arrays, MixtureModel
 from dart_skill.movement._time import as_stamps
 from dart_skill.movement.pose._frames import PoseCourse
 from dart_skill.movement.pose._mixture import PoseMixture
@@ -39,7 +38,7 @@ class PoseReproduction:
     acceleration: np.ndarray
 
 
-class PoseDSGMR(SavedModel):
+class PoseDSGMR(MixtureModel):
     """Movement of position and orientation that is driven by a clock.
 
     The features are rows [t, u, y] with q + 8 columns: time, q further inputs, and the attractor pose.
@@ -59,6 +58,7 @@ class PoseDSGMR(SavedModel):
     Attribute after `fit`: mixture_, the fitted TaskParameterisedPoseMixture over [t, u, y].
     """
 
+    _MIXTURE = TaskParameterisedPoseMixture
     mixture_: TaskParameterisedPoseMixture
 
     def __init__(
@@ -81,18 +81,6 @@ class PoseDSGMR(SavedModel):
         self.overlap = as_number(overlap, "overlap", 1e-3, strict=False)
         self._mixture = TaskParameterisedPoseMixture(n_components, **mixture_options)
         self.n_components = self._mixture.n_components
-
-    @classmethod
-    def _parameters(cls) -> dict[str, inspect.Parameter]:
-        return {**super()._parameters(), **TaskParameterisedPoseMixture._parameters()}
-
-    def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """The hyper-parameters by name, with those of the mixture, as the constructor takes them. deep: for scikit-learn."""
-        known = {**vars(self), **self._mixture.get_params(), "damping": self._given_damping}
-        return {name: known[name] for name in self._parameters()}
-
-    def _to_arrays(self) -> Arrays:
-        return self._fitted._to_arrays()
 
     def _from_arrays(self, arrays: Arrays) -> None:
         mixture = TaskParameterisedPoseMixture(self._mixture.n_components, correlated=self._mixture.correlated)
@@ -166,12 +154,6 @@ class PoseDSGMR(SavedModel):
             self.mixture_ = self._mixture.fit(attractors, frames, weights, rng=rng)
         self.n_demonstrations_ = len(attractors)
         return self
-
-    @property
-    def _fitted(self) -> TaskParameterisedPoseMixture:
-        if not hasattr(self, "mixture_"):
-            raise ValueError("this PoseDSGMR holds no model yet; call fit first")
-        return self.mixture_
 
     def bic(self, attractors: Sequence[ArrayLike], frames: PoseFrames, weights: Weights = None) -> float:
         """Bayesian information criterion for demonstrations, which are given as to `fit`: lower is better."""
