@@ -22,7 +22,8 @@ from typing import Any
 
 rr, rrb, encodings = map(import_module, ("rerun", "rerun.blueprint", "rerun.blueprint.encodings"))
 
-BALL, BASKET, GREY, SKY, LIGHT = (213, 94, 0), (0, 114, 178), (119, 119, 119), (86, 180, 233), (187, 187, 187)
+BALL, BASKET, GREY, SKY = (213, 94, 0), (0, 114, 178), (119, 119, 119), (86, 180, 233)
+LIGHT = (187, 187, 187)
 JOINTS = (BASKET, (230, 159, 0), (0, 158, 115), BALL, (204, 121, 167), SKY, GREY)
 """A joint has one colour in all plots, on a light page and on a dark one."""
 MOUNT_RADIUS = 0.12

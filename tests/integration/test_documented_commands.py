@@ -134,6 +134,7 @@ TYPED = {
     "pip install .": WHEEL,
     "pip install '.[sim,plot,view]'": WHEEL,
     "dart-skill demo --layout in-process": Run("--demonstrations 3 --throws 1", says="in 1/1", leaves="output/demo_*/report.html"),
+    "dart-skill --help": Run(says="usage: dart-skill"),
     "dart-skill --version": Run(says=r"dart-skill \d+\.\d+\.\d+"),
     "python -m dart_skill --help": Run(says="usage: dart-skill"),
     "colcon build --symlink-install --base-paths src/dart_skill src/dart_skill/msg_schemas": Not("set-up does the same in the checkout"),
