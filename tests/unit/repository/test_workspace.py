@@ -573,3 +573,11 @@ HEAVY = ("scipy.linalg", "scipy.sparse", "scipy.spatial", "scipy.optimize", "sci
 def test_importing_the_core_loads_only_what_it_needs_at_once(package):
     program = f"import sys, {package}; print([name for name in {HEAVY} if name in sys.modules])"
     assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.strip() == "[]"
+
+
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="a checkout by git says what git leaves out of sight")
+@pytest.mark.parametrize("folder", ("output", "figures", "demonstrations_2026_11_25-15_57_35", "recording_2026_11_25-16_43_10"))
+def test_what_the_commands_of_the_readme_leave_is_no_change(folder):
+    """Bags of nodes that were given no name for theirs stand where the node was started."""
+    seen = subprocess.run(["git", "check-ignore", "-q", f"{folder}/metadata.yaml"], cwd=ROOT, check=False)
+    assert seen.returncode == 0, f"git status would show {folder}"
