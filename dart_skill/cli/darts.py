@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from dart_skill.cli import _darts_match
 from dart_skill.cli.experiment import search
+from dart_skill.cli.run_options import folder
 from dart_skill.files import new_file
 
 if TYPE_CHECKING:
@@ -94,7 +95,7 @@ def _add_spread(parser: argparse.ArgumentParser, required: bool) -> None:
 
 def _add_output(parser: argparse.ArgumentParser, default: str | None = None) -> None:
     text = f"where SVG and PNG go (default: {default})" if default else "draw a picture into this folder"
-    parser.add_argument("--output", default=default, metavar="FOLDER", help=text)
+    parser.add_argument("--output", type=folder, default=default, metavar="FOLDER", help=text)
     parser.add_argument("--json", action="store_true", help="JSON instead of text")
 
 

@@ -107,10 +107,21 @@ def check_run(parser: argparse.ArgumentParser, options: argparse.Namespace) -> N
         parser.error(f"--output {options.output} holds a bag already: choose another folder")
 
 
+def folder(name: str) -> Path:
+    """Type of an argument: a folder that is filled, there already or not; a usage error for what is, or is called like, a file."""
+    chosen = Path(name)
+    if chosen.is_file() or chosen.suffix.lower() in FILES:
+        raise argparse.ArgumentTypeError(f"{name}: what is written fills a folder; this is the name of a file")
+    return chosen
+
+
 def output_folder(parser: argparse.ArgumentParser, chosen: Path | None) -> Path:
     """The chosen folder, or output/VERB_<date>; a usage error for what is, or is called like, a file."""
-    if chosen is not None and (chosen.is_file() or chosen.suffix.lower() in FILES):
-        parser.error(f"--output {chosen}: what is written fills a folder; this is the name of a file")
+    if chosen is not None:
+        try:
+            folder(str(chosen))
+        except argparse.ArgumentTypeError as error:
+            parser.error(f"--output {error}")
     return (chosen or Path("output") / f"{parser.prog.split()[-1]}_{datetime.now():%Y_%m_%d-%H_%M_%S}").resolve()
 
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import argparse
 import json
-from pathlib import Path
 
-from dart_skill.cli.run_options import add_configuration
+from dart_skill.cli.run_options import add_configuration, folder
 
 DEFAULT_BOARD = "2.37,1.73"
 
@@ -23,7 +22,7 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
     parser.add_argument("--practice", choices=("both", "misses", "none"), default="both", help=learned)
     parser.add_argument("--board", default=DEFAULT_BOARD, metavar="DISTANCE,HEIGHT", help="of the bull [m] (default 2.37,1.73: regulation)")
     add_configuration(parser, "default")
-    parser.add_argument("--output", type=Path, metavar="FOLDER", help="write the figure there, as SVG and PNG")
+    parser.add_argument("--output", type=folder, metavar="FOLDER", help="write the figure there, as SVG and PNG")
     parser.add_argument("--json", action="store_true", help="every throw as JSON instead of the table")
     parser.set_defaults(run=_arm_darts)
 

@@ -135,3 +135,11 @@ def test_an_arm_and_a_parameter_reach_the_processes_that_run_their_nodes():
         "composed": {"mock_optitrack:noise": 0.001, "teacher:speed": 0.0},
         "skill_learner": {"practice_method": "none"},
     }
+
+
+@pytest.mark.parametrize("words", ("experiment figure 5.1", "experiment darts", "darts heatmap --sigma 20", "darts aim --sigma 20"))
+def test_a_folder_for_pictures_is_not_called_like_a_picture(words, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main([*words.split(), "--output", "x.png"])
+    assert ended.value.code == 2
+    assert "x.png: what is written fills a folder; this is the name of a file" in capsys.readouterr().err
