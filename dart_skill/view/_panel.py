@@ -321,10 +321,10 @@ def _scales(errors: Sequence[tuple[float, bool]]) -> dict[str, Any]:
 
 
 def legend(bodies: Sequence[str]) -> dict[str, tuple[int, int, int]]:
-    """Which colour is what, in a scene with these bodies."""
+    """Which colour is what, in a scene with these bodies; a board has paint of its own."""
     first = {role: palette.BALL for role in bodies[:1]}
     ways = {"hand's path": palette.HAND, "attractor": palette.ATTRACTOR, "demonstrations": palette.DEMONSTRATION}
-    return first | ways | {role: palette.BASKET for role in bodies[1:]}
+    return first | ways | {role: palette.BASKET for role in bodies[1:] if role != "board"}
 
 
 def _swatch(label: str, colour: tuple[int, int, int]) -> str:

@@ -49,6 +49,7 @@ def test_figures_have_the_colours_of_the_things():
 def test_the_live_page_has_the_colours_of_the_things():
     named = {"ball": "ball", "basket": "basket", "hand's path": "hand", "attractor": "attractor", "demonstrations": "demonstration"}
     assert {name: palette.THINGS[thing] for name, thing in named.items()} == legend(("ball", "basket"))
+    assert set(legend(("dart", "board"))) == {"dart", "hand's path", "attractor", "demonstrations"}, "a board is painted"
 
 
 def test_files_of_other_viewers_have_the_colours_of_the_things():
