@@ -196,3 +196,13 @@ def test_a_refused_message_is_counted_and_the_next_one_heard(process):
         publisher.publish(Int32(data=number))
     process.until(lambda: len(heard) == 2, "the even ones")
     assert process.listener.refusals.counts == {"/said": 2}
+
+
+def test_bytes_that_are_no_message_are_dropped(process):
+    heard, publisher = [], process.speaker.create_publisher(Int32, "said", RELIABLE)
+    process.listener.create_subscription(Int32, "said", heard.append, RELIABLE)
+    process.until(lambda: publisher.get_subscription_count() == 1, "a subscription that is discovered")
+    publisher.publish(b"\0\1\0\0")
+    publisher.publish(Int32(data=5))
+    process.until(lambda: heard, "the message after them")
+    assert numbers(heard) == [5]

@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from rclpy.executors import Executor
+from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -54,11 +55,17 @@ class _Letter:
     def __init__(self, data: bytes, message_type: type):
         self.data, self._type, self._message = data, message_type, None
 
-    @property
-    def message(self):
-        if self._message is None:
-            self._message = deserialize_message(self.data, self._type)
-        return self._message
+    def give(self, hearer: Hearer) -> None:
+        """Call who hears it. Bytes that are no message are dropped, as the middleware drops them."""
+        if hearer.raw:
+            hearer.hear(self.data)
+            return
+        try:
+            self._message = self._message or deserialize_message(self.data, self._type)
+        except Exception as error:  # rclpy raises whatever its middleware does
+            get_logger("in_process").error(f"{len(self.data)} bytes on {hearer.topic} are no {self._type.__name__}, dropped: {error}")
+        else:
+            hearer.hear(self._message)
 
 
 class Exchange:
@@ -111,7 +118,7 @@ class Exchange:
         until = time.monotonic() + SLICE
         while waiting:
             hearer, letter = waiting.popleft()
-            hearer.hear(letter.data if hearer.raw else letter.message)
+            letter.give(hearer)
             if time.monotonic() > until:
                 break
         return True
