@@ -30,7 +30,7 @@ from dart_skill.skills.throw import Throw  # noqa: E402
 from dart_skill.world import joint_names  # noqa: E402
 from dart_skill_nodes.comms.names import DIAGNOSTICS  # noqa: E402
 from dart_skill_nodes.comms.qos import COMPLETE, LOOP  # noqa: E402
-from dart_skill_nodes.process.graph_processes import LAYOUTS, Graph  # noqa: E402
+from dart_skill_nodes.process.graph_processes import SIMULATED, Graph  # noqa: E402
 from dart_skill_nodes.process.node_base import make_executor  # noqa: E402
 
 STEP = PlantSettings().step
@@ -48,7 +48,7 @@ def processor_time(pids: list[int]) -> float:
     return sum(int(one[11]) + int(one[12]) for one in fields) / TICK
 
 
-def of_layout(layout: str, seconds: float, record: bool = True) -> tuple[float, float]:
+def of_layout(layout: str, seconds: float) -> tuple[float, float]:
     """Steps and processor time [s] per second of the clock, by what the simulator says on /diagnostics."""
     marks: list[tuple[float, int, float]] = []
     with tempfile.TemporaryDirectory() as folder, Graph(Path(folder)) as graph:
@@ -64,12 +64,14 @@ def of_layout(layout: str, seconds: float, record: bool = True) -> tuple[float, 
         executor.add_node(node)
         node.create_subscription(DiagnosticArray, DIAGNOSTICS, take, 50)
         awake = {"composed" if layout == "composed" else "wam_simulator": {"rest_after": 0.0}}
-        graph.start_all(layout, 0, Path(folder) / "bag" if record else Path(folder), awake)
+        graph.start_all(layout, 0, Path(folder) / "bag", awake)
         until = time.monotonic() + 60.0
         while len(marks) < 3 and time.monotonic() < until:  # the first seconds are those of starting
             executor.spin_once(timeout_sec=0.1)
             if fallen := graph.dead():
                 raise SystemExit(fallen)
+        if len(marks) < 3:
+            raise SystemExit(f"{layout}: no simulator said on {DIAGNOSTICS} in 60 s how many steps it had made")
         begin, until = len(marks) - 1, time.monotonic() + seconds
         while time.monotonic() < until:
             executor.spin_once(timeout_sec=0.1)
@@ -133,7 +135,7 @@ def main() -> None:
     seconds = parser.parse_args().seconds
     rclpy.init()
     rows = {"bare": of_bare_nodes(seconds), "session": of_session(seconds)}
-    rows |= {layout: of_layout(layout, seconds) for layout in ("composed", "processes") if layout in LAYOUTS}
+    rows |= {layout: of_layout(layout, seconds) for layout in SIMULATED}
     rclpy.try_shutdown()
     print(f"{'':12}{'steps/s':>9}{'x real time':>13}{'asked':>7}{'us of a core per step':>23}")
     for name, (rate, used) in rows.items():

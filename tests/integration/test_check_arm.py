@@ -30,6 +30,7 @@ from dart_skill.robot._impedance import JointServo
 from dart_skill.simulation import MotionCapture
 from dart_skill.skill.observe import sightings
 from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.arm_commands import CommandWriter
 from dart_skill_nodes.comms.qos import COMPLETE, LOOP
 from tests.paths import BAGS
 
@@ -45,8 +46,7 @@ class Leader:
 
     def __init__(self, client):
         self._servo = JointServo(Impedance(ArmModel()))
-        self._message = WamCommand()
-        self._message.header.frame_id = "world"
+        self._writer = CommandWriter(0, "world")
         self._first_ns, self.count, self.swing, self.fastest = None, 0, 0.5, np.inf
         self._swings = 0.0
         self._command = client.node.create_publisher(WamCommand, "/wam/command", COMPLETE)
@@ -59,7 +59,7 @@ class Leader:
         self._swings += np.clip(self.swing - self._swings, -5e-4, 5e-4)  # nobody jerks an arm
         wanted = MIDDLE + self._swings * np.sin(time * np.array([0.9, 0.7, 1.1, 0.8, 1.3, 1.0, 1.2]) + np.arange(7))
         torque = self._servo.torque(state.position, state.velocity, wanted, np.zeros(7), np.zeros(7))
-        self._command.publish(conversions.fill_command(self._message, Command(state.stamp_ns, joint_torque=torque, speed=Speed.THROW)))
+        self._command.publish(self._writer.write(Command(state.stamp_ns, joint_torque=torque, speed=Speed.THROW)))
         self.count += 1
         self.fastest = np.abs(state.velocity).max()
 

@@ -18,6 +18,7 @@ from dart_skill.simulation import Holder
 from dart_skill.skill.model import Policy
 from dart_skill.skill.protocol import Pose, Situation, load_skill
 from dart_skill_nodes.comms import conversions
+from dart_skill_nodes.comms.arm_commands import CommandWriter
 from dart_skill_nodes.comms.qos import COMPLETE, LOOP
 from tests.integration.conftest import graphs, wait_for
 from tests.screen_person import ScreenPerson, begin_by_pointer
@@ -98,8 +99,7 @@ class Hands:
 
     def __init__(self, client, holds=True):
         self._holder, self._phase, self._holds = Holder(SEED), "", holds
-        self._message = WamCommand(sender=77)
-        self._message.header.frame_id = "world"
+        self._writer = CommandWriter(77, "world")
         self._begun_ns, self.attractors, self._client = None, [], client
         self._push = client.node.create_publisher(WamCommand, "/wam/teacher_wrench", COMPLETE)
         self._states = client.node.create_subscription(JointState, "/joint_states", self._answer, LOOP)
@@ -115,7 +115,7 @@ class Hands:
         since = -1.0 if self._begun_ns is None else (state.stamp_ns - self._begun_ns) / SECOND
         holds = self._holds and 0.5 <= since < 1.5
         push = self._holder.push(state, holds) or Command(state.stamp_ns)
-        self._push.publish(conversions.fill_command(self._message, push))
+        self._push.publish(self._writer.write(push))
         self.rows.append((since, *self._holder._model.hand_state(state.position, state.velocity).position))
 
     def leave(self):

@@ -245,17 +245,6 @@ def order_of(names: Sequence[str], wanted: Sequence[str], what: str) -> list[int
     return [list(names).index(name) for name in wanted]
 
 
-def fill_command(message: WamCommand, command: Command) -> WamCommand:
-    """A command written into a message that is used again and again."""
-    set_stamp(message.header.stamp, command.stamp_ns)
-    fx, fy, fz, mx, my, mz = command.wrench.tolist()
-    force, torque = message.wrench.force, message.wrench.torque
-    force.x, force.y, force.z, torque.x, torque.y, torque.z = fx, fy, fz, mx, my, mz
-    message.joint_torque = command.joint_torque
-    message.grip, message.speed = int(command.grip), int(command.speed)
-    return message
-
-
 def command(message: WamCommand) -> Command:
     """The command in a message; ValueError for an unknown grip or speed."""
     force, torque = message.wrench.force, message.wrench.torque

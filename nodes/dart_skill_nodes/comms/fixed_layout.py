@@ -27,6 +27,8 @@ class FixedLayout:
 
     * example: one of these messages. ValueError if it has fields that this class does not know.
     * counters: names of those of its fields of type uint32 that differ, too.
+
+    Attributes: `count`, how many numbers there are, and `numbers` (count,), those of the example.
     """
 
     def __init__(self, example, counters: tuple[str, ...] = ()):
@@ -37,7 +39,7 @@ class FixedLayout:
         data = serialize_message(example)
         if cdr.at > len(data):
             raise ValueError(f"{type(example).__name__} takes {len(data)} bytes, not {cdr.at}")
-        self.count = len(cdr.numbers)
+        self.count, self.numbers = len(cdr.numbers), np.array(cdr.values, dtype=float)
         self._at = (np.array(cdr.numbers, dtype=int) - BODY) // 8
         self._words = int(self._at.max(initial=-1)) + 1
         self._fixed = [(start, end, data[start:end]) for start, end in _joined(cdr.meant[2:])]  # behind the two parts of the stamp
@@ -94,12 +96,10 @@ class LayoutReader:
 
     def _first_of_its_kind(self, data: bytes) -> tuple[object, int, np.ndarray, list[int]]:
         message = decoded(data, self._type)
-        stamp_ns, cdr = checked_stamp_ns(message.header.stamp), _Cdr(self._counters)
-        cdr.message(message)
-        layout = FixedLayout(message, self._counters)
+        stamp_ns, layout = checked_stamp_ns(message.header.stamp), FixedLayout(message, self._counters)
         if layout.fits(data):  # not those of a machine with another order of bytes
             self._layouts = [layout, *self._layouts[: LAYOUTS - 1]]
-        return message, stamp_ns, np.array(cdr.values, dtype=float), [getattr(message, name) for name in self._counters]
+        return message, stamp_ns, layout.numbers, [getattr(message, name) for name in self._counters]
 
 
 def _joined(stretches: list[tuple[int, int]]) -> list[tuple[int, int]]:
@@ -140,13 +140,9 @@ class _Cdr:
         if several := SEVERAL.fullmatch(kind):
             if several["one"]:
                 self._mean(4, 4)
-            for one in value:
-                self._field(several["one"] or several["each"], one)
+            self._several(several["one"] or several["each"], value)
         elif kind == "double":
-            self._align(8)
-            self.numbers.append(self.at)
-            self.values.append(value)
-            self.at += 8
+            self._doubles([value])
         elif kind == "string":
             self._mean(4, 4)
             self._mean(len(value.encode()) + 1, 1)
@@ -156,6 +152,21 @@ class _Cdr:
             self.message(value)
         else:
             raise ValueError(f"{kind}: no field of a message with a fixed layout")
+
+    def _several(self, kind: str, values) -> None:
+        if kind == "double":
+            self._doubles(values)
+        else:
+            for one in values:
+                self._field(kind, one)
+
+    def _doubles(self, values) -> None:
+        """Numbers in a row; no number is not aligned either."""
+        if len(values):
+            self._align(8)
+            self.numbers.extend(range(self.at, self.at + 8 * len(values), 8))
+            self.values.extend(values)
+            self.at += 8 * len(values)
 
     def _align(self, size: int) -> None:
         self.at += -(self.at - BODY) % size
