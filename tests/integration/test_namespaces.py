@@ -75,11 +75,12 @@ def test_the_frames_of_both_hang_on_one_world(arms):
     qualities = {"/tf": 100, "/tf_static": LATCHED}
     subscriptions = [node.create_subscription(TFMessage, topic, hear, qos) for topic, qos in qualities.items()]
     wanted = {f"{space[1:]}/{name}" for space in ARMS for name in ("wam_base", "wam_link7", "ball")}
-    for graph in arms.values():
-        graph.client.start_throw(TARGET)
+    under_way = [graph.client.start_throw(TARGET)[0] for graph in arms.values()]
     while not wanted <= set(heard):
         for graph in arms.values():
             graph.client.spin()
+    for graph, result in zip(arms.values(), under_way, strict=True):
+        graph.client.wait(result, "the throw")
     for subscription in subscriptions:
         node.destroy_subscription(subscription)
     parents = {child: one.header.frame_id for child, one in heard.items()}

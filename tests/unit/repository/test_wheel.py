@@ -211,7 +211,7 @@ MISSING = {
     ],
     "plot": [
         ("report", str(BAGS / "throws")),
-        ("darts", "heatmap", "--sigma", "20", "--output", "heat.png"),
+        ("darts", "heatmap", "--sigma", "20", "--output", "heat"),
         *(
             ("experiment", name)
             for name in ("throws", "basket", "practice", "darts", "repeatability", "search", "landscapes", "compliance")
