@@ -1,7 +1,7 @@
 """The WAM: its description, its URDF, the controller's model of it, and the impedance law."""
 
 from dart_skill.robot._actuation import Actuation
-from dart_skill.robot._command import ArmState, Command, Grip, Speed, all_finite, check_command
+from dart_skill.robot._command import ArmState, Command, Grip, HeldCommand, Speed, all_finite, check_command
 from dart_skill.robot._commander import STRETCHED, Commander, CommanderSettings, Mode, PlanRefused
 from dart_skill.robot._description import DART, Ball, WamDescription, wam_description, with_box
 from dart_skill.robot._effort_bridge import BridgePhase, BridgeSettings, EffortBridge
@@ -37,6 +37,7 @@ __all__ = [
     "Guide",
     "HandPath",
     "HandState",
+    "HeldCommand",
     "Impedance",
     "KnownRegistration",
     "Mode",

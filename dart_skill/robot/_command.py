@@ -1,7 +1,7 @@
 """What passes between a controller and the arm in one control period."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 
 import numpy as np
@@ -53,8 +53,42 @@ class Command:
     speed: Speed = Speed.CAREFUL
 
     def answering(self, stamp_ns: int) -> "Command":
-        """The same command, held as the answer to a later state; what the hand was told is not told again."""
+        """The same command as the answer to a later state; what the hand was told is not told again."""
         return Command(stamp_ns, self.wrench, self.joint_torque, speed=self.speed)
+
+
+class HeldCommand:
+    """The newest command of one sender, for an arm that does not wait for an answer to each of its states.
+
+    * longest: age beyond which a command does not hold any more [s].
+    """
+
+    def __init__(self, longest: float):
+        self._longest_ns, self._newest, self._told = round(longest * 1e9), None, Grip.UNSPECIFIED
+
+    @property
+    def has_come(self) -> bool:
+        """Whether there was any command."""
+        return self._newest is not None
+
+    def take(self, command: Command) -> None:
+        """The next one has come; ValueError if it answers a state before that of the newest."""
+        if self._newest is not None and command.stamp_ns < self._newest.stamp_ns:
+            newest = self._newest.stamp_ns
+            raise ValueError(f"it is stamped {command.stamp_ns} ns, before the one of {newest} ns that is obeyed: out of order")
+        self._newest = command
+        if command.grip != Grip.UNSPECIFIED:
+            self._told = command.grip  # a newer command that comes before the next state must not swallow it
+
+    def answer_to(self, stamp_ns: int) -> Command | None:
+        """The newest command as the answer to a state; None if there is none that is young enough. The hand is told each thing once.
+
+        * stamp_ns: int of the state [ns].
+        """
+        told, self._told = self._told, Grip.UNSPECIFIED
+        if self._newest is None or stamp_ns - self._newest.stamp_ns > self._longest_ns:
+            return None
+        return replace(self._newest.answering(stamp_ns), grip=told)
 
 
 def all_finite(values: np.ndarray) -> bool:

@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 import pytest
-from dart_skill_msgs.msg import WamCommand
+from dart_skill_msgs.msg import SimulationState, WamCommand
 from dart_skill_msgs.srv import Plan, Step
 from std_srvs.srv import Trigger
 
@@ -96,6 +96,23 @@ def test_in_real_time_a_held_world_makes_the_steps_that_are_asked_for(make_graph
     client.call(step, Step.Request(steps=1))
     wait_for(client, lambda: state.newest_ns > end_ns, what="one more")
     assert state.newest_ns == end_ns + 2_000_000, "and none of its own"
+
+
+def test_in_real_time_a_command_opens_the_hand(make_graph):
+    """The next command follows at once: it must not take this one's word away."""
+    graph, client = make_graph(None)
+    graph.start("wam_simulator", {"lockstep": False})
+    state, truth = Joints(client), []
+    client.node.create_subscription(SimulationState, "/simulation/state", truth.append, 10)
+    command = client.node.create_publisher(WamCommand, "/wam/command", LOOP)
+    wait_for(client, lambda: truth and truth[-1].held == "ball" and command.get_subscription_count(), what="a ball in the hand")
+
+    def opens():
+        answer(state, command, grip=WamCommand.GRIP_OPEN)
+        answer(state, command)
+        return not truth[-1].held
+
+    wait_for(client, opens, what="the hand opens")
 
 
 def test_in_real_time_a_silent_commander_brakes_the_arm(make_graph):

@@ -19,7 +19,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
 
-from dart_skill.robot import fixed_transforms, joint_transforms, wam_description, write_urdf
+from dart_skill.robot import Command, HeldCommand, fixed_transforms, joint_transforms, wam_description, write_urdf
 from dart_skill.simulation import Board, PlantSettings, Stillness, make_world
 from dart_skill.skill.protocol import skill_type
 from dart_skill_nodes.comms import conversions
@@ -39,7 +39,7 @@ TABLE = [
     Parameter("skill", "in whose world the arm stands"),
     Parameter("seed", "everything random comes from it", 0, 2**31 - 1),
     Parameter("lockstep", "wait for the answer to every state; false: real time"),
-    Parameter("speed_factor", "simulated seconds per second at most, 0: no limit", 0.0, 1000.0, read_only=False),
+    Parameter("speed_factor", "simulated seconds per second at most; 0: no limit, and in real time 1", 0.0, 1000.0, read_only=False),
     Parameter(
         "rest_after", "lockstep: when nothing has moved for so long the world goes on slowly; 0: never [s]", 0.0, 1e6, read_only=False
     ),
@@ -85,8 +85,10 @@ PUSHES = {"commander": COMMANDS, "teacher": GUIDING}
 MOST_STEPS = 100_000
 """Of one call of ~/step: 200 s of simulated time."""
 STILL = np.zeros(3)
-CATCH_UP = 25
-"""Real time: steps made at once at most after the machine was late."""
+LATEST = 0.05
+"""Real time: steps that are late by more are not made any more, and the arm's time falls behind [s, wall clock]."""
+SOON = 1e-4
+"""Real time: until the next step of an arm that is late; others have a turn meanwhile [s, wall clock]."""
 
 
 class WamSimulator(GuardedNode):
@@ -99,6 +101,7 @@ class WamSimulator(GuardedNode):
         self._plant = make_world(skill_type(self.p["skill"]).world, PlantSettings.from_parameters(self.p), self.p["seed"], board)
         self._paused, self._guided, self._budget, self._watched = self.p["start_paused"], False, 0, False
         self._answers, self._fault, self._steps_made = {}, "", 0
+        self._hold_no_command()
         self._stillness, self._rests = Stillness(), False  # the latter: nothing has moved for long, and nobody waits for steps
         self._guide: Presence | None = None  # who guides the arm
         self._left = ""  # why nobody guides it any more, until it rests
@@ -114,6 +117,7 @@ class WamSimulator(GuardedNode):
         else:
             self._wall_due = time.monotonic()
             self.create_timer(self._plant.settings.step, self._real_time, clock=WALL)
+            self._late = self.create_timer(SOON, self._real_time, clock=WALL)
         self._publish()
 
     def _make_topics(self) -> None:
@@ -162,18 +166,19 @@ class WamSimulator(GuardedNode):
             return
         if ns > self._plant.state_stamp_ns:
             raise ValueError(f"it is stamped {ns} ns, ahead of the arm, which is at {self._plant.state_stamp_ns} ns")
-        if (last := self._answers.get(who)) is not None and ns < last.stamp_ns:
-            raise ValueError(f"it is stamped {ns} ns, before the one of {last.stamp_ns} ns that is obeyed: out of order")
         if message.header.frame_id != self.p["frame_id"]:
             self._complain(f"a command of the {who} is in frame '{message.header.frame_id}', not '{self.p['frame_id']}': ignored")
             return
         try:
-            self._answers[who] = conversions.command_of_numbers(message, ns, numbers)
+            command = conversions.command_of_numbers(message, ns, numbers)
         except ValueError as error:
             self._complain(f"a command of the {who} is ignored: {error}")
             return
         if self.p["lockstep"]:
+            self._answers[who] = command
             self._advance()
+        else:
+            self._held[who].take(command)
 
     def _advance(self, slowly: bool = False) -> None:
         """Make the next step if everybody who is engaged has answered and nothing holds time; slowly: of a world that rests, too."""
@@ -243,35 +248,35 @@ class WamSimulator(GuardedNode):
             time.sleep(self._next - now)
 
     def _real_time(self) -> None:
+        """Make the step that is due. A late one is made when everybody in this process has had a turn: it needs answers, too."""
+        self._late.cancel()
+        now = time.monotonic()
         if self._paused and not self._budget:
-            self._wall_due = time.monotonic()
+            self._wall_due = now
             return
-        for _ in range(CATCH_UP):
-            if time.monotonic() < self._wall_due or (self._paused and not self._budget):
-                return
-            self._budget = max(0, self._budget - 1)
-            self._wall_due += self._plant.settings.step
-            self._step(self._held_command("commander"), self._held_push())
-            self._publish()
-        self._wall_due = time.monotonic()
+        if now < self._wall_due:
+            return
+        self._budget = max(0, self._budget - 1)
+        period = self._plant.settings.step / (self.get_parameter("speed_factor").value or 1.0)
+        self._wall_due = max(self._wall_due + period, now - LATEST)
+        self._step(*self._held_answers())
+        self._publish()
+        if self._wall_due <= time.monotonic():
+            self._late.reset()
 
-    def _held_command(self, who: str):
-        """The last command as an answer to the present state; braking when it is too old."""
-        now, last = self._plant.state_stamp_ns, self._answers.get(who)
-        if self._guided and "teacher" in self._answers and self._held_push() is None:
-            self._complain(f"no push of the teacher for more than {self.p['command_timeout']} s: the arm is braked")
-            return self._plant.braking()
-        if last is None or (now - last.stamp_ns) * 1e-9 > self.p["command_timeout"]:
-            if last is not None:
-                self._complain(f"no command for more than {self.p['command_timeout']} s: the arm is braked")
-            return self._plant.braking()
-        self._fault = ""
-        return last.answering(now)
+    def _hold_no_command(self) -> None:
+        self._held = {who: HeldCommand(self.p["command_timeout"]) for who in PUSHES}
 
-    def _held_push(self):
-        now, last = self._plant.state_stamp_ns, self._answers.get("teacher")
-        fresh = self._guided and last is not None and (now - last.stamp_ns) * 1e-9 <= self.p["command_timeout"]
-        return last.answering(now) if fresh else None
+    def _held_answers(self) -> tuple[Command, Command | None]:
+        """Command and push as answers to the present state; the arm is braked when one of them is too old."""
+        answers = {who: self._held[who].answer_to(self._plant.state_stamp_ns) for who in self._engaged}
+        late = [who for who, answer in answers.items() if answer is None and self._held[who].has_come]
+        if late:
+            self._complain(f"no command of the {late[0]} for more than {self.p['command_timeout']} s: the arm is braked")
+        elif answers["commander"] is not None:
+            self._fault = ""
+        brakes = answers["commander"] is None or "teacher" in late
+        return self._plant.braking() if brakes else answers["commander"], answers.get("teacher")
 
     # services
 
@@ -285,6 +290,7 @@ class WamSimulator(GuardedNode):
             response.success, response.message = False, str(error)
             return response
         self._guided, self._answers, self._budget, self._watched = request.guided, {}, 0, request.real_time
+        self._hold_no_command()
         self._wake()
         self._hold(request.paused)
         self._tell_of_safety()

@@ -16,6 +16,7 @@ from dart_skill.robot import (
     Gains,
     Grip,
     HandPath,
+    HeldCommand,
     Mode,
     PlanRefused,
     Registration,
@@ -582,6 +583,26 @@ def test_a_held_command_does_not_open_the_hand_again():
     held = command.answering(7)
     assert held.stamp_ns == 7 and held.grip == Grip.UNSPECIFIED
     np.testing.assert_array_equal(held.wrench, command.wrench)
+
+
+def test_what_the_hand_is_told_acts_once_also_where_a_newer_command_overtakes_it():
+    """In real time the hand never opened: each command was held, and a held one does not tell the hand anything."""
+    held = HeldCommand(0.05)
+    assert held.answer_to(0) is None and not held.has_come
+    held.take(Command(2, np.arange(6.0), grip=Grip.OPEN))
+    held.take(Command(4, np.ones(6)))
+    first, second = held.answer_to(6), held.answer_to(8)
+    assert (first.grip, second.grip) == (Grip.OPEN, Grip.UNSPECIFIED) and (first.stamp_ns, second.stamp_ns) == (6, 8)
+    np.testing.assert_array_equal([first.wrench, second.wrench], np.ones((2, 6)))
+
+
+def test_a_command_that_is_too_old_or_out_of_order_is_not_held():
+    held = HeldCommand(0.05)
+    held.take(Command(10_000_000, grip=Grip.OPEN))
+    with pytest.raises(ValueError, match="before the one of 10000000 ns that is obeyed: out of order"):
+        held.take(Command(8_000_000))
+    assert held.answer_to(60_000_001) is None
+    assert held.answer_to(60_000_000).grip == Grip.UNSPECIFIED, "what came too late for its state does not open the hand later"
 
 
 @pytest.mark.parametrize("law", [{"tracking": "hand"}, {"tracking": "joints", "friction_compensation": 1.0}])
