@@ -64,7 +64,8 @@ class HeldCommand:
     """
 
     def __init__(self, longest: float):
-        self._longest_ns, self._newest, self._told = round(longest * 1e9), None, Grip.UNSPECIFIED
+        self._longest_ns, self._told = round(longest * 1e9), Grip.UNSPECIFIED
+        self._newest: Command | None = None
 
     @property
     def has_come(self) -> bool:

@@ -95,6 +95,34 @@ def test_everybody_hears_each_message_once_while_outsiders_come_and_go(process):
     assert numbers(outside) == [*range(10, 20), *range(30, 40), *range(50, 60)]
 
 
+def test_no_message_overtakes_another_where_nobody_has_heard_the_last_ones_yet(process):
+    """In real time a process that was late heard states of 0.2 s ago after those of now, when somebody outside came or went."""
+    heard, publisher, said = [], process.speaker.create_publisher(Int32, "said", RELIABLE), iter(range(1000))
+    process.listener.create_subscription(Int32, "said", heard.append, RELIABLE)
+    process.until(lambda: publisher.get_subscription_count() == 1, "a subscription that is discovered")
+
+    def say_while(subscriptions):
+        limit = time.monotonic() + 60.0
+        while publisher.get_subscription_count() != subscriptions:  # this process is late: nobody spins it
+            assert time.monotonic() < limit, f"{subscriptions} subscriptions are not discovered"
+            time.sleep(1e-3)
+        for number in [next(said) for _ in range(5)]:
+            publisher.publish(Int32(data=number))
+
+    for _ in range(3):
+        say_while(1)
+        outsider = process.outsider.create_subscription(Int32, "said", lambda _: None, RELIABLE)
+        say_while(2)
+        process.outsider.destroy_subscription(outsider)
+    say_while(1)
+    process.until(lambda: len(heard) == 35, "35 messages")
+    assert numbers(heard) == list(range(35))
+    before = process.exchange.heard
+    publisher.publish(Int32(data=next(said)))
+    process.until(lambda: len(heard) == 36, "one more")
+    assert process.exchange.heard == before, "without the middleware again"
+
+
 def test_an_outsider_is_heard(process):
     heard = []
     process.listener.create_subscription(Int32, "said", heard.append, RELIABLE)

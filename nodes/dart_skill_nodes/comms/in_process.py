@@ -2,8 +2,9 @@
 
 DDS takes about 35 us of a core for each message and each subscription, also where both are in one process. So a publisher whose topic
 nobody outside this process hears serialises a message once and hands it to the subscriptions here. As soon as somebody else hears the
-topic, its messages go through the middleware, for everybody, in one order. Publishers and subscriptions exist in DDS all the time:
-`ros2 topic info` shows them, and messages of other processes come as ever.
+topic, its messages go through the middleware, for everybody, and they do until the last of them has been heard here: no message overtakes
+another one. Publishers and subscriptions exist in DDS all the time: `ros2 topic info` shows them, and messages of other processes come as
+ever.
 """
 
 import threading
@@ -32,6 +33,7 @@ class Hearer:
     """A subscription of this process.
 
     topic: its full name. hear: called with each message, serialised if raw; None: they are kept until somebody takes them.
+    waiting: messages that were handed over and that it has not heard. newest: the last one that came through the middleware.
     """
 
     topic: str
@@ -40,6 +42,12 @@ class Hearer:
     raw: bool
     hear: Callable | None
     kept: deque[tuple[int, bytes]] = field(default_factory=deque)
+    waiting: int = 0
+    newest: bytes = b""
+
+    def has_heard(self, data: bytes) -> bool:
+        """Whether a message of the middleware was the last that it heard; one whose messages are taken puts them in order itself."""
+        return self.hear is None or self.newest == data
 
     def suits(self, publisher: Publisher) -> bool:
         """Whether DDS would connect the two."""
@@ -109,6 +117,7 @@ class Exchange:
             else:
                 letter = letter or _Letter(data, hearer.message_type)
                 self._waiting.append((hearer, letter))
+                hearer.waiting += 1
 
     def deliver(self) -> bool:
         """Call those that messages wait for, and those of the messages that they publish then, for a SLICE; whether there were any."""
@@ -118,10 +127,23 @@ class Exchange:
         until = time.monotonic() + SLICE
         while waiting:
             hearer, letter = waiting.popleft()
+            hearer.waiting -= 1
             letter.give(hearer)
             if time.monotonic() > until:
                 break
         return True
+
+    def hear(self, hearer: Hearer, data: bytes) -> None:
+        """A message has come through the middleware: it is given to its hearer after those that were handed over before."""
+        self.heard += 1
+        if hearer.waiting:
+            before = [letter for one, letter in self._waiting if one is hearer]
+            self._waiting = deque(item for item in self._waiting if item[0] is not hearer)
+            hearer.waiting = 0
+            for letter in before:
+                letter.give(hearer)
+        hearer.newest = data
+        _Letter(data, hearer.message_type).give(hearer)
 
 
 _exchange: Exchange | None = None
@@ -156,6 +178,8 @@ class HandingPublisher(Publisher):
 
     _hearers: list[Hearer] = []
     _changes = -1
+    _last = b""
+    """What went through the middleware last, until all in this process have heard it."""
 
     def publish(self, msg) -> None:
         """Send a message, or its bytes, to all who hear the topic."""
@@ -165,10 +189,20 @@ class HandingPublisher(Publisher):
             return
         if self._changes != exchange.changes:
             self._hearers, self._changes = exchange.hearers_of(self), exchange.changes
-        if self._hearers and self.get_subscription_count() <= len(self._hearers):
-            exchange.hand_over(msg if isinstance(msg, bytes) else serialize_message(msg), self._hearers)
-        else:
+        if not self._hearers:
             super().publish(msg)
+            return
+        data = msg if isinstance(msg, bytes) else serialize_message(msg)
+        if self.get_subscription_count() > len(self._hearers) or not self._is_heard():
+            self._last = data
+            super().publish(data)
+        else:
+            exchange.hand_over(data, self._hearers)
+
+    def _is_heard(self) -> bool:
+        if self._last and all(hearer.has_heard(self._last) for hearer in self._hearers):
+            self._last = b""
+        return not self._last
 
 
 class Handing:
@@ -183,13 +217,17 @@ class Handing:
         if exchange is None:
             return super().create_subscription(msg_type, topic, callback, qos_profile, raw=raw, **options)
 
-        def hear(message) -> None:
-            exchange.heard += 1
-            callback(message)
-
-        subscription = super().create_subscription(msg_type, topic, hear, qos_profile, raw=raw, **options)
+        # serialised in any case: a publisher compares them with what it sent
+        subscription = super().create_subscription(
+            msg_type, topic, lambda data: self._hear(subscription, data), qos_profile, raw=True, **options
+        )
         self._take_part(subscription, msg_type, raw, callback)
         return subscription
+
+    @staticmethod
+    def _hear(subscription: Subscription, data: bytes) -> None:
+        if _exchange is not None:
+            _exchange.hear(subscription.hearer, data)
 
     def destroy_subscription(self, subscription: Subscription) -> bool:
         if (hearer := getattr(subscription, "hearer", None)) is not None and _exchange is not None:
