@@ -72,6 +72,13 @@ class HeldCommand:
         """Whether there was any command."""
         return self._newest is not None
 
+    def is_for(self, stamp_ns: int) -> bool:
+        """Whether the newest command answers a state.
+
+        * stamp_ns: int of the state [ns].
+        """
+        return self._newest is not None and self._newest.stamp_ns >= stamp_ns
+
     def take(self, command: Command) -> None:
         """The next one has come; ValueError if it answers a state before that of the newest."""
         if self._newest is not None and command.stamp_ns < self._newest.stamp_ns:

@@ -2,7 +2,8 @@
 
 Lockstep (the default): whoever is engaged answers every state with a WamCommand that echoes its stamp: the commander always, the
 teacher while it guides. Nothing else moves time. A state that nobody answers is published again, and /diagnostics says who is
-silent. Real time: steps follow the machine's clock, the last command is held, and without a fresh one the arm is braked.
+silent. Real time: steps follow the machine's clock, the last command is held, and without a fresh one the arm is braked. A simulated
+person is a part of the world, which waits for their hands.
 """
 
 import time
@@ -179,6 +180,8 @@ class WamSimulator(GuardedNode):
             self._advance()
         else:
             self._held[who].take(command)
+            if who == "teacher":
+                self._real_time()
 
     def _advance(self, slowly: bool = False) -> None:
         """Make the next step if everybody who is engaged has answered and nothing holds time; slowly: of a world that rests, too."""
@@ -254,7 +257,7 @@ class WamSimulator(GuardedNode):
         if self._paused and not self._budget:
             self._wall_due = now
             return
-        if now < self._wall_due:
+        if now < self._wall_due or self._waits_for_a_person(now):
             return
         self._budget = max(0, self._budget - 1)
         period = self._plant.settings.step / (self.get_parameter("speed_factor").value or 1.0)
@@ -263,6 +266,12 @@ class WamSimulator(GuardedNode):
         self._publish()
         if self._wall_due <= time.monotonic():
             self._late.reset()
+
+    def _waits_for_a_person(self, now: float) -> bool:
+        """Who guides the arm is one body with it: their damping, held for a few steps, would shake the wrist. So the world waits for them."""
+        push = self._held["teacher"]
+        awaited = self._guided and push.has_come and not push.is_for(self._plant.state_stamp_ns)
+        return awaited and now - self._published < self.p["command_timeout"]
 
     def _hold_no_command(self) -> None:
         self._held = {who: HeldCommand(self.p["command_timeout"]) for who in PUSHES}
@@ -378,6 +387,7 @@ class WamSimulator(GuardedNode):
             self._clock_out.publish(conversions.leading_stamp_bytes(ns))
         if self._transforms.is_due("arm", ns):
             self._transforms.publish(joint_transforms(wam_description(), plant.joint_position), ns)
+        self._published = time.monotonic()
         numbers = np.array([*plant.joint_position, *plant.joint_velocity, *plant.joint_effort.tolist()])
         self._joint_states.publish(self._joint_layout.pack(ns, numbers))
 
