@@ -105,7 +105,8 @@ def test_in_real_time_a_command_opens_the_hand(make_graph):
     state, truth = Joints(client), []
     client.node.create_subscription(SimulationState, "/simulation/state", truth.append, 10)
     command = client.node.create_publisher(WamCommand, "/wam/command", LOOP)
-    wait_for(client, lambda: truth and truth[-1].held == "ball" and command.get_subscription_count(), what="a ball in the hand")
+    wait_for(client, lambda: state.message is not None and command.get_subscription_count(), what="a state")
+    wait_for(client, lambda: truth and truth[-1].held == "ball", what="a ball in the hand")
 
     def opens():
         answer(state, command, grip=WamCommand.GRIP_OPEN)

@@ -84,6 +84,7 @@ class Exchange:
 
     def __init__(self) -> None:
         self._thread, self._hearers, self._waiting = threading.get_ident(), [], deque()
+        self._soon: list[Callable[[], None]] = []
         self.heard, self.changes = 0, 0
 
     @property
@@ -119,11 +120,17 @@ class Exchange:
                 self._waiting.append((hearer, letter))
                 hearer.waiting += 1
 
+    def call_soon(self, callback: Callable[[], None]) -> None:
+        """Call it once, when the others have had a turn."""
+        self._soon.append(callback)
+
     def deliver(self) -> bool:
         """Call those that messages wait for, and those of the messages that they publish then, for a SLICE; whether there were any."""
-        waiting = self._waiting
-        if not waiting:
+        waiting, (soon, self._soon) = self._waiting, (self._soon, [])
+        if not waiting and not soon:
             return False
+        for callback in soon:
+            callback()
         until = time.monotonic() + SLICE
         while waiting:
             hearer, letter = waiting.popleft()
@@ -159,6 +166,12 @@ def exchanging() -> Iterator[Exchange]:
         yield _exchange
     finally:
         _exchange = None
+
+
+def call_soon(callback: Callable[[], None]) -> None:
+    """Call it when the others in this process have had a turn, if it exchanges messages; else not at all: a timer will."""
+    if _exchange is not None:
+        _exchange.call_soon(callback)
 
 
 def spin_once(executor: Executor, exchange: Exchange, patience: float) -> None:

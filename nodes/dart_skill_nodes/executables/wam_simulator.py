@@ -26,6 +26,7 @@ from dart_skill.skill.protocol import skill_type
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.arm_commands import command_reader
 from dart_skill_nodes.comms.fixed_layout import FixedLayout, LayoutReader
+from dart_skill_nodes.comms.in_process import call_soon
 from dart_skill_nodes.comms.names import CLOCK, COMMANDS, DESCRIPTION, GUIDING, JOINT_STATES
 from dart_skill_nodes.comms.obeyed_publisher import ObeyedPublisher
 from dart_skill_nodes.comms.presence import LOOK, Presence, publishers
@@ -88,8 +89,6 @@ MOST_STEPS = 100_000
 STILL = np.zeros(3)
 LATEST = 0.05
 """Real time: steps that are late by more are not made any more, and the arm's time falls behind [s, wall clock]."""
-SOON = 1e-4
-"""Real time: until the next step of an arm that is late; others have a turn meanwhile [s, wall clock]."""
 
 
 class WamSimulator(GuardedNode):
@@ -118,7 +117,6 @@ class WamSimulator(GuardedNode):
         else:
             self._wall_due = time.monotonic()
             self.create_timer(self._plant.settings.step, self._real_time, clock=WALL)
-            self._late = self.create_timer(SOON, self._real_time, clock=WALL)
         self._publish()
 
     def _make_topics(self) -> None:
@@ -252,7 +250,6 @@ class WamSimulator(GuardedNode):
 
     def _real_time(self) -> None:
         """Make the step that is due. A late one is made when everybody in this process has had a turn: it needs answers, too."""
-        self._late.cancel()
         now = time.monotonic()
         if self._paused and not self._budget:
             self._wall_due = now
@@ -265,10 +262,10 @@ class WamSimulator(GuardedNode):
         self._step(*self._held_answers())
         self._publish()
         if self._wall_due <= time.monotonic():
-            self._late.reset()
+            call_soon(self._real_time)
 
     def _waits_for_a_person(self, now: float) -> bool:
-        """Who guides the arm is one body with it: their damping, held for a few steps, would shake the wrist. So the world waits for them."""
+        """Who guides the arm is one body with it: their damping, if it were held for a few steps, would shake the wrist."""
         push = self._held["teacher"]
         awaited = self._guided and push.has_come and not push.is_for(self._plant.state_stamp_ns)
         return awaited and now - self._published < self.p["command_timeout"]
