@@ -40,8 +40,25 @@ COMMON = {
 """What every node may do: tell how it is, have parameters, know who lives, and ask whether a server answers."""
 
 
-def permissions_of(section: str) -> dict[str, list[str]]:
-    """Everything that a node of config/permissions.yaml may do, by the keys of `KINDS`; ValueError if it has no section there."""
+GLOBAL = ("/rosout", "/parameter_events", "/diagnostics", "/tf", "/tf_static")
+"""Topics that all graphs of a ROS domain share, whatever their namespaces."""
+
+
+def enclave_of(process: str, namespace: str = "") -> str:
+    """Path of the enclave of a process, as `--enclave` takes it.
+
+    * process: name of its executable.
+    * namespace: of its graph, as "/arm1"; each graph of a domain has enclaves of its own.
+    """
+    return f"{ROOT}{namespace}/{process}"
+
+
+def permissions_of(section: str, namespace: str = "") -> dict[str, list[str]]:
+    """Everything that a node of config/permissions.yaml may do, by the keys of `KINDS`; ValueError if it has no section there.
+
+    * section: of the file.
+    * namespace: of the graph, as "/arm1".
+    """
     own = _section(section)
     granted = {kind: [*COMMON.get(kind, ()), *own.get(kind, ())] for kind in KINDS}
     if own.get("managed"):
@@ -49,7 +66,14 @@ def permissions_of(section: str) -> dict[str, list[str]]:
         granted["publishes"].append("~/transition_event")
     granted["calls"] += [f"/{other}/{name}" for other in own.get("asks", ()) for name in READS]
     granted["calls"] += [f"/{other}/set_parameters" for other in own.get("sets", ())]
-    return {kind: [f"/{name}" if name == "*" else name for name in names] for kind, names in granted.items()}
+    return {kind: [full for name in names for full in _full_names(name, namespace)] for kind, names in granted.items()}
+
+
+def _full_names(name: str, namespace: str) -> tuple[str, ...]:
+    """Of one name of the file: what is below the node stays so, and everything is that of the namespace and what all share."""
+    if name == "*":
+        return (f"{namespace}/*", *GLOBAL) if namespace else ("/*",)
+    return (name,) if name.startswith("~") or name in GLOBAL else (f"{namespace}{name}",)
 
 
 def processes() -> dict[str, list[str]]:
@@ -57,15 +81,18 @@ def processes() -> dict[str, list[str]]:
     return {name: list(_section(name).get("runs", [name])) for name in load_yaml(FILE)}
 
 
-def policy() -> str:
-    """The policy as XML, with an enclave for each process."""
+def policy(namespace: str = "") -> str:
+    """The policy as XML, with an enclave for each process.
+
+    * namespace: of the graph, as "/arm1".
+    """
     root = ElementTree.Element("policy", version="0.2.0")
     inside = ElementTree.SubElement(root, "enclaves")
     for enclave, sections in processes().items():
-        profiles = ElementTree.SubElement(ElementTree.SubElement(inside, "enclave", path=f"{ROOT}/{enclave}"), "profiles")
+        profiles = ElementTree.SubElement(ElementTree.SubElement(inside, "enclave", path=enclave_of(enclave, namespace)), "profiles")
         for section in sections:
             for node in _section(section).get("names", [section]):
-                _add_profile(profiles, node, permissions_of(section))
+                _add_profile(profiles, node, namespace or "/", permissions_of(section, namespace))
     ElementTree.indent(root)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'
 
@@ -77,8 +104,8 @@ def _section(name: str) -> dict:
     return sections[name]
 
 
-def _add_profile(profiles: ElementTree.Element, node: str, permissions: dict[str, list[str]]) -> None:
-    profile = ElementTree.SubElement(profiles, "profile", ns="/", node=node)
+def _add_profile(profiles: ElementTree.Element, node: str, space: str, permissions: dict[str, list[str]]) -> None:
+    profile = ElementTree.SubElement(profiles, "profile", ns=space, node=node)
     for kind, names in permissions.items():
         what, rule = KINDS[kind]
         if names:

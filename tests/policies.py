@@ -22,7 +22,7 @@ def _of(enclave):
         for rules in profile:
             (rule,) = rules.attrib
             for expression in rules:
-                name = expression.text.replace("~", f"/{profile.get('node')}")
+                name = expression.text.replace("~", f"{profile.get('ns').rstrip('/')}/{profile.get('node')}")
                 requests, replies = _services(rules.tag, name)
                 told = _topics(rules.tag, name)
                 asks = rule in ("request", "call")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from dart_skill.cli.run_options import add_namespace
 from dart_skill.files import new_file
 
 NEXT = (
@@ -18,6 +19,7 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     text = "write the policy of ROS 2 Security for the graph: what each process may publish, hear, serve and call"
     parser = commands.add_parser("security", help=text, description=f"{text[0].upper()}{text[1:]}. It needs no ROS.")
     parser.add_argument("policy", metavar="POLICY", type=Path, help="the new file, XML, for ros2 security generate_artifacts")
+    add_namespace(parser)
     parser.set_defaults(run=run)
 
 
@@ -26,6 +28,6 @@ def run(options: argparse.Namespace) -> int:
     from dart_skill.permissions import policy, processes
 
     with new_file(options.policy) as stream:
-        stream.write(policy().encode())
+        stream.write(policy(options.namespace).encode())
     print(f"{options.policy}: {len(processes())} enclaves\n{NEXT.format(path=options.policy)}")
     return 0

@@ -15,7 +15,7 @@ from std_msgs.msg import Header
 from dart_skill_nodes.client.graph_client import GraphClient
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import LOOP
-from dart_skill_nodes.process.graph_processes import Graph
+from dart_skill_nodes.process.graph_processes import NODES, Graph
 
 RUNNING = []
 """Folders of the graphs that are there now, with their logs."""
@@ -86,6 +86,21 @@ def teach_and_learn(client, targets):
         lesson = client.teach(target)
         assert lesson.success, lesson.message
     return client.learn()
+
+
+def endpoints_of_processes(node):
+    """By namespace and name of each node of the graph, DDS topics that its process publishes, and that it subscribes to.
+
+    Those of the process's hidden nodes are among them. Namespaces are as Graph has them: "", "/arm1".
+    """
+    ends = {}
+    for topic, _ in node.get_topic_names_and_types(no_demangle=True):
+        for k, look in enumerate((node.get_publishers_info_by_topic, node.get_subscriptions_info_by_topic)):
+            for end in look(topic, no_mangle=True):
+                process = ends.setdefault(bytes(end.endpoint_gid)[:12], (set(), set(), set()))
+                process[k].add(topic)
+                process[2].add((end.node_namespace.rstrip("/"), end.node_name))
+    return {one: (publishes, hears) for publishes, hears, nodes in ends.values() for one in nodes if one[1] in NODES}
 
 
 def plan_request(target):

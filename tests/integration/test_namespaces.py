@@ -8,13 +8,15 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
+from dart_skill.permissions import policy
 from dart_skill.recording import BagReader, GraphBag, read_demonstrations
 from dart_skill.regions import targets_for
 from dart_skill_nodes.client.graph_listener import GraphListener
 from dart_skill_nodes.comms.qos import LATCHED
-from dart_skill_nodes.process.graph_processes import NODES
+from dart_skill_nodes.process.graph_processes import NODES, NODES_OF
+from tests.policies import allowed, may
 
-from .conftest import graphs, teach_and_learn, wait_for
+from .conftest import endpoints_of_processes, graphs, teach_and_learn, wait_for
 
 ARMS = ("/arm1", "/arm2")
 SHOWN, (TARGET,) = targets_for(0, 3, 1)
@@ -51,6 +53,16 @@ def test_no_name_is_outside_the_namespaces(arms):
     assert {space for _, space in ours} == set(ARMS) and len(ours) >= 2 * len(NODES)
     names = {name for one in ours for of in offered for name, _ in of(*one)}
     assert {name for name in names if not name.startswith(tuple(f"{space}/" for space in ARMS))} <= GLOBAL
+
+
+def test_every_process_does_what_the_policy_of_its_namespace_allows(arms):
+    seen = endpoints_of_processes(arms[ARMS[0]].client.node)
+    for space in ARMS:
+        allows = allowed(policy(space))
+        for process in ("composed", "skill_learner"):
+            node = NODES_OF.get(process, (process,))[0]
+            for what, may_do in zip(seen[space, node], allows[f"/dart_skill{space}/{process}"], strict=True):
+                assert not [topic for topic in what if not may(may_do, topic)], f"{space}/{process}"
 
 
 def test_each_hears_of_its_own_nodes_alone(arms):

@@ -36,6 +36,18 @@ def test_names_become_those_of_dds():
     assert not may(publish, "rq/commander/stopRequest") and not may(subscribe, "rt/wam/command")
 
 
+def test_in_a_namespace_all_names_are_but_those_that_graphs_share():
+    inside = allowed(policy("/arm1"))
+    assert set(inside) == {f"/dart_skill/arm1/{name}" for name in processes()}
+    publish, subscribe = inside["/dart_skill/arm1/commander"]
+    assert {"rt/arm1/wam/command", "rt/arm1/commander/plan", "rt/diagnostics", "rt/arm1/execute/_action/feedback"} <= publish
+    assert may(subscribe, "rt/arm1/joint_states") and may(subscribe, "rt/arm1/clock") and not may(subscribe, "rt/joint_states")
+    recorder = inside["/dart_skill/arm1/recorder"][1]
+    assert may(recorder, "rt/arm1/anything") and may(recorder, "rt/tf") and not may(recorder, "rt/arm2/joint_states")
+    for name, ends in inside.items():
+        assert not any(may(end, f"r{kind}/arm2/joint_states") for end in ends for kind in "tqr"), name
+
+
 def test_the_command_writes_the_policy_and_no_file_over_another(tmp_path, capsys):
     path = tmp_path / "policy.xml"
     assert main(["security", str(path)]) == 0

@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from dart_skill.permissions import ROOT as ENCLAVES
+from dart_skill.permissions import enclave_of
 from dart_skill_nodes.comms.names import COMMANDS, GUIDING, JOINT_STATES, in_namespace, pose_topics
 from dart_skill_nodes.process.signals import ENDS_WITH
 
@@ -113,7 +113,7 @@ class Graph:
         arguments = [("-p", f"{name}:={_text(value)}") for name, value in (parameters or {}).items()]
         arguments += [("-r", f"{name}:={other}") for name, other in self.remappings.get(executable, {}).items()]
         if os.environ.get("ROS_SECURITY_ENABLE") == "true":
-            arguments.append(("--enclave", f"{ENCLAVES}/{executable}"))
+            arguments.append(("--enclave", enclave_of(executable, self.namespace)))
         command = [sys.executable, "-m", f"dart_skill_nodes.executables.{executable}"]
         command += in_namespace(self.namespace)
         if arguments:
