@@ -2,11 +2,11 @@
 (thesis 7 and 8).
 """
 
-from dart_skill.movement._alignment import Fit, check_alignment
+from typing import TYPE_CHECKING
+
+from dart_skill.lazy import on_first_use
 from dart_skill.movement._attractor import attractor_from_motion, critical_damping, follow_attractor
-from dart_skill.movement._autonomous import AutonomousDSGMR, AutonomousPolicy, Moment, StateDriven, StateFrame
 from dart_skill.movement._differentiation import Motion, estimate_noise, smooth_derivatives
-from dart_skill.movement._ds_gmr import DSGMR, Reproduction
 from dart_skill.movement._frames import (
     MovingFrame,
     TaskFrame,
@@ -20,7 +20,6 @@ from dart_skill.movement._frames import (
     target_frame,
     turn_matrix,
 )
-from dart_skill.movement._locality import WidthChoice, choose_width, gaussian_weights, nearest_weights
 from dart_skill.movement._orientation import (
     angles_from_quaternions,
     angular_velocity,
@@ -36,14 +35,41 @@ from dart_skill.movement._orientation import (
     to_matrices,
     turn_about_z,
 )
-from dart_skill.movement._primitives import DiscretePrimitive, Execution, PrimitiveState, RhythmicPrimitive, Trajectory
-from dart_skill.movement._reactive import Reaction, ReactivePolicy
 from dart_skill.movement._sample_faults import SampleFaults, find_faults, without_repeats
 from dart_skill.movement._segmentation import Segment, VelocityThreshold, segment_containing, speed
-from dart_skill.movement._springs import SpringMixture
-from dart_skill.movement._stiffness import attractor_with_gains, critical_damping_matrix, hold_to, stable_gains, stiffness_from_covariance
-from dart_skill.movement._task_parameterised import PartialFrame, TaskParameterisedMixture
 from dart_skill.pace import PhaseRule
+
+if TYPE_CHECKING:
+    from dart_skill.movement._alignment import Fit, check_alignment
+    from dart_skill.movement._autonomous import AutonomousDSGMR, AutonomousPolicy, Moment, StateDriven, StateFrame
+    from dart_skill.movement._ds_gmr import DSGMR, Reproduction
+    from dart_skill.movement._locality import WidthChoice, choose_width, gaussian_weights, nearest_weights
+    from dart_skill.movement._primitives import DiscretePrimitive, Execution, PrimitiveState, RhythmicPrimitive, Trajectory
+    from dart_skill.movement._reactive import Reaction, ReactivePolicy
+    from dart_skill.movement._springs import SpringMixture
+    from dart_skill.movement._stiffness import (
+        attractor_with_gains,
+        critical_damping_matrix,
+        hold_to,
+        stable_gains,
+        stiffness_from_covariance,
+    )
+    from dart_skill.movement._task_parameterised import PartialFrame, TaskParameterisedMixture
+else:
+    __getattr__, __dir__ = on_first_use(
+        __name__,
+        {
+            "_alignment": "Fit check_alignment",
+            "_autonomous": "AutonomousDSGMR AutonomousPolicy Moment StateDriven StateFrame",
+            "_ds_gmr": "DSGMR Reproduction",
+            "_locality": "WidthChoice choose_width gaussian_weights nearest_weights",
+            "_primitives": "DiscretePrimitive Execution PrimitiveState RhythmicPrimitive Trajectory",
+            "_reactive": "Reaction ReactivePolicy",
+            "_springs": "SpringMixture",
+            "_stiffness": "attractor_with_gains critical_damping_matrix hold_to stable_gains stiffness_from_covariance",
+            "_task_parameterised": "PartialFrame TaskParameterisedMixture",
+        },
+    )
 
 __all__ = [
     "AutonomousDSGMR",

@@ -1,21 +1,41 @@
 """The WAM: its description, its URDF, the controller's model of it, and the impedance law."""
 
-from dart_skill.robot._actuation import Actuation
+from typing import TYPE_CHECKING
+
+from dart_skill.lazy import on_first_use
 from dart_skill.robot._command import ArmState, Command, Grip, HeldCommand, Speed, all_finite, check_command
-from dart_skill.robot._commander import STRETCHED, Commander, CommanderSettings, Mode, PlanRefused
 from dart_skill.robot._description import DART, Ball, WamDescription, wam_description, with_box
-from dart_skill.robot._effort_bridge import BridgePhase, BridgeSettings, EffortBridge
-from dart_skill.robot._guide import Fingers, Guidance, Guide, PlanGuide, References, paced
-from dart_skill.robot._impedance import Impedance, PoseGains, Reference, attractor_acceleration, minimum_jerk, rotation_error
-from dart_skill.robot._model import ArmModel, HandState
 from dart_skill.robot._motion_plan import Gains, GainsOverTime, GripEvent, HandPath, MotionPlan, Pace
 from dart_skill.robot._registration import Registration
-from dart_skill.robot._registration_file import load_registration, save_registration
-from dart_skill.robot._registration_fit import KnownRegistration, RegistrationFit, Sightings, fit_registration, measure_registration
-from dart_skill.robot._safety import SafetyLimits, SafetyModule, check_push
 from dart_skill.robot._throw_plan import ThrowPlan
 from dart_skill.robot._transforms import Transform, fixed_transforms, joint_transforms
 from dart_skill.robot._urdf import write_urdf
+
+if TYPE_CHECKING:
+    from dart_skill.robot._actuation import Actuation
+    from dart_skill.robot._commander import STRETCHED, Commander, CommanderSettings, Mode, PlanRefused
+    from dart_skill.robot._effort_bridge import BridgePhase, BridgeSettings, EffortBridge
+    from dart_skill.robot._guide import Fingers, Guidance, Guide, PlanGuide, References, paced
+    from dart_skill.robot._impedance import Impedance, PoseGains, Reference, attractor_acceleration, minimum_jerk, rotation_error
+    from dart_skill.robot._model import ArmModel, HandState
+    from dart_skill.robot._registration_file import load_registration, save_registration
+    from dart_skill.robot._registration_fit import KnownRegistration, RegistrationFit, Sightings, fit_registration, measure_registration
+    from dart_skill.robot._safety import SafetyLimits, SafetyModule, check_push
+else:
+    __getattr__, __dir__ = on_first_use(
+        __name__,
+        {
+            "_actuation": "Actuation",
+            "_commander": "STRETCHED Commander CommanderSettings Mode PlanRefused",
+            "_effort_bridge": "BridgePhase BridgeSettings EffortBridge",
+            "_guide": "Fingers Guidance Guide PlanGuide References paced",
+            "_impedance": "Impedance PoseGains Reference attractor_acceleration minimum_jerk rotation_error",
+            "_model": "ArmModel HandState",
+            "_registration_file": "load_registration save_registration",
+            "_registration_fit": "KnownRegistration RegistrationFit Sightings fit_registration measure_registration",
+            "_safety": "SafetyLimits SafetyModule check_push",
+        },
+    )
 
 __all__ = [
     "Actuation",

@@ -1,8 +1,8 @@
 """Teaching, learning and throwing in one process without ROS, learning from a bag, and what a run amounts to."""
 
-from dart_skill.session._belt import BeltSession
-from dart_skill.session._bench import BenchSession
-from dart_skill.session._darts_demo import Hit, darts_demo, play_leg, throw_dart
+from typing import TYPE_CHECKING
+
+from dart_skill.lazy import on_first_use
 from dart_skill.session._darts_run import (
     BLOCK,
     Dart,
@@ -16,24 +16,48 @@ from dart_skill.session._darts_run import (
     darts_table,
     summarise,
 )
-from dart_skill.session._demo import Job, basket_in_words, throwing_demo
-from dart_skill.session._from_bag import LearnReport, find_throws, learn_from_bag
-from dart_skill.session._from_lerobot import (
-    learn_other_throws_from_dataset,
-    learn_skill_from_dataset,
-    learn_throws_from_dataset,
-    open_dataset,
-    skill_of_dataset,
-)
-from dart_skill.session._in_process import Session, Trial
 from dart_skill.session._reaching_person import ReachingPerson
-from dart_skill.session._session_bag import LAYOUT, SessionBag
-from dart_skill.session._skill_demo import skill_demo
-from dart_skill.session._skill_from_bag import learn_skill_from_bag, learn_throws_from_bag
-from dart_skill.session._skill_session import SkillSession, SkillTrial
 from dart_skill.session._skill_summary import SkillResult, SkillSummary, in_words, situation_json, skill_table
 from dart_skill.session._summary import DemoSummary, ThrowResult, error_quantile, footer, table, write_summary
-from dart_skill.session._to_lerobot import FPS, ExportedDataset, PictureMaker, write_lerobot
+
+if TYPE_CHECKING:
+    from dart_skill.session._belt import BeltSession
+    from dart_skill.session._bench import BenchSession
+    from dart_skill.session._darts_demo import Hit, darts_demo, play_leg, throw_dart
+    from dart_skill.session._demo import Job, basket_in_words, throwing_demo
+    from dart_skill.session._from_bag import LearnReport, find_throws, learn_from_bag
+    from dart_skill.session._from_lerobot import (
+        learn_other_throws_from_dataset,
+        learn_skill_from_dataset,
+        learn_throws_from_dataset,
+        open_dataset,
+        skill_of_dataset,
+    )
+    from dart_skill.session._in_process import Session, Trial
+    from dart_skill.session._session_bag import LAYOUT, SessionBag
+    from dart_skill.session._skill_demo import skill_demo
+    from dart_skill.session._skill_from_bag import learn_skill_from_bag, learn_throws_from_bag
+    from dart_skill.session._skill_session import SkillSession, SkillTrial
+    from dart_skill.session._to_lerobot import FPS, ExportedDataset, PictureMaker, write_lerobot
+else:
+    __getattr__, __dir__ = on_first_use(
+        __name__,
+        {
+            "_belt": "BeltSession",
+            "_bench": "BenchSession",
+            "_darts_demo": "Hit darts_demo play_leg throw_dart",
+            "_demo": "Job basket_in_words throwing_demo",
+            "_from_bag": "LearnReport find_throws learn_from_bag",
+            "_from_lerobot": "learn_other_throws_from_dataset learn_skill_from_dataset learn_throws_from_dataset open_dataset "
+            "skill_of_dataset",
+            "_in_process": "Session Trial",
+            "_session_bag": "LAYOUT SessionBag",
+            "_skill_demo": "skill_demo",
+            "_skill_from_bag": "learn_skill_from_bag learn_throws_from_bag",
+            "_skill_session": "SkillSession SkillTrial",
+            "_to_lerobot": "FPS ExportedDataset PictureMaker write_lerobot",
+        },
+    )
 
 __all__ = [
     "BLOCK",

@@ -3,9 +3,9 @@
 What is done with whole bags is imported only then, so that each command of `dart-skill bag` starts as fast as it can.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from dart_skill.lazy import on_first_use
 from dart_skill.recording.bags.messages import (
     definition,
     deserialize,
@@ -29,6 +29,16 @@ if TYPE_CHECKING:
     from dart_skill.recording.bags.description import describe
     from dart_skill.recording.bags.playback import CLOCK_TOPIC, CLOCK_TYPE, Due, Pace, Playback, Selection, clock_message
     from dart_skill.recording.bags.recovery import Recovery, recover
+else:
+    __getattr__, __dir__ = on_first_use(
+        __name__,
+        {
+            "check": "Finding check_bag check_file",
+            "description": "describe",
+            "playback": "CLOCK_TOPIC CLOCK_TYPE Due Pace Playback Selection clock_message",
+            "recovery": "Recovery recover",
+        },
+    )
 
 __all__ = [
     "CLOCK_TOPIC",
@@ -66,18 +76,3 @@ __all__ = [
     "typestore",
     "vector_content",
 ]
-
-_HOME = {
-    **dict.fromkeys(("Finding", "check_bag", "check_file"), "check"),
-    "describe": "description",
-    **dict.fromkeys(("CLOCK_TOPIC", "CLOCK_TYPE", "Due", "Pace", "Playback", "Selection", "clock_message"), "playback"),
-    **dict.fromkeys(("Recovery", "recover"), "recovery"),
-}
-
-
-def __getattr__(name: str) -> Any:
-    """A name of `__all__` from the module that has it (PEP 562)."""
-    if name in _HOME:
-        globals()[name] = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
-        return globals()[name]
-    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

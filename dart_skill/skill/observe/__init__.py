@@ -1,14 +1,28 @@
 """From what the sensors saw to a demonstration, and to what became of a throw."""
 
-from dart_skill.skill.observe._arm_in_bag import attach_arm
-from dart_skill.skill.observe._at_rest import basket_at_rest, check_ball_in_hand
+from typing import TYPE_CHECKING
+
+from dart_skill.lazy import on_first_use
 from dart_skill.skill.observe._cutting import ARRIVAL_NS, THRESHOLDS, ThrowLog, judged, seen_down, watched_until
 from dart_skill.skill.observe._free_flight import FreeFlight, find_flight
 from dart_skill.skill.observe._noise import column_noise, position_noise
 from dart_skill.skill.observe._outcome import Outcome, Release, fit_release, judge_flight
 from dart_skill.skill.observe._sensor_log import RESET_NS, SensorLog
-from dart_skill.skill.observe._sightings import sightings
 from dart_skill.skill.observe._throw_finder import FoundThrow, ThrowFinder, worlds
+
+if TYPE_CHECKING:
+    from dart_skill.skill.observe._arm_in_bag import attach_arm
+    from dart_skill.skill.observe._at_rest import basket_at_rest, check_ball_in_hand
+    from dart_skill.skill.observe._sightings import sightings
+else:
+    __getattr__, __dir__ = on_first_use(
+        __name__,
+        {
+            "_arm_in_bag": "attach_arm",
+            "_at_rest": "basket_at_rest check_ball_in_hand",
+            "_sightings": "sightings",
+        },
+    )
 
 __all__ = [
     "ARRIVAL_NS",

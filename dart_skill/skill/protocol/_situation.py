@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from dart_skill.checks import as_vector
 
@@ -31,17 +32,17 @@ class Pose:
     @property
     def rotation(self) -> np.ndarray:
         """Axes of the body as columns (3, 3)."""
-        return Rotation.from_quat(self.quaternion).as_matrix()
+        return _turn(self).as_matrix()
 
     def place(self, local: Pose) -> Pose:
         """What is at a pose in this body's frame, in the world. local: position, or pose, in this frame."""
-        turn = Rotation.from_quat(self.quaternion)
-        return Pose(self.position + turn.apply(local.position), (turn * Rotation.from_quat(local.quaternion)).as_quat())
+        turn = _turn(self)
+        return Pose(self.position + turn.apply(local.position), (turn * _turn(local)).as_quat())
 
     def sees(self, other: Pose) -> Pose:
         """Where another body is in the frame of this one. other: its pose."""
-        back = Rotation.from_quat(self.quaternion).inv()
-        return Pose(back.apply(other.position - self.position), (back * Rotation.from_quat(other.quaternion)).as_quat())
+        back = _turn(self).inv()
+        return Pose(back.apply(other.position - self.position), (back * _turn(other)).as_quat())
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,3 +65,8 @@ class Situation:
     def moved(self, role: str, pose: Pose) -> Situation:
         """The same situation with one body elsewhere. pose: where it is then."""
         return replace(self, poses={**self.poses, role: pose})
+
+
+def _turn(pose: Pose) -> Any:
+    """As SciPy turns vectors; it is loaded on first use, for the most that know of situations turn nothing."""
+    return scipy.spatial.transform.Rotation.from_quat(pose.quaternion)

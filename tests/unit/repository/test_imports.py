@@ -1,6 +1,9 @@
 """What may import what: the arrows between the rooms of the house (docs/development.md)."""
 
 import ast
+import importlib
+import subprocess
+import sys
 from functools import cache
 
 import pytest
@@ -9,7 +12,7 @@ from tests.paths import ROOT
 
 SOURCES = {"dart_skill": ROOT / "dart_skill", "dart_skill_nodes": ROOT / "nodes" / "dart_skill_nodes"}
 LAYERS = (
-    {"__version__", "archive", "constants", "configuration", "extras", "files", "hyper_parameters", "palette"},
+    {"__version__", "archive", "constants", "configuration", "extras", "files", "hyper_parameters", "lazy", "palette"},
     {"world", "fleet", "checks", "geometry", "permissions"},
     {"flight", "mixture", "regions", "pace"},
     {"surface", "movement", "policy_search", "darts", "recording", "robot"},
@@ -108,3 +111,32 @@ def test_a_module_with_an_underscore_is_imported_by_its_own_package_only():
         if name.startswith("dart_skill") and not module.startswith(name[: name.index(f".{private}")])
     ]
     assert not wrong, "\n".join(wrong)
+
+
+def lazily_imported(tree):
+    """The names that a package imports on first use, as it says them to type checkers and as it says them to `on_first_use`."""
+    blocks = (node.body for node in tree.body if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING")
+    told = {alias.name for block in blocks for line in block for alias in line.names}
+    homes = (node.args[1] for node in ast.walk(tree) if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "on_first_use")
+    return told, {name for home in homes for names in ast.literal_eval(home).values() for name in names.split()}
+
+
+LAZY = sorted(module for module, tree in modules("dart_skill").items() if lazily_imported(tree)[1])
+
+
+@pytest.mark.parametrize("package", LAZY)
+def test_a_package_has_all_that_it_imports_on_first_use(package):
+    told, offered = lazily_imported(modules("dart_skill")[package])
+    module = importlib.import_module(package)
+    assert told == offered <= set(module.__all__) <= set(dir(module))
+    assert all(hasattr(module, name) for name in offered)
+    with pytest.raises(AttributeError, match=f"module '{package}' has no attribute 'nonsense'"):
+        _ = module.nonsense
+
+
+@pytest.mark.parametrize("module", ["client.graph_client", "executables.recorder"])
+def test_who_neither_moves_an_arm_nor_learns_starts_without_what_that_takes(module):
+    """Half of the time in which a script or a recorder starts was for packages that it never used."""
+    heavy = ("pinocchio", "pybullet", "scipy.spatial", "scipy.optimize", "scipy.ndimage", "matplotlib", "dart_skill.mixture")
+    shown = f"import sys, dart_skill_nodes.{module}; print(*sorted(set(sys.modules) & set({heavy})))"
+    assert subprocess.run([sys.executable, "-c", shown], capture_output=True, text=True, check=True).stdout.split() == []
