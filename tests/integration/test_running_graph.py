@@ -17,7 +17,7 @@ from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.process.graph_processes import NODES
 
-from .conftest import Joints, begin_slow_throw, teach_and_learn, wait_for
+from .conftest import Diagnoses, Joints, begin_slow_throw, teach_and_learn, wait_for
 
 SEED = 1
 SHOWN, (TARGET,) = targets_for(SEED, 2, 1)
@@ -56,6 +56,14 @@ def status(client, *arguments):
             break
     assert complaint == "", complaint
     return process.returncode, said
+
+
+def test_a_world_of_which_nobody_has_asked_anything_rests_soon(graph):
+    """First: what comes later asks. Each graph made 5000 steps at its start for nobody."""
+    _, client = graph
+    said = Diagnoses(client)
+    wait_for(client, lambda: said.of.get("wam_simulator") == "resting", what=lambda: f"it rests, not '{said.of.get('wam_simulator')}',")
+    assert int(said.values["wam_simulator"]["steps"]) < 2500, said.values["wam_simulator"]
 
 
 def test_the_status_of_a_graph_that_is_well(graph):

@@ -80,6 +80,8 @@ CHANGEABLE = [row.name for row in TABLE if not row.read_only and row.name not in
 """What can change while the simulator runs, from the next reset on."""
 RESTING = 0.05
 """Between two steps of a world that rests [s, wall clock]: whoever looks sees that it lives, and it costs nearly nothing."""
+UNASKED = 0.5
+"""So soon rests a world of which nobody has asked anything since the start: ball and basket have settled by then [s]."""
 RESTS = 0.05
 """An arm whose guide has gone is braked until no joint is faster [rad/s]."""
 PUSHES = {"commander": COMMANDS, "teacher": GUIDING}
@@ -103,6 +105,7 @@ class WamSimulator(GuardedNode):
         self._answers, self._fault, self._steps_made = {}, "", 0
         self._hold_no_command()
         self._stillness, self._rests = Stillness(), False  # the latter: nothing has moved for long, and nobody waits for steps
+        self._asked = False  # whether anybody has asked for anything
         self._guide: Presence | None = None  # who guides the arm
         self._left = ""  # why nobody guides it any more, until it rests
         self._make_topics()
@@ -197,7 +200,7 @@ class WamSimulator(GuardedNode):
     def _wake(self) -> None:
         """Somebody asked for something: go on at full speed."""
         self._stillness.wake(self._plant.state_stamp_ns)
-        self._rests = False
+        self._asked, self._rests = True, False
 
     def _go_on_slowly(self) -> None:
         if self._rests:
@@ -226,7 +229,9 @@ class WamSimulator(GuardedNode):
             return
         self._stillness.look(ns, self._plant.joint_velocity, self._plant.bodies)
         waits = self._guided or self._budget
-        self._rests = not waits and 0.0 < self.get_parameter("rest_after").value < (ns - self._stillness.since_ns) * 1e-9
+        rest_after = self.get_parameter("rest_after").value
+        still_for = (ns - self._stillness.since_ns) * 1e-9
+        self._rests = not waits and 0.0 < (rest_after if self._asked else min(rest_after, UNASKED)) < still_for
 
     def _tell_of_safety(self) -> None:
         """On /wam/safety, when it changes: all is well, something is near its limit, or the motors are shorted until a reset."""
