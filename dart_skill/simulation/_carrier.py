@@ -15,6 +15,9 @@ from dart_skill.simulation._guiding import Guiding, smooth
 from dart_skill.simulation._teacher import Person
 from dart_skill.simulation._workbench import Pose
 
+BLOCK = 100
+"""Steps whose path is worked out at once: SciPy turns that many in the time of a few."""
+
 
 @dataclass(frozen=True)
 class Carrying:
@@ -68,6 +71,7 @@ class Carrier(Guiding):
         hand = self._model.hand_state(state.position, state.velocity)
         back = Rotation.from_quat(part[1]).inv()
         self._grip = back.apply(hand.position - part[0]), back * Rotation.from_matrix(hand.rotation)
+        self._in_mind: dict[float, tuple[np.ndarray, np.ndarray]] = {}
 
     @property
     def duration(self) -> float:
@@ -81,13 +85,22 @@ class Carrier(Guiding):
 
     def _wanted(self, time: float) -> tuple[np.ndarray, np.ndarray]:
         """Where the hand shall be (3,), and how turned (3, 3)."""
-        share = (time - 2.0 * self.carrying.wait) / self._way
-        up, over, down = smooth(share / 0.3), smooth((share - 0.15) / 0.45), smooth((share - 0.62) / 0.38)
-        place = self._first + over * (self._last - self._first)
-        place[2] += (1.0 - over) * up * self._lift + over * (1.0 - down) * self._above
+        if time not in self._in_mind:
+            step_ns = round(1e9 * self._step)
+            steps = (round(1e9 * time) + step_ns * np.arange(BLOCK)) * 1e-9
+            times = np.concatenate([[time], steps, steps + self._step])
+            self._in_mind = dict(zip(times.tolist(), zip(*self._path(times), strict=True), strict=True))
+        return self._in_mind[time]
+
+    def _path(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The same at times (n,): (n, 3) and (n, 3, 3)."""
+        share = (times - 2.0 * self.carrying.wait) / self._way
+        up, over, down = (np.array([*map(smooth, part.tolist())]) for part in (share / 0.3, (share - 0.15) / 0.45, (share - 0.62) / 0.38))
+        place = self._first + over[:, None] * (self._last - self._first)
+        place[:, 2] += (1.0 - over) * up * self._lift + over * (1.0 - down) * self._above
         # While both are under way, neither of the two heights is reached: over the edge of the holder the part is high all the same.
         turn, (offset, held) = self._turns(over), self._grip
-        return place + turn.apply(offset), (turn * held).as_matrix()
+        return place + turn.as_matrix() @ offset, (turn * held).as_matrix()
 
     def _button(self, time: float) -> Grip:
         c = self.carrying
