@@ -3,28 +3,27 @@
 from typing import TYPE_CHECKING
 
 from dart_skill.lazy import on_first_use
-from dart_skill.session._darts_run import (
-    BLOCK,
-    Dart,
-    DartsRun,
-    DartsSummary,
-    LegSummary,
-    after_the_throw,
-    as_pair,
-    before_the_throw,
-    darts_json,
-    darts_table,
-    summarise,
-)
-from dart_skill.session._reaching_person import ReachingPerson
 from dart_skill.session._skill_summary import SkillResult, SkillSummary, in_words, situation_json, skill_table
-from dart_skill.session._summary import DemoSummary, ThrowResult, error_quantile, footer, table, write_summary
+from dart_skill.session._summary import DemoSummary, ThrowResult, basket_in_words, error_quantile, footer, table, write_summary
 
 if TYPE_CHECKING:
     from dart_skill.session._belt import BeltSession
     from dart_skill.session._bench import BenchSession
     from dart_skill.session._darts_demo import Hit, darts_demo, play_leg, throw_dart
-    from dart_skill.session._demo import Job, basket_in_words, throwing_demo
+    from dart_skill.session._darts_run import (
+        BLOCK,
+        Dart,
+        DartsRun,
+        DartsSummary,
+        LegSummary,
+        after_the_throw,
+        as_pair,
+        before_the_throw,
+        darts_json,
+        darts_table,
+        summarise,
+    )
+    from dart_skill.session._demo import Job, throwing_demo
     from dart_skill.session._from_bag import LearnReport, find_throws, learn_from_bag
     from dart_skill.session._from_lerobot import (
         learn_other_throws_from_dataset,
@@ -34,6 +33,7 @@ if TYPE_CHECKING:
         skill_of_dataset,
     )
     from dart_skill.session._in_process import Session, Trial
+    from dart_skill.session._reaching_person import ReachingPerson
     from dart_skill.session._session_bag import LAYOUT, SessionBag
     from dart_skill.session._skill_demo import skill_demo
     from dart_skill.session._skill_from_bag import learn_skill_from_bag, learn_throws_from_bag
@@ -46,11 +46,14 @@ else:
             "_belt": "BeltSession",
             "_bench": "BenchSession",
             "_darts_demo": "Hit darts_demo play_leg throw_dart",
-            "_demo": "Job basket_in_words throwing_demo",
+            "_darts_run": "BLOCK Dart DartsRun DartsSummary LegSummary after_the_throw as_pair before_the_throw darts_json darts_table "
+            "summarise",
+            "_demo": "Job throwing_demo",
             "_from_bag": "LearnReport find_throws learn_from_bag",
             "_from_lerobot": "learn_other_throws_from_dataset learn_skill_from_dataset learn_throws_from_dataset open_dataset "
             "skill_of_dataset",
             "_in_process": "Session Trial",
+            "_reaching_person": "ReachingPerson",
             "_session_bag": "LAYOUT SessionBag",
             "_skill_demo": "skill_demo",
             "_skill_from_bag": "learn_skill_from_bag learn_throws_from_bag",

@@ -5,7 +5,6 @@ The same lessons, plans and landings as the graph's, to the last bit.
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,7 +17,7 @@ from dart_skill.recording import Demonstration
 from dart_skill.regions import REGION, targets_for
 from dart_skill.session._in_process import Session, Trial
 from dart_skill.session._session_bag import LAYOUT, SessionBag
-from dart_skill.session._summary import DemoSummary, ThrowResult
+from dart_skill.session._summary import DemoSummary, ThrowResult, basket_in_words
 from dart_skill.skill.improve import PracticeSettings, PractisingSkill
 from dart_skill.skill.learn import changed, configuration
 from dart_skill.skill.protocol import load_skill
@@ -127,12 +126,6 @@ def practising(skill: Throw, shown: list[Demonstration], name: str, say: Say) ->
     delay = f"the hand opens {1e3 * learned.skill.hand_delay:.0f} ms after it is told to"
     say(f"learned from {len(shown)} demonstrations with '{chosen.name}'; {delay}")
     return learned
-
-
-def basket_in_words(target: np.ndarray) -> str:
-    """Where a basket stands."""
-    azimuth = math.degrees(math.atan2(target[1], target[0]))
-    return f"basket at {math.hypot(target[0], target[1]):.2f} m, {azimuth:+.0f} degrees"
 
 
 def _throw(session: Session, learned: PractisingSkill, target: np.ndarray, what: str, say: Say) -> ThrowResult:

@@ -148,6 +148,12 @@ class DemoSummary:
         }
 
 
+def basket_in_words(target: np.ndarray) -> str:
+    """Where a basket stands."""
+    azimuth = math.degrees(math.atan2(target[1], target[0]))
+    return f"basket at {math.hypot(target[0], target[1]):.2f} m, {azimuth:+.0f} degrees"
+
+
 def error_quantile(throws: Sequence[ThrowResult], share: float) -> float | None:
     """Landing error [m] that a share of the throws whose landing was seen stays below; None if none was seen."""
     errors = [throw.error_m for throw in throws if throw.error_m is not None]
