@@ -30,6 +30,8 @@ GAUSSIAN, SUCCESS, FAILURE = map(hexadecimal, (palette.GAUSSIAN, palette.SUCCESS
 PNG_DPI = 150
 NARROW = 4.6
 """Width of a figure on a telephone [inches]: its letters are as large there as those of the text."""
+STAYS = 1e-9
+"""A panel that moves by less stays where it is: share of the figure."""
 LOOK = {
     "axes.spines.right": False,
     "axes.spines.top": False,
@@ -79,14 +81,17 @@ def legend_below(figure: Figure, handles: Sequence[Any], labels: Sequence[str], 
     figure.legend(handles, labels, loc="outside lower center", ncols=min(2, columns) if narrow else columns)
 
 
-def save(figure: Figure, folder: str | Path, name: str) -> list[Path]:
-    """Write `name`.svg and `name`.png into a folder, which is made if need be; returns their paths. figure: of matplotlib."""
+def save(figure: Figure, folder: str | Path, name: str, drawn: str = "") -> list[Path]:
+    """Write `name`.svg and `name`.png into a folder, which is made if need be; returns their paths. figure: of matplotlib.
+
+    drawn: what `svg_text` made of it; by default it is drawn here.
+    """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     svg, png = folder / f"{name}.svg", folder / f"{name}.png"
     _settle(figure)
     with new_file(svg, replace=True) as file:
-        figure.savefig(file, format="svg", metadata={"Date": None, "Creator": "dart_skill"})
+        file.write((drawn or svg_text(figure)).encode())
     with new_file(png, replace=True) as file:
         figure.savefig(file, format="png", dpi=PNG_DPI, metadata={"Software": None})
     return [svg, png]
@@ -97,9 +102,13 @@ def _settle(figure: Figure) -> None:
     engine = figure.get_layout_engine()
     if engine is None:
         return
-    for _ in range(3):  # one pass does not find room for the titles of panels with equal axes
+    places = np.empty((0, 4))
+    for _ in range(3):  # one pass does not find room for the titles of panels with equal axes; where two agree, that is all
         engine.execute(figure)
-    figure.set_layout_engine("none")
+        before, places = places, np.array([axes.get_position(original=True).bounds for axes in figure.axes])
+        if before.shape == places.shape and np.abs(places - before).max(initial=0.0) < STAYS:
+            break
+    figure.set_layout_engine(None)  # "none" would leave a placeholder, for which every file is drawn twice
     for axes in figure.axes:
         axes.set_position(np.round(axes.get_position(original=True).bounds, 5))  # less than a pixel
         if axes.get_aspect() != "auto":

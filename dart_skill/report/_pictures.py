@@ -89,7 +89,7 @@ def save_pictures(drawn: Iterable[Picture], folder: str | os.PathLike) -> list[P
     for picture in drawn:
         if picture.figure is not None:
             with house_style():
-                written += save(picture.figure, os.fspath(folder), picture.name)
+                written += save(picture.figure, os.fspath(folder), picture.name, picture.svg)
     return written
 
 
