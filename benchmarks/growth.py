@@ -40,10 +40,10 @@ class Cost(NamedTuple):
     size: float
 
 
-def cost_of(task: Callable[[], object]) -> Cost:
-    """Least time of a few calls, of one only where it is long; memory of another call."""
+def cost_of(task: Callable[[], object], seconds: float) -> Cost:
+    """Least time of at least three calls in so many seconds, of one only where it is long; memory of another call."""
     taken: list[float] = []
-    while len(taken) < 3 or (sum(taken) < 0.3 and len(taken) < 200):
+    while len(taken) < 3 or (sum(taken) < seconds and len(taken) < 200):
         begin = time.process_time()
         task()
         taken.append(time.process_time() - begin)
@@ -64,7 +64,7 @@ def frame(n_dims: int, rng: np.random.Generator) -> TaskFrame:
     return TaskFrame(matrix, np.concatenate([[0.0], rng.normal(size=n_dims - 1)]))
 
 
-def measure(demonstrations: int, frames: int, components: int, dimensions: int) -> tuple[Cost, Cost]:
+def measure(seconds: float, demonstrations: int, frames: int, components: int, dimensions: int) -> tuple[Cost, Cost]:
     """Costs of learning and of a plan."""
     rng, stamps = np.random.default_rng(0), np.linspace(0.0, 1.0, N_STEPS)
     phases, rates = rng.uniform(0.0, 6.0, dimensions - 1), rng.uniform(2.0, 7.0, dimensions - 1)
@@ -77,7 +77,7 @@ def measure(demonstrations: int, frames: int, components: int, dimensions: int) 
         return DSGMR(components, tolerance=0.0, max_iterations=N_ITERATIONS).fit(shown, seen_from)
 
     model, situation, start = learn(), [frame(dimensions, rng) for _ in range(frames)], motions[0, 0]
-    return cost_of(learn), cost_of(lambda: model.reproduce(situation, stamps, start, np.zeros(dimensions - 1)))
+    return cost_of(learn, seconds), cost_of(lambda: model.reproduce(situation, stamps, start, np.zeros(dimensions - 1)), seconds)
 
 
 def draw(found: dict[str, list[tuple[int, Cost, Cost]]], file: str) -> None:
@@ -108,6 +108,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--picture", metavar="FILE", help="draw the curves into an SVG file, too")
     parser.add_argument("--largest", type=int, default=2000, help="leave out larger numbers of demonstrations (default 2000)")
+    parser.add_argument("--seconds", type=float, default=0.3, help="for which each cost is measured at least (default 0.3)")
     options, found = parser.parse_args(), {}
     print(f"{'':<22}{'learning':>12}{'':>12}{'a plan':>12}")
     for name, numbers in GROWN.items():
@@ -115,7 +116,7 @@ def main() -> None:
         for number in numbers:
             if name == "demonstrations" and number > options.largest:
                 continue
-            learning, plan = measure(**{**USUAL, name: number})
+            learning, plan = measure(options.seconds, **{**USUAL, name: number})
             found[name].append((number, learning, plan))
             costs = "".join(f"{1e3 * one.seconds:>9.2f} ms{1e-6 * one.size:>9.2f} MB" for one in (learning, plan))
             print(f"{number:>5} {name:<16}{costs}", flush=True)
