@@ -30,8 +30,6 @@ GAUSSIAN, SUCCESS, FAILURE = map(hexadecimal, (palette.GAUSSIAN, palette.SUCCESS
 PNG_DPI = 150
 NARROW = 4.6
 """Width of a figure on a telephone [inches]: its letters are as large there as those of the text."""
-STAYS = 1e-9
-"""A panel that moves by less stays where it is: share of the figure."""
 LOOK = {
     "axes.spines.right": False,
     "axes.spines.top": False,
@@ -102,12 +100,8 @@ def _settle(figure: Figure) -> None:
     engine = figure.get_layout_engine()
     if engine is None:
         return
-    places = np.empty((0, 4))
-    for _ in range(3):  # one pass does not find room for the titles of panels with equal axes; where two agree, that is all
+    for _ in range(3):  # one pass does not find room for the titles of panels with equal axes
         engine.execute(figure)
-        before, places = places, np.array([axes.get_position(original=True).bounds for axes in figure.axes])
-        if before.shape == places.shape and np.abs(places - before).max(initial=0.0) < STAYS:
-            break
     figure.set_layout_engine(None)  # "none" would leave a placeholder, for which every file is drawn twice
     for axes in figure.axes:
         axes.set_position(np.round(axes.get_position(original=True).bounds, 5))  # less than a pixel
