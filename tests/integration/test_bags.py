@@ -269,8 +269,8 @@ def test_a_bag_that_is_not_there_ends_the_player_with_a_reason(make_graph):
 
 
 def start_arm(graph, folder):
-    """The simulated graph, without a learner."""
-    graph.start("composed", {"bag": str(folder / "throws")})
+    """The simulated graph, without a learner, in a world that does not rest."""
+    graph.start("composed", {"bag": str(folder / "throws"), "rest_after": 0.0})
 
 
 def test_a_recorder_that_is_killed_loses_at_most_the_last_second(make_graph, tmp_path):

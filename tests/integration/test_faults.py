@@ -47,6 +47,7 @@ def test_a_recorder_that_is_held_up_loses_nothing(make_graph, tmp_path):
     """Whoever must not miss a message needs publishers that keep more than the newest ten until it has them, poses too."""
     graph, client = make_graph(None)
     parameters = {"mock_optitrack": {"dropout_rate": 0.0}, "demonstration_recorder": {"bag": str(tmp_path / "bag")}}
+    parameters["wam_simulator"] = {"rest_after": 0.0}
     for executable in ("wam_simulator", "commander", "mock_optitrack", "demonstration_recorder"):
         graph.start(executable, parameters.get(executable))
     periods = {"/joint_states": 2_000_000, "/wam/command": 2_000_000}
