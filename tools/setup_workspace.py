@@ -62,6 +62,8 @@ def check_machine(needs_wheels: bool) -> None:
             raise SetupError(f"{what} is missing; on Debian or Ubuntu: apt-get install build-essential")
     if re.search(r"\s", str(ROOT)):
         raise SetupError(f"the folder's path contains a space, which colcon and #! lines do not bear: {ROOT}")
+    if foreign := sorted({character for character in str(ROOT) if not character.isascii()}):
+        raise SetupError(f"the folder's path contains {' '.join(foreign)}, which the generator of messages does not bear: {ROOT}")
     free = shutil.disk_usage(ROOT).free / 1e9
     if free < DISK_GB:
         raise SetupError(f"{free:.1f} GB are free in {ROOT}; set-up needs {DISK_GB:.1f} GB")

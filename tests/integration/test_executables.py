@@ -1,14 +1,19 @@
 """Every node starts by itself with `ros2 run`, is seen on the graph, and ends without complaint when it is told to."""
 
+import os
 import shutil
 import signal
 import subprocess
 import sys
+import time
+from pathlib import Path
 
 import pytest
 import rclpy
+from ament_index_python import get_package_prefix
 
 from dart_skill_nodes.process.node_base import make_executor
+from tests.paths import ROOT
 
 NODES = {
     "wam_simulator": {"wam_simulator"},
@@ -33,7 +38,7 @@ def test_starts_with_ros2_run_and_ends_on_sigint(ros, tmp_path, executable):
     executor.add_node(node)
     log = open(tmp_path / "log", "wb")
     command = [shutil.which("ros2"), "run", "dart_skill", executable, *ARGUMENTS.get(executable, [])]
-    process = subprocess.Popen(command, cwd=tmp_path, stdout=log, stderr=log)
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=log, stderr=log, start_new_session=True)
     try:
         for _ in range(300):
             executor.spin_once(timeout_sec=0.1)
@@ -42,17 +47,52 @@ def test_starts_with_ros2_run_and_ends_on_sigint(ros, tmp_path, executable):
             assert process.poll() is None, (tmp_path / "log").read_text()
         else:
             pytest.fail(f"{NODES[executable]} never appeared, only {node.get_node_names()}")
-        process.send_signal(signal.SIGINT)
+        os.killpg(process.pid, signal.SIGINT)  # as Ctrl-C does: the real `ros2 run` hands nothing on
         assert process.wait(20) == 0, (tmp_path / "log").read_text()
     finally:
         if process.poll() is None:
-            process.kill()
+            os.killpg(process.pid, signal.SIGKILL)
             process.wait()
         log.close()
         node.destroy_node()
     text = (tmp_path / "log").read_text()
     for complaint in ("Traceback", "Error occurred", "context is invalid"):
         assert complaint not in text, text
+
+
+@pytest.mark.parametrize("executable", NODES)
+def test_the_help_of_a_node_starts_nothing_and_tells_its_parameters(tmp_path, executable):
+    asked = subprocess.run(
+        [shutil.which("ros2"), "run", "dart_skill", executable, "--help"], cwd=tmp_path, capture_output=True, text=True, timeout=60
+    )
+    assert asked.returncode == 0 and asked.stdout.startswith(f"usage: ros2 run dart_skill {executable}"), asked
+    assert ("  skill " in asked.stdout or "  bag " in asked.stdout) or executable in ("composed", "effort_bridge"), asked.stdout
+    assert not list(tmp_path.iterdir()), "a recorder began a bag"
+
+
+def test_what_a_node_does_not_take_is_said(tmp_path):
+    command = [shutil.which("ros2"), "run", "dart_skill", "bag_player"]
+    wrong = subprocess.run([*command, "bags/throws"], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    said = wrong.stderr.splitlines()
+    assert "bag_player: 'bags/throws' is not understood: parameters are given as --ros-args -p NAME:=VALUE" in said
+    assert wrong.returncode != 0
+    mistyped = [*command, "--ros-args", "-p", "raet:=0.0", "-p", f"bag:={ROOT / 'bags/throws'}", "-p", "duration:=0.01"]
+    played = subprocess.run(mistyped, cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert played.returncode == 0 and "there is no parameter 'raet' here" in played.stdout + played.stderr, played
+
+
+def test_a_node_that_is_told_to_end_while_it_loads_says_nothing(tmp_path):
+    """`ros2 launch` ends its nodes as soon as one of them cannot start: the others still import."""
+    command = [Path(get_package_prefix("dart_skill"), "lib/dart_skill/composed")]
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    maps = Path(f"/proc/{process.pid}/maps")
+    until = time.monotonic() + 60.0
+    while "numpy" not in maps.read_text():  # of the library, which comes before ROS is up
+        assert time.monotonic() < until
+        time.sleep(0.002)
+    process.send_signal(signal.SIGINT)
+    said, _ = process.communicate(timeout=60)
+    assert process.returncode == 0 and b"Traceback" not in said, said.decode()
 
 
 CANNOT = {

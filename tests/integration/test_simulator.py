@@ -6,12 +6,13 @@ import rclpy
 from dart_skill_msgs.msg import SimulationState, WamCommand
 from dart_skill_msgs.srv import PlaceBody, Reset, Step
 from diagnostic_msgs.msg import DiagnosticStatus
+from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import LATCHED, LOOP
 
-from .conftest import Diagnoses, Joints, answer, wait_for
+from .conftest import Diagnoses, Joints, answer, catch_up, wait_for
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +47,19 @@ def test_lockstep_waits_for_the_answer_and_names_who_is_silent(simulator):
         return state.newest_ns == before + 2_000_000
 
     wait_for(client, steps, what="the next state")
+
+
+def test_who_comes_late_hears_what_holds_now_and_nothing_that_is_over(simulator):
+    """`ros2 topic echo --once /simulation/held` printed the oldest of a hundred messages."""
+    client, _, _ = simulator
+    pause = client.node.create_client(SetBool, "/simulation/pause")
+    for held in (True, False, True):
+        client.call(pause, SetBool.Request(data=held))
+    heard = []
+    client.node.create_subscription(Bool, "/simulation/held", lambda message: heard.append(message.data), LATCHED)
+    wait_for(client, lambda: heard, what="whether the world is held")
+    catch_up(client, 0.5)
+    assert heard == [True]
 
 
 def test_nonsense_on_the_command_topic_moves_nothing(simulator):

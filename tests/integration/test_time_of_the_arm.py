@@ -8,7 +8,7 @@ from std_msgs.msg import Bool
 from dart_skill_nodes.comms import time_of_the_arm
 from dart_skill_nodes.comms.joint_states import InOrder
 from dart_skill_nodes.comms.presence import LOOK
-from dart_skill_nodes.comms.time_of_the_arm import STANDS, TimeOfTheArm
+from dart_skill_nodes.comms.time_of_the_arm import HELD_LONG, STANDS, TimeOfTheArm
 
 
 class Node:
@@ -51,6 +51,18 @@ def test_time_that_stands_still_is_noticed_unless_somebody_holds_it(node):
     assert not arm.stalled
     pass_time(node, arm, STANDS + LOOK)
     assert arm.stalled
+
+
+def test_who_waits_for_a_world_that_somebody_holds_is_told_what_lets_it_run(node):
+    arm = TimeOfTheArm(node)
+    node.hear(Bool(data=True))
+    pass_time(node, arm, HELD_LONG - LOOK)
+    assert not arm.held, "as before every trial"
+    pass_time(node, arm, 3 * LOOK)
+    assert "/simulation/pause with data: false" in arm.held
+    node.hear(Bool(data=False))
+    pass_time(node, arm, 3 * STANDS)
+    assert not arm.held
 
 
 def test_nobody_knows_it_of_an_arm_that_says_nothing_of_its_time(node):

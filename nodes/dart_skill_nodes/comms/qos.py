@@ -9,7 +9,9 @@ COMPLETE = QoSProfile(depth=10_000)
 """For what is recorded, at both ends: reliable, 20 s of 500 Hz. A reliable publisher repeats only what it still keeps, and Fast DDS may
 take its heartbeat period of 3 s to find out what was lost."""
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""Late joiners get what was published before."""
+"""Late joiners get what was published before: demonstrations, marks, fixed transforms. For subscriptions to NEWEST, too."""
+NEWEST = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""Late joiners get the last one alone: what holds until the next message. `ros2 topic echo --once` prints the first that it gets."""
 FRAMES = QoSProfile(depth=500)
 """For what comes with every frame of the cameras: reliable, 5 s. Once its history is full, Fast DDS tells with every message what came
 before it, so that what was lost is repeated at once."""

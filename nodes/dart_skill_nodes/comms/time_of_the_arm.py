@@ -15,6 +15,8 @@ HELD = "simulation/held"
 """Whether somebody holds the time of a simulated world."""
 STANDS = LEASE + 0.9
 """Time that stands still for so long goes on no more: whoever has died is known by then, and a process may be held up [s, wall clock]."""
+HELD_LONG = 1.0
+"""Who holds a world for a trial lets it run sooner [s, wall clock]."""
 
 
 class TimeOfTheArm:
@@ -35,6 +37,13 @@ class TimeOfTheArm:
         """To be called every LOOK."""
         gap, self._looked = time.monotonic() - self._looked, time.monotonic()
         self.silence += min(gap, 2 * LOOK)
+
+    @property
+    def held(self) -> str:
+        """What lets the time of a simulated arm go on, when somebody has held it for long; empty else."""
+        if not self._held or self.silence <= HELD_LONG:
+            return ""
+        return "the simulated world is held: /simulation/pause with data: false lets it run, /simulation/reset begins it anew"
 
     @property
     def stalled(self) -> str:

@@ -1,0 +1,17 @@
+"""The nodes: one module each, which `ros2 run dart_skill` starts by its name."""
+
+import os
+import signal
+import sys
+from pathlib import Path
+
+
+def _is_program() -> bool:
+    """Whether this process is one of them, started from lib/dart_skill as `ros2 run` and `ros2 launch` do."""
+    program = Path(sys.argv[0])
+    return program.parent.name == "dart_skill" and Path(__file__).with_name(f"{program.name}.py").is_file()
+
+
+if _is_program() and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+    # a node that is told to end while it still loads ends, instead of a traceback from the middle of an import; `run` takes over
+    signal.signal(signal.SIGINT, lambda *_: os._exit(0))

@@ -35,7 +35,7 @@ from dart_skill_nodes.comms.joint_states import StateReader, hear_joint_states
 from dart_skill_nodes.comms.names import COMMANDS, GUIDING, JOINT_STATES, full_name, pose_topic
 from dart_skill_nodes.comms.obeyed_publisher import new_sender
 from dart_skill_nodes.comms.presence import LOOK, Cameras, Presence, others, publishers, servers, subscribers
-from dart_skill_nodes.comms.qos import COMPLETE, FRAMES, LATCHED, WALL
+from dart_skill_nodes.comms.qos import COMPLETE, FRAMES, LATCHED, NEWEST, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.comms.seen_in_step import SeenInStep, Sighting
 from dart_skill_nodes.comms.time_of_the_arm import TimeOfTheArm
@@ -84,8 +84,8 @@ class GoalUnderWay:
     """A goal of /execute, from its acceptance to its result.
 
     client, learner: who waits for its result, and who made its plan. withdrawn: why it must not move the arm any more, empty if it may.
-    armed: the commander has its plan, and the arm may move for it. newest_ns: stamp of the last state that it saw. ended_ns: the stamp at
-    which the throw and the watching of the ball end, None before that is known.
+    armed: the commander has its plan, and the arm may move for it. waits: it was said that somebody holds the world. newest_ns: stamp of
+    the last state that it saw. ended_ns: the stamp at which the throw and the watching of the ball end, None before that is known.
     """
 
     handle: object
@@ -93,6 +93,7 @@ class GoalUnderWay:
     learner: Presence
     withdrawn: str = ""
     armed: bool = False
+    waits: bool = False
     over: Promise = field(default_factory=Promise)
     newest_ns: int = 0
     ended_ns: int | None = None
@@ -135,7 +136,7 @@ class CommanderNode(GuardedNode):
         self._guide: Presence | None = None  # who guides an arm that was released to a simulated person
         self._command = self.create_publisher(WamCommand, COMMANDS, COMPLETE)
         self._attractor = self.create_publisher(PoseStamped, "~/attractor", FRAMES)
-        self._plan = self.create_publisher(Path, "~/plan", LATCHED)
+        self._plan = self.create_publisher(Path, "~/plan", NEWEST)
         calls = ServiceCalls(self)
         self._calls, self._judge, self._eyes = calls, Judge(self, calls), Eyes(self, calls)
         self._seen = SeenInStep(self, name_of, self.p["frame_id"], self._answer) if self._skill.reacts else None
@@ -231,7 +232,8 @@ class CommanderNode(GuardedNode):
             if plan is not None:
                 await self._execute(plan, result)
         except (PlanRefused, ValueError, CallFailed) as error:
-            result.message = str(error)
+            waits = self._time.held if self._commander.mode == Mode.STOPPING else ""
+            result.message = "; ".join(filter(None, (str(error), waits)))
         except Withdrawn as reason:
             result.code, result.message = Execute.Goal.OUTCOME_STOPPED, str(reason)
         finally:
@@ -402,6 +404,10 @@ class CommanderNode(GuardedNode):
             self._withdraw(f"{goal.client} has gone, who asked for the {self._skill.name}")
         if goal.armed and self._commander.executing and goal.learner.gone:
             self._withdraw(f"{goal.learner} has gone during the {self._skill.name}: start it again")
+        if goal.armed and not goal.waits and self._time.held:
+            goal.waits = True
+            self._feed("held")
+            self.get_logger().warning(f"the {self._skill.name} waits: {self._time.held}")
         if goal.armed and not goal.withdrawn and self._time.stalled:
             self._withdraw(self._time.stalled)
         if goal.armed and goal.withdrawn and self._time.silence > QUIET:

@@ -1,5 +1,6 @@
 """Simulator, motion capture, commander, recorder, teacher and coach in one process and one executor: the same nodes, faster."""
 
+from rclpy.logging import get_logger
 from rclpy.node import Node
 
 from dart_skill_nodes.executables.coach import CoachNode
@@ -13,7 +14,7 @@ from dart_skill_nodes.process.node_base import run
 
 def _started() -> list[Node]:
     nodes = [DemonstrationRecorder(), MockOptitrack(), CommanderNode(), TeacherNode(), CoachNode(), WamSimulator()]
-    nodes[0].get_logger().info(f"ready: {', '.join(node.get_name() for node in nodes)}")
+    get_logger("composed").info(f"ready: {', '.join(node.get_name() for node in nodes)}")
     return nodes
 
 

@@ -17,7 +17,7 @@ from dart_skill.world import joint_names
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.joint_states import hear_joint_states
 from dart_skill_nodes.comms.names import COMMANDS
-from dart_skill_nodes.comms.qos import LATCHED, LOOP, WALL
+from dart_skill_nodes.comms.qos import LOOP, NEWEST, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.limits import LIMITS
 from dart_skill_nodes.process.node_base import ERROR, OK, WARN, Diagnostics, Parameter, declare, run
@@ -51,7 +51,7 @@ class EffortBridgeNode(GuardedNode):
         self._bridge = EffortBridge(BridgeSettings.from_parameters(self.p))
         self._told, self._message = self._bridge.phase, Float64MultiArray()
         self._efforts = self.create_publisher(Float64MultiArray, self.p["command_topic"], EFFORTS)
-        self._hand = self.create_publisher(Bool, "~/hand_open", LATCHED)
+        self._hand = self.create_publisher(Bool, "~/hand_open", NEWEST)
         self._commands = self.create_subscription(WamCommand, COMMANDS, self._on_command, LOOP)
         self._states = hear_joint_states(self, self._on_state)
         self.create_service(Trigger, "~/reset", self._on_reset)

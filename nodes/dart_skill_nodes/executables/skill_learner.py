@@ -19,7 +19,7 @@ from dart_skill.skills.throw import Throw
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.markers import marker_colour
 from dart_skill_nodes.comms.names import DEMONSTRATIONS, MARKS
-from dart_skill_nodes.comms.qos import LATCHED, SYSTEM
+from dart_skill_nodes.comms.qos import LATCHED, NEWEST, SYSTEM
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.node_base import OK, Diagnostics, Parameter, declare, run
 from dart_skill_nodes.skills.learning import Compared, Learning, Lesson, TaskLearning, ThrowLearning
@@ -64,7 +64,7 @@ class SkillLearner(GuardedNode):
         self.create_subscription(Demonstration, DEMONSTRATIONS, self._on_demonstration, LATCHED)
         self.create_subscription(DemonstrationMark, MARKS, self._on_mark, LATCHED)
         self._marks = self.create_publisher(DemonstrationMark, MARKS, LATCHED)
-        self._markers = self.create_publisher(MarkerArray, "~/model", LATCHED)
+        self._markers = self.create_publisher(MarkerArray, "~/model", NEWEST)
         self.create_service(Learn, "~/learn", self._on_learn)
         self.create_service(ListDemonstrations, "~/demonstrations", self._on_list)
         self.create_service(DropDemonstration, "~/drop_demonstration", self._on_drop)

@@ -30,7 +30,7 @@ from dart_skill_nodes.comms.in_process import call_soon
 from dart_skill_nodes.comms.names import CLOCK, COMMANDS, DESCRIPTION, GUIDING, JOINT_STATES
 from dart_skill_nodes.comms.obeyed_publisher import ObeyedPublisher
 from dart_skill_nodes.comms.presence import LOOK, Presence, publishers
-from dart_skill_nodes.comms.qos import CLOCK_QOS, COMPLETE, FRAMES, LATCHED, LOOP, WALL
+from dart_skill_nodes.comms.qos import CLOCK_QOS, COMPLETE, FRAMES, LOOP, NEWEST, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.comms.tf_messages import LiveTransforms
 from dart_skill_nodes.comms.time_of_the_arm import HELD
@@ -127,7 +127,7 @@ class WamSimulator(GuardedNode):
         self._tool_pose = self.create_publisher(PoseStamped, "wam/tool_pose", COMPLETE)
         self._clock_out = self.create_publisher(ClockMsg, CLOCK, CLOCK_QOS)
         self._truth = self.create_publisher(SimulationState, "simulation/state", FRAMES)
-        self._description = self.create_publisher(String, DESCRIPTION, LATCHED)
+        self._description = self.create_publisher(String, DESCRIPTION, NEWEST)
         self._description.publish(String(data=write_urdf(wam_description())))
         frame = self.p["frame_id"]
         self._transforms = LiveTransforms(self, frame, fixed_transforms(wam_description(), frame))
@@ -138,9 +138,9 @@ class WamSimulator(GuardedNode):
             message.header.frame_id = frame
         self._truth_layouts: dict[tuple, FixedLayout] = {}  # by what the messages say beside numbers
         self._joint_layout = FixedLayout(joints)
-        self._safety = self.create_publisher(DiagnosticStatus, "wam/safety", LATCHED)
+        self._safety = self.create_publisher(DiagnosticStatus, "wam/safety", NEWEST)
         self._said_of_safety = None
-        self._held_out = self.create_publisher(Bool, HELD, LATCHED)
+        self._held_out = self.create_publisher(Bool, HELD, NEWEST)
         self._hold(self._paused)
         self._obeyed = {who: ObeyedPublisher(self, topic) for who, topic in PUSHES.items()}
         for who, topic in PUSHES.items():

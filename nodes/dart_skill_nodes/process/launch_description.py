@@ -4,6 +4,7 @@ import os
 from functools import partial
 
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, SetEnvironmentVariable, Shutdown
+from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
@@ -19,15 +20,16 @@ ARGUMENTS = {
     "bag": (str, "", "folder of the bag of demonstrations; empty: a new one in the working directory"),
     "played": (str, "", "the bag to play"),
     "rate": (float, "1.0", "of playing: seconds of the bag per second; 0: as fast as can be"),
-    "skill": (str, "", "what the arm learns and does: throw, place, or one of an installed package; empty: as config/world.yaml says"),
+    "skill": (str, "", "throw, darts, place, reach, or one of an installed package; empty: as config/world.yaml says"),
     "registration": (str, "", "of cameras and arm: the file of `dart-skill check arm --write`"),
 }
 """What a layout is started with: type, default and description."""
+LEVELS = ("debug", "info", "warn", "error", "fatal")
 OF_ALL = {
     "namespace": ("", "of all nodes, where several arms share a ROS domain, as arm1"),
     "params_file": ("", "YAML file of nodes' parameters, which override those of config/ and of the other arguments"),
     "use_sim_time": ("false", "nodes' own clocks follow the graph's; what they do goes by the stamps of what they hear in any case"),
-    "log_level": ("info", "of all nodes: debug, info, warn, error"),
+    "log_level": ("info", f"of all nodes: {', '.join(LEVELS)}"),
 }
 """Arguments of every launch file: default and description."""
 EXTRAS = {
@@ -60,15 +62,19 @@ def _started(context: LaunchContext, layouts: list[str], arguments: list[str], e
         return LaunchConfiguration(name).perform(context)
 
     layout = given("layout") if len(layouts) > 1 else layouts[0]
-    values = {name: ARGUMENTS[name][0](given(name)) for name in arguments}
+    values = {name: _value(name, given(name)) for name in arguments}
+    if values.get("played") == "":
+        raise ValueError("played:= is missing: give the bag to play")
     of_all = {name: given(name) for name in OF_ALL}
+    _check(of_all)
     nodes = [_node(executable, of_all, parameters_of(executable, layout, **values)) for executable in LAYOUTS[layout]]
     nodes += [_node(EXTRAS[name][0], of_all, {}, required=False) for name in extras if _is_true(name, given(name))]
     return nodes + (_rviz(of_all, layout) if _is_true("rviz", given("rviz")) else [])
 
 
 def _node(executable: str, of_all: dict[str, str], parameters: dict, required: bool = True) -> Node:
-    ends = required and executable != ENDS_BY_ITSELF
+    over = Shutdown(reason=f"{executable} has ended")
+    fails = partial(_ends_if_it_failed, over)
     return Node(
         package="dart_skill",
         executable=executable,
@@ -77,8 +83,30 @@ def _node(executable: str, of_all: dict[str, str], parameters: dict, required: b
         remappings=[("/clock", CLOCK)],
         ros_arguments=["--log-level", of_all["log_level"]],
         output="screen",
-        on_exit=Shutdown(reason=f"{executable} has ended") if ends else None,
+        on_exit=None if not required else fails if executable == ENDS_BY_ITSELF else over,
     )
+
+
+def _ends_if_it_failed(over: Shutdown, event: ProcessExited, context: LaunchContext) -> Shutdown | None:
+    """A bag that was played to its end leaves the learner to whoever asks; one that cannot be played leaves nothing to wait for."""
+    return over if event.returncode else None
+
+
+def _value(name: str, text: str):
+    """Of an argument, as its type has it; ValueError that names it."""
+    kind = ARGUMENTS[name][0]
+    try:
+        return kind(text)
+    except ValueError as error:
+        raise ValueError(f"{name}:={text}: give {'a whole number' if kind is int else 'a number'}") from error
+
+
+def _check(of_all: dict[str, str]) -> None:
+    """ValueError for what a node would refuse at its start, or `ros2 launch` would leave out with a warning."""
+    if (file := of_all["params_file"]) and not os.path.isfile(file):
+        raise ValueError(f"params_file:={file}: there is no such file")
+    if of_all["log_level"].lower() not in LEVELS:
+        raise ValueError(f"log_level:={of_all['log_level']}: give one of {', '.join(LEVELS)}")
 
 
 def _parameters(of_all: dict[str, str], own: dict) -> list:

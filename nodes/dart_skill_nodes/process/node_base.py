@@ -5,7 +5,6 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from pathlib import Path
 
 import rclpy
@@ -24,21 +23,12 @@ from dart_skill_nodes.comms.presence import be_alive
 from dart_skill_nodes.comms.qos import STATUS, SYSTEM
 from dart_skill_nodes.comms.refusals import GuardedLifecycleNode, GuardedNode, in_a_line
 from dart_skill_nodes.process.discovery import hear_loopback_alone
+from dart_skill_nodes.process.parameters import Parameter
 from dart_skill_nodes.process.signals import Interrupts
+from dart_skill_nodes.process.usage import heed_arguments, unknown_parameters
 
 ENDS_WITHIN = 0.1
 """Whether it was told to end, a process looks so often [s, wall clock]: not after each of thousands of messages a second."""
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """One row of a node's parameter table; the value stands in config/. low and high bound numbers."""
-
-    name: str
-    description: str
-    low: float | None = None
-    high: float | None = None
-    read_only: bool = True
 
 
 def declare(node: Node, file: str, table: list[Parameter]) -> dict:
@@ -138,12 +128,15 @@ def run(
 
     A node that cannot start ends the process with status 1 and one line, which begins with the name of the program.
     """
+    program = program or Path(sys.argv[0]).stem
+    if args is None:
+        heed_arguments(make_nodes, program)
     hear_loopback_alone()
     interrupts = Interrupts()
     nodes: list[Node] = []
     with exchanging() as exchange:
         try:
-            nodes = _started(make_nodes, args, program or Path(sys.argv[0]).stem)
+            nodes = _started(make_nodes, args, program)
             executor = make_executor()
             for node in nodes:
                 be_alive(node)
@@ -176,7 +169,10 @@ class OnceIn:
 def _started(make_nodes: Callable[[], list[Node]], args: list[str] | None, program: str) -> list[Node]:
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-        return make_nodes()
+        nodes = make_nodes()
+        for name in unknown_parameters(nodes):
+            nodes[0].get_logger().warning(f"there is no parameter '{name}' here: it changes nothing (--help lists them)")
+        return nodes
     except Exception as error:  # rclpy has its own for parameters and arguments that it does not take
         defect = isinstance(error, TypeError | LookupError | AttributeError | ArithmeticError | AssertionError)
         text = in_a_line(error) if defect else " ".join(str(error).split())

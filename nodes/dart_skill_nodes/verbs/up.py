@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
     parser.description = "The node graph, started, watched and ended in order; it stays until Ctrl-C."
     parser.add_argument("--layout", choices=list(LAYOUTS), help="what is started (default composed; replay with --play)")
-    parser.add_argument("--skill", default="", metavar="NAME", help="throw, place, or one of an installed package (default throw)")
+    parser.add_argument("--skill", default="", metavar="NAME", help="throw, darts, place, reach, or one that is installed (default throw)")
     parser.add_argument("--seed", type=int, default=0, help="everything random in the simulation comes from it (default 0)")
     parser.add_argument("--play", type=Path, metavar="BAG", help="bag of a replay")
     parser.add_argument("--rate", type=float, help="of a replay; 0: as fast as can be (default 1)")

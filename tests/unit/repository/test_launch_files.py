@@ -33,6 +33,7 @@ def stand_ins(monkeypatch):
     wanted = {
         "launch": ["LaunchContext", "LaunchDescription"],
         "launch.actions": ["DeclareLaunchArgument", "OpaqueFunction", "SetEnvironmentVariable", "Shutdown"],
+        "launch.events.process": ["ProcessExited"],
         "launch.substitutions": [],
         "launch_ros": [],
         "launch_ros.actions": ["Node"],
@@ -66,7 +67,8 @@ class Launched:
         """Options of the nodes that it starts with these arguments, by executable."""
         assert set(arguments) <= set(self.declared)
         (start,) = [one for one in self.entities if type(one).__name__ == "OpaqueFunction"]
-        values = {name: options["default_value"] for name, options in self.declared.items()} | arguments
+        needed = {"played": "bag"} if "played" in self.declared else {}
+        values = {name: options["default_value"] for name, options in self.declared.items()} | needed | arguments
         return {node.options["executable"]: node.options for node in start.options["function"](values)}
 
     @property
@@ -97,23 +99,41 @@ def test_arguments_are_described(launched):
     assert {"viewer", "rviz", "namespace", "params_file", "use_sim_time", "log_level"} <= set(launched.declared)
 
 
-def test_every_node_has_what_is_given_for_all(launched):
-    given = {"namespace": "arm1", "params_file": "mine.yaml", "use_sim_time": "true", "log_level": "debug", "viewer": "true"}
+def test_every_node_has_what_is_given_for_all(launched, tmp_path):
+    mine = tmp_path / "mine.yaml"
+    mine.touch()
+    given = {"namespace": "arm1", "params_file": str(mine), "use_sim_time": "true", "log_level": "debug", "viewer": "true"}
     for options in launched.nodes(**given).values():
         assert options["namespace"] == "arm1" and options["ros_arguments"] == ["--log-level", "debug"]
-        assert options["parameters"][1] == "mine.yaml" and options["parameters"][0]["use_sim_time"] is True
+        assert options["parameters"][1] == str(mine) and options["parameters"][0]["use_sim_time"] is True
         assert options["remappings"] == [("/clock", "clock")]
 
 
 def test_all_ends_with_a_node_that_is_needed_and_with_no_other(launched):
     nodes = launched.nodes(viewer="true")
-    needed = {name for name, options in nodes.items() if options["on_exit"] is not None}
+    needed = {name for name, options in nodes.items() if type(options["on_exit"]).__name__ == "Shutdown"}
     assert needed == set(nodes) - {"viewer", "bag_player"}
+    if "bag_player" in nodes:
+        ends = {code: nodes["bag_player"]["on_exit"](types.SimpleNamespace(returncode=code), None) for code in (0, 1)}
+        assert ends[0] is None and type(ends[1]).__name__ == "Shutdown", "a bag that cannot be played leaves nothing to wait for"
 
 
-def test_a_switch_is_true_or_false(launched):
-    with pytest.raises(ValueError, match="viewer:=yes: give true or false"):
-        launched.nodes(viewer="yes")
+@pytest.mark.parametrize(
+    ("argument", "value", "said"),
+    [
+        ("viewer", "yes", "viewer:=yes: give true or false"),
+        ("seed", "x", "seed:=x: give a whole number"),
+        ("rate", "fast", "rate:=fast: give a number"),
+        ("played", "", "played:= is missing: give the bag to play"),
+        ("params_file", "nowhere.yaml", "params_file:=nowhere.yaml: there is no such file"),
+        ("log_level", "loud", "log_level:=loud: give one of debug, info"),
+    ],
+)
+def test_what_cannot_be_is_refused_before_anything_starts(launched, argument, value, said):
+    if argument not in launched.declared:
+        pytest.skip("this launch file has no such argument")
+    with pytest.raises(ValueError, match=said):
+        launched.nodes(**{argument: value})
 
 
 def test_a_real_arm_may_have_the_bridge_and_the_measured_registration(monkeypatch):

@@ -338,6 +338,13 @@ def test_a_full_disk_gets_one_line(monkeypatch):
         workspace.check_machine(needs_wheels=False)
 
 
+@pytest.mark.parametrize(("folder", "named"), [("my darts", "contains a space"), ("würfe", "contains ü, which")])
+def test_a_folder_whose_path_the_build_does_not_bear_is_refused_before_anything_is_downloaded(folder, named, tmp_path, monkeypatch):
+    monkeypatch.setattr(workspace, "ROOT", tmp_path / folder)
+    with pytest.raises(workspace.SetupError, match=f"the folder's path {named}.*{folder}"):
+        workspace.check_machine(needs_wheels=False)
+
+
 def test_a_machine_without_wheels_is_told_so(monkeypatch):
     monkeypatch.setattr(workspace.platform, "machine", lambda: "riscv64")
     with pytest.raises(workspace.SetupError, match="need Linux on x86-64.*this is .*riscv64"):
