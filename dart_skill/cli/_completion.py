@@ -48,7 +48,7 @@ def answer(parser: argparse.ArgumentParser) -> int:
     for command in commands_of(parser):
         for action in command._actions:
             complete_with(action, command.prog.removeprefix(parser.prog).strip())
-    bare = not _takes_words(_command_of(parser, _words()))
+    bare = not _takes_words(command_of(parser, _words()))
     argcomplete.autocomplete(parser, always_complete_options=bare, exclude=["-h"], default_completer=_nothing)
     return 1
 
@@ -56,7 +56,7 @@ def answer(parser: argparse.ArgumentParser) -> int:
 def commands_of(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
     """The parser, and those of all its commands and verbs."""
     yield parser
-    for verb in _verbs(parser).values():
+    for verb in verbs_of(parser).values():
         yield from commands_of(verb)
 
 
@@ -79,14 +79,16 @@ def complete_with(action: argparse.Action, command: str) -> None:
         action.completer = completer  # type: ignore[attr-defined]  # where argcomplete looks for it
 
 
-def _verbs(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+def verbs_of(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+    """The commands of a command, by name; empty for one that has none."""
     groups = [action for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
     return dict(groups[0].choices) if groups else {}
 
 
-def _command_of(parser: argparse.ArgumentParser, typed: Sequence[str]) -> argparse.ArgumentParser:
-    verbs = _verbs(parser)
-    return _command_of(verbs[typed[0]], typed[1:]) if typed and typed[0] in verbs else parser
+def command_of(parser: argparse.ArgumentParser, typed: Sequence[str]) -> argparse.ArgumentParser:
+    """That which words name, as far as they do."""
+    verbs = verbs_of(parser)
+    return command_of(verbs[typed[0]], typed[1:]) if typed and typed[0] in verbs else parser
 
 
 def _takes_words(parser: argparse.ArgumentParser) -> bool:

@@ -10,6 +10,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import NoReturn
 
 from dart_skill import __version__
 from dart_skill.cli import _completion, bag, check, darts, demo, experiment, graph_verbs, learn, report, security, view
@@ -25,9 +26,10 @@ def main(arguments: list[str] | None = None) -> int:
         parser = _parser()
         if _completion.is_asked():
             return _completion.answer(parser)
-        options, unknown = parser.parse_known_args(sys.argv[1:] if arguments is None else arguments)
+        words = sys.argv[1:] if arguments is None else arguments
+        options, unknown = parser.parse_known_args(words)
         if unknown and not options.takes_anything:
-            parser.error(f"unrecognized arguments: {' '.join(unknown)}")
+            _completion.command_of(parser, words).error(f"unrecognized arguments: {' '.join(unknown)}")
         with _ends_in_order():
             status = options.run(options)
             sys.stdout.flush()
@@ -80,7 +82,7 @@ def _end(number: int, _: object) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="dart-skill", description="A robot arm that learns to throw from demonstrations.", epilog=TAB)
+    parser = _Parser(prog="dart-skill", description="A robot arm that learns to throw from demonstrations.", epilog=TAB)
     parser.add_argument("--version", action="version", version=f"dart-skill {__version__}")
     parser.set_defaults(takes_anything=False)
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
@@ -96,3 +98,13 @@ def _parser() -> argparse.ArgumentParser:
     for verb in (bag, view, report, experiment, darts, security):
         verb.add_to(commands)
     return parser
+
+
+class _Parser(argparse.ArgumentParser):
+    """Of all commands. Where a command is missing, it says which there are."""
+
+    def error(self, message: str) -> NoReturn:
+        if message.startswith("the following arguments are required") and _completion.verbs_of(self):
+            self.print_help(sys.stderr)
+            self.exit(2)
+        super().error(message)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import shlex
 import sys
 from collections.abc import Callable
 from functools import partial
@@ -173,14 +174,14 @@ def _leave_behind(summary: DemoSummary | SkillSummary | DartsSummary, options: a
         from dart_skill.session import write_summary
 
         written = [write_summary(summary, options.output)]
-        say(f"no report and no pictures: {explained(error)}, then dart-skill report {options.output}")
+        say(f"no report and no pictures: {explained(error)}, then dart-skill report {shlex.quote(str(options.output))}")
     except (ValueError, OSError) as error:
         say(f"no report: {error}")
         return 1
     if not options.json:
         print(f"\nbag, {', '.join(path.name for path in written)}: {options.output}")
-        seen = f"open {page} in a browser, or " if page.is_file() else ""
-        print(f"next: {seen}{f'dart-skill view {bag}' if options.skill == THROW else f'dart-skill bag info {bag}'}")
+        seen = f"open {shlex.quote(str(page))} in a browser, or " if page.is_file() else ""
+        print(f"next: {seen}dart-skill {'view' if options.skill == THROW else 'bag info'} {shlex.quote(str(bag))}")
     return 0
 
 

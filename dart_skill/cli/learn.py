@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import json
+import shlex
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from dart_skill.skills.throw import Throw
 
 THROW = "throw"
-NEXT = "next: dart-skill demo{} --model '{}'"
+NEXT = "next: dart-skill demo{} --model {}"
 
 
 def add_to(commands: argparse._SubParsersAction) -> None:
@@ -175,7 +176,7 @@ def _next(skill: str, model: Path) -> list[str]:
     """What to type for an arm that does what was learned; nothing where there is no ROS for it."""
     if importlib.util.find_spec("rclpy") is None:
         return []
-    return [NEXT.format("" if skill == THROW else f" --skill {skill}", model.resolve())]
+    return [NEXT.format("" if skill == THROW else f" --skill {skill}", shlex.quote(str(model.resolve())))]
 
 
 def _throw_line(number: int, throw: FoundThrow) -> str:

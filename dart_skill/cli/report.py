@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -68,7 +69,7 @@ def _report_of_skill(bag: Path, name: str, output: Path, as_json: bool) -> int:
     lines = [
         f"{name}: {len(run.shown)} demonstrations, {own} movements of the arm's own",
         f"report: {output}",
-        f"next: dart-skill view {bag}",
+        f"next: dart-skill view {shlex.quote(str(bag))}",
     ]
     print(json.dumps({**told, "own": own, "notes": list(run.notes)}, indent=1) if as_json else "\n".join(lines))
     return 0
@@ -88,5 +89,5 @@ def _as_text(run: Run, output: Path) -> str:
     from dart_skill.session import footer
 
     lines = [f"{len(run.shown)} demonstrations, {len(run.results)} throws of the arm: {footer(run.results)}"]
-    lines += [f"report: {output}, {output.stat().st_size / 1e6:.1f} MB", f"next: dart-skill view {run.bag}"]
+    lines += [f"report: {output}, {output.stat().st_size / 1e6:.1f} MB", f"next: dart-skill view {shlex.quote(str(run.bag))}"]
     return "\n".join(lines)

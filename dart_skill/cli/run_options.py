@@ -33,6 +33,13 @@ def add_run(
     add_arm(parser)
 
 
+def positive(text: str) -> int:
+    """A type of options that count: with none of them a table would be empty."""
+    if (number := int(text)) < 1:
+        raise argparse.ArgumentTypeError(f"{number}: give at least 1")
+    return number
+
+
 def add_configuration(parser: argparse.ArgumentParser, default: str) -> None:
     """Which of the skill's configurations is learned; default: in words."""
     text = f"of the skill: {', '.join(CONFIGURATIONS)} (default: {default})"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from pathlib import Path
 
 from dart_skill.cli.run_options import add_namespace
@@ -29,5 +30,5 @@ def run(options: argparse.Namespace) -> int:
 
     with new_file(options.policy) as stream:
         stream.write(policy(options.namespace).encode())
-    print(f"{options.policy}: {len(processes())} enclaves\n{NEXT.format(path=options.policy)}")
+    print(f"{options.policy}: {len(processes())} enclaves\n{NEXT.format(path=shlex.quote(str(options.policy)))}")
     return 0

@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -138,10 +139,10 @@ def _say(options: argparse.Namespace, files: Sequence[Path], layouts: Sequence[P
         lists = {"files": list(map(str, files)), "layouts": list(map(str, layouts)), "command": list(command)}
         print(json.dumps({"bag": os.fspath(options.bag), **lists, "url": url}, indent=1), flush=True)
     elif options.save:
-        print(f"layout: {', '.join(map(str, layouts))}\nnext: {' '.join(command)}", flush=True)
+        print(f"layout: {', '.join(map(str, layouts))}\nnext: {shlex.join(map(str, command))}", flush=True)
     else:
         where = f"{url}, until Ctrl-C" if url else "in a window"
-        print(f"{options.bag}: {where}\nnext: dart-skill report {options.bag}", flush=True)
+        print(f"{options.bag}: {where}\nnext: dart-skill report {shlex.quote(str(options.bag))}", flush=True)
 
 
 def has_screen() -> bool:

@@ -22,6 +22,8 @@ from dart_skill.skill.learn import LEAST_DEMONSTRATIONS, SkillConfiguration, pre
 from dart_skill.skill.learn import configuration as configuration_of
 from dart_skill.skill.observe import THRESHOLDS, FoundThrow, ThrowFinder, ThrowLog, fit_release, worlds
 
+OWN_THROW = "thrown by the arm itself"
+"""Why a throw is left out that no person guided."""
 FLIGHT_NS = 1_000_000_000
 """A ball that was thrown in a motion of the hand flies within this time after it."""
 
@@ -124,7 +126,7 @@ def _judged(throw: FoundThrow, with_throws: bool, chosen: SkillConfiguration) ->
     if throw.reason or one is None or outcome is None:
         return throw
     if not with_throws:
-        reason = "" if throw.taught else "thrown by the arm itself"
+        reason = "" if throw.taught else OWN_THROW
         reason = reason or ("" if outcome.in_basket else "missed the basket")
     if not reason:
         try:
@@ -142,7 +144,12 @@ def _too_few(report: LearnReport, recording: ThrowRecording | None) -> str:
         reasons.append("the ball flies out of no motion of the hand: are roles, up axis, units and the frame of the hand right?")
     if recording is not None and recording.joints is None:
         reasons.append("the arm's joint angles were not recorded: a mapping may name them under 'joints'")
-    return "; ".join([text, *reasons])
+    return explained("; ".join([text, *reasons]))
+
+
+def explained(reasons: str) -> str:
+    """Why throws are left out, and the option with which those of the arm itself are taken."""
+    return f"{reasons}; with --with-throws (with_throws=True) those of the arm itself are taken, too" if OWN_THROW in reasons else reasons
 
 
 def _instant(one: Demonstration) -> int:

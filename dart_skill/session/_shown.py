@@ -6,6 +6,7 @@ Throws at baskets are found and cut as `dart-skill learn` does. Of other skills 
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -16,7 +17,7 @@ from dart_skill.recording import Demonstration, GraphBag, check_known, read_demo
 from dart_skill.recording.grip_signal import GIGA
 from dart_skill.recording.imports import RecordingMapping, ThrowRecording
 from dart_skill.robot import Grip
-from dart_skill.session._from_bag import throws_in_bag
+from dart_skill.session._from_bag import explained, throws_in_bag
 from dart_skill.skill.learn import configuration
 from dart_skill.skill.protocol import HAND, Skill, TaskDemonstration, Told, Track, load_skill, read_task_demonstrations
 from dart_skill.skills.throw import Throw
@@ -89,8 +90,8 @@ def read_shown(
             raise ValueError(f"--with-throws is for throws at baskets: {path} is of the skill '{name}'")
         shown, left_out = _published(path, skill, without)
     if not shown:
-        reasons = "; ".join(f"{one}: {why}" for one, why in left_out.items())
-        raise ValueError(f"{path} shows nothing of the skill '{name}'{': ' + reasons if reasons else ': was it recorded?'}")
+        reasons = "; ".join(f"{why} ({count})" for why, count in Counter(left_out.values()).items())
+        raise ValueError(f"{path} shows nothing of the skill '{name}': {explained(reasons) if reasons else 'was it recorded?'}")
     return ShownSkill(skill, tuple(shown), left_out, () if mapping else _commands(path))
 
 

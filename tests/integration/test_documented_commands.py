@@ -238,6 +238,8 @@ TYPED = {
     "ros2 launch dart_skill throwing.launch.py": FULL_ROS,
     "ros2 launch dart_skill throwing.launch.py skill:=place": FULL_ROS,
     "ros2 action send_goal /execute dart_skill_msgs/action/Execute": FULL_ROS,
+    'ros2 action send_goal /execute dart_skill_msgs/action/Execute "{}" --feedback': FULL_ROS,
+    "ros2 service call /simulation/reset dart_skill_msgs/srv/Reset": FULL_ROS,
     "ros2 launch dart_skill hardware.launch.py": FULL_ROS,
     "ros2 launch dart_skill hardware.launch.py bridge:=true": FULL_ROS,
     "ros2 service call /effort_bridge/reset std_srvs/srv/Trigger": FULL_ROS,

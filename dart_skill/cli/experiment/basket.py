@@ -7,14 +7,16 @@ import json
 import sys
 from pathlib import Path
 
+from dart_skill.cli.run_options import positive
+
 
 def add_to(experiments: argparse._SubParsersAction) -> None:
     """Add `basket` to the experiments of `dart-skill experiment`."""
     parser = experiments.add_parser("basket", help="no practice, baskets all around, several ways to learn: a table, and maps")
     parser.add_argument("--models", default="default", metavar="NAMES", help="configurations, separated by commas (default: default)")
     parser.add_argument("--demonstrations", default="13", metavar="N", help="how many are shown; several numbers with commas (default 13)")
-    parser.add_argument("--throws", type=int, default=40, help="baskets per seed and model (default 40)")
-    parser.add_argument("--seeds", type=int, default=20, help="seeds 0 to N - 1 (default 20)")
+    parser.add_argument("--throws", type=positive, default=40, help="baskets per seed and model (default 40)")
+    parser.add_argument("--seeds", type=positive, default=20, help="seeds 0 to N - 1 (default 20)")
     parser.add_argument("--jobs", type=int, default=0, help="processes at a time (default one per core)")
     parser.add_argument("--scheduler", default="", metavar="ADDRESS", help="run on the Dask cluster of this scheduler instead")
     parser.add_argument("--results", metavar="FILE", type=Path, help="add each run to this file; what it holds already is not run again")

@@ -6,13 +6,15 @@ import argparse
 import json
 from dataclasses import asdict
 
+from dart_skill.cli.run_options import positive
+
 
 def add_to(experiments: argparse._SubParsersAction) -> None:
     """Add `compliance` to the experiments of `dart-skill experiment`."""
     parser = experiments.add_parser("compliance", help="force on a person who grabs the hand, and error, by the stiffness of plans")
-    parser.add_argument("--seeds", type=int, default=5, help="seeds 0 to N - 1 (default 5)")
+    parser.add_argument("--seeds", type=positive, default=5, help="seeds 0 to N - 1 (default 5)")
     parser.add_argument("--demonstrations", type=int, default=13, help="that the plans are learned from (default 13)")
-    parser.add_argument("--throws", type=int, default=5, help="of each kind and seed (default 5)")
+    parser.add_argument("--throws", type=positive, default=5, help="of each kind and seed (default 5)")
     parser.add_argument("--jobs", type=int, default=1, help="processes at a time (default 1)")
     parser.add_argument("--json", action="store_true", help="every throw as JSON instead of the table")
     parser.set_defaults(run=_compliance)

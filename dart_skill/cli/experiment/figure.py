@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 
-from dart_skill.cli.run_options import folder
+from dart_skill.cli.run_options import folder, positive
 
 
 def add_to(experiments: argparse._SubParsersAction) -> None:
@@ -14,7 +14,7 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
     figure.add_argument("number", help="3.1, 7.1, ..., regrets; 'list' says which there are, 'all' draws every one")
     figure.add_argument("--output", type=folder, default="figures", metavar="FOLDER", help="where SVG and PNG go (default: figures)")
     figure.add_argument("--seed", type=int, default=0)
-    figure.add_argument("--teachers", type=int, metavar="N", help="of 8.4.4 alone: how many simulated teachers (default 2)")
+    figure.add_argument("--teachers", type=positive, metavar="N", help="of 8.4.4 alone: how many simulated teachers (default 2)")
     figure.add_argument("--json", action="store_true", help="seed, paths and what was measured as JSON")
     figure.set_defaults(run=_figure)
 

@@ -6,13 +6,15 @@ import argparse
 import json
 from dataclasses import asdict
 
+from dart_skill.cli.run_options import positive
+
 
 def add_to(experiments: argparse._SubParsersAction) -> None:
     """Add `place` to the experiments of `dart-skill experiment`."""
     parser = experiments.add_parser("place", help="put parts into holders that stand elsewhere than where it was shown, and are turned")
-    parser.add_argument("--seeds", type=int, default=10, help="seeds 0 to N - 1 (default 10)")
+    parser.add_argument("--seeds", type=positive, default=10, help="seeds 0 to N - 1 (default 10)")
     parser.add_argument("--demonstrations", type=int, default=8, help="that are learned from (default 8)")
-    parser.add_argument("--parts", type=int, default=10, help="for each seed (default 10)")
+    parser.add_argument("--parts", type=positive, default=10, help="for each seed (default 10)")
     parser.add_argument("--arm", default="ideal", help="of config/fleet.yaml; fleet: another one for every seed (default ideal)")
     parser.add_argument("--jobs", type=int, default=1, help="processes at a time (default 1)")
     parser.add_argument("--json", action="store_true", help="every part as JSON instead of the table")

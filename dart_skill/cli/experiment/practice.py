@@ -7,6 +7,8 @@ import json
 import sys
 from pathlib import Path
 
+from dart_skill.cli.run_options import positive
+
 
 def add_to(experiments: argparse._SubParsersAction) -> None:
     """Add `practice` to the experiments of `dart-skill experiment`."""
@@ -23,7 +25,7 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
     parser.add_argument(
         "--again", type=int, default=0, metavar="N", help="throws of one plan for each basket of the last test: the floor (default none)"
     )
-    parser.add_argument("--seeds", type=int, default=20, help="how many seeds (default 20)")
+    parser.add_argument("--seeds", type=positive, default=20, help="how many seeds (default 20)")
     parser.add_argument("--first-seed", type=int, default=0, metavar="N", help="the first of them (default 0)")
     parser.add_argument("--arms", default="ideal", help="an arm of config/fleet.yaml, or fleet: every seed draws its own (default ideal)")
     parser.add_argument("--jobs", type=int, default=0, help="processes at a time (default one per core)")

@@ -6,13 +6,15 @@ import argparse
 import json
 from dataclasses import asdict
 
+from dart_skill.cli.run_options import positive
+
 
 def add_to(experiments: argparse._SubParsersAction) -> None:
     """Add `reach` to the experiments of `dart-skill experiment`."""
     parser = experiments.add_parser("reach", help="reach into cups on belts that were not shown, also while the hand is held")
-    parser.add_argument("--seeds", type=int, default=10, help="seeds 0 to N - 1 (default 10)")
+    parser.add_argument("--seeds", type=positive, default=10, help="seeds 0 to N - 1 (default 10)")
     parser.add_argument("--demonstrations", type=int, default=8, help="that are learned from (default 8)")
-    parser.add_argument("--cups", type=int, default=10, help="for each seed (default 10)")
+    parser.add_argument("--cups", type=positive, default=10, help="for each seed (default 10)")
     parser.add_argument("--held", type=int, default=3, help="of them again with a hand that is held for a second (default 3)")
     parser.add_argument("--arm", default="ideal", help="of config/fleet.yaml; fleet: another one for every seed (default ideal)")
     parser.add_argument("--jobs", type=int, default=1, help="processes at a time (default 1)")

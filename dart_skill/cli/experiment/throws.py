@@ -6,11 +6,13 @@ import argparse
 import json
 from dataclasses import asdict
 
+from dart_skill.cli.run_options import positive
+
 
 def add_to(experiments: argparse._SubParsersAction) -> None:
     """Add `throws` to the experiments of `dart-skill experiment`."""
     throws = experiments.add_parser("throws", help="the main job for several seeds, in process, as a table")
-    throws.add_argument("--seeds", type=int, default=10, help="how many seeds (default 10)")
+    throws.add_argument("--seeds", type=positive, default=10, help="how many seeds (default 10)")
     throws.add_argument("--first-seed", type=int, default=0, metavar="N", help="the first of them (default 0)")
     throws.add_argument("--arms", default="ideal", help="an arm of config/fleet.yaml, or fleet: every seed draws its own (default ideal)")
     throws.add_argument(
@@ -19,7 +21,7 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
     text = "names separated by commas; ladder: from `thesis` to `ds_gmr`, a change each, and `ds_gmr` without each (default: default)"
     throws.add_argument("--configurations", default="default", metavar="NAMES", help=text)
     throws.add_argument("--demonstrations", type=int, default=13)
-    throws.add_argument("--throws", type=int, default=10, help="new baskets per seed (default 10)")
+    throws.add_argument("--throws", type=positive, default=10, help="new baskets per seed (default 10)")
     throws.add_argument("--jobs", type=int, default=1, help="processes at a time (default 1)")
     throws.add_argument(
         "--best-possible", action="store_true", help="also the share that any plan could get in, with the scatter of this arm's fingers"

@@ -6,6 +6,7 @@ not tell it: the coach sends these where throws are worst.
 
 import argparse
 import json
+import shlex
 import time
 from functools import partial
 from typing import TYPE_CHECKING
@@ -83,7 +84,7 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         return 1
     if not options.json:
         print(f"\nbag, summary.json and report.html: {options.output}")
-        print(f"next: open {options.output / PAGE} in a browser, or dart-skill view {summary['bag']}")
+        print(f"next: open {shlex.quote(str(options.output / PAGE))} in a browser, or dart-skill view {shlex.quote(summary['bag'])}")
     return 0 if summary["thrown"] == options.throws else 1
 
 

@@ -24,10 +24,33 @@ def run_without(modules, *arguments):
     return subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
 
 
-def test_no_command_is_a_usage_error(capsys):
+@pytest.mark.parametrize(
+    ("typed", "there_is"), [([], "practice"), (["bag"], "recover"), (["darts"], "heatmap"), (["experiment"], "figure")]
+)
+def test_where_a_command_is_missing_those_that_there_are_are_listed(typed, there_is, capsys):
     with pytest.raises(SystemExit) as end:
-        main([])
-    assert end.value.code == 2
+        main(typed)
+    assert end.value.code == 2 and f"\n    {there_is} " in capsys.readouterr().err
+
+
+def test_an_unknown_option_is_told_with_the_usage_of_its_command(capsys):
+    with pytest.raises(SystemExit) as end:
+        main(["bag", "info", "somewhere", "--nope"])
+    assert end.value.code == 2 and "dart-skill bag info: error: unrecognized arguments: --nope" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["throws --seeds", "basket --throws", "place --parts", "reach --cups", "practice --seeds"])
+def test_an_experiment_without_a_run_is_refused(command, capsys):
+    with pytest.raises(SystemExit) as end:
+        main(["experiment", *command.split(), "0"])
+    assert end.value.code == 2 and "0: give at least 1" in capsys.readouterr().err
+
+
+def test_what_is_to_be_typed_next_can_be_copied(tmp_path, capsys):
+    """A folder with a space in its name was printed as two words."""
+    policy = tmp_path / "my policy.xml"
+    assert main(["security", str(policy)]) == 0
+    assert f"-p '{policy}'" in capsys.readouterr().out
 
 
 def test_an_unknown_configuration_is_named_with_those_there_are(capsys):

@@ -583,8 +583,20 @@ def test_importing_the_core_loads_only_what_it_needs_at_once(package):
 
 
 @pytest.mark.skipif(not (ROOT / ".git").exists(), reason="a checkout by git says what git leaves out of sight")
-@pytest.mark.parametrize("folder", ("output", "figures", "demonstrations_2026_11_25-15_57_35", "recording_2026_11_25-16_43_10"))
-def test_what_the_commands_of_the_readme_leave_is_no_change(folder):
+@pytest.mark.parametrize(
+    "left",
+    (
+        "output/demo/summary.json",
+        "figures/heat_map.png",
+        "demonstrations_2026_11_25-15_57_35/metadata.yaml",
+        "recording_2026_11_25-16_43_10/metadata.yaml",
+        "demonstrations_model.npz",
+        "bags/throws_report.html",
+        *(f"throws_{ending}/file" for ending in ("converted", "csv", "lerobot", "recovered", "upgraded")),
+        ".venv-rerun/bin/rerun",
+    ),
+)
+def test_what_the_commands_of_the_documentation_leave_is_no_change(left):
     """Bags of nodes that were given no name for theirs stand where the node was started."""
-    seen = subprocess.run(["git", "check-ignore", "-q", f"{folder}/metadata.yaml"], cwd=ROOT, check=False)
-    assert seen.returncode == 0, f"git status would show {folder}"
+    seen = subprocess.run(["git", "check-ignore", "-q", left], cwd=ROOT, check=False)
+    assert seen.returncode == 0, f"git status would show {left}"

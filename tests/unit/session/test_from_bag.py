@@ -320,3 +320,8 @@ def test_throws_are_found_while_they_are_made(recorded_session, recording, forge
 
 def stamp_of(message):
     return message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
+
+
+def test_a_bag_of_the_arms_own_throws_says_with_which_option_it_teaches(tmp_path, capsys):
+    assert main(["learn", str(ROOT / "bags/throws"), "--output", str(tmp_path / "model.npz")]) == 1
+    assert "thrown by the arm itself; with --with-throws" in capsys.readouterr().err
