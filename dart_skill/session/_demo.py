@@ -128,17 +128,21 @@ def practising(skill: Throw, shown: list[Demonstration], name: str, say: Say) ->
     return learned
 
 
+def _distance(error_m: float | None) -> str:
+    return "landing not seen" if error_m is None else f"{100 * error_m:.1f} cm"
+
+
 def _throw(session: Session, learned: PractisingSkill, target: np.ndarray, what: str, say: Say) -> ThrowResult:
     x, y, z = target.tolist()
     try:
         trial = session.throw(learned.plan(target))
     except ValueError as failure:
-        result = ThrowResult((x, y, z), None, None, False, str(failure))
+        result, became = ThrowResult((x, y, z), None, None, False, str(failure)), f"no throw: {failure}"
     else:
         outcome = trial.outcome
         landing = tuple(outcome.landing.tolist()) if outcome.landing_seen else None
         error_m = float(outcome.landing_error) if outcome.landing_seen else None
         result = ThrowResult((x, y, z), landing, error_m, bool(outcome.in_basket), trial.message)
-    off = "landing not seen" if result.error_m is None else f"{100 * result.error_m:.1f} cm"
-    say(f"{what}: {basket_in_words(target)}: {'in' if result.in_basket else 'out'}, {off} {result.message}".rstrip())
+        became = f"{'in' if result.in_basket else 'out'}, {_distance(error_m)} {trial.message}".rstrip()
+    say(f"{what}: {basket_in_words(target)}: {became}")
     return result

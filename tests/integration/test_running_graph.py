@@ -8,14 +8,18 @@ import time
 
 import numpy as np
 import pytest
+from dart_skill_msgs.action import Execute
 from dart_skill_msgs.msg import SimulationState, WamCommand
 from dart_skill_msgs.srv import Learn, PlaceBody, Reset
+from rclpy.action import ActionClient
+from std_srvs.srv import SetBool
 
 from dart_skill.configuration import load_yaml
 from dart_skill.regions import targets_for
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.process.graph_processes import NODES
+from dart_skill_nodes.verbs._run import throw_all
 
 from .conftest import Diagnoses, Joints, begin_slow_throw, teach_and_learn, wait_for
 
@@ -91,6 +95,12 @@ def test_before_anything_is_learned_throws_and_practice_say_so(graph):
     assert not practised.success and "nothing is learned yet" in practised.message
 
 
+def test_a_throw_that_was_refused_is_told_as_none(graph, capsys):
+    """It was called out, with a landing that was not seen."""
+    [result] = throw_all(graph[1], [TARGET])
+    assert "no throw: nothing is learned yet" in capsys.readouterr().err and not result.in_basket
+
+
 def test_the_simulated_arm_changes_with_the_next_reset(graph):
     _, client = graph
     seen = []
@@ -146,6 +156,22 @@ def test_throws_that_cannot_be_are_refused_with_a_reason(client):
     assert far.code == 2 and "6.00 m" in far.message
     behind = client.throw(np.array([-2.0, 0.1, 0.4]))
     assert behind.code == 2 and "degrees" in behind.message
+
+
+def test_a_goal_in_a_world_that_somebody_holds_says_what_lets_it_run(client):
+    """As a lesson leaves it, where `ros2 action send_goal` waited without a word."""
+    pause, phases = client.node.create_client(SetBool, "/simulation/pause"), []
+    execute = ActionClient(client.node, Execute, "/execute")
+    goal = Execute.Goal(situation=conversions.at_place(BETWEEN))
+    client.call(client.node.create_client(Reset, "/simulation/reset"), Reset.Request(paused=True, situation=goal.situation))
+    wait_for(client, execute.server_is_ready, what="the action")
+    handle = client.wait(execute.send_goal_async(goal, lambda message: phases.append(message.feedback.phase)), "the goal")
+    result = handle.get_result_async()
+    wait_for(client, lambda: "held" in phases, what="who waits is told")
+    assert not result.done() and phases[-2:] == ["armed", "held"]
+    client.call(pause, SetBool.Request(data=False))
+    assert client.wait(result, "the throw").result.outcome.success
+    client.call(pause, SetBool.Request(data=True))
 
 
 def test_a_cancelled_throw_stops_the_arm(client):

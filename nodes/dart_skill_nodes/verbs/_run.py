@@ -150,12 +150,17 @@ def tell_practice(feedback, before: int, messages: dict[int, str], what: str = "
 
 def throw_all(client: "GraphClient", targets: Sequence["np.ndarray"]) -> list["ThrowResult"]:
     """One throw at each basket."""
+    from dart_skill_msgs.action import Execute
+
     results = []
     for k, target in enumerate(targets, start=1):
         thrown = client.throw(target)
         result = throw_result(thrown.outcome, thrown.message)
         error = "landing not seen" if result.error_m is None else f"{100 * result.error_m:.1f} cm"
-        say(f"throw {k}/{len(targets)}: {place(target)}: {'in' if result.in_basket else 'out'}, {error} {result.message}")
+        became = f"{'in' if result.in_basket else 'out'}, {error} {result.message}".rstrip()
+        if thrown.code == Execute.Goal.OUTCOME_REFUSED:
+            became = f"no throw: {result.message}"
+        say(f"throw {k}/{len(targets)}: {place(target)}: {became}")
         results.append(result)
     return results
 

@@ -73,4 +73,5 @@ def _teach(client: "GraphClient", targets: "np.ndarray") -> dict:
         say(f"{place(target)}: {how}")
         lessons.append({"target": target.tolist(), "success": bool(result.success), "attempts": int(result.attempts)})
     shown = sum(lesson["success"] for lesson in lessons)
-    return {"text": f"{shown} of {len(lessons)} throws shown", "lessons": lessons, "ok": shown == len(lessons), "next": "dart-skill learn"}
+    text, then = f"{shown} of {len(lessons)} throws shown", "dart-skill learn" if shown else "dart-skill status"
+    return {"text": text, "lessons": lessons, "ok": shown == len(lessons), "next": then}

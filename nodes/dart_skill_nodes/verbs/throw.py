@@ -11,6 +11,7 @@ from dart_skill_nodes.verbs._skill_run import THROW
 if TYPE_CHECKING:
     import numpy as np
 
+    from dart_skill.session import ThrowResult
     from dart_skill_nodes.client.graph_client import GraphClient
 
 
@@ -58,4 +59,11 @@ def _throw(client: "GraphClient", targets: "np.ndarray", simulated: bool, places
     hits = sum(result.in_basket for result in results)
     throws = [asdict(result) for result in results]
     thrown = all(not result.message for result in results)
-    return {"text": f"{hits} of {len(results)} in the basket", "throws": throws, "ok": thrown, "next": "dart-skill throw --count 10"}
+    text = f"{hits} of {len(results)} in the basket"
+    return {"text": text, "throws": throws, "ok": thrown, "next": "dart-skill throw --count 10" if thrown else _remedy(results)}
+
+
+def _remedy(results: "list[ThrowResult]") -> str:
+    """What to type next, where not every throw was made."""
+    unlearned = any("nothing is learned yet" in result.message for result in results)
+    return "dart-skill learn" if unlearned else "dart-skill status"

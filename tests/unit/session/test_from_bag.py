@@ -11,6 +11,7 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
+from dart_skill.cli import main
 from dart_skill.cli.learn import add_to
 from dart_skill.recording import MARK_TOPIC, MARK_TYPE, BagReader, BagWriter, Opening, definition, qos_yaml, serialize, types_for, typestore
 from dart_skill.recording.imports.mapping import OWN, PoseSource, parse_mapping
@@ -21,6 +22,7 @@ from dart_skill.skill.improve import PractisingSkill
 from dart_skill.skill.learn import load_model
 from dart_skill.skill.observe import ThrowFinder, ThrowLog
 from dart_skill.skill.observe._throw_finder import MEMORY_NS
+from tests.paths import ROOT
 from tests.recorded_session import THROWN_AT, as_published, same
 
 BASKET = np.array([1.9, -0.1, 0.4])
