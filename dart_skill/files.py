@@ -57,6 +57,10 @@ def new_file(path: str | os.PathLike, replace: bool = False) -> Iterator[BinaryI
             beside.replace(place)
         else:
             _put(beside, place)
+    except OSError as error:
+        if error.errno is None or error.filename is not None:
+            raise
+        raise OSError(error.errno, error.strerror, str(place)) from error  # a disk that is full says of no file that it was this one
     finally:
         with suppress(OSError):
             beside.unlink()

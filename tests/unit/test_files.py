@@ -49,3 +49,10 @@ def test_only_files_are_opened(tmp_path):
         open_file(tmp_path / "nothing")
     with pytest.raises(ValueError, match="is no path"):
         open_file("a\0b")
+
+
+def test_a_disk_that_is_full_is_told_with_the_file_that_was_to_be_written(tmp_path):
+    with pytest.raises(OSError, match=r"No space left on device: '.*page\.html'"), new_file(tmp_path / "page.html") as stream:
+        with open("/dev/full", "wb", buffering=0) as full:
+            full.write(stream.name.encode())
+    assert not list(tmp_path.iterdir())
