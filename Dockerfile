@@ -1,5 +1,7 @@
 # ROS 2 Jazzy with this workspace, built over the ROS of the image. NOT TRIED: there was no Docker where this was written.
-#   docker build -t dart_skill . && docker run --rm -it dart_skill dart-skill demo
+#   docker build -t dart_skill .
+#   docker run --rm -it -v "$PWD/output:/workspace/output" dart_skill dart-skill demo      # what it writes stays in ./output
+#   docker run --rm -it --network host dart_skill dart-skill up --viewer                   # the page listens on 127.0.0.1 alone
 FROM ros:jazzy
 
 # What set-up asks for: compilers are in the image. Without byte code being written, every node would compile what it imports.

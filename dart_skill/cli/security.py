@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import shlex
 from pathlib import Path
 
@@ -21,14 +22,18 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     parser = commands.add_parser("security", help=text, description=f"{text[0].upper()}{text[1:]}. It needs no ROS.")
     parser.add_argument("policy", metavar="POLICY", type=Path, help="the new file, XML, for ros2 security generate_artifacts")
     add_namespace(parser)
+    parser.add_argument("--json", action="store_true", help="the file and its enclaves as JSON")
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Write the policy; returns the exit status."""
-    from dart_skill.permissions import policy, processes
+    from dart_skill.permissions import enclave_of, policy, processes
 
     with new_file(options.policy) as stream:
         stream.write(policy(options.namespace).encode())
-    print(f"{options.policy}: {len(processes())} enclaves\n{NEXT.format(path=shlex.quote(str(options.policy)))}")
+    if options.json:
+        print(json.dumps({"policy": str(options.policy), "enclaves": [enclave_of(name, options.namespace) for name in processes()]}))
+    else:
+        print(f"{options.policy}: {len(processes())} enclaves\n{NEXT.format(path=shlex.quote(str(options.policy)))}")
     return 0

@@ -95,6 +95,16 @@ def test_a_node_that_is_told_to_end_while_it_loads_says_nothing(tmp_path):
     assert process.returncode == 0 and b"Traceback" not in said, said.decode()
 
 
+@pytest.mark.parametrize("home", [{}, {"HOME": "/proc/nowhere"}], ids=["none", "not to be written to"])
+def test_a_user_without_a_home_has_the_graph_all_the_same(home, tmp_path):
+    """rcl writes its logs there, and ended a verb with a traceback."""
+    environment = {name: value for name, value in os.environ.items() if name not in ("HOME", "ROS_HOME", "ROS_LOG_DIR")}
+    environment |= {**home, "TMPDIR": str(tmp_path), "ROS_DOMAIN_ID": "99"}
+    status = [sys.executable, "-m", "dart_skill", "status", "--duration", "0.1"]
+    asked = subprocess.run(status, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=60)
+    assert asked.returncode == 1 and asked.stderr.startswith("dart-skill status: nothing runs in ROS domain 99"), asked
+
+
 CANNOT = {
     "demonstration_recorder": (["-p", "basket_radius:=.nan"], "basket_radius"),
     "teacher": (["-p", "seed:=text"], "seed"),

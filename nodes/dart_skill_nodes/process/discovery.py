@@ -5,6 +5,7 @@ import socket
 from contextlib import closing
 
 from dart_skill.configuration import config_path
+from dart_skill_nodes.process.logs import find_log_folder
 
 RANGE, PEERS = "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS"
 PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
@@ -19,6 +20,7 @@ def stay_on_this_machine() -> None:
     """Limit discovery to this machine, unless the user chose otherwise. Call before rclpy starts."""
     os.environ.setdefault(RANGE, "LOCALHOST")
     hear_loopback_alone()
+    find_log_folder()
 
 
 def hear_loopback_alone() -> None:

@@ -23,6 +23,7 @@ from dart_skill_nodes.comms.presence import be_alive
 from dart_skill_nodes.comms.qos import STATUS, SYSTEM
 from dart_skill_nodes.comms.refusals import GuardedLifecycleNode, GuardedNode, in_a_line
 from dart_skill_nodes.process.discovery import hear_loopback_alone
+from dart_skill_nodes.process.logs import find_log_folder
 from dart_skill_nodes.process.parameters import Parameter
 from dart_skill_nodes.process.signals import Interrupts
 from dart_skill_nodes.process.usage import heed_arguments, unknown_parameters
@@ -132,6 +133,7 @@ def run(
     if args is None:
         heed_arguments(make_nodes, program)
     hear_loopback_alone()
+    find_log_folder()
     interrupts = Interrupts()
     nodes: list[Node] = []
     with exchanging() as exchange:

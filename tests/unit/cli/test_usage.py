@@ -51,6 +51,8 @@ def test_what_is_to_be_typed_next_can_be_copied(tmp_path, capsys):
     policy = tmp_path / "my policy.xml"
     assert main(["security", str(policy)]) == 0
     assert f"-p '{policy}'" in capsys.readouterr().out
+    assert main(["security", str(tmp_path / "again.xml"), "--json"]) == 0
+    assert "/dart_skill/commander" in json.loads(capsys.readouterr().out)["enclaves"]
 
 
 def test_an_unknown_configuration_is_named_with_those_there_are(capsys):

@@ -27,7 +27,8 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Run the cases; exit status 1 if one of them is not as it must be."""
     cases = named(*options.case)
     if options.list:
-        print("\n".join(case.name for case in cases))
+        names = [case.name for case in cases]
+        print(json.dumps(names) if options.json else "\n".join(names))
         return 0
     if options.output and options.output.exists() and any(options.output.iterdir()):
         parser.error(f"--output {options.output} is not empty: name a new folder")
