@@ -86,6 +86,21 @@ def test_nodes_that_are_there_already_are_named(make_graph):
         client.wait_until_gone(NODES, limit=0.5)
 
 
+def test_a_graph_that_dds_has_not_found_yet_is_refused_as_well(make_graph, monkeypatch):
+    """On a busy machine `dart-skill demo` started beside `dart-skill up`, and threw with the nodes of both."""
+    graph, client = make_graph(None)
+    graph.start("skill_learner")
+    wait_for(client, lambda: client.running(NODES), what="the learner")
+    monkeypatch.setattr("dart_skill_nodes.client.graph_client.nodes_there", lambda node: set())
+    begun = time.monotonic()
+    with pytest.raises(GraphFailure, match="skill_learner on ROS domain"):
+        client.wait_until_gone(NODES)
+    assert time.monotonic() - begun < 5.0, "its process lives: nobody waits for its lease to end"
+    graph.processes["skill_learner"].kill()
+    graph.processes.pop("skill_learner").wait()
+    client.wait_until_gone(NODES, limit=0.0)
+
+
 def test_in_real_time_a_held_world_makes_the_steps_that_are_asked_for(make_graph):
     """Who looks at the bodies before a trial asks for them; they were refused."""
     graph, client = make_graph(None)

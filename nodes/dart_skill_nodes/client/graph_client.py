@@ -29,9 +29,12 @@ from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import start
 from dart_skill_nodes.comms.names import DIAGNOSTICS, full_name, in_graph, nodes_there
 from dart_skill_nodes.comms.presence import LOOK, Presence, be_alive, servers
+from dart_skill_nodes.comms.running_nodes import running
 from dart_skill_nodes.process.graph_processes import START
 from dart_skill_nodes.process.node_base import make_executor
 
+ENDING = 2.0
+"""For processes of a graph that was told to end [s, wall clock]."""
 ASK_AGAIN = 0.1
 """Whoever was told to wait asks again after so long [s, wall clock]."""
 
@@ -77,16 +80,21 @@ class GraphClient:
         """Wait until none of these nodes is on the graph; GraphFailure names those that stay.
 
         A process that was killed, or whose farewell got lost, stays on the graph until its participant's lease is over. Its services look
-        ready, and take requests that nobody will ever answer.
+        ready, and take requests that nobody will ever answer. One whose process lives is not waited for like that.
         """
-        until = time.monotonic() + limit
-        while there := sorted(set(nodes) & nodes_there(self.node)):
-            if time.monotonic() > until:
+        nodes, begun = set(nodes), time.monotonic()
+        while there := sorted((nodes & nodes_there(self.node)) | (alive := self.running(nodes))):
+            if time.monotonic() > begun + (min(limit, ENDING) if alive else limit):
                 domain = os.environ.get("ROS_DOMAIN_ID", "0")
                 raise GraphFailure(
                     f"{', '.join(there)} on ROS domain {domain} already: end it, or choose another ROS_DOMAIN_ID or --namespace"
                 )
             self.spin()
+
+    def running(self, nodes: Iterable[str]) -> set[str]:
+        """Those of some nodes that a process of this machine has, whether DDS has found them or not."""
+        names = {full_name(self.node, name): name for name in nodes}
+        return {names[one] for one in running(names)}
 
     def wait_until_ready(self, limit: float = START, teacher: bool = True) -> None:
         """Wait for every action and service; GraphFailure names what is silent."""

@@ -22,6 +22,7 @@ from dart_skill_nodes.verbs._skill_run import THROW
 if TYPE_CHECKING:
     from dart_skill_nodes.client.graph_client import GraphClient
 
+RUN_ALREADY = "{} run already: end them, set ROS_DOMAIN_ID to another number, or give a --namespace"
 LEVELS = {b"\x00": "ready", b"\x01": "warning", b"\x02": "error", b"\x03": "stale"}
 """Of diagnostic_msgs/DiagnosticStatus."""
 TEACH = "dart-skill teach --count 5"
@@ -146,13 +147,18 @@ def executables(options: argparse.Namespace) -> dict[str, dict]:
 
 def stay(options: argparse.Namespace, interrupts: Interrupts, tell) -> None:
     """Start the graph, say which nodes are ready, and wait for the end; GraphFailure if a node ends by itself, or says nothing."""
-    from dart_skill_nodes.client.graph_client import GraphClient
+    from dart_skill_nodes.client.graph_client import ENDING, GraphClient
 
     wanted = executables(options)
     with (
         Graph(options.output / "logs", namespace=options.namespace) as graph,
         closed(GraphClient(lambda: dead(graph, tell), name="up")) as client,
     ):
+        until = time.monotonic() + ENDING
+        while there := client.running(nodes_of(wanted)):
+            if time.monotonic() > until:
+                raise GraphFailure(RUN_ALREADY.format(", ".join(sorted(there))))
+            client.spin()
         status = Status(client, nodes_of(wanted), tell)
         for name, parameters in wanted.items():
             graph.start(name, parameters)
@@ -162,8 +168,7 @@ def stay(options: argparse.Namespace, interrupts: Interrupts, tell) -> None:
         while not interrupts:
             client.spin()
             if status.strangers and not is_up:
-                names = ", ".join(sorted(status.strangers))
-                raise GraphFailure(f"{names} run already: end them, set ROS_DOMAIN_ID to another number, or give a --namespace")
+                raise GraphFailure(RUN_ALREADY.format(", ".join(sorted(status.strangers))))
             if status.silent and time.monotonic() > until:
                 raise GraphFailure(f"nothing was heard of {', '.join(sorted(status.silent))} within {START:.0f} s")
             if not (status.silent or is_up):
