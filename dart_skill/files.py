@@ -42,7 +42,8 @@ def open_file(path: str | os.PathLike) -> BinaryIO:
 def new_file(path: str | os.PathLike, replace: bool = False) -> Iterator[BinaryIO]:
     """A file to write, which is there whole and on the disk when the block ends, and not at all if the block or the disk fails.
 
-    replace: instead of one that is there already; else FileExistsError. It is written beside its place, and renamed.
+    replace: instead of one that is there already; else FileExistsError. It is written beside its place, and renamed. OSError with its name
+    where the disk is full.
     """
     place = Path(os.path.realpath(_checked(path)))
     if not replace and place.exists():

@@ -22,7 +22,6 @@ from dart_skill_nodes.verbs._skill_run import THROW
 if TYPE_CHECKING:
     from dart_skill_nodes.client.graph_client import GraphClient
 
-RUN_ALREADY = "{} run already: end them, set ROS_DOMAIN_ID to another number, or give a --namespace"
 LEVELS = {b"\x00": "ready", b"\x01": "warning", b"\x02": "error", b"\x03": "stale"}
 """Of diagnostic_msgs/DiagnosticStatus."""
 TEACH = "dart-skill teach --count 5"
@@ -93,6 +92,10 @@ def _check_skill(options: argparse.Namespace, parser: argparse.ArgumentParser) -
             parser.error(str(error))
 
 
+def _run_already(nodes: set[str]) -> GraphFailure:
+    return GraphFailure(f"{', '.join(sorted(nodes))} run already: end them, set ROS_DOMAIN_ID to another number, or give a --namespace")
+
+
 class Status:
     """What every node last said of itself on /diagnostics; `tell` is called with each change. strangers: nodes of the same names that
     somebody else started; own: the processes that were not.
@@ -157,7 +160,7 @@ def stay(options: argparse.Namespace, interrupts: Interrupts, tell) -> None:
         until = time.monotonic() + ENDING
         while there := client.running(nodes_of(wanted)):
             if time.monotonic() > until:
-                raise GraphFailure(RUN_ALREADY.format(", ".join(sorted(there))))
+                raise _run_already(there)
             client.spin()
         status = Status(client, nodes_of(wanted), tell)
         for name, parameters in wanted.items():
@@ -168,7 +171,7 @@ def stay(options: argparse.Namespace, interrupts: Interrupts, tell) -> None:
         while not interrupts:
             client.spin()
             if status.strangers and not is_up:
-                raise GraphFailure(RUN_ALREADY.format(", ".join(sorted(status.strangers))))
+                raise _run_already(status.strangers)
             if status.silent and time.monotonic() > until:
                 raise GraphFailure(f"nothing was heard of {', '.join(sorted(status.silent))} within {START:.0f} s")
             if not (status.silent or is_up):
