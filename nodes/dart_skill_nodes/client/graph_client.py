@@ -87,7 +87,7 @@ class GraphClient:
             if time.monotonic() > begun + (min(limit, ENDING) if alive else limit):
                 domain = os.environ.get("ROS_DOMAIN_ID", "0")
                 raise GraphFailure(
-                    f"{', '.join(there)} on ROS domain {domain} already: end it, or choose another ROS_DOMAIN_ID or --namespace"
+                    f"{', '.join(there)} on ROS domain {domain} already: end it, or set ROS_DOMAIN_ID to another number"
                 )
             self.spin()
 
