@@ -212,7 +212,7 @@ class _Run:
 
     def iterate(self, parameters: Parameters) -> Fit:
         """EM until the mean log-likelihood stops changing."""
-        sweep = Sweep(self.blocks, self.weights, self.settings.covariance_floor)
+        sweep = Sweep(self.blocks, self.weights, self.settings.covariance_floor, self.settings.tolerance)
         share = self.weights / self.weights.sum()
         priors, components = parameters.priors, _to_white(sweep, parameters)
         previous, last = -np.inf, self.settings.max_iterations

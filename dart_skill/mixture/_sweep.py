@@ -25,8 +25,8 @@ SLICE = 4096
 EPSILON = float(np.finfo(float).eps)
 # The products of up to so many samples are kept between sweeps. For more, computing them again costs no more than reading them.
 KEPT = 4 * SLICE
-# Largest error of a log density that is computed from products.
-LARGEST_LOSS = 1e-10
+# Largest error of a log density that is computed from products, and what share of the rise at which EM stops it may be, too.
+LARGEST_LOSS, LOSS_SHARE = 1e-10, 1e-4
 # A sample whose density, relative to the highest peak, is above this has lost nothing to underflow.
 LEAST_DENSITY, LEAST_LOG = 1e-250, -690.0
 # A component is dead if its count is below this share of the weight of one sample.
@@ -188,10 +188,12 @@ class WhiteBlock:
 
 
 class Sweep:
-    """All samples, prepared for iterations of EM: blocks (n, d_p), weights (n,); floor: least variance of a component."""
+    """All samples, prepared for iterations of EM: blocks (n, d_p), weights (n,); floor: least variance of a component; tolerance: the rise
+    of the mean log-likelihood at which EM stops.
+    """
 
-    def __init__(self, blocks: list[np.ndarray], weights: np.ndarray, floor: float):
-        self.weights = weights
+    def __init__(self, blocks: list[np.ndarray], weights: np.ndarray, floor: float, tolerance: float = 0.0):
+        self.weights, self.largest_loss = weights, max(LARGEST_LOSS, LOSS_SHARE * tolerance)
         self.blocks = [WhiteBlock(block, weights, floor) for block in blocks]
         # A row of ones comes first, for the priors: the products of a block are zero for samples that it does not see.
         self.starts = np.cumsum([1] + [block.n_products for block in self.blocks])
@@ -213,7 +215,7 @@ class Sweep:
         """E step, and the sums of the M step that follows."""
         parts = zip(self.blocks, components, strict=True)
         loss = EPSILON * max(block.reach * one.largest_precision for block, one in parts)
-        if loss <= LARGEST_LOSS:
+        if loss <= self.largest_loss:
             return self._by_products(np.log(priors), components)
         return self._by_deviations(np.log(priors), components)
 

@@ -71,7 +71,7 @@ class AttractorModel(MixtureModel):
         return mixture
 
     def _from_arrays(self, arrays: Arrays) -> None:
-        mixture = TaskParameterisedMixture(self._mixture.n_components)
+        mixture = TaskParameterisedMixture(self._mixture.n_components, n_shared=self._mixture.n_shared)
         mixture._from_arrays(arrays)
         self.mixture_ = self._with_outputs(mixture)
 

@@ -17,7 +17,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_covariances, as_finite, as_number, as_samples, as_weights
+from dart_skill.checks import as_count, as_covariances, as_finite, as_number, as_samples, as_weights
 from dart_skill.mixture import (
     DEAD_SHARE,
     EMEstimator,
@@ -97,6 +97,11 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
     over samples and frames), n_iterations_, converged_. Where frames see different numbers of directions, means_ and
     covariances_ are lists of P arrays (K, d_p) and (K, d_p, d_p).
 
+    n_shared: the first so many features, time and what else all frames pass through, count once in the product. With 0, the default, it is
+    (7.21) as it stands: P frames give P densities of the time, so a component is narrower in time by the root of P than it was learned, and
+    what is retrieved changes abruptly from one to the next. Where they count once, the frames' regressions are multiplied, and
+    responsibilities of components are those of one frame.
+
     Frames are given as P entries per demonstration: a TaskFrame or PartialFrame, a list of them with one for each
     sample, or None, in the list too, where the frame is missing.
     """
@@ -110,6 +115,7 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
         tolerance: float = 1e-6,
         max_iterations: int = 300,
         n_starts: int = 1,
+        n_shared: int = 0,
     ):
         if start not in STARTS:
             raise ValueError(f"start must be one of {STARTS}, got {start!r}")
@@ -123,11 +129,14 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
             n_starts=n_starts,
         )
         self.start = start
+        self.n_shared = as_count(n_shared, "n_shared", 0)
 
     @classmethod
-    def from_parameters(cls, priors: ArrayLike, means: Sequence[ArrayLike], covariances: Sequence[ArrayLike]) -> TaskParameterisedMixture:
+    def from_parameters(
+        cls, priors: ArrayLike, means: Sequence[ArrayLike], covariances: Sequence[ArrayLike], n_shared: int = 0
+    ) -> TaskParameterisedMixture:
         """Mixture with priors (K,), and per frame means (K, d_p) and positive definite covariances (K, d_p, d_p). The
-        features are as many as the largest d_p. ValueError for other shapes or values.
+        features are as many as the largest d_p. n_shared: as of the class. ValueError for other shapes or values.
         """
         priors, n_components = checked_priors(priors), len(priors)
         if len(means) == 0 or len(means) != len(covariances):
@@ -140,7 +149,7 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
             as_covariances(one, f"covariances of frame {j}", (*mean.shape, mean.shape[1]))
             for j, (one, mean) in enumerate(zip(covariances, centres, strict=True))
         ]
-        mixture = cls(n_components)
+        mixture = cls(n_components, n_shared=n_shared)
         mixture._set(Parameters(priors, centres, spreads), max(mean.shape[1] for mean in centres))
         return mixture
 
@@ -345,12 +354,14 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
         rows = self._whiteners @ situation.inverses[:, :, None]
         right = rows @ (situation.b[:, :, None] - about[:, None])[..., None]
         right += situation.seen[:, :, None, None, None] * (self._whiteners @ self._padded_means[..., None])
-        n, p, k, d, m = rows.shape
-        equations = np.concatenate([rows, right], axis=-1).swapaxes(1, 2).reshape(n, k, p * d, m + 1)
-        triangle = np.asarray(np.linalg.qr(equations, mode="r"))  # an array; the types of numpy know of Q and R only
-        _require_determined(triangle[..., :m, :m])
-        root = np.linalg.inv(triangle[..., :m, :m])
-        mean = about + (root @ triangle[..., :m, m:])[..., 0]
+        equations, m = np.concatenate([rows, right], axis=-1), rows.shape[-1]
+        if self.n_shared:
+            _require_shared(situation, self.n_shared)
+            system = _shared_once(equations, situation.seen, self.n_shared)
+        else:
+            system = _triangle(equations)
+        root = np.linalg.inv(system[..., :m])
+        mean = about + (root @ system[..., m:])[..., 0]
         return mean, symmetric(root @ np.swapaxes(root, -1, -2))
 
 
@@ -361,10 +372,47 @@ def _with_weight(samples: Samples, frames: Frames, weights: Weights) -> tuple[Ta
     return taught.only(weights > 0), weights[weights > 0]
 
 
-def _require_determined(triangle: np.ndarray) -> None:
-    """ValueError unless the columns of upper triangles (..., m, m), one per feature of the world, are independent."""
+def _triangle(equations: np.ndarray, first: int = 0) -> np.ndarray:
+    """Of the equations of all frames (n, P, K, r, c), the least-squares problem of each component, the rows (n, K, u, c) of QR that
+    determine its first u columns, the features of the world from `first` on: c less the right side and the features before them.
+    """
+    n, p, k, r, c = equations.shape
+    unknown = c - 1 - first
+    triangle = np.asarray(np.linalg.qr(equations.swapaxes(1, 2).reshape(n, k, p * r, c), mode="r"))  # its types know of Q and R only
+    _require_determined(triangle[..., :unknown, :unknown], first)
+    return triangle[..., :unknown, :]
+
+
+def _shared_once(equations: np.ndarray, seen: np.ndarray, n_shared: int) -> np.ndarray:
+    """As many equations as features (n, K, m, m + 1): the first `n_shared` as one frame has them, the others from all frames given these.
+
+    Whiteners are lower triangles, so the first rows of a frame are of the shared features alone, and the others say what the rest is given
+    them. seen (n, P): which frames are there; equations: (n, P, K, m, m + 1) of them.
+    """
+    of_shared = equations[np.arange(len(seen)), seen.argmax(axis=1), :, :n_shared]
+    m = equations.shape[-1] - 1
+    outputs_first = np.r_[n_shared:m, :n_shared, m]
+    given = np.empty((*of_shared.shape[:2], m - n_shared, m + 1))
+    given[..., outputs_first] = _triangle(equations[..., n_shared:, outputs_first], n_shared)
+    return np.concatenate([of_shared, given], axis=-2)
+
+
+def _require_shared(situation: Situation, n_shared: int) -> None:
+    """ValueError unless all frames that are there pass the first features through, and leave them out of the others."""
+    m = situation.A.shape[-1]
+    if n_shared >= m:
+        raise ValueError(f"n_shared is {n_shared}: of {m} features at least one must be left that frames see differently")
+    A, b = situation.A[situation.seen], situation.b[situation.seen]
+    if (A[:, :n_shared] != np.eye(m)[:n_shared]).any() or A[:, n_shared:, :n_shared].any() or b[:, :n_shared].any():
+        raise ValueError(
+            f"a task frame changes one of the first {n_shared} features, which all shall pass through; take a smaller n_shared"
+        )
+
+
+def _require_determined(triangle: np.ndarray, first: int = 0) -> None:
+    """ValueError unless the columns of upper triangles (..., u, u), one per feature of the world from `first` on, are independent."""
     pivots = np.diagonal(triangle, axis1=-2, axis2=-1)
     found = np.square(pivots) > LEAST_PIVOT**2 * np.square(triangle).sum(-2)
     if not found.all():
-        feature = int(np.argwhere(~found)[:, -1].min())
+        feature = first + int(np.argwhere(~found)[:, -1].min())
         raise ValueError(f"the task frames that are there do not tell feature {feature} of the world; give a frame that sees it")

@@ -35,7 +35,7 @@ def ds_gmr():
 
 
 def ds_gmr_with_an_input():
-    model = DSGMR(3, n_inputs=1, partition="time", damping=20.1)
+    model = DSGMR(3, n_inputs=1, partition="time", damping=20.1, n_shared=2)
     lifted = [[TaskFrame(np.eye(4), np.zeros(4))] for _ in GOALS]
     return model.fit([model.encode(TIME, path(goal), inputs=goal[:1]) for goal in GOALS], lifted)
 

@@ -349,3 +349,78 @@ def test_what_is_retrieved_is_smoother_and_nearer(n):
     assert jerks[1] < 0.1 * jerks[0]
     off = [max(np.abs(model.retrieve(one, STEPS)[0] - reach(one)[:, 1:]).max() for one in frames) for model in (rough, smooth)]
     assert off[1] < 1.05 * off[0]
+
+
+# features that all frames see alike
+
+
+def conditional(mean, covariance, given, q):
+    """Mean and covariance of the other features given the first q (q,)."""
+    slope = np.linalg.solve(covariance[:q, :q], covariance[:q, q:]).T
+    return mean[q:] + slope @ (given - mean[:q]), covariance[q:, q:] - slope @ covariance[:q, q:]
+
+
+@pytest.mark.parametrize("n_frames", [1, 2, 3])
+def test_a_frame_that_is_given_again_changes_nothing_that_is_retrieved(n_frames):
+    """As (7.21) stands, time counts once for each frame, so components overlap the less the more frames there are."""
+    samples, frames = taught()
+    once = DSGMR(6).fit(samples, [one[:1] for one in frames])
+    again = DSGMR(6, n_shared=1).fit(samples, [one[:1] * n_frames for one in frames])
+    again.mixture_ = TaskParameterisedMixture.from_parameters(
+        once.mixture_.priors_, [once.mixture_.means_[0]] * n_frames, [once.mixture_.covariances_[0]] * n_frames, n_shared=1
+    )
+    expected, spread = once.retrieve(frames[0][:1], STEPS)
+    found, narrower = again.retrieve(frames[0][:1] * n_frames, STEPS)
+    off = np.abs(found - expected).max()
+    again.mixture_.n_shared = 0
+    as_it_stands = np.abs(again.retrieve(frames[0][:1] * n_frames, STEPS)[0] - expected).max()
+    assert off < 1e-9 and (n_frames == 1 or as_it_stands > 1e-3), (off, as_it_stands)
+    assert (np.linalg.eigvalsh(narrower)[:, -1] <= np.linalg.eigvalsh(spread)[:, -1] * (1 + 1e-9)).all()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_given_the_shared_features_the_frames_are_multiplied(seed):
+    """For each component the product of the conditional densities of all frames, and the density of the shared features of the first."""
+    rng, k, m, q = np.random.default_rng(seed), 3, 5, 2
+    roots = rng.normal(size=(2, k, m, m))
+    means, covariances = rng.normal(size=(2, k, m)), roots @ np.swapaxes(roots, 2, 3) + 0.1 * np.eye(m)
+    frames = []
+    for _ in range(2):
+        turned = np.eye(m)
+        turned[q:, q:] = Rotation.random(random_state=rng).as_matrix()
+        frames.append(TaskFrame(turned, np.concatenate([np.zeros(q), rng.normal(size=m - q)])))
+    mixture = TaskParameterisedMixture.from_parameters(np.full(k, 1 / k), means, covariances, n_shared=q)
+    found, given = mixture.product(frames), rng.normal(size=q)
+    for i in range(k):
+        parts = [
+            conditional(one.A @ mean[i] + one.b, one.A @ covariance[i] @ one.A.T, given, q)
+            for one, mean, covariance in zip(frames, means, covariances, strict=True)
+        ]
+        spread = np.linalg.inv(sum(np.linalg.inv(part) for _, part in parts))
+        centre = spread @ sum(np.linalg.solve(part, middle) for middle, part in parts)
+        mean, covariance = conditional(found.means_[i], found.covariances_[i], given, q)
+        np.testing.assert_allclose(mean, centre, rtol=1e-8, atol=1e-10)
+        np.testing.assert_allclose(covariance, spread, rtol=1e-8, atol=1e-10)
+        np.testing.assert_allclose(found.means_[i, :q], means[0, i, :q], atol=1e-12)
+        np.testing.assert_allclose(found.covariances_[i, :q, :q], covariances[0, i, :q, :q], rtol=1e-10)
+
+
+def test_a_frame_that_is_missing_says_nothing_of_the_shared_features_either():
+    samples, frames = taught()
+    model = DSGMR(4, n_shared=1).fit(samples, frames)
+    alone = DSGMR.from_mixture(
+        TaskParameterisedMixture.from_parameters(
+            model.mixture_.priors_, *([values[1]] for values in (model.mixture_.means_, model.mixture_.covariances_))
+        )
+    )
+    np.testing.assert_allclose(
+        model.retrieve([None, frames[0][1]], STEPS)[0], alone.retrieve(frames[0][1:], STEPS)[0], rtol=1e-8, atol=1e-10
+    )
+
+
+def test_features_that_a_frame_changes_are_not_shared():
+    samples, frames = taught()
+    with pytest.raises(ValueError, match="a task frame changes one of the first 2 features"):
+        DSGMR(4, n_shared=2).fit(samples, frames).product(frames[0])
+    with pytest.raises(ValueError, match="n_shared is 3: of 3 features"):
+        DSGMR(4, n_shared=3).fit(samples, frames).product(frames[0])
