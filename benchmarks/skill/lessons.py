@@ -23,13 +23,15 @@ from collections.abc import Callable  # noqa: E402
 from pathlib import Path  # noqa: E402
 
 from dart_skill.recording import read_demonstrations  # noqa: E402
-from dart_skill.skill.learn import learn  # noqa: E402
+from dart_skill.skill.learn import configuration, learn  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 DEMONSTRATIONS, THROWS = ROOT / "bags" / "demonstrations", ROOT / "bags" / "throws"
 ASKED_MS = {
     "lesson from 13 demonstrations": 40.0,
+    "the same with ds_gmr": 40.0,
     "plan of a throw": 3.0,
+    "a plan with ds_gmr": 3.0,
     "dart-skill --help": 150.0,
     "TAB after dart-skill": 150.0,
     "dart-skill bag info": 150.0,
@@ -82,10 +84,13 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=10, help="repeats per task (default 10)")
     options = parser.parse_args()
     demonstrations = list(read_demonstrations(DEMONSTRATIONS))
-    skill, target = learn(demonstrations), demonstrations[0].target
+    skill, target, several = learn(demonstrations), demonstrations[0].target, configuration("ds_gmr")
+    other = learn(demonstrations, several)
     works: dict[str, Callable[[], float]] = {
         "lesson from 13 demonstrations": lambda: median_ms(lambda: learn(demonstrations), options.repeats),
+        "the same with ds_gmr": lambda: median_ms(lambda: learn(demonstrations, several), options.repeats),
         "plan of a throw": lambda: median_ms(lambda: skill.plan(target), 5 * options.repeats),
+        "a plan with ds_gmr": lambda: median_ms(lambda: other.plan(target), 5 * options.repeats),
         "dart-skill --help": lambda: command_ms(["--help"], options.repeats),
         "TAB after dart-skill": lambda: tab_ms(options.repeats),
         "dart-skill bag info": lambda: command_ms(["bag", "info", str(DEMONSTRATIONS)], options.repeats),

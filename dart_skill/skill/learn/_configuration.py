@@ -33,6 +33,8 @@ class SkillConfiguration:
     * components: int, default 16. `n_components` of the DS-GMR.
     * partition: "time" or "em", default "time". `partition` of the DS-GMR.
     * overlap: float, default 0: that of the DS-GMR, which depends on the partition. `overlap` of the DS-GMR.
+    * inputs_once: bool, default False. Whether time and distance, which all frames see alike, count once in the product of the frames
+      (`n_shared` of the mixture), or once for each frame, as (7.21) stands.
     * distance_input: bool, default True. Whether the distance of the target is an input of the regression besides time.
     * alignment: "release" or "start", default "release". Instant that all demonstrations share: the release of the ball or the
       start of the motion.
@@ -77,6 +79,7 @@ class SkillConfiguration:
     orientation_stiffness: float = field(default=0.0, repr=False)
     stiffness_range: tuple[float, ...] = field(default=(), repr=False)
     overlap: float = field(default=0.0, repr=False)
+    inputs_once: bool = field(default=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.frames not in FRAMES:
@@ -136,7 +139,7 @@ DEFAULT = SkillConfiguration()
 THESIS = SkillConfiguration(
     "thesis", "start", 3, partition="em", distance_input=False, alignment="start", relabel=False, solve_aim=False, release="shown"
 )
-DS_GMR = replace(DEFAULT, name="ds_gmr", frames="azimuth_target", components=16, partition="em", overlap=0.7)
+DS_GMR = replace(DEFAULT, name="ds_gmr", frames="azimuth_target", components=16, partition="em", overlap=0.7, inputs_once=True)
 CONFIGURATIONS = {
     one.name: one
     for one in (
@@ -160,6 +163,7 @@ STEPS = {
     "more_components": "components",
     "overlap": "overlap",
     "distance": "distance_input",
+    "inputs_once": "inputs_once",
     "solved_aim": "solve_aim",
     "farthest_release": "release",
 }

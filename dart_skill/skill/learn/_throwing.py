@@ -64,6 +64,8 @@ MOST_AIMS = 25
 EARLIEST, LATEST = -0.04, 0.10
 """The release at which the ball flies farthest is looked for from and to so long after the one that was shown [s]."""
 AT_REST = np.zeros(5)
+TIMES_FOUND = 1e-3
+"""EM stops at this rise of the mean log-likelihood where components are fitted anew: only their times and shares are taken from it."""
 FINE = 1e-3
 """Noise of a recorded hand [m] up to which a demonstration counts in full, however much better the others were seen."""
 
@@ -144,6 +146,8 @@ class ThrowingSkill:
             digest.update(repr(self.configuration.registration).encode())
         if self.configuration.orientation_stiffness or self.configuration.stiffness_range:
             digest.update(repr((self.configuration.orientation_stiffness, self.configuration.stiffness_range)).encode())
+        if self.configuration.overlap or self.configuration.inputs_once:
+            digest.update(repr((self.configuration.overlap, self.configuration.inputs_once)).encode())
         for throw in self.throws:
             for part in (throw.task, throw.time, throw.attractor):
                 digest.update(np.ascontiguousarray(part).tobytes())
@@ -217,6 +221,8 @@ class ThrowingSkill:
         c, moving = self.configuration, [self._moving[i] for i in used]
         kind = AutonomousDSGMR if c.drive == "state" else DSGMR
         how: dict[str, Any] = {"n_inputs": int(c.distance_input), "partition": c.partition, "overlap": c.overlap or None}
+        how |= {"n_shared": 1 + int(c.distance_input)} if c.inputs_once else {}
+        how |= {"tolerance": TIMES_FOUND} if c.overlap else {}
         model = kind(c.components, c.stiffness_of_features, **how)
         frames = [frames_for(self.throws[i].task, self.throws[i].motion[0], c) for i in used]
         if isinstance(model, DSGMR):
