@@ -86,9 +86,7 @@ class GraphClient:
         while there := sorted((nodes & nodes_there(self.node)) | (alive := self.running(nodes))):
             if time.monotonic() > begun + (min(limit, ENDING) if alive else limit):
                 domain = os.environ.get("ROS_DOMAIN_ID", "0")
-                raise GraphFailure(
-                    f"{', '.join(there)} on ROS domain {domain} already: end it, or set ROS_DOMAIN_ID to another number"
-                )
+                raise GraphFailure(f"{', '.join(there)} on ROS domain {domain} already: end it, or set ROS_DOMAIN_ID to another number")
             self.spin()
 
     def running(self, nodes: Iterable[str]) -> set[str]:
