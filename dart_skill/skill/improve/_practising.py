@@ -2,7 +2,7 @@
 
 `bootstrap` (thesis 8.2): a throw is one more demonstration of how to hit the place where it came down. `residual`: the repeatable miss is
 learned and taken out of the next plan (`correction`). `power` (5.1): PoWER searches for the offsets and slopes of such a correction, with
-the error as the return. With each of them the hand is told to open as early as it has needed lately (`hand_delay`).
+the error as the return (`searching`). With each of them the hand is told to open as early as it has needed lately (`hand_delay`).
 """
 
 from __future__ import annotations
@@ -13,22 +13,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dart_skill.checks import to_the_nanosecond
-from dart_skill.movement import azimuth_of, turn_matrix
-from dart_skill.policy_search import PoWER
-from dart_skill.policy_search import Trial as SearchTrial
 from dart_skill.recording import Demonstration
 from dart_skill.robot import ThrowPlan
 from dart_skill.skill.improve._correction import Correction, CorrectionSettings, corrected, repeatable_miss
 from dart_skill.skill.improve._hand_delay import USUAL, HandDelay, likely_late
 from dart_skill.skill.improve._practice import Practice, PracticeSettings, Verdict
+from dart_skill.skill.improve._searching import CorrectionSearch
 from dart_skill.skill.improve._steadiness import LEAST, STEP, Steadiness
 from dart_skill.skill.learn import DEFAULT, PreparedThrow, SkillConfiguration, ThrowingSkill, prepare
 
 METHODS = ("residual", "bootstrap", "both", "power", "none")
-MIDDLE = 2.0
-"""Distance [m] at which the slope of PoWER's correction changes nothing."""
-SPREAD = np.array([0.05, 0.05, 0.02, 0.02])
-"""Of PoWER's first trials: offset along [m], slope along [1], offset across [m], slope across [1]."""
 
 
 @dataclass(frozen=True)
@@ -91,6 +85,7 @@ class PractisingSkill:
     * skill: the ThrowingSkill that was learned last.
     * practice: Practice, the memory of demonstrations and trials.
     * correction: Correction of the repeatable miss; None if the method has none.
+    * search: CorrectionSearch of the method "power"; None with the others.
     * hand: HandDelay that was learned; None if the method "none" is used or darts are thrown.
     * steadiness: Steadiness, what was seen of own releases.
     * release_shift: float [s], by which the release was moved.
@@ -115,8 +110,7 @@ class PractisingSkill:
         self.skill = self.practice.learn()
         self._game = configuration.game
         self.correction = Correction(settings, self._game.surface) if method in ("residual", "both") else None
-        self._search = PoWER(np.zeros(4), SPREAD, rng=rng or np.random.default_rng(0)) if method == "power" else None
-        self._trial: SearchTrial | None = None
+        self.search = CorrectionSearch(rng or np.random.default_rng(0)) if method == "power" else None
         # At a board the release itself is moved, and what the hand's mean delay does there is taken out with it: `steadiness`.
         self.hand = None if method == "none" or configuration.board else HandDelay(self._delay_of(throw) for throw in self.skill.throws)
         self.steadiness = Steadiness(self._game)
@@ -128,22 +122,25 @@ class PractisingSkill:
     def plan(self, target: np.ndarray, explore: bool = False) -> ThrowPlan:
         """A throw at the basket whose rim has its centre at target (3,) [m]; Unreachable tells why there is none.
 
-        explore: bool, default False. Whether PoWER tries new parameters.
+        explore: bool, default False. Whether PoWER may try another correction than the best one.
         """
         target = np.asarray(target, dtype=float)
         self._move_release(target)
-        plan = self._skill.plan(self._aim_for(target, explore))
-        if self.correction is not None or self._search is not None:
+        tried = self.search.ask() if self.search is not None and explore else None
+        aim = self._aim_for(target) if self.search is None else self.search.shifted(target, tried)
+        plan = self._skill.plan(aim)
+        if self.correction is not None or self.search is not None:
             plan = corrected(plan, target)
-        return self._in_time(plan)
+        plan = self._in_time(plan)
+        if self.search is not None and tried is not None:
+            self.search.remember(plan, tried)
+        return plan
 
     def tell(self, plan: ThrowPlan | None, trial: Demonstration) -> Told:
         """What came of a plan of this skill; without a plan the throw is a demonstration, whatever the method. trial: plan and outcome."""
         if plan is None:
             verdict = self._bootstrap(trial)
             return Told(verdict.kept, verdict.reason, forgotten=verdict.forgotten)
-        explored = self._trial
-        self._trial = None
         try:
             seen = prepare(replace(trial, target=plan.target), replace(self.skill.configuration, relabel=True))
         except ValueError as error:
@@ -158,8 +155,8 @@ class PractisingSkill:
         self._n_told += 1
         if self.hand is not None:
             self.hand.add(delay, seen.release.time_uncertainty)
-        if explored is not None and self._search is not None:
-            self._search.tell(explored, -float(np.linalg.norm(seen.task - plan.target)))
+        if self.search is not None:
+            self.search.tell(plan, seen.task)
         if self.correction is not None:
             self.correction.add(place, miss, explained - self._middle(plan))
         verdict = self._bootstrap(trial) if self.method in ("bootstrap", "both") else Verdict(True)
@@ -177,10 +174,8 @@ class PractisingSkill:
         """The skill with its release shifted."""
         return self.skill.releasing(self.release_shift) if self.release_shift else self.skill
 
-    def _aim_for(self, target: np.ndarray, explore: bool) -> np.ndarray:
+    def _aim_for(self, target: np.ndarray) -> np.ndarray:
         """The point (3,) to plan for, so that the ball comes down on the target (3,)."""
-        if self._search is not None:
-            return self._searched(self._search, target, explore)
         if self.correction is None:
             return target
         aim = self.correction.shifted(target)
@@ -214,18 +209,6 @@ class PractisingSkill:
             return np.zeros(2)
         _, middle = self.steadiness.scatter(plan, np.zeros(1))
         return middle[0]
-
-    def _searched(self, search: PoWER, target: np.ndarray, explore: bool) -> np.ndarray:
-        """The point to plan for under PoWER's best correction, or under the one that it tries now."""
-        if explore:
-            self._trial = search.ask()
-            parameters = self._trial.parameters
-        else:
-            parameters = search.parameters
-        along, along_slope, across, across_slope = parameters
-        away = np.hypot(target[0], target[1]) - MIDDLE
-        shift = np.array([along + along_slope * away, across + across_slope * away, 0.0])
-        return target + turn_matrix(azimuth_of(target)) @ shift
 
     def _bootstrap(self, trial: Demonstration) -> Verdict:
         verdict = self.practice.add(trial)

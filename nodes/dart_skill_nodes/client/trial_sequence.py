@@ -72,12 +72,14 @@ class TrialSequence:
         until_ns = max(0, conversions.stamp_ns(stamp) - ARRIVAL_NS)
         return await self._eyes.look(until_ns), stamp
 
-    async def begin(self, situation: Situation, stamp: Time, on_phase: Callable[[str], None] = lambda phase: None) -> TrialUnderWay:
+    async def begin(
+        self, situation: Situation, stamp: Time, on_phase: Callable[[str], None] = lambda phase: None, explore: bool = False
+    ) -> TrialUnderWay:
         """Send the goal for a situation, and let the world run when the commander is armed, or has refused.
 
-        stamp: of the state after which the movement begins; zero: at once.
+        stamp: of the state after which the movement begins; zero: at once. explore: another plan than the best one may be tried.
         """
-        goal = Execute.Goal(situation=situation)
+        goal = Execute.Goal(situation=situation, explore=explore)
         goal.header.frame_id, goal.header.stamp = self._frame_id, stamp
         trial = TrialUnderWay()
 

@@ -197,7 +197,8 @@ class CoachNode(GuardedNode):
         situation, stamp = await prepare(number, situation)
         self._go_on()
         self._feed(number, "executing")
-        made = await self._sequence.end(await self._sequence.begin(situation, stamp))
+        explore = not self._goal.request.only_execute
+        made = await self._sequence.end(await self._sequence.begin(situation, stamp, explore=explore))
         feedback = Practice.Feedback(number=number, phase="done", outcome=made.outcome, message=made.message)
         if made.code == Execute.Goal.OUTCOME_EXECUTED:
             result.executed += 1

@@ -248,7 +248,8 @@ class CommanderNode(GuardedNode):
             result.message = missing
             return None
         self._commander.check_free_to_move()
-        request = Plan.Request(situation=await self._whole(goal.situation, conversions.stamp_ns(goal.header.stamp)))
+        situation = await self._whole(goal.situation, conversions.stamp_ns(goal.header.stamp))
+        request = Plan.Request(situation=situation, explore=goal.explore)
         request.header.frame_id = self.p["frame_id"]
         response = await self._calls.call(self._planner, request, may_refuse=True, patience=self.p["plan_timeout"])
         if not response.success:

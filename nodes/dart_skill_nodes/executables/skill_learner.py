@@ -28,7 +28,7 @@ TABLE = [
     Parameter("skill", "that it learns"),
     Parameter("frame_id", "frame of demonstrations and plans"),
     Parameter("configuration", "name of the skill's configuration"),
-    Parameter("practice_method", "how to learn from own throws: residual, bootstrap, both or none"),
+    Parameter("practice_method", "how to learn from own throws: residual, bootstrap, both, power or none"),
     Parameter("practice_capacity", "demonstrations and trials that are remembered, 0: all", 0, 100_000),
     Parameter("practice_forget", "which trial goes when the memory is full: oldest or crowded"),
     Parameter("components", "of the mixture, in place of the configuration's; 0: as it has it", 0, 100, read_only=False),
@@ -187,7 +187,7 @@ class SkillLearner(GuardedNode):
         try:
             if request.header.frame_id != self.p["frame_id"]:
                 raise ValueError(f"the situation is in frame '{request.header.frame_id}', not '{self.p['frame_id']}'")
-            response.plan, response.held = self._learning.plan(request.situation, self.p["frame_id"])
+            response.plan, response.held = self._learning.plan(request.situation, self.p["frame_id"], request.explore)
             response.success = True
         except ValueError as error:
             response.success, response.unreachable, response.message = False, isinstance(error, Unreachable | NoPlan), str(error)

@@ -112,8 +112,8 @@ class Learning(Protocol):
     def describe(self, one: Any) -> tuple[int, str, float, SituationMsg]:
         """Stamp [ns], frame, duration [s] and situation of a demonstration."""
 
-    def plan(self, situation: SituationMsg, frame_id: str) -> tuple[PlanMsg, SituationMsg]:
-        """A plan, and what the hand holds at its start; ValueError says why there is none."""
+    def plan(self, situation: SituationMsg, frame_id: str, explore: bool) -> tuple[PlanMsg, SituationMsg]:
+        """A plan, and what the hand holds at its start; explore: not always the best one. ValueError says why there is none."""
 
     def tell(self, trial: DemonstrationMsg, plan: PlanMsg) -> Taken:
         """Learn from what became of a plan."""
@@ -212,9 +212,9 @@ class ThrowLearning:
     def _shown_at(self, one: Demonstration) -> SituationMsg:
         return conversions.at_place(one.target, self._thrown.bodies[1])
 
-    def plan(self, situation: SituationMsg, frame_id: str) -> tuple[PlanMsg, SituationMsg]:
+    def plan(self, situation: SituationMsg, frame_id: str, explore: bool) -> tuple[PlanMsg, SituationMsg]:
         skill, asked = self._skill, conversions.aimed(situation, self._thrown)
-        message = conversions.throw_plan_msg(skill.plan(self._thrown.target(asked)), frame_id, self._thrown)
+        message = conversions.throw_plan_msg(skill.plan(self._thrown.target(asked), explore), frame_id, self._thrown)
         message.situation = conversions.situation_msg(asked)
         return message, conversions.at_place(skill.skill.seat, self._thrown.bodies[0])
 
@@ -323,7 +323,7 @@ class TaskLearning:
         situation = conversions.situation_msg(self._skill.situation(one, start))
         return one.stamp_ns + round(start * 1e9), self._parameters()["frame_id"], stop - start, situation
 
-    def plan(self, situation: SituationMsg, frame_id: str) -> tuple[PlanMsg, SituationMsg]:
+    def plan(self, situation: SituationMsg, frame_id: str, explore: bool) -> tuple[PlanMsg, SituationMsg]:
         asked, model = conversions.situation(situation), self._learned
         if isinstance(model, ReactiveSkill):
             message = conversions.policy_msg(model.policy, frame_id)

@@ -41,8 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "a graph that runs and has learned, as that of a real arm: a person is told when to put the ball into the hand."
     )
     add_run(parser, demonstrations=3, throws=20, thrown="own throws")
-    methods = [name for name in PRACTICE_METHODS if name != "power"]
-    parser.add_argument("--method", choices=methods, help="default: of config/skill_learner.yaml")
+    parser.add_argument("--method", choices=PRACTICE_METHODS, help="how to learn from own throws (default: of config/skill_learner.yaml)")
     tests = f"throws of a test before and one after, at baskets that stay the same; not learned from (default {TESTS}, with --running 0)"
     parser.add_argument("--tests", type=int, metavar="N", help=tests)
     parser.add_argument("--change", choices=sorted(CHANGES), default="none", help="what happens to the arm, unannounced (default none)")

@@ -9,6 +9,7 @@ from dart_skill.robot._throw_plan import same_plan
 from dart_skill.session import Session
 from dart_skill.skill.improve import METHODS, PractisingSkill
 from dart_skill.skill.improve._correction import polar
+from dart_skill.skill.improve._searching import BEFORE, SCATTER, correction_of
 from dart_skill.skill.learn import landing_if_late, learn
 
 BASKETS = np.array([[1.85, 0.10, 0.4], [2.05, -0.30, 0.4], [1.75, 0.45, 0.4]])
@@ -117,6 +118,34 @@ def test_a_release_after_which_the_plan_never_comes_down_teaches_nothing(demonst
     told = skill.tell(replace(plan, path=replace(plan.path, position=sunk)), replace(one, hand_opened=one.hand_opened - 0.25))
     assert not told.kept and "comes down nowhere" in told.reason, told
     assert len(skill.correction) == len(skill.steadiness) == 0
+
+
+def test_power_explores_what_the_first_misses_leave_unknown(crooked, demonstrations):
+    """A turned base makes throws miss by 17 cm across: after the first throws that is where PoWER begins."""
+    skill = PractisingSkill(demonstrations, method="power", rng=np.random.default_rng(3))
+    targets = np.array([[1.6, 0.2, 0.4], [1.8, -0.3, 0.4], [2.0, 0.5, 0.4], [2.2, 0.0, 0.4], [2.3, -0.5, 0.4]])
+    assert same_plan(skill.plan(targets[0], explore=True), PractisingSkill(demonstrations, method="none").plan(targets[0]))
+    before = thrown(crooked, skill, targets, explore=True)
+    assert before.min() > 0.1
+    wanted = -np.deg2rad(5.0)
+    assert skill.search.parameters[2] == pytest.approx(wanted * 2.0, abs=0.03), "across, at two metres"
+    assert skill.search.parameters[3] == pytest.approx(wanted, abs=0.03), "and farther away as much more"
+    assert (skill.search.spread > 0.0).all() and (skill.search.spread < BEFORE).all()
+    tried, best = skill.plan(targets[0], explore=True), skill.plan(targets[0])
+    assert not same_plan(tried, best)
+    assert skill.tell(best, crooked.throw(best).demonstration).left[1] < 0.05
+    assert skill.search.open == 1, "what was thrown was not the plan that explores"
+    again = skill.tell(replace(tried, model_id="sent"), crooked.throw(tried).demonstration)
+    assert again.kept and skill.search.open == 0
+
+
+def test_a_correction_is_least_squares_where_much_is_known_and_what_was_thought_before_where_nothing_is():
+    away = np.linspace(-0.5, 0.5, 7)
+    fit, spread = correction_of(away, 0.03 - 0.02 * away, BEFORE[:2])
+    np.testing.assert_allclose(fit, [-0.03, 0.02], rtol=0.01)
+    np.testing.assert_allclose(spread, SCATTER / np.sqrt([7.0, np.sum(away**2)]), rtol=0.01)
+    fit, spread = correction_of(np.zeros(2), np.array([0.3, -0.3]), BEFORE[2:])
+    assert abs(fit[0]) < 1e-12 and spread[1] == pytest.approx(BEFORE[3]), "one distance alone tells nothing of a slope"
 
 
 @pytest.mark.parametrize("method", METHODS)
