@@ -219,6 +219,7 @@ TYPED = {
     "dart-skill demo --skill reach --trials 5": REACH,
     "dart-skill up --skill place": SKILLS,
     "dart-skill teach --count 8": SKILLS,
+    "dart-skill practice --method power --throws 30": PRACTICE,
     "dart-skill practice": PRACTICE,
     "dart-skill practice --change base_turned": PRACTICE,
     "dart-skill practice --change base_turned --change-after 5": PRACTICE,

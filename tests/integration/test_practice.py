@@ -91,6 +91,30 @@ def test_landings_and_what_was_learned_are_those_of_the_session_to_the_last_bit(
         np.testing.assert_array_equal(getattr(plan, part), getattr(in_process["plan"], part), part)
 
 
+def test_power_explores_and_learns_over_the_nodes_as_in_process(make_graph):
+    """Five throws as they are planned, then two with which PoWER tries something else; a test between them teaches nothing."""
+    shown, targets = targets_for(SEED, 2, 7)
+    _, client = make_graph(seed=SEED, extra={"skill_learner": {"practice_method": "power"}})
+    teach_and_learn(client, shown)
+    outcomes = client.practise(targets=targets[:6]).outcomes
+    outcomes += client.practise(targets=targets[:1], only_throw=True).outcomes
+    outcomes += client.practise(targets=targets[6:]).outcomes
+    plan = conversions.throw_plan(client.call(client.node.create_client(Plan, "/skill_learner/plan"), plan_request(NEW)).plan)
+
+    session, landings = Session(SEED), []
+    skill = PractisingSkill([session.teach(target)[-1].demonstration for target in shown], method="power")
+    for target, learns in [*((target, True) for target in targets[:6]), (targets[0], False), (targets[6], True)]:
+        planned = skill.plan(target, explore=learns)
+        trial = session.throw(planned)
+        landings.append(trial.outcome.landing)
+        if learns:
+            assert skill.tell(planned, trial.demonstration).kept
+    session.close()
+    assert skill.search.open == 0 and (skill.search.spread > 0.0).all()
+    np.testing.assert_array_equal([conversions.seen_at(outcome, "landing") for outcome in outcomes], landings)
+    np.testing.assert_array_equal(plan.aim, skill.plan(NEW).aim)
+
+
 def test_the_practice_command_changes_the_arm_on_the_way_and_reports_every_throw(tmp_path):
     command = [
         "dart-skill",
