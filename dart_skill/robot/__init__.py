@@ -7,7 +7,7 @@ from dart_skill.robot._command import ArmState, Command, Grip, HeldCommand, Spee
 from dart_skill.robot._description import DART, Ball, WamDescription, wam_description, with_box
 from dart_skill.robot._motion_plan import Gains, GainsOverTime, GripEvent, HandPath, MotionPlan, Pace
 from dart_skill.robot._registration import Registration
-from dart_skill.robot._throw_plan import ThrowPlan
+from dart_skill.robot._throw_plan import ThrowPlan, same_plan
 from dart_skill.robot._transforms import Transform, fixed_transforms, joint_transforms
 from dart_skill.robot._urdf import write_urdf
 
@@ -91,6 +91,7 @@ __all__ = [
     "minimum_jerk",
     "paced",
     "rotation_error",
+    "same_plan",
     "save_registration",
     "wam_description",
     "with_box",

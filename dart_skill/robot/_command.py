@@ -80,7 +80,10 @@ class HeldCommand:
         return self._newest is not None and self._newest.stamp_ns >= stamp_ns
 
     def take(self, command: Command) -> None:
-        """The next one has come; ValueError if it answers a state before that of the newest."""
+        """The next one has come; ValueError if it answers a state before that of the newest.
+
+        * command: of this sender.
+        """
         if self._newest is not None and command.stamp_ns < self._newest.stamp_ns:
             newest = self._newest.stamp_ns
             raise ValueError(f"it is stamped {command.stamp_ns} ns, before the one of {newest} ns that is obeyed: out of order")

@@ -91,7 +91,10 @@ class ThrowPlan:
 
 
 def same_plan(first: ThrowPlan, second: ThrowPlan) -> bool:
-    """Whether two plans are equal bit for bit, but for the name of their model."""
+    """Whether two plans are equal bit for bit, but for the name of their model.
+
+    * first, second: the plans.
+    """
     return all(_equal(getattr(first, f.name), getattr(second, f.name)) for f in fields(ThrowPlan) if f.name != "model_id")
 
 

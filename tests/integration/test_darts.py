@@ -15,7 +15,7 @@ from std_srvs.srv import SetBool
 from dart_skill.cli import main
 from dart_skill.darts import as_target, name_at
 from dart_skill.experiments import arm_darts
-from dart_skill.robot._throw_plan import same_plan
+from dart_skill.robot import same_plan
 from dart_skill.session import learn_throws_from_bag
 from dart_skill.skill.improve import PractisingSkill
 from dart_skill.skill.protocol import load_skill

@@ -11,7 +11,7 @@ from dart_skill_msgs.srv import AddTrial, Learn, ModelFile, Plan
 from dart_skill.permissions import policy
 from dart_skill.recording import BagReader, read_demonstrations
 from dart_skill.regions import targets_for
-from dart_skill.robot._throw_plan import same_plan
+from dart_skill.robot import same_plan
 from dart_skill.session import Session
 from dart_skill.skill.learn import learn
 from dart_skill_nodes.client.failures import GraphFailure

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from dart_skill.pace import PhaseRule
-from dart_skill.robot import GainsOverTime, Pace
-from dart_skill.robot._throw_plan import same_plan
+from dart_skill.robot import GainsOverTime, Pace, same_plan
 from dart_skill_nodes.comms import conversions
 from tests.unit.conftest import planned_swing
 

@@ -15,8 +15,7 @@ import numpy as np
 from dart_skill.movement import azimuth_of, turn_matrix
 from dart_skill.policy_search import PoWER
 from dart_skill.policy_search import Trial as SearchTrial
-from dart_skill.robot import ThrowPlan
-from dart_skill.robot._throw_plan import same_plan
+from dart_skill.robot import ThrowPlan, same_plan
 
 MIDDLE = 2.0
 """Distance [m] at which the slope of the correction changes nothing."""

@@ -9,7 +9,7 @@ import pytest
 from dart_skill.cli import main
 from dart_skill.experiments import practice
 from dart_skill.experiments.practice import CHANGES, Run, Task, changed, summarise, table
-from dart_skill.robot._throw_plan import same_plan
+from dart_skill.robot import same_plan
 from dart_skill.session import Session
 from dart_skill.simulation import PlantSettings
 from dart_skill.skill.improve import PractisingSkill

@@ -21,9 +21,9 @@ from dart_skill.robot import (
     PlanRefused,
     Registration,
     Speed,
+    same_plan,
     wam_description,
 )
-from dart_skill.robot._throw_plan import same_plan
 
 REST = np.array([0.0, -0.90, 0.0, -0.75, 0.0, -0.35, 0.0])
 MS = 1_000_000

@@ -16,7 +16,7 @@ from dart_skill.cli.learn import add_to
 from dart_skill.recording import MARK_TOPIC, MARK_TYPE, BagReader, BagWriter, Opening, definition, qos_yaml, serialize, types_for, typestore
 from dart_skill.recording.imports.mapping import OWN, PoseSource, parse_mapping
 from dart_skill.recording.imports.throw_recording import convert, read_recording
-from dart_skill.robot._throw_plan import same_plan
+from dart_skill.robot import same_plan
 from dart_skill.session import find_throws, learn_from_bag
 from dart_skill.skill.improve import PractisingSkill
 from dart_skill.skill.learn import load_model

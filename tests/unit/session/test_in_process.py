@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from dart_skill.robot import CommanderSettings, Mode, PlanRefused
-from dart_skill.robot._throw_plan import same_plan
+from dart_skill.robot import CommanderSettings, Mode, PlanRefused, same_plan
 from dart_skill.session import Session
 from dart_skill.skill.learn import learn
 from dart_skill.skill.observe import judge_flight

@@ -15,8 +15,7 @@ from hypothesis import strategies as st
 
 from dart_skill import archive
 from dart_skill.recording import Demonstration
-from dart_skill.robot import KnownRegistration, Registration
-from dart_skill.robot._throw_plan import same_plan
+from dart_skill.robot import KnownRegistration, Registration, same_plan
 from dart_skill.skill.learn import CONFIGURATIONS, DEFAULT, _model_file, learn, load_model, save_model
 
 BASKET = np.array([1.8, 0.1, 0.4])

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dart_skill.robot._throw_plan import same_plan
+from dart_skill.robot import same_plan
 from dart_skill.session import Session
 from dart_skill.skill.improve import METHODS, PractisingSkill
 from dart_skill.skill.improve._correction import polar

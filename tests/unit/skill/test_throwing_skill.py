@@ -9,9 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from dart_skill.flight import landing
 from dart_skill.recording import Demonstration
-from dart_skill.robot import ArmModel, CommanderSettings, wam_description
+from dart_skill.robot import ArmModel, CommanderSettings, same_plan, wam_description
 from dart_skill.robot._commander import check_plan
-from dart_skill.robot._throw_plan import same_plan
 from dart_skill.skill.learn import (
     CONFIGURATIONS,
     DEFAULT,
