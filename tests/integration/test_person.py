@@ -7,6 +7,7 @@ import pytest
 import rclpy
 from dart_skill_msgs.srv import MoveArm
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import PoseStamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
@@ -15,7 +16,7 @@ from std_srvs.srv import Trigger
 from dart_skill.robot import wam_description
 from dart_skill.world import ROLES
 from dart_skill_nodes.client.failures import CallFailed
-from dart_skill_nodes.client.person import Patience, Person
+from dart_skill_nodes.client.person import LOOK, Patience, Person
 from dart_skill_nodes.client.service_calls import ServiceCalls
 from dart_skill_nodes.comms.coroutines import start
 
@@ -41,31 +42,76 @@ def test_a_state_from_before_a_throw_does_not_say_where_the_arm_is_after_it(pers
         person._check_heard(6 * SECOND)
 
 
-def test_an_arm_that_stops_on_its_way_is_not_waited_for(person):
+class Told:
+    """A commander that moves the arm when it is asked to, says what the test has it say, and an arm at a posture."""
+
+    def __init__(self, person):
+        self.person, self.node, self.asked, self.ended = person, rclpy.create_node("commander"), [], []
+        self._says = self.node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self.node.create_service(Trigger, "/commander/stop", lambda *_: Trigger.Response(success=True))
+        self.node.create_service(MoveArm, "/commander/move_to", self._on_move)
+        self.executor = SingleThreadedExecutor()
+        for node in (person._node, self.node):
+            self.executor.add_node(node)
+
+    def _on_move(self, request, response):
+        self.asked.append(request)
+        response.success = True
+        return response
+
+    def say(self, mode, last="", newest=0):
+        """Say a mode, and the time of the newest state [s]; whether the person has heard it."""
+        pairs = {"mode": mode, "last": last, "newest_state_ns": str(newest * SECOND)}
+        values = [KeyValue(key=key, value=value) for key, value in pairs.items()]
+        self._says.publish(DiagnosticArray(status=[DiagnosticStatus(name="commander", values=values)]))
+        return self.person._mode == mode
+
+    def arm_is_at(self, angle, seconds):
+        message = JointState(name=[joint.name for joint in wam_description().joints], position=np.full(7, angle), velocity=np.zeros(7))
+        message.header.stamp.sec = seconds
+        self.person._on_state(serialize_message(message))
+
+    def cameras_see(self, seconds):
+        message = PoseStamped()
+        message.header.frame_id, message.header.stamp.sec, message.pose.orientation.w = "world", seconds, 1.0
+        self.person._taker("ball")(serialize_message(message))
+
+    def until(self, condition):
+        spin(self.executor, condition)
+
+    def close(self):
+        self.executor.shutdown()  # it holds what it has waited for: the node would stay on the graph, and the next find a commander there
+        self.node.destroy_node()
+
+
+@pytest.fixture
+def told(person):
+    commander = Told(person)
+    commander.arm_is_at(0.0, 5)
+    start(person._node, person.bring(np.full(7, 0.3)), lambda result, error: commander.ended.append(error))
+    commander.until(lambda: commander.asked)
+    commander.until(lambda: commander.say("moving"))
+    assert not commander.ended
+    yield commander
+    commander.close()
+
+
+def test_an_arm_that_stops_on_its_way_is_not_waited_for(told):
     """The coach said after 23 s that the arm is not where the throw begins, and not what the commander had stopped it for."""
-    commander, ended = rclpy.create_node("commander"), []
-    says = commander.create_publisher(DiagnosticArray, "/diagnostics", 10)
-    asked = []
-    commander.create_service(Trigger, "/commander/stop", lambda *_: Trigger.Response(success=True))
-    commander.create_service(MoveArm, "/commander/move_to", lambda request, _: asked.append(request) or MoveArm.Response(success=True))
+    told.until(lambda: told.say("holding", "no /joint_states for 0.6 s", newest=5) and told.ended)
+    assert isinstance(told.ended[0], CallFailed) and "stopped on its way" in str(told.ended[0]) and "for 0.6 s" in str(told.ended[0])
 
-    def say(mode, last=""):
-        values = [KeyValue(key="mode", value=mode), KeyValue(key="last", value=last)]
-        says.publish(DiagnosticArray(status=[DiagnosticStatus(name="commander", values=values)]))
 
-    executor = SingleThreadedExecutor()
-    for node in (person._node, commander):
-        executor.add_node(node)
-    message = JointState(name=[joint.name for joint in wam_description().joints], position=np.zeros(7), velocity=np.zeros(7))
-    person._on_state(serialize_message(message))
-    start(person._node, person.bring(np.full(7, 0.3)), lambda result, error: ended.append(error))
-    spin(executor, lambda: asked)
-    spin(executor, lambda: say("moving") or person._mode == "moving")
-    assert not ended
-    spin(executor, lambda: say("holding", "no /joint_states for 0.6 s") or ended)
-    assert isinstance(ended[0], CallFailed) and "stopped on its way" in str(ended[0]) and "for 0.6 s" in str(ended[0])
-    executor.shutdown()  # it holds what it has waited for: the node would stay on the graph, and the next command find a commander there
-    commander.destroy_node()
+def test_states_that_come_after_the_word_that_the_arm_is_held_say_where_it_is(told):
+    """On a busy machine the commander said that it holds the arm before its last states had come: it "stopped on its way"."""
+    told.until(lambda: told.say("holding", newest=9))
+    until = time.monotonic() + 5 * LOOK
+    told.until(lambda: time.monotonic() > until)
+    assert not told.ended
+    told.arm_is_at(0.3, 9)
+    told.cameras_see(9)
+    told.until(lambda: told.ended)
+    assert told.ended == [None]
 
 
 def spin(executor, condition, limit=30.0):

@@ -76,7 +76,7 @@ def test_the_status_of_a_graph_that_is_well(graph):
     assert (code, told["ok"], told["problems"], told["commanders"]) == (0, True, [], ["commander"]), said
     assert {node["name"] for node in told["nodes"]} == set(NODES)
     topics = {topic["topic"]: topic for topic in told["topics"]}
-    assert topics["/joint_states"]["rate"] > 10.0 and topics["/joint_states"]["lost"] == 0
+    assert topics["/joint_states"]["rate"] > 1.0 and topics["/joint_states"]["lost"] == 0
     limits = load_yaml("limits.yaml")["/**"]["ros__parameters"]
     assert told["limits"] == {"commander": limits, "wam_simulator": limits} and told["safety"] == ["ready", ""]
 

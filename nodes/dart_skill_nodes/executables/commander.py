@@ -492,7 +492,8 @@ class CommanderNode(GuardedNode):
         text += f", {stopped}: call /commander/reset" if stopped else ""
         if (near := self._commander.warning) and level == OK:
             level, text = WARN, f"{text}; {near}"
-        return level, text, {"mode": self._commander.mode.value, "last": self._commander.message}
+        newest_ns = 0 if self._state is None else self._state.stamp_ns
+        return level, text, {"mode": self._commander.mode.value, "last": self._commander.message, "newest_state_ns": newest_ns}
 
 
 def main(args: list[str] | None = None) -> None:
