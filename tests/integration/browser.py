@@ -166,6 +166,10 @@ class Page:
         for _ in range(pictures):
             self.run("new Promise(resolve => requestAnimationFrame(resolve))")
 
+    def cursor(self, place):
+        """How the page shows the mouse at a place in pixels."""
+        return self.run(f"getComputedStyle(document.elementFromPoint({float(place[0])}, {float(place[1])})).cursor")
+
     def key(self, key):
         """A key is pressed and let go: a letter, or "Enter"."""
         code, number = (key, 13) if key == "Enter" else (f"Key{key.upper()}", ord(key.upper()))
@@ -182,8 +186,14 @@ class Page:
 
     def drag(self, start, end, steps=8, shift=False, correct=lambda end: None):
         """Hold the mouse from one place to another, in pixels; shift: with that key; correct: gives a better end, or None to let go."""
-        self.mouse("mouseMoved", start, shift=shift)
-        self.draw(3)  # the page sees with a picture what is under the mouse; else it would turn its view
+
+        def seen():
+            """The page sees with a picture what is under the mouse, and shows it by the cursor; else it would turn its view."""
+            self.mouse("mouseMoved", start, shift=shift)
+            self.draw(3)
+            return self.cursor(start) == "pointer"
+
+        self._wait(seen, 60.0, "a cursor that shows that something can be dragged")
         self.mouse("mousePressed", start, 1, shift)
         self.draw(1)
         for share in np.linspace(0.0, 1.0, steps + 1):
