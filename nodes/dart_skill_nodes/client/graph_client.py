@@ -33,7 +33,7 @@ from dart_skill_nodes.comms.running_nodes import running
 from dart_skill_nodes.process.graph_processes import START
 from dart_skill_nodes.process.node_base import make_executor
 
-ENDING = 2.0
+ENDING = 0.5
 """For processes of a graph that was told to end [s, wall clock]."""
 ASK_AGAIN = 0.1
 """Whoever was told to wait asks again after so long [s, wall clock]."""
