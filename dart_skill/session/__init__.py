@@ -4,7 +4,16 @@ from typing import TYPE_CHECKING
 
 from dart_skill.lazy import on_first_use
 from dart_skill.session._skill_summary import SkillResult, SkillSummary, in_words, situation_json, skill_table
-from dart_skill.session._summary import DemoSummary, ThrowResult, basket_in_words, error_quantile, footer, table, write_summary
+from dart_skill.session._summary import (
+    DemoSummary,
+    ThrowResult,
+    basket_in_words,
+    error_quantile,
+    footer,
+    table,
+    throw_in_words,
+    write_summary,
+)
 
 if TYPE_CHECKING:
     from dart_skill.session._belt import BeltSession
@@ -113,6 +122,7 @@ __all__ = [
     "summarise",
     "table",
     "throw_dart",
+    "throw_in_words",
     "throwing_demo",
     "write_lerobot",
     "write_summary",

@@ -17,7 +17,7 @@ from dart_skill.recording import Demonstration
 from dart_skill.regions import REGION, targets_for
 from dart_skill.session._in_process import Session, Trial
 from dart_skill.session._session_bag import LAYOUT, SessionBag
-from dart_skill.session._summary import DemoSummary, ThrowResult, basket_in_words
+from dart_skill.session._summary import DemoSummary, ThrowResult, basket_in_words, throw_in_words
 from dart_skill.skill.improve import PracticeSettings, PractisingSkill
 from dart_skill.skill.learn import changed, configuration
 from dart_skill.skill.protocol import load_skill
@@ -128,10 +128,6 @@ def practising(skill: Throw, shown: list[Demonstration], name: str, say: Say) ->
     return learned
 
 
-def _distance(error_m: float | None) -> str:
-    return "landing not seen" if error_m is None else f"{100 * error_m:.1f} cm"
-
-
 def _throw(session: Session, learned: PractisingSkill, target: np.ndarray, what: str, say: Say) -> ThrowResult:
     x, y, z = target.tolist()
     try:
@@ -143,6 +139,6 @@ def _throw(session: Session, learned: PractisingSkill, target: np.ndarray, what:
         landing = tuple(outcome.landing.tolist()) if outcome.landing_seen else None
         error_m = float(outcome.landing_error) if outcome.landing_seen else None
         result = ThrowResult((x, y, z), landing, error_m, bool(outcome.in_basket), trial.message)
-        became = f"{'in' if result.in_basket else 'out'}, {_distance(error_m)} {trial.message}".rstrip()
+        became = throw_in_words(result.in_basket, error_m, trial.message)
     say(f"{what}: {basket_in_words(target)}: {became}")
     return result

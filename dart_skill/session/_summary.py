@@ -154,6 +154,17 @@ def basket_in_words(target: np.ndarray) -> str:
     return f"basket at {math.hypot(target[0], target[1]):.2f} m, {azimuth:+.0f} degrees"
 
 
+def throw_in_words(in_basket: bool, error_m: float | None, message: str) -> str:
+    """What became of a throw that was made: where it went, how far from the middle, and what there is to say.
+
+    * in_basket: as the cameras saw it.
+    * error_m: distance of the landing from the middle [m]; None if it was not seen.
+    * message: of the commander, empty if there is nothing to say.
+    """
+    off = "landing not seen" if error_m is None else f"{100 * error_m:.1f} cm"
+    return f"{'in' if in_basket else 'out'}, {off} {message}".rstrip()
+
+
 def error_quantile(throws: Sequence[ThrowResult], share: float) -> float | None:
     """Landing error [m] that a share of the throws whose landing was seen stays below; None if none was seen."""
     errors = [throw.error_m for throw in throws if throw.error_m is not None]

@@ -129,8 +129,7 @@ class Person:
 
         def arrived() -> bool:
             # a state from before the arm was held again, which comes late on a busy machine, does not say where it stopped
-            known = self._moved and self._mode == HELD and self._state().stamp_ns >= self._mode_ns
-            if known and not self._is_at(posture):
+            if self._moved and self._mode == HELD and self._has_heard(self._mode_ns) and not self._is_at(posture):
                 raise CallFailed(f"the arm stopped on its way to where the throw begins: {self._last or 'the commander says no reason'}")
             return self._check_at(posture)
 
@@ -195,7 +194,7 @@ class Person:
         return True
 
     def _check_heard(self, since_ns: int) -> bool:
-        if not self._heard or self._state().stamp_ns < since_ns:
+        if not self._has_heard(since_ns):
             raise ValueError("no state of the arm has come on /joint_states since it was thrown with: is its driver running?")
         return True
 
@@ -208,6 +207,10 @@ class Person:
             raise ValueError(f"the arm is not held, the commander says {said}: hold it (/commander/release_arm with data: false)")
         if np.abs(state.velocity).max() > AT_REST:
             raise ValueError("the arm still moves")
+
+    def _has_heard(self, since_ns: int) -> bool:
+        """Whether a state of the arm has come that is not older than a stamp [ns]."""
+        return bool(self._heard) and self._state().stamp_ns >= since_ns
 
     def _is_at(self, posture: np.ndarray) -> bool:
         return bool(self._heard) and float(np.abs(self._state().position - posture).max()) < THERE

@@ -134,6 +134,7 @@ def tell_practice(feedback, before: int, messages: dict[int, str], what: str = "
     """What the person should do, and one line per throw, whose message is kept under its number; `before`: throws of earlier goals; what:
     a throw is called.
     """
+    from dart_skill.session import throw_in_words
     from dart_skill_nodes.comms import conversions
 
     if feedback.phase == "waiting":
@@ -142,24 +143,22 @@ def tell_practice(feedback, before: int, messages: dict[int, str], what: str = "
         return
     messages[before + feedback.number] = feedback.message
     outcome = feedback.outcome
-    error = f"{100 * outcome.error:.1f} cm" if outcome.seen else "landing not seen"
-    where = place(conversions.target_of(outcome.situation))
-    said = feedback.message.removeprefix("executed")
-    say(f"{what} {before + feedback.number}: {where}: {'in' if outcome.success else 'out'}, {error} {said}".rstrip())
+    became = throw_in_words(outcome.success, outcome.error if outcome.seen else None, feedback.message.removeprefix("executed"))
+    say(f"{what} {before + feedback.number}: {place(conversions.target_of(outcome.situation))}: {became}")
 
 
 def throw_all(client: "GraphClient", targets: Sequence["np.ndarray"]) -> list["ThrowResult"]:
     """One throw at each basket."""
     from dart_skill_msgs.action import Execute
 
+    from dart_skill.session import throw_in_words
+
     results = []
     for k, target in enumerate(targets, start=1):
         thrown = client.throw(target)
         result = throw_result(thrown.outcome, thrown.message)
-        error = "landing not seen" if result.error_m is None else f"{100 * result.error_m:.1f} cm"
-        became = f"{'in' if result.in_basket else 'out'}, {error} {result.message}".rstrip()
-        if thrown.code == Execute.Goal.OUTCOME_REFUSED:
-            became = f"no throw: {result.message}"
+        refused = thrown.code == Execute.Goal.OUTCOME_REFUSED
+        became = f"no throw: {result.message}" if refused else throw_in_words(result.in_basket, result.error_m, result.message)
         say(f"throw {k}/{len(targets)}: {place(target)}: {became}")
         results.append(result)
     return results
