@@ -4,6 +4,8 @@
   (DTWD, Sakoe and Chiba 1978) [mm]: the sum of the distances along the best alignment of two paths of 500 samples each. It is the mean
   of 1 to 4 (train) and 5 to 7 (test). For what is driven by the state: the share of a grid of starts, over the rectangle of all
   demonstrations, that ends within 1 mm of the mean end of the training demonstrations.
+* Handwriting of several patterns in one set (LASA's `Multi_Models`): each demonstration is left out once, and the others are learned, as
+  one pattern and as those that `find_patterns` finds. The start says which of them is drawn. Error: DTWD of the demonstration left out.
 * Task-parameterised sets (pbdlib): each demonstration is left out once. Error and goal: the mean distance along the best alignment, and
   that of the ends, in % of the diagonal of all demonstrations.
 
@@ -24,7 +26,17 @@ import numpy as np
 
 from dart_skill.experiments.parallel import all_of
 from dart_skill.experiments.published_sets import Demonstrated, lasa_shapes, pbdlib_sets
-from dart_skill.movement import DSGMR, AutonomousDSGMR, AutonomousPolicy, DiscretePrimitive, TaskFrame, smooth_derivatives
+from dart_skill.movement import (
+    DSGMR,
+    AutonomousDSGMR,
+    AutonomousPolicy,
+    DiscretePrimitive,
+    TaskFrame,
+    find_patterns,
+    resampled,
+    smooth_derivatives,
+    warped_distance,
+)
 
 N_TRAIN = 4
 N_SAMPLES = 500
@@ -48,8 +60,9 @@ Reproduce = Callable[[np.ndarray], np.ndarray]
 class Score:
     """One method on one set.
 
-    kind: of the set, "handwriting" or "frames". name: of the set. method: in the words of the table.
-    train, test: DTWD [mm] for handwriting; for a task-parameterised set test is the error and goal that of the ends [%], and train nan.
+    kind: of the set, "handwriting", "patterns" or "frames". name: of the set. method: in the words of the table.
+    train, test: DTWD [mm] for handwriting; for several patterns and for a task-parameterised set test is the error of what was left out
+    ([mm] and [%]), and train nan. goal: for the latter, that of the ends [%].
     arrived: share of the grid that ends at the goal, nan for what has a clock.
     """
 
@@ -66,7 +79,7 @@ def run(folder: Path, jobs: int = 1, shapes: Sequence[str] = ()) -> list[Score]:
     """All that the folder holds of either set; shapes: only these. ValueError: it holds neither, or not a shape that is named."""
     work: list[tuple[str, str, list[Demonstrated]]] = []
     problems = []
-    for kind, load in (("handwriting", lasa_shapes), ("frames", pbdlib_sets)):
+    for kind, load in (("handwriting", lasa_shapes), ("patterns", partial(lasa_shapes, several=True)), ("frames", pbdlib_sets)):
         try:
             work += [(kind, name, demonstrations) for name, demonstrations in load(folder).items()]
         except ValueError as error:
@@ -82,7 +95,7 @@ def run(folder: Path, jobs: int = 1, shapes: Sequence[str] = ()) -> list[Score]:
 
 def _scored(work: Sequence[tuple[str, str, list[Demonstrated]]], i: int) -> list[Score]:
     kind, name, demonstrations = work[i]
-    return handwriting(name, demonstrations) if kind == "handwriting" else left_out(name, demonstrations)
+    return {"handwriting": handwriting, "patterns": several_patterns, "frames": left_out}[kind](name, demonstrations)
 
 
 def handwriting(name: str, demonstrations: Sequence[Demonstrated]) -> list[Score]:
@@ -106,6 +119,30 @@ def handwriting(name: str, demonstrations: Sequence[Demonstrated]) -> list[Score
         train, test = float(np.mean(errors[:N_TRAIN])), float(np.mean(errors[N_TRAIN:]))
         scores.append(Score("handwriting", name, method, train, test, arrived.get(method, np.nan)))
     return scores
+
+
+def several_patterns(name: str, demonstrations: Sequence[Demonstrated]) -> list[Score]:
+    """Each demonstration left out once: what the others make of its start, as one pattern, and as those that are found."""
+    paths = [resampled(one.position, N_SAMPLES) for one in demonstrations]
+    errors = []
+    for i, path in enumerate(paths):
+        others = [j for j in range(len(paths)) if j != i]
+        found = find_patterns([paths[j] for j in others])
+        own = [others[k] for k in found.groups[found.beginning_at(path[0])]]
+        errors.append([_error_of(path, [paths[j] for j in used], [demonstrations[j] for j in used]) for used in (others, own)])
+    in_one, each = np.mean(errors, axis=0)
+    words = f"{len(find_patterns(paths).groups)} patterns"
+    return [
+        Score("patterns", name, "AutonomousDSGMR, one pattern", np.nan, float(in_one)),
+        Score("patterns", name, f"AutonomousDSGMR, {words}", np.nan, float(each)),
+    ]
+
+
+def _error_of(path: np.ndarray, shown: list[np.ndarray], demonstrations: Sequence[Demonstrated]) -> float:
+    """DTWD [mm] of a path from what these demonstrations make of its start, as driven by the state."""
+    duration = float(np.mean([one.time[-1] - one.time[0] for one in demonstrations]))
+    policy = _driven_by_state(duration * np.linspace(0.0, 1.0, N_SAMPLES), shown)
+    return warped_distance(resampled(_until_rest(policy, duration, path[0]), N_SAMPLES), path)[0]
 
 
 def _driven_by_state(clock: np.ndarray, paths: list[np.ndarray]) -> AutonomousPolicy:
@@ -179,51 +216,27 @@ def left_out(name: str, demonstrations: Sequence[Demonstrated]) -> list[Score]:
     return [Score("frames", name, "DSGMR", np.nan, float(error), goal=float(goal))]
 
 
-def resampled(path: np.ndarray, n: int) -> np.ndarray:
-    """A path (m, d) at n instants, equally spaced over its indices: (n, d)."""
-    place = np.linspace(0.0, len(path) - 1.0, n)
-    return np.column_stack([np.interp(place, np.arange(len(path)), column) for column in path.T])
-
-
-def warped_distance(first: np.ndarray, second: np.ndarray) -> tuple[float, int]:
-    """Least sum of distances over monotone alignments of two paths, first (n, d) and second (m, d), and how many pairs that one has.
-
-    D(i, j) = |a_i - b_j| + min(D(i-1, j), D(i, j-1), D(i-1, j-1)); all of one antidiagonal i + j at a time.
-    """
-    distance = np.linalg.norm(first[:, None] - second, axis=2)
-    n, m = distance.shape
-    total = np.full((n + 1, m + 1), np.inf)
-    total[0, 0] = 0.0
-    for diagonal in range(2, n + m + 1):
-        i = np.arange(max(1, diagonal - m), min(n, diagonal - 1) + 1)
-        j = diagonal - i
-        before = np.minimum(np.minimum(total[i - 1, j], total[i, j - 1]), total[i - 1, j - 1])
-        total[i, j] = distance[i - 1, j - 1] + before
-    return float(total[n, m]), _pairs(total)
-
-
-def _pairs(total: np.ndarray) -> int:
-    """How many pairs the best alignment of D (n + 1, m + 1) has, from its end back to its start."""
-    i, j, pairs = total.shape[0] - 1, total.shape[1] - 1, 1
-    while (i, j) != (1, 1):
-        i, j = min(((i - 1, j - 1), (i - 1, j), (i, j - 1)), key=lambda place: total[place])
-        pairs += 1
-    return pairs
-
-
 def table(scores: Sequence[Score]) -> str:
-    """The scores as a table: means over the shapes of handwriting, and each task-parameterised set."""
+    """The scores as a table: means over the shapes of handwriting, and each set of several patterns or frames."""
     lines = []
-    for kind, head in (
-        ("handwriting", f"{'method':<32}{'shapes':>7}{'train [mm]':>12}{'test [mm]':>12}{'at the goal':>13}"),
-        ("frames", f"{'set, left out':<32}{'method':>7}{'error [%]':>12}{'goal [%]':>12}"),
+    for kind, head, rows_of in (
+        ("handwriting", f"{'method':<32}{'shapes':>7}{'train [mm]':>12}{'test [mm]':>12}{'at the goal':>13}", _means),
+        ("patterns", f"{'set, left out':<20}{'method':<30}{'error [mm]':>12}", _of_patterns),
+        ("frames", f"{'set, left out':<32}{'method':>7}{'error [%]':>12}{'goal [%]':>12}", _of_frames),
     ):
-        rows = [score for score in scores if score.kind == kind]
-        lines += [head] if rows else []
-        lines += _means(rows) if kind == "handwriting" else [f"{r.name:<32}{r.method:>7}{r.test:>12.2f}{r.goal:>12.2f}" for r in rows]
+        if rows := [score for score in scores if score.kind == kind]:
+            lines += [head, *rows_of(rows)]
     if importlib.util.find_spec(PEER) is None:
         lines.append(f"{PEER} is not installed, so there is no row of it")
     return "\n".join(lines)
+
+
+def _of_patterns(rows: Sequence[Score]) -> list[str]:
+    return [f"{row.name:<20}{row.method:<30}{row.test:>12.0f}" for row in rows]
+
+
+def _of_frames(rows: Sequence[Score]) -> list[str]:
+    return [f"{row.name:<32}{row.method:>7}{row.test:>12.2f}{row.goal:>12.2f}" for row in rows]
 
 
 def _means(rows: Sequence[Score]) -> list[str]:

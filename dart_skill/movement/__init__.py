@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from dart_skill.movement._autonomous import AutonomousDSGMR, AutonomousPolicy, Moment, StateDriven, StateFrame
     from dart_skill.movement._ds_gmr import DSGMR, Reproduction
     from dart_skill.movement._locality import WidthChoice, choose_width, gaussian_weights, nearest_weights
+    from dart_skill.movement._patterns import Patterns, find_patterns, resampled
     from dart_skill.movement._primitives import DiscretePrimitive, Execution, PrimitiveState, RhythmicPrimitive, Trajectory
     from dart_skill.movement._reactive import Reaction, ReactivePolicy
     from dart_skill.movement._springs import SpringMixture
@@ -55,6 +56,7 @@ if TYPE_CHECKING:
         stiffness_from_covariance,
     )
     from dart_skill.movement._task_parameterised import PartialFrame, TaskParameterisedMixture
+    from dart_skill.movement._warping import warped_distance
 else:
     __getattr__, __dir__ = on_first_use(
         __name__,
@@ -63,11 +65,13 @@ else:
             "_autonomous": "AutonomousDSGMR AutonomousPolicy Moment StateDriven StateFrame",
             "_ds_gmr": "DSGMR Reproduction",
             "_locality": "WidthChoice choose_width gaussian_weights nearest_weights",
+            "_patterns": "Patterns find_patterns resampled",
             "_primitives": "DiscretePrimitive Execution PrimitiveState RhythmicPrimitive Trajectory",
             "_reactive": "Reaction ReactivePolicy",
             "_springs": "SpringMixture",
             "_stiffness": "attractor_with_gains critical_damping_matrix hold_to stable_gains stiffness_from_covariance",
             "_task_parameterised": "PartialFrame TaskParameterisedMixture",
+            "_warping": "warped_distance",
         },
     )
 
@@ -82,6 +86,7 @@ __all__ = [
     "Motion",
     "MovingFrame",
     "PartialFrame",
+    "Patterns",
     "PhaseRule",
     "PrimitiveState",
     "Reaction",
@@ -114,6 +119,7 @@ __all__ = [
     "estimate_noise",
     "features",
     "find_faults",
+    "find_patterns",
     "follow_attractor",
     "from_matrices",
     "gaussian_weights",
@@ -126,6 +132,7 @@ __all__ = [
     "pointing_at",
     "pointing_directions",
     "quaternions_from_angles",
+    "resampled",
     "rotate",
     "segment_containing",
     "smooth_derivatives",
@@ -137,5 +144,6 @@ __all__ = [
     "to_matrices",
     "turn_about_z",
     "turn_matrix",
+    "warped_distance",
     "without_repeats",
 ]

@@ -6,7 +6,7 @@ from scipy.io import savemat
 
 from dart_skill.cli import main
 from dart_skill.experiments.published_sets import lasa_shapes, pbdlib_sets
-from dart_skill.experiments.real_data import handwriting, left_out, resampled, run, table, warped_distance
+from dart_skill.experiments.real_data import handwriting, left_out, run, several_patterns, table
 
 STARTS = np.random.default_rng(0).normal([-40.0, 20.0], 2.0, (7, 2))
 
@@ -43,35 +43,6 @@ def planar(tmp_path):
             np.save(folder / f"reach_tp_{p}_d_{i}_A.npy", turn)
             np.save(folder / f"reach_tp_{p}_d_{i}_b.npy", end)
     return tmp_path
-
-
-def warped_one_by_one(first, second):
-    """Dynamic time warping as it is written in the books."""
-    total = np.full((len(first) + 1, len(second) + 1), np.inf)
-    total[0, 0] = 0.0
-    for i in range(len(first)):
-        for j in range(len(second)):
-            total[i + 1, j + 1] = np.linalg.norm(first[i] - second[j]) + min(total[i, j], total[i, j + 1], total[i + 1, j])
-    return total[-1, -1]
-
-
-@pytest.mark.parametrize("lengths", [(1, 1), (1, 6), (9, 9), (20, 13)])
-def test_warped_distance_is_that_of_the_definition(lengths):
-    rng = np.random.default_rng(2)
-    first, second = (rng.normal(size=(n, 2)) for n in lengths)
-    distance, pairs = warped_distance(first, second)
-    assert distance == pytest.approx(warped_one_by_one(first, second), rel=1e-12)
-    assert max(lengths) <= pairs <= sum(lengths) - 1
-
-
-def test_another_pace_costs_nothing():
-    path = np.random.default_rng(3).normal(size=(10, 2))
-    assert warped_distance(path, np.repeat(path, 3, axis=0)) == (0.0, 30)
-
-
-def test_resampling_keeps_the_ends_and_straight_lines():
-    line = np.outer(np.arange(11.0), [1.0, -2.0])
-    np.testing.assert_allclose(resampled(line, 4), np.outer([0.0, 10 / 3, 20 / 3, 10.0], [1.0, -2.0]))
 
 
 def test_shapes_are_read_with_time_first(lasa):
