@@ -1,9 +1,12 @@
 """Permissions by node, and the policy that is made of them; nobody needs ROS for it."""
 
+import re
+from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 
+import dart_skill_nodes
 from dart_skill.cli import main
 from dart_skill.permissions import permissions_of, policy, processes
 from dart_skill_nodes.process.graph_processes import NODES, NODES_OF
@@ -16,6 +19,15 @@ COMMANDS = {"rt/wam/command": {"commander"}, "rt/wam/teacher_wrench": {"teacher"
 def test_every_node_and_every_process_has_its_enclave():
     assert set(NODES) <= set(processes()) and processes()["composed"] == list(NODES_OF["composed"])
     assert set(ALLOWED) == {f"/dart_skill/{name}" for name in processes()}
+
+
+def test_every_node_of_a_verb_may_have_its_services():
+    folder = Path(dart_skill_nodes.__file__).parent
+    texts = [file.read_text(encoding="utf-8") for part in ("verbs", "client") for file in (folder / part).rglob("*.py")]
+    made = {name for text in texts for name in re.findall(r'(?:create_node\(|GraphClient\([^\n]*name=|name: str = )"(\w+)"', text)}
+    assert {"client", "verb", "status", "foxglove_view"} <= made
+    serves = {name for _, subscribe in ALLOWED.values() for name in subscribe}
+    assert not [name for name in made if f"rq/{name}/describe_parametersRequest" not in serves]
 
 
 @pytest.mark.parametrize(("topic", "who"), COMMANDS.items())

@@ -13,11 +13,16 @@ STARTS = np.random.default_rng(0).normal([-40.0, 20.0], 2.0, (7, 2))
 
 @pytest.fixture
 def lasa(tmp_path):
-    """Files as those of LASA, with a curve of our own in them: seven demonstrations [mm] to the origin, columns in time."""
+    """Files as those of LASA, with curves of our own in them: seven demonstrations [mm] to the origin, columns in time.
+
+    Three of those of several patterns come from the other side.
+    """
     (tmp_path / "DataSet").mkdir()
     for name in ("Bow", "Multi_Models_9"):
         demos = np.empty(7, dtype=object)
         for i, start in enumerate(STARTS):
+            if name == "Multi_Models_9" and i >= 4:
+                start = start * [-1.0, 1.0]
             time = np.linspace(0.0, 2.0 + 0.2 * i, 200)
             s = time / time[-1]
             s = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
@@ -65,6 +70,12 @@ def test_a_shape_is_reproduced_and_every_start_comes_to_the_goal(lasa):
     assert scores["AutonomousDSGMR"].arrived == 1.0
     assert scores["DSGMR"].train < 500 * 1.0 and scores["DSGMR"].test < 500 * 2.0, "the mean over 500 samples, 1 and 2 mm"
     assert scores["DiscretePrimitive, nearest"].train < 500 * 0.2
+
+
+def test_patterns_are_drawn_one_by_one_and_not_as_their_mean(lasa):
+    as_one, each = several_patterns("Multi_Models_9", lasa_shapes(lasa, several=True)["Multi_Models_9"])
+    assert each.method == "AutonomousDSGMR, 2 patterns" and each.test < 500 * 2.0 < as_one.test
+    assert "Multi_Models_9" in table([as_one, each])
 
 
 def test_what_is_left_out_is_reached_in_its_frames(planar):
