@@ -168,6 +168,7 @@ def _as_text(skill: PractisingSkill, report: LearnReport, output: Path) -> str:
         else ""
     )
     lines.append(f"learned from {len(learned)} of {len(report.throws)} throws with '{model.configuration.name}'{delay}")
+    lines += filter(None, [skill.practice.patterns()])
     lines.append(f"model {model.model_id}: {output}")
     return "\n".join(lines + _next(THROW, output))
 
@@ -203,6 +204,7 @@ def _as_json(skill: PractisingSkill, report: LearnReport, output: Path) -> dict:
         "faults": [asdict(fault) for fault in report.faults],
         "throws": [_throw_json(throw) for throw in report.throws],
         "learned_from": [one.id for one in report.learned_from],
+        "patterns": skill.practice.patterns(),
         "configuration": skill.skill.configuration.name,
         "model_id": skill.skill.model_id,
         "model": str(output),

@@ -9,12 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dart_skill.movement import Fit, check_alignment, turn_matrix
+from dart_skill.movement import Fit, check_alignment, find_patterns, turn_matrix
 from dart_skill.recording import Demonstration
 from dart_skill.skill.learn import DEFAULT, PreparedThrow, SkillConfiguration, ThrowingSkill, learn_prepared, prepare
 
 FORGETTING = ("oldest", "crowded")
 LEAST_TO_COMPARE = 4
+MOST_FOR_PATTERNS = 30
+"""Every demonstration is compared with every other one, which takes 0.4 s for so many."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +111,21 @@ class Practice:
         self._tried.append(trial)
         self._prepared[trial.id] = prepared
         return Verdict(True, forgotten=tuple(self._forget()))
+
+    def patterns(self) -> str:
+        """Groups of what was shown whose hand paths are clearly apart though they reach equally far, in words; empty if there are none.
+
+        A skill learned from a throw over the shoulder and one from below throws like neither.
+        """
+        throws = [self._prepared[one.id] for one in self._shown]
+        if not LEAST_TO_COMPARE <= len(throws) <= MOST_FOR_PATTERNS:
+            return ""
+        groups = find_patterns([self._path(throw)[1] for throw in throws]).groups
+        reaches = [[throws[i].reach for i in group] for group in groups]
+        if len(groups) < 2 or max(map(min, reaches)) > min(map(max, reaches)):
+            return ""
+        named = "; ".join(", ".join(throws[i].id for i in group) for group in groups)
+        return f"{len(groups)} ways of throwing were shown, and learned as one: {named}"
 
     def withdraw(self, trial_id: str, reason: str) -> None:
         """Take back a trial that was kept but cannot be learned from. trial_id: of the trial; reason: in words."""

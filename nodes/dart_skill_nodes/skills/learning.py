@@ -185,6 +185,7 @@ class ThrowLearning:
         said = (
             f"learned from {n} demonstrations with '{skill.configuration.name}'{changes and f' but {changes}'}",
             f"the hand opens {1e3 * skill.hand_delay:.0f} ms after it is told to",
+            *filter(None, [practice.patterns()]),
         )
         return Lesson(n, skill.model_id, said, tuple(practice.kept_out.values()))
 

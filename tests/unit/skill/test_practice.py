@@ -1,11 +1,14 @@
 """The memory of practice: trials relabelled with where they landed, strange ones kept out, a full memory that forgets."""
 
 import re
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from dart_skill.session import Session
+from dart_skill.simulation import Swing
 from dart_skill.skill.improve import PracticeSettings
 from dart_skill.skill.improve._practice import Practice
 from dart_skill.skill.learn import DEFAULT, learn, prepare
@@ -52,6 +55,27 @@ def test_a_trial_that_does_not_resemble_the_demonstrations_is_kept_out_and_repor
     assert practice.kept_out == {"trial_1": verdict.reason}
     assert len(practice.demonstrations) == len(demonstrations)
     assert practice.add(bulged(demonstrations[3], "trial_2", 0.003)).kept, "a small swerve is no crime"
+
+
+@pytest.fixture(scope="module")
+def from_below():
+    """Three throws that begin lower than the teacher's usual ones, at other distances."""
+    with closing(Session(1, swing=Swing(cocked=(-1.6, -0.75, -0.6)))) as session:
+        shown = [session.teach(np.array([x, 0.2, 0.4]), attempts=1)[-1].demonstration for x in (1.6, 1.85, 2.2)]
+    return [replace(one, id=f"below_{k}") for k, one in enumerate(shown)]
+
+
+def test_two_ways_of_throwing_are_said(demonstrations, from_below):
+    assert Practice(demonstrations).patterns() == "" and Practice(from_below).patterns() == ""
+    groups = "; ".join(", ".join(one.id for one in way) for way in (demonstrations, from_below))
+    assert Practice([*demonstrations, *from_below]).patterns() == f"2 ways of throwing were shown, and learned as one: {groups}"
+
+
+def test_another_way_at_far_baskets_alone_may_be_for_the_distance(demonstrations, from_below):
+    near = [one for one in demonstrations if np.linalg.norm(one.target[:2]) < 1.95]
+    far = [one for one in from_below if np.linalg.norm(one.target[:2]) > 1.95]
+    again = [trial_like(one, f"{one.id}_again") for one in (*near, *far)]
+    assert Practice([*near, *far, *again]).patterns() == ""
 
 
 @pytest.mark.parametrize(
