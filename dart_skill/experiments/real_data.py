@@ -166,9 +166,14 @@ def _arrived(policy: AutonomousPolicy, paths: list[np.ndarray], duration: float)
 
 
 def _driven_by_clock(clock: np.ndarray, paths: list[np.ndarray]) -> Reproduce:
-    model = DSGMR(COMPONENTS)
-    model.fit([model.encode(clock, path) for path in paths], [STILL] * len(paths))
-    return lambda start: model.reproduce(STILL, clock, start, np.zeros_like(start), covariance=False).position
+    """DS-GMR in two frames: one begins where the movement begins, the other stands at the goal. Time counts once in their product."""
+    model = DSGMR(COMPONENTS, n_shared=1)
+    model.fit([model.encode(clock, path) for path in paths], [_from_start(path[0]) for path in paths])
+    return lambda start: model.reproduce(_from_start(start), clock, start, np.zeros_like(start), covariance=False).position
+
+
+def _from_start(start: np.ndarray) -> list[TaskFrame]:
+    return [TaskFrame(np.eye(3), np.array([0.0, *start])), *STILL]
 
 
 def _nearest(paths: list[np.ndarray], start: np.ndarray) -> int:
