@@ -12,8 +12,8 @@ PRACTICE_METHODS = ("residual", "bootstrap", "both", "power", "none")
 CHANGES = ("none", "heavier_ball", "friction", "weaker_motors", "slower_hand", "base_turned")
 """`dart_skill.experiments.practice`."""
 SEARCHES = (
-    "mixture", "power", "power_constant", "power_proportional", "cem", "cma", "cma_default", "reinforce", "enac", "restarts",
-    "monte_carlo", "niches", "sharpening", "model_based",
+    "mixture", "mixture_daspec", "power", "power_constant", "power_proportional", "cem", "cma", "cma_default", "reinforce", "enac",
+    "restarts", "monte_carlo", "niches", "sharpening", "model_based",
 )  # fmt: skip
 """`dart_skill.experiments.dart_search`."""
 SCHEDULES = ("thesis", "extended", "thesis_12000", "extended_12000")

@@ -28,6 +28,7 @@ from dart_skill.policy_search import (
     Niches,
     PoWER,
     RandomRestarts,
+    Readings,
     Reinforce,
     Sharpening,
     Trial,
@@ -109,6 +110,7 @@ SCHEDULES = {
 REWARDS = ("expected", "thrown")
 METHODS: dict[str, Callable[..., Method]] = {
     "mixture": MixturePoWER,
+    "mixture_daspec": partial(MixturePoWER, readings=Readings(structure="spectroscopy")),
     "power": partial(PoWER, limits=(0.03, 10.0)),
     "power_constant": partial(PoWER, exploration="constant"),
     "power_proportional": partial(PoWER, exploration="proportional"),

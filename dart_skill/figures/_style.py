@@ -100,13 +100,25 @@ def _settle(figure: Figure) -> None:
     engine = figure.get_layout_engine()
     if engine is None:
         return
-    for _ in range(3):  # one pass does not find room for the titles of panels with equal axes
-        engine.execute(figure)
+    engine.execute(figure)
+    positions = _positions(figure)
+    if any(axes.get_aspect() != "auto" for axes in figure.axes):  # for their titles one pass may not find room
+        for _ in range(2):
+            before = positions
+            engine.execute(figure)
+            positions = _positions(figure)
+            if np.array_equal(positions, before):
+                break
     figure.set_layout_engine(None)  # "none" would leave a placeholder, for which every file is drawn twice
-    for axes in figure.axes:
-        axes.set_position(np.round(axes.get_position(original=True).bounds, 5))  # less than a pixel
+    for axes, position in zip(figure.axes, positions, strict=True):
+        axes.set_position(position)
         if axes.get_aspect() != "auto":
             axes.set_adjustable("box")  # limits follow the box to half a percent only
+
+
+def _positions(figure: Figure) -> np.ndarray:
+    """Left, bottom, width and height of all axes (n, 4) in fractions of the figure, to less than a pixel."""
+    return np.array([np.round(axes.get_position(original=True).bounds, 5) for axes in figure.axes]).reshape(-1, 4)
 
 
 def svg_text(figure: Figure) -> str:

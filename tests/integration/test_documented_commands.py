@@ -348,7 +348,7 @@ TYPED = {
     "dart-skill darts search --methods mixture,power,cem,cma,niches,sharpening --schedules thesis,extended --results runs.jsonl": Run(
         "--methods power --seeds 1", says="power", leaves="runs.jsonl"
     ),
-    "dart-skill darts search --methods reinforce,enac --schedules thesis,extended --results runs.jsonl": Run(
+    "dart-skill darts search --methods reinforce,enac,mixture_daspec --schedules thesis,extended --results runs.jsonl": Run(
         "--methods enac --schedules thesis --seeds 1", says="enac", leaves="runs.jsonl"
     ),
     "dart-skill darts search --reward thrown --methods power,cma,cem,mixture --schedules thesis_12000": Run(

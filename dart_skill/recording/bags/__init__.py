@@ -6,6 +6,7 @@ What is done with whole bags is imported only then, so that each command of `dar
 from typing import TYPE_CHECKING
 
 from dart_skill.lazy import on_first_use
+from dart_skill.recording.bags.columns import columns_of
 from dart_skill.recording.bags.messages import (
     definition,
     deserialize,
@@ -59,6 +60,7 @@ __all__ = [
     "check_bag",
     "check_file",
     "clock_message",
+    "columns_of",
     "definition",
     "describe",
     "deserialize",

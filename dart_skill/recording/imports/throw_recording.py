@@ -11,6 +11,7 @@ import os
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from dart_skill.recording.bags import (
     BagReader,
     BagWriter,
     GraphBag,
+    columns_of,
     definition,
     deserialize,
     header_content,
@@ -132,8 +134,20 @@ def convert(source: str | os.PathLike, output: str | os.PathLike, mapping: Recor
 
 @dataclass
 class _Poses:
-    stamps: list[int]
-    rows: list[tuple]
+    """stamps: (n,) [ns]; rows: x, y, z, qx, qy, qz, qw of each."""
+
+    stamps: Any
+    rows: Any
+
+
+@dataclass
+class _States:
+    """stamps: (n,) [ns]; names: of the first state; position, velocity: a row for each."""
+
+    stamps: Any
+    names: list[str]
+    position: Any
+    velocity: Any
 
 
 def _buttons(mapping: RecordingMapping) -> list[tuple[str, SignalSource | None]]:
@@ -148,40 +162,37 @@ def _read_topics(source: Path, mapping: RecordingMapping) -> dict[str, Any]:
         return {}
     with (GraphBag if mapping is OWN else BagReader)(source, typestore()) as bag:
         collectors: dict[str, list[Callable]] = {}
-        taken: dict[str, Any] = {}
+        collected: dict[str, Callable[[], Any]] = {}
         for role, where in wanted.items():
             if where.topic not in bag.topics:
                 if role in mapping.optional:
                     continue
                 raise BagError(f"{source}: no topic {where.topic} for '{role}', only {sorted(bag.topics)}: name it in a mapping")
             type_name = bag.topics[where.topic].type_name
-            taken[role], collect = _collector(role, where, type_name, bag)
+            collected[role], collect = _collector(role, where, type_name, bag)
             collectors.setdefault(where.topic, []).append(collect)
         for message in bag.messages(collectors, decode=False):
             for collect in collectors[message.topic]:
                 collect(message)
-    return taken
+        return {role: content() for role, content in collected.items()}
 
 
-def _collector(role: str, where: PoseSource | SignalSource, type_name: str, bag: BagReader) -> tuple[Any, Callable[[BagMessage], None]]:
-    """Where messages of a topic are collected, and the function that does it."""
+def _collector(
+    role: str, where: PoseSource | SignalSource, type_name: str, bag: BagReader
+) -> tuple[Callable[[], Any], Callable[[BagMessage], None]]:
+    """Two functions: what was collected of a topic in the end, and one that takes a message."""
     name = type_name.rsplit("/", 1)[1]
     kinds = {"joints": ("JointState",), "teacher": SIGNAL_TYPES, "command": SIGNAL_TYPES}.get(role, POSE_TYPES)
     if name not in kinds:
         raise BagError(f"{bag.path}: {where.topic} has type {type_name}; for '{role}' it must be one of {', '.join(kinds)}")
-
-    def decoded(message: BagMessage) -> Any:
-        return _decoded(bag, message)
-
-    if role == "joints":
-        states: list = []
-        return states, lambda message: states.append(decoded(message))
     if role in ("teacher", "command"):
         signal = GripSignal()
-        return signal, lambda message: _take_signal(signal, name, message, decoded)
+        return lambda: signal, lambda message: _take_signal(signal, name, message, partial(_decoded, bag))
+    messages: list[BagMessage] = []
+    if role == "joints":
+        return lambda: _states(messages, bag), messages.append
     assert isinstance(where, PoseSource)  # as every body has
-    poses = _Poses([], [])
-    return poses, lambda message: _take_poses(poses, role, where, name, message, decoded)
+    return lambda: _poses(messages, role, where, name, bag), messages.append
 
 
 def _decoded(bag: BagReader, message: BagMessage) -> Any:
@@ -191,19 +202,55 @@ def _decoded(bag: BagReader, message: BagMessage) -> Any:
         raise BagError(f"{bag.path}: topic {message.topic}: {error}") from error
 
 
-def _take_poses(poses: _Poses, role: str, where: PoseSource, name: str, message: BagMessage, decoded: Callable) -> None:
-    content = decoded(message)
+def _columns(messages: list[BagMessage], bag: BagReader) -> tuple[Any, np.ndarray, np.ndarray] | None:
+    """The first message, stamps [ns] and numbers of all, where they have everything else in common."""
+    if not messages:
+        return None
+    _decoded(bag, messages[0])  # or it says what is wrong with it
+    return columns_of(bag.types, messages[0].type_name, [message.data for message in messages])
+
+
+def _states(messages: list[BagMessage], bag: BagReader) -> _States:
+    columns = _columns(messages, bag)
+    if columns is not None:
+        first, stamps, numbers = columns
+        ends = np.cumsum([len(first.position), len(first.velocity)])
+        return _States(stamps, list(first.name), numbers[:, : ends[0]], numbers[:, ends[0] : ends[1]])
+    states = [_decoded(bag, message) for message in messages]
+    names = list(states[0].name) if states else []
+    return _States([_stamp_of(one) for one in states], names, [one.position for one in states], [one.velocity for one in states])
+
+
+def _poses(messages: list[BagMessage], role: str, where: PoseSource, name: str, bag: BagReader) -> _Poses:
+    columns = _columns(messages, bag) if name == "PoseStamped" else None
+    if columns is not None:
+        first, stamps, numbers = columns
+        _check_frame(first, role, where, messages[0].topic)
+        return _Poses(stamps, numbers)
+    poses = _Poses([], [])
+    for message in messages:
+        _take_poses(poses, role, where, name, message, _decoded(bag, message))
+    return poses
+
+
+def _take_poses(poses: _Poses, role: str, where: PoseSource, name: str, message: BagMessage, content: Any) -> None:
     items = content.transforms if name == "TFMessage" else [content]
     for item in items:
         if where.child and getattr(item, "child_frame_id", where.child) != where.child:
             continue
-        frame = item.header.frame_id
-        if where.frame and frame != where.frame:
-            raise ValueError(
-                f"{message.topic}: a pose of the {role} is in '{frame}', not '{where.frame}': give frame and axes in a mapping"
-            )
-        poses.stamps.append(item.header.stamp.sec * GIGA + item.header.stamp.nanosec)
+        _check_frame(item, role, where, message.topic)
+        poses.stamps.append(_stamp_of(item))
         poses.rows.append(_pose_row(name, item))
+
+
+def _check_frame(item: Any, role: str, where: PoseSource, topic: str) -> None:
+    frame = item.header.frame_id
+    if where.frame and frame != where.frame:
+        raise ValueError(f"{topic}: a pose of the {role} is in '{frame}', not '{where.frame}': give frame and axes in a mapping")
+
+
+def _stamp_of(item: Any) -> int:
+    return item.header.stamp.sec * GIGA + item.header.stamp.nanosec
 
 
 def _pose_row(name: str, item: Any) -> tuple:
@@ -252,7 +299,7 @@ def _resting(role: str, position: tuple, stamps: np.ndarray, frame: str) -> Pose
     return PoseStream(role, stamps, np.tile(position, (len(stamps), 1)), np.tile(IDENTITY, (len(stamps), 1)), frame)
 
 
-def _joints(where: SignalSource | None, states: list | None, folder: Path) -> JointStream | None:
+def _joints(where: SignalSource | None, states: _States | None, folder: Path) -> JointStream | None:
     if where is None:
         return None
     if where.table is not None:
@@ -263,33 +310,36 @@ def _joints(where: SignalSource | None, states: list | None, folder: Path) -> Jo
     elif states is None:
         return None
     else:
-        stamps = np.array([s.header.stamp.sec * GIGA + s.header.stamp.nanosec for s in states], dtype=np.int64)
-        known = list(states[0].name) if states else []
+        stamps, known = np.array(states.stamps, dtype=np.int64), states.names
         if not where.names and set(joint_names()) <= set(known):
             where = replace(where, names=joint_names())
         names = where.names or tuple(known)
-        position = _joint_columns([state.position for state in states], "position", where, known)
-        velocity = _joint_columns([state.velocity for state in states], "velocity", where, known)
+        position = _joint_columns(states.position, "position", where, known)
+        velocity = _joint_columns(states.velocity, "velocity", where, known)
     if not velocity.size and len(stamps) > 1:
         velocity = np.gradient(position, 1e-9 * (stamps - stamps[0]), axis=0)
     return JointStream(stamps + where.shift_ns, position, velocity.reshape(-1, N_JOINTS), names)
 
 
-def _joint_columns(rows: list, field: str, where: SignalSource, known: list[str]) -> np.ndarray:
+def _joint_columns(rows: list | np.ndarray, field: str, where: SignalSource, known: list[str]) -> np.ndarray:
     """(n, 7) of a field of joint states; (0, 7) if velocities were not recorded.
 
     where: names the joints that are meant, in their order; `known` those that were recorded.
     """
-    if field == "velocity" and not any(len(row) for row in rows):
+    widths = {rows.shape[1]} if isinstance(rows, np.ndarray) else {len(row) for row in rows}
+    if not widths or (field == "velocity" and not any(widths)):
         return np.empty((0, N_JOINTS))
-    if where.names and rows:
+    expected = len(known) if where.names else N_JOINTS
+    if wrong := widths - {expected}:
+        raise ValueError(f"{where.topic}: {min(wrong)} values of {field} instead of {expected}: name the arm's joints in a mapping")
+    rows = np.array(rows, dtype=float).reshape(len(rows), -1)
+    if where.names:
         if missing := [name for name in where.names if name not in known]:
             raise ValueError(f"{where.topic}: no joint '{missing[0]}', only {known}")
-        order = [known.index(name) for name in where.names]
-        rows = [[row[k] for k in order] for row in rows]
-    if wrong := [len(row) for row in rows if len(row) != N_JOINTS]:
-        raise ValueError(f"{where.topic}: {wrong[0]} values of {field} instead of {N_JOINTS}: name the arm's joints in a mapping")
-    return np.array(rows, dtype=float).reshape(-1, N_JOINTS)
+        rows = rows[:, [known.index(name) for name in where.names]]
+    if rows.shape[1] != N_JOINTS:
+        raise ValueError(f"{where.topic}: {rows.shape[1]} values of {field} instead of {N_JOINTS}: name the arm's joints in a mapping")
+    return rows
 
 
 def _openings(mapping: RecordingMapping, taken: dict, folder: Path) -> tuple[Opening, ...]:

@@ -43,7 +43,8 @@ def test_the_best_score_of_every_throw_is_that_of_the_best_aim():
 
 
 @pytest.mark.parametrize(
-    "method", ["mixture", "power", "power_proportional", "cem", "enac", "reinforce", "restarts", "monte_carlo", "sharpening"]
+    "method",
+    ["mixture", "mixture_daspec", "power", "power_proportional", "cem", "enac", "reinforce", "restarts", "monte_carlo", "sharpening"],
 )
 def test_every_method_runs_and_regret_is_never_negative(short, method):
     one = run(Task(method, "thesis", 1))
@@ -120,5 +121,5 @@ def test_search_on_the_command_line(short, tmp_path, capsys):
     assert main(arguments) == 0
     assert json.loads(capsys.readouterr().out)[0]["runs"] == 2
     assert main(["darts", "search", "--methods", "psychic"]) == 1
-    assert "there is no method 'psychic': choose one of mixture, power" in capsys.readouterr().err
+    assert "there is no method 'psychic': choose one of mixture, mixture_daspec, power" in capsys.readouterr().err
     assert main(["darts", "search", "--seeds", "0"]) == 1

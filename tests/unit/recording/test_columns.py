@@ -1,0 +1,79 @@
+"""Numbers of many messages at once, against each message read by rosbags; what cannot be taken so is said."""
+
+import numpy as np
+import pytest
+
+from dart_skill.recording.bags import columns_of, deserialize, header_content, pose_content, serialize, typestore
+
+TYPES = typestore()
+RNG = np.random.default_rng(0)
+POSE, STATE, ODOMETRY = "geometry_msgs/msg/PoseStamped", "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry"
+
+
+def pose(stamp_ns, frame="world"):
+    return serialize(TYPES, POSE, {"header": header_content(stamp_ns, frame), "pose": pose_content(RNG.normal(size=3), RNG.normal(size=4))})
+
+
+def state(stamp_ns, names=("a", "bc", "def"), velocities=3, efforts=0):
+    content = {"position": RNG.normal(size=3), "velocity": RNG.normal(size=velocities), "effort": RNG.normal(size=efforts)}
+    return serialize(TYPES, STATE, {"header": header_content(stamp_ns, "base"), "name": list(names), **content})
+
+
+def numbers_of(message):
+    """All float64 of a message, field by field."""
+    found = []
+    for name in message.__dataclass_fields__:
+        value = getattr(message, name)
+        if isinstance(value, float):
+            found.append(value)
+        elif isinstance(value, np.ndarray) and value.dtype == np.float64:
+            found += value.tolist()
+        elif hasattr(value, "__dataclass_fields__"):
+            found += numbers_of(value)
+    return found
+
+
+def odometry(stamp_ns):
+    covariance = {"covariance": RNG.normal(size=36)}
+    content = {"pose": {"pose": pose_content(RNG.normal(size=3), RNG.normal(size=4)), **covariance}, "twist": covariance}
+    return serialize(TYPES, ODOMETRY, {"header": header_content(stamp_ns, "odom"), "child_frame_id": "hand", **content})
+
+
+@pytest.mark.parametrize(
+    ("type_name", "make"),
+    [
+        (POSE, pose),
+        (POSE, lambda stamp: pose(stamp, "a frame of another length")),
+        (STATE, state),
+        (STATE, lambda stamp: state(stamp, velocities=0)),
+        (STATE, lambda stamp: state(stamp, efforts=3)),
+        (ODOMETRY, odometry),
+    ],
+)
+def test_numbers_and_stamps_are_those_of_the_messages(type_name, make):
+    stamps = [0, 1, 999_999_999, 1_000_000_000, 1_732_500_000_123_456_789, -1_500_000_000]
+    payloads = [make(stamp) for stamp in stamps]
+    first, found, numbers = columns_of(TYPES, type_name, payloads)
+    messages = [deserialize(TYPES, type_name, data) for data in payloads]
+    assert found.tolist() == stamps and str(first) == str(messages[0])
+    np.testing.assert_array_equal(numbers, [numbers_of(one) for one in messages])
+
+
+@pytest.mark.parametrize(
+    ("type_name", "payloads"),
+    [
+        (POSE, [pose(0), pose(1, "earth")]),
+        (POSE, [pose(0), pose(1, "elsewhere")]),
+        (STATE, [state(0), state(1, names=("a", "bc", "deg"))]),
+        (STATE, [state(0), state(1, velocities=0)]),
+        (POSE, [pose(0), pose(1)[:-1]]),
+        ("std_msgs/msg/Float64", [serialize(TYPES, "std_msgs/msg/Float64", {"data": 1.0})]),
+    ],
+)
+def test_messages_that_differ_in_more_are_left_to_be_read_one_by_one(type_name, payloads):
+    assert columns_of(TYPES, type_name, payloads) is None
+
+
+def test_the_other_order_of_bytes_is_left_to_rosbags():
+    swapped = bytes(TYPES.serialize_cdr(deserialize(TYPES, POSE, pose(5)), POSE, little_endian=False))
+    assert columns_of(TYPES, POSE, [swapped]) is None
