@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from dart_skill.cli import names
+from dart_skill.cli.run_options import folder
 
 BAG_SUFFIXES = (".mcap", ".db3")
 LISTS: dict[str, dict[str, Sequence[str]]] = {
@@ -71,7 +72,7 @@ def complete_with(action: argparse.Action, command: str) -> None:
         completer = _one_of(WORDS[action.dest])
     elif action.metavar in ("BAG", "SOURCE"):
         completer = _paths(BAG_SUFFIXES)
-    elif action.metavar == "FOLDER" or (action.type is Path and action.metavar is None):
+    elif action.metavar == "FOLDER" or action.type is folder or (action.type is Path and action.metavar is None):
         completer = _paths(())
     elif action.type is Path or action.metavar == "FILE":
         completer = _paths(None)

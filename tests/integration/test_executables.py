@@ -12,6 +12,8 @@ import pytest
 import rclpy
 from ament_index_python import get_package_prefix
 
+from dart_skill_nodes.comms.refusals import GuardedNode
+from dart_skill_nodes.comms.running_nodes import running
 from dart_skill_nodes.process.node_base import make_executor
 from tests.paths import ROOT
 
@@ -79,6 +81,63 @@ def test_what_a_node_does_not_take_is_said(tmp_path):
     mistyped = [*command, "--ros-args", "-p", "raet:=0.0", "-p", f"bag:={ROOT / 'bags/throws'}", "-p", "duration:=0.01"]
     played = subprocess.run(mistyped, cwd=tmp_path, capture_output=True, text=True, timeout=60)
     assert played.returncode == 0 and "there is no parameter 'raet' here" in played.stdout + played.stderr, played
+
+
+@pytest.fixture
+def commander(ros, tmp_path):
+    """Starts a commander with `ros2 run`, its log in a file of its number; all end with the test."""
+    started = []
+
+    def start(*arguments):
+        command = [shutil.which("ros2"), "run", "dart_skill", "commander", *arguments]
+        with open(tmp_path / f"{len(started)}.log", "wb") as log:
+            started.append(subprocess.Popen(command, cwd=tmp_path, stdout=log, stderr=log, start_new_session=True))
+        return started[-1], tmp_path / f"{len(started) - 1}.log"
+
+    yield start
+    for process in started:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+
+
+def until_running(names):
+    until = time.monotonic() + 60.0
+    while running(names) != set(names):
+        assert time.monotonic() < until, f"of {names} there is only {running(names)}"
+        time.sleep(0.05)
+
+
+def test_a_node_whose_name_is_taken_does_not_start(commander):
+    """`ros2 launch` of a graph that ran already put two commanders on one arm."""
+    first, _ = commander()
+    until_running(["/commander"])
+    second, log = commander()
+    assert second.wait(60) == 1
+    domain = os.environ.get("ROS_DOMAIN_ID", "0")
+    assert log.read_text().splitlines()[0].startswith(f"commander: /commander runs on this machine in ROS domain {domain} already: end it")
+    assert "Traceback" not in log.read_text() and first.poll() is None
+    commander("--ros-args", "-r", "__ns:=/arm2")
+    commander("--ros-args", "-r", "__node:=spare")
+    until_running(["/commander", "/arm2/commander", "/spare"])
+
+
+def test_a_name_is_free_again_when_its_process_was_killed(commander):
+    first, _ = commander()
+    until_running(["/commander"])
+    os.killpg(first.pid, signal.SIGKILL)
+    second, log = commander()
+    first.wait()
+    until_running(["/commander"])
+    assert second.poll() is None, log.read_text()
+
+
+def test_a_node_that_is_destroyed_gives_its_name_back(ros):
+    for _ in range(2):
+        node = GuardedNode("passing")
+        with pytest.raises(ValueError, match="/passing runs on this machine"):
+            GuardedNode("passing")
+        node.destroy_node()
 
 
 def test_a_node_that_is_told_to_end_while_it_loads_says_nothing(tmp_path):

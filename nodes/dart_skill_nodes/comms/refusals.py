@@ -14,6 +14,7 @@ from rclpy.node import Node
 
 from dart_skill_nodes.comms.in_process import Handing
 from dart_skill_nodes.comms.qos import CALLS, WALL
+from dart_skill_nodes.comms.running_nodes import hold
 
 SAID_AGAIN = 5.0
 """A place that goes on refusing is named in the log so often [s, wall clock]: a stream of bad messages is no stream of lines."""
@@ -72,12 +73,20 @@ def in_a_line(error: Exception) -> str:
 
 
 class _Guarded(Handing):
-    """Before Node or LifecycleNode: no callback of a subscription, a service or a timer ends the node."""
+    """Before Node or LifecycleNode: no callback of a subscription, a service or a timer ends the node.
+
+    ValueError where a node of this full name runs on this machine.
+    """
 
     def __init__(self, name: str, **options):
         self.refusals = Refusals(lambda text: self.get_logger().error(text))
         self._wall = Clock(clock_type=WALL.clock_type)
         super().__init__(name, **options)
+        self._held_name = hold(self.get_fully_qualified_name())
+
+    def destroy_node(self) -> None:
+        super().destroy_node()
+        self._held_name.close()
 
     def create_subscription(self, msg_type, topic, callback, qos_profile, **options):
         place = self.resolve_topic_name(topic)

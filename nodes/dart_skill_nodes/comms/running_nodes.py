@@ -1,28 +1,44 @@
 """Which nodes run on this machine, known at once: DDS takes a while to find them, and seconds where the machine is busy.
 
-Each process holds a socket for each of its nodes, with the ROS domain and the node's full name, in Linux's abstract namespace: it is gone
-with its process, however that went. Where there is no such namespace nothing is known, and DDS alone tells.
+Each node holds a socket, with the ROS domain and its full name, in Linux's abstract namespace: it is gone with its process, however that
+went. A second node of the name is refused. Where there is no such namespace nothing is known, and DDS alone tells.
 """
 
+import errno
 import hashlib
 import os
 import socket
+import time
 from collections.abc import Iterable
 from contextlib import closing
 
-_HELD: list[socket.socket] = []
+ENDING = 0.5
+"""For a process that was told to end, and whose place another one takes [s, wall clock]."""
+LOOK = 0.02
+"""Whether it has ended is asked so often [s, wall clock]."""
 
 
-def hold(names: Iterable[str]) -> None:
-    """Let others know, while this process lives, that it has nodes with these full names. Of two with one name the first one says so."""
-    for name in names:
-        held = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-        try:
-            held.bind(_address(name))
-        except OSError:
+def hold(name: str) -> socket.socket:
+    """Let others know, until the socket is closed, that a node with this full name runs; ValueError where another one has it."""
+    held, until = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM), time.monotonic() + ENDING
+    while _is_taken(held, name):
+        if time.monotonic() > until:
             held.close()
-        else:
-            _HELD.append(held)
+            raise ValueError(
+                f"{name} runs on this machine in ROS domain {_domain()} already: end it, or start this one in another domain "
+                "(ROS_DOMAIN_ID) or in a namespace"
+            )
+        time.sleep(LOOK)
+    return held
+
+
+def _is_taken(held: socket.socket, name: str) -> bool:
+    """Whether another one has the name; if not, the socket has it, as far as the machine knows such names."""
+    try:
+        held.bind(_address(name))
+    except OSError as error:
+        return error.errno == errno.EADDRINUSE
+    return False
 
 
 def running(names: Iterable[str]) -> set[str]:
@@ -41,5 +57,9 @@ def _is_held(name: str) -> bool:
 
 def _address(name: str) -> bytes:
     """An address has at most 107 bytes, and a name may have more."""
-    whole = f"{os.environ.get('ROS_DOMAIN_ID') or 0} {name}"
+    whole = f"{_domain()} {name}"
     return b"\0dart_skill " + hashlib.sha256(whole.encode()).hexdigest().encode()
+
+
+def _domain() -> str:
+    return os.environ.get("ROS_DOMAIN_ID") or "0"

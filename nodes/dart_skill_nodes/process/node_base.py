@@ -22,7 +22,6 @@ from dart_skill_nodes.comms.names import DIAGNOSTICS, diagnostic_name
 from dart_skill_nodes.comms.presence import be_alive
 from dart_skill_nodes.comms.qos import STATUS, SYSTEM
 from dart_skill_nodes.comms.refusals import GuardedLifecycleNode, GuardedNode, in_a_line
-from dart_skill_nodes.comms.running_nodes import hold
 from dart_skill_nodes.process.discovery import hear_loopback_alone
 from dart_skill_nodes.process.logs import find_log_folder
 from dart_skill_nodes.process.parameters import Parameter
@@ -140,7 +139,6 @@ def run(
     with exchanging() as exchange:
         try:
             nodes = _started(make_nodes, args, program)
-            hold(node.get_fully_qualified_name() for node in nodes)
             executor = make_executor()
             for node in nodes:
                 be_alive(node)

@@ -150,7 +150,8 @@ def executables(options: argparse.Namespace) -> dict[str, dict]:
 
 def stay(options: argparse.Namespace, interrupts: Interrupts, tell) -> None:
     """Start the graph, say which nodes are ready, and wait for the end; GraphFailure if a node ends by itself, or says nothing."""
-    from dart_skill_nodes.client.graph_client import ENDING, GraphClient
+    from dart_skill_nodes.client.graph_client import GraphClient
+    from dart_skill_nodes.comms.running_nodes import ENDING
 
     wanted = executables(options)
     with (
