@@ -28,7 +28,7 @@ def add_run(
     parser.add_argument("--demonstrations", type=int, default=demonstrations, help=f"throws to be shown (default {demonstrations})")
     parser.add_argument("--throws", "--trials", type=int, default=throws, help=f"{thrown} (default {throws})")
     what, verb = "bag, summary, report, pictures and logs", parser.prog.split()[-1]
-    parser.add_argument("--output", type=Path, help=f"folder for {what} (default output/{verb}_<date>)")
+    parser.add_argument("--output", type=folder, help=f"folder for {what} (default output/{verb}_<date>)")
     parser.add_argument("--layout", choices=layouts, default="composed", help=f"processes of the graph{also} (default composed)")
     add_arm(parser)
 
@@ -123,12 +123,7 @@ def folder(name: str) -> Path:
 
 
 def output_folder(parser: argparse.ArgumentParser, chosen: Path | None) -> Path:
-    """The chosen folder, or output/VERB_<date>; a usage error for what is, or is called like, a file."""
-    if chosen is not None:
-        try:
-            folder(str(chosen))
-        except argparse.ArgumentTypeError as error:
-            parser.error(f"--output {error}")
+    """The chosen folder, or output/VERB_<date>."""
     return (chosen or Path("output") / f"{parser.prog.split()[-1]}_{datetime.now():%Y_%m_%d-%H_%M_%S}").resolve()
 
 

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dart_skill.cli.run_options import add_arm, add_model, add_namespace, check_model, differences, output_folder
+from dart_skill.cli.run_options import add_arm, add_model, add_namespace, check_model, differences, folder, output_folder
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms.names import DIAGNOSTICS, in_graph, in_namespace
 from dart_skill_nodes.process.discovery import stay_on_this_machine
@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--viewer", action="store_true", help="the live view, too")
     parser.add_argument("--port", type=int, metavar="N", help="of the live view; 0: any free one (default: that of config/viewer.yaml)")
     parser.add_argument("--record", type=Path, metavar="FOLDER", help="every topic into a bag, too")
-    parser.add_argument("--output", type=Path, help="folder for logs and the bag of demonstrations (default output/up_<date>)")
+    parser.add_argument("--output", type=folder, help="folder for logs and the bag of demonstrations (default output/up_<date>)")
     add_model(parser)
     add_arm(parser)
     add_namespace(parser)

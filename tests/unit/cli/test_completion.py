@@ -13,6 +13,7 @@ import pytest
 from dart_skill import cli
 from dart_skill.cli import _completion as completion
 from dart_skill.cli import _main, names
+from dart_skill.cli.run_options import folder as folder_type
 from tests.paths import ROOT
 
 pytest.importorskip("dart_skill_nodes", reason="its options are completed, too")
@@ -90,6 +91,10 @@ def test_bash_offers(line, offered, executable, folder):
         ("dart-skill bag info d", ["day_1/", "day_2/", "day_3.mcap", "day_4.db3", "day\\ six.mcap"]),
         ("dart-skill up --play day_", ["day_1/", "day_2/", "day_3.mcap", "day_4.db3"]),
         ("dart-skill demo --output day", ["day_1/", "day_2/"]),
+        ("dart-skill up --output day", ["day_1/", "day_2/"]),
+        ("dart-skill experiment soak --output day", ["day_1/", "day_2/"]),
+        ("dart-skill experiment figure 8.1 --output day", ["day_1/", "day_2/"]),
+        ("dart-skill darts heatmap --output day", ["day_1/", "day_2/"]),
         ("dart-skill learn day_1 --mapping day_5", ["day_5.yaml"]),
         ("dart-skill learn day_1 --mapping .", [".day_7.mcap", ".hidden/"]),
         ("dart-skill view no_such_folder/", []),
@@ -141,7 +146,7 @@ def every_value():
 
 def test_every_path_completes():
     for command, action in every_value():
-        if action.type is Path or action.metavar in ("BAG", "FOLDER", "FILE"):
+        if action.type in (Path, folder_type) or action.metavar in ("BAG", "FOLDER", "FILE"):
             completion.complete_with(action, command.removeprefix("dart-skill "))
             assert hasattr(action, "completer"), f"{command} {action.dest}"
 

@@ -162,9 +162,15 @@ def test_an_arm_and_a_parameter_reach_the_processes_that_run_their_nodes():
     }
 
 
-@pytest.mark.parametrize("words", ("experiment figure 5.1", "experiment darts", "darts heatmap --sigma 20", "darts aim --sigma 20"))
-def test_a_folder_for_pictures_is_not_called_like_a_picture(words, capsys):
+@pytest.mark.parametrize("words", ("experiment figure 5.1", "experiment darts", "darts heatmap --sigma 20", "darts aim --sigma 20", "demo"))
+def test_a_folder_that_is_filled_is_not_called_like_a_file(words, capsys):
     with pytest.raises(SystemExit) as ended:
         main([*words.split(), "--output", "x.png"])
     assert ended.value.code == 2
     assert "x.png: what is written fills a folder; this is the name of a file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", ("practice", "up", "experiment soak", "experiment faults"))
+def test_neither_is_that_of_a_verb_of_the_graph(words, capsys):
+    pytest.importorskip("dart_skill_nodes")
+    test_a_folder_that_is_filled_is_not_called_like_a_file(words, capsys)

@@ -5,6 +5,7 @@ import json
 import tempfile
 from pathlib import Path
 
+from dart_skill.cli.run_options import folder
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.process.discovery import choose_domain
 from dart_skill_nodes.verbs._run import say
@@ -17,7 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     only = "only cases whose names hold one of these texts (default: all, which takes 50 minutes)"
     parser.add_argument("--case", metavar="TEXT", nargs="+", default=[""], help=only)
     parser.add_argument("--list", action="store_true", help="the names of the cases, and nothing else")
-    parser.add_argument("--output", type=Path, help="folder for bags and logs (default: a new one, which is taken away at the end)")
+    parser.add_argument("--output", type=folder, help="folder for bags and logs (default: a new one, which is taken away at the end)")
     parser.add_argument("--bag", type=Path, default=Path("bags/demonstrations"), help="what is replayed (default bags/demonstrations)")
     parser.add_argument("--page", type=Path, metavar="FILE", help="write the table as a page, too: docs/faults.md")
     parser.add_argument("--json", action="store_true", help="JSON instead of the table")
@@ -40,8 +41,8 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
 
     rclpy.init(args=[])
     try:
-        with tempfile.TemporaryDirectory(prefix="faults_") as folder:
-            reactions, usual = run_all(cases, (options.output or Path(folder)).resolve(), options.bag, say)
+        with tempfile.TemporaryDirectory(prefix="faults_") as temporary:
+            reactions, usual = run_all(cases, (options.output or Path(temporary)).resolve(), options.bag, say)
     except GraphFailure as failure:
         say(f"the graph did not start: {failure}")
         return 1

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dart_skill.cli.run_options import add_arm, differences, output_folder
+from dart_skill.cli.run_options import add_arm, differences, folder, output_folder
 from dart_skill.files import new_file
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms.names import COMMANDS
@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--layout", choices=SIMULATED, default="composed", help="processes of the graph (default composed)")
     parser.add_argument("--speed", type=float, default=0.0, help="of the world, times real time (default: as fast as the machine can)")
     parser.add_argument("--seed", type=int, default=0, help="everything random comes from it (default 0)")
-    parser.add_argument("--output", type=Path, help="folder for bag, samples.json, curve and logs (default output/soak_<date>)")
+    parser.add_argument("--output", type=folder, help="folder for bag, samples.json, curve and logs (default output/soak_<date>)")
     add_arm(parser)
     parser.add_argument("--json", action="store_true", help="the samples as JSON on stdout")
 
