@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from dart_skill.darts import name_at
 from dart_skill.figures._style import (
@@ -23,13 +25,18 @@ from dart_skill.figures._style import (
     letter_panels,
     quantity_colours,
     save,
+    zoomed_inset,
 )
-from dart_skill.figures.board import draw_board
+from dart_skill.figures.board import LIMIT, draw_board, draw_wires
 from dart_skill.session import Dart, DartsRun
 
 RUNNING = 25
 """Throws of a running mean."""
 MOST_BEDS = 12
+FEW = 60
+"""Of no more throws the marks are large."""
+BLOB = 40.0
+"""Hits that are all so near to the bull are shown larger, too [mm]."""
 
 
 def draw_arm_darts(run: DartsRun, folder: str | Path, name: str = "arm_darts") -> list[Path]:
@@ -54,6 +61,8 @@ def arm_darts_figure(run: DartsRun, narrow: bool = False) -> Figure:
         _draw_scores(scores, throws, run.darts)
         _draw_hits(figure, hits, throws, run.darts)
         letter_panels(spread, aim, scores, hits)
+        for axes in (spread, scores):
+            _legend_between(axes, 2 if narrow else 4)
         x, _, height = run.board
         figure.suptitle(
             f"Darts by the arm, seed {run.seed}:{chr(10) if narrow else ' '}bull {x:.2f} m from the base axis and {height:.2f} m high",
@@ -82,10 +91,10 @@ def _draw_spread(axes: Axes, throws: np.ndarray, darts: Sequence[Dart]) -> None:
     sigmas[sigmas == 0.0] = np.nan
     miss = np.abs(_misses(darts))
     for axis, (label, colour, marker) in enumerate((("across", ORANGE, "x"), ("up and down", BLUE, "."))):
-        axes.plot(throws, miss[:, axis], marker, color=colour, markersize=3.5, alpha=0.45, linestyle="none")
-        axes.plot(throws, sigmas[:, axis], color=colour, linewidth=1.8, label=f"{label}, estimated")
-    axes.set(ylabel="spread [mm]", ylim=(0, 1.05 * np.nanpercentile(miss, 99) + 1), title="Spread and misses")
-    _legend_above(axes)
+        look = {"color": colour, "markersize": 3.5 * _larger(throws), "alpha": 0.45 if len(throws) > FEW else 1.0, "linestyle": "none"}
+        axes.plot(throws, miss[:, axis], marker, label=f"miss {label}", **look)
+        _plot_known(axes, throws, sigmas[:, axis], color=colour, linewidth=1.8, label=f"sigma {label}")
+    axes.set(ylabel="spread [mm]", ylim=(0, 1.05 * np.nanpercentile(miss, 99) + 1), title="Misses, and their sigma as estimated")
     moved = 1e3 * np.array([dart.release_shift for dart in darts])
     if np.isfinite(moved).any():
         _draw_release(axes.twinx(), throws, moved)
@@ -102,7 +111,7 @@ def _draw_aim(axes: Axes, throws: np.ndarray, darts: Sequence[Dart]) -> None:
     beds = [name_at(dart.aim) for dart in darts]
     names = list(dict.fromkeys(beds))[:MOST_BEDS]
     level = [names.index(bed) if bed in names else np.nan for bed in beds]
-    axes.plot(throws, level, "s", color=BLACK, markersize=2.5, linestyle="none", gid="aims")
+    axes.plot(throws, level, "s", color=BLACK, markersize=2.5 * _larger(throws), linestyle="none", gid="aims")
     axes.set_yticks(range(len(names)), names)
     axes.set(ylabel="bed aimed at", ylim=(-0.6, len(names) - 0.4), title="Aim: the best one for the spread as estimated so far")
     axes.grid(axis="y", color=LIGHT, linewidth=0.5)
@@ -110,22 +119,46 @@ def _draw_aim(axes: Axes, throws: np.ndarray, darts: Sequence[Dart]) -> None:
 
 def _draw_scores(axes: Axes, throws: np.ndarray, darts: Sequence[Dart]) -> None:
     scores = np.array([dart.score for dart in darts], dtype=float)
-    axes.plot(throws, scores, ".", color=LIGHT, markersize=4, linestyle="none", label="each dart", zorder=1)
-    axes.plot(throws, running(scores), color=BLUE, linewidth=1.8, label=f"mean of {RUNNING}")
-    axes.plot(throws, [dart.expected for dart in darts], color=VERMILION, linewidth=1.2, label="expected")
+    look = {"color": LIGHT if len(throws) > FEW else GREY, "markersize": 4 * _larger(throws), "linestyle": "none"}
+    axes.plot(throws, scores, ".", label="each dart", zorder=1, **look)
+    _plot_known(axes, throws, running(scores), color=BLUE, linewidth=1.8, label=f"mean of {RUNNING}")
+    _plot_known(axes, throws, np.array([dart.expected for dart in darts], dtype=float), color=VERMILION, linewidth=1.2, label="expected")
     axes.set(xlabel="throw", ylabel="score of a dart", ylim=(-2, 68), xlim=(0, len(throws) + 1), title="Score, as seen")
-    _legend_above(axes)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
 
 
-def _legend_above(axes: Axes) -> None:
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3, borderaxespad=0.0)
+def _larger(throws: np.ndarray) -> float:
+    """By how much the marks of few throws are larger, which would be specks."""
+    return 1.0 if len(throws) > FEW else 1.6
+
+
+def _plot_known(axes: Axes, throws: np.ndarray, values: np.ndarray, **look: Any) -> None:
+    """A line, and its entry in the legend, where enough is known (m,) to draw one."""
+    if np.isfinite(values).sum() > 1:
+        axes.plot(throws, values, **look)
+
+
+def _legend_between(axes: Axes, columns: int) -> None:
+    """A legend of its own between the title of a panel and its axes."""
+    handles, labels = axes.get_legend_handles_labels()
+    rows = -(-len(labels) // columns)
+    look = {"handlelength": 1.2, "columnspacing": 1.2}
+    legend = axes.legend(handles, labels, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.0, **look)
+    legend.set_in_layout(False)  # it would make the panel narrower; the title keeps its height free
+    axes.set_title(axes.get_title(loc="left"), loc="left", pad=6.0 + 14.0 * rows)
 
 
 def _draw_hits(figure: Figure, axes: Axes, throws: np.ndarray, darts: Sequence[Dart]) -> None:
     draw_board(axes, GREY)
     hits = np.array([dart.hit for dart in darts])
     seen = np.isfinite(hits).all(axis=1)
-    x, y = hits[seen].T
-    image = axes.scatter(x, y, c=throws[seen], s=9, cmap=quantity_colours(), vmin=1, vmax=len(throws), zorder=3)
-    figure.colorbar(image, ax=axes, label="throw", shrink=0.6)
-    axes.set_title(f"Where {int(seen.sum())} darts hit, as the thrower sees the board")
+    look = {"cmap": quantity_colours(), "vmin": 1, "vmax": max(2, len(throws)), "zorder": 3}
+    image = axes.scatter(*hits[seen].T, c=throws[seen], s=9 * _larger(throws), **look)
+    figure.colorbar(image, ax=axes, label="throw", shrink=0.6, ticks=MaxNLocator(integer=True))
+    axes.set_title(f"Where {int(seen.sum())} darts hit,\nas the thrower sees the board")
+    half = float(5.0 * np.ceil(1.1 * np.abs(hits[seen]).max(initial=0.0) / 5.0))
+    if 0.0 < half <= BLOB:
+        axes.set_ylim(-LIMIT, 1.6 * LIMIT)
+        inset = zoomed_inset(axes, half, (0.68, 0.69, 0.32, 0.25), "mm")
+        draw_wires(inset, GREY)
+        inset.scatter(*hits[seen].T, c=throws[seen], s=18, **look)

@@ -115,14 +115,20 @@ def draw_board(axes: Axes, colour: str = LIGHT, aims: np.ndarray | None = None) 
     colour: of wires and numbers.
     """
     limit = LIMIT if aims is None else max(LIMIT, float(np.abs(aims).max()) + 10.0)
-    for radius in RADII:
-        axes.add_patch(Circle((0.0, 0.0), radius, facecolor="none", edgecolor=colour, linewidth=0.7))
+    draw_wires(axes, colour)
     for sector, number in enumerate(SECTORS):
-        axes.plot(*np.outer(direction(sector + 0.5), RADII[[1, -1]]), color=colour, linewidth=0.7, zorder=1)
         x, y = NUMBERS_AT * direction(sector)
         axes.text(x, y, str(number), ha="center", va="center", color=GREY, fontsize=8.5)
     axes.set(xlim=(-limit, limit), ylim=(-limit, limit), aspect="equal")
     axes.axis("off")
+
+
+def draw_wires(axes: Axes, colour: str = LIGHT) -> None:
+    """Draw the rings and the borders of the sectors alone [mm]; colour: of both."""
+    for radius in RADII:
+        axes.add_patch(Circle((0.0, 0.0), radius, facecolor="none", edgecolor=colour, linewidth=0.7))
+    for sector in range(len(SECTORS)):
+        axes.plot(*np.outer(direction(sector + 0.5), RADII[[1, -1]]), color=colour, linewidth=0.7, zorder=1, scalex=False, scaley=False)
 
 
 def _heat(axes: Axes, spread: Spread, optima: list[Aim], spacing: float) -> AxesImage:

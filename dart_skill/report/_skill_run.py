@@ -21,6 +21,8 @@ FRAME_NS = 20_000_000
 JOINTS, GUIDING = "/joint_states", "/wam/teacher_wrench"
 SHORTEST = 0.5
 """A world that was set anew again after less is none in which something was done [s]."""
+STILL = 0.02
+"""A hand that stays so near to one place is not moved [m]; cameras see it there with some noise."""
 Stamped = tuple[np.ndarray, np.ndarray]
 """Stamps (n,) [ns], and a row of numbers for each (n, d)."""
 
@@ -80,15 +82,17 @@ def read_skill_run(
         joints, guided = _joints(reader), _stamps(reader, GUIDING)
     if not len(poses[HAND][0]):
         raise BagError(f"{bag}: no poses of the hand: record {pose_topic(the_world().hand_body)}")
-    movements, notes = _movements(poses[HAND][0], guided, shown, trials, then)
+    movements, notes = _movements(poses[HAND], guided, shown, trials, then)
     return SkillRun(bag, described, skill, shown, poses, joints, movements, tuple(trials), notes)
 
 
 def _movements(
-    hand: np.ndarray, guided: np.ndarray, shown: Sequence[TaskDemonstration], trials: Sequence[SkillResult], then: Sequence[str]
+    hand: Stamped, guided: np.ndarray, shown: Sequence[TaskDemonstration], trials: Sequence[SkillResult], then: Sequence[str]
 ) -> tuple[tuple[Movement, ...], tuple[str, ...]]:
     """What was done in each world, and what there is to say of it."""
-    done = [since_until for since_until in worlds([hand]) if since_until[1] - since_until[0] >= SHORTEST * 1e9]
+    done = [since_until for since_until in worlds([hand[0]]) if since_until[1] - since_until[0] >= SHORTEST * 1e9]
+    if done and _is_still(hand, *done[0]):  # before the first reset nobody had asked for anything
+        del done[0]
     own = [bool(np.searchsorted(guided, since) == np.searchsorted(guided, until, side="right")) for since, until in done]
     matched = sum(own) == len(trials) + len(then)
     numbered = [(f"trial {number}", one) for number, one in enumerate(trials, start=1)] + [(name, None) for name in then]
@@ -102,6 +106,13 @@ def _movements(
             found.append(Movement(since, until, True, ids[0] if ids else "an attempt that failed"))
     differ = f"the bag holds {sum(own)} movements of the arm's own, and {len(trials)} trials were judged: they are not matched"
     return tuple(found), ((differ,) if trials and not matched else ())
+
+
+def _is_still(hand: Stamped, since: int, until: int) -> bool:
+    """Whether the hand stayed where it was between two stamps [ns]."""
+    stamps, poses = hand
+    places = poses[np.searchsorted(stamps, since) : np.searchsorted(stamps, until, side="right"), :3]
+    return bool(np.linalg.norm(places - np.median(places, axis=0), axis=1).max() < STILL)
 
 
 def _poses(reader: BagReader, topic: str) -> Stamped:

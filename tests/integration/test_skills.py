@@ -174,6 +174,7 @@ def test_a_skill_of_another_package_runs_through_all_nodes_and_the_command(tmp_p
     assert done.returncode == 0, done.stderr
     summary = json.loads(done.stdout)
     assert (summary["skill"], summary["tried"], summary["demonstrations"]) == ("beside", 2, 3)
+    assert "are not matched" not in (tmp_path / "out" / "report.html").read_text(), "the replay tells no trial's result"
     assert summary["succeeded"] == 2 and summary["median_error_m"] < 0.008, summary["trials"]
     assert json.loads((tmp_path / "out" / "summary.json").read_text()) == summary
 

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from dart_skill.cli import main
 from dart_skill.darts import as_target, score
 from dart_skill.experiments.arm_darts import darts_session, run, teach
-from dart_skill.figures import draw_arm_darts, running
+from dart_skill.figures import arm_darts_figure, draw_arm_darts, running
 from dart_skill.flight import DART, TENNIS_BALL, crossing, flight, landing
 from dart_skill.robot import Command, Grip
 from dart_skill.session import Dart, DartsRun, darts_table, summarise
@@ -390,6 +390,31 @@ def test_the_figure_is_written_twice_and_always_alike(faked, tmp_path):
         assert words in text, words
     with pytest.raises(ValueError, match="nothing to draw"):
         draw_arm_darts(replace(faked, darts=()), tmp_path)
+
+
+@pytest.mark.parametrize("narrow", (False, True))
+def test_the_figure_of_few_darts_shows_what_there_is(narrow):
+    """Three darts near the bull were a blob of specks, beside a legend of lines that were not drawn, over parts of a throw."""
+    hits = ((-1.7, 2.4), (-0.6, -7.0), (-2.8, -14.0))
+    darts = tuple(replace(dart(0), aim=(0.0, 0.0), hit=hit, release_shift=float("nan")) for hit in hits)
+    figure = arm_darts_figure(DartsRun(0, "both", BOARD.position, ((0.0, 1.0),), darts), narrow)
+    figure.draw_without_rendering()
+    spread, aim, scores, board = figure.axes[:4]
+    assert [text.get_text() for text in spread.get_legend().get_texts()] == ["miss across", "miss up and down"]
+    assert [text.get_text() for text in scores.get_legend().get_texts()] == ["each dart"]
+    assert all(tick == round(tick) for tick in spread.get_xticks())
+    (inset,) = board.child_axes
+    assert inset.get_xlim() == (-20.0, 20.0) and "mm" in inset.get_title()
+    titles = [axes.title if axes is inset else axes._left_title for axes in (spread, aim, scores, board, inset)]
+    boxes = [title.get_window_extent() for title in titles] + [one.get_legend().get_window_extent() for one in (spread, scores)]
+    for number, box in enumerate(boxes):
+        assert box.x1 <= figure.bbox.x1, f"{number}: beyond the edge"
+        assert not any(box.overlaps(other) for other in boxes[number + 1 :]), f"{number}: over another text"
+
+
+def test_hits_about_another_bed_have_no_picture_of_the_middle(faked):
+    figure = arm_darts_figure(faked)
+    assert not figure.axes[3].child_axes and len(figure.axes[0].get_legend().get_texts()) == 4
 
 
 def test_a_running_mean_is_one_of_what_is_known():

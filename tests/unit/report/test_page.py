@@ -20,8 +20,10 @@ from dart_skill.report._curve import WINDOW, compared_figure, curve_figure, runn
 from dart_skill.report._pictures import embeddable
 from dart_skill.report._replay import make_replay
 from dart_skill.report._run import machine, result_of, versions
-from dart_skill.session import ThrowResult
+from dart_skill.report._skill_run import _movements
+from dart_skill.session import SkillResult, ThrowResult
 from dart_skill.skill.learn import component_ellipsoids
+from dart_skill.skill.protocol import Situation, TaskOutcome
 from dart_skill.view import ViewUnavailable
 from tests.paths import BAGS
 
@@ -311,6 +313,19 @@ def test_an_existing_page_is_not_overwritten(tmp_path, capsys):
 def test_an_unknown_configuration_is_told_before_anything_is_read(tmp_path, capsys):
     assert main(["report", str(tmp_path), "--configuration", "nonsense"]) == 1
     assert "nonsense" in capsys.readouterr().err
+
+
+def test_what_a_world_does_before_anybody_asks_for_anything_is_no_trial():
+    """A graph rests after half a second of its own time; that stretch counted as one of the arm's, and no trial was matched."""
+    since = (1.0, 3.0, 6.0)  # [s]
+    stamps = np.concatenate([begin + np.arange(0.0, 0.6 if begin == 1.0 else 1.5, 0.02) for begin in since])
+    places = np.random.default_rng(0).normal(scale=3e-4, size=(len(stamps), 7)) + [1.2, 0.0, 1.5, 0.0, 0.0, 0.0, 1.0]
+    places[stamps > 2.0, 0] += 0.3 * (stamps[stamps > 2.0] % 3.0)
+    hand = (np.round(1e9 * stamps).astype(np.int64), places)
+    trials = [SkillResult(Situation({}), TaskOutcome(True, 0.001)), SkillResult(Situation({}), TaskOutcome(False, 0.03))]
+    movements, notes = _movements(hand, np.empty(0, dtype=np.int64), [], trials, [])
+    assert notes == () and [one.name for one in movements] == ["trial 1", "trial 2"]
+    assert [one.result for one in movements] == trials
 
 
 def test_the_page_lies_beside_the_bag():
