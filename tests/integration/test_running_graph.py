@@ -12,7 +12,7 @@ from dart_skill_msgs.action import Execute
 from dart_skill_msgs.msg import SimulationState, WamCommand
 from dart_skill_msgs.srv import Learn, PlaceBody, Reset
 from rclpy.action import ActionClient
-from std_srvs.srv import SetBool
+from std_srvs.srv import SetBool, Trigger
 
 from dart_skill.configuration import load_yaml
 from dart_skill.regions import targets_for
@@ -68,6 +68,26 @@ def test_a_world_of_which_nobody_has_asked_anything_rests_soon(graph):
     said = Diagnoses(client)
     wait_for(client, lambda: said.of.get("wam_simulator") == "resting", what=lambda: f"it rests, not '{said.of.get('wam_simulator')}',")
     assert int(said.values["wam_simulator"]["steps"]) < 2500, said.values["wam_simulator"]
+
+
+@pytest.mark.parametrize("what", ("a basket that is moved", "a hand that opens"))
+def test_a_world_that_rests_goes_on_when_something_is_done_in_it(graph, what):
+    """It stood still for good: who dragged the basket on the page saw nothing, and `dart-skill status` no message of any kind."""
+    _, client = graph
+    said, heard = Diagnoses(client), []
+    watching = client.node.create_subscription(SimulationState, "/simulation/state", heard.append, 10)
+    wait_for(client, lambda: said.of.get("wam_simulator") == "resting", what=lambda: f"it rests, not '{said.of.get('wam_simulator')}',")
+    if what == "a hand that opens":
+        client.call(client.node.create_client(Trigger, "/bhand/open_grasp"), Trigger.Request())
+    else:
+        request = PlaceBody.Request(body="basket", pose=conversions.pose_at(BETWEEN))
+        client.call(client.node.create_client(PlaceBody, "/simulation/place_body"), request)
+    heard.clear()
+    wait_for(client, lambda: len(heard) > 20, what="a world that goes on")
+    if what == "a basket that is moved":
+        there = conversions.vector(conversions.state_of(heard[-1].bodies, "basket").pose.position)
+        assert there == pytest.approx(BETWEEN, abs=1e-6)
+    client.node.destroy_subscription(watching)
 
 
 def test_the_status_of_a_graph_that_is_well(graph):

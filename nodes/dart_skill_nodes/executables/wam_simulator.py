@@ -202,6 +202,11 @@ class WamSimulator(GuardedNode):
         self._stillness.wake(self._plant.state_stamp_ns)
         self._asked, self._rests = True, False
 
+    def _go_on(self) -> None:
+        """Make the step that waits: in a world that rests all have answered, and nobody answers again."""
+        if self.p["lockstep"]:
+            self._advance()
+
     def _go_on_slowly(self) -> None:
         if self._rests:
             self._advance(slowly=True)
@@ -335,8 +340,7 @@ class WamSimulator(GuardedNode):
         self._wake()
         self._hold(request.data)
         response.success, response.message = True, "paused" if request.data else "running"
-        if self.p["lockstep"]:
-            self._advance()
+        self._go_on()
         return response
 
     def _on_step(self, request, response):
@@ -349,8 +353,7 @@ class WamSimulator(GuardedNode):
         self._budget = int(request.steps)
         end_ns = self._plant.state_stamp_ns + self._budget * self._plant.settings.step_ns
         response.stamp = conversions.time_msg(end_ns)
-        if self.p["lockstep"]:
-            self._advance()
+        self._go_on()
         return response
 
     def _on_place_body(self, request, response):
@@ -358,6 +361,7 @@ class WamSimulator(GuardedNode):
             pose = conversions.body_pose(request.pose, f"the {request.body}")
             self._plant.put(request.body, pose.position, pose.quaternion)
             self._wake()
+            self._go_on()
             response.success = True
         except ValueError as error:
             response.success, response.message = False, str(error)
@@ -366,6 +370,7 @@ class WamSimulator(GuardedNode):
     def _on_open(self, request, response):
         self._plant.open_hand()
         self._wake()
+        self._go_on()
         response.success = True
         return response
 
