@@ -12,8 +12,9 @@ import numpy as np
 from dart_skill import palette
 
 HOW = (
-    "Drag the ball at the hand: it moves as the screen does, with Shift over the ground. "
-    "<b>C</b> closes and opens the hand, <b>Q</b> and <b>E</b> turn it, <b>V</b> looks from above or from the side, <b>Enter</b>: done."
+    "Drag the ball at the hand: it moves as the screen does, seen from above over the ground. The buttons below do the rest. "
+    "With a keyboard: <b>Shift</b> keeps its height, <b>C</b> closes and opens the hand, <b>Q</b> and <b>E</b> turn it, "
+    "<b>V</b> looks from above or from the side, <b>Enter</b>: done."
 )
 TURN_BY, MOST_TURNED = 5.0, 180.0
 """With a key, and at most [degrees]."""

@@ -7,9 +7,12 @@ from dart_skill.palette import BLACK, GREY, STOP, hexadecimal
 
 SAYS_LINES = 4
 """Of what goes on, in the panel: there is room for so many, so that nothing moves when a line wraps; more can be scrolled to."""
+SCENE_SHARE = 0.45
+"""Of the height of a telephone; the panel has the rest."""
 STYLE = (
     f"""<style>
-:root {{ --ds-ink: {hexadecimal(BLACK)}; --ds-quiet: {hexadecimal(GREY)}; --ds-alarm: {hexadecimal(STOP)}; }}
+:root {{ --ds-ink: {hexadecimal(BLACK)}; --ds-quiet: {hexadecimal(GREY)}; --ds-alarm: {hexadecimal(STOP)};
+  --ds-scene: {SCENE_SHARE:.0%}; --ds-panel: {1.0 - SCENE_SHARE:.0%}; }}
 .ds-says {{ height: {1.4 * SAYS_LINES}em; line-height: 1.4; overflow-y: auto; font-size: 0.85em; margin: 0.3em 0.8em;
   color: var(--ds-ink); }}
 .ds-says.alarm {{ color: var(--ds-alarm); }}
@@ -35,8 +38,8 @@ STYLE = (
 }
 @media (max-width: 40rem) {
   .mantine-Paper-root:has(.ds-says) { left: 0 !important; right: 0 !important; width: 100% !important; max-width: none !important;
-    height: 55% !important; max-height: 55% !important; }
-  div:has(> .mantine-Paper-root .ds-says) > div:not(.mantine-Paper-root):has(canvas) { height: 45% !important; }
+    height: var(--ds-panel) !important; max-height: var(--ds-panel) !important; }
+  div:has(> .mantine-Paper-root .ds-says) > div:not(.mantine-Paper-root):has(canvas) { height: var(--ds-scene) !important; }
   .mantine-Paper-root:has(.ds-says) .mantine-ScrollArea-content { min-width: 0 !important; width: 100vw !important; }
   .mantine-Paper-root:has(.ds-says) .mantine-ScrollArea-content > div { width: 100vw !important; overflow-x: clip !important; }
 }

@@ -89,9 +89,7 @@ class PanelWords:
     done: str = "in the basket"
     failed: str = "missed"
     unit: tuple[str, float] = ("cm", 100.0)
-    welcome: str = (
-        "Press Teach: a person shows the arm some throws. Then press Learn, then Throw. Drag the basket with the mouse to put it elsewhere."
-    )
+    welcome: str = "Press Teach: a person shows the arm some throws. Then press Learn, then Throw. Drag the basket to put it elsewhere."
     is_of_baskets: bool = True
     has_configurations: bool = True
     by_mouse: bool = False

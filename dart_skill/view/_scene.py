@@ -21,6 +21,7 @@ from dart_skill.simulation import Basket, Camera
 from dart_skill.skill.protocol import Skill
 from dart_skill.skills.throw import Throw
 from dart_skill.view._held_hand import HeldHand
+from dart_skill.view._page_style import SCENE_SHARE
 from dart_skill.view._placing import nearest_in, on_plane, outline
 from dart_skill.view._shapes import Mesh, bucket, circle, pyramid, sphere
 from dart_skill.view._solids import parts_of
@@ -29,6 +30,10 @@ from dart_skill.view._urdf_shapes import read_links
 
 EYE, LOOK_AT, FIELD_OF_VIEW = np.array([1.9, -5.4, 2.5]), np.array([1.9, 0.0, 1.1]), float(np.deg2rad(50.0))
 """Where the page looks from and to at first [m], and its vertical angle [rad]."""
+FITS = 1.3
+"""What is seen at first fits into a window of this width divided by its height."""
+TELEPHONE = 0.6
+"""A window that is so narrow for its height is one of a telephone, where the panel takes the lower part (`_page_style`)."""
 NEAR = np.array([1.75, -1.7, 2.0]), np.array([0.5, 0.0, 1.2])
 """The same of skills whose bodies are within reach of the arm."""
 BEHIND = np.array([-2.3, -1.9, 2.6]), np.array([1.3, 0.0, 1.65])
@@ -248,6 +253,17 @@ class Scene:
         camera = self._server.initial_camera
         camera.position, camera.look_at = self.first_sight
         camera.fov = FIELD_OF_VIEW
+        self._server.on_client_connect(self._step_back)
+
+    def _step_back(self, client: Any) -> None:
+        """On a window that is too narrow for all that is seen at first, look from farther away."""
+        aspect = client.camera.aspect
+        if 0.0 < aspect < TELEPHONE:
+            aspect /= SCENE_SHARE  # the page comes before its style
+        if 0.0 < aspect < FITS:
+            eye, looked_at = map(np.asarray, self.first_sight)
+            # where it looks is set after it, as viser moves that along
+            client.camera.position, client.camera.look_at = looked_at + FITS / aspect * (eye - looked_at), looked_at
 
     def _add_ground(self) -> None:
         self._groups = {name: self._scene.add_frame(f"/{name}", show_axes=False) for name in GROUPS}

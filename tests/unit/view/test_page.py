@@ -5,6 +5,7 @@ import socket
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,11 +20,14 @@ from dart_skill.robot import ArmModel, wam_description, write_urdf
 from dart_skill.simulation import Camera
 from dart_skill.skill.learn import component_ellipsoids
 from dart_skill.view import _shapes as shapes
+from dart_skill.view._holding_controls import HOW
+from dart_skill.view._page_style import SCENE_SHARE
 from dart_skill.view._panel import MOST_LESSONS, curve_data
 from dart_skill.view._placing import nearest_in, on_plane, outline
 from dart_skill.view._server import is_own_page
 from dart_skill.view._trail import Trail, segments
 from dart_skill.view._urdf_shapes import read_links
+from tests.integration.browser import project
 from tests.view_client import PageClient
 
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
@@ -454,6 +458,25 @@ def test_a_visitor_is_told_what_to_press_and_there_is_room_for_it(page, scene):
 def test_the_panel_follows_the_choice_of_dark_and_fits_a_telephone(page):
     page.wait_for(lambda: page.says("Press Teach"), what="the panel")
     assert page.says("@media (prefers-color-scheme: dark)") and page.says("@media (max-width: 40rem)")
+
+
+def test_no_word_is_of_a_mouse_alone_where_a_finger_does_it_too():
+    for words in (view.PanelWords(), view.PanelWords.of("place", False), view.PanelWords.of("darts", True)):
+        assert "mouse" not in words.welcome
+    assert HOW.index("The buttons below do the rest") < HOW.index("With a keyboard")
+
+
+@pytest.mark.parametrize(("width", "height"), [(390, 844), (360, 740), (390, 380), (800, 1200), (800, 900), (1280, 900)])
+def test_all_that_is_seen_at_first_fits_into_the_window(scene, width, height):
+    """The hand was beyond the edge of a telephone, whose page is told to be as high as the screen, and gives the panel a part of it."""
+    eye, looked_at = scene.first_sight
+    camera = SimpleNamespace(aspect=width / height, position=eye, look_at=looked_at)
+    scene._step_back(SimpleNamespace(camera=camera))
+    height = SCENE_SHARE * height if width < 500 < height else height
+    seen = np.vstack([outline(scene.region), [-0.8, 0.0, 1.4], [0.0, 0.0, 2.1]])
+    pixels = project(seen, camera.position, camera.look_at, (width, height))
+    assert (pixels > 0).all() and (pixels < [width, height]).all(), pixels
+    assert (camera.position is eye) == (width == 1280), "a wide window is looked into as ever"
 
 
 def test_nodes_and_words_are_shown_as_text(page, scene):
