@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from dart_skill.experiments.dart_search import BLOCK, Run, Task, run_tasks
 from dart_skill.figures import BLACK, BLUE, VERMILION, house_style, letter_panels, save
@@ -45,6 +46,7 @@ def draw(folder: str | Path, seed: int = 0) -> tuple[list[Path], dict]:
         count.set(
             xlabel="throw", ylabel="number of Gaussians", ylim=(0, None), title=f"How many Gaussians the mixture has, n = {N_SEEDS} runs"
         )
+        count.yaxis.set_major_locator(MaxNLocator(integer=True))
         loss.set(xlabel="throw", ylabel="lost by the best known aim [points per throw]", yscale="log", ylim=(1e-3, 20.0))
         loss.set_title("What is lost: median and quartiles")
         loss.legend(loc="upper left")

@@ -406,6 +406,14 @@ def _told_extent(item: dict) -> tuple[int, int, int]:
     return item["message_count"], start, start + item["duration"]["nanoseconds"]
 
 
+def _of_tables(folder: Path) -> str:
+    """What to say of a folder that holds CSV files instead of a bag; empty for another one."""
+    if not any(folder.glob("*.csv")):
+        return ""
+    own = folder / "mapping.yaml"
+    return f"; its CSV files are read with --mapping {own if own.is_file() else 'FILE'}, which names their columns"
+
+
 def _storage_files(path: Path) -> list[Path]:
     """Files that hold a bag's messages, in order; BagError if there are none, or several that are not one bag's."""
     if not path.exists():
@@ -416,7 +424,7 @@ def _storage_files(path: Path) -> list[Path]:
         raise BagError(f"{path}: a bag is a folder with metadata.yaml, or a .mcap or .db3 file")
     files = [path] if path.is_file() else files_in(path)
     if not files and not any(path.glob("*.zstd")):
-        raise BagError(f"{path}: no .mcap file in this folder")
+        raise BagError(f"{path}: no .mcap file in this folder{_of_tables(path)}")
     for file in files:
         require_file(file)
     empty = [file.name for file in files if file.stat().st_size == 0]

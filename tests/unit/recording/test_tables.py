@@ -55,6 +55,14 @@ def test_the_tables_teach_the_same_skill_to_the_last_bit(bag, folder):
     assert skill.skill.model_id == learn_from_bag(bag)[0].skill.model_id
 
 
+def test_who_forgets_the_mapping_is_told_of_it(folder, tmp_path):
+    with pytest.raises(BagError, match=f"no .mcap file in this folder; its CSV files are read with --mapping {folder / MAPPING}, which"):
+        learn_from_bag(folder)
+    (tmp_path / "hand.csv").write_text("time [s]\n")
+    with pytest.raises(BagError, match="with --mapping FILE, which names their columns"):
+        learn_from_bag(tmp_path)
+
+
 def test_bodies_of_any_skill_are_written_and_what_is_not_there_is_named(bag, tmp_path):
     rows = bodies_to_csv(bag, tmp_path / "two", ("hand", "basket", "unseen"))
     assert set(rows) == {"hand.csv", "basket.csv", "joints.csv"}
