@@ -91,7 +91,12 @@ def _draw_spread(axes: Axes, throws: np.ndarray, darts: Sequence[Dart]) -> None:
     sigmas[sigmas == 0.0] = np.nan
     miss = np.abs(_misses(darts))
     for axis, (label, colour, marker) in enumerate((("across", ORANGE, "x"), ("up and down", BLUE, "."))):
-        look = {"color": colour, "markersize": 3.5 * _larger(throws), "alpha": 0.45 if len(throws) > FEW else 1.0, "linestyle": "none"}
+        look: dict[str, Any] = {
+            "color": colour,
+            "markersize": 3.5 * _larger(throws),
+            "alpha": 0.45 if len(throws) > FEW else 1.0,
+            "linestyle": "none",
+        }
         axes.plot(throws, miss[:, axis], marker, label=f"miss {label}", **look)
         _plot_known(axes, throws, sigmas[:, axis], color=colour, linewidth=1.8, label=f"sigma {label}")
     axes.set(ylabel="spread [mm]", ylim=(0, 1.05 * np.nanpercentile(miss, 99) + 1), title="Misses, and their sigma as estimated")
@@ -119,7 +124,7 @@ def _draw_aim(axes: Axes, throws: np.ndarray, darts: Sequence[Dart]) -> None:
 
 def _draw_scores(axes: Axes, throws: np.ndarray, darts: Sequence[Dart]) -> None:
     scores = np.array([dart.score for dart in darts], dtype=float)
-    look = {"color": LIGHT if len(throws) > FEW else GREY, "markersize": 4 * _larger(throws), "linestyle": "none"}
+    look: dict[str, Any] = {"color": LIGHT if len(throws) > FEW else GREY, "markersize": 4 * _larger(throws), "linestyle": "none"}
     axes.plot(throws, scores, ".", label="each dart", zorder=1, **look)
     _plot_known(axes, throws, running(scores), color=BLUE, linewidth=1.8, label=f"mean of {RUNNING}")
     _plot_known(axes, throws, np.array([dart.expected for dart in darts], dtype=float), color=VERMILION, linewidth=1.2, label="expected")
@@ -142,7 +147,7 @@ def _legend_between(axes: Axes, columns: int) -> None:
     """A legend of its own between the title of a panel and its axes."""
     handles, labels = axes.get_legend_handles_labels()
     rows = -(-len(labels) // columns)
-    look = {"handlelength": 1.2, "columnspacing": 1.2}
+    look: dict[str, Any] = {"handlelength": 1.2, "columnspacing": 1.2}
     legend = axes.legend(handles, labels, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.0, **look)
     legend.set_in_layout(False)  # it would make the panel narrower; the title keeps its height free
     axes.set_title(axes.get_title(loc="left"), loc="left", pad=6.0 + 14.0 * rows)
@@ -152,8 +157,9 @@ def _draw_hits(figure: Figure, axes: Axes, throws: np.ndarray, darts: Sequence[D
     draw_board(axes, GREY)
     hits = np.array([dart.hit for dart in darts])
     seen = np.isfinite(hits).all(axis=1)
-    look = {"cmap": quantity_colours(), "vmin": 1, "vmax": max(2, len(throws)), "zorder": 3}
-    image = axes.scatter(*hits[seen].T, c=throws[seen], s=9 * _larger(throws), **look)
+    look: dict[str, Any] = {"cmap": quantity_colours(), "vmin": 1, "vmax": max(2, len(throws)), "zorder": 3}
+    x, y = hits[seen].T
+    image = axes.scatter(x, y, c=throws[seen], s=9 * _larger(throws), **look)
     figure.colorbar(image, ax=axes, label="throw", shrink=0.6, ticks=MaxNLocator(integer=True))
     axes.set_title(f"Where {int(seen.sum())} darts hit,\nas the thrower sees the board")
     half = float(5.0 * np.ceil(1.1 * np.abs(hits[seen]).max(initial=0.0) / 5.0))
@@ -161,4 +167,4 @@ def _draw_hits(figure: Figure, axes: Axes, throws: np.ndarray, darts: Sequence[D
         axes.set_ylim(-LIMIT, 1.6 * LIMIT)
         inset = zoomed_inset(axes, half, (0.68, 0.69, 0.32, 0.25), "mm")
         draw_wires(inset, GREY)
-        inset.scatter(*hits[seen].T, c=throws[seen], s=18, **look)
+        inset.scatter(x, y, c=throws[seen], s=18, **look)

@@ -101,15 +101,15 @@ def _trials_section(run: SkillRun, replay: Replay | None) -> str:
         said = "What became of trials is not in a bag: the folder of a run has it (summary.json)."
         return f"<h2>Trials</h2>{quiet(said)}"
     begun = {one.name: f"{replay.starts[k]:.1f}" for k, one in enumerate(shown_in_replay(run))} if replay else {}
-    rows = [_cells(number, one, begun.get(f"trial {number}", "")) for number, one in enumerate(run.trials, start=1)]
+    rows = [_cells(run, number, one, begun.get(f"trial {number}", "")) for number, one in enumerate(run.trials, start=1)]
     head = ["", "error [mm]", "result", "replay [s]", "situation"]
     return f"<h2>Trials</h2>{table_of(head, rows, [one_line(one.why) for one in run.trials])}"
 
 
-def _cells(number: int, one: SkillResult, begun: str) -> list[str]:
+def _cells(run: SkillRun, number: int, one: SkillResult, begun: str) -> list[str]:
     error = "-" if one.error_m is None else f"{1e3 * one.error_m:.1f}"
     result = "done" if one.outcome.success else '<span class="out">failed</span>'
-    return [str(number), error, result, begun, escaped(in_words(one.situation))]
+    return [str(number), error, result, begun, escaped(in_words(one.situation, units=run.skill.units))]
 
 
 def _demonstrations_section(run: SkillRun) -> str:
@@ -123,6 +123,6 @@ def _demonstrations_section(run: SkillRun) -> str:
 
 def _situation(run: SkillRun, one: TaskDemonstration, start: float) -> str:
     try:
-        return in_words(run.skill.situation(one, start), run.skill.bodies)
+        return in_words(run.skill.situation(one, start), run.skill.bodies, run.skill.units)
     except ValueError as error:
         return str(error)

@@ -87,7 +87,7 @@ def _teach(session: Session, bag: SessionBag, skill: Darts, job: Job, say: Say) 
     drawn = skill.draws(rng, job.demonstrations)
     for lesson in range(2 * job.demonstrations):
         situation = drawn[lesson] if lesson < job.demonstrations else skill.draw(rng)
-        lessons.show(skill.target(situation), in_words(situation))
+        lessons.show(skill.target(situation), in_words(situation, units=skill.units))
         if len(lessons.kept) == job.demonstrations:
             return lessons
     raise lessons.too_few

@@ -91,7 +91,8 @@ def skill_demo(job: Job, skill: Skill, say: Say) -> SkillSummary:
             shown, attempts = _teach(table, bag, skill, job, rng, say)
             say(f"learned '{skill.name}' from {len(shown)} demonstrations: model {table.learn(shown)}")
             worked, since_ns = time.monotonic(), table.session.plant.state_stamp_ns
-            trials = [_tried(table, skill.draw(rng, wide=True), f"{skill.name} {k}/{job.throws}", say) for k in range(1, job.throws + 1)]
+            wanted = range(1, job.throws + 1)
+            trials = [_tried(table, skill, skill.draw(rng, wide=True), f"{skill.name} {k}/{job.throws}", say) for k in wanted]
             took = time.monotonic() - worked
             simulated = 1e-9 * (table.session.plant.state_stamp_ns - since_ns - job.throws * table.session.plant.settings.reset_ns)
         finally:
@@ -125,18 +126,19 @@ def _teach(
             why = str(error)
         if not why:
             kept.append(bag.keep_movement(trial.seen, table.session.plant.state_stamp_ns))
-        say(f"demonstration {len(kept)}/{wanted}: {in_words(situation)}: {f'given up: {why}' if why else 'shown'}")
+        say(f"demonstration {len(kept)}/{wanted}: {in_words(situation, units=skill.units)}: {f'given up: {why}' if why else 'shown'}")
         if len(kept) == wanted:
             return kept, lesson + 1
     raise ValueError(f"only {len(kept)} of {wanted} demonstrations succeeded")
 
 
-def _tried(table: _Table, situation: Situation, what: str, say: Say) -> SkillResult:
+def _tried(table: _Table, skill: Skill, situation: Situation, what: str, say: Say) -> SkillResult:
     try:
         trial = table.attempt(situation)
         result = SkillResult(situation, trial.outcome, trial.message)
     except ValueError as failure:
         result = SkillResult(situation, TaskOutcome(False, float("nan"), str(failure)), str(failure))
     off = "not seen" if result.error_m is None else f"{1e3 * result.error_m:.1f} mm"
-    say(f"{what}: {in_words(situation)}: {'done' if result.outcome.success else 'failed'}, {off} {result.why}".rstrip())
+    became = f"{'done' if result.outcome.success else 'failed'}, {off} {result.why}".rstrip()
+    say(f"{what}: {in_words(situation, units=skill.units)}: {became}")
     return result

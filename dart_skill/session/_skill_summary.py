@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -116,8 +116,11 @@ def footer(summary: SkillSummary) -> str:
     return text if summary.median_error_m is None else f"{text}, median {1e3 * summary.median_error_m:.1f} mm"
 
 
-def in_words(situation: Situation, roles: Sequence[str] = ()) -> str:
-    """Where bodies are: `holder at 0.61, 0.12, 1.18 m, turned by +23 degrees`; roles: of those that are told, default all."""
+def in_words(situation: Situation, roles: Sequence[str] = (), units: Mapping[str, str] | None = None) -> str:
+    """Where bodies are: `holder at 0.61, 0.12, 1.18 m, turned by +23 degrees`, and numbers: `duration 2.4 s`.
+
+    roles: of the bodies that are told, default all. units: of numbers, by name (`Skill.units`).
+    """
     said = []
     for role, pose in situation.poses.items():
         if roles and role not in roles:
@@ -125,5 +128,5 @@ def in_words(situation: Situation, roles: Sequence[str] = ()) -> str:
         x, y, z = pose.position
         turn = math.degrees(math.atan2(pose.rotation[1, 0], pose.rotation[0, 0]))
         said.append(f"{role} at {x:.2f}, {y:.2f}, {z:.2f} m" + (f", turned by {turn:+.0f} degrees" if abs(turn) > 0.5 else ""))
-    said += [f"{name} {number + 0.0:.3g}" for name, number in situation.numbers.items()]
+    said += [f"{name} {number + 0.0:.3g} {(units or {}).get(name, '')}".rstrip() for name, number in situation.numbers.items()]
     return "; ".join(said) or "nothing is said of it"

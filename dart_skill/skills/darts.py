@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -95,6 +96,7 @@ class Darts(Throw):
     world = "board"
     corrects = "board"
     numbers = AIM
+    units = MappingProxyType(dict.fromkeys(AIM, "m"))
     settings_type = DartsSettings
     settings: DartsSettings
 

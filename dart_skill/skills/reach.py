@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -61,6 +62,7 @@ class Reach(Skill):
     world = "belt"
     reacts = True
     corrects = "cup"
+    units = MappingProxyType({"way_x": "m", "way_y": "m", "way_z": "m", "start": "s", "duration": "s"})
     settings_type = ReachSettings
     settings: ReachSettings
 

@@ -114,6 +114,7 @@ def test_a_model_that_was_learned_from_a_bag_throws_at_once(start, tmp_path):
     process = start("--model", model["model"])
     up = events_until(process, "up")[-1]
     assert model["model_id"] in up["message"] and up["next"] == "dart-skill throw"
+    assert told_by("demonstrations")["next"] == "dart-skill teach --count 5", "there is nothing to learn from"
     (thrown,) = told_by("throw", "--model", model["model"])["throws"]
     assert thrown["in_basket"], thrown
     command = [sys.executable, "-m", "dart_skill.cli", "throw", "--model", __file__]

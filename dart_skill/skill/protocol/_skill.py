@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -70,6 +71,7 @@ class Skill:
       dart_skill.skill.model; `settings_type` derives from `ReactiveSkillSettings`). Otherwise a plan is made beforehand.
     * speed: the level of config/limits.yaml that its movements need.
     * corrects: role of the body whose place practice corrects; empty: practice corrects nothing.
+    * units: of the numbers of a situation, by name, for who reads them; one that is not here has none.
     * settings_type: class of its settings.
 
     Attribute: settings, as they were given, or the defaults.
@@ -82,6 +84,7 @@ class Skill:
     reacts = False
     speed = Speed.CAREFUL
     corrects = ""
+    units: Mapping[str, str] = MappingProxyType({})
     settings_type: type[SkillSettings] = SkillSettings
 
     def __init__(self, settings: SkillSettings | None = None):

@@ -38,7 +38,7 @@ def show_all(client: "GraphClient", skill: "Skill", wanted: int, rng: "np.random
         attempts += result.attempts
         shown += bool(result.success)
         how = f"shown after {result.attempts}" if result.success else f"given up: {result.message}"
-        say(f"demonstration {shown}/{wanted}: {in_words(situation)}: {how}")
+        say(f"demonstration {shown}/{wanted}: {in_words(situation, units=skill.units)}: {how}")
         if shown == wanted:
             return attempts
     raise GraphFailure(f"only {shown} of {wanted} demonstrations succeeded")
@@ -50,18 +50,18 @@ def execute_all(client: "GraphClient", skill: "Skill", trials: int, rng: "np.ran
     for number in range(1, trials + 1):
         situation = skill.draw(rng, wide=True)
         looks = skill.reacts or bool(skill.situated)
-        results.append(_executed(client, situation, f"{skill.name} {number}/{trials}", looks))
+        results.append(_executed(client, skill, situation, f"{skill.name} {number}/{trials}", looks))
     return results
 
 
-def _executed(client: "GraphClient", situation: "Situation", what: str, look: bool) -> "SkillResult":
+def _executed(client: "GraphClient", skill: "Skill", situation: "Situation", what: str, look: bool) -> "SkillResult":
     from dart_skill.session import SkillResult, in_words
     from dart_skill_nodes.comms import conversions
 
     made = client.execute(conversions.situation_msg(situation), look)
     trial = SkillResult(situation, conversions.task_outcome(made.outcome), "" if made.message == "executed" else made.message)
     error = "not seen" if trial.error_m is None else f"{1e3 * trial.error_m:.1f} mm"
-    say(f"{what}: {in_words(situation)}: {'done' if trial.outcome.success else 'failed'}, {error} {trial.why}".rstrip())
+    say(f"{what}: {in_words(situation, units=skill.units)}: {'done' if trial.outcome.success else 'failed'}, {error} {trial.why}".rstrip())
     return trial
 
 

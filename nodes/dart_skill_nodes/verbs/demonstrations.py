@@ -60,7 +60,7 @@ def _listed(client: "GraphClient", compare: bool) -> dict:
         for one in client.demonstrations(compare=compare).demonstrations
     ]
     text = "\n".join(map(_line, rows)) or "nothing has been shown yet"
-    return {"text": text, "demonstrations": rows, "ok": True, "next": "dart-skill learn"}
+    return {"text": text, "demonstrations": rows, "ok": True, "next": "dart-skill learn" if rows else "dart-skill teach --count 5"}
 
 
 def _where(situation) -> dict:

@@ -54,4 +54,5 @@ def test_situations_are_said_in_words():
     assert in_words(THERE) == "holder at 0.60, 0.10, 1.20 m, turned by +30 degrees; weight 0.3"
     assert in_words(Situation({"hand": HOLDER, "ball": Pose(np.zeros(3))}), ["ball"]) == "ball at 0.00, 0.00, 0.00 m"
     assert in_words(Situation({}, {"way": -0.00234932, "other": -0.0}), ()) == "way -0.00235; other 0"
+    assert in_words(Situation({}, {"way": 0.5, "other": 1.0}), units={"way": "m"}) == "way 0.5 m; other 1"
     assert in_words(Situation({})) == "nothing is said of it"
