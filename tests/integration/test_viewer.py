@@ -161,7 +161,8 @@ def test_a_taken_port_is_told_in_one_line(tmp_path):
         other.bind(("127.0.0.1", 0))
         other.listen()
         port = other.getsockname()[1]
-        command = [sys.executable, "-m", "dart_skill_nodes.executables.viewer", "--ros-args", "-p", f"port:={port}"]
+        arguments = ["--ros-args", "-p", f"port:={port}", "-r", "__node:=another"]  # one of the graph has the name
+        command = [sys.executable, "-m", "dart_skill_nodes.executables.viewer", *arguments]
         done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 1
     assert f"viewer: 127.0.0.1:{port} cannot be served" in done.stderr and "Traceback" not in done.stderr
