@@ -100,12 +100,19 @@ def estimate_noise(time: ArrayLike, samples: ArrayLike) -> np.ndarray:
     """
     samples = as_samples(samples, "samples")
     time = as_stamps(time, len(samples), MIN_SAMPLES)
-    stamps = np.lib.stride_tricks.sliding_window_view(time, 7)
-    gaps = stamps[:, :, None] - stamps[:, None, :] + np.eye(7)
-    contrast = 1.0 / (gaps / (stamps[:, -1:] - stamps[:, :1])[:, :, None]).prod(axis=2)
-    contrast /= np.linalg.norm(contrast, axis=1, keepdims=True)
     windows = np.lib.stride_tricks.sliding_window_view(samples, 7, axis=0)
-    return np.asarray(np.median(np.abs(np.einsum("nj,ndj->nd", contrast, windows))) / 0.6744897501960817)
+    return np.asarray(np.median(np.abs(np.einsum("nj,ndj->nd", _contrasts(time.tobytes()), windows))) / 0.6744897501960817)
+
+
+@lru_cache(maxsize=8)
+def _contrasts(stamps: bytes) -> np.ndarray:
+    """Those combinations (n - 6, 7), which the columns of one recording share."""
+    windows = np.lib.stride_tricks.sliding_window_view(np.frombuffer(stamps), 7)
+    gaps = windows[:, :, None] - windows[:, None, :] + np.eye(7)
+    contrast = 1.0 / (gaps / (windows[:, -1:] - windows[:, :1])[:, :, None]).prod(axis=2)
+    contrast /= np.linalg.norm(contrast, axis=1, keepdims=True)
+    contrast.flags.writeable = False
+    return contrast
 
 
 class _Smoother:
