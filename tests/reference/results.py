@@ -49,9 +49,9 @@ def exact(values) -> list[str]:
 
 
 def digest_of(plan: ThrowPlan) -> str:
-    """Digest of every number of a plan."""
+    """Digest of every number of a plan, whatever its configuration is called."""
     path, gains = plan.path, (plan.position_gains, plan.orientation_gains)
-    digest = hashlib.sha256(plan.model_id.encode())
+    digest = hashlib.sha256()
     for part in (
         plan.target, plan.aim, plan.predicted_landing, path.time, path.position, path.quaternion, path.velocity, path.acceleration,
         plan.attractor_position, plan.attractor_quaternion, *(value for gain in gains for value in (gain.stiffness, gain.damping)),
