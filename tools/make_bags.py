@@ -27,6 +27,8 @@ from dart_skill_nodes.client.graph_client import GraphClient  # noqa: E402
 from dart_skill_nodes.verbs._run import teach, throw_all  # noqa: E402
 
 SEED, DEMONSTRATIONS, THROWS = 0, 13, 20
+CONFIGURATION = "intervals"
+"""With which the throws of the bag in this repository were learned: its poses stay what they are."""
 HEARD = ("/joint_states", "/wam/command", *(f"/vrpn_mocap/{body}/pose" for body in ("hand", "ball", "basket")))
 TOPICS = [*HEARD, "/wam/teacher_wrench", "/demonstrations", "/robot_description", "/commander/attractor", "/skill_learner/model"]
 
@@ -73,7 +75,7 @@ def make(folder: Path, logs: Path) -> None:
         client.wait_until_ready()
         with Recording(graph, client, folder / "demonstrations", f"{DEMONSTRATIONS} throws that a person guides"):
             teach(client, SEED, DEMONSTRATIONS)
-        client.learn()
+        client.learn(configuration=CONFIGURATION)
         with Recording(graph, client, folder / "throws", f"{THROWS} throws of the arm, learned from these demonstrations"):
             throw_all(client, new)
         client.close()

@@ -29,9 +29,9 @@ ROOT = Path(__file__).resolve().parents[2]
 DEMONSTRATIONS, THROWS = ROOT / "bags" / "demonstrations", ROOT / "bags" / "throws"
 ASKED_MS = {
     "lesson from 13 demonstrations": 40.0,
-    "the same with ds_gmr": 40.0,
+    "the same with intervals": 40.0,
     "plan of a throw": 3.0,
-    "a plan with ds_gmr": 3.0,
+    "a plan with intervals": 3.0,
     "dart-skill --help": 150.0,
     "TAB after dart-skill": 150.0,
     "dart-skill bag info": 150.0,
@@ -84,13 +84,13 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=10, help="repeats per task (default 10)")
     options = parser.parse_args()
     demonstrations = list(read_demonstrations(DEMONSTRATIONS))
-    skill, target, several = learn(demonstrations), demonstrations[0].target, configuration("ds_gmr")
-    other = learn(demonstrations, several)
+    skill, target, plainest = learn(demonstrations), demonstrations[0].target, configuration("intervals")
+    other = learn(demonstrations, plainest)
     works: dict[str, Callable[[], float]] = {
         "lesson from 13 demonstrations": lambda: median_ms(lambda: learn(demonstrations), options.repeats),
-        "the same with ds_gmr": lambda: median_ms(lambda: learn(demonstrations, several), options.repeats),
+        "the same with intervals": lambda: median_ms(lambda: learn(demonstrations, plainest), options.repeats),
         "plan of a throw": lambda: median_ms(lambda: skill.plan(target), 5 * options.repeats),
-        "a plan with ds_gmr": lambda: median_ms(lambda: other.plan(target), 5 * options.repeats),
+        "a plan with intervals": lambda: median_ms(lambda: other.plan(target), 5 * options.repeats),
         "dart-skill --help": lambda: command_ms(["--help"], options.repeats),
         "TAB after dart-skill": lambda: tab_ms(options.repeats),
         "dart-skill bag info": lambda: command_ms(["bag", "info", str(DEMONSTRATIONS)], options.repeats),

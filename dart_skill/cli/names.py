@@ -4,7 +4,7 @@ Each is defined where its meaning is; a test compares. Names of professionals: `
 """
 
 CONFIGURATIONS = (
-    "default", "thesis", "thesis_local", "ds_gmr", "em", "weighted", "cross_validated", "autonomous", "shown_release", "two_frames",
+    "default", "intervals", "thesis", "thesis_local", "em", "weighted", "cross_validated", "autonomous", "shown_release", "two_frames",
 )  # fmt: skip
 """`dart_skill.skill.learn._configuration`."""
 PRACTICE_METHODS = ("residual", "bootstrap", "both", "power", "none")

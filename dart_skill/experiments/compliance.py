@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -29,17 +30,17 @@ from dart_skill.robot import (
 )
 from dart_skill.session import Session
 from dart_skill.simulation import PlantState
-from dart_skill.skill.learn import DEFAULT, ThrowingSkill, learn
+from dart_skill.skill.learn import ThrowingSkill, configuration, learn
 
 GRABBED = 0.05
 """A person pulls the hand so far aside [m]."""
-KINDS = {
-    "50": replace(DEFAULT, stiffness=50.0),
-    "200": DEFAULT,
-    "800": replace(DEFAULT, stiffness=800.0),
-    "50 to 800": replace(DEFAULT, stiffness_range=(50.0, 800.0)),
+KINDS: dict[str, dict[str, Any]] = {
+    "50": {"stiffness": 50.0},
+    "200": {"stiffness": 200.0},
+    "800": {"stiffness": 800.0},
+    "50 to 800": {"stiffness_range": (50.0, 800.0)},
 }
-"""Stiffness of the position [1/s^2], by what it is called."""
+"""Stiffness of the position [1/s^2], as a configuration has it, by what it is called."""
 
 
 @dataclass(frozen=True)
@@ -57,18 +58,18 @@ class Swing:
     miss: float
 
 
-def run(seeds: list[int], jobs: int = 1, demonstrations: int = 13, throws: int = 5) -> list[Swing]:
-    """All seeds, `jobs` processes at a time. throws: of each seed and kind."""
-    one = partial(run_seed, demonstrations=demonstrations, throws=throws)
+def run(seeds: list[int], jobs: int = 1, demonstrations: int = 13, throws: int = 5, name: str = "") -> list[Swing]:
+    """All seeds, `jobs` processes at a time. throws: of each seed and kind; name: of the configuration, "" for the default one."""
+    one = partial(run_seed, demonstrations=demonstrations, throws=throws, name=name)
     return all_of(one, seeds, jobs)
 
 
-def run_seed(seed: int, demonstrations: int = 13, throws: int = 5) -> list[Swing]:
+def run_seed(seed: int, demonstrations: int = 13, throws: int = 5, name: str = "") -> list[Swing]:
     """The throws of one seed, of each kind at the same baskets; a plan that is refused is left out."""
     session = Session(seed, commander=CommanderSettings.configured(tracking="none"), keep_states=True)
     kept, swings = teach(session, seed, demonstrations), []
-    for kind, configuration in KINDS.items():
-        skill = learn(kept, configuration)
+    for kind, stiffness in KINDS.items():
+        skill = learn(kept, replace(configuration(name), **stiffness))
         for target in targets_for(seed, demonstrations, throws)[1]:
             try:
                 swings.append(_swing(session, kind, skill, skill.plan(target)))

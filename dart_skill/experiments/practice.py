@@ -22,7 +22,7 @@ from dart_skill.regions import REGION
 from dart_skill.session import Session
 from dart_skill.simulation import CHANGES, changed
 from dart_skill.skill.improve import METHODS, Curriculum, PractisingSkill
-from dart_skill.skill.learn import Unreachable
+from dart_skill.skill.learn import Unreachable, configuration
 
 CANDIDATES = 48
 """Baskets among which the curriculum chooses."""
@@ -34,6 +34,7 @@ class Task:
 
     tests: throws of each test, after each number of practised throws in `tested_after`; again: throws of one plan for each basket of the
     last test, which show what no better plan can do away with; arm: of config/fleet.yaml, or fleet: the one that the seed draws.
+    configuration: of the skill.
     """
 
     seed: int
@@ -46,11 +47,13 @@ class Task:
     tests: int = 10
     again: int = 0
     arm: str = "ideal"
+    configuration: str = "default"
 
     def __post_init__(self) -> None:
         for name, choices in (("method", METHODS), ("change", CHANGES)):
             if getattr(self, name) not in choices:
                 raise ValueError(f"there is no {name} '{getattr(self, name)}': choose one of {', '.join(choices)}")
+        configuration(self.configuration)
         object.__setattr__(self, "tested_after", tuple(n for n in self.tested_after if n <= self.throws))
 
 
@@ -91,7 +94,8 @@ def run(task: Task) -> Run:
 
 
 def _run(task: Task, session: Session) -> Run:
-    skill = PractisingSkill(teach(session, task.seed, task.demonstrations), method=task.method, rng=np.random.default_rng([task.seed, 4]))
+    shown, rng = teach(session, task.seed, task.demonstrations), np.random.default_rng([task.seed, 4])
+    skill = PractisingSkill(shown, configuration(task.configuration), task.method, rng=rng)
     curriculum, choosing, testing = Curriculum(), np.random.default_rng([task.seed, 5]), np.random.default_rng([task.seed, 6])
     thrown: list[_Thrown] = []
     tests: list[list[_Thrown]] = []

@@ -214,15 +214,15 @@ def table(results: list[Throw]) -> str:
     return "\n".join(lines)
 
 
-def repeatability(seed: int, distances: list[float], throws: int, demonstrations: int = 13) -> list[dict]:
+def repeatability(seed: int, distances: list[float], throws: int, demonstrations: int = 13, name: str = "") -> list[dict]:
     """One plan thrown again and again, straight ahead: what of the error is the hand's, not the plan's.
 
     Per distance: mean and standard deviation of the landing along and across [cm], and the median distance from the mean landing.
-    distances: of the basket [m]; throws: at each.
+    distances: of the basket [m]; throws: at each; name: of the configuration, "" for the default one.
     """
     session = Session(seed)
     lessons = [session.teach(target)[-1] for target in targets_for(seed, demonstrations, 0)[0]]
-    skill = learn([lesson.demonstration for lesson in lessons if lesson.outcome.in_basket])
+    skill = learn([lesson.demonstration for lesson in lessons if lesson.outcome.in_basket], configuration(name))
     rows = []
     for distance in distances:
         target = np.array([distance, 0.0, REGION.rim])

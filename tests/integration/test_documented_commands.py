@@ -214,7 +214,9 @@ TYPED = {
         "integration/test_viewer_skills.py::test_a_skill_is_taught_learned_and_executed_from_the_page"
     ),
     'ros2 action send_goal /execute dart_skill_msgs/action/Execute "{situation: {names: [right, up], numbers: [0.0, 0.103]}}"': FULL_ROS,
-    "dart-skill experiment darts --seeds 10 --throws 100 --jobs 2": Run("--seeds 2 --throws 2 --demonstrations 2", says="on the board"),
+    "dart-skill experiment darts --seeds 10 --throws 100 --jobs 2 --configuration intervals": Run(
+        "--seeds 2 --throws 2 --demonstrations 2", says="on the board"
+    ),
     "dart-skill demo --skill reach": REACH,
     "dart-skill demo --skill reach --trials 5": REACH,
     "dart-skill up --skill place": SKILLS,
@@ -361,14 +363,14 @@ TYPED = {
     "dart-skill demo --set mock_optitrack.noise=0.002": Elsewhere(
         "unit/cli/test_usage.py::test_an_arm_and_a_parameter_reach_the_processes_that_run_their_nodes"
     ),
-    "dart-skill experiment throws --arms fleet --first-seed 2000 --seeds 40": Elsewhere(
+    "dart-skill experiment throws --arms fleet --first-seed 2000 --seeds 10": Elsewhere(
         "unit/cli/test_usage.py::test_arms_of_the_throws_experiment_are_names_or_the_fleet"
     ),
     "dart-skill experiment throws --seeds 10 "
-    "--configurations default,shown_release,em,two_frames,autonomous,weighted,cross_validated,thesis,thesis_local": Elsewhere(
+    "--configurations intervals,shown_release,em,two_frames,autonomous,weighted,cross_validated,thesis,thesis_local": Elsewhere(
         "unit/cli/test_usage.py::test_the_throws_experiment_gives_one_row_per_throw_as_json"
     ),
-    "dart-skill experiment throws --seeds 10 --configurations default,ds_gmr,ladder": Elsewhere(
+    "dart-skill experiment throws --seeds 10 --configurations default,ladder": Elsewhere(
         "unit/cli/test_usage.py::test_the_ladder_stands_for_its_configurations"
     ),
     "dart-skill experiment soak --minutes 120 --layout processes --speed 1": Elsewhere(
@@ -388,9 +390,9 @@ TYPED = {
     "dart-skill experiment real_data --data FOLDER --jobs 2": Elsewhere(
         "unit/experiments/test_real_data.py::test_the_command_prints_a_table_of_what_is_there"
     ),
-    "dart-skill experiment compliance": Run("--seeds 1 --throws 1 --demonstrations 4", says="50 to 800 +1 "),
-    "dart-skill experiment repeatability --throws 50": Run("--throws 1 --demonstrations 3", says="1.60 +1 "),
-    "dart-skill experiment basket --models default,autonomous,weighted,thesis,thesis_local,shown_release --figure figures": Run(
+    "dart-skill experiment compliance --configuration intervals": Run("--seeds 1 --throws 1 --demonstrations 4", says="50 to 800 +1 "),
+    "dart-skill experiment repeatability --throws 50 --configuration intervals": Run("--throws 1 --demonstrations 3", says="1.60 +1 "),
+    "dart-skill experiment basket --models intervals,autonomous,weighted,thesis,thesis_local,shown_release --figure figures": Run(
         "--models thesis --seeds 1 --throws 1 --demonstrations 3", says="thesis", leaves="figures/*.svg"
     ),
     "dart-skill experiment basket --seeds 20 --jobs 8 --results basket.jsonl": Run(
@@ -398,25 +400,27 @@ TYPED = {
     ),
     "dart-skill experiment basket --scheduler tcp://HOST:8786": CLUSTER,
     "dart-skill experiment practice --seeds 20 --scheduler tcp://192.168.10.1:8786 --results practice.jsonl": CLUSTER,
-    "dart-skill experiment practice --methods residual --demonstrations 3 --throws 20 --tested-after 0,10,20 --seeds 20": Run(
-        "--throws 1 --tested-after 0,1 --tests 1 --seeds 1", says="residual"
-    ),
+    "dart-skill experiment practice --methods residual --demonstrations 3 --throws 20 --tested-after 0,10,20 --seeds 20 "
+    "--configuration intervals": Run("--throws 1 --tested-after 0,1 --tests 1 --seeds 1", says="residual"),
     "dart-skill experiment practice --methods residual --arms fleet --first-seed 2000 --seeds 40 --throws 50 "
-    "--tested-after 0,10,25,50 --again 6": Elsewhere("unit/experiments/test_practice.py::test_a_tiny_run_practises_and_is_tested"),
-    "dart-skill experiment practice --methods residual --throws 50 --tested-after 0,10,20,50 --again 16 --seeds 20": Elsewhere(
+    "--tested-after 0,10,25,50 --again 6 --configuration intervals": Elsewhere(
+        "unit/experiments/test_practice.py::test_a_tiny_run_practises_and_is_tested"
+    ),
+    "dart-skill experiment practice --methods residual --throws 50 --tested-after 0,10,20,50 --again 16 --seeds 20 "
+    "--configuration intervals": Elsewhere(
         "unit/experiments/test_practice.py::test_the_floor_is_what_one_plan_scatters_and_is_measured_when_all_else_is_done"
     ),
-    "dart-skill experiment practice --methods none,residual,both,bootstrap,power --changes friction --throws 12 --tested-after 0,12": Run(
-        "--methods none --throws 0 --tested-after 0 --tests 1 --seeds 1 --demonstrations 3", says="none +3 "
-    ),
-    "dart-skill experiment practice --methods residual,both,bootstrap,power --demonstrations 3 --throws 20 --tested-after 0,20": Elsewhere(
+    "dart-skill experiment practice --methods none,residual,both,bootstrap,power --changes friction --throws 12 --tested-after 0,12 "
+    "--configuration intervals": Run("--methods none --throws 0 --tested-after 0 --tests 1 --seeds 1 --demonstrations 3", says="none +3 "),
+    "dart-skill experiment practice --methods residual,both,bootstrap,power --demonstrations 3 --throws 20 --tested-after 0,20 "
+    "--configuration intervals": Elsewhere(
         "unit/experiments/test_practice.py::test_rows_of_methods_demonstrations_and_changes_are_kept_apart"
     ),
     "dart-skill experiment practice --changes slower_hand,friction,base_turned,heavier_ball,weaker_motors --throws 10 "
-    "--tested-after 0,1,2,5,10 --tests 4 --seeds 20": Elsewhere(
+    "--tested-after 0,1,2,5,10 --tests 4 --seeds 20 --configuration intervals": Elsewhere(
         "unit/experiments/test_practice.py::test_the_command_prints_the_table_and_draws_a_figure_per_change"
     ),
-    "dart-skill experiment darts --seed 0 --throws 300 --output figures": Run(
+    "dart-skill experiment darts --seed 0 --throws 300 --output figures --configuration intervals": Run(
         "--throws 2 --demonstrations 3", says="throws +across", leaves="figures/*.svg"
     ),
     "dart-skill experiment landscapes --results landscapes.jsonl": Run(

@@ -25,7 +25,8 @@ from dart_skill.session import Session
 from dart_skill.skill.learn import ThrowingSkill, Unreachable, configuration, learn
 from tests.paths import BAGS
 
-MODELS = ("default", "em", "two_frames", "thesis", "weighted", "autonomous", "shown_release")
+MODELS = ("default", "intervals", "em", "two_frames", "thesis", "weighted", "autonomous", "shown_release")
+THROWERS = ("intervals", "default")
 SHOWN, THROWN = 5, 2
 
 
@@ -71,14 +72,14 @@ def _planned(skill: ThrowingSkill, target: np.ndarray) -> dict:
 
 
 def throws_of(seed: int) -> dict:
-    """Lessons, the models that several configurations learn from them, their plans, and throws of the default one."""
+    """Lessons, the models that several configurations learn from them, their plans, and throws of THROWERS, one after the other."""
     to_demonstrate, to_throw = targets_for(seed, SHOWN, THROWN)
     session = Session(seed)
     try:
         lessons = [session.teach(target) for target in to_demonstrate]
         skills = {name: learn([lesson[-1].demonstration for lesson in lessons], configuration(name)) for name in MODELS}
         plans = {name: _planned(skill, to_throw[0]) for name, skill in skills.items()}
-        landings = [session.throw(skills["default"].plan(target)).outcome.landing for target in to_throw]
+        landings = {name: [session.throw(skills[name].plan(target)).outcome.landing for target in to_throw] for name in THROWERS}
     finally:
         session.close()
     return {
@@ -86,28 +87,28 @@ def throws_of(seed: int) -> dict:
         "attempts": [len(lesson) for lesson in lessons],
         "models": {name: skill.model_id for name, skill in skills.items()},
         "plans": plans,
-        "landings": [exact(landing) for landing in landings],
+        "landings": {name: [exact(landing) for landing in its] for name, its in landings.items()},
     }
 
 
 def practice_of(seed: int) -> dict:
-    """Own throws that are learned from: their errors, and those of test throws afterwards."""
+    """Own throws that are learned from, with each of THROWERS: their errors, and those of test throws afterwards."""
     task = practice.Task(seed, "both", demonstrations=3, throws=4, tested_after=(4,), tests=2)
-    done = practice.run(task)
-    return {"errors": exact(done.errors), "test_errors": exact(done.test_errors)}
+    done = {name: practice.run(replace(task, configuration=name)) for name in THROWERS}
+    return {name: {"errors": exact(one.errors), "test_errors": exact(one.test_errors)} for name, one in done.items()}
 
 
 def darts_of(seed: int) -> dict:
-    """Darts of the arm at a board."""
-    done = arm_darts.run(seed, throws=12, demonstrations=3)
-    return {"hits": [exact(dart.hit) for dart in done.darts], "aims": [exact(dart.aim) for dart in done.darts]}
+    """Darts of the arm at a board, with each of THROWERS."""
+    darts = {name: arm_darts.run(seed, throws=12, demonstrations=3, name=name).darts for name in THROWERS}
+    return {name: {"hits": [exact(dart.hit) for dart in its], "aims": [exact(dart.aim) for dart in its]} for name, its in darts.items()}
 
 
 def bags_of(seed: int) -> dict:
     """What the bags of the repository teach; the seed is of no account."""
     demonstrations = read_demonstrations(BAGS / "demonstrations")
-    models = {name: learn(demonstrations, configuration(name)) for name in ("default", "em")}
-    fewer = learn(demonstrations[:4], replace(configuration("default"), name="fewer"))
+    models = {name: learn(demonstrations, configuration(name)) for name in ("default", "intervals", "em")}
+    fewer = learn(demonstrations[:4], replace(configuration("intervals"), name="fewer"))
     return {
         "models": {name: skill.model_id for name, skill in models.items()},
         "plans": {name: _planned(skill, np.array([1.9, 0.2, 0.4])) for name, skill in {**models, "fewer": fewer}.items()},

@@ -6,7 +6,7 @@ import argparse
 import json
 from dataclasses import asdict
 
-from dart_skill.cli.run_options import positive
+from dart_skill.cli.run_options import add_configuration, positive
 
 
 def add_to(experiments: argparse._SubParsersAction) -> None:
@@ -15,6 +15,7 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
     parser.add_argument("--seeds", type=positive, default=5, help="seeds 0 to N - 1 (default 5)")
     parser.add_argument("--demonstrations", type=int, default=13, help="that the plans are learned from (default 13)")
     parser.add_argument("--throws", type=positive, default=5, help="of each kind and seed (default 5)")
+    add_configuration(parser, "default")
     parser.add_argument("--jobs", type=int, default=1, help="processes at a time (default 1)")
     parser.add_argument("--json", action="store_true", help="every throw as JSON instead of the table")
     parser.set_defaults(run=_compliance)
@@ -23,6 +24,6 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
 def _compliance(options: argparse.Namespace) -> int:
     from dart_skill.experiments import compliance
 
-    swings = compliance.run(list(range(options.seeds)), options.jobs, options.demonstrations, options.throws)
+    swings = compliance.run(list(range(options.seeds)), options.jobs, options.demonstrations, options.throws, options.configuration)
     print(json.dumps([asdict(one) for one in swings], indent=1) if options.json else compliance.table(swings))
     return 0

@@ -7,7 +7,7 @@ import json
 import sys
 from pathlib import Path
 
-from dart_skill.cli.run_options import positive
+from dart_skill.cli.run_options import add_configuration, positive
 
 
 def add_to(experiments: argparse._SubParsersAction) -> None:
@@ -28,6 +28,7 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
     parser.add_argument("--seeds", type=positive, default=20, help="how many seeds (default 20)")
     parser.add_argument("--first-seed", type=int, default=0, metavar="N", help="the first of them (default 0)")
     parser.add_argument("--arms", default="ideal", help="an arm of config/fleet.yaml, or fleet: every seed draws its own (default ideal)")
+    add_configuration(parser, "default")
     parser.add_argument("--jobs", type=int, default=0, help="processes at a time (default one per core)")
     parser.add_argument("--scheduler", default="", metavar="ADDRESS", help="run on the Dask cluster of this scheduler instead")
     parser.add_argument("--results", metavar="FILE", type=Path, help="add each run to this file; what it holds already is not run again")
@@ -47,7 +48,7 @@ def _practice(options: argparse.Namespace) -> int:
         raise ValueError(f"--again is {options.again}: a scatter takes 2 throws at least, or 0 for none")
     arm_named(arm_of(options.arms, options.first_seed))
     shared = {"throws": options.throws, "change_after": options.change_after, "tested_after": tested}
-    shared |= {"tests": options.tests, "again": options.again, "arm": options.arms}
+    shared |= {"tests": options.tests, "again": options.again, "arm": options.arms, "configuration": options.configuration or "default"}
     tasks = [
         Task(seed, method, int(shown), change=change, **shared)
         for shown in options.demonstrations.split(",")

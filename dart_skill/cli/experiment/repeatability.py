@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 
-from dart_skill.cli.run_options import positive
+from dart_skill.cli.run_options import add_configuration, positive
 
 
 def add_to(experiments: argparse._SubParsersAction) -> None:
@@ -14,6 +14,7 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
     again.add_argument("--seed", type=int, default=0)
     again.add_argument("--throws", type=positive, default=25, help="of each plan (default 25)")
     again.add_argument("--demonstrations", type=int, default=13, help="that the plans are learned from (default 13)")
+    add_configuration(again, "default")
     again.add_argument("--json", action="store_true", help="JSON instead of the table")
     again.set_defaults(run=_repeatability)
 
@@ -21,6 +22,6 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
 def _repeatability(options: argparse.Namespace) -> int:
     from dart_skill.experiments import throws
 
-    rows = throws.repeatability(options.seed, [1.6, 2.0, 2.4], options.throws, options.demonstrations)
+    rows = throws.repeatability(options.seed, [1.6, 2.0, 2.4], options.throws, options.demonstrations, options.configuration)
     print(json.dumps(rows, indent=1) if options.json else throws.repeatability_table(rows))
     return 0

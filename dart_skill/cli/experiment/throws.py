@@ -18,7 +18,7 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
     throws.add_argument(
         "--set", action="append", default=[], metavar="NODE.PARAMETER=VALUE", help="a parameter of a node; may be given several times"
     )
-    text = "names separated by commas; ladder: from `thesis` to `ds_gmr`, a change each, and `ds_gmr` without each (default: default)"
+    text = "names separated by commas; ladder: from `thesis` to `default`, a change each, and `default` without each (default: default)"
     throws.add_argument("--configurations", default="default", metavar="NAMES", help=text)
     throws.add_argument("--demonstrations", type=int, default=13)
     throws.add_argument("--throws", type=positive, default=10, help="new baskets per seed (default 10)")

@@ -1,6 +1,7 @@
 """Named configurations of the throwing skill: which frames, how many components, how demonstrations are aligned and weighted.
 
-`thesis` is what chapter 8 describes; `default` is what throws best here. docs/skill.md holds the comparison.
+`thesis` is what chapter 8 describes; `default` is DS-GMR as the thesis means it, with what LADDER names in addition; `intervals` is the
+plainest that throws as well. docs/skill.md holds the comparison.
 """
 
 from collections.abc import Mapping
@@ -28,12 +29,12 @@ class SkillConfiguration:
     Parameters:
 
     * name: str, default "default".
-    * frames: task frames, default "azimuth". "thesis": those of (8.2). "start": those of (8.3). "azimuth": one frame at the base,
+    * frames: task frames, default "azimuth_target". "thesis": those of (8.2). "start": those of (8.3). "azimuth": one frame at the base,
       turned to the target's azimuth. "azimuth_target": that frame and one at the target.
     * components: int, default 16. `n_components` of the DS-GMR.
-    * partition: "time" or "em", default "time". `partition` of the DS-GMR.
-    * overlap: float, default 0: that of the DS-GMR, which depends on the partition. `overlap` of the DS-GMR.
-    * inputs_once: bool, default False. Whether time and distance, which all frames see alike, count once in the product of the frames
+    * partition: "time" or "em", default "em". `partition` of the DS-GMR.
+    * overlap: float, default 0.7. `overlap` of the DS-GMR; 0: that of the DS-GMR, which depends on the partition.
+    * inputs_once: bool, default True. Whether time and distance, which all frames see alike, count once in the product of the frames
       (`n_shared` of the mixture), or once for each frame, as (7.21) stands.
     * distance_input: bool, default True. Whether the distance of the target is an input of the regression besides time.
     * alignment: "release" or "start", default "release". Instant that all demonstrations share: the release of the ball or the
@@ -60,9 +61,9 @@ class SkillConfiguration:
     """
 
     name: str = "default"
-    frames: str = "azimuth"
+    frames: str = "azimuth_target"
     components: int = 16
-    partition: str = "time"
+    partition: str = "em"
     distance_input: bool = True
     alignment: str = "release"
     relabel: bool = True
@@ -78,8 +79,8 @@ class SkillConfiguration:
     registration: KnownRegistration | None = field(default=None, repr=False)  # a model's name has these if they are given
     orientation_stiffness: float = field(default=0.0, repr=False)
     stiffness_range: tuple[float, ...] = field(default=(), repr=False)
-    overlap: float = field(default=0.0, repr=False)
-    inputs_once: bool = field(default=False, repr=False)
+    overlap: float = field(default=0.7, repr=False)
+    inputs_once: bool = field(default=True, repr=False)
 
     def __post_init__(self) -> None:
         if self.frames not in FRAMES:
@@ -137,23 +138,32 @@ class SkillConfiguration:
 
 DEFAULT = SkillConfiguration()
 THESIS = SkillConfiguration(
-    "thesis", "start", 3, partition="em", distance_input=False, alignment="start", relabel=False, solve_aim=False, release="shown"
+    "thesis",
+    "start",
+    components=3,
+    distance_input=False,
+    alignment="start",
+    relabel=False,
+    solve_aim=False,
+    release="shown",
+    overlap=0.0,
+    inputs_once=False,
 )
-DS_GMR = replace(DEFAULT, name="ds_gmr", frames="azimuth_target", components=16, partition="em", overlap=0.7, inputs_once=True)
+INTERVALS = replace(DEFAULT, name="intervals", frames="azimuth", partition="time", overlap=0.0, inputs_once=False)
 CONFIGURATIONS = {
     one.name: one
     for one in (
         DEFAULT,
+        INTERVALS,
         THESIS,
         replace(THESIS, name="thesis_local", nearest=3),
-        DS_GMR,
-        replace(DEFAULT, name="em", components=12, partition="em"),
+        replace(INTERVALS, name="em", components=12, partition="em"),
         # An average of neighbours cannot aim nearer than what was shown, which the farthest release asks for.
-        replace(DEFAULT, name="weighted", distance_input=False, width=0.25, release="shown"),
-        replace(DEFAULT, name="cross_validated", distance_input=False, widths=(0.06, 0.1, 0.15, 0.25, 0.5), release="shown"),
-        replace(DEFAULT, name="autonomous", drive="state"),
-        replace(DEFAULT, name="shown_release", release="shown"),
-        replace(DEFAULT, name="two_frames", distance_input=False, frames="azimuth_target"),
+        replace(INTERVALS, name="weighted", distance_input=False, width=0.25, release="shown"),
+        replace(INTERVALS, name="cross_validated", distance_input=False, widths=(0.06, 0.1, 0.15, 0.25, 0.5), release="shown"),
+        replace(INTERVALS, name="autonomous", drive="state"),
+        replace(INTERVALS, name="shown_release", release="shown"),
+        replace(INTERVALS, name="two_frames", distance_input=False, frames="azimuth_target"),
     )
 }
 STEPS = {
@@ -167,16 +177,16 @@ STEPS = {
     "solved_aim": "solve_aim",
     "farthest_release": "release",
 }
-"""What leads from the thesis's configuration to `ds_gmr`, in this order: what it is called, and the field of a configuration."""
+"""What leads from the thesis's configuration to the default one, in this order: what it is called, and the field of a configuration."""
 
 
 def _ladder() -> dict[str, SkillConfiguration]:
-    """That configuration after each step, as `+release_clock`, and `ds_gmr` without each, as `without_release_clock`."""
+    """That configuration after each step, as `+release_clock`, and the default one without each, as `without_release_clock`."""
     found: dict[str, SkillConfiguration] = {}
     one = THESIS
     for step, name in STEPS.items():
-        one = replace(one, name=f"+{step}", **{name: getattr(DS_GMR, name)})
-        without = replace(DS_GMR, name=f"without_{step}", **{name: getattr(THESIS, name)})
+        one = replace(one, name=f"+{step}", **{name: getattr(DEFAULT, name)})
+        without = replace(DEFAULT, name=f"without_{step}", **{name: getattr(THESIS, name)})
         found |= {one.name: one, without.name: without}
     return dict(sorted(found.items(), key=lambda item: item[0].startswith("without")))
 

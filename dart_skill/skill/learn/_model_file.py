@@ -4,7 +4,7 @@ A model is a cache of its demonstrations: loading learns it again, to the last b
 """
 
 import json
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +14,15 @@ from dart_skill.archive import read_arrays
 from dart_skill.files import new_file, open_file
 from dart_skill.recording import SKILL, Demonstration
 from dart_skill.robot import KnownRegistration, Registration
-from dart_skill.skill.learn._configuration import SkillConfiguration
+from dart_skill.skill.learn._configuration import CONFIGURATIONS, SkillConfiguration
 
 KIND, VERSION = "dart_skill model", 1
 """What a model file says it is. The version changes when older files cannot be read as they are any more."""
 NO_THROWS = np.empty((0, 4))
+OLDER = {"release": "shown", "overlap": 0.0, "inputs_once": False}
+"""What models did from before there was a choice."""
+FORMER = ("default", "ds_gmr")
+"""Names that meant another configuration before."""
 
 
 def save_model(
@@ -42,14 +46,14 @@ def save_model(
 def load_model(path: str | Path) -> tuple[list[Demonstration], SkillConfiguration, np.ndarray]:
     """Demonstrations, configuration, and practised throws (n, 6), in older files (n, 4), of a model file.
 
+    A configuration that has another name today has that one: what was the default is `intervals`.
     ValueError if it is not one, or one of another version.
     """
     with open_file(path) as file:
         try:
             content = read_arrays(file)
             _check_format(str(content.pop("format")))
-            # Models from before there was a choice let go when the teacher did.
-            configuration = _configuration({"release": "shown", **json.loads(str(content.pop("configuration")))})
+            configuration = _configuration({**OLDER, **json.loads(str(content.pop("configuration")))})
             practised = _practised(content.pop("practised", NO_THROWS))
             demonstrations = [_demonstration(content, k) for k in sorted({name.split(".")[0] for name in content})]
         except Exception as error:  # zip, zlib, JSON and NumPy each have their own for bytes that they do not expect
@@ -81,7 +85,15 @@ def _configuration(values: dict[str, Any]) -> SkillConfiguration:
     known = values.pop("registration", None)
     if known is not None:
         known = KnownRegistration(Registration(**known["registration"]), tuple(known["spread"]))
-    return SkillConfiguration(**values, registration=known)
+    return _with_its_name(SkillConfiguration(**values, registration=known))
+
+
+def _with_its_name(found: SkillConfiguration) -> SkillConfiguration:
+    """The same configuration, by its name of today if its own one is among FORMER; board and registration are of no account."""
+    if found.name not in FORMER:
+        return found
+    here = (replace(known, board=found.board, registration=found.registration) for known in CONFIGURATIONS.values())
+    return next((one for one in here if one == replace(found, name=one.name)), found)
 
 
 def _fields_of(demonstration: Demonstration) -> list[str]:

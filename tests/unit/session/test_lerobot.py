@@ -74,12 +74,15 @@ def test_the_arm_is_given_the_same_momentum_by_the_actions(bag, dataset):
         assert np.abs(told).max() > 1.0
 
 
-@pytest.mark.parametrize(("fps", "apart", "late"), [(100, 5e-4, 1e-3), (50, 3e-3, 2e-3)])
-def test_the_dataset_teaches_what_the_bag_teaches(bag, tmp_path, fps, apart, late):
+@pytest.mark.parametrize(
+    ("name", "fps", "apart", "late"), [("intervals", 100, 5e-4, 1e-3), ("intervals", 50, 3e-3, 2e-3), ("default", 100, 2e-3, 1e-3)]
+)
+def test_the_dataset_teaches_what_the_bag_teaches(bag, tmp_path, name, fps, apart, late):
+    """EM of the default comes to another optimum by as little as the frames move its samples: the paths differ by up to 2 mm."""
     write_lerobot(bag, tmp_path / "dataset", fps=fps)
     there = open_dataset(tmp_path / "dataset")
-    learned, report = learn_throws_from_dataset(there)
-    expected, told = learn_from_bag(bag)
+    learned, report = learn_throws_from_dataset(there, name)
+    expected, told = learn_from_bag(bag, configuration=name)
     assert [one.id for one in report.learned_from] == ["episode_0", "episode_1", "episode_2"]
     for one, other in zip(report.learned_from, told.learned_from, strict=True):
         since_start = [d.hand_opened - d.motion_start for d in (one, other)]

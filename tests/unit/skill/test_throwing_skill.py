@@ -191,7 +191,7 @@ def test_a_task_far_from_every_demonstration_has_no_local_model(demonstrations):
 
 
 @pytest.mark.parametrize("angle", [0.5, -0.7])
-@pytest.mark.parametrize(("name", "loose"), [("default", 1.0), ("ds_gmr", 50.0)])
+@pytest.mark.parametrize(("name", "loose"), [("intervals", 1.0), ("default", 50.0)])
 def test_turning_the_world_turns_the_plan(demonstrations, name, loose, angle):
     """With frames at the base's azimuth nothing depends on where north is, but for smoothing per axis: 0.1 mm.
 
@@ -299,15 +299,15 @@ def test_the_width_is_the_one_that_predicts_left_out_demonstrations_best(demonst
 
 def test_an_unknown_configuration_is_refused_with_the_names_there_are():
     with pytest.raises(
-        ValueError, match="no configuration 'defualt': choose one of autonomous, cross_validated, default, ds_gmr, em, shown_release, "
+        ValueError, match="no configuration 'defualt': choose one of autonomous, cross_validated, default, em, intervals, shown_release, "
     ):
         configuration("defualt")
     assert configuration() is configuration("") is DEFAULT
     assert all(configuration(name).name == name for name in CONFIGURATIONS)
 
 
-def test_the_ladder_leads_from_the_thesis_to_ds_gmr_in_single_steps():
-    whole, thesis = CONFIGURATIONS["ds_gmr"], CONFIGURATIONS["thesis"]
+def test_the_ladder_leads_from_the_thesis_to_the_default_in_single_steps():
+    whole, thesis = DEFAULT, CONFIGURATIONS["thesis"]
     assert (whole.partition, whole.frames, whole.distance_input) == ("em", "azimuth_target", True), "EM, frames, their product"
     rows = [thesis, *(one for name, one in LADDER.items() if name.startswith("+"))]
 
@@ -413,12 +413,12 @@ def test_a_hand_that_was_hidden_for_longer_is_named(demonstrations):
         prepare(replace(one, **parts), DEFAULT)
 
 
-@pytest.mark.parametrize("name", ["default", "two_frames", "without_inputs_once"])
+@pytest.mark.parametrize("name", ["intervals", "two_frames", "without_inputs_once"])
 def test_the_gaussians_in_the_world_are_the_product_of_those_of_the_frames(demonstrations, name):
     """(7.21): precisions add, and so do the means that they weigh."""
     skill, target = learn(demonstrations, configuration(name)), np.array(NEW_BASKETS[0])
     product, factors = skill.mixture(target), skill.frame_mixtures(target)
-    assert len(factors) == {"default": 1, "two_frames": 2, "without_inputs_once": 2}[name]
+    assert len(factors) == {"intervals": 1, "two_frames": 2, "without_inputs_once": 2}[name]
     for k in range(product.n_components):
         precisions = [np.linalg.inv(factor.covariances_[k]) for factor in factors]
         covariance = np.linalg.inv(sum(precisions))
@@ -427,9 +427,9 @@ def test_the_gaussians_in_the_world_are_the_product_of_those_of_the_frames(demon
         np.testing.assert_allclose(mean, product.means_[k], rtol=1e-6)
 
 
-def test_ds_gmr_is_two_frames_whose_regressions_are_multiplied(demonstrations):
+def test_the_default_is_two_frames_whose_regressions_are_multiplied(demonstrations):
     """Time and distance count once: the responsibilities are those of one frame, and given these inputs (7.21) holds."""
-    skill, target = learn(demonstrations, configuration("ds_gmr")), np.array(NEW_BASKETS[0])
+    skill, target = learn(demonstrations), np.array(NEW_BASKETS[0])
     product, factors = skill.mixture(target), skill.frame_mixtures(target)
     assert len(factors) == 2
     for one in factors:
@@ -438,7 +438,7 @@ def test_ds_gmr_is_two_frames_whose_regressions_are_multiplied(demonstrations):
 
 
 def test_models_that_differ_in_the_product_have_other_names(demonstrations):
-    kinds = [replace(configuration("ds_gmr"), name="one", **other) for other in ({}, {"inputs_once": False}, {"overlap": 0.5})]
+    kinds = (DEFAULT, replace(DEFAULT, inputs_once=False), replace(DEFAULT, overlap=0.5))
     assert len({learn(demonstrations, kind).model_id for kind in kinds}) == 3
 
 
