@@ -1,17 +1,24 @@
 """How hard the arm resists a person, and how well it keeps to its path, by the stiffness of its plans."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from dart_skill.experiments.compliance import GRABBED, KINDS, _resistance, _swing, table
 from dart_skill.robot import ArmModel, CommanderSettings, Impedance, References
 from dart_skill.session import Session
-from dart_skill.skill.learn import learn
+from dart_skill.skill.learn import DEFAULT, learn
 
 
 @pytest.fixture(scope="module")
-def plans(demonstrations):
-    return {kind: learn(demonstrations, configuration).plan(np.array([2.0, 0.2, 0.4])) for kind, configuration in KINDS.items()}
+def skills(demonstrations):
+    return {kind: learn(demonstrations, replace(DEFAULT, **stiffness)) for kind, stiffness in KINDS.items()}
+
+
+@pytest.fixture(scope="module")
+def plans(skills):
+    return {kind: skill.plan(np.array([2.0, 0.2, 0.4])) for kind, skill in skills.items()}
 
 
 class State:
@@ -42,10 +49,10 @@ def test_the_force_grows_with_the_stiffness_and_changes_with_it(plans):
     assert max(changing) > 1.5 * min(changing) and 0.9 * force["50"] < min(changing) and max(changing) < 1.1 * force["800"]
 
 
-def test_a_throw_is_measured_on_the_clock_of_its_plan(plans, demonstrations):
+def test_a_throw_is_measured_on_the_clock_of_its_plan(plans, skills):
     """Stiffer gains keep the hand nearer to the path, by factors that a wrong clock would hide."""
     session = Session(5, commander=CommanderSettings.configured(tracking="none"), keep_states=True)
-    soft, stiff = (_swing(session, kind, learn(demonstrations, KINDS[kind]), plans[kind]) for kind in ("50", "800"))
+    soft, stiff = (_swing(session, kind, skills[kind], plans[kind]) for kind in ("50", "800"))
     session.close()
     assert np.hypot(*stiff.off) < min(0.004, 0.25 * np.hypot(*soft.off))
     assert stiff.miss < 0.05
