@@ -370,7 +370,7 @@ TYPED = {
     "--configurations intervals,shown_release,em,two_frames,autonomous,weighted,cross_validated,thesis,thesis_local": Elsewhere(
         "unit/cli/test_usage.py::test_the_throws_experiment_gives_one_row_per_throw_as_json"
     ),
-    "dart-skill experiment throws --seeds 10 --configurations default,ladder": Elsewhere(
+    "dart-skill experiment throws --seeds 5 --configurations default,ladder": Elsewhere(
         "unit/cli/test_usage.py::test_the_ladder_stands_for_its_configurations"
     ),
     "dart-skill experiment soak --minutes 120 --layout processes --speed 1": Elsewhere(
