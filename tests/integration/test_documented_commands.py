@@ -156,6 +156,7 @@ TYPED = {
     "export FASTRTPS_DEFAULT_PROFILES_FILE=$PWD/config/fastdds_loopback.xml": PROFILE,
     "dart-skill security policy.xml": POLICY,
     "ros2 run dart_skill commander --ros-args --enclave /dart_skill/commander": SECURITY,
+    "export ROS_DOMAIN_ID=7": SECURITY,
     "ros2 security create_keystore keystore": SECURITY,
     "ros2 security generate_artifacts -k keystore -p policy.xml": SECURITY,
     "export ROS_SECURITY_KEYSTORE=$PWD/keystore": SECURITY,
@@ -432,6 +433,9 @@ TYPED = {
     "dart-skill experiment figure NUMBER": Run(says="figure 7.1", leaves="figures/*.svg"),
     "dart-skill experiment figure 8.4.4": Elsewhere(
         "unit/experiments/test_thesis.py::test_the_same_seed_gives_the_same_bytes_and_the_units_are_on_the_axes"
+    ),
+    "dart-skill experiment figure landscape": Elsewhere(
+        "unit/experiments/test_thesis.py::test_more_gaussians_model_a_landscape_better_but_one_says_less_than_none"
     ),
     "dart-skill experiment figure regrets": Elsewhere(
         "unit/experiments/test_thesis.py::test_the_picture_of_regrets_comes_with_its_table_and_runs_are_not_run_again"

@@ -36,6 +36,7 @@ FIGURES = {
     "8.9": "figure_8_9",
     "8.10": "figure_8_10",
     "8.11": "figure_8_11",
+    "landscape": "landscape",
     "regrets": "regrets",
 }
 

@@ -35,6 +35,7 @@ from dart_skill.experiments.thesis import (
     figure_8_9,
     figure_8_10,
     figure_8_11,
+    landscape,
     regrets,
 )
 
@@ -329,3 +330,12 @@ def test_figures_on_the_command_line(tmp_path, capsys):
     assert drawn["seed"] == 2 and (tmp_path / "figure_7_4.svg").exists()
     assert main(["experiment", "figure", "9.9"]) == 1
     assert "there is no figure 9.9 here: choose one of 3.1" in capsys.readouterr().err
+
+
+def test_more_gaussians_model_a_landscape_better_but_one_says_less_than_none(tmp_path):
+    """Section 6.5."""
+    paths, found = landscape.draw(tmp_path)
+    counts, misplaced = list(found["components"].values()), list(found["misplaced"].values())
+    assert counts[0] == 1 and counts == sorted(counts) and misplaced == sorted(misplaced, reverse=True)
+    assert misplaced[-1] < found["misplaced_by_a_uniform_density"] < misplaced[0]
+    assert [path.suffix for path in paths] == [".svg", ".png"]
