@@ -91,9 +91,10 @@ def _movements(
 ) -> tuple[tuple[Movement, ...], tuple[str, ...]]:
     """What was done in each world, and what there is to say of it."""
     done = [since_until for since_until in worlds([hand[0]]) if since_until[1] - since_until[0] >= SHORTEST * 1e9]
-    if done and _is_still(hand, *done[0]):  # before the first reset nobody had asked for anything
-        del done[0]
     own = [bool(np.searchsorted(guided, since) == np.searchsorted(guided, until, side="right")) for since, until in done]
+    # In a world in which nobody guides the arm, and it rests, nobody asked for anything.
+    kept = [k for k, world in enumerate(done) if not (own[k] and _is_still(hand, *world))]
+    done, own = [done[k] for k in kept], [own[k] for k in kept]
     matched = sum(own) == len(trials) + len(then)
     numbered = [(f"trial {number}", one) for number, one in enumerate(trials, start=1)] + [(name, None) for name in then]
     names = iter(numbered if matched else [(f"movement {number}", None) for number in range(1, sum(own) + 1)])

@@ -28,6 +28,7 @@ def node():
 
 def test_what_is_published_is_shown_and_what_is_latched_comes_to_who_is_late(node):
     poses, once = node.create_publisher(PoseStamped, "/somewhere/pose", 10), node.create_publisher(String, "/once", LATCHED)
+    node.create_publisher(String, "/somewhere/_action/feedback", 10)
     once.publish(String(data="said once"))
     pose = PoseStamped()
     pose.pose.position.x, pose.header.frame_id = 1.25, "world"
@@ -49,6 +50,7 @@ def test_what_is_published_is_shown_and_what_is_latched_comes_to_who_is_late(nod
                 client.ask_for("/somewhere/pose")
                 client.ask_for("/once")
                 client.hear_until(lambda: {topic for topic, _ in client.messages} == {"/somewhere/pose", "/once"}, meanwhile=turn)
+            assert not view.refused and not [topic for topic in client.channels if "/_" in topic]
             view.close()
     finally:
         executor.shutdown()

@@ -315,12 +315,14 @@ def test_an_unknown_configuration_is_told_before_anything_is_read(tmp_path, caps
     assert "nonsense" in capsys.readouterr().err
 
 
-def test_what_a_world_does_before_anybody_asks_for_anything_is_no_trial():
+@pytest.mark.parametrize("at_rest", [1.0, 3.0])
+def test_what_a_world_does_while_nobody_asks_for_anything_is_no_trial(at_rest):
     """A graph rests after half a second of its own time; that stretch counted as one of the arm's, and no trial was matched."""
     since = (1.0, 3.0, 6.0)  # [s]
-    stamps = np.concatenate([begin + np.arange(0.0, 0.6 if begin == 1.0 else 1.5, 0.02) for begin in since])
+    stamps = np.concatenate([begin + np.arange(0.0, 0.6 if begin == at_rest else 1.5, 0.02) for begin in since])
     places = np.random.default_rng(0).normal(scale=3e-4, size=(len(stamps), 7)) + [1.2, 0.0, 1.5, 0.0, 0.0, 0.0, 1.0]
-    places[stamps > 2.0, 0] += 0.3 * (stamps[stamps > 2.0] % 3.0)
+    moves = (stamps < at_rest) | (stamps > at_rest + 1.8)
+    places[moves, 0] += 0.3 * (stamps[moves] % 3.0)
     hand = (np.round(1e9 * stamps).astype(np.int64), places)
     trials = [SkillResult(Situation({}), TaskOutcome(True, 0.001)), SkillResult(Situation({}), TaskOutcome(False, 0.03))]
     movements, notes = _movements(hand, np.empty(0, dtype=np.int64), [], trials, [])
