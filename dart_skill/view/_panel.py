@@ -177,7 +177,8 @@ class Panel:
         shown = self._scene.gaussian_colours
         for group in shown if len(shown) > 1 else ():
             self._add_switch(group, group)
-        groups = {f"Gaussians: {group}" if len(shown) > 1 else "Gaussians": colour for group, colour in shown.items()}
+        seen = {group: colour for group, colour in shown.items() if group not in self._scene.hidden_gaussians}
+        groups = {f"Gaussians: {group}" if len(seen) > 1 else "Gaussians": colour for group, colour in seen.items()}
         swatches = "".join(_swatch(*kind) for kind in (legend(self._scene.bodies) | groups).items())
         self._legend.content = f"<div style='columns:2;padding:0.5em 0.8em'>{swatches}</div>"
 
@@ -263,8 +264,12 @@ class Panel:
             return
         self._switches.add(group)
         with self._show_tab:
-            box = self._gui.add_checkbox(label, True)
-        box.on_update(lambda event: self._scene.show(group, bool(event.target.value)))
+            box = self._gui.add_checkbox(label, group not in self._scene.hidden_gaussians)
+        box.on_update(lambda event: self._show(group, bool(event.target.value)))
+
+    def _show(self, group: str, visible: bool) -> None:
+        self._scene.show(group, visible)
+        self.show_legend()
 
     def _add_knob(self, node: str, knob: Knob) -> Any:
         number = self._gui.add_number(knob_label(knob), knob.value, min=knob.low, max=knob.high, step=_step(knob), hint=knob.description)

@@ -42,6 +42,8 @@ CAMERA_SIZE = 0.18
 """Length of the pyramid that stands for a camera [m]."""
 STILL_ANGLE, STILL, STILL_TURN = 2e-3, 2e-3, 1e-2
 """Joint angles [rad], positions [m] and quaternions that differ by less from what is shown are not sent: less than a pixel."""
+PRODUCT = "components"
+"""Gaussians of the product of all task frames. Beside it those of the frames are hidden at first: of one frame alone they are wide."""
 GROUPS = {"gaussians": "Gaussians", "demonstrations": "demonstrations", "cameras": "cameras", "paths": "paths"}
 """What can be switched off: the node of the scene, and what a reader calls it."""
 
@@ -165,6 +167,8 @@ class Scene:
             self._gaussians.pop(group).remove()
         if not len(centres):
             return
+        if group not in self._numbers and group != PRODUCT and PRODUCT in self._numbers:
+            self._hidden.add(group)
         number = self._numbers.setdefault(group, len(self._numbers))
         self._gaussians[group] = self._scene.add_batched_meshes_simple(
             f"/gaussians/{group}", *_parts(self._ellipsoid), _wxyz(quaternions), centres, batched_scales=diameters.astype(np.float32),
@@ -178,8 +182,13 @@ class Scene:
             self._gaussians.pop(group).remove()
 
     @property
+    def hidden_gaussians(self) -> frozenset[str]:
+        """Groups that are switched off."""
+        return frozenset(self._hidden)
+
+    @property
     def gaussian_colours(self) -> dict[str, tuple[int, int, int]]:
-        """Of the groups that are shown."""
+        """Of the groups that there are."""
         return {group: palette.GAUSSIANS[self._numbers[group] % len(palette.GAUSSIANS)] for group in self._gaussians}
 
     def show_demonstrations(self, demonstrations: Sequence[Demonstration]) -> None:

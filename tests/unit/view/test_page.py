@@ -499,6 +499,16 @@ def test_the_legend_names_every_group_of_gaussians(page, scene):
     assert node(scene, "/gaussians/frame_1").visible
 
 
+def test_beside_the_product_the_gaussians_of_its_frames_are_hidden_until_they_are_switched_on(page, scene):
+    for group in ("components", "frame_1", "frame_2"):
+        scene.show_gaussians(group, np.zeros((1, 3)), IDENTITY[None], np.ones((1, 3)))
+    scene.panel.show_legend()
+    assert [node(scene, f"/gaussians/{group}").visible for group in ("components", "frame_1", "frame_2")] == [True, False, False]
+    page.set("frame_2", True)
+    page.wait_for(lambda: page.says("Gaussians: frame_2"), what="the legend")
+    assert node(scene, "/gaussians/frame_2").visible and not page.says("Gaussians: frame_1")
+
+
 def test_the_curve_has_a_point_for_each_throw_in_one_of_its_two_colours(scene, asked):
     scene.panel.add_throw(0.01, True)
     scene.panel.add_throw(0.20, False)
