@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from dart_skill_nodes.process.signals import Interrupts
+
 PATIENCE = 60.0
 INTERRUPTED = """
 import sys
@@ -148,3 +150,23 @@ def test_a_job_whose_context_has_ended_was_stopped_and_a_defect_is_none(tmp_path
     done = subprocess.run([sys.executable, "-c", INTERRUPTED, str(tmp_path), how], capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == status
     assert done.stderr.endswith("stopped\n") == (how == "interrupted") and ("Traceback" in done.stderr) == (how == "defect")
+
+
+def test_a_ctrl_c_that_is_forwarded_some_seconds_later_is_the_same_one(monkeypatch):
+    """On a busy machine a node that was closing got the second one in the middle of that, and aborted."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    now = [100.0]
+    monkeypatch.setattr("dart_skill_nodes.process.signals.time.monotonic", lambda: now[0])
+    try:
+        interrupts = Interrupts()
+        assert not interrupts
+        signal.raise_signal(signal.SIGINT)
+        now[0] += 4.0
+        signal.raise_signal(signal.SIGINT)
+        assert interrupts
+        now[0] += 2.0
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -13,7 +13,10 @@ class Interrupts:
     a callback that still publishes. A second one, when the first did not help, interrupts whatever is running.
     """
 
-    PATIENCE = 1.0  # seconds in which one Ctrl-C may arrive twice: from the terminal, and forwarded by whoever started the node
+    PATIENCE = 5.0
+    """In which one Ctrl-C may arrive twice: from the terminal, and forwarded by whoever started the node, late on a busy machine [s]. An
+    interrupt while rclpy closes a node would abort the process.
+    """
 
     def __init__(self):
         self._first: float | None = None
