@@ -431,7 +431,7 @@ TYPED = {
         "unit/experiments/test_landscapes.py::test_landscapes_on_the_command_line"
     ),
     "dart-skill experiment figure NUMBER": Run(says="figure 7.1", leaves="figures/*.svg"),
-    "dart-skill experiment figure 8.4.4": Elsewhere(
+    "dart-skill experiment figure 8.4.4 --teachers 20": Elsewhere(
         "unit/experiments/test_thesis.py::test_the_same_seed_gives_the_same_bytes_and_the_units_are_on_the_axes"
     ),
     "dart-skill experiment figure landscape": Elsewhere(
