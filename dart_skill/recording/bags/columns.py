@@ -20,6 +20,7 @@ from dart_skill.recording.bags.messages import is_stamped
 
 STAMP = slice(4, 12)
 """Of a message that begins with one, behind the head of its encapsulation."""
+TIME = np.dtype([("sec", "<i4"), ("nanosec", "<u4")])
 LITTLE_ENDIAN = 1
 GIGA = 1_000_000_000
 
@@ -46,9 +47,9 @@ def columns_of(types: Typestore, type_name: str, payloads: Sequence[bytes]) -> t
     own[STAMP] = own[of_numbers] = True
     if (table[:, ~own] != table[0, ~own]).any():
         return None
-    stamps = np.ascontiguousarray(table[:, STAMP]).view("<i4").astype(np.int64)
-    nanoseconds = np.ascontiguousarray(table[:, STAMP]).view("<u4")[:, 1].astype(np.int64)
-    return example, stamps[:, 0] * GIGA + nanoseconds, np.ascontiguousarray(table[:, of_numbers]).view("<f8")
+    stamps = np.ascontiguousarray(table[:, STAMP]).view(TIME)[:, 0]
+    numbers = np.ascontiguousarray(table[:, of_numbers]).view("<f8")
+    return example, stamps["sec"].astype(np.int64) * GIGA + stamps["nanosec"], numbers
 
 
 def _places(types: Typestore, type_name: str, example: Any, length: int) -> np.ndarray | None:

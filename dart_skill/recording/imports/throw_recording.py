@@ -326,7 +326,7 @@ def _joint_columns(rows: list | np.ndarray, field: str, where: SignalSource, kno
 
     where: names the joints that are meant, in their order; `known` those that were recorded.
     """
-    widths = {rows.shape[1]} if isinstance(rows, np.ndarray) else {len(row) for row in rows}
+    widths = {len(row) for row in rows}
     if not widths or (field == "velocity" and not any(widths)):
         return np.empty((0, N_JOINTS))
     expected = len(known) if where.names else N_JOINTS

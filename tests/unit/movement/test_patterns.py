@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dart_skill.movement import find_patterns, resampled
-from dart_skill.movement._patterns import separation, silhouette
+from dart_skill.movement._patterns import APART, STRONG, _best_groups, separation, silhouette
 
 S = np.linspace(0.0, 1.0, 80)
 
@@ -59,6 +59,18 @@ def test_one_way_that_varies_is_one_pattern(seed, count):
     rng = np.random.default_rng([seed, count])
     found = find_patterns([arc(0.5, rng, spread=0.1) for _ in range(count)])
     assert found.in_words == "one pattern" and found.labels.tolist() == [0] * count
+
+
+@pytest.mark.parametrize(("count", "at_most"), [(4, 0.1), (7, 0.04), (10, 0.0)])
+def test_one_pattern_is_seldom_taken_for_several_even_in_one_dimension(count, at_most):
+    """The shares of the module's docstring."""
+    wrong = 0
+    for seed in range(400):
+        points = np.random.default_rng([seed, count, 1]).normal(size=(count, 1))
+        distances = np.abs(points - points.T)
+        labels, found = _best_groups(distances)
+        wrong += found > STRONG and separation(distances, labels) > APART
+    assert wrong <= 400 * at_most
 
 
 def test_neither_pace_nor_number_of_samples_makes_a_pattern():
