@@ -3,9 +3,12 @@
 import os
 import signal
 import socket
+import subprocess
 
 import pytest
 from hypothesis import settings
+
+from tests.warm import WarmPopen
 
 # The same examples in every run; HYPOTHESIS_PROFILE=explore looks for new ones, and HYPOTHESIS_PROFILE=long for many of them.
 settings.register_profile("same", derandomize=True, deadline=None)
@@ -56,6 +59,17 @@ def take_domain(start: int) -> tuple[int, socket.socket]:
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 ROS_DOMAIN, _domain_lock = take_domain(os.getpid())
 os.environ["ROS_DOMAIN_ID"] = str(ROS_DOMAIN)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _starts_warm(request):
+    """Our own programs start without importing everything anew, but for the tests of a module that says `COLD = True`."""
+    if getattr(request.module, "COLD", False):
+        yield
+        return
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(subprocess, "Popen", WarmPopen)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -82,6 +82,7 @@ def report_ms(repeats: int) -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repeats", type=int, default=10, help="repeats per task (default 10)")
+    parser.add_argument("--rows", default="", help="only rows whose name holds this (default: all)")
     options = parser.parse_args()
     demonstrations = list(read_demonstrations(DEMONSTRATIONS))
     skill, target, plainest = learn(demonstrations), demonstrations[0].target, configuration("intervals")
@@ -96,7 +97,7 @@ def main() -> None:
         "dart-skill bag info": lambda: command_ms(["bag", "info", str(DEMONSTRATIONS)], options.repeats),
         "dart-skill report of 20 throws": lambda: report_ms(1),
     }
-    for name, work in works.items():
+    for name, work in ((name, work) for name, work in works.items() if options.rows in name):
         taken = work()
         print(f"{name:<36}{taken:>9.1f} ms   asked {ASKED_MS[name]:g} ms{'' if taken <= ASKED_MS[name] else ', missed'}", flush=True)
 

@@ -635,7 +635,7 @@ class _DynamicsOnly:
     def jacobian(self, q: list[float]) -> np.ndarray:
         """Linear over angular velocity of the hand frame's origin (6, 7)."""
         linear, angular = self.client.calculateJacobian(self._body, HAND_LINK_INDEX, [0, 0, 0], q, ZEROS, ZEROS)
-        return np.vstack([linear, angular])
+        return np.array(linear + angular)
 
 
 def _load_arm(client: BulletClient, urdf: str, mount_height: float, turn: float = 0.0) -> int:

@@ -5,9 +5,11 @@ How fast the swing has to be comes from the flight of the ball; how well a perso
 1.5 cm, duration 4 %, speed 0.8 %, a trembling hand. A throw that misses is tried again, corrected by what was seen.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from enum import Enum
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -17,6 +19,7 @@ from dart_skill.constants import N_JOINTS
 from dart_skill.robot import ArmModel, ArmState, Command, Grip, minimum_jerk, rotation_error
 from dart_skill.surface import BASKETS, RIMS, Game
 
+NO_MOMENT = np.zeros(3)
 SWING_JOINTS = (1, 3, 5)
 """J2, J4 and J6 move the hand in the vertical plane of the throw."""
 NEAREST = 0.3
@@ -96,6 +99,23 @@ class Phase(Enum):
     WATCHING = "watching"
 
 
+class _Quintic:
+    """The quintic with given ends and no acceleration there; its coefficients stay the same while it is followed."""
+
+    def __init__(self, start: np.ndarray, start_rate: np.ndarray, end: np.ndarray, end_rate: np.ndarray, duration: float):
+        v0, v1, way = start_rate * duration, end_rate * duration, end - start
+        self._duration, self._start, self._v0 = duration, start, v0
+        self._c3, self._c4, self._c5 = 10 * way - 6 * v0 - 4 * v1, -15 * way + 8 * v0 + 7 * v1, 6 * way - 3 * v0 - 3 * v1
+        self._d3, self._d4 = 3 * self._c3, 4 * self._c4
+
+    def at(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Position and velocity, so long after its start [s]."""
+        s = time / self._duration
+        position = self._start + s * (self._v0 + s**2 * (self._c3 + s * (self._c4 + s * self._c5)))
+        velocity = (self._v0 + s**2 * (self._d3 + s * (self._d4 + s * 5 * self._c5))) / self._duration
+        return position, velocity
+
+
 @dataclass
 class _Motion:
     """A swing worked out in joint angles, with the instants of its phases since the beginning of the guidance [s]."""
@@ -110,6 +130,17 @@ class _Motion:
     follow_through: float
     open_at: float
     offset: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+    @cached_property
+    def swing(self) -> _Quintic:
+        """From the cocked posture to the release."""
+        return _Quintic(self.cocked, np.zeros(N_JOINTS), self.release, self.rates, self.to_release)
+
+    @cached_property
+    def follow(self) -> _Quintic:
+        """From the release to rest."""
+        end = self.release + 0.5 * self.follow_through * self.rates
+        return _Quintic(self.release, self.rates, end, np.zeros(N_JOINTS), self.follow_through)
 
 
 class Teacher:
@@ -171,7 +202,7 @@ class Teacher:
             raise ValueError("the teacher has no throw in mind: begin one")
         time = (state.stamp_ns - self._started_ns) * 1e-9
         self._phase = self._phase_at(time)
-        q, qd, qdd = self._wanted(time)
+        q, qd = self._wanted(time)
         wrench = self._push_hand(state, q, qd) + self._tremor()
         elbow = self._push_elbow(state, q)
         return Command(state.stamp_ns, wrench, elbow, self._button(time))
@@ -254,17 +285,15 @@ class Teacher:
             return Phase.THROWING
         return Phase.WATCHING
 
-    def _wanted(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Joint angles, velocities and accelerations of the swing in mind, whose hand path the person follows."""
+    def _wanted(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Joint angles and velocities of the swing in mind, whose hand path the person follows."""
         motion = self._motion
         if time < motion.start:
-            return minimum_jerk(motion.initial, motion.cocked, motion.turn, time)
+            return minimum_jerk(motion.initial, motion.cocked, motion.turn, time)[:2]
         since = time - motion.start
         if since < motion.to_release:
-            return _quintic(motion.cocked, np.zeros(N_JOINTS), motion.release, motion.rates, motion.to_release, since)
-        since = min(since - motion.to_release, motion.follow_through)
-        end = motion.release + 0.5 * motion.follow_through * motion.rates
-        return _quintic(motion.release, motion.rates, end, np.zeros(N_JOINTS), motion.follow_through, since)
+            return motion.swing.at(since)
+        return motion.follow.at(min(since - motion.to_release, motion.follow_through))
 
     # the hands
 
@@ -279,7 +308,8 @@ class Teacher:
         """How far the hand strays from the path in mind: grows smoothly through the swing, the most around the release (3,) [m]."""
         motion = self._motion
         since = (stamp_ns - self._started_ns) * 1e-9 - motion.start
-        share = np.clip(since / motion.to_release, 0.0, 1.0) - np.clip((since - motion.to_release) / motion.follow_through, 0.0, 1.0)
+        come = min(max(since / motion.to_release, 0.0), 1.0)
+        share = come - min(max((since - motion.to_release) / motion.follow_through, 0.0), 1.0)
         return motion.offset * share**2 * (3 - 2 * share)
 
     def _push_elbow(self, state: ArmState, q: np.ndarray) -> np.ndarray:
@@ -294,7 +324,7 @@ class Teacher:
     def _tremor(self) -> np.ndarray:
         """Band-limited noise of a trembling hand (6,): force only."""
         self._tremble = tremor(self._tremble, self.person, self._rng, self._step)
-        return np.append(self._tremble, np.zeros(3))
+        return np.concatenate([self._tremble, NO_MOMENT])
 
     def _button(self, time: float) -> Grip:
         if self._opened or time < self._motion.open_at:
@@ -305,8 +335,15 @@ class Teacher:
 
 def tremor(before: np.ndarray, person: Person, rng: np.random.Generator, step: float) -> np.ndarray:
     """Force of a trembling hand (3,) [N] a step [s] after another one: band-limited noise."""
-    share = np.exp(-2 * np.pi * person.tremble_rate * step)
-    return share * before + np.sqrt(1 - share**2) * person.tremble * rng.standard_normal(3)
+    kept, added = _shares(person.tremble_rate, step)
+    return kept * before + added * person.tremble * rng.standard_normal(3)
+
+
+@cache
+def _shares(rate: float, step: float) -> tuple[float, float]:
+    """Of a first-order low-pass with a corner [Hz] a step [s] later: what is left of the noise, and what is new."""
+    kept = np.exp(-2 * np.pi * rate * step)
+    return float(kept), float(np.sqrt(1 - kept**2))
 
 
 def _posture(azimuth: float, swing: tuple | np.ndarray) -> np.ndarray:
@@ -316,18 +353,5 @@ def _posture(azimuth: float, swing: tuple | np.ndarray) -> np.ndarray:
 
 
 def _at_most(vector: np.ndarray, limit: float) -> np.ndarray:
-    length = float(np.linalg.norm(vector))
+    length = math.sqrt(vector @ vector)
     return vector if length <= limit else vector * (limit / length)
-
-
-def _quintic(
-    start: np.ndarray, start_rate: np.ndarray, end: np.ndarray, end_rate: np.ndarray, duration: float, time: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Position, velocity, acceleration at `time` of the quintic with given ends and no acceleration there."""
-    s = time / duration
-    v0, v1, way = start_rate * duration, end_rate * duration, end - start
-    c3, c4, c5 = 10 * way - 6 * v0 - 4 * v1, -15 * way + 8 * v0 + 7 * v1, 6 * way - 3 * v0 - 3 * v1
-    position = start + s * (v0 + s**2 * (c3 + s * (c4 + s * c5)))
-    velocity = (v0 + s**2 * (3 * c3 + s * (4 * c4 + s * 5 * c5))) / duration
-    acceleration = s * (6 * c3 + s * (12 * c4 + s * 20 * c5)) / duration**2
-    return position, velocity, acceleration

@@ -10,6 +10,8 @@ from dart_skill.recording import BagReader
 from dart_skill.session import learn_from_bag
 from tests.paths import CONFIG
 
+COLD = True
+
 FIELDS = {
     "seed",
     "bag",

@@ -140,7 +140,9 @@ TYPED = {
     "pip install 'dart_skill[foxglove]'": NETWORK,
     "pip install .": WHEEL,
     "pip install '.[sim,plot,view]'": WHEEL,
-    "dart-skill demo --layout in-process": Run("--demonstrations 3 --throws 1", says="in 1/1", leaves="output/demo_*/report.html"),
+    "dart-skill demo --layout in-process": Elsewhere(
+        "integration/test_demo.py::test_in_process_the_arm_throws_the_same_throws_to_the_last_bit"
+    ),
     "dart-skill --help": Run(says="usage: dart-skill"),
     "dart-skill --version": Run(says=r"dart-skill \d+\.\d+\.\d+"),
     "python -m dart_skill --help": Run(says="usage: dart-skill"),
@@ -319,8 +321,8 @@ TYPED = {
     "python3 benchmarks/few_samples.py --sets 200": Run("--sets 2", says="15 x 8"),
     "python3 benchmarks/mixtures.py --pbdlib ~/pbdlib-python": NETWORK,
     "python3 benchmarks/growth.py --picture growth.svg": Run("--largest 5 --seconds 0.01", says="30 dimensions", leaves="growth.svg"),
-    "python3 benchmarks/graph/loop.py": Run("--seconds 2", says="composed"),
-    "python3 benchmarks/skill/lessons.py": Run("--repeats 1", says="plan of a throw"),
+    "python3 benchmarks/graph/loop.py": Run("--seconds 1", says="composed"),
+    "python3 benchmarks/skill/lessons.py": Run("--repeats 1 --rows plan", says="plan of a throw"),
     "python3 benchmarks/recording.py": Run("--messages 1000 --repeats 1", says="dart_skill"),
     "python3 benchmarks/graph/recorder.py --seconds 60": Run("--seconds 1", says="messages in 1 s"),
     # Rerun
@@ -347,7 +349,7 @@ TYPED = {
     "dart-skill darts heatmap --sigma 28.3": Run(says="best aim: ", leaves="figures/*.svg"),
     "dart-skill darts 501 --sigma 20": Run(says="turns on average from 501"),
     "dart-skill darts match --sigma 12 --against 15": Run("--start 60", says="you win .* % if you begin"),
-    "dart-skill darts match --sigma 12 --against 15 --legs 11": Run("--start 60", says="best of 11, you begin the first leg: you win "),
+    "dart-skill darts match --sigma 12 --against 15 --legs 11": OtherNumbers("dart-skill darts match --sigma 12 --against 15"),
     "dart-skill darts search --methods mixture,power,cem,cma,niches,sharpening --schedules thesis,extended --results runs.jsonl": Run(
         "--methods power --seeds 1", says="power", leaves="runs.jsonl"
     ),

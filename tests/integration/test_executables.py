@@ -17,6 +17,8 @@ from dart_skill_nodes.comms.running_nodes import running
 from dart_skill_nodes.process.node_base import make_executor
 from tests.paths import ROOT
 
+COLD = True
+
 NODES = {
     "wam_simulator": {"wam_simulator"},
     "mock_optitrack": {"mock_optitrack"},

@@ -20,6 +20,8 @@ from pathlib import Path
 import rclpy
 from dart_skill_nodes.verbs._run import carried_out
 
+COLD = True
+
 def job(options):
     if sys.argv[2] == "interrupted":
         rclpy.shutdown()

@@ -21,6 +21,8 @@ from tests.policies import allowed, may
 
 from .conftest import endpoints_of_processes, graphs, plan_request
 
+COLD = True
+
 SEED, SHOWN = 0, 3
 NEEDED_ELSEWHERE = {"rt/clock", "ros_discovery_info", "rt/simulation/delivered"}
 """The last one by skills that react."""

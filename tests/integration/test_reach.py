@@ -45,53 +45,25 @@ def taught(make, reach, layout):
 
 
 @pytest.fixture(scope="module")
-def composed(ros, tmp_path_factory, reach):
-    """What came of it in one process; it has ended."""
-    with graphs(tmp_path_factory.mktemp("composed")) as make:
-        made = taught(make, reach, "composed")
-        return made.learned, made.first
+def processes(ros, tmp_path_factory, reach):
+    """With a process for each node, of which one can be ended alone."""
+    with graphs(tmp_path_factory.mktemp("processes")) as make:
+        yield taught(make, reach, "processes")
 
 
 @pytest.fixture(scope="module")
-def graph(ros, composed, tmp_path_factory, reach):
-    """The same with a process for each node, which go on."""
+def graph(ros, processes, tmp_path_factory, reach):
+    """The same in one process, which takes the place of those."""
+    processes.stop()
     folder = tmp_path_factory.mktemp("reach")
     with graphs(folder) as make:
-        made = taught(make, reach, "processes")
+        made = taught(make, reach, "composed")
         made.bag = folder / "bag_1"
         yield made
 
 
-def test_every_layout_makes_the_same_movement_to_the_last_bit(composed, graph):
-    """Poses reach the commander over another way in each."""
-    learned, first = composed
-    assert first.outcome.success and graph.first.outcome.success, (first.message, graph.first.message)
-    assert (learned.model_id, first.outcome.error) == (graph.learned.model_id, graph.first.outcome.error)
-
-
 def cup_msg(place, **numbers):
     return conversions.situation_msg(Situation({"cup": Pose(np.array(place), UPRIGHT)}, numbers))
-
-
-def test_the_hand_reaches_into_cups_that_move_otherwise(graph, reach):
-    truth = []
-    watching = graph.client.node.create_subscription(SimulationState, "/simulation/state", truth.append, 10)
-    for _ in range(2):
-        made = graph.client.execute(conversions.situation_msg(reach.draw(graph.rng, wide=True)), look=True)
-        assert (made.code, made.message) == (Execute.Goal.OUTCOME_EXECUTED, "executed")
-        assert made.outcome.seen and made.outcome.success, made.outcome.message
-        assert made.plan.policy and not made.plan.trajectory.points
-    (cup,) = [body for body in truth[-1].bodies if body.name == "cup"]
-    assert np.hypot(cup.twist.linear.x, cup.twist.linear.y) < 0.3
-    graph.client.node.destroy_subscription(watching)
-
-
-def test_the_learner_tells_nobody_where_the_cup_will_be(graph, reach):
-    planner = graph.client.node.create_client(Plan, "/skill_learner/plan")
-    here, there = (graph.client.call(planner, Plan.Request(header=Header(frame_id="world"))).plan for _ in range(2))
-    assert here == there and here.situation.bodies == []
-    policy = Policy.from_bytes(here.policy.tobytes(), reach)
-    assert policy.skill.settings == reach.settings and len(here.policy) < 200_000
 
 
 class Hands:
@@ -123,6 +95,61 @@ class Hands:
         self._client.node.destroy_publisher(self._push)
 
 
+def test_a_plain_client_has_it_done_in_a_world_that_runs_and_a_hand_that_is_held_waits(processes):
+    """As `ros2 action send_goal /execute dart_skill_msgs/action/Execute {}`; the cup stands still, so that it can wait, too."""
+    node, client = processes.client.node, processes.client
+    teacher = processes.processes.pop("teacher")  # whose place the hands take
+    teacher.send_signal(signal.SIGINT)
+    teacher.wait(30)
+    reset, hold = node.create_client(Reset, "/simulation/reset"), node.create_client(SetBool, "/simulation/pause")
+    client.call(reset, Reset.Request(situation=cup_msg([0.6, 0.05, 1.1]), guided=True))
+    hands = Hands(client)
+    action = ActionClient(node, Execute, "/execute")
+    wait_for(client, action.server_is_ready, what="the commander")
+    handle = client.wait(action.send_goal_async(Execute.Goal(), feedback_callback=hands.on_feedback), "/execute")
+    result = client.wait(handle.get_result_async(), "the result").result
+    hands.leave()
+    client.call(reset, Reset.Request(paused=True))
+    client.call(hold, SetBool.Request(data=True))
+    assert result.code == Execute.Goal.OUTCOME_EXECUTED and result.outcome.success, result.outcome.message or result.message
+    rows = np.array(hands.rows)
+    since, place = rows[:, 0], rows[:, 1:]
+    held = place[(since > 0.7) & (since < 1.5)]
+    assert np.ptp(held, axis=0).max() < 0.03, "it is held"
+    speed = np.linalg.norm(np.diff(place, axis=0), axis=1) / 0.002
+    before, after = speed[(since[1:] > 0.0) & (since[1:] < 0.5)].max(), speed[since[1:] > 1.55].max()
+    assert after < 0.6 and after < 2.0 * before + 0.25, "it does not hurry after"
+    action.destroy()
+
+
+def test_every_layout_makes_the_same_movement_to_the_last_bit(processes, graph):
+    """Poses reach the commander over another way in each."""
+    learned, first = processes.learned, processes.first
+    assert first.outcome.success and graph.first.outcome.success, (first.message, graph.first.message)
+    assert (learned.model_id, first.outcome.error) == (graph.learned.model_id, graph.first.outcome.error)
+
+
+def test_the_hand_reaches_into_cups_that_move_otherwise(graph, reach):
+    truth = []
+    watching = graph.client.node.create_subscription(SimulationState, "/simulation/state", truth.append, 10)
+    for _ in range(2):
+        made = graph.client.execute(conversions.situation_msg(reach.draw(graph.rng, wide=True)), look=True)
+        assert (made.code, made.message) == (Execute.Goal.OUTCOME_EXECUTED, "executed")
+        assert made.outcome.seen and made.outcome.success, made.outcome.message
+        assert made.plan.policy and not made.plan.trajectory.points
+    (cup,) = [body for body in truth[-1].bodies if body.name == "cup"]
+    assert np.hypot(cup.twist.linear.x, cup.twist.linear.y) < 0.3
+    graph.client.node.destroy_subscription(watching)
+
+
+def test_the_learner_tells_nobody_where_the_cup_will_be(graph, reach):
+    planner = graph.client.node.create_client(Plan, "/skill_learner/plan")
+    here, there = (graph.client.call(planner, Plan.Request(header=Header(frame_id="world"))).plan for _ in range(2))
+    assert here == there and here.situation.bodies == []
+    policy = Policy.from_bytes(here.policy.tobytes(), reach)
+    assert policy.skill.settings == reach.settings and len(here.policy) < 200_000
+
+
 def test_a_cup_that_nobody_sees_any_more_stops_the_arm(graph):
     made = graph.client.execute(cup_msg([0.6, 0.05, 1.1], tunnel=1.6), look=True)
     assert made.code == Execute.Goal.OUTCOME_STOPPED
@@ -149,33 +176,6 @@ def test_somebody_with_a_pointer_shows_it_in_a_cup_that_moves_slowly(graph, reac
     graph.learned = client.learn()
     assert graph.learned.demonstrations == SHOWN + 1
     teacher.destroy()
-
-
-def test_a_plain_client_has_it_done_in_a_world_that_runs_and_a_hand_that_is_held_waits(graph):
-    """As `ros2 action send_goal /execute dart_skill_msgs/action/Execute {}`; the cup stands still, so that it can wait, too."""
-    node, client = graph.client.node, graph.client
-    teacher = graph.processes.pop("teacher")  # whose place the hands take
-    teacher.send_signal(signal.SIGINT)
-    teacher.wait(30)
-    reset, hold = node.create_client(Reset, "/simulation/reset"), node.create_client(SetBool, "/simulation/pause")
-    client.call(reset, Reset.Request(situation=cup_msg([0.6, 0.05, 1.1]), guided=True))
-    hands = Hands(client)
-    action = ActionClient(node, Execute, "/execute")
-    wait_for(client, action.server_is_ready, what="the commander")
-    handle = client.wait(action.send_goal_async(Execute.Goal(), feedback_callback=hands.on_feedback), "/execute")
-    result = client.wait(handle.get_result_async(), "the result").result
-    hands.leave()
-    client.call(reset, Reset.Request(paused=True))
-    client.call(hold, SetBool.Request(data=True))
-    assert result.code == Execute.Goal.OUTCOME_EXECUTED and result.outcome.success, result.outcome.message or result.message
-    rows = np.array(hands.rows)
-    since, place = rows[:, 0], rows[:, 1:]
-    held = place[(since > 0.7) & (since < 1.5)]
-    assert np.ptp(held, axis=0).max() < 0.03, "it is held"
-    speed = np.linalg.norm(np.diff(place, axis=0), axis=1) / 0.002
-    before, after = speed[(since[1:] > 0.0) & (since[1:] < 0.5)].max(), speed[since[1:] > 1.55].max()
-    assert after < 0.6 and after < 2.0 * before + 0.25, "it does not hurry after"
-    action.destroy()
 
 
 def test_the_bag_teaches_the_same_without_nodes(graph, reach):

@@ -23,7 +23,7 @@ from dart_skill.darts import (
 from dart_skill.darts._candidates import best_turn, candidates_at, first_aims, thrower_of
 from dart_skill.darts._leg_solver import Nearby, after_dart
 
-START = 60
+START = 41
 PLAYS = list(itertools.product(["best", "turns"], repeat=2))
 BEST, FEWEST = ("best", "best"), ("turns", "turns")
 
@@ -80,7 +80,7 @@ def with_aims(player, aims, spread):
 
 
 def test_a_small_game_has_the_chances_that_value_iteration_finds():
-    start, sigmas, aims = 41, (11.0, 27.0), bed_centres()
+    start, sigmas, aims = 31, (11.0, 27.0), bed_centres()
     found = solve_match(*(with_aims(match_player(sigma, start), aims, sigma) for sigma in sigmas), start)
     expected = iterated(*(bed_probabilities(aims, sigma) for sigma in sigmas), start)
     for side, chances in zip((found.me, found.them), expected, strict=True):
@@ -195,7 +195,7 @@ def test_the_aim_depends_on_what_the_opponent_has_left():
 
 def test_with_the_fewest_turns_no_aim_depends_on_the_opponent(solved):
     side = solved[FEWEST].me
-    assert [side.target(50, against) for against in (2, 60)] == [side.player.leg.target(50)] * 2
+    assert [side.target(40, against) for against in (2, START)] == [side.player.leg.target(40)] * 2
     with pytest.raises(ValueError, match="only the play 'best' looks at the other player"):
         aims_apart(side)
     assert aims_apart(solved[BEST].me, 40, 40) is None
@@ -241,18 +241,18 @@ def test_a_game_that_is_none_is_refused(arguments, words):
 
 
 def test_a_player_of_other_legs_is_refused(players):
-    with pytest.raises(ValueError, match="made for legs from 60, not from 40: make another with match_player"):
+    with pytest.raises(ValueError, match="made for legs from 41, not from 40: make another with match_player"):
         solve_match(players[0], 15.0, 40)
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ((61, 40), "remaining must be between 2 and 60"),
+        ((42, 40), "remaining must be between 2 and 41"),
         ((40, 1), "against must be an integer of at least 2"),
-        ((40, 61), "against must be between 2 and 60"),
+        ((40, 42), "against must be between 2 and 41"),
         ((40, 40, 4), "darts_left must be 1, 2 or 3"),
-        ((40, 40, 3, 50), "cannot stand at 40 with 3 darts left"),
+        ((40, 40, 3, 41), "cannot stand at 40 with 3 darts left"),
     ],
 )
 def test_a_state_that_cannot_be_is_refused(solved, arguments, words):
