@@ -22,7 +22,7 @@ from .conftest import graphs, plan_request, teach_and_learn
 SEED, SHOWN = 4, 3
 TO_DEMONSTRATE, TO_PRACTISE = targets_for(SEED, SHOWN, 2)
 NEW = np.array([1.95, 0.2, 0.4])
-HIDDEN = {"/simulation/state": "/behind_the_scenes/state"}
+HIDDEN = {f"{node}:/simulation/state": "/behind_the_scenes/state" for node in ("wam_simulator", "mock_optitrack")}
 
 
 class Liar:
@@ -48,9 +48,9 @@ class Liar:
 def practised(ros, tmp_path_factory):
     """Three lessons, two practised throws and a plan, by the nodes; nobody but the cameras and the simulator has the truth."""
     with graphs(tmp_path_factory.mktemp("practice")) as make:
-        graph, client = make(None, remappings={name: HIDDEN for name in ("wam_simulator", "mock_optitrack")})
+        graph, client = make(None, remappings={"composed": HIDDEN})
         liar = Liar(client)
-        graph.start_all("processes", SEED, tmp_path_factory.mktemp("bag") / "bag", {"skill_learner": {"practice_method": "both"}})
+        graph.start_all("composed", SEED, tmp_path_factory.mktemp("bag") / "bag", {"skill_learner": {"practice_method": "both"}})
         client.wait_until_ready()
         teach_and_learn(client, TO_DEMONSTRATE)
         phases = []
