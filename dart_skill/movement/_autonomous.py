@@ -514,8 +514,8 @@ def lift(frame: TaskFrame | MovingFrame, n_inputs: int = 0) -> TaskFrame:
     first = 1 + n_inputs
     if isinstance(frame, MovingFrame):
         still, d = lift(frame.frame, n_inputs), len(frame.velocity)
-        return TaskFrame(still.A, np.concatenate([still.b[: first + d], frame.velocity, frame.attractor]))
-    d, matrix, offset = frame.n_dims - first, as_samples(frame.A, "A"), frame.b
+        return TaskFrame._made(still.A, np.concatenate([still.b[: first + d], frame.velocity, frame.attractor]))
+    d, matrix, offset = frame.n_dims - first, frame.A, frame.b
     if np.any(matrix[:first, first:]) or np.any(matrix[first:, :first]) or np.any(matrix[0, 1:first]):
         raise ValueError("a frame that mixes time or inputs with movement variables has no velocities: let them pass through")
     lifted, moved = np.zeros((3 * d + first, 3 * d + first)), np.zeros(3 * d + first)
@@ -524,4 +524,4 @@ def lift(frame: TaskFrame | MovingFrame, n_inputs: int = 0) -> TaskFrame:
         rows = slice(first + block * d, first + (block + 1) * d)
         lifted[rows, rows] = matrix[first:, first:] / (matrix[0, 0] if block == 1 else 1.0)
         moved[rows] = 0.0 if block == 1 else offset[first:]
-    return TaskFrame(lifted, moved)
+    return TaskFrame._made(lifted, moved)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy
@@ -47,34 +48,42 @@ class Registration:
     @property
     def is_none(self) -> bool:
         """Whether cameras and arm agree."""
-        return self == Registration(delay=self.delay)
+        return (self.turn, self.shift, self.hand_turn, self.hand_shift) == (SAME, ZERO, SAME, ZERO)
+
+    @cached_property
+    def _back(self) -> Any:
+        """From the world of the cameras to that of the arm, as SciPy turns vectors."""
+        return scipy.spatial.transform.Rotation.from_quat(self.turn).inv()
+
+    @cached_property
+    def _hand_back(self) -> Any:
+        """From the tracked body to the hand."""
+        return scipy.spatial.transform.Rotation.from_quat(self.hand_turn).inv()
 
     @property
     def axes(self) -> np.ndarray:
         """Rotation (3, 3) from the axes of the cameras' world to those of the arm's."""
-        return scipy.spatial.transform.Rotation.from_quat(self.turn).inv().as_matrix()
+        return self._back.as_matrix()
 
     def poses(self, position: np.ndarray, quaternion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What the arm says of hands that the cameras see at (n, 3), (n, 4). position, quaternion: as the cameras see them."""
         if self.is_none:
             return position, quaternion
-        turns = scipy.spatial.transform.Rotation
-        back = turns.from_quat(self.turn).inv()
-        rotation = back * turns.from_quat(quaternion) * turns.from_quat(self.hand_turn).inv()
-        return back.apply(position - np.array(self.shift)) - rotation.apply(self.hand_shift), rotation.as_quat()
+        rotation = self._back * scipy.spatial.transform.Rotation.from_quat(quaternion) * self._hand_back
+        return self._back.apply(position - np.array(self.shift)) - rotation.apply(self.hand_shift), rotation.as_quat()
 
     def of_body(self, position: np.ndarray, quaternion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Where a body other than the hand that the cameras see at a pose (3,), (4,) is in the world of the arm."""
         if self.is_none:
             return position, quaternion
-        back = scipy.spatial.transform.Rotation.from_quat(self.turn).inv()
-        return back.apply(position - np.array(self.shift)), (back * scipy.spatial.transform.Rotation.from_quat(quaternion)).as_quat()
+        turned = self._back * scipy.spatial.transform.Rotation.from_quat(quaternion)
+        return self._back.apply(position - np.array(self.shift)), turned.as_quat()
 
     def path(self, path: HandPath) -> HandPath:
         """A path that the cameras shall see, as the arm's kinematics has it."""
         if self.is_none:
             return path
-        back = scipy.spatial.transform.Rotation.from_quat(self.turn).inv()
+        back = self._back
         position, quaternion = self.poses(path.position, path.quaternion)
         arm = scipy.spatial.transform.Rotation.from_quat(quaternion).apply(self.hand_shift)
         (v, w), (a, alpha) = ([back.apply(part) for part in (rates[:, :3], rates[:, 3:])] for rates in (path.velocity, path.acceleration))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -23,7 +24,7 @@ class Pose:
 
     def __post_init__(self) -> None:
         position, quaternion = as_vector(self.position, "position", 3), as_vector(self.quaternion, "quaternion", 4)
-        length = float(np.linalg.norm(quaternion))
+        length = math.sqrt(quaternion @ quaternion)
         if length < 1e-6:
             raise ValueError(f"quaternion {quaternion.tolist()} has length {length:.3g}; it says no orientation")
         object.__setattr__(self, "position", position)
