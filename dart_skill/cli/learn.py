@@ -33,7 +33,12 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     parser.add_argument(
         "--mapping", metavar="FILE", type=Path, help="names topics, columns, axes and units (config/recordings/example.yaml)"
     )
-    parser.add_argument("--output", metavar="MODEL", type=Path, help="model file to write (default <name of the bag>_model.npz)")
+    parser.add_argument(
+        "--output",
+        metavar="MODEL",
+        type=Path,
+        help="model file to write (default <name of the bag>_model.npz; of a demo's the name of its run)",
+    )
     way = parser.add_mutually_exclusive_group()
     way.add_argument("--raw", action="store_true", help="find the throws in the recorded poses (default)")
     way.add_argument("--demonstrations-topic", action="store_true", help="take what the recorder published on /demonstrations instead")
@@ -62,7 +67,7 @@ def _learn(options: argparse.Namespace) -> int:
         raise ValueError("--at-least waits for demonstrations on a graph that runs: leave out BAG, or this")
     if options.demonstrations_topic and (options.mapping or options.with_throws):
         raise ValueError("--demonstrations-topic takes the demonstrations as they are: leave out --mapping and --with-throws")
-    output = options.output or Path(f"{options.bag.resolve().stem}_model.npz")
+    output = options.output or _file_for(options.bag)
     if output.exists():
         raise ValueError(f"{output} exists already: name another file with --output")
     if is_dataset(options.bag):
@@ -76,6 +81,12 @@ def _learn(options: argparse.Namespace) -> int:
     save_model(output, list(report.learned_from), skill.skill.configuration)
     print(json.dumps(_as_json(skill, report, output), indent=1) if options.json else _as_text(skill, report, output))
     return 0
+
+
+def _file_for(bag: Path) -> Path:
+    """Where a model goes that was learned from a bag: by its name, or by that of its folder, as the bag of each demo is called `bag`."""
+    bag = bag.resolve()
+    return Path(f"{(bag.parent if bag.name == 'bag' and bag.parent.name else bag).stem}_model.npz")
 
 
 def _learn_dataset(options: argparse.Namespace, output: Path) -> int:

@@ -159,6 +159,12 @@ class Panel:
     def say(self, text: str, is_error: bool = False) -> None:
         """A line about what goes on. text: the line; is_error: shows it as one."""
         self._says.content = _says(text, is_error)
+        self._is_new = text == self._words.welcome
+
+    def welcome_a_model(self) -> None:
+        """A visitor who has read only how a skill is taught is told that it is learned already."""
+        if self._is_new:
+            self.say(f"A model is there: press {self._words.do}, or Teach to have more shown and learn anew.")
 
     def set_busy(self, busy: bool) -> None:
         """While something is carried out, nothing else can be asked for but to stop it. busy: whether that is so."""

@@ -227,6 +227,8 @@ class Viewer(GuardedNode):
         for group, shapes in shown.items():
             self._scene.show_gaussians(group, *shapes)
         self._panel.show_legend()
+        if shown:
+            self._panel.welcome_a_model()
 
     # what goes on
 

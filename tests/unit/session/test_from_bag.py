@@ -12,7 +12,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from dart_skill.cli import main
-from dart_skill.cli.learn import add_to
+from dart_skill.cli.learn import _file_for, add_to
 from dart_skill.recording import MARK_TOPIC, MARK_TYPE, BagReader, BagWriter, Opening, definition, qos_yaml, serialize, types_for, typestore
 from dart_skill.recording.imports.mapping import OWN, PoseSource, parse_mapping
 from dart_skill.recording.imports.throw_recording import convert, read_recording
@@ -290,6 +290,14 @@ def test_the_command_overwrites_nothing(tmp_path, recorded_session):
     with pytest.raises(ValueError, match="exists already: name another file with --output"):
         run([recorded_session[0], "--output", model])
     assert model.read_text() == "precious"
+
+
+@pytest.mark.parametrize(("bag", "file"), [
+    ("monday", "monday_model.npz"), ("monday/monday_0.mcap", "monday_0_model.npz"), ("demo_7/bag", "demo_7_model.npz"),
+])  # fmt: skip
+def test_models_of_two_demos_have_two_names(bag, file, tmp_path):
+    """The bag of each demo is called `bag`, and the second model was refused."""
+    assert str(_file_for(tmp_path / bag)) == file
 
 
 # finding throws while they are made

@@ -455,6 +455,17 @@ def test_a_visitor_is_told_what_to_press_and_there_is_room_for_it(page, scene):
     assert labels[:2] == ["Stop", "Reset after a stop"], "above whatever may change"
 
 
+def test_whoever_comes_to_a_model_is_not_told_to_teach_first(page, scene):
+    """A graph that was started with a model said "Press Teach"; what goes on is not written over."""
+    page.wait_for(lambda: page.says("Press Teach"), what="the first words")
+    scene.panel.welcome_a_model()
+    page.wait_for(lambda: page.says("A model is there: press Throw, or Teach"), what="that it is learned")
+    scene.panel.say("a throw is under way")
+    scene.panel.welcome_a_model()
+    page.wait_for(lambda: page.says("a throw is under way"), what="what goes on")
+    assert not page.says("A model is there")
+
+
 def test_the_panel_follows_the_choice_of_dark_and_fits_a_telephone(page):
     page.wait_for(lambda: page.says("Press Teach"), what="the panel")
     assert page.says("@media (prefers-color-scheme: dark)") and page.says("@media (max-width: 40rem)")
