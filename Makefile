@@ -30,11 +30,11 @@ demo: setup
 # A file in which something failed is tried again, alone: a busy machine may be late by more than a limit.
 TESTS := tests/integration tests/foreign_arm tests/reference tests/unit
 
+# Types are checked beside the tests, for mypy uses one core only; what it says comes at the end.
 test: setup
 	@$(ENV) && python3 -m ruff check .
-	@$(ENV) && python3 -m mypy
-	@$(ENV) && { python3 -m pytest $(TESTS) -n 3 --dist loadfile --no-loadscope-reorder || \
-	  { [ $$? = 1 ] && python3 tools/try_again.py; }; }
+	@$(ENV) && { python3 -m mypy > build/types.txt 2>&1 & } && { python3 -m pytest $(TESTS) -n 3 --dist loadfile --no-loadscope-reorder || \
+	  { [ $$? = 1 ] && python3 tools/try_again.py; }; } && wait $$! && tail -n 1 build/types.txt || { cat build/types.txt; exit 1; }
 
 # The set-up script runs on any Python from 3.8 on, and looks for the best one itself.
 setup:
