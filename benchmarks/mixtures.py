@@ -16,19 +16,16 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"
 
 import argparse  # noqa: E402
-import importlib  # noqa: E402
 import statistics  # noqa: E402
-import sys  # noqa: E402
 import time  # noqa: E402
 import tracemalloc  # noqa: E402
-import types  # noqa: E402
 import warnings  # noqa: E402
 from collections.abc import Callable  # noqa: E402
 from dataclasses import dataclass  # noqa: E402
-from pathlib import Path  # noqa: E402
 
 import numpy as np  # noqa: E402
 
+from dart_skill.experiments.peers import pbdlib_mixture  # noqa: E402
 from dart_skill.mixture import GaussianMixture, regress  # noqa: E402
 from dart_skill.movement import TaskFrame, TaskParameterisedMixture  # noqa: E402
 
@@ -79,26 +76,6 @@ def frame(rng: np.random.Generator) -> TaskFrame:
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     matrix[1:4, 1:4] = turn * np.sign(np.linalg.det(turn))
     return TaskFrame(matrix, np.concatenate([[0.0], rng.normal(size=5)]))
-
-
-def pbdlib_mixture(folder: str | None) -> type | None:
-    """The class GMM of a checkout of pbdlib-python, without the plots, Gaussians and utilities that load with it, which are not used."""
-    if folder is None:
-        return None
-    package = Path(folder) / "pbdlib"
-    if not (package / "gmm.py").is_file():
-        raise SystemExit(f"there is no pbdlib/gmm.py in {folder}: give the checkout of pbdlib-python")
-
-    def stand_in(name: str, **content: object) -> None:
-        sys.modules[name] = types.ModuleType(name)
-        sys.modules[name].__dict__.update(content)
-
-    stand_in("pbdlib", __path__=[str(package)])
-    stand_in("pbdlib.utils", __path__=[str(package / "utils")])
-    stand_in("pbdlib.mvn", MVN=type("MVN", (), {}))
-    stand_in("pbdlib.plot", plot_gmm=None)
-    stand_in("termcolor", colored=None)
-    return importlib.import_module("pbdlib.gmm").GMM
 
 
 # work
@@ -271,7 +248,8 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=20, help="repeats per task (default 20)")
     parser.add_argument("--pbdlib", metavar="FOLDER", default=os.environ.get("PBDLIB"), help="checkout of pbdlib-python (default $PBDLIB)")
     options, rng = parser.parse_args(), np.random.default_rng(0)
-    pbdlib, small, works = pbdlib_mixture(options.pbdlib), demonstrations(13, rng), []
+    pbdlib = pbdlib_mixture(options.pbdlib) if options.pbdlib else None
+    small, works = demonstrations(13, rng), []
     for name, peer in (("scikit-learn", Peer), ("gmr", gmr), ("pbdlib-python", pbdlib)):
         if peer is None:
             print(f"skipped the comparison with {name}: it is not here, see the beginning of this file")

@@ -3,12 +3,14 @@
 * LASA handwriting (Khansari-Zadeh and Billard 2011): seven demonstrations of each of 30 shapes, drawn on a tablet [mm], 26 with one
   pattern and 4 with several. Its licence forbids passing it on, so no file of it is in this repository.
 * The planar task-parameterised sets of pbdlib-python (Idiap): hand movements in two frames, in pixels.
+* Movements of a Panda arm between a pose at its start and one at its end (TP-GMM of Z. Wasfy, after that of B. Saduanov).
 """
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,8 +22,9 @@ from dart_skill.movement import TaskFrame
 
 LASA_PAGE = "https://github.com/epfl-lasa/LASAHandwritingDataset"
 PBDLIB_PAGE = "https://gitlab.idiap.ch/rli/pbdlib-python"
+TPGMM_PAGE = "https://github.com/zizowasfy/TP-GMM"
 STEP = 0.01
-"""The sets of pbdlib have no stamps: their samples are taken to be so far apart [s]."""
+"""Task-parameterised sets have no stamps in seconds: their samples are taken to be so far apart [s]."""
 FIRST_OF_SEVERAL = "Multi_Models"
 
 
@@ -51,12 +54,37 @@ def pbdlib_sets(folder: Path) -> dict[str, list[Demonstrated]]:
 
     ValueError: there are no such files, or one cannot be read.
     """
-    places = [folder / "pbdlib" / "data" / "TPGMM", folder / "data" / "TPGMM", folder / "TPGMM", folder]
-    place = next((place for place in places if list(place.glob("*_tp_0_d_0_A.npy"))), None)
-    if place is None:
-        raise ValueError(f"{folder} holds no TPGMM/*_tp_0_d_0_A.npy of pbdlib-python; they are published at {PBDLIB_PAGE}, in pbdlib/data")
+    place = _place_of(folder, ("pbdlib/data/TPGMM", "data/TPGMM", "TPGMM"), "*_tp_0_d_0_A.npy", "of pbdlib/data/TPGMM", PBDLIB_PAGE)
     names = sorted(file.name.removesuffix("_tp_0_d_0_A.npy") for file in place.glob("*_tp_0_d_0_A.npy"))
     return {name: [_read(file, _pbdlib_one, PBDLIB_PAGE) for file in _numbered(place, name)] for name in names}
+
+
+def tpgmm_sets(folder: Path) -> dict[str, list[Demonstrated]]:
+    """The demonstrations of each set of TP-GMM [m], by name; folder: its data, or what holds the repository.
+
+    All of a set were aligned in time with one of them before they were published, and have its stamps. So those with the same stamps are
+    a set. Its name is what the names of its files begin with, and how many samples each has.
+
+    ValueError: there are no such files, or one cannot be read.
+    """
+    place = _place_of(folder, ("TP-GMM/data", "data"), "*_frame1_A.txt", "of TP-GMM", TPGMM_PAGE)
+    sets: dict[bytes, dict[str, Demonstrated]] = {}
+    for file in sorted(place.glob("*_Data.txt")):
+        stamps, one = _read(file, _tpgmm_one, TPGMM_PAGE)
+        sets.setdefault(stamps.tobytes(), {})[file.stem] = one
+    named: dict[str, list[Demonstrated]] = {}
+    for one in sets.values():
+        name = f"{os.path.commonprefix(list(one)).rstrip('_')}_{len(next(iter(one.values())).time)}"
+        named[name if name not in named else f"{name}_from_{next(iter(one)).removesuffix('_sample_Data')}"] = list(one.values())
+    return named
+
+
+def _place_of(folder: Path, below: Sequence[str], files: str, whose: str, page: str) -> Path:
+    """The first folder, of those below this one and itself, that has such files; ValueError says where they are published."""
+    place = next((place for place in (*(folder / one for one in below), folder) if any(place.glob(files))), None)
+    if place is None:
+        raise ValueError(f"{folder} holds no {files} {whose}; they are published at {page}")
+    return place
 
 
 def _read(file: Path, reader: Callable[[Path], Any], page: str) -> Any:
@@ -91,3 +119,19 @@ def _pbdlib_one(file: Path) -> Demonstrated:
         frames.append(TaskFrame(matrix, np.concatenate([[0.0], offset])))
     position = rows[:, :2] @ frames[0].A[1:, 1:].T + frames[0].b[1:]
     return Demonstrated(STEP * np.arange(len(rows)), position, tuple(frames))
+
+
+def _tpgmm_one(file: Path) -> tuple[np.ndarray, Demonstrated]:
+    """Stamps (n,) as they are, and one demonstration. A column is a sample: time, x, y, and perhaps z. A and b of a frame stand side by
+    side, one for each sample.
+    """
+    columns = as_samples(np.loadtxt(file, delimiter=","), "samples").T
+    n, d = columns.shape
+    frames = []
+    for matrices_file in sorted(file.parent.glob(file.name.replace("_Data.txt", "_frame*_A.txt"))):
+        matrices = np.loadtxt(matrices_file, delimiter=",").reshape(d, -1, d)
+        offsets = np.loadtxt(matrices_file.with_name(matrices_file.name.replace("_A.txt", "_b.txt")), delimiter=",").reshape(d, -1)
+        if (matrices != matrices[:, :1]).any() or (offsets != offsets[:, :1]).any():
+            raise ValueError(f"{matrices_file.name}: the frame moves, and only frames that stay are known here")
+        frames.append(TaskFrame(matrices[:, 0], offsets[:, 0]))
+    return columns[:, 0], Demonstrated(STEP * np.arange(n), columns[:, 1:], tuple(frames))

@@ -6,8 +6,9 @@
   demonstrations, that ends within 1 mm of the mean end of the training demonstrations.
 * Handwriting of several patterns in one set (LASA's `Multi_Models`): each demonstration is left out once, and the others are learned, as
   one pattern and as those that `find_patterns` finds. The start says which of them is drawn. Error: DTWD of the demonstration left out.
-* Task-parameterised sets (pbdlib): each demonstration is left out once. Error and goal: the mean distance along the best alignment, and
-  that of the ends, in % of the diagonal of all demonstrations.
+* Task-parameterised sets (pbdlib, TP-GMM): each demonstration is left out once. Error and goal: the mean distance along the best
+  alignment, and that of the ends, in % of the diagonal of all demonstrations. Where samples of a set jump, or repeat for uneven times,
+  each method also gets the paths alone, from rest to rest (`retimed`). Errors are those from the samples as published, in either case.
 
 The demonstrations of a shape last differently long; their stamps are scaled to the mean duration. Peers are used where they are installed.
 `dart-skill experiment real_data` prints the table that docs/learning.md quotes.
@@ -21,19 +22,24 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from dart_skill.experiments.parallel import all_of
-from dart_skill.experiments.published_sets import Demonstrated, lasa_shapes, pbdlib_sets
+from dart_skill.experiments.peers import pbdlib_mixture
+from dart_skill.experiments.published_sets import Demonstrated, lasa_shapes, pbdlib_sets, tpgmm_sets
 from dart_skill.movement import (
     DSGMR,
     AutonomousDSGMR,
     AutonomousPolicy,
     DiscretePrimitive,
     TaskFrame,
+    TaskParameterisedMixture,
+    find_faults,
     find_patterns,
     resampled,
+    retimed,
     smooth_derivatives,
     warped_distance,
 )
@@ -51,9 +57,15 @@ STEP = 0.01
 PATIENCE = 8.0
 """A start of the grid gets so many times the mean duration."""
 STILL = [TaskFrame(np.eye(3), np.zeros(3))]
+PATH_SAMPLES = 200
+"""Of a path that is retimed."""
 PEER = "movement_primitives"
+PEER_REGULARISATION = 1e-8
+"""Of pbdlib, its default: on the diagonal of its covariances."""
 Reproduce = Callable[[np.ndarray], np.ndarray]
 """From a start (d,) to a path (n, d)."""
+Generalise = Callable[[Sequence[Demonstrated], np.ndarray, Sequence[TaskFrame], np.ndarray], np.ndarray]
+"""From demonstrations, stamps (n,), new frames, and a start (d,) to a path (n, d)."""
 
 
 @dataclass(frozen=True)
@@ -75,11 +87,22 @@ class Score:
     goal: float = np.nan
 
 
-def run(folder: Path, jobs: int = 1, shapes: Sequence[str] = ()) -> list[Score]:
-    """All that the folder holds of either set; shapes: only these. ValueError: it holds neither, or not a shape that is named."""
+def run(folder: Path, jobs: int = 1, shapes: Sequence[str] = (), pbdlib: Path | None = None) -> list[Score]:
+    """All that the folder holds of these sets. ValueError: it holds none, or not a shape that is named.
+
+    * folder: with the files of one set or several.
+    * jobs: processes at a time.
+    * shapes: only these.
+    * pbdlib: checkout of pbdlib-python for Python 3, a peer in frames; None: without it.
+    """
     work: list[tuple[str, str, list[Demonstrated]]] = []
     problems = []
-    for kind, load in (("handwriting", lasa_shapes), ("patterns", partial(lasa_shapes, several=True)), ("frames", pbdlib_sets)):
+    for kind, load in (
+        ("handwriting", lasa_shapes),
+        ("patterns", partial(lasa_shapes, several=True)),
+        ("frames", pbdlib_sets),
+        ("frames", tpgmm_sets),
+    ):
         try:
             work += [(kind, name, demonstrations) for name, demonstrations in load(folder).items()]
         except ValueError as error:
@@ -90,12 +113,16 @@ def run(folder: Path, jobs: int = 1, shapes: Sequence[str] = ()) -> list[Score]:
     if unknown:
         raise ValueError(f"there is no {', '.join(sorted(unknown))} in {folder}; it holds {', '.join(name for _, name, _ in work)}")
     work = [one for one in work if not shapes or one[1] in shapes]
-    return all_of(partial(_scored, work), list(range(len(work))), jobs)
+    if pbdlib is not None:
+        pbdlib_mixture(pbdlib)  # a wrong folder is said before anything takes its time
+    return all_of(partial(_scored, work, pbdlib), list(range(len(work))), jobs)
 
 
-def _scored(work: Sequence[tuple[str, str, list[Demonstrated]]], i: int) -> list[Score]:
+def _scored(work: Sequence[tuple[str, str, list[Demonstrated]]], pbdlib: Path | None, i: int) -> list[Score]:
     kind, name, demonstrations = work[i]
-    return {"handwriting": handwriting, "patterns": several_patterns, "frames": left_out}[kind](name, demonstrations)
+    if kind == "frames":
+        return left_out(name, demonstrations, pbdlib)
+    return {"handwriting": handwriting, "patterns": several_patterns}[kind](name, demonstrations)
 
 
 def handwriting(name: str, demonstrations: Sequence[Demonstrated]) -> list[Score]:
@@ -203,22 +230,69 @@ def _nearest_peer(clock: np.ndarray, paths: list[np.ndarray]) -> Reproduce:
     return reproduce
 
 
-def left_out(name: str, demonstrations: Sequence[Demonstrated]) -> list[Score]:
-    """DSGMR on one task-parameterised set, each demonstration left out once; its stamps are scaled to the mean duration."""
-    duration, n = float(np.mean([one.time[-1] for one in demonstrations])), len(demonstrations)
-    clocks = [one.time * duration / one.time[-1] for one in demonstrations]
-    every = np.vstack([one.position for one in demonstrations])
-    unit, errors = float(np.linalg.norm(np.ptp(every, axis=0))) / 100.0, []
-    for i, unseen in enumerate(demonstrations):
-        model, others = DSGMR(COMPONENTS), [j for j in range(n) if j != i]
-        encoded = [model.encode(clocks[j], demonstrations[j].position) for j in others]
-        model.fit(encoded, [demonstrations[j].frames for j in others])
-        clock, start = np.linspace(0.0, duration, len(unseen.time)), unseen.position[0]
-        path = model.reproduce(unseen.frames, clock, start, np.zeros_like(start), covariance=False).position
+def left_out(name: str, demonstrations: Sequence[Demonstrated], pbdlib: Path | None = None) -> list[Score]:
+    """The methods on one task-parameterised set, each demonstration left out once; its stamps are scaled to the mean duration.
+
+    pbdlib: as in `run`. Where samples jump or repeat for uneven times, all methods also learn from the paths alone.
+    """
+    methods: dict[str, Generalise] = {"DSGMR": _by_ds_gmr, "GMR": _by_regression}
+    if pbdlib is not None:
+        methods["pbdlib"] = partial(_by_pbdlib, pbdlib_mixture(pbdlib))
+    duration = float(np.mean([one.time[-1] for one in demonstrations]))
+    scaled = [Demonstrated(one.time * duration / one.time[-1], one.position, one.frames) for one in demonstrations]
+    prepared = {"": scaled}
+    if any(_only_a_path(one) for one in demonstrations):
+        prepared[", retimed"] = [Demonstrated(*retimed(one.position, duration, PATH_SAMPLES), one.frames) for one in demonstrations]
+    return [
+        Score("frames", name, method + how, np.nan, *_left_out_by(generalise, learned, scaled))
+        for how, learned in prepared.items()
+        for method, generalise in methods.items()
+    ]
+
+
+def _only_a_path(one: Demonstrated) -> bool:
+    """Whether the stamps say nothing of how the movement went."""
+    faults = find_faults(one.time, one.position)
+    return faults.uneven or bool(faults.jumps)
+
+
+def _left_out_by(generalise: Generalise, learned: Sequence[Demonstrated], published: Sequence[Demonstrated]) -> tuple[float, float, float]:
+    """Error, nan for the share of starts that arrive, and error of the end [%], of what is learned without one, from that as published."""
+    unit = float(np.linalg.norm(np.ptp(np.vstack([one.position for one in published]), axis=0))) / 100.0
+    errors = []
+    for i, unseen in enumerate(published):
+        clock = np.linspace(0.0, unseen.time[-1], len(unseen.time))
+        path = generalise([*learned[:i], *learned[i + 1 :]], clock, unseen.frames, unseen.position[0])
         total, steps = warped_distance(path, unseen.position)
         errors.append([total / steps / unit, float(np.linalg.norm(path[-1] - unseen.position[-1])) / unit])
     error, goal = np.mean(errors, axis=0)
-    return [Score("frames", name, "DSGMR", np.nan, float(error), goal=float(goal))]
+    return float(error), np.nan, float(goal)
+
+
+def _by_ds_gmr(shown: Sequence[Demonstrated], clock: np.ndarray, frames: Sequence[TaskFrame], start: np.ndarray) -> np.ndarray:
+    model = DSGMR(COMPONENTS)
+    model.fit([model.encode(one.time, one.position) for one in shown], [one.frames for one in shown])
+    return model.reproduce(frames, clock, start, np.zeros_like(start), covariance=False).position
+
+
+def _by_regression(shown: Sequence[Demonstrated], clock: np.ndarray, frames: Sequence[TaskFrame], start: np.ndarray) -> np.ndarray:
+    """The mixture of time and positions, without attractors: nothing is differentiated, and the start is not asked for."""
+    samples = [np.column_stack([one.time, one.position]) for one in shown]
+    model = TaskParameterisedMixture(COMPONENTS).fit(samples, [one.frames for one in shown])
+    return model.regress(frames, clock[:, None], [0], np.arange(1, 1 + len(start)), covariance=False)[0]
+
+
+def _by_pbdlib(peer_class: Any, shown: Sequence[Demonstrated], clock: np.ndarray, frames: Sequence[TaskFrame], _: np.ndarray) -> np.ndarray:
+    """Its mixture of time and positions as seen from two frames side by side, from its slices of time, with its own regularisation."""
+    samples = [np.column_stack([one.time, one.position]) for one in shown]
+    seen = [np.hstack([frame.to_frame(rows) for frame in one.frames]) for one, rows in zip(shown, samples, strict=True)]
+    m = samples[0].shape[1]
+    peer, apart = peer_class(nb_states=COMPONENTS, nb_dim=2 * m), np.kron(np.eye(2), np.ones((m, m)))
+    peer.init_hmm_kbins(seen)
+    peer.sigma = peer.sigma * apart
+    peer.em(np.vstack(seen), reg=PEER_REGULARISATION * np.eye(2 * m), no_init=True, dep_mask=apart)
+    one, other = (peer.marginal_model(slice(j * m, (j + 1) * m)).lintrans(frame.A, frame.b) for j, frame in enumerate(frames))
+    return (one * other).condition(clock[:, None], dim_in=slice(0, 1), dim_out=slice(1, m))[0]
 
 
 def table(scores: Sequence[Score]) -> str:
@@ -227,7 +301,7 @@ def table(scores: Sequence[Score]) -> str:
     for kind, head, rows_of in (
         ("handwriting", f"{'method':<32}{'shapes':>7}{'train [mm]':>12}{'test [mm]':>12}{'at the goal':>13}", _means),
         ("patterns", f"{'set, left out':<20}{'method':<30}{'error [mm]':>12}", _of_patterns),
-        ("frames", f"{'set, left out':<32}{'method':>7}{'error [%]':>12}{'goal [%]':>12}", _of_frames),
+        ("frames", f"{'set, left out':<20}{'method':<18}{'error [%]':>12}{'goal [%]':>12}", _of_frames),
     ):
         if rows := [score for score in scores if score.kind == kind]:
             lines += [head, *rows_of(rows)]
@@ -241,7 +315,7 @@ def _of_patterns(rows: Sequence[Score]) -> list[str]:
 
 
 def _of_frames(rows: Sequence[Score]) -> list[str]:
-    return [f"{row.name:<32}{row.method:>7}{row.test:>12.2f}{row.goal:>12.2f}" for row in rows]
+    return [f"{row.name:<20}{row.method:<18}{row.test:>12.2f}{row.goal:>12.2f}" for row in rows]
 
 
 def _means(rows: Sequence[Score]) -> list[str]:

@@ -35,7 +35,7 @@ from dart_skill.movement._orientation import (
     to_matrices,
     turn_about_z,
 )
-from dart_skill.movement._sample_faults import SampleFaults, find_faults, without_repeats
+from dart_skill.movement._sample_faults import SampleFaults, find_faults, retimed, without_repeats
 from dart_skill.movement._segmentation import Segment, VelocityThreshold, segment_containing, speed
 from dart_skill.pace import PhaseRule
 
@@ -133,6 +133,7 @@ __all__ = [
     "pointing_directions",
     "quaternions_from_angles",
     "resampled",
+    "retimed",
     "rotate",
     "segment_containing",
     "smooth_derivatives",

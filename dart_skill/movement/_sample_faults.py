@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dart_skill.checks import as_samples
+from dart_skill.checks import as_count, as_number, as_samples
 from dart_skill.movement._time import as_stamps
 
 LARGEST_SHARE = 0.1
@@ -34,6 +34,7 @@ class SampleFaults:
     * jumps: indices of the samples after a jump.
     * largest_jump: in the unit of the samples; 0 if there is none.
     * quantum: for each column its resolution, 0 if it is not quantised.
+    * uneven: whether so many repeats are left by `without_repeats` that they are a fault, since measurements are held for uneven times.
     """
 
     repeats: float
@@ -41,13 +42,17 @@ class SampleFaults:
     jumps: tuple[int, ...]
     largest_jump: float
     quantum: tuple[float, ...]
+    uneven: bool = False
 
     @property
     def reasons(self) -> list[str]:
         """What is wrong, and what to do, in a sentence each; empty if nothing is."""
         found = []
         if self.repeats > LARGEST_SHARE:
-            found.append(f"{100.0 * self.repeats:.0f} % of the samples repeat the one before: thin them with without_repeats")
+            remedy = (
+                "for uneven times: cut rests out, or keep the path alone, with retimed" if self.uneven else "thin them with without_repeats"
+            )
+            found.append(f"{100.0 * self.repeats:.0f} % of the samples repeat the one before{', ' if self.uneven else ': '}{remedy}")
         if self.jumps:
             where = f"{len(self.jumps)} in all, the first at sample {self.jumps[0]}"
             found.append(f"jumps of up to {self.largest_jump:.3g}, {where}: cut there, or leave it out")
@@ -62,16 +67,12 @@ def find_faults(time: ArrayLike, samples: ArrayLike) -> SampleFaults:
     """Repeats, jumps and quantisation of samples (n, d) at stamps (n,) [s], n >= 2."""
     samples = as_samples(samples, "samples")
     time = as_stamps(time, len(samples), 2)
-    same = np.all(samples[1:] == samples[:-1], axis=1)
-    moving = np.flatnonzero(~same)
-    within = same[moving[0] : moving[-1] + 1] if len(moving) else same[:0]
     kept = _kept(samples)
     jumps = kept[_jumps(time[kept], samples[kept])]
     sizes = np.linalg.norm(samples[jumps] - samples[jumps - 1], axis=1)
     quantum = tuple(_quantum(column) for column in samples.T)
-    return SampleFaults(
-        float(within.mean()) if len(within) else 0.0, _held(samples), tuple(jumps.tolist()), float(sizes.max(initial=0.0)), quantum
-    )
+    uneven = _repeats(samples[kept]) > LARGEST_SHARE
+    return SampleFaults(_repeats(samples), _held(samples), tuple(jumps.tolist()), float(sizes.max(initial=0.0)), quantum, uneven)
 
 
 def without_repeats(time: ArrayLike, samples: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
@@ -79,6 +80,36 @@ def without_repeats(time: ArrayLike, samples: ArrayLike) -> tuple[np.ndarray, np
     samples = as_samples(samples, "samples")
     time, kept = as_stamps(time, len(samples)), _kept(samples)
     return time[kept], samples[kept]
+
+
+def retimed(samples: ArrayLike, duration: float, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Stamps (n,) [s] and positions (n, d) of a movement along the path of samples whose stamps say nothing, from rest to rest.
+
+    The length s of the path that is covered follows the law of least jerk (Flash and Hogan, Journal of Neuroscience 5, 1985),
+    s / L = 10 u^3 - 15 u^4 + 6 u^5 with u = t / duration. Samples that repeat take no time, and a jump is crossed on a straight line.
+
+    * samples: (m, d), coordinates in one unit.
+    * duration: of the movement [s].
+    * n: how many stamps, at least 2, from 0 to `duration`.
+
+    ValueError if the samples do not move.
+    """
+    samples, duration, n = as_samples(samples, "samples"), as_number(duration, "duration"), as_count(n, "n", 2)
+    steps = np.linalg.norm(np.diff(samples, axis=0), axis=1)
+    if not steps.any():
+        raise ValueError(f"samples must move to have a path, got {len(samples)} at one place")
+    new = np.concatenate([[True], steps > 0.0])
+    length = np.cumsum(np.concatenate([[0.0], steps]))[new]
+    u = np.linspace(0.0, 1.0, n)
+    covered = length[-1] * u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
+    return duration * u, np.column_stack([np.interp(covered, length, column) for column in samples[new].T])
+
+
+def _repeats(samples: np.ndarray) -> float:
+    """Share of the samples that repeat the one before, from the first to the last that moves."""
+    same = np.all(samples[1:] == samples[:-1], axis=1)
+    moving = np.flatnonzero(~same)
+    return float(same[moving[0] : moving[-1] + 1].mean()) if len(moving) else 0.0
 
 
 def _runs(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -390,6 +390,7 @@ TYPED = {
     "dart-skill experiment place --jobs 2 --demonstrations 5 --seeds 4": OtherNumbers("dart-skill experiment place --jobs 2"),
     "dart-skill experiment reach --jobs 2 --demonstrations 3": OtherNumbers("dart-skill experiment reach --jobs 2"),
     "dart-skill experiment reach --jobs 2 --arm fleet": Run("--seeds 1 --cups 1 --demonstrations 3 --held 0", says=r"of 1 "),
+    "dart-skill experiment real_data --data FOLDER --pbdlib ~/pbdlib-python": NETWORK,
     "dart-skill experiment real_data --data FOLDER --jobs 2": Elsewhere(
         "unit/experiments/test_real_data.py::test_the_command_prints_a_table_of_what_is_there"
     ),

@@ -14,8 +14,13 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
         "real_data", help="published demonstrations of people: reproduced, and from starts and in frames not seen"
     )
     parser.add_argument(
-        "--data", type=Path, required=True, metavar="FOLDER", help="with DataSet/*.mat of LASA handwriting, or pbdlib/data of pbdlib-python"
+        "--data",
+        type=Path,
+        required=True,
+        metavar="FOLDER",
+        help="with DataSet/*.mat of LASA handwriting, pbdlib/data of pbdlib-python, or data of TP-GMM",
     )
+    parser.add_argument("--pbdlib", type=Path, metavar="FOLDER", help="checkout of pbdlib-python for Python 3: a peer in task frames")
     parser.add_argument("--shapes", metavar="NAMES", default="", help="only these, separated by commas (default: all in the folder)")
     parser.add_argument("--jobs", type=int, default=1, help="processes at a time (default 1)")
     parser.add_argument("--json", action="store_true", help="every set and method as JSON instead of the table")
@@ -25,6 +30,6 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
 def _real_data(options: argparse.Namespace) -> int:
     from dart_skill.experiments import real_data
 
-    scores = real_data.run(options.data, options.jobs, [name for name in options.shapes.split(",") if name])
+    scores = real_data.run(options.data, options.jobs, [name for name in options.shapes.split(",") if name], options.pbdlib)
     print(json.dumps([asdict(one) for one in scores], indent=1) if options.json else real_data.table(scores))
     return 0

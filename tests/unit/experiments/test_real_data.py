@@ -5,7 +5,8 @@ import pytest
 from scipy.io import savemat
 
 from dart_skill.cli import main
-from dart_skill.experiments.published_sets import lasa_shapes, pbdlib_sets
+from dart_skill.experiments.peers import pbdlib_mixture
+from dart_skill.experiments.published_sets import lasa_shapes, pbdlib_sets, tpgmm_sets
 from dart_skill.experiments.real_data import handwriting, left_out, run, several_patterns, table
 
 STARTS = np.random.default_rng(0).normal([-40.0, 20.0], 2.0, (7, 2))
@@ -50,6 +51,56 @@ def planar(tmp_path):
     return tmp_path
 
 
+@pytest.fixture
+def aligned(tmp_path):
+    """Files as those of TP-GMM: six reaches of a hand [m] between turned frames, aligned in time, so that they wait and jump.
+
+    Two more have other stamps. Frames stand side by side, as often as there were samples before the alignment.
+    """
+    folder, rng = tmp_path / "TP-GMM" / "data", np.random.default_rng(2)
+    folder.mkdir(parents=True)
+    for i in range(8):
+        start, goal = np.array([[0.3, 0.0, 0.5], [0.6, 0.2, 0.1]]) + rng.normal(0.0, 0.05, (2, 3))
+        index = np.sort(np.concatenate([rng.integers(0, 300, 80), np.repeat(rng.integers(0, 300, 24), 5)]))
+        index[[0, -1]] = 0, 299
+        s = np.linspace(0.0, 1.0, 300)[index, None]
+        path = start + s**3 * (10.0 - 15.0 * s + 6.0 * s**2) * (goal - start)
+        stamps = np.arange(len(path)) + (0.0 if i < 6 else 40.0)
+        np.savetxt(folder / f"Demon_{i}_sample_Data.txt", np.vstack([stamps, path.T]), fmt="%.5f", delimiter=",")
+        turn = np.eye(4)
+        turn[1:3, 1:3] = [[0.0, -1.0], [1.0, 0.0]]
+        for p, end in enumerate((start, goal), 1):
+            np.savetxt(folder / f"Demon_{i}_sample_frame{p}_A.txt", np.hstack([turn] * 300), delimiter=",")
+            np.savetxt(folder / f"Demon_{i}_sample_frame{p}_b.txt", np.repeat([[0.0], *end[:, None]], 300, axis=1), delimiter=",")
+    return tmp_path
+
+
+def test_recordings_with_the_same_stamps_are_a_set(aligned):
+    sets = tpgmm_sets(aligned)
+    assert list(map(len, sets.values())) == [6, 2] and list(sets) == ["Demon_200", "Demon_200_from_Demon_6"]
+    for one in sum(sets.values(), []):
+        assert one.position.shape == (200, 3) and [frame.A.shape for frame in one.frames] == [(4, 4)] * 2
+        np.testing.assert_allclose(one.position[[0, -1]], [frame.b[1:] for frame in one.frames], atol=1e-5)
+
+
+def test_a_path_is_learned_where_an_alignment_has_spoilt_the_stamps(aligned):
+    first = next(iter(tpgmm_sets(aligned).values()))
+    as_published, _, path, positions = left_out("reach", first)
+    assert (as_published.method, path.method, positions.method) == ("DSGMR", "DSGMR, retimed", "GMR, retimed")
+    assert path.goal < 0.5 < as_published.goal and path.test < as_published.test, (as_published, path)
+
+
+def test_a_frame_that_moves_and_a_peer_that_is_not_there_are_said(aligned):
+    file = aligned / "TP-GMM" / "data" / "Demon_0_sample_frame1_b.txt"
+    offsets = np.loadtxt(file, delimiter=",")
+    offsets[1, 5] += 0.1
+    np.savetxt(file, offsets, delimiter=",")
+    with pytest.raises(ValueError, match=r"Demon_0_sample_Data.txt cannot be read .*the frame moves"):
+        tpgmm_sets(aligned)
+    with pytest.raises(ValueError, match=r"no pbdlib/gmm.py in .*nowhere"):
+        pbdlib_mixture(aligned / "nowhere")
+
+
 def test_shapes_are_read_with_time_first(lasa):
     shapes = lasa_shapes(lasa)
     assert list(shapes) == ["Bow"] and list(lasa_shapes(lasa / "DataSet", several=True)) == ["Multi_Models_9"]
@@ -79,8 +130,8 @@ def test_patterns_are_drawn_one_by_one_and_not_as_their_mean(lasa):
 
 
 def test_what_is_left_out_is_reached_in_its_frames(planar):
-    (score,) = left_out("reach", pbdlib_sets(planar)["reach"])
-    assert score.test < 3.0 and score.goal < 1.5, score
+    for score in left_out("reach", pbdlib_sets(planar)["reach"]):
+        assert score.test < 3.0 and score.goal < 1.5, score
 
 
 def test_the_command_prints_a_table_of_what_is_there(lasa, capsys):
@@ -89,7 +140,7 @@ def test_the_command_prints_a_table_of_what_is_there(lasa, capsys):
 
 
 def test_what_is_missing_or_damaged_is_said_with_where_it_is_published(lasa, tmp_path):
-    for load in (lasa_shapes, pbdlib_sets, run):
+    for load in (lasa_shapes, pbdlib_sets, tpgmm_sets, run):
         with pytest.raises(ValueError, match=r"nothing holds no .*published at https://"):
             load(tmp_path / "nothing")
     with pytest.raises(ValueError, match="there is no Angel in .*it holds Bow"):

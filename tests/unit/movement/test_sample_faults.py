@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dart_skill.movement import DSGMR, estimate_noise, find_faults, smooth_derivatives, without_repeats
+from dart_skill.movement import DSGMR, estimate_noise, find_faults, retimed, smooth_derivatives, without_repeats
 
 TIME = 0.001 * np.arange(2000)
 
@@ -91,3 +91,46 @@ def test_encode_refuses_or_thins_where_it_is_asked_to():
     np.testing.assert_array_equal(model.encode(TIME, noisy()), model.encode(TIME, noisy(), faults="refuse"))
     with pytest.raises(ValueError, match="faults must be one of"):
         model.encode(TIME, samples, faults="mend")
+
+
+def aligned(path, seed=0, waits=40):
+    """As published after an alignment with another recording: the movement waits for uneven times, and goes ahead between."""
+    rng = np.random.default_rng(seed)
+    index = np.sort(
+        np.concatenate([rng.integers(0, len(path), 300), np.repeat(rng.integers(0, len(path), waits), rng.integers(5, 90, waits))])
+    )
+    return path[index]
+
+
+def test_repeats_of_uneven_length_are_not_said_to_be_mended_by_thinning():
+    samples = aligned(noisy())
+    time = 0.001 * np.arange(len(samples))
+    faults = find_faults(time, samples)
+    assert faults.uneven and faults.repeats > 0.7, faults
+    assert "for uneven times" in faults.reasons[0] and "retimed" in faults.reasons[0] and "thin" not in faults.reasons[0]
+    assert not find_faults(TIME, held(4)).uneven
+    with pytest.raises(ValueError, match="retimed"):
+        DSGMR(4).encode(time, samples, faults="thin")
+
+
+def test_a_straight_path_is_retimed_to_the_movement_of_least_jerk():
+    """Closed form: 10 u^3 - 15 u^4 + 6 u^5, whatever the stamps were."""
+    samples = aligned(path(TIME))
+    time, positions = retimed(samples, 2.0, 101)
+    np.testing.assert_allclose(time, np.linspace(0.0, 2.0, 101))
+    np.testing.assert_allclose(positions, samples[0] + (path(time) / path(TIME[-1:] + 0.001)) * (samples[-1] - samples[0]), atol=1e-9)
+    assert np.abs(smooth_derivatives(time, positions).velocity[[0, -1]]).max() < 1e-3, "from rest to rest"
+
+
+def test_a_retimed_path_keeps_its_places_and_has_no_faults():
+    t = np.linspace(0.0, 3.0, 900)
+    curve = np.column_stack([np.cos(t), np.sin(t), 0.1 * t])
+    time, positions = retimed(aligned(curve), 3.0, 200)
+    assert np.abs(np.hypot(positions[:, 0], positions[:, 1]) - 1.0).max() < 1e-3
+    faults = find_faults(time, positions)
+    assert not faults.jumps and faults.repeats == 0.0 and not faults.uneven
+
+
+def test_what_does_not_move_has_no_path():
+    with pytest.raises(ValueError, match="samples must move to have a path, got 5 at one place"):
+        retimed(np.ones((5, 2)), 1.0, 10)
