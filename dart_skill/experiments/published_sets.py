@@ -3,6 +3,7 @@
 * LASA handwriting (Khansari-Zadeh and Billard 2011): seven demonstrations of each of 30 shapes, drawn on a tablet [mm], 26 with one
   pattern and 4 with several. Its licence forbids passing it on, so no file of it is in this repository.
 * The planar task-parameterised sets of pbdlib-python (Idiap): hand movements in two frames, in pixels.
+* Letters (HelloWorld) and tasks (RoboTasks, with orientations) that a person showed by leading a Panda arm (Auddy et al. 2023).
 * Movements of a Panda arm between a pose at its start and one at its end (TP-GMM of Z. Wasfy, after that of B. Saduanov).
 """
 
@@ -12,16 +13,20 @@ import os
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dart_skill.checks import as_samples
-from dart_skill.movement import TaskFrame
+from dart_skill.movement import TaskFrame, make_continuous
 
 LASA_PAGE = "https://github.com/epfl-lasa/LASAHandwritingDataset"
 PBDLIB_PAGE = "https://gitlab.idiap.ch/rli/pbdlib-python"
+CLFD_PAGE = "https://github.com/sayantanauddy/clfd"
+CLFD_RATE = 60.0
+"""Samples per second of its sets [1/s], as its own reader has it."""
 TPGMM_PAGE = "https://github.com/zizowasfy/TP-GMM"
 STEP = 0.01
 """Task-parameterised sets have no stamps in seconds: their samples are taken to be so far apart [s]."""
@@ -30,11 +35,18 @@ FIRST_OF_SEVERAL = "Multi_Models"
 
 @dataclass(frozen=True, eq=False)
 class Demonstrated:
-    """One demonstration: time (n,) [s]; position (n, d) in the unit of its set; frames of [t, position], empty where the set has none."""
+    """One demonstration.
+
+    * time: (n,) [s].
+    * position: (n, d) in the unit of its set.
+    * frames: of [t, position], empty where the set has none.
+    * orientation: (n, 4), unit quaternions x, y, z, w without jumps of sign; None where the set has none.
+    """
 
     time: np.ndarray
     position: np.ndarray
     frames: tuple[TaskFrame, ...] = ()
+    orientation: np.ndarray | None = None
 
 
 def lasa_shapes(folder: Path, *, several: bool = False) -> dict[str, list[Demonstrated]]:
@@ -57,6 +69,29 @@ def pbdlib_sets(folder: Path) -> dict[str, list[Demonstrated]]:
     place = _place_of(folder, ("pbdlib/data/TPGMM", "data/TPGMM", "TPGMM"), "*_tp_0_d_0_A.npy", "of pbdlib/data/TPGMM", PBDLIB_PAGE)
     names = sorted(file.name.removesuffix("_tp_0_d_0_A.npy") for file in place.glob("*_tp_0_d_0_A.npy"))
     return {name: [_read(file, _pbdlib_one, PBDLIB_PAGE) for file in _numbered(place, name)] for name in names}
+
+
+def helloworld_sets(folder: Path) -> dict[str, list[Demonstrated]]:
+    """The demonstrations of each letter [cm], by name; folder: datasets of clfd, or what holds it.
+
+    ValueError: there are no such files, or one cannot be read.
+    """
+    return _clfd_sets(folder, "robot_hello_world/processed_demos", 2)
+
+
+def robotasks_sets(folder: Path) -> dict[str, list[Demonstrated]]:
+    """The demonstrations of each task, positions [cm] and orientations, by name; folder: datasets of clfd, or what holds it.
+
+    ValueError: there are no such files, or one cannot be read.
+    """
+    return _clfd_sets(folder, "robottasks/pos_ori", 7)
+
+
+def _clfd_sets(folder: Path, where: str, n_columns: int) -> dict[str, list[Demonstrated]]:
+    place = _place_of(folder, [f"{one}{where}" for one in ("clfd/datasets/", "datasets/", "")], "*.npy", f"in {where} of clfd", CLFD_PAGE)
+    if place == folder:  # files of any name are not taken for these
+        raise ValueError(f"{folder} holds no {where} of clfd; it is published at {CLFD_PAGE}")
+    return {file.stem: _read(file, partial(_clfd_one, n_columns), CLFD_PAGE) for file in sorted(place.glob("*.npy"))}
 
 
 def tpgmm_sets(folder: Path) -> dict[str, list[Demonstrated]]:
@@ -135,3 +170,15 @@ def _tpgmm_one(file: Path) -> tuple[np.ndarray, Demonstrated]:
             raise ValueError(f"{matrices_file.name}: the frame moves, and only frames that stay are known here")
         frames.append(TaskFrame(matrices[:, 0], offsets[:, 0]))
     return columns[:, 0], Demonstrated(STEP * np.arange(n), columns[:, 1:], tuple(frames))
+
+
+def _clfd_one(n_columns: int, file: Path) -> list[Demonstrated]:
+    """Demonstrations (N, n, columns): x, y of letters; x, y, z and a quaternion w, x, y, z of tasks."""
+    every = np.asarray(np.load(file, allow_pickle=False), dtype=float)
+    if every.ndim != 3 or every.shape[2] < n_columns:
+        raise ValueError(f"demonstrations must have shape (N, n, {n_columns}), got {every.shape}")
+    time = np.arange(every.shape[1]) / CLFD_RATE
+    rows = [as_samples(one[:, :n_columns], "samples") for one in every]
+    if n_columns == 2:
+        return [Demonstrated(time, one) for one in rows]
+    return [Demonstrated(time, one[:, :3], orientation=make_continuous(one[:, [4, 5, 6, 3]])) for one in rows]

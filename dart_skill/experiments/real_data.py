@@ -6,6 +6,8 @@
   demonstrations, that ends within 1 mm of the mean end of the training demonstrations.
 * Handwriting of several patterns in one set (LASA's `Multi_Models`): each demonstration is left out once, and the others are learned, as
   one pattern and as those that `find_patterns` finds. The start says which of them is drawn. Error: DTWD of the demonstration left out.
+* Letters and tasks with a led arm (HelloWorld, RoboTasks): as handwriting, trained on 1 to 4, from the starts of all. Error: the mean
+  distance along the best alignment [cm]; of orientations, the mean angle along theirs [deg], and the worst at the same stamp of 1 to 4.
 * Task-parameterised sets (pbdlib, TP-GMM): each demonstration is left out once. Error and goal: the mean distance along the best
   alignment, and that of the ends, in % of the diagonal of all demonstrations. Where samples of a set jump, or repeat for uneven times,
   each method also gets the paths alone, from rest to rest (`retimed`). Errors are those from the samples as published, in either case.
@@ -19,7 +21,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -28,7 +30,7 @@ import numpy as np
 
 from dart_skill.experiments.parallel import all_of
 from dart_skill.experiments.peers import pbdlib_mixture
-from dart_skill.experiments.published_sets import Demonstrated, lasa_shapes, pbdlib_sets, tpgmm_sets
+from dart_skill.experiments.published_sets import Demonstrated, helloworld_sets, lasa_shapes, pbdlib_sets, robotasks_sets, tpgmm_sets
 from dart_skill.movement import (
     DSGMR,
     AutonomousDSGMR,
@@ -38,11 +40,13 @@ from dart_skill.movement import (
     TaskParameterisedMixture,
     find_faults,
     find_patterns,
+    make_continuous,
     resampled,
     retimed,
     smooth_derivatives,
     warped_distance,
 )
+from dart_skill.movement.pose import DiscretePosePrimitive, PoseDSGMR, PoseFrame, angles_between
 
 N_TRAIN = 4
 N_SAMPLES = 500
@@ -72,10 +76,15 @@ Generalise = Callable[[Sequence[Demonstrated], np.ndarray, Sequence[TaskFrame], 
 class Score:
     """One method on one set.
 
-    kind: of the set, "handwriting", "patterns" or "frames". name: of the set. method: in the words of the table.
-    train, test: DTWD [mm] for handwriting; for several patterns and for a task-parameterised set test is the error of what was left out
-    ([mm] and [%]), and train nan. goal: for the latter, that of the ends [%].
-    arrived: share of the grid that ends at the goal, nan for what has a clock.
+    * kind: of the set, "handwriting", "patterns", "led", "poses" or "frames".
+    * name: of the set.
+    * method: in the words of the table.
+    * train, test: DTWD [mm] for handwriting; mean distance [cm] for a led arm; for several patterns and for a task-parameterised set test
+      is the error of what was left out ([mm] and [%]), and train nan.
+    * arrived: share of the grid that ends at the goal, nan for what has a clock.
+    * goal: of a task-parameterised set, the error of the ends [%].
+    * turned: of poses, the mean angle from what was not shown [deg].
+    * worst: of poses, the largest angle from what was shown, at the same stamp [deg].
     """
 
     kind: str
@@ -85,6 +94,8 @@ class Score:
     test: float
     arrived: float = np.nan
     goal: float = np.nan
+    turned: float = np.nan
+    worst: float = np.nan
 
 
 def run(folder: Path, jobs: int = 1, shapes: Sequence[str] = (), pbdlib: Path | None = None) -> list[Score]:
@@ -100,6 +111,8 @@ def run(folder: Path, jobs: int = 1, shapes: Sequence[str] = (), pbdlib: Path | 
     for kind, load in (
         ("handwriting", lasa_shapes),
         ("patterns", partial(lasa_shapes, several=True)),
+        ("led", helloworld_sets),
+        ("poses", robotasks_sets),
         ("frames", pbdlib_sets),
         ("frames", tpgmm_sets),
     ):
@@ -122,7 +135,7 @@ def _scored(work: Sequence[tuple[str, str, list[Demonstrated]]], pbdlib: Path | 
     kind, name, demonstrations = work[i]
     if kind == "frames":
         return left_out(name, demonstrations, pbdlib)
-    return {"handwriting": handwriting, "patterns": several_patterns}[kind](name, demonstrations)
+    return {"handwriting": handwriting, "patterns": several_patterns, "led": led, "poses": poses}[kind](name, demonstrations)
 
 
 def handwriting(name: str, demonstrations: Sequence[Demonstrated]) -> list[Score]:
@@ -200,11 +213,14 @@ def _driven_by_clock(clock: np.ndarray, paths: list[np.ndarray]) -> Reproduce:
 
 
 def _from_start(start: np.ndarray) -> list[TaskFrame]:
-    return [TaskFrame(np.eye(3), np.array([0.0, *start])), *STILL]
+    """Frames of [t, position]: at the start (d,), and that of the world."""
+    axes = np.eye(1 + len(start))
+    return [TaskFrame(axes, np.array([0.0, *start])), TaskFrame(axes, np.zeros(len(axes)))]
 
 
 def _nearest(paths: list[np.ndarray], start: np.ndarray) -> int:
-    return int(np.argmin([np.linalg.norm(path[0] - start) for path in paths]))
+    """The path that begins nearest to a start; orientations, which come after the position, are not asked."""
+    return int(np.argmin([np.linalg.norm(path[0, :3] - start[:3]) for path in paths]))
 
 
 def _nearest_primitive(clock: np.ndarray, paths: list[np.ndarray]) -> Reproduce:
@@ -226,6 +242,99 @@ def _nearest_peer(clock: np.ndarray, paths: list[np.ndarray]) -> Reproduce:
         peer.imitate(clock, path)
         peer.configure(start_y=start, goal_y=path[-1])
         return peer.open_loop()[1]
+
+    return reproduce
+
+
+def led(name: str, demonstrations: Sequence[Demonstrated]) -> list[Score]:
+    """The methods on positions of one set of a led arm."""
+    clock, paths = _on_one_clock(demonstrations, [one.position for one in demonstrations])
+    shown = paths[:N_TRAIN]
+    methods: dict[str, Reproduce] = {
+        "DSGMR": _driven_by_clock(clock, shown),
+        "DiscretePrimitive, nearest": _nearest_primitive(clock, shown),
+    }
+    if importlib.util.find_spec(PEER) is not None:
+        methods[f"{PEER}, nearest"] = _nearest_peer(clock, shown)
+    scores = []
+    for method, reproduce in methods.items():
+        errors = [_mean_distance(reproduce(path[0]), path) for path in paths]
+        scores.append(Score("led", name, method, float(np.mean(errors[:N_TRAIN])), float(np.mean(errors[N_TRAIN:]))))
+    return scores
+
+
+def poses(name: str, demonstrations: Sequence[Demonstrated]) -> list[Score]:
+    """The methods on one set of a led arm with orientations: those on positions, and those on poses."""
+    clock, paths = _on_one_clock(demonstrations, [_pose_rows(one) for one in demonstrations])
+    paths = [np.hstack([path[:, :3], path[:, 3:] / np.linalg.norm(path[:, 3:], axis=1, keepdims=True)]) for path in paths]
+    shown = paths[:N_TRAIN]
+    methods: dict[str, Reproduce] = {"PoseDSGMR": _pose_ds_gmr(clock, shown), "DiscretePosePrimitive, nearest": _nearest_pose(clock, shown)}
+    if importlib.util.find_spec(PEER) is not None:
+        methods["CartesianDMP, nearest"] = _nearest_pose_peer(clock, shown)
+    scores = []
+    for method, reproduce in methods.items():
+        made = [reproduce(path[0]) for path in paths]
+        errors = [_mean_distance(one[:, :3], path[:, :3]) for one, path in zip(made, paths, strict=True)]
+        angles = [_mean_angle(one[:, 3:], path[:, 3:]) for one, path in zip(made, paths, strict=True)]
+        worst = max(float(np.degrees(angles_between(one[:, 3:], path[:, 3:]).max())) for one, path in zip(made, shown, strict=False))
+        train, test = float(np.mean(errors[:N_TRAIN])), float(np.mean(errors[N_TRAIN:]))
+        scores.append(Score("poses", name, method, train, test, turned=float(np.mean(angles[N_TRAIN:])), worst=worst))
+    return [*(replace(one, kind="poses") for one in led(name, demonstrations)), *scores]
+
+
+def _on_one_clock(demonstrations: Sequence[Demonstrated], rows: Sequence[np.ndarray]) -> tuple[np.ndarray, list[np.ndarray]]:
+    """N_SAMPLES stamps over the mean duration, and the rows of each demonstration at them."""
+    duration = float(np.mean([one.time[-1] - one.time[0] for one in demonstrations[:N_TRAIN]]))
+    return duration * np.linspace(0.0, 1.0, N_SAMPLES), [resampled(one, N_SAMPLES) for one in rows]
+
+
+def _pose_rows(one: Demonstrated) -> np.ndarray:
+    assert one.orientation is not None
+    return np.hstack([one.position, one.orientation])
+
+
+def _mean_distance(made: np.ndarray, path: np.ndarray) -> float:
+    total, steps = warped_distance(resampled(made, N_SAMPLES), path)
+    return total / steps
+
+
+def _mean_angle(made: np.ndarray, path: np.ndarray) -> float:
+    """Mean angle [deg] of orientations (n, 4) along their best alignment: a chord of length c on S3 is an angle of 4 asin(c / 2)."""
+    chord = _mean_distance(make_continuous(made) * np.sign(made[0] @ path[0]), path)
+    return float(np.degrees(4.0 * np.arcsin(0.5 * chord)))
+
+
+def _pose_ds_gmr(clock: np.ndarray, paths: list[np.ndarray]) -> Reproduce:
+    """As `_driven_by_clock`, on poses."""
+
+    def frames(start: np.ndarray) -> list[PoseFrame]:
+        return [PoseFrame(start[:3]), PoseFrame(np.zeros(3))]
+
+    model = PoseDSGMR(COMPONENTS).fit([PoseDSGMR(COMPONENTS).encode(clock, path) for path in paths], [frames(path[0]) for path in paths])
+    return lambda start: model.reproduce(frames(start), clock, start).pose
+
+
+def _nearest_pose(clock: np.ndarray, paths: list[np.ndarray]) -> Reproduce:
+    primitives = [DiscretePosePrimitive(WEIGHTS).fit(clock, path) for path in paths]
+
+    def reproduce(start: np.ndarray) -> np.ndarray:
+        primitive = primitives[_nearest(paths, start)]
+        return primitive.open_loop(clock, primitive.begin(start)).pose
+
+    return reproduce
+
+
+def _nearest_pose_peer(clock: np.ndarray, paths: list[np.ndarray]) -> Reproduce:
+    """Its quaternions begin with w."""
+    peer_class = importlib.import_module(f"{PEER}.dmp").CartesianDMP
+    w_first, w_last = [0, 1, 2, 6, 3, 4, 5], [0, 1, 2, 4, 5, 6, 3]
+
+    def reproduce(start: np.ndarray) -> np.ndarray:
+        path = paths[_nearest(paths, start)]
+        peer = peer_class(execution_time=clock[-1], dt=clock[1], n_weights_per_dim=WEIGHTS)
+        peer.imitate(clock, path[:, w_first])
+        peer.configure(start_y=start[w_first], goal_y=path[-1, w_first])
+        return resampled(peer.open_loop()[1][:, w_last], N_SAMPLES)
 
     return reproduce
 
@@ -301,6 +410,12 @@ def table(scores: Sequence[Score]) -> str:
     for kind, head, rows_of in (
         ("handwriting", f"{'method':<32}{'shapes':>7}{'train [mm]':>12}{'test [mm]':>12}{'at the goal':>13}", _means),
         ("patterns", f"{'set, left out':<20}{'method':<30}{'error [mm]':>12}", _of_patterns),
+        ("led", f"{'method':<32}{'sets':>7}{'train [cm]':>12}{'test [cm]':>12}", _means),
+        (
+            "poses",
+            f"{'task':<22}{'method':<32}{'train [cm]':>12}{'test [cm]':>12}{'test [deg]':>12}{'worst [deg]':>13}",
+            _of_poses,
+        ),
         ("frames", f"{'set, left out':<20}{'method':<18}{'error [%]':>12}{'goal [%]':>12}", _of_frames),
     ):
         if rows := [score for score in scores if score.kind == kind]:
@@ -314,6 +429,14 @@ def _of_patterns(rows: Sequence[Score]) -> list[str]:
     return [f"{row.name:<20}{row.method:<30}{row.test:>12.0f}" for row in rows]
 
 
+def _of_poses(rows: Sequence[Score]) -> list[str]:
+    return [
+        f"{row.name:<22}{row.method:<32}{row.train:>12.2f}{row.test:>12.2f}"
+        + ("" if np.isnan(row.turned) else f"{row.turned:>12.1f}{row.worst:>13.1f}")
+        for row in rows
+    ]
+
+
 def _of_frames(rows: Sequence[Score]) -> list[str]:
     return [f"{row.name:<20}{row.method:<18}{row.test:>12.2f}{row.goal:>12.2f}" for row in rows]
 
@@ -323,6 +446,9 @@ def _means(rows: Sequence[Score]) -> list[str]:
     for method in dict.fromkeys(row.method for row in rows):
         own = [row for row in rows if row.method == method]
         train, test, arrived = (np.mean([getattr(row, field) for row in own]) for field in ("train", "test", "arrived"))
+        if rows[0].kind == "led":
+            lines.append(f"{method:<32}{len(own):>7}{train:>12.2f}{test:>12.2f}")
+            continue
         share = "-" if np.isnan(arrived) else f"{100.0 * arrived:.0f} %"
         lines.append(f"{method:<32}{len(own):>7}{train:>12.0f}{test:>12.0f}{share:>13}")
     return lines

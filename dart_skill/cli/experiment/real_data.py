@@ -18,7 +18,7 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
         type=Path,
         required=True,
         metavar="FOLDER",
-        help="with DataSet/*.mat of LASA handwriting, pbdlib/data of pbdlib-python, or data of TP-GMM",
+        help="with DataSet/*.mat of LASA handwriting, datasets of clfd, pbdlib/data of pbdlib-python, or data of TP-GMM",
     )
     parser.add_argument("--pbdlib", type=Path, metavar="FOLDER", help="checkout of pbdlib-python for Python 3: a peer in task frames")
     parser.add_argument("--shapes", metavar="NAMES", default="", help="only these, separated by commas (default: all in the folder)")

@@ -6,8 +6,8 @@ from scipy.io import savemat
 
 from dart_skill.cli import main
 from dart_skill.experiments.peers import pbdlib_mixture
-from dart_skill.experiments.published_sets import lasa_shapes, pbdlib_sets, tpgmm_sets
-from dart_skill.experiments.real_data import handwriting, left_out, run, several_patterns, table
+from dart_skill.experiments.published_sets import helloworld_sets, lasa_shapes, pbdlib_sets, robotasks_sets, tpgmm_sets
+from dart_skill.experiments.real_data import _mean_angle, handwriting, led, left_out, poses, run, several_patterns, table
 
 STARTS = np.random.default_rng(0).normal([-40.0, 20.0], 2.0, (7, 2))
 
@@ -52,6 +52,24 @@ def planar(tmp_path):
 
 
 @pytest.fixture
+def arm(tmp_path):
+    """Files as those of clfd: six letters [cm] to the origin, and six tasks that turn the wrist by 100 degrees, w first."""
+    letters, tasks = tmp_path / "clfd/datasets/robot_hello_world/processed_demos", tmp_path / "clfd/datasets/robottasks/pos_ori"
+    for folder in (letters, tasks):
+        folder.mkdir(parents=True)
+    starts = np.random.default_rng(3).normal([-20.0, 10.0, 30.0], 1.0, (6, 3))
+    s = np.linspace(0.0, 1.0, 300)
+    s = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    paths = starts[:, None] * (1.0 - s[:, None]) + np.outer(np.sin(np.pi * s), [0.0, 5.0, 0.0])
+    half = np.radians(50.0) * s
+    turned = np.column_stack([np.cos(half), 0.0 * s, np.sin(half), 0.0 * s])
+    turned[150:] *= -1.0  # the same orientations
+    np.save(letters / "h.npy", np.concatenate([paths[..., :2], np.zeros_like(paths[..., :2])], axis=-1))
+    np.save(tasks / "pour.npy", np.concatenate([paths, np.broadcast_to(turned, (6, 300, 4))], axis=-1))
+    return tmp_path
+
+
+@pytest.fixture
 def aligned(tmp_path):
     """Files as those of TP-GMM: six reaches of a hand [m] between turned frames, aligned in time, so that they wait and jump.
 
@@ -73,6 +91,35 @@ def aligned(tmp_path):
             np.savetxt(folder / f"Demon_{i}_sample_frame{p}_A.txt", np.hstack([turn] * 300), delimiter=",")
             np.savetxt(folder / f"Demon_{i}_sample_frame{p}_b.txt", np.repeat([[0.0], *end[:, None]], 300, axis=1), delimiter=",")
     return tmp_path
+
+
+def test_letters_and_poses_of_a_led_arm_are_read(arm):
+    (letter,), (task,) = helloworld_sets(arm).values(), robotasks_sets(arm / "clfd").values()
+    assert len(letter) == len(task) == 6 and letter[0].position.shape == (300, 2) and letter[0].orientation is None
+    assert task[0].time[60] == pytest.approx(1.0) and task[0].position.shape == (300, 3)
+    half = np.radians(50.0)
+    np.testing.assert_allclose(task[0].orientation[[0, -1]], [[0.0, 0.0, 0.0, 1.0], [0.0, np.sin(half), 0.0, np.cos(half)]], atol=1e-12)
+
+
+def test_a_led_arm_is_followed_from_other_starts(arm):
+    for score in led("h", helloworld_sets(arm)["h"]):
+        assert score.train < 0.1 and score.test < 0.3, score
+    scores = {score.method: score for score in poses("pour", robotasks_sets(arm)["pour"])}
+    assert len(scores) >= 4 and np.isnan(scores["DSGMR"].worst)
+    assert scores["PoseDSGMR"].test < 0.3 and scores["PoseDSGMR"].turned < 1.0, scores["PoseDSGMR"]
+    assert scores["DiscretePosePrimitive, nearest"].worst < 0.1, scores["DiscretePosePrimitive, nearest"]
+    assert "pour" in table(list(scores.values())) and "1  " in table(led("h", helloworld_sets(arm)["h"]))
+
+
+def test_the_angle_along_an_alignment_is_that_between_orientations():
+    """A turn about y by 20 degrees more, at any speed, and of either sign of the quaternion."""
+
+    def turn(degrees):
+        half = 0.5 * np.radians(degrees)
+        return np.column_stack([np.sin(half), 0.0 * half, 0.0 * half, np.cos(half)])
+
+    still = np.full(500, 30.0)
+    assert _mean_angle(-turn(still + 20.0), turn(still)) == pytest.approx(20.0)
 
 
 def test_recordings_with_the_same_stamps_are_a_set(aligned):
@@ -140,11 +187,16 @@ def test_the_command_prints_a_table_of_what_is_there(lasa, capsys):
 
 
 def test_what_is_missing_or_damaged_is_said_with_where_it_is_published(lasa, tmp_path):
-    for load in (lasa_shapes, pbdlib_sets, tpgmm_sets, run):
+    for load in (lasa_shapes, helloworld_sets, robotasks_sets, pbdlib_sets, tpgmm_sets, run):
         with pytest.raises(ValueError, match=r"nothing holds no .*published at https://"):
             load(tmp_path / "nothing")
     with pytest.raises(ValueError, match="there is no Angel in .*it holds Bow"):
         run(lasa, shapes=["Angel"])
+    letters = tmp_path / "datasets" / "robot_hello_world" / "processed_demos"
+    letters.mkdir(parents=True)
+    np.save(letters / "h.npy", np.zeros((4, 2)))
+    with pytest.raises(ValueError, match=r"h.npy cannot be read .*shape \(N, n, 2\), got \(4, 2\)"):
+        helloworld_sets(tmp_path)
     (lasa / "DataSet" / "Bow.mat").write_bytes(b"no MATLAB file at all")
     with pytest.raises(ValueError, match=r"Bow.mat cannot be read .*published at https://"):
         run(lasa)
