@@ -344,7 +344,7 @@ def left_out(name: str, demonstrations: Sequence[Demonstrated], pbdlib: Path | N
 
     pbdlib: as in `run`. Where samples jump or repeat for uneven times, all methods also learn from the paths alone.
     """
-    methods: dict[str, Generalise] = {"DSGMR": _by_ds_gmr, "GMR": _by_regression}
+    methods: dict[str, Generalise] = {"DSGMR": _by_ds_gmr, "DSGMR, prior": _by_ds_gmr_with_prior, "GMR": _by_regression}
     if pbdlib is not None:
         methods["pbdlib"] = partial(_by_pbdlib, pbdlib_mixture(pbdlib))
     duration = float(np.mean([one.time[-1] for one in demonstrations]))
@@ -378,10 +378,17 @@ def _left_out_by(generalise: Generalise, learned: Sequence[Demonstrated], publis
     return float(error), np.nan, float(goal)
 
 
-def _by_ds_gmr(shown: Sequence[Demonstrated], clock: np.ndarray, frames: Sequence[TaskFrame], start: np.ndarray) -> np.ndarray:
-    model = DSGMR(COMPONENTS)
+def _by_ds_gmr(
+    shown: Sequence[Demonstrated], clock: np.ndarray, frames: Sequence[TaskFrame], start: np.ndarray, prior: float = 0.0
+) -> np.ndarray:
+    model = DSGMR(COMPONENTS, covariance_prior=prior)
     model.fit([model.encode(one.time, one.position) for one in shown], [one.frames for one in shown])
     return model.reproduce(frames, clock, start, np.zeros_like(start), covariance=False).position
+
+
+def _by_ds_gmr_with_prior(shown: Sequence[Demonstrated], clock: np.ndarray, frames: Sequence[TaskFrame], start: np.ndarray) -> np.ndarray:
+    """The prior on the covariances counts as many samples as there are columns."""
+    return _by_ds_gmr(shown, clock, frames, start, 1.0 + len(start))
 
 
 def _by_regression(shown: Sequence[Demonstrated], clock: np.ndarray, frames: Sequence[TaskFrame], start: np.ndarray) -> np.ndarray:
@@ -416,7 +423,7 @@ def table(scores: Sequence[Score]) -> str:
             f"{'task':<22}{'method':<32}{'train [cm]':>12}{'test [cm]':>12}{'test [deg]':>12}{'worst [deg]':>13}",
             _of_poses,
         ),
-        ("frames", f"{'set, left out':<20}{'method':<18}{'error [%]':>12}{'goal [%]':>12}", _of_frames),
+        ("frames", f"{'set, left out':<20}{'method':<24}{'error [%]':>12}{'goal [%]':>12}", _of_frames),
     ):
         if rows := [score for score in scores if score.kind == kind]:
             lines += [head, *rows_of(rows)]
@@ -438,7 +445,7 @@ def _of_poses(rows: Sequence[Score]) -> list[str]:
 
 
 def _of_frames(rows: Sequence[Score]) -> list[str]:
-    return [f"{row.name:<20}{row.method:<18}{row.test:>12.2f}{row.goal:>12.2f}" for row in rows]
+    return [f"{row.name:<20}{row.method:<24}{row.test:>12.2f}{row.goal:>12.2f}" for row in rows]
 
 
 def _means(rows: Sequence[Score]) -> list[str]:

@@ -3,7 +3,16 @@ components, split and merge (5.3), data spectroscopy (5.4), likelihood of weight
 """
 
 from dart_skill.mixture._estimator import GaussianMixtureEstimator, GaussianMixtureRegressor
-from dart_skill.mixture._expectation_maximisation import Parameters, column_scales, expectation_at, in_units, maximisation, normalise_log
+from dart_skill.mixture._expectation_maximisation import (
+    Parameters,
+    column_scales,
+    expectation_at,
+    in_units,
+    masses_of,
+    maximisation,
+    normalise_log,
+    with_prior,
+)
 from dart_skill.mixture._gaussian import (
     Gaussian,
     cholesky,
@@ -47,6 +56,7 @@ __all__ = [
     "in_units",
     "kmeans_start",
     "linear_combination",
+    "masses_of",
     "maximisation",
     "mean_log_likelihood",
     "merge",
@@ -65,4 +75,5 @@ __all__ = [
     "split_and_merge",
     "stochastic_universal_sampling",
     "symmetric",
+    "with_prior",
 ]

@@ -208,7 +208,7 @@ class _Run:
             self.revivals_left -= dead.size
             return _revive(self.blocks, counts, log_density, dead, floor)
         counts = np.delete(counts, dead, axis=1) if dead.size else counts
-        return self._with_prior(maximisation(self.blocks, counts, floor), [_only_seen(block, counts)[1].sum(0) for block in self.blocks])
+        return with_prior(maximisation(self.blocks, counts, floor), masses_of(self.blocks, counts), self.settings.covariance_prior)
 
     def iterate(self, parameters: Parameters) -> Fit:
         """EM until the mean log-likelihood stops changing."""
@@ -234,20 +234,11 @@ class _Run:
     def _maximise(self, sweep: Sweep, sums: Sums) -> list[Components]:
         """M step of the sweep, with the prior if there is one."""
         components = sweep.maximise(sums)
-        if not self.settings.covariance_prior:
-            return components
-        return _to_white(sweep, self._with_prior(_from_white(sweep, sums.mass, components), [one[:, 0, 0] for one in sums.products]))
-
-    def _with_prior(self, parameters: Parameters, masses: list[np.ndarray]) -> Parameters:
-        """Each covariance averaged with that of the prior: the mode of the inverse Wishart posterior. masses: counts (K,) of each block."""
         strength = self.settings.covariance_prior
         if not strength:
-            return parameters
-        covariances = [
-            (mass[:, None, None] * one + strength * prior_covariance(*one.shape[:2])) / (mass + strength)[:, None, None]
-            for one, mass in zip(parameters.covariances, masses, strict=True)
-        ]
-        return replace(parameters, covariances=covariances)
+            return components
+        masses = [one[:, 0, 0] for one in sums.products]
+        return _to_white(sweep, with_prior(_from_white(sweep, sums.mass, components), masses, strength))
 
     def _log_prior(self, sweep: Sweep, components: list[Components]) -> float:
         """Of the covariances, per sample and up to a constant: -(strength / 2) sum_k log |S_k| + tr(S_k^-1 P)."""
@@ -260,6 +251,27 @@ class _Run:
             for one in covariances
         ]
         return float(-0.5 * strength * sum(terms) / self.weights.sum())
+
+
+def masses_of(blocks: list[np.ndarray], counts: np.ndarray) -> list[np.ndarray]:
+    """Total counts (K,) of the samples that each block sees. blocks: (n, d) each, with nan in rows that it does not see; counts: (n, K)."""
+    return [_only_seen(block, counts)[1].sum(0) for block in blocks]
+
+
+def with_prior(parameters: Parameters, masses: list[np.ndarray], strength: float) -> Parameters:
+    """Each covariance averaged with that of the prior: the mode of the inverse Wishart posterior.
+
+    * parameters: of standardised samples, as `maximisation` finds them.
+    * masses: total counts (K,) in each block.
+    * strength: weight of the prior, in samples; 0 for none.
+    """
+    if not strength:
+        return parameters
+    covariances = [
+        (mass[:, None, None] * one + strength * prior_covariance(*one.shape[:2])) / (mass + strength)[:, None, None]
+        for one, mass in zip(parameters.covariances, masses, strict=True)
+    ]
+    return replace(parameters, covariances=covariances)
 
 
 def prior_covariance(n_components: int, n_dims: int) -> np.ndarray:

@@ -60,7 +60,8 @@ class DSGMR(AttractorModel):
     * overlap: float, default None. Standard deviation of a component in time, relative to its interval. For partition "time" the default
       is 0.7. For "em" it is what EM finds; a number makes `TaskParameterisedMixture.fit_around` follow EM: smoother attractors, and no
       component that belongs to a few demonstrations.
-    * mixture_options: hyper-parameters of `TaskParameterisedMixture`. With partition "time" only covariance_floor is used.
+    * mixture_options: hyper-parameters of `TaskParameterisedMixture`. With partition "time" only covariance_floor and
+      covariance_prior are used.
 
     Attribute after `fit`: mixture_, the fitted TaskParameterisedMixture over [t, u, y].
     """

@@ -132,7 +132,7 @@ def test_recordings_with_the_same_stamps_are_a_set(aligned):
 
 def test_a_path_is_learned_where_an_alignment_has_spoilt_the_stamps(aligned):
     first = next(iter(tpgmm_sets(aligned).values()))
-    as_published, _, path, positions = left_out("reach", first)
+    as_published, _, _, path, _, positions = left_out("reach", first)
     assert (as_published.method, path.method, positions.method) == ("DSGMR", "DSGMR, retimed", "GMR, retimed")
     assert path.goal < 0.5 < as_published.goal and path.test < as_published.test, (as_published, path)
 
@@ -178,7 +178,7 @@ def test_patterns_are_drawn_one_by_one_and_not_as_their_mean(lasa):
 
 def test_what_is_left_out_is_reached_in_its_frames(planar):
     for score in left_out("reach", pbdlib_sets(planar)["reach"]):
-        assert score.test < 3.0 and score.goal < 1.5, score
+        assert score.test < 3.0 and score.goal < (5.0 if "prior" in score.method else 1.5), score
 
 
 def test_the_command_prints_a_table_of_what_is_there(lasa, capsys):
