@@ -268,7 +268,11 @@ def poses(name: str, demonstrations: Sequence[Demonstrated]) -> list[Score]:
     clock, paths = _on_one_clock(demonstrations, [_pose_rows(one) for one in demonstrations])
     paths = [np.hstack([path[:, :3], path[:, 3:] / np.linalg.norm(path[:, 3:], axis=1, keepdims=True)]) for path in paths]
     shown = paths[:N_TRAIN]
-    methods: dict[str, Reproduce] = {"PoseDSGMR": _pose_ds_gmr(clock, shown), "DiscretePosePrimitive, nearest": _nearest_pose(clock, shown)}
+    methods: dict[str, Reproduce] = {
+        "PoseDSGMR": _pose_ds_gmr(clock, shown),
+        "DiscretePosePrimitive, nearest": _nearest_pose(clock, shown),
+        "the same, by path": _nearest_pose(clock, shown, "path"),
+    }
     if importlib.util.find_spec(PEER) is not None:
         methods["CartesianDMP, nearest"] = _nearest_pose_peer(clock, shown)
     scores = []
@@ -314,8 +318,8 @@ def _pose_ds_gmr(clock: np.ndarray, paths: list[np.ndarray]) -> Reproduce:
     return lambda start: model.reproduce(frames(start), clock, start).pose
 
 
-def _nearest_pose(clock: np.ndarray, paths: list[np.ndarray]) -> Reproduce:
-    primitives = [DiscretePosePrimitive(WEIGHTS).fit(clock, path) for path in paths]
+def _nearest_pose(clock: np.ndarray, paths: list[np.ndarray], regression: str = "joint") -> Reproduce:
+    primitives = [DiscretePosePrimitive(WEIGHTS, regression=regression).fit(clock, path) for path in paths]
 
     def reproduce(start: np.ndarray) -> np.ndarray:
         primitive = primitives[_nearest(paths, start)]

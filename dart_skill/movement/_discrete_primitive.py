@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_count, as_number
-from dart_skill.movement._demonstrations import as_demonstrations, shares
-from dart_skill.movement._forcing import GaussianKernels
+from dart_skill.movement._demonstrations import Demonstration, as_demonstrations, shares
+from dart_skill.movement._forcing import REGRESSIONS, GaussianKernels
 from dart_skill.movement._goal_path import BlendAttractor, blend
 from dart_skill.movement._primitive import Execution, Primitive, PrimitiveState
 
@@ -26,7 +28,8 @@ class DiscretePrimitive(Primitive):
     * canonical_decay: float, default 4.6. alpha_z of (7.6); z is exp(-alpha_z) at the end.
     * phase_scaled: bool, default False. True: f is multiplied by z, so that it fades.
     * goal_path: "smooth" (default) or "fixed" as in (7.8).
-    * regression: "joint" (default) or "local" as in (7.13).
+    * regression: "joint" (default), "local" as in (7.13), or "path". The first two fit accelerations. "path" then finds the weights and the
+      speed at the start for which the movement itself is nearest to the positions; for demonstrations whose start is noisy.
 
     Attributes after `fit`; all but the first are means over the demonstrations:
 
@@ -53,7 +56,10 @@ class DiscretePrimitive(Primitive):
             raise ValueError(f"canonical_decay must be at most {MAX_DECAY:g}, got {decay:g}: z would vanish before the end")
         if goal_path not in ("smooth", "fixed"):
             raise ValueError(f"goal_path must be 'smooth' or 'fixed', got {goal_path!r}")
-        super().__init__(GaussianKernels(n_basis, decay), n_basis, stiffness, regression)
+        if regression not in (*REGRESSIONS, "path"):
+            raise ValueError(f"regression must be one of {[*REGRESSIONS, 'path']}, got {regression!r}")
+        super().__init__(GaussianKernels(n_basis, decay), n_basis, stiffness, "joint" if regression == "path" else regression)
+        self.regression = regression
         self.canonical_decay, self.phase_scaled, self.goal_path = decay, phase_scaled, goal_path
         self._smooth_path = BlendAttractor(self.stiffness, self._damping)
 
@@ -83,10 +89,38 @@ class DiscretePrimitive(Primitive):
         goals = np.array([demo.motion.position[-1] for demo in demonstrations])
         speeds = np.array([demo.motion.velocity[0] for demo in demonstrations]) * durations[:, None]
         self._learn(demonstrations, starts, goals, durations)
+        if self.regression == "path":
+            speeds += self._approach_paths(demonstrations, starts, goals, speeds)
         share = shares(demonstrations)
         self.start_, self.goal_, self.duration_ = share @ starts, share @ goals, float(share @ durations)
         self.start_velocity_ = share @ speeds / self.duration_
         return self
+
+    def _approach_paths(self, demonstrations: list[Demonstration], starts: np.ndarray, goals: np.ndarray, speeds: np.ndarray) -> np.ndarray:
+        """Change the weights so that the movements are nearest to the positions shown; returns the change (d,) of the speeds at the start.
+
+        The movement is linear in weights and speed, so that is one least-squares problem. starts, goals (m, d); speeds (m, d), by progress.
+        """
+        rows, rest = [], []
+        for demo, start, goal, speed in zip(demonstrations, starts, goals, speeds, strict=True):
+            duration, root = demo.time[-1], np.sqrt(demo.weights)[:, None]
+            state = self._begin(Execution(start, goal, np.ones(len(start)), duration), start, speed / duration, 0.0)
+            rows.append(root * self._responses(demo.time / duration))
+            rest.append(root * (demo.motion.position - self.open_loop(demo.time, state).position))
+        equations = np.concatenate(rows)
+        sizes = np.linalg.norm(equations, axis=0)
+        sizes = np.where(sizes > 0.0, sizes, 1.0)
+        change = np.linalg.lstsq(equations / sizes, np.concatenate(rest), rcond=None)[0] / sizes[:, None]
+        self.weights_ = self.weights_ + change[:-1]
+        return np.asarray(change[-1])
+
+    def _responses(self, progress: np.ndarray) -> np.ndarray:
+        """Movement (n, n_basis + 1) that each kernel alone makes from rest, and that a speed of 1 at the start makes; progress (n,)."""
+        each, n = copy(self), self.n_basis
+        each.weights_ = np.eye(n)
+        rest = np.zeros(n)
+        moved = each._follow(each._begin(Execution(rest, rest, np.ones(n), 1.0), rest, rest, 0.0), progress, None)[0]
+        return np.column_stack([moved, progress * np.exp(-self._frequency * progress)])
 
     def begin(
         self,

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from dart_skill.checks import as_finite, as_number, as_vector
 from dart_skill.movement._demonstrations import Demonstration
 from dart_skill.movement._differentiation import Motion
-from dart_skill.movement._forcing import REGRESSIONS, Kernels, normalised, transformation
+from dart_skill.movement._forcing import REGRESSIONS, Kernels, normalised, regress_jointly, transformation
 from dart_skill.movement._runge_kutta import divide, integrate
 from dart_skill.movement._saved import Arrays, SavedModel, array_of
 from dart_skill.movement._time import as_stamps
@@ -176,7 +176,8 @@ class Primitive(SavedModel):
         target = np.concatenate([self._reference(*execution) for execution in executions])
         weights = np.concatenate([demo.weights for demo in demonstrations])
         psi = normalised(self._kernels.raw(progress))
-        self.weights_ = REGRESSIONS[self.regression](psi, self._gate(progress), target, weights, self._kernels.neighbours)
+        regress = REGRESSIONS.get(self.regression, regress_jointly)
+        self.weights_ = regress(psi, self._gate(progress), target, weights, self._kernels.neighbours)
 
     def _reference(self, demonstration: Demonstration, start: np.ndarray, goal: np.ndarray, duration: float) -> np.ndarray:
         """f_ref (n, d) of (7.12), with A = 1: the drive that the spring-damper needs to move as demonstrated."""

@@ -15,7 +15,8 @@ The default differs from the printed equations in some points. Options give the 
   2009). The system is linear, so a new start or goal adds the path between old and new, and the goal is reached at the
   end. `goal_path="fixed"` is (7.8).
 * All weights are found in one regression. (7.13) fits each kernel as if it were alone, although kernels overlap, and this
-  smooths the movement too much. `regression="local"` is (7.13).
+  smooths the movement too much. `regression="local"` is (7.13). Both fit accelerations; `regression="path"` fits the positions of
+  the movement, in which it is linear, too.
 * (7.10) has no factor z, so f never ends; (7.13) has z. Without z, f fades to zero over a quarter of the duration after
   the end. `phase_scaled=True` multiplies f by z.
 * In (7.13) Psi also contains the weights of samples and demonstrations. The amplitude A of (7.12) is one.

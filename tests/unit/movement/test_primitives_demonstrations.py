@@ -206,7 +206,7 @@ def test_bad_demonstrations_are_refused_with_value_place_and_remedy(kind, name):
         ({"stiffness": 0.0}, "stiffness must be above 0, got 0"),
         ({"canonical_decay": 1e3}, "canonical_decay must be at most 100, got 1000: z would vanish before the end"),
         ({"goal_path": "straight"}, "goal_path must be 'smooth' or 'fixed', got 'straight'"),
-        ({"regression": "global"}, "regression must be one of ['joint', 'local'], got 'global'"),
+        ({"regression": "global"}, "regression must be one of ['joint', 'local', 'path'], got 'global'"),
     ],
 )
 def test_bad_hyper_parameters_are_named(settings, message):
