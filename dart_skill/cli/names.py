@@ -12,8 +12,9 @@ PRACTICE_METHODS = ("residual", "bootstrap", "both", "power", "none")
 CHANGES = ("none", "heavier_ball", "friction", "weaker_motors", "slower_hand", "base_turned")
 """`dart_skill.experiments.practice`."""
 SEARCHES = (
-    "mixture", "mixture_daspec", "power", "power_constant", "power_proportional", "cem", "cma", "cma_default", "reinforce", "enac",
-    "restarts", "monte_carlo", "niches", "sharpening", "model_based",
+    "mixture", "mixture_daspec", "mixture_automatic", "mixture_automatic_free", "mixture_tenth", "mixture_automatic_tenth",
+    "mixture_tenfold", "mixture_automatic_tenfold", "power", "power_constant", "power_proportional", "cem", "cma", "cma_default",
+    "reinforce", "enac", "restarts", "monte_carlo", "niches", "sharpening", "model_based",
 )  # fmt: skip
 """`dart_skill.experiments.dart_search`."""
 SCHEDULES = ("thesis", "extended", "thesis_12000", "extended_12000")

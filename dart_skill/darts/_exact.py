@@ -63,7 +63,8 @@ def expected_score(aims: ArrayLike, spread: Spread | float | ArrayLike) -> np.nd
     for rows in _chunks(len(flat), len(boundary.position)):
         field = _field(_exponent(flat[rows], boundary.position, spread), spread)
         values[rows] = field @ moment - np.einsum("nd,nd->n", field @ boundary.jump, flat[rows])
-    return values.reshape(aims.shape[:-1])
+    # Far off the board round-off may be all that there is, on either side of zero.
+    return np.maximum(values, 0.0).reshape(aims.shape[:-1])
 
 
 def bed_probabilities(aims: ArrayLike, spread: Spread | float | ArrayLike) -> np.ndarray:

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import scipy
@@ -101,6 +101,11 @@ class _Informed:
         self._agent.tell(int(reward))
 
 
+def _begun(factor: float, **options: Any) -> Callable[..., Method]:
+    """The mixture with a first spread that is wrong by a factor, as somebody would choose who does not know it."""
+    return lambda start, spread, *, rng: MixturePoWER(start, factor * spread, rng=rng, **options)
+
+
 SCHEDULES = {
     "thesis": Schedule(75.0, 16.0, 3000),
     "extended": Schedule(75.0, 6.0, 3000),
@@ -111,6 +116,12 @@ REWARDS = ("expected", "thrown")
 METHODS: dict[str, Callable[..., Method]] = {
     "mixture": MixturePoWER,
     "mixture_daspec": partial(MixturePoWER, readings=Readings(structure="spectroscopy")),
+    "mixture_automatic": partial(MixturePoWER, exploration="automatic", limits=(0.03, 10.0)),
+    "mixture_automatic_free": partial(MixturePoWER, exploration="automatic"),
+    "mixture_tenth": _begun(0.1),
+    "mixture_automatic_tenth": _begun(0.1, exploration="automatic"),
+    "mixture_tenfold": _begun(10.0),
+    "mixture_automatic_tenfold": _begun(10.0, exploration="automatic"),
     "power": partial(PoWER, limits=(0.03, 10.0)),
     "power_constant": partial(PoWER, exploration="constant"),
     "power_proportional": partial(PoWER, exploration="proportional"),

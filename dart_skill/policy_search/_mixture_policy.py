@@ -15,6 +15,11 @@ DEAD_SHARE = 1e-6  # a component with less than this share of all weight is drop
 FLATTEST = 1e-10  # least variance of a component relative to its largest one, so that its covariance can be inverted
 
 
+def alive(mass: np.ndarray) -> np.ndarray:
+    """Which components (K,) are kept, by the weight (K,) that each of them has; none if there is no weight at all."""
+    return mass > DEAD_SHARE * mass.sum()
+
+
 class MixturePolicy:
     """Components with priors (K,), means (K, d) and covariances (K, d, d), stored as variances (K, d) along axes (K, d, d)."""
 
@@ -62,19 +67,22 @@ class MixturePolicy:
         The weights are returns times responsibilities, of the M best. A component without weight is dropped.
         """
         mass = weights.sum(axis=1)
-        alive = mass > DEAD_SHARE * mass.sum()
-        if not alive.any():
+        kept = alive(mass)
+        if not kept.any():
             return False
-        weights, mass = weights[alive], mass[alive]
+        weights, mass = weights[kept], mass[kept]
         shares = weights / mass[:, None]
-        deviations = points - self.means[alive, None]
+        deviations = points - self.means[kept, None]
         covariances = np.swapaxes(deviations * shares[..., None], 1, 2) @ deviations
-        self.priors, self.means = mass / mass.sum(), self.means[alive] + (shares[:, None] @ deviations)[:, 0]
+        self.priors, self.means = mass / mass.sum(), self.means[kept] + (shares[:, None] @ deviations)[:, 0]
         self._set_shapes(covariances, noisy=True)
         return True
 
-    def replace(self, priors: np.ndarray, means: np.ndarray, covariances: np.ndarray, noisy: bool) -> None:
-        """Set other components; noisy: with exploration noise added to their covariances. The limits hold in any case."""
+    def replace(self, priors: np.ndarray, means: np.ndarray, covariances: np.ndarray, noisy: bool, origins: list[int | None]) -> None:
+        """Set other components; noisy: with exploration noise added to their covariances. The limits hold in any case.
+
+        origins (K,): which component each of them was before, None for a new one; here it makes no difference.
+        """
         self.priors, self.means = priors / priors.sum(), means
         self._set_shapes(covariances, noisy)
 

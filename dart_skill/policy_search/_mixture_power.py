@@ -22,8 +22,9 @@ from dart_skill.checks import as_count, as_number, as_vector
 from dart_skill.mixture import GaussianMixture, SplitMerge, adapt, data_spectroscopy
 from dart_skill.policy_search._mixture_policy import MixturePolicy
 from dart_skill.policy_search._policy import as_spread
-from dart_skill.policy_search._power import with_defaults
+from dart_skill.policy_search._power import population, with_defaults
 from dart_skill.policy_search._search import Search, Settings, Told, Trial, read_returns
+from dart_skill.policy_search._sized_mixture import SizedMixture
 from dart_skill.policy_search._weights import return_weights
 
 CHOICES = {
@@ -34,7 +35,9 @@ CHOICES = {
     "draw": ("prior", "equal"),
     "guess": ("return", "prior"),
 }
-EXPLORATIONS = ("constant", "proportional")
+EXPLORATIONS = ("constant", "proportional", "automatic")
+SURER = SplitMerge(split_threshold=0.3, merge_threshold=0.05, refine=2)
+"""With "automatic": components on one hill, each far smaller than the hill, do not overlap, so splits need more and mergers less."""
 
 
 @dataclass(frozen=True)
@@ -114,18 +117,19 @@ class MixturePoWER(Search):
     * spread: one number or (d,). Standard deviations of the first Gaussian.
     * rng: numpy Generator.
     * exploration: "constant" (default) adds Sigma_0 to (5.4); "proportional" adds as much in total, in proportion to the
-      eigenvalues. "automatic", as `PoWER` has it, is refused: `PathLength` needs each trial once, and here a trial counts in
-      up to `latest` updates. For returns at random it should keep the size. With one component, M = 15, S = 150 and an update
-      after every 1, 10, 75, 150 returns it changes log size by -17.2, -1.13, -0.05, 0.00 in 100 trials (medians of 6 seeds).
+      eigenvalues. "automatic": every component chooses its own size, as `PoWER` does. It learns from the trials that were
+      drawn from it, each once; its prior and the number of components still come from all of the `latest` trials.
     * weighting: "returns" (default), "rank" or "exponential", see `return_weights`. "returns" takes the text literally, and
       needs returns of at least 0. With the others the best trials have so much weight that in darts one component takes all.
-    * batch: int, default 1. Number of returns between updates.
+    * batch: int, number of returns between updates; default None: 1. With "automatic", number of its own trials after which
+      a component takes a step from the better half of them; default then 2 (4 + 3 log d). Half as many find fewer hills.
     * best: int, default 15. M.
     * latest: int, default 150. S; both as in 6.3.
-    * minimum_exploration: float, default 0.1. Root of Sigma_0 relative to `spread`. A hill that moves farther than a few
-      times this within S trials is lost.
+    * minimum_exploration: float, default 0.1. Root of Sigma_0 relative to `spread`, which "automatic" does without. A hill
+      that moves farther than a few times this within S trials is lost.
     * limits (2,): smallest and largest exploration along any axis, relative to `spread`; default None as in `PoWER`.
-    * readings: Readings, what the thesis leaves open; default None: its defaults.
+    * readings: Readings, what the thesis leaves open; default None: its defaults, with "automatic" a split from a gain of 0.3
+      and a merger up to a loss of 0.05.
     """
 
     def __init__(
@@ -136,7 +140,7 @@ class MixturePoWER(Search):
         rng: np.random.Generator,
         exploration: str = "constant",
         weighting: str = "returns",
-        batch: int = 1,
+        batch: int | None = None,
         best: int = 15,
         latest: int = 150,
         minimum_exploration: float = 0.1,
@@ -150,11 +154,16 @@ class MixturePoWER(Search):
             raise ValueError(f"exploration must be one of {EXPLORATIONS}, got {exploration!r}; a mixture learns its covariances")
         if not isinstance(readings, (Readings, type(None))):
             raise ValueError(f"readings must be a Readings, got {type(readings).__name__}: Readings(...) with what you choose")
-        settings = with_defaults(start.size, exploration, weighting, batch, best, latest, minimum_exploration, limits, latest)
+        automatic = exploration == "automatic"
+        if batch is None:
+            batch = 2 * population(start.size) if automatic else 1
+        noise = "constant" if automatic else exploration
+        settings = with_defaults(start.size, noise, weighting, batch, best, latest, minimum_exploration, limits, latest)
+        settings = replace(settings, exploration=exploration)
         super().__init__(settings, rng)
-        self.readings = readings or Readings()
-        self._policy = MixturePolicy(start, as_spread(spread, start.shape), settings)
-        least = max(self.readings.rule.covariance_floor, settings.minimum_exploration**2, settings.limits[0] ** 2)
+        self.readings = readings or (Readings(rule=SURER) if automatic else Readings())
+        self._policy = (SizedMixture if automatic else MixturePolicy)(start, as_spread(spread, start.shape), settings)
+        least = max(self.readings.rule.covariance_floor, settings.limits[0] ** 2, 0.0 if automatic else settings.minimum_exploration**2)
         self._rule = replace(self.readings.rule, covariance_floor=least)
         self._checked = 0
 
@@ -188,13 +197,26 @@ class MixturePoWER(Search):
         ends = np.cumsum(self._policy.priors) if self.readings.draw == "prior" else np.arange(1.0, self.n_components + 1)
         component = int(np.searchsorted(ends, self._rng.random() * ends[-1], side="right"))
         noise = self._rng.standard_normal(self._policy.start.size)
-        return noise, self._policy.draw(component, noise)
+        tried = self._policy.draw(component, noise)
+        if isinstance(self._policy, SizedMixture):
+            noise = np.append(noise, self._policy.label(component))
+        return noise, tried
 
     def _present(self, number: int, tried: np.ndarray) -> Trial:
         return Trial(number, tried)
 
     def _read(self, outcome: ArrayLike) -> np.ndarray:
         return read_returns(outcome, (), self.settings.weighting)
+
+    def _learn(self) -> bool:
+        if not isinstance(self._policy, SizedMixture):
+            return super()._learn()
+        last = self._told[-1]
+        moved = self._policy.learn(int(last.noise[-1]), replace(last, noise=last.noise[:-1]))
+        # Priors and structure come from all of the latest trials, after every return as with the other explorations.
+        shared = len(self._told) >= self.settings.best and self._update(sorted(self._told, key=lambda told: told.number))
+        self.n_updates += moved or shared
+        return moved or shared
 
     def _update(self, told: list[Told]) -> bool:
         returns = np.array([trial.outcome for trial in told])
@@ -237,11 +259,11 @@ class MixturePoWER(Search):
         if self.readings.structure == "split_and_merge":
             adapted = adapt(policy.components, points, weights, self._rule, self.readings.most)
             if adapted.split is not None or adapted.merged is not None:
-                policy.replace(*adapted.components, noisy=False)
+                policy.replace(*adapted.components, noisy=False, origins=origins(self.n_components, adapted.split, adapted.merged))
         elif self.readings.structure == "spectroscopy":
             groups = data_spectroscopy(points, weights, bandwidth=self.readings.bandwidth)
             if groups.n_groups != self.n_components and groups.n_groups <= self.readings.most:
-                policy.replace(*grouped(points, weights, groups.labels), noisy=True)
+                policy.replace(*grouped(points, weights, groups.labels), noisy=True, origins=[None] * groups.n_groups)
 
     def _policy_state(self) -> dict:
         return {**self._policy.state(), "readings": asdict(self.readings), "checked": self._checked}
@@ -253,6 +275,18 @@ class MixturePoWER(Search):
         search._policy.restore(state)
         search._checked = state["checked"]
         return search
+
+
+def origins(n_components: int, split: int | None, merged: tuple[int, int] | None) -> list[int | None]:
+    """Which of the components each one was before a split and a merger, None for a new one. Indices as in `Adaptation`."""
+    before: list[int | None] = list(range(n_components))
+    if split is not None:
+        before[split] = None
+        before.append(None)
+    if merged is not None:
+        before[merged[0]] = None
+        del before[merged[1]]
+    return before
 
 
 def grouped(points: np.ndarray, weights: np.ndarray, labels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

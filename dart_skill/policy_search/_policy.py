@@ -54,6 +54,15 @@ class GaussianPolicy:
         """Standard deviation along the longest axis, in units of the spread at the start."""
         return self.size * float(np.sqrt(self.variances.max()))
 
+    def begin(self, mean: np.ndarray, covariance: np.ndarray) -> None:
+        """Go on from another Gaussian with an empty path: mean (d,) and covariance (d, d), in spreads from the start."""
+        variances, axes = np.linalg.eigh(covariance)
+        low, high = self._settings.limits
+        variances = np.clip(variances, low**2, high**2)
+        self.mean, self.size = mean, float(np.sqrt(variances.max()))
+        self.path = PathLength(mean.size, self.path.diagonal)
+        self._set_shape(variances / self.size**2, axes)
+
     def draw(self, noise: np.ndarray) -> np.ndarray:
         """Parameters (n, d) from standard normal noise (n, d)."""
         return self.start + self.scale * (self.mean + self.size * self._coloured(noise))

@@ -55,7 +55,13 @@ def with_defaults(
     if limits is None:
         limits = (max(minimum, SMALLEST) if exploration == "proportional" else SMALLEST, LARGEST)
     low, high = as_vector(limits, "limits", 2).tolist()
-    return Settings(exploration, weighting, batch, best, latest, minimum, (low, high))
+    settings = Settings(exploration, weighting, batch, best, latest, minimum, (low, high))
+    if automatic and latest != batch:
+        raise ValueError(
+            f"exploration 'automatic' learns from each trial once, but latest = {latest} and batch = {batch}: "
+            "give one of them, or choose 'constant' or 'proportional'"
+        )
+    return settings
 
 
 def population(d: int) -> int:

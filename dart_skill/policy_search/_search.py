@@ -64,11 +64,6 @@ class Settings:
             as_count(getattr(self, name), name)
         if self.latest < max(2, self.best, self.batch):
             raise ValueError(f"latest = {self.latest} must be at least 2, best = {self.best} and batch = {self.batch}: raise it")
-        if self.exploration == "automatic" and self.latest != self.batch:
-            raise ValueError(
-                f"exploration 'automatic' learns from each trial once, but latest = {self.latest} and batch = {self.batch}: "
-                "give one of them, or choose 'constant' or 'proportional'"
-            )
         as_number(self.minimum_exploration, "minimum_exploration", strict=False)
         low, high = (as_number(limit, "limits") for limit in self.limits)
         if not low < 1.0 < high:

@@ -356,6 +356,15 @@ TYPED = {
     "dart-skill darts search --methods reinforce,enac,mixture_daspec --schedules thesis,extended --results runs.jsonl": Run(
         "--methods enac --schedules thesis --seeds 1", says="enac", leaves="runs.jsonl"
     ),
+    "dart-skill darts search --methods mixture_automatic --schedules thesis,extended --results runs.jsonl": Run(
+        "--schedules thesis --seeds 1", says="mixture_automatic", leaves="runs.jsonl"
+    ),
+    "dart-skill darts search --methods mixture_automatic_free,mixture_automatic_tenth --results runs.jsonl": Elsewhere(
+        "unit/experiments/test_dart_search.py::test_every_method_runs_and_regret_is_never_negative"
+    ),
+    "dart-skill darts search --methods mixture_automatic_tenfold,mixture_tenth,mixture_tenfold --results runs.jsonl": Elsewhere(
+        "unit/experiments/test_dart_search.py::test_every_method_runs_and_regret_is_never_negative"
+    ),
     "dart-skill darts search --reward thrown --methods power,cma,cem,mixture --schedules thesis_12000": Run(
         "--methods power --schedules thesis --seeds 1", says="power +thesis +thrown"
     ),

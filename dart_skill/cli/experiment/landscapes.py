@@ -6,7 +6,10 @@ import argparse
 
 from dart_skill.cli.experiment.search import add_runs
 
-METHODS = "power,power_constant,power_proportional,cem,cma,cma_default,reinforce,enac,mixture,mixture_daspec,restarts,monte_carlo,niches"
+METHODS = (
+    "power,power_constant,power_proportional,cem,cma,cma_default,reinforce,enac,mixture,mixture_daspec,mixture_automatic,restarts,"
+    "monte_carlo,niches"
+)
 
 
 def add_to(experiments: argparse._SubParsersAction) -> None:

@@ -77,6 +77,13 @@ def test_random_darts_score_the_expectation_on_average(rng):
     assert scores.mean() == pytest.approx(expected_score([-40.0, -80.0], spread), abs=4.5 * error)
 
 
+@pytest.mark.parametrize("sigma", [5.0, 75.0])
+def test_far_off_the_board_nothing_is_expected_and_never_less(sigma, rng):
+    aims = rng.uniform(-3000.0, 3000.0, (2000, 2))
+    expected = expected_score(aims, sigma)
+    assert expected.min() >= 0.0 and expected[np.hypot(*aims.T) > 1000.0].max() < 1e-9
+
+
 def test_derivatives_are_those_of_the_quadrature():
     step = 0.05
     offsets = step * np.array([[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [-1, -1], [1, -1], [-1, 1], [0, 0]])

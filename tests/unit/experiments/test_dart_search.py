@@ -42,10 +42,19 @@ def test_the_best_score_of_every_throw_is_that_of_the_best_aim():
     assert (np.diff(best) > 0.0).all(), "a better thrower scores more"
 
 
-@pytest.mark.parametrize(
-    "method",
-    ["mixture", "mixture_daspec", "power", "power_proportional", "cem", "enac", "reinforce", "restarts", "monte_carlo", "sharpening"],
+OF_EACH_KIND = (
+    "mixture",
+    "mixture_daspec",
+    "mixture_automatic",
+    "mixture_tenth",
+    "mixture_automatic_tenfold",
+    "power",
+    "power_proportional",
 )
+OF_OTHERS = ("cem", "enac", "reinforce", "restarts", "monte_carlo", "sharpening")
+
+
+@pytest.mark.parametrize("method", [*OF_EACH_KIND, *OF_OTHERS])
 def test_every_method_runs_and_regret_is_never_negative(short, method):
     one = run(Task(method, "thesis", 1))
     assert len(one.throw_regrets) == len(one.best_regrets) == len(one.components) == 20
@@ -121,5 +130,5 @@ def test_search_on_the_command_line(short, tmp_path, capsys):
     assert main(arguments) == 0
     assert json.loads(capsys.readouterr().out)[0]["runs"] == 2
     assert main(["darts", "search", "--methods", "psychic"]) == 1
-    assert "there is no method 'psychic': choose one of mixture, mixture_daspec, power" in capsys.readouterr().err
+    assert "there is no method 'psychic': choose one of mixture, mixture_daspec, mixture_automatic" in capsys.readouterr().err
     assert main(["darts", "search", "--seeds", "0"]) == 1

@@ -105,6 +105,26 @@ def test_with_one_component_it_is_power(exploration):
     np.testing.assert_allclose(mixture.mixture.covariances_[0], single.covariance, rtol=1e-9)
 
 
+@pytest.mark.parametrize("weighting", ["returns", "rank"])
+def test_with_one_component_automatic_exploration_is_that_of_power(weighting):
+    """The same trials too, from the same generator but for the draw of the component."""
+    options = {"weighting": weighting, "exploration": "automatic", "batch": 6}
+    mixture = MixturePoWER([1.0, 2.0], [2.0, 0.5], rng=np.random.default_rng(0), readings=FIXED, **options)
+    single = PoWER([1.0, 2.0], [2.0, 0.5], rng=np.random.default_rng(0), **options)
+    for _ in range(120):
+        trial, own = mixture.ask(), single.ask()
+        state = single.state()
+        noise = mixture.state()["open"][0][1][:2]
+        state["open"] = [[own.number, noise, trial.parameters.tolist()]]
+        single = PoWER.from_state(state)
+        value = float(np.exp(-np.sum((trial.parameters - [0.0, 2.5]) ** 2)))
+        mixture.tell(trial, value)
+        single.tell(own.number, value)
+    assert single.n_updates == 20
+    np.testing.assert_array_equal(mixture.parameters, single.parameters)
+    np.testing.assert_allclose(mixture.mixture.covariances_[0], single.covariance, rtol=1e-9)
+
+
 def test_of_equal_returns_the_latest_count():
     search = search_of(batch=4, best=2, latest=4, minimum_exploration=0.1, readings=Readings(structure="fixed", best_of="all"))
     assert told(search, [[-5.0], [-5.0], [1.0], [2.0]], [1.0] * 4).parameters == pytest.approx([1.5])
@@ -224,6 +244,127 @@ def test_rewards_of_any_sign_need_another_weighting():
     assert np.linalg.norm(search.maximise(lambda x: -np.sum((x - 1) ** 2), 600) - 1) < 0.3
 
 
+# --- automatic exploration ------------------------------------------------------------------------------------------
+
+
+def self_sized(d, seed=0, readings=FIXED, **options):
+    return search_of(d, seed=seed, readings=readings, exploration="automatic", **options)
+
+
+def sizes_of(search):
+    """Geometric mean of the standard deviations of each component (K,), in spreads."""
+    return np.linalg.det(search.mixture.covariances_) ** (0.5 / search.mixture.n_dims)
+
+
+def best_of(search, function):
+    """Return of one more trial."""
+    trial = search.ask()
+    value = function(trial.parameters)
+    search.tell(trial, value)
+    return value
+
+
+def two_of_them(means, seed=0, readings=FIXED, **options):
+    """Two components with size 1, as after a split, and equal priors."""
+    search = self_sized(len(means[0]), seed, readings, **options)
+    search._policy.replace(np.full(2, 0.5), np.array(means), np.array([np.eye(len(means[0]))] * 2), noisy=False, origins=[None, None])
+    return search
+
+
+@pytest.mark.parametrize("apart", [0.5, 20.0])
+def test_without_preference_both_components_keep_their_size(apart):
+    """As PoWER does with as many trials, also where they overlap and every trial is shared by both."""
+    rng = np.random.default_rng(2)
+    equal = Readings(structure="fixed", draw="equal")
+    logs = []
+    for seed in range(30):
+        search = two_of_them([[-apart / 2, 0.0, 0.0], [apart / 2, 0.0, 0.0]], seed, equal, weighting="rank")
+        search.maximise(lambda _: rng.uniform(), 160)
+        logs.extend(np.log(sizes_of(search)))
+    alone = [PoWER(np.zeros(3), 1.0, rng=rng, batch=14) for _ in range(60)]
+    for each in alone:
+        each.maximise(lambda _: rng.uniform(), 80)
+    usual = [np.log(np.linalg.det(each.covariance)) / 6 for each in alone]
+    apart_by = np.hypot(np.std(logs), np.std(usual)) / np.sqrt(60)
+    assert abs(np.mean(logs) - np.mean(usual)) < 3 * apart_by and abs(np.mean(logs)) < 0.3, (np.mean(logs), np.mean(usual), apart_by)
+
+
+def test_each_component_grows_on_its_slope_and_shrinks_at_its_peak():
+    """To the left a slope, to the right a hill: one component grows while the other shrinks."""
+
+    def slope_and_hill(x):
+        return float(200.0 - x[1] if x[0] < 0 else 200.0 - np.sum((x - [100.0, 0.0]) ** 2))
+
+    search = two_of_them([[-100.0, 0.0], [100.0, 0.0]], readings=Readings(structure="fixed", draw="equal"), weighting="rank")
+    search.maximise(slope_and_hill, 320)
+    left, right = search.mixture.means_[:, 0].argmin(), search.mixture.means_[:, 0].argmax()
+    sizes = sizes_of(search)
+    assert sizes[left] > 3.0 and sizes[right] < 0.1, sizes
+
+
+def test_two_modes_shrink_apart():
+    """From one wide Gaussian: a split, then each component on a hill of its own, and much smaller than the hills are apart."""
+    found = []
+    for seed in range(5):
+        search = MixturePoWER(np.zeros(2), 3.0, rng=np.random.default_rng(seed), exploration="automatic", limits=(0.01, 10.0))
+        search.maximise(lambda x: two_hills(x, (1.0, 1.0)), 1200)
+        nearest = np.linalg.norm(search.mixture.means_ - HILLS[:, None], axis=-1).argmin(axis=1)
+        off = np.linalg.norm(search.mixture.means_[nearest] - HILLS, axis=1)
+        found.append(bool((off < 0.2).all() and (sizes_of(search)[nearest] < 0.2).all()))
+    assert sum(found) >= 4, found
+
+
+@pytest.mark.parametrize("factor", [0.1, 10.0])
+def test_a_start_that_is_ten_times_too_small_or_too_large_is_made_up_for(factor):
+    def hill(x):
+        return float(np.exp(-0.5 * np.sum((x - [2.0, 0.0]) ** 2) / 2.0**2))
+
+    def lost(exploration):
+        """Median over seeds of what the last 100 of 600 trials lose."""
+        values = []
+        for seed in range(5):
+            search = MixturePoWER(np.zeros(2), factor, rng=np.random.default_rng(seed), exploration=exploration)
+            search.maximise(hill, 500)
+            values.append(np.mean([1.0 - best_of(search, hill) for _ in range(100)]))
+        return np.median(values)
+
+    assert lost("automatic") < 0.6 * lost("constant"), (lost("automatic"), lost("constant"))
+
+
+def test_what_is_neither_split_nor_merged_keeps_its_path():
+    search = two_of_them([[-5.0, 0.0], [5.0, 0.0]], readings=Readings(structure="fixed", draw="equal"))
+    search.maximise(two_hills, 60)
+    before = search.state()["policy"]["parts"]
+    mixture = search._policy
+    mixture.replace(np.full(3, 1 / 3), np.zeros((3, 2)), np.array([np.eye(2)] * 3), noisy=False, origins=[None, 1, None])
+    after = search.state()["policy"]["parts"]
+    assert after[1] == before[1] and after[0]["policy"]["path"] == [0.0, 0.0]
+    assert len({part["label"] for part in before + after}) == 4
+
+
+def test_trials_of_a_component_that_is_gone_are_told_to_nobody():
+    search = self_sized(2, batch=2)
+    trials = [search.ask() for _ in range(4)]
+    search._policy.replace(np.ones(1), np.zeros((1, 2)), np.eye(2)[None], noisy=False, origins=[None])
+    for trial in trials:
+        search.tell(trial, 1.0 + trial.parameters[0])
+    assert search.parameters.tolist() == [0.0, 0.0] and search.n_told == 4
+
+
+@pytest.mark.parametrize("structure", ["split_and_merge", "spectroscopy"])
+def test_a_saved_search_with_automatic_exploration_goes_on_with_the_very_same_trials(structure, tmp_path):
+    readings = Readings(structure=structure, check_every=7)
+    search = MixturePoWER(np.zeros(2), 3.0, rng=np.random.default_rng(5), readings=readings, exploration="automatic", limits=(0.01, 10.0))
+    search.maximise(two_hills, 101)
+    waiting = search.ask()
+    search.save(tmp_path / "search.json")
+    twin = MixturePoWER.load(tmp_path / "search.json")
+    for each in (search, twin):
+        each.tell(waiting, two_hills(waiting.parameters))
+        each.maximise(two_hills, 60)
+    assert json.dumps(twin.state()) == json.dumps(search.state())
+
+
 # --- saving and refusing ------------------------------------------------------------------------------------------
 
 
@@ -285,7 +426,7 @@ def test_unknown_readings_are_refused(options, message):
         ([np.nan], 1.0, {}, "nan"),
         ([0.0], -1.0, {}, "spread must be above 0"),
         ([0.0], [1.0, 1.0], {}, "spread must be one number"),
-        ([0.0], 1.0, {"exploration": "automatic"}, "exploration must be one of"),
+        ([0.0], 1.0, {"exploration": "fixed"}, "exploration must be one of"),
         ([0.0], 1.0, {"weighting": "loud"}, "weighting must be one of"),
         ([0.0], 1.0, {"best": 200}, "latest = 150 must be at least"),
         ([0.0], 1.0, {"minimum_exploration": -0.1}, "minimum_exploration"),
