@@ -12,7 +12,7 @@ from dart_skill.policy_search._mixture_power import MixturePoWER, Readings
 from dart_skill.policy_search._niches import Niches
 from dart_skill.policy_search._power import PoWER
 from dart_skill.policy_search._primitive import PrimitivePoWER, PrimitiveTrial
-from dart_skill.policy_search._search import Search, Trial
+from dart_skill.policy_search._search import Search, Trial, generator_state, restored_generator
 from dart_skill.policy_search._sharpening import Sharpening
 from dart_skill.policy_search._weights import return_weights
 
@@ -33,9 +33,11 @@ __all__ = [
     "Search",
     "Sharpening",
     "Trial",
+    "generator_state",
     "natural_gradient",
     "optimal_baseline",
     "reinforce_gradient",
+    "restored_generator",
     "return_weights",
     "with_constant_noise",
     "with_proportional_noise",

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from dart_skill.checks import as_count, as_number, as_vector
 from dart_skill.policy_search._policy import GaussianPolicy, as_spread
 from dart_skill.policy_search._power import LARGEST, SMALLEST, PoWER, population
-from dart_skill.policy_search._search import Search, Settings, Told, Trial, _plain, _restored_generator, read_returns
+from dart_skill.policy_search._search import Search, Settings, Told, Trial, _plain, read_returns, restored_generator
 from dart_skill.policy_search._weights import among_best
 
 
@@ -359,7 +359,7 @@ class CMAES(VectorSearch):
     def _from_policy_state(cls, state: dict, settings: Settings, rng: np.random.Generator) -> CMAES:
         minimum = settings.minimum_exploration
         search = cls(state["start"], state["scale"], rng=rng, batch=settings.batch, minimum_exploration=minimum)
-        search._rng = _restored_generator(state["first_state"])
+        search._rng = restored_generator(state["first_state"])
         search._begin()
         search._history = list(state["history"])
         return search

@@ -212,7 +212,7 @@ class Search(ABC):
             "open": [[number, noise.tolist(), tried.tolist()] for number, (noise, tried) in self._open.items()],
             "told": [[told.number, told.noise.tolist(), told.tried.tolist(), told.outcome.tolist()] for told in self._told],
             "best": None if best is None else [self.best_return, best.number, best.parameters.tolist()],
-            "generator": _plain(self._rng.bit_generator.state),
+            "generator": generator_state(self._rng),
             "policy": self._policy_state(),
         }
 
@@ -224,7 +224,7 @@ class Search(ABC):
             raise ValueError(f"state is of {kind!r}, not of {cls.__name__!r}: give what {cls.__name__}.state() returned")
         try:
             settings = Settings(**{**state["settings"], "limits": tuple(state["settings"]["limits"])})
-            search = cls._from_policy_state(state["policy"], settings, _restored_generator(state["generator"]))
+            search = cls._from_policy_state(state["policy"], settings, restored_generator(state["generator"]))
             search._restore(state)
         except (KeyError, TypeError) as error:
             raise ValueError(f"state is damaged ({error}); it was cut or comes from another version") from error
@@ -279,7 +279,16 @@ def _plain(value: Any) -> Any:
     return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value
 
 
-def _restored_generator(state: dict) -> np.random.Generator:
+def generator_state(rng: np.random.Generator) -> dict:
+    """The state of a generator as numbers, strings, lists and dicts for JSON. rng: the generator."""
+    return _plain(rng.bit_generator.state)
+
+
+def restored_generator(state: dict) -> np.random.Generator:
+    """A generator that goes on as the one did whose `generator_state` this is. ValueError for a kind that is not known.
+
+    state: as it was returned.
+    """
     name = state["bit_generator"]
     if name not in GENERATORS:
         raise ValueError(f"generator {name!r} is not known; use one of {GENERATORS}")

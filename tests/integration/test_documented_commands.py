@@ -225,6 +225,8 @@ TYPED = {
     "dart-skill up --skill place": SKILLS,
     "dart-skill teach --count 8": SKILLS,
     "dart-skill practice --method power --throws 30": PRACTICE,
+    "dart-skill practice --method power --throws 30 --output monday": PRACTICE,
+    "dart-skill practice --model monday/model.npz --throws 10": PRACTICE,
     "dart-skill practice": PRACTICE,
     "dart-skill practice --change base_turned": PRACTICE,
     "dart-skill practice --change base_turned --change-after 5": PRACTICE,

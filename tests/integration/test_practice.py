@@ -11,8 +11,10 @@ from dart_skill_msgs.msg import SimulationState
 from dart_skill_msgs.srv import Plan
 
 from dart_skill.regions import targets_for
+from dart_skill.robot import same_plan
 from dart_skill.session import Session
-from dart_skill.skill.improve import PractisingSkill
+from dart_skill.skill.improve import PractisingSkill, practised_skill
+from dart_skill.skill.learn import load_model
 from dart_skill.world import ROLES
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.verbs import practice
@@ -91,7 +93,7 @@ def test_landings_and_what_was_learned_are_those_of_the_session_to_the_last_bit(
         np.testing.assert_array_equal(getattr(plan, part), getattr(in_process["plan"], part), part)
 
 
-def test_power_explores_and_learns_over_the_nodes_as_in_process(make_graph):
+def test_power_explores_and_learns_over_the_nodes_as_in_process_and_its_model_goes_on(make_graph, tmp_path):
     """Five throws as they are planned, then two with which PoWER tries something else; a test between them teaches nothing."""
     shown, targets = targets_for(SEED, 2, 7)
     _, client = make_graph(seed=SEED, extra={"skill_learner": {"practice_method": "power"}})
@@ -99,7 +101,14 @@ def test_power_explores_and_learns_over_the_nodes_as_in_process(make_graph):
     outcomes = client.practise(targets=targets[:6]).outcomes
     outcomes += client.practise(targets=targets[:1], only_throw=True).outcomes
     outcomes += client.practise(targets=targets[6:]).outcomes
-    plan = conversions.throw_plan(client.call(client.node.create_client(Plan, "/skill_learner/plan"), plan_request(NEW)).plan)
+    planner = client.node.create_client(Plan, "/skill_learner/plan")
+    plan = conversions.throw_plan(client.call(planner, plan_request(NEW)).plan)
+    model_id = client.save(tmp_path / "practised.npz")
+    client.learn()
+    assert not np.array_equal(conversions.throw_plan(client.call(planner, plan_request(NEW)).plan).aim, plan.aim), "begins anew"
+    assert client.load(tmp_path / "practised.npz") == model_id
+    again = conversions.throw_plan(client.call(planner, plan_request(NEW)).plan)
+    assert same_plan(again, plan), "what PoWER found is in the model"
 
     session, landings = Session(SEED), []
     skill = PractisingSkill([session.teach(target)[-1].demonstration for target in shown], method="power")
@@ -113,6 +122,9 @@ def test_power_explores_and_learns_over_the_nodes_as_in_process(make_graph):
     assert skill.search.open == 0 and (skill.search.spread > 0.0).all()
     np.testing.assert_array_equal([conversions.seen_at(outcome, "landing") for outcome in outcomes], landings)
     np.testing.assert_array_equal(plan.aim, skill.plan(NEW).aim)
+    loaded = practised_skill(load_model(tmp_path / "practised.npz"))
+    assert loaded.method == "power" and same_plan(loaded.plan(NEW), skill.plan(NEW)), "also without ROS, and whatever method is asked for"
+    assert json.dumps(loaded.search.state()) == json.dumps(skill.search.state())
 
 
 def test_the_practice_command_changes_the_arm_on_the_way_and_reports_every_throw(tmp_path):
@@ -140,6 +152,7 @@ def test_the_practice_command_changes_the_arm_on_the_way_and_reports_every_throw
     errors = [throw["error_m"] for throw in summary["throws"]]
     assert errors[1] > 0.08 > errors[0], f"five degrees at 1.5 m and more: {errors}"
     assert "from now on: base_turned" in done.stderr
+    assert practised_skill(load_model(tmp_path / "out" / "model.npz")).practised == 2
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert summary == json.loads((tmp_path / "out" / "summary.json").read_text())
     assert [(one["when"], one["after_throws"], len(one["throws"])) for one in summary["tests"]] == [
@@ -150,6 +163,14 @@ def test_the_practice_command_changes_the_arm_on_the_way_and_reports_every_throw
     assert changed["error_m"] > 0.08 > before["error_m"] and after["error_m"] < changed["error_m"]
     assert "after practice: median landing error at 1 fixed baskets" in page
     assert "base turned" in page and "base_turned, after 1 own throws, unannounced" in page
+
+    command = ["dart-skill", "practice", "--model", str(tmp_path / "out" / "model.npz"), "--throws", "1", "--tests", "0"]
+    done = subprocess.run([*command, "--output", str(tmp_path / "on")], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert "nobody shows anything" in done.stderr and "model.npz goes on with what it has found" in done.stdout
+    on = practised_skill(load_model(tmp_path / "on" / "model.npz"))
+    assert on.practised == 3 and len(on.correction) + len(on.correction.suspicions()) == 3
+    assert "Practice: the model model.npz, 1 own throws" in (tmp_path / "on" / "report.html").read_text(encoding="utf-8")
 
 
 def row(error):

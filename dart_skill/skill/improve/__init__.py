@@ -3,6 +3,7 @@
 from dart_skill.skill.improve._correction import CorrectionSettings
 from dart_skill.skill.improve._curriculum import Curriculum
 from dart_skill.skill.improve._practice import Practice, PracticeSettings
+from dart_skill.skill.improve._practised_file import practised_skill, save_practised
 from dart_skill.skill.improve._practising import METHODS, PractisingSkill
 
 __all__ = [
@@ -12,4 +13,6 @@ __all__ = [
     "Practice",
     "PracticeSettings",
     "PractisingSkill",
+    "practised_skill",
+    "save_practised",
 ]

@@ -179,6 +179,14 @@ class Correction:
             explained = throws[:, 4:] if throws.shape[1] == 6 else np.zeros((len(throws), 2))
             self._remember(list(throws[:, :2]), list(throws[:, 2:4]), list(explained))
 
+    def suspicions(self) -> list:
+        """Misses that surprised and wait for another like them, for JSON."""
+        return [[part.tolist() for part in one] for one in self._suspects]
+
+    def suspect(self, suspicions: list) -> None:
+        """Wait as another correction did. suspicions: as it gave them."""
+        self._suspects = [_Suspect(*(np.array(part, dtype=float).reshape(2) for part in one)) for one in suspicions]
+
     def add(self, place: np.ndarray, miss: np.ndarray, explained: np.ndarray = NOTHING) -> None:
         """Remember a miss (2,) [m] at a place (2,).
 

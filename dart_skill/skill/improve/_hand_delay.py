@@ -53,6 +53,15 @@ class HandDelay:
         else:
             self._odd = float(delay)
 
+    def state(self) -> dict:
+        """What is remembered, for JSON."""
+        return {"delays": self._delays, "odd": self._odd}
+
+    def restore(self, state: dict) -> None:
+        """Remember what `state` gave, and nothing else. state: as it was returned."""
+        self._delays = [float(delay) for delay in state["delays"]]
+        self._odd = None if state["odd"] is None else float(state["odd"])
+
 
 def likely_late(seen: float, uncertainty: float, spread: float = USUAL) -> float:
     """How late [s] a hand most probably let go that was seen to be so late, with an uncertainty [s]; nan stays nan.

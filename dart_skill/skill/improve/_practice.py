@@ -93,6 +93,11 @@ class Practice:
     def demonstrations(self) -> list[Demonstration]:
         return [*self._shown, *self._tried]
 
+    @property
+    def n_shown(self) -> int:
+        """How many of the demonstrations, the first ones, were shown by a teacher."""
+        return len(self._shown)
+
     def learn(self) -> ThrowingSkill:
         """The skill that all these demonstrations teach; each is prepared only once. ValueError if they are too few, and what is wrong with
         the others.

@@ -77,6 +77,7 @@ class PractisingSkill:
     * memory: PracticeSettings, how many demonstrations and trials are kept; default None: all.
     * settings: CorrectionSettings, default None: the default ones.
     * rng: random generator for the trials of PoWER, default None: one with seed 0.
+    * tried: own throws that are remembered as demonstrations, oldest first; default none.
     * steady_every: int, number of throws in a round; default 0. After each round the release may be moved farther to where the
       delay of the hand matters least (`steadiness`). 0: the release is not moved.
 
@@ -100,13 +101,14 @@ class PractisingSkill:
         settings: CorrectionSettings | None = None,
         rng: np.random.Generator | None = None,
         steady_every: int = 0,
+        tried: Sequence[Demonstration] = (),
     ):
         if method not in METHODS:
             raise ValueError(f"there is no way to practise '{method}': choose one of {', '.join(METHODS)}")
         if method == "power" and configuration.board:
             raise ValueError("PoWER's offsets and slopes are those of baskets: practise darts with residual, bootstrap or both")
         self.method = method
-        self.practice = Practice(shown, configuration, memory)
+        self.practice = Practice(shown, configuration, memory, tried)
         self.skill = self.practice.learn()
         self._game = configuration.game
         self.correction = Correction(settings, self._game.surface) if method in ("residual", "both") else None
@@ -164,6 +166,48 @@ class PractisingSkill:
         # The plan was meant for another place if it was corrected.
         left = self._game.surface.seen_from(plan.target, place, miss - share * explained)
         return Told(verdict.kept, verdict.reason, left, verdict.forgotten)
+
+    @property
+    def practised(self) -> int:
+        """Own throws of which something was learned."""
+        return self._n_told
+
+    def state(self) -> dict:
+        """What practice has found, for JSON: a skill that learned from the same demonstrations goes on from it with `restore`.
+
+        Misses of the method "residual" are in `correction.throws`. A plan that explores is given up if its throw was not reported.
+        """
+        steadied, search, hand = self._steadied, self.search, self.hand
+        return {
+            "method": self.method,
+            "n_told": self._n_told,
+            "n_shown": self.practice.n_shown,
+            "hand": None if hand is None else hand.state(),
+            "steadiness": self.steadiness.state(),
+            "release_shift": self.release_shift,
+            "steadied": steadied and [steadied.number, steadied.target.tolist(), steadied.shift, steadied.centre.tolist()],
+            "suspicions": [] if self.correction is None else self.correction.suspicions(),
+            "search": None if search is None else search.state(),
+        }
+
+    def restore(self, state: dict) -> None:
+        """Go on from what `state` gave, as far as the method has use for it. ValueError if it is damaged.
+
+        state: as it was returned.
+        """
+        try:
+            self._n_told, self.release_shift = int(state["n_told"]), float(state["release_shift"])
+            self.steadiness.restore(state["steadiness"])
+            number, target, shift, centre = state["steadied"] or (0, None, 0.0, None)
+            self._steadied = None if target is None else _Steadied(int(number), np.array(target), float(shift), np.array(centre))
+            if self.hand is not None and state["hand"] is not None:
+                self.hand.restore(state["hand"])
+            if self.correction is not None:
+                self.correction.suspect(state["suspicions"])
+            if self.search is not None and state["search"] is not None:
+                self.search.restore(state["search"])
+        except (KeyError, TypeError, AttributeError, ValueError) as error:
+            raise ValueError(f"what practice found is damaged ({error!r}): learn from the bag again") from error
 
     def _delay_of(self, throw: PreparedThrow) -> float:
         """From the command to the release [s], without that of the cameras' stamps."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dart_skill.movement import azimuth_of, turn_matrix
-from dart_skill.policy_search import PoWER
+from dart_skill.policy_search import PoWER, generator_state, restored_generator
 from dart_skill.policy_search import Trial as SearchTrial
 from dart_skill.robot import ThrowPlan, same_plan
 
@@ -93,6 +93,24 @@ class CorrectionSearch:
             self._seen.append((float(np.hypot(*plan.target[:2])) - MIDDLE, float(along), float(across)))
             if len(self._seen) == FIRST:
                 self._begin()
+
+    def state(self) -> dict:
+        """What was seen and searched, for JSON; plans whose throws have not been reported are given up."""
+        seen = [list(one) for one in self._seen]
+        if self._search is None:
+            return {"seen": seen, "generator": generator_state(self._rng), "search": None}
+        return {"seen": seen, "generator": None, "search": self._search.state()}  # which has the generator from here on
+
+    def restore(self, state: dict) -> None:
+        """Go on from what `state` gave. state: as it was returned."""
+        self._seen = [(float(away), float(along), float(across)) for away, along, across in state["seen"]]
+        self._open = []
+        if state["search"] is None:
+            self._rng, self._search = restored_generator(state["generator"]), None
+            return
+        self._search = PoWER.from_state(state["search"])
+        if self.parameters.shape != (4,):
+            raise ValueError(f"a correction has 4 parameters, and {self.parameters.shape} were saved")
 
     def _begin(self) -> None:
         away, *misses = np.array(self._seen).T

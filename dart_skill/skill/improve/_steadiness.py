@@ -8,7 +8,7 @@ misses that it left unexplained say how much the plan is wrong about that.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 
 import numpy as np
 
@@ -31,18 +31,26 @@ class Steadiness:
 
     def __init__(self, game: Game = BASKETS):
         self._game = game
-        self._throws: list[tuple[Hashable, float, np.ndarray]] = []
+        self._throws: list[tuple[tuple[float, ...], float, np.ndarray]] = []
 
     def __len__(self) -> int:
         return len(self._throws)
 
-    def add(self, kind: Hashable, late: float, miss: np.ndarray) -> None:
+    def add(self, kind: tuple[float, ...], late: float, miss: np.ndarray) -> None:
         """A release that came `late` [s], and the miss (2,) [m] that is not due to it by the plan; one that nobody saw tells nothing.
 
         Throws of one kind, for one target, have the rest of their miss in common.
         """
         if np.isfinite(late) and np.isfinite(miss).all():
             self._throws = [*self._throws, (kind, float(late), np.asarray(miss, dtype=float))][-MEMORY:]
+
+    def state(self) -> list:
+        """What is remembered, for JSON; kinds must be tuples of numbers."""
+        return [[list(kind), late, miss.tolist()] for kind, late, miss in self._throws]
+
+    def restore(self, state: list) -> None:
+        """Remember what `state` gave, and nothing else. state: as it was returned."""
+        self._throws = [(tuple(map(float, kind)), float(late), np.array(miss, dtype=float)) for kind, late, miss in state]
 
     @property
     def slopes(self) -> np.ndarray:

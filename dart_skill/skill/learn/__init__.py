@@ -3,7 +3,7 @@
 from dart_skill.skill.learn._choosing import choose_components
 from dart_skill.skill.learn._configuration import CONFIGURATIONS, DEFAULT, LADDER, SkillConfiguration, changed, configuration
 from dart_skill.skill.learn._ellipsoids import component_ellipsoids
-from dart_skill.skill.learn._model_file import load_model, save_model
+from dart_skill.skill.learn._model_file import SavedModel, load_model, save_model
 from dart_skill.skill.learn._preparation import PreparedThrow, prepare
 from dart_skill.skill.learn._release import landing_if_late
 from dart_skill.skill.learn._task_frames import frames_for
@@ -15,6 +15,7 @@ __all__ = [
     "LADDER",
     "LEAST_DEMONSTRATIONS",
     "PreparedThrow",
+    "SavedModel",
     "SkillConfiguration",
     "ThrowingSkill",
     "Unreachable",

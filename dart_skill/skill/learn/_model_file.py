@@ -6,7 +6,7 @@ A model is a cache of its demonstrations: loading learns it again, to the last b
 import json
 from dataclasses import asdict, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,26 +25,48 @@ FORMER = ("default", "ds_gmr")
 """Names that meant another configuration before."""
 
 
+class SavedModel(NamedTuple):
+    """What is in a model file.
+
+    * demonstrations: list of Demonstration.
+    * configuration: SkillConfiguration.
+    * practised: (n, 6), `Correction.throws`; in older files (n, 4).
+    * found: dict, what practice has found besides, `PractisingSkill.state`; None in older files, and before practice.
+    """
+
+    demonstrations: list[Demonstration]
+    configuration: SkillConfiguration
+    practised: np.ndarray
+    found: dict | None
+
+
 def save_model(
-    path: str | Path, demonstrations: list[Demonstration], configuration: SkillConfiguration, practised: np.ndarray = NO_THROWS
+    path: str | Path,
+    demonstrations: list[Demonstration],
+    configuration: SkillConfiguration,
+    practised: np.ndarray = NO_THROWS,
+    found: dict | None = None,
 ) -> None:
     """Write a model to `path`, which must not exist; the folder must. It is there whole, or not at all.
 
-    practised (n, 6): `Correction.throws`. FileNotFoundError if there is no such folder.
+    practised (n, 6): `Correction.throws`. found: what practice has found besides, `PractisingSkill.state`; default None: nothing.
+    FileNotFoundError if there is no such folder.
     """
     path = Path(path)
     if not path.parent.is_dir():
         raise FileNotFoundError(f"there is no folder {path.parent} to save a model in")
     content: dict[str, Any] = {"format": np.array(f"{KIND} {VERSION}"), "configuration": np.array(json.dumps(_plain(configuration)))}
     content["practised"] = np.asarray(practised, dtype=float)
+    if found is not None:
+        content["found"] = np.array(json.dumps(found, allow_nan=False))
     for k, demonstration in enumerate(demonstrations):
         content |= {f"{k:04d}.{name}": np.array(getattr(demonstration, name)) for name in _fields_of(demonstration)}
     with new_file(path) as file:
         np.savez_compressed(file, **content)
 
 
-def load_model(path: str | Path) -> tuple[list[Demonstration], SkillConfiguration, np.ndarray]:
-    """Demonstrations, configuration, and practised throws (n, 6), in older files (n, 4), of a model file.
+def load_model(path: str | Path) -> SavedModel:
+    """Demonstrations, configuration, and what practice has found, of a model file.
 
     A configuration that has another name today has that one: what was the default is `intervals`.
     ValueError if it is not one, or one of another version.
@@ -55,10 +77,11 @@ def load_model(path: str | Path) -> tuple[list[Demonstration], SkillConfiguratio
             _check_format(str(content.pop("format")))
             configuration = _configuration({**OLDER, **json.loads(str(content.pop("configuration")))})
             practised = _practised(content.pop("practised", NO_THROWS))
+            found = _found(content.pop("found", None))
             demonstrations = [_demonstration(content, k) for k in sorted({name.split(".")[0] for name in content})]
         except Exception as error:  # zip, zlib, JSON and NumPy each have their own for bytes that they do not expect
             raise ValueError(f"{path} is not a model file of dart_skill: {error or type(error).__name__}") from error
-    return demonstrations, configuration, practised
+    return SavedModel(demonstrations, configuration, practised, found)
 
 
 def _check_format(found: str) -> None:
@@ -74,6 +97,13 @@ def _practised(values: np.ndarray) -> np.ndarray:
     if values.ndim != 2 or values.shape[1] not in (4, 6) or not np.issubdtype(values.dtype, np.floating):
         raise ValueError(f"its practised throws have the shape {values.shape}: (n, 4) or (n, 6) numbers are known")
     return values
+
+
+def _found(text: np.ndarray | None) -> dict | None:
+    found = None if text is None else json.loads(str(text))
+    if not isinstance(found, (dict, type(None))):
+        raise ValueError(f"what practice found is no object of JSON but {type(found).__name__}")
+    return found
 
 
 def _plain(configuration: SkillConfiguration) -> dict[str, Any]:

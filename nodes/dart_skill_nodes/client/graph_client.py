@@ -155,6 +155,11 @@ class GraphClient:
         response = self.call(loader, ModelFile.Request(path=str(model.resolve())))
         return response.model_id
 
+    def save(self, model: Path) -> str:
+        """Write the learner's model, with what practice has found, to a file that is not there yet; its id. GraphFailure says why not."""
+        saver = self.node.create_client(ModelFile, "skill_learner/save")
+        return self.call(saver, ModelFile.Request(path=str(model.resolve()))).model_id
+
     def release_arm(self, free: bool) -> None:
         """Leave a real arm to the hands of a person, or hold it where it is; GraphFailure if that cannot be now."""
         self.call(self.node.create_client(SetBool, "commander/release_arm"), SetBool.Request(data=free))

@@ -15,7 +15,7 @@ from dart_skill_msgs.msg import Situation as SituationMsg
 from dart_skill.mixture import GaussianMixture
 from dart_skill.recording import Demonstration, read_demonstrations
 from dart_skill.robot import KnownRegistration
-from dart_skill.skill.improve import PracticeSettings, PractisingSkill
+from dart_skill.skill.improve import PracticeSettings, PractisingSkill, practised_skill, save_practised
 from dart_skill.skill.learn import (
     PreparedThrow,
     SkillConfiguration,
@@ -24,7 +24,6 @@ from dart_skill.skill.learn import (
     configuration,
     load_model,
     prepare,
-    save_model,
 )
 from dart_skill.skill.model import (
     AnySkill,
@@ -189,14 +188,14 @@ class ThrowLearning:
         )
         return Lesson(n, skill.model_id, said, tuple(practice.kept_out.values()))
 
-    def take(self, demonstrations: list[Demonstration], chosen: SkillConfiguration, practised: np.ndarray | None = None) -> None:
-        """Learn from demonstrations with a configuration, and remember throws (n, 6) that were practised."""
-        steady_every = 0 if self._method == "none" else self._thrown.steady_every
+    def take(self, demonstrations: list[Demonstration], chosen: SkillConfiguration) -> None:
+        """Learn from demonstrations with a configuration."""
         settings = self._thrown.correction
-        skill = PractisingSkill(demonstrations, chosen, self._method, self._memory, settings, steady_every=steady_every)
-        if practised is not None and skill.correction is not None:
-            skill.correction.remember(practised)
-        self.practising = skill
+        self.practising = PractisingSkill(demonstrations, chosen, self._method, self._memory, settings, steady_every=self._steady_every)
+
+    @property
+    def _steady_every(self) -> int:
+        return 0 if self._method == "none" else self._thrown.steady_every
 
     @property
     def _skill(self) -> PractisingSkill:
@@ -227,15 +226,14 @@ class ThrowLearning:
 
     def save(self, path: str) -> str:
         skill = self._skill
-        practised = [] if skill.correction is None else [skill.correction.throws]
-        save_model(path, skill.practice.demonstrations, skill.skill.configuration, *practised)
+        save_practised(path, skill)
         return skill.skill.model_id
 
     def load(self, path: str) -> str:
-        demonstrations, chosen, practised = load_model(path)
-        if chosen.game != self._thrown.game:
+        saved = load_model(path)
+        if saved.configuration.game != self._thrown.game:
             raise ValueError(f"{path} is a model of other throws: it was learned for another game or board than that of '{self.skill}'")
-        self.take(demonstrations, chosen, practised)
+        self.practising = practised_skill(saved, self._method, self._memory, self._thrown.correction, self._steady_every)
         return self._skill.skill.model_id
 
     def mixtures(self) -> tuple[dict[str, GaussianMixture], np.ndarray]:
@@ -254,9 +252,10 @@ class ThrowLearning:
 
     def values(self) -> dict[str, Any]:
         skill = self._skill
-        practised = 0 if skill.correction is None else len(skill.correction)
+        practised = skill.practised if skill.correction is None else len(skill.correction)
         learned = {"learned_from": len(skill.practice.demonstrations), "kept_out": len(skill.practice.kept_out), "practised": practised}
-        return {**learned, "model_id": skill.skill.model_id, "posture_id": skill.skill.posture_id}
+        ids = {"model_id": skill.skill.model_id, "posture_id": skill.skill.posture_id}
+        return {**learned, "practice_method": skill.method, **ids}
 
 
 def _prepared(demonstrations: Sequence[Demonstration], chosen: SkillConfiguration) -> Iterator[PreparedThrow]:

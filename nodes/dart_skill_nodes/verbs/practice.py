@@ -12,7 +12,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from dart_skill.cli.names import CHANGES, PRACTICE_METHODS
-from dart_skill.cli.run_options import add_namespace, add_run, asked, check_run, parameter_texts
+from dart_skill.cli.run_options import add_model, add_namespace, add_run, asked, check_model, check_run, parameter_texts
 from dart_skill.files import new_file
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES, Graph, of_executables
@@ -30,6 +30,8 @@ BLOCK = 5
 """Throws per line of the table."""
 TESTS = 10
 """Baskets of a test where a simulator throws; a person with a real arm asks for tests."""
+MODEL = "model.npz"
+"""What was learned and found, beside the bag: practice goes on from it with --model."""
 BEFORE, CHANGED, AFTER = "before practice", "after the change", "after practice"
 """When there is a test."""
 
@@ -42,6 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_run(parser, demonstrations=3, throws=20, thrown="own throws")
     parser.add_argument("--method", choices=PRACTICE_METHODS, help="how to learn from own throws (default: of config/skill_learner.yaml)")
+    add_model(parser, "nobody shows anything: practice goes on with the model of a file")
     tests = f"throws of a test before and one after, at baskets that stay the same; not learned from (default {TESTS}, with --running 0)"
     parser.add_argument("--tests", type=int, metavar="N", help=tests)
     parser.add_argument("--change", choices=sorted(CHANGES), default="none", help="what happens to the arm, unannounced (default none)")
@@ -59,6 +62,7 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Practise; returns the exit status."""
     from dart_skill.report import PAGE
 
+    check_model(parser, options)
     if options.tests is not None and options.tests < 0:
         parser.error(f"--tests is {options.tests}; it must be at least 0")
     if options.running:
@@ -67,7 +71,12 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         return print_result(lambda: on_running_graph(_reach_coach, task, namespace), options.json, namespace)
     if options.at is not None or options.choose or options.namespace:
         parser.error("--at, --choose and --namespace are for a graph that runs: add --running")
+    if options.model is not None and options.demonstrations != parser.get_default("demonstrations"):
+        parser.error("--demonstrations is for a skill that is shown: with --model nobody shows anything")
     check_run(parser, options)
+    if (options.output / MODEL).exists():
+        parser.error(f"--output {options.output} holds a model already: choose another folder")
+    options.demonstrations = options.demonstrations if options.model is None else 0
     if options.change_after < 0:
         parser.error(f"--change-after is {options.change_after}; it must be at least 0")
     if options.change != "none" and options.change_after >= options.throws:
@@ -82,8 +91,9 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         say(f"no report: {error}")
         return 1
     if not options.json:
-        print(f"\nbag, summary.json and report.html: {options.output}")
-        print(f"next: open {shlex.quote(str(options.output / PAGE))} in a browser, or dart-skill view {shlex.quote(summary['bag'])}")
+        print(f"\nbag, summary.json, report.html and {MODEL}: {options.output}")
+        print(f"next: dart-skill practice --model {shlex.quote(str(options.output / MODEL))} goes on with what it has found")
+        print(f"or: open {shlex.quote(str(options.output / PAGE))} in a browser, or dart-skill view {shlex.quote(summary['bag'])}")
     return 0 if summary["thrown"] == options.throws else 1
 
 
@@ -103,7 +113,11 @@ def _reach_coach(client: "GraphClient") -> None:
 def _practise_there(client: "GraphClient", options: argparse.Namespace) -> dict:
     """Own throws on a graph that runs, each of which is learned from, between two tests if they were asked for."""
     if (skill := client.skill(PATIENCE)) != THROW:
+        if options.model is not None:
+            client.load(options.model)
         return _practise_skill(client, options, skill)
+    if options.model is not None:
+        say(f"model {client.load(options.model)}: practice goes on with it")
     wanted = {} if options.choose else {"follow_basket": True} if options.at is None else {"targets": [options.at]}
     where = wanted if not options.choose else {"targets": _test_baskets(0, options.tests or 0)}
     tests = [_test(client, BEFORE, 0, options.tests, where)] if options.tests else []
@@ -162,8 +176,7 @@ def run(options: argparse.Namespace) -> dict:
         client.wait_until_gone(NODES)
         graph.start_all(options.layout, options.seed, options.output / "bag", extra)
         client.wait_until_ready()
-        teach(client, options.seed, options.demonstrations)
-        say(client.learn().message)
+        _begin(client, options)
         tests, count = [], TESTS if options.tests is None else options.tests
         test = partial(_test, client, throws=count, where={"targets": _test_baskets(options.seed, count)})
         if count:
@@ -181,6 +194,7 @@ def run(options: argparse.Namespace) -> dict:
                 results.append(client.practise(throws, on_feedback=partial(tell_practice, before=before, messages=messages)))
         took = time.monotonic() - begun
         tests += [test(AFTER, options.throws)] if count else []
+        client.save(options.output / MODEL)
         client.close()
     outcomes = [outcome for result in results for outcome in result.outcomes]
     throws = [_as_row(outcome, messages.get(number, "")) for number, outcome in enumerate(outcomes, start=1)]
@@ -191,6 +205,15 @@ def run(options: argparse.Namespace) -> dict:
         "seconds": round(took, 1), "message": results[-1].message, "bag": str(options.output / "bag"), "throws": throws,
         "tests": tests,
     }  # fmt: skip
+
+
+def _begin(client: "GraphClient", options: argparse.Namespace) -> None:
+    """Lessons and what is learned from them, or a model from which practice goes on."""
+    if options.model is not None:
+        say(f"model {client.load(options.model)}: nobody shows anything")
+        return
+    teach(client, options.seed, options.demonstrations)
+    say(client.learn().message)
 
 
 def _of_any_skill(throws: list[dict]) -> dict:
@@ -286,14 +309,15 @@ def write_report(summary: dict, options: argparse.Namespace, asked_for: list[tup
     with new_file(options.output / "summary.json", replace=True) as file:
         file.write((json.dumps(summary, indent=1, allow_nan=False) + "\n").encode())
     changed = options.change != "none"
+    begun = f"{options.demonstrations} demonstrations" if options.model is None else f"the model {options.model.name}"
     facts = {
         "Seed": str(options.seed),
         "Change": f"{options.change}, after {options.change_after} own throws, unannounced" if changed else "none",
-        "Learned from": f"{summary['learned']} of {summary['thrown']} own throws, besides {options.demonstrations} demonstrations",
+        "Learned from": f"{summary['learned']} of {summary['thrown']} own throws, besides {begun}",
         "Time": f"{summary['seconds']:.0f} s for the practised throws" + (" and a test" if changed and summary["tests"] else ""),
     }
     marks = {options.change_after: options.change} if changed else {}
-    title = f"Practice: {options.demonstrations} demonstrations, {summary['thrown']} own throws"
+    title = f"Practice: {begun}, {summary['thrown']} own throws"
     phases = phases_of(summary)
     about = About(title, facts, asked_for, parameter_texts(), marks=marks, phases=tuple(phase for phase, _ in phases))
     write_page(summary["bag"], options.output / PAGE, about, _results([row for _, rows in phases for row in rows]))

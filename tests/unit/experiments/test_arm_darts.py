@@ -301,7 +301,7 @@ def test_power_does_not_practise_darts(arm):
 
 def test_a_model_file_knows_that_it_is_about_darts(arm, tmp_path):
     save_model(tmp_path / "darts.npz", arm[1], arm[2].configuration)
-    shown, configuration, _ = load_model(tmp_path / "darts.npz")
+    shown, configuration, *_ = load_model(tmp_path / "darts.npz")
     assert configuration == arm[2].configuration and configuration.game is game_at(BOARD.position)
     assert learn(shown, configuration).model_id == arm[2].model_id
 

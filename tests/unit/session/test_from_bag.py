@@ -251,7 +251,7 @@ def test_the_command_says_what_was_found_and_where_the_model_is(tmp_path, record
     if importlib.util.find_spec("rclpy") is not None:
         words = shlex.split(said.splitlines()[-1].removeprefix("next: "))
         assert words == ["dart-skill", "demo", "--model", str(model)]
-    demonstrations, configuration, _ = load_model(model)
+    demonstrations, configuration, *_ = load_model(model)
     assert same_plan(PractisingSkill(demonstrations, configuration).plan(BASKET), expected)
 
 

@@ -116,7 +116,7 @@ def test_a_demonstration_says_of_what_it_is_in_messages(shown):
 
 def test_a_demonstration_says_of_what_it_is_in_model_files(shown, tmp_path):
     save_model(tmp_path / "darts.npz", [shown], Darts().configured_for(DEFAULT))
-    demonstrations, configuration, _ = load_model(tmp_path / "darts.npz")
+    demonstrations, configuration, *_ = load_model(tmp_path / "darts.npz")
     assert demonstrations[0].skill == "darts" and configuration.game == Darts().game
     save_model(tmp_path / "throws.npz", [replace(shown, skill="throw")], DEFAULT)
     assert load_model(tmp_path / "throws.npz")[0][0].skill == "throw"

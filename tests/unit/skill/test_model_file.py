@@ -37,7 +37,7 @@ def whole_model(tmp_path_factory, demonstrations):
 
 
 def test_a_loaded_model_plans_the_same_throw_to_the_last_bit(saved, demonstrations):
-    loaded, configuration, _ = load_model(saved)
+    loaded, configuration, *_ = load_model(saved)
     assert configuration == DEFAULT
     assert same_plan(learn(loaded, configuration).plan(BASKET), learn(demonstrations).plan(BASKET))
 
@@ -97,7 +97,7 @@ def test_a_measured_registration_goes_with_the_model_and_into_its_name(tmp_path,
     measured = KnownRegistration(Registration(shift=(0.0, 0.03, 0.0), delay=0.004), (0.003,) * 13)
     chosen = replace(DEFAULT, registration=measured)
     save_model(tmp_path / "throw.npz", demonstrations, chosen)
-    loaded, configuration, _ = load_model(tmp_path / "throw.npz")
+    loaded, configuration, *_ = load_model(tmp_path / "throw.npz")
     assert configuration == chosen
     skill, plain = learn(loaded, configuration), learn(demonstrations)
     assert same_plan(skill.plan(BASKET), learn(demonstrations, chosen).plan(BASKET))
