@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -34,15 +34,27 @@ class Placed:
     reason: str
 
 
-def run(seeds: list[int], jobs: int = 1, demonstrations: int = 8, parts: int = 10, arm: str = "ideal") -> list[Placed]:
-    """All seeds, `jobs` processes at a time. parts: that each seed places. arm: of the fleet, or "fleet"."""
-    one = partial(run_seed, demonstrations=demonstrations, parts=parts, arm=arm)
+def configured(partition: str = "") -> Place:
+    """The skill with the settings of its file. partition: in place of the file's, "time" or "em"; default: that of the file."""
+    skill = Place.configured()
+    return Place(replace(skill.settings, partition=partition)) if partition else skill
+
+
+def run(seeds: list[int], jobs: int = 1, demonstrations: int = 8, parts: int = 10, arm: str = "ideal", partition: str = "") -> list[Placed]:
+    """All seeds, `jobs` processes at a time. parts: that each seed places. arm: of the fleet, or "fleet".
+
+    partition: as in `configured`.
+    """
+    one = partial(run_seed, demonstrations=demonstrations, parts=parts, arm=arm, partition=partition)
     return all_of(one, seeds, jobs)
 
 
-def run_seed(seed: int, demonstrations: int = 8, parts: int = 10, arm: str = "ideal") -> list[Placed]:
-    """Show, learn, and place parts, with what one seed draws. An arm "fleet" is another one for every seed."""
-    skill, rng = Place.configured(), np.random.default_rng([seed, 7])
+def run_seed(seed: int, demonstrations: int = 8, parts: int = 10, arm: str = "ideal", partition: str = "") -> list[Placed]:
+    """Show, learn, and place parts, with what one seed draws. An arm "fleet" is another one for every seed.
+
+    partition: as in `configured`.
+    """
+    skill, rng = configured(partition), np.random.default_rng([seed, 7])
     session = BenchSession(skill, seed, arm=f"fleet:{seed}" if arm == "fleet" else arm)
     learned = LearnedSkill(skill, teach(session, skill, rng, demonstrations))
     placed = [_place(session, skill, learned, seed, skill.draw(rng, wide=True).pose("holder")) for _ in range(parts)]

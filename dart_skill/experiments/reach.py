@@ -54,21 +54,30 @@ class Reached:
     crept: float
 
 
-def run(seeds: list[int], jobs: int = 1, demonstrations: int = 8, cups: int = 10, held: int = 3, arm: str = "ideal") -> list[Reached]:
+def configured(partition: str = "") -> Reach:
+    """The skill with the settings of its file. partition: in place of the file's, "time" or "em"; default: that of the file."""
+    skill = Reach.configured()
+    return Reach(replace(skill.settings, partition=partition)) if partition else skill
+
+
+def run(
+    seeds: list[int], jobs: int = 1, demonstrations: int = 8, cups: int = 10, held: int = 3, arm: str = "ideal", partition: str = ""
+) -> list[Reached]:
     """All seeds, `jobs` processes at a time.
 
-    cups: that each seed reaches into; held: how many of them again with a hand that is held. arm: of the fleet, or "fleet".
+    cups: that each seed reaches into; held: how many of them again with a hand that is held. arm: of the fleet, or "fleet". partition: as
+    in `configured`.
     """
-    one = partial(run_seed, demonstrations=demonstrations, cups=cups, held=held, arm=arm)
+    one = partial(run_seed, demonstrations=demonstrations, cups=cups, held=held, arm=arm, partition=partition)
     return all_of(one, seeds, jobs)
 
 
-def run_seed(seed: int, demonstrations: int = 8, cups: int = 10, held: int = 3, arm: str = "ideal") -> list[Reached]:
+def run_seed(seed: int, demonstrations: int = 8, cups: int = 10, held: int = 3, arm: str = "ideal", partition: str = "") -> list[Reached]:
     """Show, learn, and reach into cups; the first few of them again with a hand that is held, and the first with a cup that is lost.
 
-    An arm "fleet" is another one for every seed.
+    An arm "fleet" is another one for every seed. partition: as in `configured`.
     """
-    skill, rng = Reach.configured(), np.random.default_rng([seed, 11])
+    skill, rng = configured(partition), np.random.default_rng([seed, 11])
     session = BeltSession(skill, seed, arm=f"fleet:{seed}" if arm == "fleet" else arm)
     learned = ReactiveSkill(skill, teach(session, rng, demonstrations))
     belts = [drawn(skill, rng, wide=True) for _ in range(cups)]

@@ -395,6 +395,12 @@ TYPED = {
     "dart-skill experiment faults --case kill_commander_swing": FAULTS,
     "dart-skill experiment faults --page docs/faults.md": FAULTS,
     "dart-skill experiment place --jobs 2": Run("--seeds 1 --parts 1 --demonstrations 3", says="of 1 parts are in their holders"),
+    "dart-skill experiment place --jobs 2 --partition em": Run(
+        "--seeds 1 --parts 1 --demonstrations 3", says="of 1 parts are in their holders"
+    ),
+    "dart-skill experiment reach --jobs 2 --cups 6 --held 1 --partition em": Run(
+        "--seeds 1 --cups 1 --demonstrations 3 --held 1", says="the phase goes on by"
+    ),
     "dart-skill experiment place --jobs 2 --arm fleet": Run("--seeds 1 --parts 1 --demonstrations 3", says="of 1 parts"),
     "dart-skill experiment reach --jobs 2": Run("--seeds 1 --cups 1 --demonstrations 3 --held 1", says="the phase goes on by"),
     "dart-skill experiment place --jobs 2 --demonstrations 3 --seeds 4": OtherNumbers("dart-skill experiment place --jobs 2"),

@@ -16,6 +16,7 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
     parser.add_argument("--demonstrations", type=int, default=8, help="that are learned from (default 8)")
     parser.add_argument("--parts", type=positive, default=10, help="for each seed (default 10)")
     parser.add_argument("--arm", default="ideal", help="of config/fleet.yaml; fleet: another one for every seed (default ideal)")
+    parser.add_argument("--partition", choices=("time", "em"), default="", help="of the components in time (default: of the skill's file)")
     parser.add_argument("--jobs", type=int, default=1, help="processes at a time (default 1)")
     parser.add_argument("--json", action="store_true", help="every part as JSON instead of the table")
     parser.set_defaults(run=_place)
@@ -24,6 +25,6 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
 def _place(options: argparse.Namespace) -> int:
     from dart_skill.experiments import place
 
-    placed = place.run(list(range(options.seeds)), options.jobs, options.demonstrations, options.parts, options.arm)
+    placed = place.run(list(range(options.seeds)), options.jobs, options.demonstrations, options.parts, options.arm, options.partition)
     print(json.dumps([asdict(one) for one in placed], indent=1) if options.json else place.table(placed))
     return 0

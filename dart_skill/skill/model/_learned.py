@@ -81,8 +81,8 @@ class LearnedSkill(Shown):
 
     def _fit_vector(self, vector: str, clock: np.ndarray, motions: Sequence[Motion]) -> Encoded:
         inputs = [list(self.skill.inputs(one.situation)) for one in self.movements]
-        stiffness = self._stiffness(vector)
-        model = DSGMR(self.skill.settings.components, stiffness, n_inputs=len(inputs[0]), partition="time")
+        s, stiffness = self.skill.settings, self._stiffness(vector)
+        model = DSGMR(s.components, stiffness, n_inputs=len(inputs[0]), partition=s.partition, overlap=s.overlap)
         own = [Motion(*(part[:, VECTORS[vector]] for part in motion)) for motion in motions]
         attractors = [attractor_from_motion(one.position, one.velocity, one.acceleration, stiffness) for one in own]
         features = [model.features(clock, one, given or None) for one, given in zip(attractors, inputs, strict=True)]

@@ -60,7 +60,8 @@ class ReactiveSkill(Shown):
         """The model as the demonstrations alone make it, and what it was fitted to."""
         s, clock = self._settings, np.arange(0.0, self._clock_end, 1.0 / RATE)
         inputs = [list(self.skill.inputs(one.situation)) for one in self.movements]
-        model = AutonomousDSGMR(s.components, s.stiffness, rule=phase_rule(s), n_inputs=len(inputs[0]), partition="time")
+        how: dict[str, Any] = {"n_inputs": len(inputs[0]), "partition": s.partition, "overlap": s.overlap}
+        model = AutonomousDSGMR(s.components, s.stiffness, rule=phase_rule(s), **how)
         hands = [self._motion(one, one.time, one.features[:, VECTORS["position"]], clock) for one in self.movements]
         frames = [self.frames_along(one, clock) for one in self.movements]
         shown: dict[str, Any] = {"times": [clock] * len(hands), "motions": hands, "frames": frames, "inputs": inputs if inputs[0] else None}

@@ -11,6 +11,9 @@ import numpy as np
 S = TypeVar("S", bound="SkillSettings")
 COMPONENTS = (4, 6, 8, 12, 16, 20, 24, 32)
 """Numbers of components among which one is chosen on request."""
+PARTITIONS = ("time", "em")
+OVERLAP = 0.7
+"""Of the components in time, relative to their intervals, after EM: that of throws."""
 BIC, CROSS_VALIDATION = "bic", "cross_validation"
 """How: by the Bayesian information criterion, or by what the others teach for each demonstration that is left out."""
 
@@ -36,6 +39,8 @@ class SkillSettings:
     * grip_time: the fingers have closed, or opened, so long after they were told [s].
     * prior: how many demonstrations it takes to believe that one direction varies less than another.
     * least_demonstrations: that are learned from.
+    * partition: "time", every component has its own interval of the same length, or "em", EM finds which samples belong to it, and
+      `TaskParameterisedMixture.fit_around` follows, as in throws.
     * frames: names of the task frames that count (`Skill.frame_names`); empty: all.
     * stiffness_range: least and largest stiffness of the position [1/s^2]; between them it is high where and in which direction the
       demonstrations agreed (`stiffness_from_covariance`). Empty: it is constant. Of a plan that is made beforehand.
@@ -52,7 +57,8 @@ class SkillSettings:
     grip_time: float = 0.1
     prior: float = 2.0
     least_demonstrations: int = 2
-    frames: tuple[str, ...] = field(default=(), repr=False)  # the names of models have these two only where they are given
+    partition: str = field(default="time", repr=False)  # the names of models have these three only where they are given
+    frames: tuple[str, ...] = field(default=(), repr=False)
     stiffness_range: tuple[float, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
@@ -65,6 +71,8 @@ class SkillSettings:
         for name in ("components", "stiffness", "orientation_stiffness", "step", "least_demonstrations"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be positive")
+        if self.partition not in PARTITIONS:
+            raise ValueError(f"partition is '{self.partition}': give one of {', '.join(PARTITIONS)}")
         bounds = self.stiffness_range
         if bounds and not (len(bounds) == 2 and 0.0 < bounds[0] <= bounds[1]):
             raise ValueError(f"stiffness_range is {bounds}: give the least and the largest stiffness, or none")
@@ -72,9 +80,14 @@ class SkillSettings:
             raise ValueError(f"frames are {self.frames}: give names, or none")
 
     @property
-    def rarely_given(self) -> tuple[tuple, ...]:
+    def rarely_given(self) -> tuple[tuple | str, ...]:
         """Settings that the name of a model has only where they are given."""
-        return tuple(value for value in (self.frames, self.stiffness_range) if value)
+        return tuple(value for value in (self.frames, self.stiffness_range, self.partition) if value and value != "time")
+
+    @property
+    def overlap(self) -> float | None:
+        """`overlap` of the DS-GMR: after EM that of throws, else None."""
+        return OVERLAP if self.partition == "em" else None
 
     @classmethod
     def names(cls) -> tuple[str, ...]:

@@ -348,8 +348,21 @@ def test_only_the_frames_that_are_named_count(demonstrations):
 
 
 def test_settings_that_are_rarely_given_are_part_of_the_name_of_a_model(demonstrations):
-    kinds = ({}, {"frames": ("button",)}, {"stiffness_range": (50.0, 800.0)})
-    assert len({LearnedSkill(touch(**one), demonstrations).model_id for one in kinds}) == 3
+    kinds = ({}, {"frames": ("button",)}, {"stiffness_range": (50.0, 800.0)}, {"partition": "em"})
+    assert len({LearnedSkill(touch(**one), demonstrations).model_id for one in kinds}) == 4
+
+
+def test_em_may_find_when_components_begin_and_end(demonstrations, learned):
+    """Other components, with which the hand comes as near to bodies that stand elsewhere."""
+    found = LearnedSkill(touch(partition="em"), demonstrations)
+    for turn in np.deg2rad([-40.0, 0.0, 50.0]):
+        body = body_at(0.5, 0.3, turn)
+        plans = [each.plan(situation_of(body)) for each in (learned, found)]
+        (off, angle), (other_off, other_angle) = (end_of(plan, body) for plan in plans)
+        assert not np.array_equal(plans[0].path.position, plans[1].path.position)
+        assert np.abs(other_off).max() < 2e-3 and np.degrees(other_angle) < 3.0, (off, other_off, angle, other_angle)
+    with pytest.raises(ValueError, match="partition is 'kmeans': give one of time, em"):
+        touch(partition="kmeans")
 
 
 @pytest.mark.parametrize("way", ["bic", "cross_validation"])
