@@ -19,6 +19,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 from tests.paths import ROOT
@@ -35,6 +36,8 @@ SHELL = set("&|;<>$`*?(){}~#\n")
 OF_THE_INTERPRETER = ("PYTHON", "LD_", "AMENT_", "MPL", "HOME", "PATH")
 """Beginnings of the names of variables that are looked at when a module is imported, or before."""
 STARTER = "DART_SKILL_ENDS_WITH"
+PATIENCE = 5.0
+"""For a node whose starter is gone to end by itself [s]."""
 ADDRESS = "DART_SKILL_TESTS_WARM"
 """Variable: where the process that is forked listens."""
 
@@ -155,6 +158,7 @@ class Server:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # a Ctrl-C at the terminal is for the tests, and for what they started
         self._lines: dict[int, socket.socket] = {}
         self._ends_with: set[int] = set()
+        self._doomed: dict[int, float] = {}
 
     def serve(self) -> dict | None:
         """Until the starter is gone: None; or, in a process that was forked: the request."""
@@ -164,7 +168,7 @@ class Server:
                 ready.register(what, selectors.EVENT_READ)
             self._starter.sendall(f"{self._folder}/start".encode())
             while True:
-                for key, _ in ready.select():
+                for key, _ in ready.select(PATIENCE if self._doomed else None):
                     if key.fileobj is self._starter:
                         self._end_all()
                         return None
@@ -175,6 +179,7 @@ class Server:
                         self._left_alone(key.data)
                     elif (request := self._fork()) is not None:
                         return request
+                self._kill_the_deaf()
 
     def _fork(self) -> dict | None:
         line, _ = self._listening.accept()
@@ -218,6 +223,7 @@ class Server:
                 return
             line = self._lines.pop(pid)
             self._ends_with.discard(pid)
+            self._doomed.pop(pid, None)
             self._drop(line)
             try:
                 line.sendall(status.to_bytes(4, "big"))
@@ -236,6 +242,13 @@ class Server:
         self._drop(self._lines[pid])
         if pid in self._ends_with:
             os.kill(pid, signal.SIGINT)
+            self._doomed[pid] = time.monotonic() + PATIENCE
+
+    def _kill_the_deaf(self) -> None:
+        """A signal that comes before a process listens may be lost."""
+        for pid in [pid for pid, until in self._doomed.items() if time.monotonic() > until]:
+            del self._doomed[pid]
+            os.kill(pid, signal.SIGKILL)
 
     def _end_all(self) -> None:
         for pid in list(self._lines):

@@ -44,10 +44,12 @@ def test_it_works_in_its_own_folder(popen, tmp_path):
     assert (tmp_path / "policy.xml").is_file() and not os.path.exists("policy.xml")
 
 
-def test_a_signal_ends_it_and_a_killed_one_says_so(popen):
+def test_a_signal_ends_it_and_a_killed_one_says_so(popen, tmp_path):
     node = [sys.executable, "-m", "dart_skill_nodes.executables.composed"]
     for number, status in ((signal.SIGINT, 0), (signal.SIGKILL, -signal.SIGKILL)):
-        process = popen(node, stderr=subprocess.PIPE, text=True)
+        folder = tmp_path / signal.Signals(number).name  # the bag of demonstrations is named after the second
+        folder.mkdir()
+        process = popen(node, stderr=subprocess.PIPE, text=True, cwd=folder)
         assert "ready" in process.stderr.readline()  # or the end of it
         assert process.poll() is None
         process.send_signal(number)
@@ -64,7 +66,9 @@ def test_a_node_ends_with_its_starter():
     pid = int(starter.stdout.readline())
     assert os.path.exists(f"/proc/{pid}")
     starter.kill()
-    starter.communicate()
+    starter.wait()
+    starter.stdin.close()
+    starter.stdout.close()
     until = time.monotonic() + 60.0
     while os.path.exists(f"/proc/{pid}"):
         assert time.monotonic() < until, "it goes on"
