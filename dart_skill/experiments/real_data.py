@@ -208,7 +208,7 @@ def _arrived(policy: AutonomousPolicy, paths: list[np.ndarray], duration: float)
 def _driven_by_clock(clock: np.ndarray, paths: list[np.ndarray]) -> Reproduce:
     """DS-GMR in two frames: one begins where the movement begins, the other stands at the goal. Time counts once in their product."""
     model = DSGMR(COMPONENTS, n_shared=1)
-    model.fit([model.encode(clock, path) for path in paths], [_from_start(path[0]) for path in paths])
+    model.fit([model.encode(clock, path, faults="keep") for path in paths], [_from_start(path[0]) for path in paths])
     return lambda start: model.reproduce(_from_start(start), clock, start, np.zeros_like(start), covariance=False).position
 
 
@@ -386,7 +386,7 @@ def _by_ds_gmr(
     shown: Sequence[Demonstrated], clock: np.ndarray, frames: Sequence[TaskFrame], start: np.ndarray, prior: float = 0.0
 ) -> np.ndarray:
     model = DSGMR(COMPONENTS, covariance_prior=prior)
-    model.fit([model.encode(one.time, one.position) for one in shown], [one.frames for one in shown])
+    model.fit([model.encode(one.time, one.position, faults="keep") for one in shown], [one.frames for one in shown])
     return model.reproduce(frames, clock, start, np.zeros_like(start), covariance=False).position
 
 

@@ -7,6 +7,7 @@ followed by (7.19).
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -83,7 +84,7 @@ class DSGMR(AttractorModel):
         noise: float | ArrayLike | None = None,
         at: ArrayLike | None = None,
         inputs: ArrayLike | None = None,
-        faults: str = "keep",
+        faults: str = "say",
     ) -> np.ndarray:
         """Features [t, u, y] (n, m) of one demonstration, from noisy movement variables: the attractor is computed by (7.20).
 
@@ -94,10 +95,14 @@ class DSGMR(AttractorModel):
         * noise: standard deviation of the samples, as in `smooth_derivatives`; default None: estimated.
         * at: stamps (n,) of the features [s], default None: those of the samples.
         * inputs: the further inputs u, (q,) or (n, q); default None: there are none.
-        * faults: "keep" (default), the samples are taken as they are; "refuse", a ValueError says which repeats and jumps `find_faults`
-          finds; "thin", samples that repeat are left out first (`without_repeats`), and features are at the stamps that remain.
+        * faults: "say" (default), a warning says which repeats and jumps `find_faults` finds, and the samples are taken as they are;
+          "refuse", a ValueError says so; "thin", samples that repeat are left out first (`without_repeats`), and features are at the
+          stamps that remain; "keep", nobody looks.
         """
-        if faults != "keep":
+        if faults == "say":
+            if found := _faults_of(time, positions):
+                warnings.warn(f"{found} (faults='thin' or 'refuse' of encode, or retimed; 'keep' says nothing)", stacklevel=2)
+        elif faults != "keep":
             time, positions = _faultless(time, positions, faults)
         motion = smooth_derivatives(time, positions, noise=noise, at=at)
         return self.features(time if at is None else at, attractor_from_motion(*motion, self.stiffness, self.damping), inputs)
@@ -224,18 +229,20 @@ class DSGMR(AttractorModel):
 
 
 def _faultless(time: ArrayLike, positions: ArrayLike, faults: str) -> tuple[ArrayLike, ArrayLike]:
-    """Stamps and samples without repeats if `faults` is "thin"; ValueError if repeats or jumps are left, or `faults` is not known.
-
-    Quantisation is no reason to refuse: it is noise of a known size.
-    """
+    """Stamps and samples without repeats if `faults` is "thin"; ValueError if repeats or jumps are left, or `faults` is not known."""
     if faults not in ("refuse", "thin"):
-        raise ValueError(f"faults must be one of ('keep', 'refuse', 'thin'), got {faults!r}")
+        raise ValueError(f"faults must be one of ('say', 'refuse', 'thin', 'keep'), got {faults!r}")
     if faults == "thin":
         time, positions = without_repeats(time, positions)
-    found = replace(find_faults(time, positions), quantum=()).reasons
-    if found:
-        raise ValueError("the samples cannot be differentiated: " + "; ".join(found))
+    if found := _faults_of(time, positions):
+        raise ValueError(found)
     return time, positions
+
+
+def _faults_of(time: ArrayLike, positions: ArrayLike) -> str:
+    """What makes samples unfit to be differentiated, in words; empty if nothing does. Quantisation is but noise of a known size."""
+    found = replace(find_faults(time, positions), quantum=()).reasons
+    return "the samples cannot be differentiated: " + "; ".join(found) if found else ""
 
 
 def _roots(covariance: np.ndarray) -> np.ndarray:

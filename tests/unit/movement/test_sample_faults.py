@@ -1,5 +1,7 @@
 """Repeats, jumps and quantisation are found in samples that have them, and in no others."""
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -91,6 +93,17 @@ def test_encode_refuses_or_thins_where_it_is_asked_to():
     np.testing.assert_array_equal(model.encode(TIME, noisy()), model.encode(TIME, noisy(), faults="refuse"))
     with pytest.raises(ValueError, match="faults must be one of"):
         model.encode(TIME, samples, faults="mend")
+
+
+def test_encode_says_what_is_wrong_before_it_differentiates():
+    """The attractor of held samples was hundreds of metres away, and nobody was told."""
+    model, samples = DSGMR(4), held(4)
+    with pytest.warns(UserWarning, match="75 % of the samples repeat"):
+        said = model.encode(TIME, samples)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        np.testing.assert_array_equal(said, model.encode(TIME, samples, faults="keep"))
+        model.encode(TIME, noisy())
 
 
 def aligned(path, seed=0, waits=40):
