@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike
 
 # Samples up to this size, and scales down to its reciprocal, have a variance that neither overflows nor loses digits.
 LARGEST_LEARNABLE = 1e145
-FEW = 16
 FARTHEST = 1000.0
 """No hand, ball or basket is farther away from the arm: a place beyond it is given in another unit, or is an error [m]."""
+FEW = 16
+"""Of so many numbers Python tells faster than NumPy whether they are finite."""
 
 
 def as_finite(value: ArrayLike, name: str, ndim: int | None = None) -> np.ndarray:
@@ -31,7 +32,7 @@ def as_finite(value: ArrayLike, name: str, ndim: int | None = None) -> np.ndarra
 
 
 def _is_finite(array: np.ndarray) -> bool:
-    """Whether all numbers are finite; of a few numbers Python knows in half the time."""
+    """Whether all numbers are finite."""
     return all(map(math.isfinite, array.ravel().tolist())) if array.size <= FEW else bool(np.isfinite(array).all())
 
 

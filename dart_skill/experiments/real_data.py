@@ -224,11 +224,20 @@ def _nearest(paths: list[np.ndarray], start: np.ndarray) -> int:
 
 
 def _nearest_primitive(clock: np.ndarray, paths: list[np.ndarray]) -> Reproduce:
-    primitives = [DiscretePrimitive(WEIGHTS).fit(clock, path) for path in paths]
+    return _nearest_of([DiscretePrimitive(WEIGHTS).fit(clock, path) for path in paths], clock, paths, lambda made: made.position)
+
+
+def _nearest_pose(clock: np.ndarray, paths: list[np.ndarray], regression: str = "joint") -> Reproduce:
+    primitives = [DiscretePosePrimitive(WEIGHTS, regression=regression).fit(clock, path) for path in paths]
+    return _nearest_of(primitives, clock, paths, lambda made: made.pose)
+
+
+def _nearest_of(primitives: Sequence[Any], clock: np.ndarray, paths: list[np.ndarray], rows: Callable[[Any], np.ndarray]) -> Reproduce:
+    """By the primitive, of positions or of poses, of the path that begins nearest. rows: of what it made."""
 
     def reproduce(start: np.ndarray) -> np.ndarray:
         primitive = primitives[_nearest(paths, start)]
-        return primitive.open_loop(clock, primitive.begin(start)).position
+        return rows(primitive.open_loop(clock, primitive.begin(start)))
 
     return reproduce
 
@@ -316,16 +325,6 @@ def _pose_ds_gmr(clock: np.ndarray, paths: list[np.ndarray]) -> Reproduce:
 
     model = PoseDSGMR(COMPONENTS).fit([PoseDSGMR(COMPONENTS).encode(clock, path) for path in paths], [frames(path[0]) for path in paths])
     return lambda start: model.reproduce(frames(start), clock, start).pose
-
-
-def _nearest_pose(clock: np.ndarray, paths: list[np.ndarray], regression: str = "joint") -> Reproduce:
-    primitives = [DiscretePosePrimitive(WEIGHTS, regression=regression).fit(clock, path) for path in paths]
-
-    def reproduce(start: np.ndarray) -> np.ndarray:
-        primitive = primitives[_nearest(paths, start)]
-        return primitive.open_loop(clock, primitive.begin(start)).pose
-
-    return reproduce
 
 
 def _nearest_pose_peer(clock: np.ndarray, paths: list[np.ndarray]) -> Reproduce:

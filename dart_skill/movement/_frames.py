@@ -65,7 +65,7 @@ class TaskFrame:
 
 def _condition_is_above(limit: float, matrix: np.ndarray) -> bool:
     """Whether a matrix (m, m) of unit rows has a larger condition number. It is below 2 / |det| (Guggenheimer, Edelman and Johnson 1995),
-    which takes a fifth of the time of the singular values and settles it for all frames in practice.
+    which takes a quarter of the time of the singular values and settles it for all frames in practice.
     """
     return abs(np.linalg.det(matrix)) < 2.0 / limit and bool(np.linalg.cond(matrix) > limit)
 
