@@ -92,7 +92,7 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
         return 1
     if not options.json:
         print(f"\nbag, summary.json, report.html and {MODEL}: {options.output}")
-        print(f"next: dart-skill practice --model {shlex.quote(str(options.output / MODEL))} goes on with what it has found")
+        print(f"next: dart-skill practice --model {shlex.quote(str(options.output / MODEL))}")
         print(f"or: open {shlex.quote(str(options.output / PAGE))} in a browser, or dart-skill view {shlex.quote(summary['bag'])}")
     return 0 if summary["thrown"] == options.throws else 1
 
