@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from dart_skill.simulation._bullet import BulletClient
 from dart_skill.simulation._guiding import smooth
-from dart_skill.simulation._plant import Plant, PlantSettings, PlantState
+from dart_skill.simulation._plant import LooseState, Plant, PlantSettings, PlantState
 from dart_skill.simulation._workbench import Pose
 
 START_POSTURE = (0.0, 0.3, 0.0, 2.2, 0.0, 1.0, 0.0)
@@ -104,7 +104,7 @@ class Conveyor(Plant):
         """Put the cup somewhere at once: it stands there from now on. position: of the cup (3,) [m]."""
         self._check_movable([role])
         self._belt = Belt.of((position, quaternion), {})
-        self._observe_ball()
+        self._seen_loose = None
 
     @property
     def succeeded(self) -> bool:
@@ -140,12 +140,10 @@ class Conveyor(Plant):
         """The hand is empty."""
         self._held, self._free_at, self._just_freed, self._stuck = None, None, False, False
 
-    def _observe_ball(self) -> None:
+    def _look_at_loose(self) -> LooseState:
         """What the state says of a ball is said of the cup."""
-        position, quaternion = self.cup
-        self._ball_position, self._ball_quaternion = tuple(position.tolist()), tuple(quaternion.tolist())
         before, after = (self._belt.place(self.time + around) for around in (-AROUND, AROUND))
-        self._ball_velocity = tuple(((after - before) / (2.0 * AROUND)).tolist())
+        return LooseState(*(tuple(part.tolist()) for part in (*self.cup, (after - before) / (2.0 * AROUND))))
 
     def _act_on_ball(self) -> None:
         """Nothing acts on the cup but its belt."""

@@ -253,7 +253,7 @@ class MotionCapture:
         stamps, late = [int(frame.stamp_ns) for frame in frames], round(1e9 * self.config.stamp_delay)
         return [
             Sample(present[i], stamps[k] + late, stamps[k] + draws.latency_ns[k], position[k, i], quaternion[k, i])
-            for k, i in np.argwhere(tracked).tolist()
+            for k, i in zip(*(part.tolist() for part in np.nonzero(tracked)), strict=True)
         ]
 
     def begin(self, episode: int) -> None:
@@ -287,10 +287,12 @@ class MotionCapture:
             delay[k] = rng.exponential()
         frame = self._frames_drawn + np.arange(n_frames)[:, None]
         until = np.where(chance < config.dropout_rate / config.rate, frame + lengths, 0)
-        until = np.maximum.accumulate(np.vstack([self._lost_until, until]))
+        until = np.maximum.accumulate(np.concatenate([self._lost_until[None], until]))
         self._frames_drawn, self._lost_until = self._frames_drawn + n_frames, until[-1]
-        latency = np.rint(1e9 * (config.latency + config.latency_jitter * delay[rows]))
-        return _Draws(noise[rows], (until[1:] > frame)[rows], latency.astype(int).tolist())
+        latency, dropped = np.rint(1e9 * (config.latency + config.latency_jitter * delay)).astype(int), until[1:] > frame
+        if n_frames > len(rows):  # some never came
+            noise, dropped, latency = (part[rows] for part in (noise, dropped, latency))
+        return _Draws(noise, dropped, latency.tolist())
 
     def _since_the_last(self, numbers: Sequence[int | None]) -> list[int]:
         """How many frames after the next one each is; ValueError for one that was there already, or that is hours away."""
@@ -364,24 +366,26 @@ class _View:
 
     def __init__(self, cameras: Sequence[Camera], clearance: float) -> None:
         self.position = np.stack([camera.position for camera in cameras])
-        self.axes = np.stack([camera.axes for camera in cameras])
-        self.tangents = np.tan([camera.half_angles for camera in cameras])
         self.range = np.array([camera.range for camera in cameras])
         self.clearance = clearance
+        right, down, forward = np.stack([camera.axes for camera in cameras], axis=1)
+        wide, high = (tangent[:, None] * forward for tangent in np.tan([camera.half_angles for camera in cameras]).T)
+        sides = np.stack([wide - right, wide + right, high - down, high + down])
+        self.sides = sides.reshape(-1, 3).T  # normals of the four sides of each field of view, inwards: (3, 4 * cameras)
+        self.behind_sides = np.einsum("sci,ci->sc", sides, self.position)
 
     def count(self, points: np.ndarray, ends: np.ndarray, radii: np.ndarray, walls: Walls | None) -> np.ndarray:
         """Cameras (f, n) that see each point (f, n, 3), past the capsules and the basket of its frame."""
         ray = points[:, :, None] - self.position  # (f, n, cameras, 3)
         distance = np.sqrt(np.einsum("fnci,fnci->fnc", ray, ray))
-        right, down, depth = np.einsum("cij,fncj->ifnc", self.axes, ray)
-        seen = (np.abs(right) <= self.tangents[:, 0] * depth) & (np.abs(down) <= self.tangents[:, 1] * depth)
-        seen &= (depth > 0.0) & (distance <= self.range)
+        inside = (points @ self.sides).reshape(*points.shape[:2], 4, -1) >= self.behind_sides
+        seen = inside.all(axis=2) & (distance <= self.range)
         # A line of sight ends `clearance` before the body, so that neither its holder nor itself hides it.
         shorten = np.maximum(0.0, 1.0 - self.clearance / np.maximum(distance, 1e-9))
         seen &= ~_hidden_by_capsules(self.position, shorten[..., None] * ray, ends, radii)
         if walls is not None:
             seen &= ~_hidden_by_walls(self.position, ray, *(part[:, None, None] for part in walls))
-        return np.sum(seen, axis=-1)
+        return seen.sum(axis=-1)
 
 
 def _hidden_by_capsules(start: np.ndarray, ray: np.ndarray, ends: np.ndarray, radii: np.ndarray) -> np.ndarray:
@@ -456,31 +460,30 @@ def _registration(config: MotionCaptureConfig, rng: np.random.Generator) -> tupl
 def _small_rotations(vectors: np.ndarray) -> np.ndarray:
     """Quaternions (..., 4) of rotation vectors (..., 3)."""
     half = 0.5 * np.sqrt(np.einsum("...i,...i->...", vectors, vectors))[..., None]
-    return np.concatenate([0.5 * np.sinc(half / np.pi) * vectors, np.cos(half)], axis=-1)
+    angle = np.maximum(half, 1e-20)  # of no rotation: sin(x) / x is 1
+    return np.concatenate([0.5 * (np.sin(angle) / angle) * vectors, np.cos(half)], axis=-1)
+
+
+SHIFTED = np.array([[3, 2, 1, 0], [2, 3, 0, 1], [1, 0, 3, 2]])
+SIGNS = np.array([[1.0, -1.0, 1.0, -1.0], [1.0, 1.0, -1.0, -1.0], [-1.0, 1.0, 1.0, -1.0]])
+"""A quaternion times i, j and k: which number stands where, and its sign."""
 
 
 def _multiply(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Products (..., 4) of quaternions (..., 4)."""
-    a, b, c, d = p[..., 0], p[..., 1], p[..., 2], p[..., 3]
-    e, f, g, h = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
-    product = np.empty(np.broadcast_shapes(p.shape, q.shape))
-    product[..., 0] = d * e + a * h + b * g - c * f
-    product[..., 1] = d * f - a * g + b * h + c * e
-    product[..., 2] = d * g + a * f - b * e + c * h
-    product[..., 3] = d * h - a * e - b * f - c * g
-    return product
+    parts = p[..., :3, None] * (q.take(SHIFTED, axis=-1) * SIGNS)
+    return p[..., 3:] * q + parts[..., 0, :] + parts[..., 1, :] + parts[..., 2, :]
+
+
+NEXT, LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
+"""Of a coordinate the one after it, and the one before it."""
 
 
 def _rotate(q: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Vectors (..., 3) turned by quaternions (..., 4)."""
-    x, y, z, w = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
-    a, b, c = vectors[..., 0], vectors[..., 1], vectors[..., 2]
-    u, v, n = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
-    turned = np.empty((*np.broadcast_shapes(q.shape[:-1], vectors.shape[:-1]), 3))
-    turned[..., 0] = a + w * u + y * n - z * v
-    turned[..., 1] = b + w * v + z * u - x * n
-    turned[..., 2] = c + w * n + x * v - y * u
-    return turned
+    after, before = q.take(NEXT, axis=-1), q.take(LAST, axis=-1)
+    twice = 2.0 * (after * vectors.take(LAST, axis=-1) - before * vectors.take(NEXT, axis=-1))
+    return vectors + q[..., 3:] * twice + after * twice.take(LAST, axis=-1) - before * twice.take(NEXT, axis=-1)
 
 
 def _check_poses(names: Sequence[str], poses: Sequence[Sequence[Pose]]) -> tuple[np.ndarray, np.ndarray]:
@@ -509,7 +512,7 @@ def _check_capsules(capsules: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[
         if np.ndim(radii) != 1 or np.shape(ends) != (len(radii), 2, 3) or len(radii) != len(capsules[0][1]):
             raise ValueError(f"capsules: need end points (c, 2, 3) and radii (c,), got {np.shape(ends)} and {np.shape(radii)}")
     ends, radii = (np.array(part, dtype=float) for part in zip(*capsules, strict=True))
-    if not (np.all(np.isfinite(ends)) and np.all(radii > 0.0)):
+    if not (np.isfinite(ends).all() and (radii > 0.0).all()):
         raise ValueError("capsules: end points must be finite and radii positive")
     return ends, radii
 

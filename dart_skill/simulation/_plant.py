@@ -5,11 +5,12 @@ that takes time to open, and a ball with drag (docs/sources.md has the numbers).
 computes the acceleration that the arm with rotors would have and asks PyBullet for the torque that gives it.
 """
 
+import math
 import tempfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -169,6 +170,14 @@ RENEWED = 50
 """Episodes after which the physics server is a new one: PyBullet keeps 10 kB of every body that it loads until it is disconnected."""
 
 
+class LooseState(NamedTuple):
+    """Of what the hand may hold: position (3,) [m], quaternion (4,) and velocity (3,) [m/s], as PyBullet says them."""
+
+    position: tuple[float, ...]
+    quaternion: tuple[float, ...]
+    velocity: tuple[float, ...]
+
+
 @dataclass(frozen=True)
 class Braking(Command):
     """Motors shorted, as the arm does it by itself: no controller asks for its torque."""
@@ -296,7 +305,7 @@ class Plant:
         """True poses of what the cameras track, by role: position (3,) [m] and quaternion (4,)."""
         return {
             "hand": (self.hand_position, self.hand_quaternion),
-            self.loose_body: (np.array(self._ball_position), np.array(self._ball_quaternion)),
+            self.loose_body: (np.array(self._loose.position), np.array(self._loose.quaternion)),
             self.movable_body: (self._basket, np.array([0.0, 0.0, 0.0, 1.0])),
         }
 
@@ -357,13 +366,14 @@ class Plant:
         self._let_go_when_due()
         self._drive(acting, push)
         self._act_on_ball()
+        board = None if self._held is not None or self._stuck else self.settings.board
+        before = None if board is None else np.array(self._loose.position)
         self._world.stepSimulation()
         self._stamp_ns += self.settings.step_ns
         self._step_count += 1
-        before = self._ball_position
         self._observe()
-        if self.settings.board is not None and self._held is None and not self._stuck:
-            self._stick_to_the_board(self.settings.board, np.array(before))
+        if board is not None and before is not None:
+            self._stick_to_the_board(board, before)
 
     # the arm
 
@@ -437,6 +447,7 @@ class Plant:
         s = self.settings
         if not (s.release_turn or s.release_speed):
             return
+        _ = self._loose  # the air drags at the speed of before
         turn, share = s.release_turn * self._scatter.standard_normal(3), 1.0 + s.release_speed * self._scatter.standard_normal()
         linear, angular = (np.array(part) for part in self._world.getBaseVelocity(self._ball))
         angle = float(np.linalg.norm(turn))
@@ -448,33 +459,29 @@ class Plant:
         """Drag; and half the gravity in the first free step, which makes PyBullet's Euler steps a leapfrog, exact for a parabola."""
         if self._held is not None or self._stuck:
             return
-        ball = self._projectile
-        velocity = np.array(self._ball_velocity)
-        area = np.pi * ball.radius**2
-        drag = self.settings.ball_drag_scale * ball.drag_coefficient
-        force = -0.5 * AIR_DENSITY * drag * area * np.linalg.norm(velocity) * velocity
+        velocity = np.array(self._loose.velocity)
+        force = (self._drag * math.sqrt(velocity @ velocity) * velocity).tolist()
         if self._just_freed:
             force[2] += 0.5 * self._ball_mass * self.description.gravity
-        self._world.applyExternalForce(self._ball, -1, force.tolist(), list(self._ball_position), pybullet.WORLD_FRAME)
+        self._world.applyExternalForce(self._ball, -1, force, self._loose.position, pybullet.WORLD_FRAME)
         self._touch_when_clear()
 
     def _stick_to_the_board(self, board: Board, before: np.ndarray) -> None:
         """A dart that has met the board in the last step stays where it met it."""
-        point = board.hit(before, np.array(self._ball_position))
+        point = board.hit(before, np.array(self._loose.position))
         if point is None:
             return
-        self._world.resetBasePositionAndOrientation(self._ball, point.tolist(), self._ball_quaternion)
+        self._world.resetBasePositionAndOrientation(self._ball, point.tolist(), self._loose.quaternion)
         self._world.resetBaseVelocity(self._ball, [0, 0, 0], [0, 0, 0])
         self._world.changeDynamics(self._ball, -1, mass=0)
-        self._stuck = True
-        self._observe_ball()
+        self._stuck, self._seen_loose = True, None
 
     def _touch_when_clear(self) -> None:
         """The open fingers are not modelled: the hand can touch the ball again once it is a hand's breadth away."""
         if self._touchable:
             return
-        grip = self._hand_position + _rotate(self._hand_quaternion, self.description.hand.ball_centre)
-        if np.linalg.norm(np.array(self._ball_position) - grip) > self.settings.hand_clearance:
+        grip = self.hand_position + _rotate(self.hand_quaternion, self.description.hand.ball_centre)
+        if np.linalg.norm(np.array(self._loose.position) - grip) > self.settings.hand_clearance:
             self._set_touchable(True)
 
     def _set_touchable(self, touchable: bool) -> None:
@@ -520,21 +527,37 @@ class Plant:
         if self.settings.board is None:
             self._basket_body = _load_urdf(world, _unseen(basket_urdf(self.settings.basket)), self._basket.tolist())
             world.changeDynamics(self._basket_body, -1, restitution=self.settings.basket.restitution, lateralFriction=0.5)
-        self._ball_mass = self._projectile.mass * self.settings.ball_mass_scale
-        self._ball = _ball_body(world, self._projectile, self._ball_mass)
+        ball, s = self._projectile, self.settings
+        self._ball_mass = ball.mass * s.ball_mass_scale
+        self._drag = -0.5 * AIR_DENSITY * (s.ball_drag_scale * ball.drag_coefficient) * (np.pi * ball.radius**2)
+        self._ball = _ball_body(world, ball, self._ball_mass)
 
     def _observe(self) -> None:
+        """Read the joints; where hand and ball are is read when somebody asks."""
         joints = self._world.getJointStates(self._arm, JOINTS)
         self._q, self._qd = [joint[0] for joint in joints], [joint[1] for joint in joints]
         self._position, self._velocity = np.array(self._q), np.array(self._qd)
         self._read_encoders()
-        hand = self._world.getLinkState(self._arm, HAND_LINK_INDEX, computeForwardKinematics=1)
-        self._hand_position, self._hand_quaternion = np.array(hand[4]), np.array(hand[5])
-        self._observe_ball()
+        self._seen_hand: tuple[np.ndarray, np.ndarray] | None = None
+        self._seen_loose: LooseState | None = None
 
-    def _observe_ball(self) -> None:
-        self._ball_position, self._ball_quaternion = self._world.getBasePositionAndOrientation(self._ball)
-        self._ball_velocity = self._world.getBaseVelocity(self._ball)[0]
+    @property
+    def _hand(self) -> tuple[np.ndarray, np.ndarray]:
+        """Position (3,) and quaternion (4,) of the hand's frame."""
+        if self._seen_hand is None:
+            hand = self._world.getLinkState(self._arm, HAND_LINK_INDEX, computeForwardKinematics=1)
+            self._seen_hand = np.array(hand[4]), np.array(hand[5])
+        return self._seen_hand
+
+    @property
+    def _loose(self) -> LooseState:
+        """Of the ball, or of what stands for it in this world."""
+        if self._seen_loose is None:
+            self._seen_loose = self._look_at_loose()
+        return self._seen_loose
+
+    def _look_at_loose(self) -> LooseState:
+        return LooseState(*self._world.getBasePositionAndOrientation(self._ball), self._world.getBaseVelocity(self._ball)[0])
 
     def _read_encoders(self) -> None:
         motors = self._transmission
@@ -582,12 +605,12 @@ class Plant:
     @property
     def hand_position(self) -> np.ndarray:
         """Origin of the hand frame (3,) [m]."""
-        return self._hand_position
+        return self._hand[0]
 
     @property
     def hand_quaternion(self) -> np.ndarray:
         """Orientation of the hand frame (4,)."""
-        return self._hand_quaternion
+        return self._hand[1]
 
     @property
     def arm_state(self) -> ArmState:
@@ -597,7 +620,7 @@ class Plant:
     @property
     def state(self) -> PlantState:
         """The present state."""
-        ball = np.array(self._ball_position)
+        ball = np.array(self._loose.position)
         return PlantState(
             stamp_ns=self._stamp_ns,
             episode=self._episode,
@@ -605,11 +628,11 @@ class Plant:
             position=self._position,
             velocity=self._velocity,
             effort=self._effort,
-            hand_position=self._hand_position,
-            hand_quaternion=self._hand_quaternion,
+            hand_position=self.hand_position,
+            hand_quaternion=self.hand_quaternion,
             ball_position=ball,
-            ball_quaternion=np.array(self._ball_quaternion),
-            ball_velocity=np.array(self._ball_velocity),
+            ball_quaternion=np.array(self._loose.quaternion),
+            ball_velocity=np.array(self._loose.velocity),
             ball_held=self._held is not None,
             basket=self._basket,
             ball_in_basket=self._stuck if self.settings.board is not None else self.settings.basket.holds(ball, self._basket),

@@ -96,7 +96,7 @@ class Workbench(Plant):
     def succeeded(self) -> bool:
         """Whether the part lies in the holder, and nobody holds it."""
         turn = Rotation.from_quat(self._holder[1])
-        local = turn.inv().apply(np.array(self._ball_position) - self._holder[0])
+        local = turn.inv().apply(np.array(self._loose.position) - self._holder[0])
         seat = 0.5 * self.bench.size[2]
         return self._held is None and bool(np.hypot(*local[:2]) < 2.0 * self.bench.clearance and abs(local[2] - seat) < IN)
 
@@ -109,7 +109,7 @@ class Workbench(Plant):
         """True poses of what the cameras track."""
         return {
             "hand": (self.hand_position, self.hand_quaternion),
-            "part": (np.array(self._ball_position), np.array(self._ball_quaternion)),
+            "part": (np.array(self._loose.position), np.array(self._loose.quaternion)),
             "holder": self._holder,
         }
 
@@ -175,8 +175,8 @@ class Workbench(Plant):
 
     def _seen_from_hand(self) -> tuple[np.ndarray, Rotation]:
         """Place (3,) of the part in the frame of the hand, and its turn."""
-        back = Rotation.from_quat(self._hand_quaternion).inv()
-        return back.apply(np.array(self._ball_position) - self._hand_position), back * Rotation.from_quat(self._ball_quaternion)
+        back = Rotation.from_quat(self.hand_quaternion).inv()
+        return back.apply(np.array(self._loose.position) - self.hand_position), back * Rotation.from_quat(self._loose.quaternion)
 
     def _is_between_the_fingers(self) -> bool:
         place, turn = self._seen_from_hand()
