@@ -17,7 +17,7 @@ import scipy
 
 from dart_skill.configuration import node_parameters
 from dart_skill.constants import N_JOINTS
-from dart_skill.robot._command import ArmState, Command, Grip, Speed, all_finite
+from dart_skill.robot._command import ArmState, Command, Grip, Speed, all_finite, largest
 from dart_skill.robot._description import WamDescription, wam_description
 from dart_skill.robot._guide import Guidance, Guide, PlanGuide
 from dart_skill.robot._impedance import (
@@ -151,6 +151,7 @@ class Commander:
         self._description = description or wam_description()
         share = self.settings.friction_compensation
         self._lower, self._upper = self._description.of_joints("lower"), self._description.of_joints("upper")
+        self._range = self._lower.tolist(), self._upper.tolist()
         self._loaded = Impedance(ArmModel(self._description, ball_in_hand=True), share)
         self._empty = Impedance(ArmModel(self._description, ball_in_hand=False), share)
         self._servo = JointServo(self._empty)
@@ -313,12 +314,12 @@ class Commander:
         command = self._ANSWERS[self._mode](self, state)
         if self._mode in CAREFUL or (self._mode == Mode.EXECUTING and self._guide.speed == Speed.CAREFUL):
             return command
-        return replace(command, speed=Speed.THROW)
+        return Command(command.stamp_ns, command.wrench, command.joint_torque, command.grip, Speed.THROW)
 
     # one method per mode
 
     def _holding(self, state: ArmState) -> Command:
-        if not self._found and np.abs(state.velocity).max() > RESTS:
+        if not self._found and largest(state.velocity) > RESTS:
             self._enter(Mode.STOPPING, state)
             return self._stopping(state)
         self._found = True
@@ -345,7 +346,7 @@ class Commander:
         return self._joint_command(state, *minimum_jerk(self._start, self._goal, self._approach, self.time))
 
     def _settling(self, state: ArmState) -> Command:
-        if np.abs(state.velocity).max() > self.settings.settle_speed:
+        if largest(state.velocity) > self.settings.settle_speed:
             self._quiet_ns = state.stamp_ns
         quiet = (state.stamp_ns - self._quiet_ns) * 1e-9
         if quiet >= self.settings.settle_time or self.time >= self.settings.settle_limit:
@@ -381,7 +382,7 @@ class Commander:
     def _posture(self, position: np.ndarray, now: Guidance) -> np.ndarray:
         """What the free motion of the arm aims at (7,): the posture of the start, or of the plan, but for the joints that swing."""
         posture = (self._guide.start_posture if now.posture is None else now.posture).copy()
-        posture[[1, 3, 5]] = position[[1, 3, 5]]
+        posture[1:6:2] = position[1:6:2]
         return posture
 
     def _follow(self, state: ArmState, now: Guidance) -> tuple[np.ndarray, np.ndarray]:
@@ -414,7 +415,7 @@ class Commander:
         return self._come_to_rest(state)
 
     def _come_to_rest(self, state: ArmState) -> Command:
-        if np.abs(state.velocity).max() < RESTS or self.time > LONGEST_STOP:
+        if largest(state.velocity) < RESTS or self.time > LONGEST_STOP:
             self._hold, self._found = None, True
             self._enter(Mode.HOLDING, state)
             return self._holding(state)
@@ -444,9 +445,9 @@ class Commander:
         if last is None or not 0.0 <= (gap := (state.stamp_ns - last.stamp_ns) * 1e-9) <= self.settings.longest_gap:
             self._last = state
             return
-        jump = np.abs(state.position - last.position)
-        if (most := float(jump.max())) > JUMP[0] + JUMP[1] * gap:
-            name = self._description.joints[int(jump.argmax())].name
+        jump = [abs(here - there) for here, there in zip(state.position.tolist(), last.position.tolist(), strict=True)]
+        if (most := max(jump)) > JUMP[0] + JUMP[1] * gap:
+            name = self._description.joints[jump.index(most)].name
             raise ValueError(f"{name} jumped by {most:.2f} rad within {gap:.3f} s: that is another arm, or the message is damaged")
         self._last = state
 
@@ -491,10 +492,10 @@ class Commander:
         return np.repeat([min(1.0, most_force / max(1e-9, force)), min(1.0, most_moment / max(1e-9, moment))], 3) * wrench
 
     def _limit_broken(self, state: ArmState, off: float) -> str:
-        over = np.maximum(state.position - self._upper, self._lower - state.position)
-        limits = self.settings.limits
-        if over.max() > -limits.joint_margin:
-            j = int(over.argmax())
+        limits, rows = self.settings.limits, zip(state.position.tolist(), *self._range, strict=True)
+        over = [max(at - upper, lower - at) for at, lower, upper in rows]
+        if (most := max(over)) > -limits.joint_margin:
+            j = over.index(most)
             return f"j{j + 1} is at {state.position[j]:.3f} rad, closer than {limits.joint_margin} rad to the end of its range"
         if off > self.settings.farthest_error:
             return f"the hand is {off:.3f} m from the plan, farther than the limit of {self.settings.farthest_error} m"

@@ -6,6 +6,7 @@ holds on the arm, not only on a point mass (Khatib, 1987). Position and orientat
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -121,18 +122,17 @@ class Impedance:
         jacobian, inertia = self.model.jacobian(q), self.model.mass_matrix(q)
         scaled = LENGTHS[:, None] * jacobian
         lapack = scipy.linalg.lapack
-        mobility, directions, _ = lapack.dsyev(scaled @ lapack.dposv(inertia, scaled.T)[1])
+        mobility, directions, _ = lapack.dsyev(scaled.dot(lapack.dposv(inertia, scaled.T)[1]))
         free = self._null_stiffness * (posture - q) - self._null_damping * qd
         # One factorisation for both: the wrench, and the part of the free motion that would move the hand.
-        wanted = LENGTHS * np.array([acceleration - self.model.jacobian_drift(q, qd), jacobian @ free])
+        wanted = LENGTHS * np.array([acceleration - self.model.jacobian_drift(q, qd), jacobian.dot(free)])
         share = np.minimum(mobility / self._least_mobility, 1.0) ** 2
-        wrench, disturbing = LENGTHS * (((wanted @ directions) * (share / mobility)) @ directions.T)
-        null_torque = inertia @ free - jacobian.T @ disturbing
-        return _Drive(wrench, null_torque, jacobian.T @ wrench + null_torque, inertia)
+        wrench, disturbing = LENGTHS * (wanted.dot(directions) * (share / mobility)).dot(directions.T)
+        null_torque = inertia.dot(free) - jacobian.T.dot(disturbing)
+        return _Drive(wrench, null_torque, jacobian.T.dot(wrench) + null_torque, inertia)
 
 
-@dataclass(frozen=True)
-class _Drive:
+class _Drive(NamedTuple):
     """What accelerates the arm: wrench at the hand (6,), torques in the null space (7,), both as joint torques (7,), inertia (7, 7)."""
 
     wrench: np.ndarray
@@ -164,6 +164,7 @@ class JointServo:
     STIFFNESS = np.array([900.0, 2500.0, 600.0, 500.0, 50.0, 50.0, 8.0])
     DAMPING = np.array([10.0, 20.0, 5.0, 2.0, 0.5, 0.5, 0.05])
     LIMIT = np.array([25.0, 20.0, 15.0, 15.0, 5.0, 5.0, 5.0])
+    LEAST = -LIMIT
     FOLLOWING = PoseGains(np.array([360.0, 250.0, 120.0, 50.0, 7.5, 10.0, 1.6]), np.array([10.0, 10.0, 3.5, 2.0, 0.25, 0.35, 0.05]))
     """Of a motion that is fed forward [N m/rad], [N m s/rad]: parts of the vendor's gains that leave a modulus margin of 0.25 with cables
     of half the stiffness of config/fleet.yaml, speeds behind a low-pass of 180 rad/s and a delay of a period: docs/fleet.md.
@@ -181,13 +182,15 @@ class JointServo:
     def torque(self, q: np.ndarray, qd: np.ndarray, q_wanted: np.ndarray, qd_wanted: np.ndarray, qdd_wanted: np.ndarray) -> np.ndarray:
         """Joint torque (7,) [N m] towards a wanted joint motion, gravity excluded."""
         feedback = self.STIFFNESS * (q_wanted - q) + self.DAMPING * (qd_wanted - qd)
-        torque = np.minimum(np.maximum(feedback, -self.LIMIT), self.LIMIT) + self._impedance.friction_torque(qd_wanted)
-        return torque + self._impedance.model.mass_matrix(q) @ qdd_wanted if qdd_wanted.any() else torque
+        torque = np.minimum(np.maximum(feedback, self.LEAST), self.LIMIT)
+        if any(qd_wanted.tolist()):
+            torque += self._impedance.friction_torque(qd_wanted)
+        return torque + self._impedance.model.mass_matrix(q) @ qdd_wanted if any(qdd_wanted.tolist()) else torque
 
     def follow(self, q: np.ndarray, qd: np.ndarray, q_expected: np.ndarray, qd_expected: np.ndarray) -> np.ndarray:
         """Joint torque (7,) [N m] towards an expected motion whose torques are fed forward."""
         feedback = self.FOLLOWING.stiffness * (q_expected - q) + self.FOLLOWING.damping * (qd_expected - qd)
-        return np.minimum(np.maximum(feedback, -self.LIMIT), self.LIMIT)
+        return np.minimum(np.maximum(feedback, self.LEAST), self.LIMIT)
 
     def take_out(self, torque: np.ndarray, q: np.ndarray, q_expected: np.ndarray, step: float) -> np.ndarray:
         """Torque (7,) [N m] a step [s] later that takes out what is left of the distance: what soft joints leave of errors of gravity and

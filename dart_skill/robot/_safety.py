@@ -129,7 +129,7 @@ class SafetyModule:
     def limited(self, command: Command, position: np.ndarray) -> Command:
         """The command, weakened as a whole where it asks a joint for more than the limit on top of gravity compensation."""
         torque = command.joint_torque
-        if command.wrench.any():
+        if any(command.wrench.tolist()):
             torque = torque + self._model.jacobian(position).T @ command.wrench
         held = zip(self._strongest, self._model.gravity_torque(position).tolist(), strict=True)
         room = [max(0.0, most - abs(gravity)) for most, gravity in held]

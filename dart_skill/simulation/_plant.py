@@ -398,7 +398,7 @@ class Plant:
         arm = self._loaded_arm if self._held is not None else self._empty_arm
         inertia, bias = arm.inertia(q), arm.bias(q, self._qd)
         acceleration = self._acceleration(inertia, outside, bias)
-        torque = inertia @ acceleration + bias
+        torque = inertia.dot(acceleration) + bias
         self._world.setJointMotorControlArray(self._arm, JOINTS, pybullet.TORQUE_CONTROL, forces=torque.tolist())
 
     def _acceleration(self, inertia: np.ndarray, outside: np.ndarray | float, bias: np.ndarray) -> np.ndarray:
@@ -411,7 +411,7 @@ class Plant:
     @staticmethod
     def _in_joints(arm: "_DynamicsOnly", q: list[float], wrench: np.ndarray) -> np.ndarray | float:
         """A wrench at the hand as joint torques (7,); nothing for none, which spares the Jacobian of an arm that is held."""
-        return arm.jacobian(q).T @ wrench if wrench.any() else 0.0
+        return arm.jacobian(q).T @ wrench if any(wrench.tolist()) else 0.0
 
     # the hand and the ball
 
@@ -729,5 +729,6 @@ def _checked_basket(position: np.ndarray) -> np.ndarray:
 
 def _rotate(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
     """The vector (3,) turned by the quaternion (x, y, z, w)."""
-    axis, w = quaternion[:3], quaternion[3]
-    return vector + 2.0 * np.cross(axis, np.cross(axis, vector) + w * vector)
+    (x, y, z, w), (a, b, c) = quaternion.tolist(), vector.tolist()
+    p, q, r = y * c - z * b + w * a, z * a - x * c + w * b, x * b - y * a + w * c
+    return np.array([a + 2.0 * (y * r - z * q), b + 2.0 * (z * p - x * r), c + 2.0 * (x * q - y * p)])
