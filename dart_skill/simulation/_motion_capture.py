@@ -345,8 +345,10 @@ class LatencyQueue:
 
     def due(self, now_ns: int) -> list[Sample]:
         """Hand out, in order of publication, what is published at or before `now_ns`."""
-        ready = sorted((s for s in self._waiting if s.publish_ns <= now_ns), key=lambda s: s.publish_ns)
-        self._waiting = [s for s in self._waiting if s.publish_ns > now_ns]
+        ready = [sample for sample in self._waiting if sample.publish_ns <= now_ns]
+        if ready:  # a clock asks at every step of the arm
+            self._waiting = [sample for sample in self._waiting if sample.publish_ns > now_ns]
+            ready.sort(key=lambda sample: sample.publish_ns)
         return ready
 
     def clear(self) -> None:
@@ -490,9 +492,10 @@ def _check_poses(names: Sequence[str], poses: Sequence[Sequence[Pose]]) -> tuple
     """Positions (f, n, 3) and unit quaternions (f, n, 4); ValueError names the first body whose pose is not one."""
     for frame in poses:
         for name, (position, quaternion) in zip(names, frame, strict=True):
-            for kind, value, size in (("position", position, 3), ("quaternion", quaternion, 4)):
-                if np.shape(value) != (size,):
-                    raise ValueError(f"{kind} of {name} must be a finite ({size},) array, got {value}")
+            if np.shape(position) != (3,):
+                raise ValueError(f"position of {name} must be a finite (3,) array, got {position}")
+            if np.shape(quaternion) != (4,):
+                raise ValueError(f"quaternion of {name} must be a finite (4,) array, got {quaternion}")
     position = np.array([[position for position, _ in frame] for frame in poses], dtype=float)
     quaternion = np.array([[quaternion for _, quaternion in frame] for frame in poses], dtype=float)
     norm = np.sqrt(np.einsum("fni,fni->fn", quaternion, quaternion))

@@ -5,6 +5,7 @@ import time
 
 import pytest
 import rclpy
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Int32
 
@@ -103,9 +104,10 @@ def test_no_message_overtakes_another_where_nobody_has_heard_the_last_ones_yet(p
 
     def say_while(subscriptions):
         limit = time.monotonic() + 60.0
-        while publisher.get_subscription_count() != subscriptions:  # this process is late: nobody spins it
+        while Publisher.get_subscription_count(publisher) != subscriptions:  # this process is late: nobody spins it
             assert time.monotonic() < limit, f"{subscriptions} subscriptions are not discovered"
             time.sleep(1e-3)
+        process.exchange.turns += 1  # as one that is over before anybody has heard anything
         for number in [next(said) for _ in range(5)]:
             publisher.publish(Int32(data=number))
 
@@ -121,6 +123,21 @@ def test_no_message_overtakes_another_where_nobody_has_heard_the_last_ones_yet(p
     publisher.publish(Int32(data=next(said)))
     process.until(lambda: len(heard) == 36, "one more")
     assert process.exchange.heard == before, "without the middleware again"
+
+
+def test_who_hears_a_topic_is_counted_once_a_turn(process):
+    publisher = process.speaker.create_publisher(Int32, "said", RELIABLE)
+    process.listener.create_subscription(Int32, "said", lambda _: None, RELIABLE)
+    process.until(lambda: publisher.get_subscription_count() == 1, "a subscription that is discovered")
+    outsider = process.outsider.create_subscription(Int32, "said", lambda _: None, RELIABLE)
+    limit = time.monotonic() + 60.0
+    while Publisher.get_subscription_count(publisher) != 2:
+        assert time.monotonic() < limit, "the second subscription is not discovered"
+        time.sleep(1e-3)
+    assert publisher.get_subscription_count() == 1
+    process.exchange.deliver()
+    assert publisher.get_subscription_count() == 2
+    process.outsider.destroy_subscription(outsider)
 
 
 def test_an_outsider_is_heard(process):

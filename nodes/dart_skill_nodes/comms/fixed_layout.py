@@ -58,8 +58,12 @@ class FixedLayout:
 
     def fits(self, data: bytes) -> bool:
         """Whether bytes are such a message; a few may follow, as serialisers make them that take too much room for empty sequences."""
-        same = len(data) >= len(self._bytes) and data[:2] == self._bytes[:2]
-        return same and all(data[start:end] == fixed for start, end, fixed in self._fixed)
+        if len(data) < len(self._bytes) or data[:2] != self._bytes[:2]:
+            return False
+        for start, end, fixed in self._fixed:  # not all(...): this is asked of every message of the arm
+            if data[start:end] != fixed:
+                return False
+        return True
 
     def values(self, data: bytes) -> np.ndarray:
         """The numbers (count,) in the bytes of such a message."""

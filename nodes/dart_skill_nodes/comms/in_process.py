@@ -79,13 +79,14 @@ class _Letter:
 class Exchange:
     """Who hears what in this process, and the messages that wait to be handed over. Only the thread that made it uses it.
 
-    heard: messages that came through the middleware so far, which tells a loop whether more may be ready there.
+    heard: messages that came through the middleware so far, which tells a loop whether more may be ready there. turns: how often the others
+    have had a turn so far: what the middleware knows of them does not change in between.
     """
 
     def __init__(self) -> None:
         self._thread, self._hearers, self._waiting = threading.get_ident(), [], deque()
         self._soon: list[Callable[[], None]] = []
-        self.heard, self.changes = 0, 0
+        self.heard, self.changes, self.turns = 0, 0, 0
 
     @property
     def is_here(self) -> bool:
@@ -126,6 +127,7 @@ class Exchange:
 
     def deliver(self) -> bool:
         """Call those that messages wait for, and those of the messages that they publish then, for a SLICE; whether there were any."""
+        self.turns += 1
         waiting, (soon, self._soon) = self._waiting, (self._soon, [])
         if not waiting and not soon:
             return False
@@ -193,6 +195,17 @@ class HandingPublisher(Publisher):
     _changes = -1
     _last = b""
     """What went through the middleware last, until all in this process have heard it."""
+    _counted, _count = (-1, -1), 0
+    """When the subscriptions were counted last, and how many there were: in a turn of the arm it is asked at every state."""
+
+    def get_subscription_count(self) -> int:
+        """Subscriptions of its topic in all processes, at the last turn of the middleware."""
+        exchange = _exchange
+        if exchange is None or not exchange.is_here:
+            return super().get_subscription_count()
+        if self._counted != (now := (exchange.turns, exchange.changes)):
+            self._counted, self._count = now, super().get_subscription_count()
+        return self._count
 
     def publish(self, msg) -> None:
         """Send a message, or its bytes, to all who hear the topic."""

@@ -75,7 +75,7 @@ class CoachNode(GuardedNode):
         self._add_trial = self.create_client(AddTrial, "skill_learner/add_trial")
         self._baskets = MatchingSubscriptions(self)
         if conversions.BASKET in self._name_of:
-            self._baskets.subscribe(pose_topic(self._name_of[conversions.BASKET]), self._on_basket, PoseStamped)
+            self._baskets.subscribe(pose_topic(self._name_of[conversions.BASKET]), self._on_basket, PoseStamped, raw=True)
         self.create_timer(LOOK, self._watch, clock=WALL)
         accept = {"goal_callback": self._on_goal, "cancel_callback": self._on_cancel}
         self._action = CoroutineActionServer(self, Practice, "practice", self._practise, finish_by_success, **accept)
@@ -275,9 +275,10 @@ class CoachNode(GuardedNode):
             raise CallFailed(f"the basket was not seen for {PATIENCE:.0f} s: is it tracked?")
         return seen
 
-    def _on_basket(self, message: PoseStamped) -> None:
-        if self._sighting is None or conversions.stamp_ns(message.header.stamp) < self._sighting_since_ns:
+    def _on_basket(self, data: bytes) -> None:
+        if self._sighting is None or conversions.leading_stamp_ns(data) < self._sighting_since_ns:
             return
+        message = conversions.decoded(data, PoseStamped)
         if message.header.frame_id == self.p["frame_id"]:
             self._sighting.keep(conversions.place(message.pose.position, "the basket"))
 

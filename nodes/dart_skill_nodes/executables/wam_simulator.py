@@ -111,6 +111,8 @@ class WamSimulator(GuardedNode):
         self._make_topics()
         self._make_services()
         self.add_on_set_parameters_callback(self._refuse_no_arm)
+        self._read_pace()
+        self.add_post_set_parameters_callback(self._read_pace)
         self._diagnostics = Diagnostics(self, self._describe)
         self._mark = (time.monotonic(), 0)
         self.create_timer(LOOK, self._watch_those_who_move, clock=WALL)
@@ -234,9 +236,9 @@ class WamSimulator(GuardedNode):
             return
         self._stillness.look(ns, self._plant.joint_velocity, self._plant.bodies)
         waits = self._guided or self._budget
-        rest_after = self.get_parameter("rest_after").value
         still_for = (ns - self._stillness.since_ns) * 1e-9
-        self._rests = not waits and 0.0 < (rest_after if self._asked else min(rest_after, UNASKED)) < still_for
+        rest_after = self._rest_after if self._asked else min(self._rest_after, UNASKED)
+        self._rests = not waits and 0.0 < rest_after < still_for
 
     def _tell_of_safety(self) -> None:
         """On /wam/safety, when it changes: all is well, something is near its limit, or the motors are shorted until a reset."""
@@ -248,7 +250,7 @@ class WamSimulator(GuardedNode):
 
     def _pace(self) -> None:
         """Hold simulated time back to speed_factor times the machine's, and to the machine's own while somebody watches."""
-        factor = self.get_parameter("speed_factor").value
+        factor = self._speed_factor
         if self._watched:
             factor = min(factor or 1.0, 1.0)
         if factor <= 0.0:
@@ -267,7 +269,7 @@ class WamSimulator(GuardedNode):
         if now < self._wall_due or self._waits_for_a_person(now):
             return
         self._budget = max(0, self._budget - 1)
-        period = self._plant.settings.step / (self.get_parameter("speed_factor").value or 1.0)
+        period = self._plant.settings.step / (self._speed_factor or 1.0)
         self._wall_due = max(self._wall_due + period, now - LATEST)
         self._step(*self._held_answers())
         self._publish()
@@ -323,6 +325,10 @@ class WamSimulator(GuardedNode):
         if any(self.p[name] != value for name, value in now.items()):
             self.p.update(now)
             self._plant.change(PlantSettings.from_parameters(self.p))
+
+    def _read_pace(self, _=()) -> None:
+        """Take what says how fast time goes, whenever it was changed: reading a parameter takes as long as a message."""
+        self._speed_factor, self._rest_after = (self.get_parameter(name).value for name in ("speed_factor", "rest_after"))
 
     def _refuse_no_arm(self, parameters) -> SetParametersResult:
         """A change that makes settings which no arm has is refused when it is asked for, not at the next reset."""
