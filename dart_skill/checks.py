@@ -121,7 +121,7 @@ def as_count(value: int, name: str, minimum: int = 1) -> int:
 def as_number(value: ArrayLike, name: str, minimum: float = 0.0, strict: bool = True) -> float:
     """Finite scalar above `minimum`, or equal to it when not strict. value, name: as of `as_samples`. ValueError for what is none."""
     given: Any = value
-    number = given if type(given) is float and math.isfinite(given) else float(as_finite(value, name, 0))
+    number = float(given) if isinstance(given, float) and math.isfinite(given) else float(as_finite(value, name, 0))
     if number < minimum or (strict and number == minimum):
         raise ValueError(f"{name} must be {'above' if strict else 'at least'} {minimum:g}, got {number:g}")
     return number

@@ -87,7 +87,7 @@ def _integrate_equal(gains: StepGains, state: np.ndarray, drive: np.ndarray) -> 
     states = np.empty((2, len(drive) // 2 + 1, drive.shape[1]))
     states[:, 0] = state
     if len(drive) == 3:
-        states[:, 1] = gains.transition @ state + gains.kicks @ drive
+        states[:, 1] = gains.transition.dot(state) + gains.kicks.dot(drive)  # for so few numbers dot takes half the time of @
         return states
     states[:, 1:] = _kicks(gains, drive)
     return recur(gains.transition, states)

@@ -291,7 +291,7 @@ class MotionCapture:
         self._frames_drawn, self._lost_until = self._frames_drawn + n_frames, until[-1]
         latency, dropped = np.rint(1e9 * (config.latency + config.latency_jitter * delay)).astype(int), until[1:] > frame
         if n_frames > len(rows):  # some never came
-            noise, dropped, latency = (part[rows] for part in (noise, dropped, latency))
+            noise, dropped, latency = noise[rows], dropped[rows], latency[rows]
         return _Draws(noise, dropped, latency.tolist())
 
     def _since_the_last(self, numbers: Sequence[int | None]) -> list[int]:

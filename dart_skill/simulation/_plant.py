@@ -208,6 +208,8 @@ class Plant:
         self._free_at: int | None = None  # the stamp at which the hand will have opened [ns]
         self._episode = 0
         self._stamp_ns = 0
+        self._seen_hand: tuple[np.ndarray, np.ndarray] | None = None
+        self._seen_loose: LooseState | None = None  # None until somebody asks for them
         self.reset()
 
     def _build_arm(self) -> None:
@@ -447,7 +449,7 @@ class Plant:
         s = self.settings
         if not (s.release_turn or s.release_speed):
             return
-        _ = self._loose  # the air drags at the speed of before
+        _ = self._loose  # read before the change: the air drags at that speed
         turn, share = s.release_turn * self._scatter.standard_normal(3), 1.0 + s.release_speed * self._scatter.standard_normal()
         linear, angular = (np.array(part) for part in self._world.getBaseVelocity(self._ball))
         angle = float(np.linalg.norm(turn))
@@ -538,8 +540,7 @@ class Plant:
         self._q, self._qd = [joint[0] for joint in joints], [joint[1] for joint in joints]
         self._position, self._velocity = np.array(self._q), np.array(self._qd)
         self._read_encoders()
-        self._seen_hand: tuple[np.ndarray, np.ndarray] | None = None
-        self._seen_loose: LooseState | None = None
+        self._seen_hand = self._seen_loose = None
 
     @property
     def _hand(self) -> tuple[np.ndarray, np.ndarray]:
@@ -557,7 +558,8 @@ class Plant:
         return self._seen_loose
 
     def _look_at_loose(self) -> LooseState:
-        return LooseState(*self._world.getBasePositionAndOrientation(self._ball), self._world.getBaseVelocity(self._ball)[0])
+        position, quaternion = self._world.getBasePositionAndOrientation(self._ball)
+        return LooseState(position, quaternion, self._world.getBaseVelocity(self._ball)[0])
 
     def _read_encoders(self) -> None:
         motors = self._transmission
