@@ -203,11 +203,12 @@ class GraphClient:
     def execute(self, situation: Situation, look: bool = False) -> Execute.Result:
         """One movement in a situation in which bodies are put, from a world that is reset; look: it is planned for what the cameras see."""
         under_way = self._begin(situation, look)
-        begun = time.monotonic()
-        commander = servers(self.node, "execute/_action/send_goal")
-        outcome = self.wait(under_way.handle.get_result_async(), "the movement", needed=commander).result
-        self.throw_seconds += conversions.seconds(outcome.duration), time.monotonic() - begun
-        self.carry_out(self._sequence.end(under_way), "the movement")
+        begun, over = time.monotonic(), Future()
+        under_way.over.when_kept(lambda: over.set_result(None))
+        self.wait(over, "the movement", needed=servers(self.node, "execute/_action/send_goal"))
+        took = time.monotonic() - begun
+        outcome = self.carry_out(self._sequence.end(under_way), "the movement")
+        self.throw_seconds += conversions.seconds(outcome.duration), took
         return outcome
 
     def start_throw(self, target: np.ndarray):

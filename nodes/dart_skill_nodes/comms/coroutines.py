@@ -13,6 +13,7 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
 from rclpy.timer import Timer
 
+from dart_skill_nodes.comms.in_process import has_called
 from dart_skill_nodes.comms.presence import LOOK, Presence
 from dart_skill_nodes.comms.qos import WAITS
 
@@ -35,6 +36,7 @@ class Promise:
         """Resume whoever waits, with a value."""
         if self.kept:
             return
+        has_called()
         self._value, self.kept = value, True
         if self._waiting is not None:
             self._waiting()
@@ -56,6 +58,7 @@ def start(node: Node, routine: Coroutine, ended: Callable[[object, Exception | N
     """Run a coroutine that awaits promises only; `ended` gets its result, or the exception that it ended with."""
 
     def advance() -> None:
+        has_called()
         try:
             promise = routine.send(None)
         except StopIteration as stop:

@@ -25,7 +25,7 @@ from rclpy.subscription import Subscription
 SLICE = 2e-3
 """What the middleware has ready waits so long at most for messages that are handed over [s, wall clock]."""
 MOST = 200
-"""Messages of the middleware that are heard before the next ones are handed over: whoever sends more does not hold up the arm."""
+"""Callbacks of the middleware that are called before the next messages are handed over: whoever sends more does not hold up the arm."""
 
 
 @dataclass(eq=False)
@@ -79,14 +79,15 @@ class _Letter:
 class Exchange:
     """Who hears what in this process, and the messages that wait to be handed over. Only the thread that made it uses it.
 
-    heard: messages that came through the middleware so far, which tells a loop whether more may be ready there. turns: how often the others
-    have had a turn so far: what the middleware knows of them does not change in between.
+    heard: messages that came through the middleware so far. called: callbacks of the middleware and of timers so far, as far as they are
+    known, which tells a loop whether more may be ready there. turns: how often the others have had a turn so far: what the middleware knows
+    of them does not change in between.
     """
 
     def __init__(self) -> None:
         self._thread, self._hearers, self._waiting = threading.get_ident(), [], deque()
         self._soon: list[Callable[[], None]] = []
-        self.heard, self.changes, self.turns = 0, 0, 0
+        self.heard, self.called, self.changes, self.turns = 0, 0, 0, 0
 
     @property
     def is_here(self) -> bool:
@@ -145,6 +146,7 @@ class Exchange:
     def hear(self, hearer: Hearer, data: bytes) -> None:
         """A message has come through the middleware: it is given to its hearer after those that were handed over before."""
         self.heard += 1
+        self.called += 1
         if hearer.waiting:
             before = [letter for one, letter in self._waiting if one is hearer]
             self._waiting = deque(item for item in self._waiting if item[0] is not hearer)
@@ -176,15 +178,21 @@ def call_soon(callback: Callable[[], None]) -> None:
         _exchange.call_soon(callback)
 
 
+def has_called() -> None:
+    """Something beside a message was called by the executor: a timer, a service, a routine that goes on. More may be ready behind it."""
+    if _exchange is not None:
+        _exchange.called += 1
+
+
 def spin_once(executor: Executor, exchange: Exchange, patience: float) -> None:
     """Hand over what waits and hear what the middleware has ready; where nothing waits, wait there for one message [s]."""
     if not exchange.deliver():
         executor.spin_once(timeout_sec=patience)
         return
     for _ in range(MOST):
-        before = exchange.heard
+        before = exchange.called
         executor.spin_once(timeout_sec=0.0)
-        if exchange.heard == before:
+        if exchange.called == before:
             return
 
 

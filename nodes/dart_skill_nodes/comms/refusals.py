@@ -12,7 +12,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.lifecycle import LifecycleNode
 from rclpy.node import Node
 
-from dart_skill_nodes.comms.in_process import Handing
+from dart_skill_nodes.comms.in_process import Handing, has_called
 from dart_skill_nodes.comms.qos import CALLS, WALL
 from dart_skill_nodes.comms.running_nodes import hold
 
@@ -98,6 +98,7 @@ class _Guarded(Handing):
 
     def create_service(self, srv_type, srv_name, callback, **options):
         def answer(request, response):
+            has_called()
             try:
                 return callback(request, response)
             except Exception as error:  # a request may hold anything
@@ -112,6 +113,7 @@ class _Guarded(Handing):
         """On `WALL` each node has a clock of its own: from eight timers on one clock rclpy's executor complains."""
 
         def tick() -> None:
+            has_called()
             self.refusals.accepts(f"timer {getattr(callback, '__name__', '')}".strip(), callback)
 
         own = self._wall if clock is WALL else clock
