@@ -39,6 +39,7 @@ class Stranger:
         self.client, self.action = client, ActionClient(client.node, Execute, "/execute")
         self.stop = client.node.create_client(Trigger, "/commander/stop")
         self.reset = client.node.create_client(Reset, "/simulation/reset")
+        self.awake = client.node.create_client(SetBool, "/simulation/pause")
         self.pause = client.node.create_client(SetBool, "/simulation/pause")
         self.phases, self.fastest, self.newest_ns = [], 0.0, 0
         client.node.create_subscription(JointState, "/joint_states", self._on_state, LOOP)
@@ -65,7 +66,8 @@ class Stranger:
         self.client.call(self.client.node.create_client(Trigger, "/commander/reset"), Trigger.Request())
 
     def watch(self, seconds):
-        """Let simulated time go on."""
+        """Let simulated time go on, at full speed where the world rests: nobody waits for it there."""
+        self.client.call(self.awake, SetBool.Request(data=False))
         until = self.newest_ns + round(seconds * 1e9)
         wait_for(self.client, lambda: self.newest_ns >= until, what=f"{seconds} s of simulated time")
 
