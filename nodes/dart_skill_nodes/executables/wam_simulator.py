@@ -388,8 +388,11 @@ class WamSimulator(GuardedNode):
     # what is published
 
     def _publish(self) -> None:
-        """The present state: joint states last, because the answers follow them."""
+        """The present state. Joint states come first: in other processes the answer is worked out while the rest is sent."""
         plant, ns = self._plant, self._plant.state_stamp_ns
+        self._published = time.monotonic()
+        numbers = np.array([*plant.joint_position, *plant.joint_velocity, *plant.joint_effort.tolist()])
+        self._joint_states.publish(self._joint_layout.pack(ns, numbers))
         if plant.step_count % self.p["ground_truth_period"] == 0:
             self._publish_truth()
         if self._tool_pose.get_subscription_count():
@@ -400,9 +403,6 @@ class WamSimulator(GuardedNode):
             self._clock_out.publish(conversions.leading_stamp_bytes(ns))
         if self._transforms.is_due("arm", ns):
             self._transforms.publish(joint_transforms(wam_description(), plant.joint_position), ns)
-        self._published = time.monotonic()
-        numbers = np.array([*plant.joint_position, *plant.joint_velocity, *plant.joint_effort.tolist()])
-        self._joint_states.publish(self._joint_layout.pack(ns, numbers))
 
     def _publish_truth(self) -> None:
         state, there = self._plant.state, self._plant.bodies
