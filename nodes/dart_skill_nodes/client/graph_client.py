@@ -63,7 +63,8 @@ class GraphClient:
         self._sequence = TrialSequence(self.node, ServiceCalls(self.node), the_world().frame_id)
         self._links: dict[object, ServerProbe] = {}
         self._setters: dict[str, Client] = {}
-        self._taught, self.simulated_steps, self.throw_seconds = 0, 0, np.zeros(2)
+        self._taught, self.throw_seconds = 0, np.zeros(2)
+        self.simulated_steps, self.counted_at = 0, time.monotonic()  # when the simulator told its steps last [s, wall clock]
         self.node.create_subscription(DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, 10)
 
     def close(self) -> None:
@@ -326,4 +327,4 @@ class GraphClient:
         for status in message.status:
             if in_graph(self.node, status.name) == "wam_simulator":
                 values = {pair.key: pair.value for pair in status.values}
-                self.simulated_steps = int(values.get("steps", self.simulated_steps))
+                self.simulated_steps, self.counted_at = int(values.get("steps", self.simulated_steps)), time.monotonic()

@@ -114,15 +114,13 @@ def run(options: argparse.Namespace) -> "DemoSummary":
         client.wait_until_gone(NODES)
         graph.start_all(options.layout, options.seed, bag, of_executables(options.layout, options.differs))
         client.wait_until_ready()
-        ready, steps = time.monotonic(), client.simulated_steps
+        ready, steps = client.counted_at if client.simulated_steps else time.monotonic(), client.simulated_steps
         attempts = _learned(client, options, lambda: teach(client, options.seed, options.demonstrations))
         results = throw_all(client, targets_for(options.seed, options.demonstrations, options.throws)[1])
-        worked = time.monotonic() - ready
-        before = client.simulated_steps
         until = time.monotonic() + 3.0
-        while client.simulated_steps == before and time.monotonic() < until:
-            client.spin()  # the last count comes with the next diagnostics
-        simulated = (client.simulated_steps - steps) * PlantSettings().step
+        while client.counted_at <= ready and time.monotonic() < until:
+            client.spin()  # of a job that took less than a second
+        simulated, worked = (client.simulated_steps - steps) * PlantSettings().step, client.counted_at - ready
         client.close()
     return DemoSummary(
         seed=options.seed,
