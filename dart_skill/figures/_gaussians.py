@@ -17,11 +17,13 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from dart_skill.figures._layout import PanelLayout
 from dart_skill.figures._style import (
     BLACK,
     DEMONSTRATION,
     NARROW,
     RELEASE,
+    colour_bar,
     gaussian_ellipse,
     house_style,
     legend_below,
@@ -105,19 +107,21 @@ def gaussians_figure(skill: ThrowingSkill, narrow: bool = False) -> Figure:
     with house_style():
         ratios = _height_ratios(views)
         if narrow:
-            figure = Figure(figsize=(NARROW, 2.4 + 2.0 * NARROW * sum(ratios)), layout="constrained")
-            grid = figure.subplots(4, 1, height_ratios=2 * ratios).reshape(2, 2).T
+            figure = Figure(figsize=(NARROW, 2.4 + 2.0 * NARROW * sum(ratios)))
+            column = figure.subplots(4, 1, squeeze=False)
+            figure.set_layout_engine(PanelLayout(column, [1.0], 2 * ratios))
+            grid = column.reshape(2, 2).T
         else:
-            figure = Figure(figsize=(10.5, 1.6 + 4.7 * sum(ratios)), layout="constrained")
-            grid = figure.subplots(2, 2, height_ratios=ratios)
+            figure = Figure(figsize=(10.5, 1.6 + 4.7 * sum(ratios)))
+            grid = figure.subplots(2, 2)
+            figure.set_layout_engine(PanelLayout(grid, [1.0, 1.0], ratios))
         for number, (column, view) in enumerate(zip(grid.T, views, strict=True), start=1):
             for axes, plane, side in zip(column, PLANES, ("side", "above"), strict=True):
                 _draw_view(axes, view, plane, shades, f"frame{number}_{side}")
                 axes.set_title(f"{view.name}\nfrom {'the side' if side == 'side' else 'above'}")
         letter_panels(*(grid.T if narrow else grid).ravel())
         instant = "release" if skill.configuration.alignment == "release" else "start of the motion"
-        where: dict[str, Any] = {"location": "top", "aspect": 30} if narrow else {"aspect": 40, "pad": 0.02}
-        figure.colorbar(shades, ax=grid, label=f"time of the component since the {instant} [s]", **where)
+        colour_bar(figure, shades, f"time of the component since the {instant} [s]", narrow)
         handles, labels = grid[0, 0].get_legend_handles_labels()
         legend_below(figure, handles, labels, len(labels), narrow)
         figure.suptitle(_headline(skill).replace(": ", ":\n", 1).replace(", n", ",\nn") if narrow else _headline(skill), x=0.01, ha="left")

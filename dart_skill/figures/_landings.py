@@ -121,7 +121,7 @@ def _draw_middle(axes: Axes, seen: Sequence[ThrowResult], places: np.ndarray, ra
     half = float(np.ceil(1.3 * np.quantile(np.abs(places).max(axis=1), 0.9)))
     if half > radius_cm / 4.0:
         return
-    inset = zoomed_inset(axes, half, (0.66, 0.66, 0.32, 0.32))
+    inset = zoomed_inset(axes, half, (0.66, 0.61, 0.32, 0.32))  # its title ends below that of the panel
     inset.axhline(0.0, color=LIGHT, linewidth=0.8)
     inset.axvline(0.0, color=LIGHT, linewidth=0.8)
     _draw_points(inset, seen, places, "middle")

@@ -95,4 +95,5 @@ def _draw_errors(axes: Axes, summary: SkillSummary) -> None:
     if errors and max(errors) > 20.0 * max(np.median(errors), 0.1):
         axes.set_yscale("log")
     axes.set(title=f"{summary.succeeded} of {len(summary.trials)} succeeded", xlabel="trial", ylabel="error [mm]")
+    axes.set_xlim(0.4, max(len(summary.trials), 1) + 0.6)  # a mark does not widen it
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))

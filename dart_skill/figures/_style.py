@@ -10,11 +10,13 @@ import matplotlib
 import matplotlib.style
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Ellipse, Rectangle
 
 from dart_skill import palette
+from dart_skill.figures._layout import ColourBar, PanelLayout
 from dart_skill.files import new_file
 from dart_skill.palette import hexadecimal
 
@@ -66,17 +68,34 @@ def panels(sizes: Sequence[tuple[float, float]], narrow: bool = False, **shared:
     widths, heights = zip(*sizes, strict=True)
     if narrow:
         heights = tuple(height * min(1.0, NARROW / width) for width, height in sizes) if len(sizes) > 1 else heights
-        figure = Figure(figsize=(NARROW, sum(heights) + 0.6), layout="constrained")
-        axes = figure.subplots(len(sizes), 1, height_ratios=heights, squeeze=False)
+        figure = Figure(figsize=(NARROW, sum(heights) + 0.6))
+        axes = figure.subplots(len(sizes), 1, squeeze=False)
+        figure.set_layout_engine(PanelLayout(axes, [1.0], heights))
     else:
-        figure = Figure(figsize=(sum(widths), max(heights)), layout="constrained")
-        axes = figure.subplots(1, len(sizes), width_ratios=widths, squeeze=False, **shared)
+        figure = Figure(figsize=(sum(widths), max(heights)))
+        axes = figure.subplots(1, len(sizes), squeeze=False, **shared)
+        figure.set_layout_engine(PanelLayout(axes, widths, [1.0]))
     return figure, list(axes.ravel())
 
 
 def legend_below(figure: Figure, handles: Sequence[Any], labels: Sequence[str], columns: int, narrow: bool = False) -> None:
     """One legend of all panels; in two columns below a narrow figure. handles, labels: of its entries, as matplotlib has them."""
-    figure.legend(handles, labels, loc="outside lower center", ncols=min(2, columns) if narrow else columns)
+    columns = min(2, columns) if narrow else columns
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns)
+    if isinstance(layout := figure.get_layout_engine(), PanelLayout):
+        layout.legend_rows = -(-len(labels) // columns)
+
+
+def colour_bar(figure: Figure, shades: ScalarMappable, label: str, narrow: bool) -> None:
+    """One colour bar for all panels of a figure: to the right of them, or, for a narrow screen, above them.
+
+    figure: with a `PanelLayout`; shades: its colours; label: what they stand for.
+    """
+    layout, side = figure.get_layout_engine(), "top" if narrow else "right"
+    assert isinstance(layout, PanelLayout)  # as `panels` makes it
+    axes = figure.add_axes((0.0, 0.0, 0.1, 0.1))
+    figure.colorbar(shades, cax=axes, label=label, orientation="horizontal" if narrow else "vertical", ticklocation=side)
+    layout.bar = ColourBar(axes, side)
 
 
 def save(figure: Figure, folder: str | Path, name: str, drawn: str = "") -> list[Path]:

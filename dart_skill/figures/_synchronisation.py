@@ -16,7 +16,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from dart_skill.figures._recordings import Recording
-from dart_skill.figures._style import BLACK, GREY, house_style, legend_below, letter_panels, panels, quantity_colours, save
+from dart_skill.figures._style import BLACK, GREY, colour_bar, house_style, legend_below, letter_panels, panels, quantity_colours, save
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import Demonstration
 from dart_skill.robot import wam_description
@@ -90,8 +90,7 @@ def synchronisation_figure(
         for axes in (before, after) if narrow else (before,):
             axes.set_ylabel("speed of the hand [m/s]")
         letter_panels(before, after)
-        where: dict[str, Any] = {"ax": [before, after], "location": "top", "shrink": 0.9} if narrow else {"ax": after, "pad": 0.02}
-        figure.colorbar(shades, label="distance of the basket [m]", **where)
+        colour_bar(figure, shades, "distance of the basket [m]", narrow)
         handles, labels = before.get_legend_handles_labels()
         legend_below(figure, handles, labels, len(labels), narrow)
         return figure
