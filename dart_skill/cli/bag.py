@@ -90,7 +90,7 @@ def _info(options: argparse.Namespace) -> int:
     told, single = [], len(options.bags) == 1
     for path in options.bags:
         try:
-            told.append(describe(path))
+            told.append(describe(path, with_definitions=options.json))
         except (ValueError, OSError) as error:
             if single:
                 raise

@@ -3,43 +3,66 @@
 `bags` has modules that check, recover and play bags, `imports` reads what other laboratories recorded, `mcap` is the container.
 """
 
-from dart_skill.recording.bags import (
-    BagError,
-    BagReader,
-    BagWriter,
-    GraphBag,
-    TopicInfo,
-    definition,
-    deserialize,
-    is_stamped,
-    message,
-    qos_yaml,
-    serialize,
-    type_hash,
-    types_for,
-    typestore,
-)
-from dart_skill.recording.demonstration import (
-    DEMONSTRATION_TOPIC,
-    DEMONSTRATION_TYPE,
-    SKILL,
-    Demonstration,
-    arm_rows,
-    demonstration_from_message,
-    demonstration_message,
-    duration_content,
-    fill_demonstration_message,
-    filled,
-    named,
-    pose_rows,
-    read_demonstrations,
-    skill_of,
-    stamp_ns,
-    times_after,
-)
-from dart_skill.recording.grip_signal import OLDER_COMMAND, GripSignal, Opening, completed_command, read_command
-from dart_skill.recording.log_time import LogTime
-from dart_skill.recording.marks import MARK_TOPIC, MARK_TYPE, Marks, check_known, demonstration_id, read_dropped
+from typing import TYPE_CHECKING
+
+from dart_skill.lazy import on_first_use
+
+if TYPE_CHECKING:
+    from dart_skill.recording.bags import (
+        BagError,
+        BagReader,
+        BagWriter,
+        GraphBag,
+        TopicInfo,
+        definition,
+        deserialize,
+        is_stamped,
+        message,
+        qos_yaml,
+        serialize,
+        type_hash,
+        types_for,
+        typestore,
+    )
+    from dart_skill.recording.demonstration import (
+        DEMONSTRATION_TOPIC,
+        DEMONSTRATION_TYPE,
+        SKILL,
+        Demonstration,
+        arm_rows,
+        demonstration_from_message,
+        demonstration_message,
+        duration_content,
+        fill_demonstration_message,
+        filled,
+        named,
+        pose_rows,
+        read_demonstrations,
+        skill_of,
+        stamp_ns,
+        times_after,
+    )
+    from dart_skill.recording.grip_signal import OLDER_COMMAND, GripSignal, Opening, completed_command, read_command
+    from dart_skill.recording.log_time import LogTime
+    from dart_skill.recording.marks import MARK_TOPIC, MARK_TYPE, Marks, check_known, demonstration_id, read_dropped
+else:
+    __getattr__, __dir__ = on_first_use(
+        __name__,
+        {
+            "bags": (
+                "BagError BagReader BagWriter GraphBag TopicInfo definition deserialize is_stamped message qos_yaml "
+                "serialize type_hash types_for typestore"
+            ),
+            "demonstration": (
+                "DEMONSTRATION_TOPIC DEMONSTRATION_TYPE SKILL Demonstration arm_rows demonstration_from_message "
+                "demonstration_message duration_content fill_demonstration_message filled named pose_rows "
+                "read_demonstrations skill_of stamp_ns times_after"
+            ),
+            "grip_signal": "OLDER_COMMAND GripSignal Opening completed_command read_command",
+            "log_time": "LogTime",
+            "marks": "MARK_TOPIC MARK_TYPE Marks check_known demonstration_id read_dropped",
+        },
+    )
 
 __all__ = [
     "DEMONSTRATION_TOPIC",

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import struct
 from bisect import bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 OPEN = 2
 """Of dart_skill_msgs/msg/WamCommand.grip."""
@@ -86,3 +89,29 @@ def read_command(data: bytes) -> tuple[int, bool, int]:
         return sec * GIGA + nanosec, any(data[start : start + 48]), data[start + 104]
     except (struct.error, IndexError):
         raise ValueError(f"{len(data)} bytes are no WamCommand") from None
+
+
+def read_commands(payloads: Sequence[bytes]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """As `read_command` for each of many: stamps (n,) [ns], whether there is a wrench (n,), grip (n,).
+
+    ValueError for bytes that are none. payloads: serialised WamCommands.
+    """
+    if not _are_alike(payloads):
+        rows = [read_command(one) for one in payloads]
+        stamps, pushed, grip = zip(*rows, strict=True) if rows else ((), (), ())
+        return np.array(stamps, dtype=np.int64), np.array(pushed, dtype=bool), np.array(grip, dtype=np.uint8)
+    table = np.frombuffer(b"".join(payloads), dtype=np.uint8).reshape(len(payloads), -1)
+    heads = np.ascontiguousarray(table[:, 4:12])
+    sec, nanosec = heads[:, :4].copy().view("<i4")[:, 0], heads[:, 4:].copy().view("<u4")[:, 0]
+    (length,) = struct.unpack_from("<I", payloads[0], 12)
+    start = 4 + (12 + length + 7) // 8 * 8
+    return sec.astype(np.int64) * GIGA + nanosec, table[:, start : start + 48].any(axis=1), table[:, start + 104]
+
+
+def _are_alike(payloads: Sequence[bytes]) -> bool:
+    """Whether all are little endian, as long as each other, and name a frame of one length, so that their parts lie in columns."""
+    if not payloads or len(payloads[0]) < 16 or not payloads[0][1] & 1:
+        return False
+    size, head, length = len(payloads[0]), payloads[0][:4], payloads[0][12:16]
+    reach = 4 + (12 + int.from_bytes(length, "little") + 7) // 8 * 8 + 104
+    return reach < size and all(len(one) == size and one[:4] == head and one[12:16] == length for one in payloads)

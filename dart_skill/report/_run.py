@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.figures import COMMAND, SAME_BASKET, Recording
-from dart_skill.recording import BagError, Demonstration, GraphBag, read_command, read_demonstrations, skill_of
+from dart_skill.figures import SAME_BASKET, Recording
+from dart_skill.recording import BagError, Demonstration, GraphBag, read_demonstrations, skill_of
 from dart_skill.recording.demonstration import SKILL
 from dart_skill.recording.imports import ThrowRecording, fault_lines, read_recording
 from dart_skill.session import ThrowResult, find_throws
@@ -141,7 +141,7 @@ def read_run(bag: str | os.PathLike, about: About | None = None, results: Sequen
     bag = Path(bag)
     if (name := skill_of(bag)) != SKILL:
         raise BagError(f"{bag} is of the skill '{name}': there are reports of throws only")
-    described, stamps = describe(bag, about or About())
+    described = describe(bag, about or About())
     recording = read_recording(bag)
     throws = find_throws(recording)
     guided, own = (tuple(throw for throw in throws if throw.taught == taught) for taught in (True, False))
@@ -151,7 +151,9 @@ def read_run(bag: str | os.PathLike, about: About | None = None, results: Sequen
         raise ValueError(f"phases {described.phases} of {len(judged)} throws: their numbers must add up to all throws")
     skill, notes = _learned(shown, described.configuration)
     notes += [f"could not be cut: {throw.reason}" for throw in throws if throw.demonstration is None]
-    return Run(bag, described, recording, guided, own, judged, shown, skill, stamps, (*notes, *fault_lines(recording.faults)))
+    return Run(
+        bag, described, recording, guided, own, judged, shown, skill, recording.command_stamps, (*notes, *fault_lines(recording.faults))
+    )
 
 
 def result_of(throw: FoundThrow) -> ThrowResult:
@@ -189,18 +191,16 @@ def machine() -> str:
     return f"{system}, {platform.system()} {platform.release().split('-')[0]}, {platform.machine()}, {cores} cores"
 
 
-def describe(bag: Path, about: About) -> tuple[About, np.ndarray]:
-    """What the bag says of itself added to what is known, and the stamps of the controller's commands (n,) [ns]."""
+def describe(bag: Path, about: About) -> About:
+    """What the bag says of itself added to what is known."""
     with GraphBag(bag) as reader:
         told = {name.capitalize(): text for name, text in reader.custom_data.items() if text.strip("{}[] ")}
         size = sum(file.size for file in reader.files)
         told["Bag"] = f"{bag.name}: {reader.message_count} messages on {len(reader.topics)} topics, {size / 1e6:.1f} MB"
         told["Recorded time"] = f"{(reader.end_ns - reader.start_ns) * 1e-9:.1f} s on the clock of the recorder"
         files = {item.name: item.data.decode("utf-8", "replace")[:MOST_TEXT] for item in reader.attachments() if "yaml" in item.media_type}
-        commands = reader.messages([COMMAND], decode=False) if COMMAND in reader.topics else ()
-        stamps = np.array([read_command(message.data)[0] for message in commands], dtype=np.int64)
     facts, parameters = {**told, **about.facts}, {**files, **about.parameters}
-    return replace(about, facts=facts, parameters=parameters), np.unique(stamps)
+    return replace(about, facts=facts, parameters=parameters)
 
 
 def _published(bag: Path) -> tuple[Demonstration, ...]:

@@ -75,7 +75,7 @@ def read_skill_run(
     known besides.
     """
     bag = Path(bag)
-    described, _ = describe(bag, about or About(f"{skill.name.capitalize()}: a bag"))
+    described = describe(bag, about or About(f"{skill.name.capitalize()}: a bag"))
     shown = tuple(read_task_demonstrations(bag, skill))
     with GraphBag(bag) as reader:
         poses = {role: _poses(reader, pose_topic(the_world().body(role))) for role in (HAND, *skill.bodies)}

@@ -6,38 +6,45 @@ What is done with whole bags is imported only then, so that each command of `dar
 from typing import TYPE_CHECKING
 
 from dart_skill.lazy import on_first_use
-from dart_skill.recording.bags.columns import columns_of
-from dart_skill.recording.bags.messages import (
-    definition,
-    deserialize,
-    header_content,
-    interface_folder,
-    is_stamped,
-    message,
-    pose_content,
-    serialize,
-    stamp_content,
-    type_hash,
-    types_for,
-    typestore,
-    vector_content,
-)
-from dart_skill.recording.bags.reader import BagError, BagMessage, BagReader, GraphBag, TopicInfo
-from dart_skill.recording.bags.writer import BagWriteError, BagWriter, qos_yaml
 
 if TYPE_CHECKING:
     from dart_skill.recording.bags.check import Finding, check_bag, check_file
+    from dart_skill.recording.bags.columns import columns_of
     from dart_skill.recording.bags.description import describe
+    from dart_skill.recording.bags.messages import (
+        definition,
+        deserialize,
+        header_content,
+        interface_folder,
+        is_stamped,
+        message,
+        pose_content,
+        serialize,
+        stamp_content,
+        type_hash,
+        types_for,
+        typestore,
+        vector_content,
+    )
     from dart_skill.recording.bags.playback import CLOCK_TOPIC, CLOCK_TYPE, Due, Pace, Playback, Selection, clock_message
+    from dart_skill.recording.bags.reader import BagError, BagMessage, BagReader, GraphBag, TopicInfo
     from dart_skill.recording.bags.recovery import Recovery, recover
+    from dart_skill.recording.bags.writer import BagWriteError, BagWriter, qos_yaml
 else:
     __getattr__, __dir__ = on_first_use(
         __name__,
         {
             "check": "Finding check_bag check_file",
+            "columns": "columns_of",
             "description": "describe",
+            "messages": (
+                "definition deserialize header_content interface_folder is_stamped message pose_content serialize "
+                "stamp_content type_hash types_for typestore vector_content"
+            ),
             "playback": "CLOCK_TOPIC CLOCK_TYPE Due Pace Playback Selection clock_message",
+            "reader": "BagError BagMessage BagReader GraphBag TopicInfo",
             "recovery": "Recovery recover",
+            "writer": "BagWriteError BagWriter qos_yaml",
         },
     )
 

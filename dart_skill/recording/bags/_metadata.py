@@ -7,14 +7,17 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import yaml
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
 from dart_skill.files import open_file
 from dart_skill.recording.bags._disk_sync import sync_folder
 from dart_skill.recording.bags._yaml_text import LARGEST_TEXT, load
-from dart_skill.recording.mcap import McapFile
+
+if TYPE_CHECKING:
+    from dart_skill.recording.mcap import McapFile
 
 METADATA_VERSION = 9
 METADATA_FILE = "metadata.yaml"
@@ -160,6 +163,33 @@ def parse_record(values: Mapping[str, str]) -> dict:
 def parse_qos(topic: str, text: str) -> list:
     """QoS profiles of a topic from their YAML text."""
     return load(text, f"QoS of topic {topic}") or []
+
+
+def profiles(topic: str, told: list | str) -> tuple[Qos, ...]:
+    """QoS profiles of a topic as `rosbags` has them, from a list of them or its YAML text; what it does not know is UNKNOWN."""
+    return tuple(_profile(one) for one in (parse_qos(topic, told) if isinstance(told, str) else told))
+
+
+def _profile(told: dict) -> Qos:
+    return Qos(
+        _policy(QosHistory, told.get("history")),
+        told["depth"],
+        _policy(QosReliability, told.get("reliability")),
+        _policy(QosDurability, told.get("durability")),
+        QosTime(told["deadline"]["sec"], told["deadline"]["nsec"]),
+        QosTime(told["lifespan"]["sec"], told["lifespan"]["nsec"]),
+        _policy(QosLiveliness, told.get("liveliness")),
+        QosTime(told["liveliness_lease_duration"]["sec"], told["liveliness_lease_duration"]["nsec"]),
+        told["avoid_ros_namespace_conventions"],
+    )
+
+
+def _policy(kind: Any, told: int | str | None) -> Any:
+    """A policy by its number, or by its name in small letters."""
+    try:
+        return kind(told) if isinstance(told, int) else kind[str(told).upper()]
+    except (KeyError, ValueError):
+        return kind.UNKNOWN
 
 
 def _times(file: FileMetadata) -> dict:

@@ -5,16 +5,22 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
-
-from rosbags.interfaces import Qos
-from rosbags.typesys.store import Typestore
+from typing import TYPE_CHECKING
 
 from dart_skill.recording.bags._metadata import METADATA_FILE
 from dart_skill.recording.bags.reader import BagFile, BagReader, TopicInfo
 
+if TYPE_CHECKING:
+    from rosbags.interfaces import Qos
+    from rosbags.typesys.store import Typestore
 
-def describe(path: str | os.PathLike, types: Typestore | None = None) -> dict:
-    """What a bag holds, in numbers, texts, lists and dicts only (JSON). Raises BagError. types: known message types."""
+
+def describe(path: str | os.PathLike, types: Typestore | None = None, with_definitions: bool = True) -> dict:
+    """What a bag holds, in numbers, texts, lists and dicts only (JSON). Raises BagError.
+
+    types: known message types. with_definitions: whether to parse those of the bag and tell of each topic if its type is defined
+    (`is_defined`), which takes longer than all the rest.
+    """
     with BagReader(path, types) as bag:
         duration_ns = bag.end_ns - bag.start_ns
         attachments = bag.attachments()
@@ -30,7 +36,7 @@ def describe(path: str | os.PathLike, types: Typestore | None = None) -> dict:
             "has_metadata_file": (Path(path) / METADATA_FILE).is_file(),
             "ros_distro": bag.metadata.get("ros_distro") or "",
             "files": [_file(file) for file in bag.files],
-            "topics": [_topic(topic, duration_ns, bag.types) for topic in bag.topics.values()],
+            "topics": [_topic(topic, duration_ns, bag.types if with_definitions else None) for topic in bag.topics.values()],
             "attachments": [{"name": one.name, "media_type": one.media_type, "size_bytes": len(one.data)} for one in attachments],
             "lost": _lost(bag.custom_data),
             "custom_data": bag.custom_data,
@@ -48,7 +54,7 @@ def _file(file: BagFile) -> dict:
     }
 
 
-def _topic(topic: TopicInfo, duration_ns: int, types: Typestore) -> dict:
+def _topic(topic: TopicInfo, duration_ns: int, types: Typestore | None) -> dict:
     return {
         "name": topic.name,
         "type": topic.type_name,
@@ -56,7 +62,7 @@ def _topic(topic: TopicInfo, duration_ns: int, types: Typestore) -> dict:
         "rate_hz": topic.count / duration_ns * 1e9 if duration_ns else 0.0,
         "encoding": topic.encoding,
         "type_hash": topic.type_hash,
-        "is_defined": topic.type_name in types.fielddefs,
+        **({} if types is None else {"is_defined": topic.type_name in types.fielddefs}),
         "qos": [_qos(profile) for profile in topic.qos],
     }
 

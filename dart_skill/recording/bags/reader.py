@@ -7,32 +7,31 @@ MCAP files are read here; SQLite files, and bags whose files or messages are com
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 from pathlib import Path, PurePath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import zstandard
-from mcap.records import Attachment
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinitionFormat
-from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
-from rosbags.typesys.store import Typestore
 
 from dart_skill.files import open_file, require_file
 from dart_skill.recording.bags._files import SUFFIXES, files_in, named_files, part_number
-from dart_skill.recording.bags._frames import frame_of
 from dart_skill.recording.bags._metadata import (
     METADATA_FILE,
     METADATA_VERSION,
     RECORD_NAME,
     is_plain_mcap,
     parse_record,
+    profiles,
     read_metadata_file,
 )
-from dart_skill.recording.bags._yaml_text import check as check_yaml
-from dart_skill.recording.bags.messages import deserialize
 from dart_skill.recording.mcap import END_OF_TIME, LARGEST_UNPACKED, USUAL_RATIO, BagMessage, DamagedError, McapInput, in_time_order
+
+if TYPE_CHECKING:
+    from mcap.records import Attachment
+    from rosbags.typesys.store import Typestore
 
 _RECOVER = (
     "the file is cut off or damaged, its recorder was probably stopped before it closed the bag:"
@@ -94,7 +93,7 @@ class BagReader:
     """An open bag; a context manager. Raises BagError for what is no whole bag.
 
     path: rosbag2 folder, or .mcap or .db3 file.
-    types: definitions for topics whose bag holds none (`typestore`).
+    types: definitions for topics whose bag holds none, or what makes these when they are needed (`typestore`).
 
     It tells, as attributes:
     topics: TopicInfo by name.
@@ -104,21 +103,34 @@ class BagReader:
     custom_data: names and texts of the metadata, as `BagWriter` got them.
     start_ns, end_ns: log times of the first and last message; 0 for an empty bag.
     message_count: on all topics.
-    types: of the messages, by which they are decoded.
+    types: of the messages, by which they are decoded. Bags that define the same types share them: make another store to add to it.
     """
 
-    def __init__(self, path: str | os.PathLike, types: Typestore | None = None):
-        self.path = Path(path)
+    def __init__(self, path: str | os.PathLike, types: Typestore | Callable[[], Typestore] | None = None):
+        self.path, self._given = Path(path), types
         files = _storage_files(self.path)
         with _explained(self.path):
             metadata = read_metadata_file(self.path) if self.path.is_dir() and (self.path / METADATA_FILE).exists() else None
             self._source = source = _open(self.path, files, metadata)
-            self.types, self._unknown = embedded_types(source.definitions(), types)
+            self._definitions = tuple(dict.fromkeys(source.definitions()))  # each file of a split bag has all of them
         self.topics, self.files, self.metadata = source.topics, source.files, source.metadata
         self.start_ns, self.end_ns = source.start_ns, source.end_ns
         self.custom_data: dict[str, str] = dict(source.custom_data)
         self.message_count = sum(topic.count for topic in self.topics.values())
         self.storage = "sqlite3" if any(".db3" in file.path.suffixes for file in self.files) else "mcap"
+
+    @property
+    def types(self) -> Typestore:
+        """Of the messages; parsed when somebody asks for the first time, which takes longer than to open a bag."""
+        return self._all_types[0]
+
+    @cached_property
+    def _all_types(self) -> tuple[Typestore, dict[str, str]]:
+        """All types that are known, and why others are not."""
+        store, unknown = _shared_types(self._definitions)
+        if self._given is None or all(topic.type_name in store.fielddefs for topic in self.topics.values()):
+            return store, unknown
+        return embedded_types(self._definitions, self._given() if callable(self._given) else self._given)
 
     def messages(
         self,
@@ -147,6 +159,8 @@ class BagReader:
 
         Stamps and durations are nanoseconds. start_ns, stop_ns: as for `messages`. ModuleNotFoundError without pandas.
         """
+        from dart_skill.recording.bags._frames import frame_of
+
         return frame_of(self.messages([topic], start_ns, stop_ns))
 
     def attachments(self) -> list[Attachment]:
@@ -184,12 +198,14 @@ class BagReader:
         return messages
 
     def _decoded(self, message: BagMessage) -> BagMessage:
+        from dart_skill.recording.bags.messages import deserialize
+
         topic, type_name, stamp_ns, data = message
         encoding = self.topics[topic].encoding
         if encoding != "cdr":
             raise BagError(f"{self.path}: topic {topic} is encoded as '{encoding}', not as cdr: read it raw")
         if type_name not in self.types.fielddefs:
-            reason = self._unknown.get(type_name, "which neither the bag nor the given types define")
+            reason = self._all_types[1].get(type_name, "which neither the bag nor the given types define")
             raise BagError(
                 f"{self.path}: topic {topic} has type {type_name}, {reason}: give a typestore with its folder of .msg files, or read it raw"
             )
@@ -300,8 +316,6 @@ class _McapSource:
 
     def _topics(self) -> dict[str, TopicInfo]:
         """Counts from the files; what only metadata.yaml tells (types of schemaless channels, hashes, QoS) from there."""
-        from rosbags.rosbag2.metadata import parse_qos
-
         items = [item["topic_metadata"] for item in self.metadata.get("topics_with_message_count") or []]
         told_of = {told["name"]: told for told in items}
         found: dict[str, TopicInfo] = {}
@@ -310,14 +324,12 @@ class _McapSource:
                 name, known = channel.topic, found.get(channel.topic)
                 told = told_of.get(name, {})
                 qos = told.get("offered_qos_profiles") or channel.metadata.get("offered_qos_profiles", "")
-                if isinstance(qos, str):
-                    check_yaml(qos, f"QoS of topic {name}")
                 found[name] = TopicInfo(
                     name,
                     (known and known.type_name) or file.type_name(channel) or told.get("type", ""),
                     file.counts[number] + (known.count if known else 0),
                     told.get("type_description_hash") or channel.metadata.get("topic_type_hash", ""),
-                    tuple(parse_qos(qos)),
+                    profiles(name, qos),
                     channel.message_encoding,
                 )
         return found
@@ -392,6 +404,8 @@ def _check_compressed(file: Path) -> None:
     require_file(file)
     if file.suffix not in (".zstd", ".zst"):
         return
+    import zstandard
+
     size, most = 0, max(LARGEST_UNPACKED, USUAL_RATIO * file.stat().st_size)
     with open_file(file) as stream, zstandard.ZstdDecompressor().stream_reader(stream) as unpacked:
         while part := unpacked.read(2**20):
@@ -480,8 +494,16 @@ def _open(path: Path, files: list[Path], metadata: dict | None) -> _McapSource |
     return _McapSource(path, named, metadata)
 
 
+@lru_cache(maxsize=8)
+def _shared_types(definitions: tuple[tuple[str, str, str], ...]) -> tuple[Typestore, dict[str, str]]:
+    """As `embedded_types` without others, once for all bags that define the same, as those of one graph do."""
+    return embedded_types(definitions, None)
+
+
 def embedded_types(definitions: Iterable[tuple[str, str, str]], types: Typestore | None) -> tuple[Typestore, dict[str, str]]:
     """Types that the bag defines, and those of `types` that it lacks; and why the others are unknown."""
+    from rosbags.typesys import Stores, get_typestore
+
     found, unknown, lines = {}, {}, 0
     for name, encoding, text in dict.fromkeys(definitions):  # each file of a split bag has all of them
         own = text.count("\n") + text.count(";") + 1
@@ -507,7 +529,10 @@ def embedded_types(definitions: Iterable[tuple[str, str, str]], types: Typestore
     return store, unknown
 
 
+@lru_cache(maxsize=256)
 def _types_in(name: str, encoding: str, text: str) -> dict:
+    from rosbags.typesys import get_types_from_idl, get_types_from_msg
+
     if encoding == "ros2msg":
         return get_types_from_msg(text, name) if text else {}
     found: dict = {}

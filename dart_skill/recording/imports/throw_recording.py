@@ -10,8 +10,7 @@ import json
 import os
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, replace
-from functools import partial
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +33,7 @@ from dart_skill.recording.bags import (
     type_hash,
     typestore,
 )
-from dart_skill.recording.grip_signal import GIGA, OPEN, GripSignal, Opening
+from dart_skill.recording.grip_signal import GIGA, OPEN, GripSignal, Opening, read_commands
 from dart_skill.recording.imports._tables import read_motive, read_pose_table, read_table
 from dart_skill.recording.imports.mapping import LENGTH_UNITS, OWN, PoseSource, RecordingMapping, SignalSource
 from dart_skill.recording.imports.pose_faults import Fault, repair
@@ -72,6 +71,7 @@ class ThrowRecording:
     * has_button: whether somebody recorded at all when the hand was told to open.
     * faults: found in the poses.
     * frame_id: of the poses, default that of config/world.yaml.
+    * command_stamps: of the commands to the arm (n,) [ns], in order of time; none where they were not recorded.
     """
 
     source: str
@@ -81,6 +81,7 @@ class ThrowRecording:
     has_button: bool
     faults: tuple[Fault, ...]
     frame_id: str = the_world().frame_id
+    command_stamps: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
 
 def read_recording(source: str | os.PathLike, mapping: RecordingMapping | None = None) -> ThrowRecording:
@@ -104,7 +105,9 @@ def read_recording(source: str | os.PathLike, mapping: RecordingMapping | None =
     joints = _joints(mapping.joints, taken.get("joints"), folder)
     openings = _openings(mapping, taken, folder)
     has_button = any(name in taken or (where is not None and where.table) for name, where in _buttons(mapping))
-    return ThrowRecording(source.name, bodies, joints, openings, has_button, tuple(faults), mapping.frame)
+    commands = taken["command"].stamps if "command" in taken else ()
+    stamps = np.unique(np.asarray(commands, dtype=np.int64))
+    return ThrowRecording(source.name, bodies, joints, openings, has_button, tuple(faults), mapping.frame, stamps)
 
 
 def convert(source: str | os.PathLike, output: str | os.PathLike, mapping: RecordingMapping | None = None) -> ThrowRecording:
@@ -150,6 +153,12 @@ class _States:
     velocity: Any
 
 
+class _Signal(GripSignal):
+    """With the stamps of all commands (n,) [ns], in the order of recording."""
+
+    stamps: np.ndarray = np.empty(0, dtype=np.int64)
+
+
 def _buttons(mapping: RecordingMapping) -> list[tuple[str, SignalSource | None]]:
     return [("teacher", mapping.teacher), ("command", mapping.command)]
 
@@ -160,7 +169,7 @@ def _read_topics(source: Path, mapping: RecordingMapping) -> dict[str, Any]:
     wanted = {role: where for role, where in roles.items() if where is not None and where.topic}
     if not wanted:
         return {}
-    with (GraphBag if mapping is OWN else BagReader)(source, typestore()) as bag:
+    with (GraphBag if mapping is OWN else BagReader)(source, typestore) as bag:
         collectors: dict[str, list[Callable]] = {}
         collected: dict[str, Callable[[], Any]] = {}
         for role, where in wanted.items():
@@ -185,10 +194,9 @@ def _collector(
     kinds = {"joints": ("JointState",), "teacher": SIGNAL_TYPES, "command": SIGNAL_TYPES}.get(role, POSE_TYPES)
     if name not in kinds:
         raise BagError(f"{bag.path}: {where.topic} has type {type_name}; for '{role}' it must be one of {', '.join(kinds)}")
-    if role in ("teacher", "command"):
-        signal = GripSignal()
-        return lambda: signal, lambda message: _take_signal(signal, name, message, partial(_decoded, bag))
     messages: list[BagMessage] = []
+    if role in ("teacher", "command"):
+        return lambda: _signal(messages, name, bag), messages.append
     if role == "joints":
         return lambda: _states(messages, bag), messages.append
     assert isinstance(where, PoseSource)  # as every body has
@@ -265,13 +273,19 @@ def _pose_row(name: str, item: Any) -> tuple:
     return (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
 
 
-def _take_signal(signal: GripSignal, name: str, message: BagMessage, decoded: Callable) -> None:
+def _signal(messages: list[BagMessage], name: str, bag: BagReader) -> _Signal:
+    """What was told by messages of a type of `SIGNAL_TYPES`."""
+    signal = _Signal()
     if name == "WamCommand":
-        signal.take_command(message.data)
+        signal.stamps, pushed, grip = read_commands([message.data for message in messages])
+        for k in np.flatnonzero(pushed | (grip == OPEN)).tolist():  # all others tell nothing
+            signal.take_command(messages[k].data)
     elif name == "Bool":
-        signal.take_button(message.stamp_ns, bool(decoded(message).data))  # these types have no stamp of their own
+        for message in messages:
+            signal.take_button(message.stamp_ns, bool(_decoded(bag, message).data))  # these types have no stamp of their own
     else:
-        signal.openings.append(message.stamp_ns)
+        signal.openings = [message.stamp_ns for message in messages]
+    return signal
 
 
 def _body(role: str, where: PoseSource, taken: dict, folder: Path, frame: str) -> PoseStream:

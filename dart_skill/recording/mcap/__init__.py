@@ -1,9 +1,16 @@
 """The container: MCAP files read whole, walked when damaged, and written so that a crash costs little."""
 
+from typing import TYPE_CHECKING
+
+from dart_skill.lazy import on_first_use
 from dart_skill.recording.mcap.reader import END_OF_TIME, BagMessage, McapInput, in_time_order
 from dart_skill.recording.mcap.records import Chunk, DamagedError, Message, Summary, messages_of, parse_header, read_summary
 from dart_skill.recording.mcap.walk import LARGEST_UNPACKED, USUAL_RATIO, Damage, Record, mapped, read_definitions, walk
-from dart_skill.recording.mcap.writer import CHUNK_SIZE, McapChannel, McapFile
+
+if TYPE_CHECKING:
+    from dart_skill.recording.mcap.writer import CHUNK_SIZE, McapChannel, McapFile
+else:
+    __getattr__, __dir__ = on_first_use(__name__, {"writer": "CHUNK_SIZE McapChannel McapFile"})
 
 __all__ = [
     "CHUNK_SIZE",
