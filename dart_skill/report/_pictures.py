@@ -6,13 +6,15 @@ import os
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from dart_skill.figures import (
+    DemonstratedMotion,
+    ExecutedThrow,
     demonstrated_motions,
     executed_throw,
     execution_figure,
@@ -58,9 +60,9 @@ def pictures(run: Run) -> list[Picture]:
     return [
         *_errors(run),
         picture("landings", *_landings_words(run), partial(_landings, run)),
-        picture("synchronisation", "Demonstrations before and after synchronisation", SYNCHRONISATION, partial(_synchronisation, run)),
+        picture("synchronisation", "Demonstrations before and after synchronisation", SYNCHRONISATION, _synchronisation(run)),
         picture("gaussians", "What was learned", GAUSSIANS, partial(_gaussians, run)),
-        picture("execution", "Executed path against attractor", EXECUTION, partial(_execution, run)),
+        picture("execution", "Executed path against attractor", EXECUTION, _execution(run)),
     ]
 
 
@@ -142,10 +144,16 @@ def _landings(run: Run, narrow: bool) -> Figure:
     return landings_figure(shown, np.array([one.target for one in run.shown]).reshape(-1, 3), narrow=narrow)
 
 
-def _synchronisation(run: Run, narrow: bool) -> Figure:
-    if not any(throw.shows for throw in run.guided):
-        raise ValueError("no demonstration was recorded with its raw poses")
-    return synchronisation_figure(demonstrated_motions(run.recordings, run.shown), narrow)
+def _synchronisation(run: Run) -> Callable[[bool], Figure]:
+    """Draws it; what is drawn is gathered at the first time, for both forms."""
+
+    @cache
+    def motions() -> list[DemonstratedMotion]:
+        if not any(throw.shows for throw in run.guided):
+            raise ValueError("no demonstration was recorded with its raw poses")
+        return demonstrated_motions(run.recordings, run.shown)
+
+    return lambda narrow: synchronisation_figure(motions(), narrow)
 
 
 def _gaussians(run: Run, narrow: bool) -> Figure:
@@ -154,14 +162,21 @@ def _gaussians(run: Run, narrow: bool) -> Figure:
     return gaussians_figure(run.skill, narrow)
 
 
-def _execution(run: Run, narrow: bool) -> Figure:
-    if run.skill is None:
-        raise ValueError("no skill was learned, so nothing was planned")
-    if not len(run.command_stamps):
-        raise ValueError("the commands of the arm were not recorded")
-    for result in run.results:
-        try:
-            return execution_figure(executed_throw(run.recordings, run.skill.plan(np.array(result.target))), narrow=narrow)
-        except ValueError:
-            continue  # refused, or stopped
-    raise ValueError("no throw of the arm was recorded")
+def _execution(run: Run) -> Callable[[bool], Figure]:
+    """Draws it, as `_synchronisation`."""
+
+    @cache
+    def executed() -> ExecutedThrow:
+        if run.skill is None:
+            raise ValueError("no skill was learned, so nothing was planned")
+        if not len(run.command_stamps):
+            raise ValueError("the commands of the arm were not recorded")
+        recordings = run.recordings
+        for result in run.results:
+            try:
+                return executed_throw(recordings, run.skill.plan(np.array(result.target)))
+            except ValueError:
+                continue  # refused, or stopped
+        raise ValueError("no throw of the arm was recorded")
+
+    return lambda narrow: execution_figure(executed(), narrow=narrow)

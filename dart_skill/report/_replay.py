@@ -67,14 +67,15 @@ def make_replay(
         serializer = server.get_scene_serializer()
         starts: dict[int, float] = {}
         seconds = 0.0
-        for number, throw in enumerate(throws):
-            if throw.demonstration is None or len(starts) == MOST_THROWS:
-                continue
-            starts[number] = seconds
-            label.text = name = (names or {}).get(number, f"throw {number + 1}")
-            _show_gaussians(scene, gaussians(throw.demonstration.target))
-            result = in_a_line(name, throw)
-            seconds += play(scene, serializer, recording, throw, when_down=partial(setattr, label, "text", result))
+        with server.atomic():  # or each change wakes a thread that has nobody to send it to
+            for number, throw in enumerate(throws):
+                if throw.demonstration is None or len(starts) == MOST_THROWS:
+                    continue
+                starts[number] = seconds
+                label.text = name = (names or {}).get(number, f"throw {number + 1}")
+                _show_gaussians(scene, gaussians(throw.demonstration.target))
+                result = in_a_line(name, throw)
+                seconds += play(scene, serializer, recording, throw, when_down=partial(setattr, label, "text", result))
         return Replay(serializer.as_html(), starts, seconds)
     finally:
         with contextlib.redirect_stdout(io.StringIO()):  # viser says that it stopped

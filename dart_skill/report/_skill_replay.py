@@ -34,10 +34,11 @@ def replay_of(run: SkillRun) -> Replay:
         serializer = server.get_scene_serializer()
         starts: dict[int, float] = {}
         seconds = 0.0
-        for number, movement in enumerate(shown_in_replay(run)):
-            starts[number] = seconds
-            label.text = in_a_line(movement)
-            seconds += _play(scene, serializer, run, movement)
+        with server.atomic():  # as for throws
+            for number, movement in enumerate(shown_in_replay(run)):
+                starts[number] = seconds
+                label.text = in_a_line(movement)
+                seconds += _play(scene, serializer, run, movement)
         return Replay(serializer.as_html(), starts, seconds)
     finally:
         with contextlib.redirect_stdout(io.StringIO()):  # viser says that it stopped
