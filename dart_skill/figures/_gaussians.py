@@ -195,7 +195,9 @@ def _draw_view(axes: Axes, view: FrameView, plane: tuple[int, int], shades: Scal
     for number, (mean, covariance, time) in enumerate(zip(view.means, view.covariances, view.times, strict=True), start=1):
         colour = shades.to_rgba(time)
         look = {"facecolor": (*colour[:3], 0.15), "edgecolor": colour, "linewidth": 1.2, "zorder": 2.5, "gid": f"{gid}_component_{number}"}
-        axes.add_patch(gaussian_ellipse(mean[list(plane)], covariance[np.ix_(plane, plane)], DEVIATIONS, **look))
+        axes.add_artist(gaussian_ellipse(mean[list(plane)], covariance[np.ix_(plane, plane)], DEVIATIONS, **look))
+    reach = DEVIATIONS * np.sqrt(np.diagonal(view.covariances, axis1=1, axis2=2)[:, plane])
+    axes.update_datalim(np.concatenate([view.means[:, plane] - reach, view.means[:, plane] + reach]))
     dots: dict[str, Any] = {"linestyle": "none", "markersize": 4, "markeredgewidth": 0.6, "markeredgecolor": BLACK}
     axes.plot(*view.means[:, plane].T, "o", color="white", label="mean of a component", gid=f"{gid}_means", zorder=3, **dots)
     axes.plot(*view.releases[:, plane].T, "D", color=RELEASE, label="release", gid=f"{gid}_releases", zorder=3, **dots)

@@ -21,11 +21,13 @@ from matplotlib.layout_engine import LayoutEngine
 from matplotlib.textpath import text_to_path
 from matplotlib.transforms import ScaledTranslation
 
+from dart_skill.figures._ticks import seen_ticks
+
 LINE = 1.2
 """From one line of text to the next, over the size of the font."""
-EDGE, GAP = 3.0, 9.0
+EDGE, GAP = 4.0, 9.0
 """Free at the edges of a figure, and between panels [points]."""
-OVERHANG = 9.0
+OVERHANG = 10.0
 """Of the label of the last tick beyond its panel [points]."""
 BAR = 10.0
 """Thickness of a colour bar [points]."""
@@ -39,6 +41,28 @@ class ColourBar:
 
     axes: Axes
     side: Literal["right", "top"]
+
+
+@dataclass(frozen=True)
+class _Look:
+    """What was set when a figure was made: whoever shows it later may have other settings.
+
+    * tick_size: of their labels [points]; tick_length: of a tick and the space to its label [points]; title_pad: below a title [points].
+    * family: of the font.
+    """
+
+    tick_size: float
+    tick_length: float
+    title_pad: float
+    family: tuple[str, ...]
+
+    @classmethod
+    def now(cls) -> _Look:
+        """As matplotlib is set."""
+        params = matplotlib.rcParams
+        size = FontProperties(size=params["xtick.labelsize"]).get_size_in_points()
+        length = params["xtick.major.size"] + params["xtick.major.pad"]
+        return cls(float(size), float(length), float(params["axes.titlepad"]), tuple(params["font.family"]))
 
 
 @dataclass
@@ -57,7 +81,7 @@ class PanelLayout(LayoutEngine):
     * grid: the panels (n_rows, n_columns).
     * widths, heights: of the columns and of the rows, in any unit: only their ratios count.
 
-    Attributes: bar, the colour bar for all panels, None without one; legend_rows, of the legend below them.
+    Attributes: bar, the colour bar for all panels, None without one; legend_height, of the legend below them [points].
     """
 
     # what matplotlib asks of a layout engine
@@ -67,16 +91,38 @@ class PanelLayout(LayoutEngine):
     def __init__(self, grid: Sequence[Sequence[Axes]], widths: Sequence[float], heights: Sequence[float]) -> None:
         super().__init__()
         self.bar: ColourBar | None = None
-        self.legend_rows = 0
+        self.legend_height = 0.0
+        self._look = _Look.now()
         self._grid = [list(row) for row in grid]
         self._widths, self._heights = np.asarray(widths, dtype=float), np.asarray(heights, dtype=float)
 
+    @property
+    def panels(self) -> list[Axes]:
+        """All of them, row by row."""
+        return [axes for row in self._grid for axes in row]
+
     def execute(self, fig: Figure) -> None:
         """Put the panels of a figure where they belong. fig: of these panels."""
-        self._place(fig, [[_margins(axes, FIRST_GUESS) for axes in row] for row in self._grid])
-        self._place(fig, [[_margins(axes, None) for axes in row] for row in self._grid])
-        for axes in (one for row in self._grid for one in row):
-            _fix_texts(axes)
+        self._place(fig, [[_margins(axes, self._look, FIRST_GUESS) for axes in row] for row in self._grid])
+        self._place(fig, [[_margins(axes, self._look, None) for axes in row] for row in self._grid])
+        if self._wrap_titles(fig):
+            self._place(fig, [[_margins(axes, self._look, None) for axes in row] for row in self._grid])
+        for axes in self.panels:
+            _fix_texts(axes, self._look)
+
+    def _wrap_titles(self, figure: Figure) -> bool:
+        """Titles in as many lines as they need to end before the next panel, or the edge; whether any has become longer."""
+        longer = False
+        for row in self._grid:
+            begins = [72.0 * figure.get_figwidth() * axes.get_position().x0 for axes in row]
+            ends = [begin - GAP for begin in begins[1:]] + [72.0 * figure.get_figwidth() - EDGE]
+            for axes, begin, end in zip(row, begins, ends, strict=True):
+                title = axes.get_title(loc="left")
+                text = wrapped(title, end - begin, axes.title.get_fontsize(), self._look.family)
+                if text != title:
+                    axes.set_title(text, loc="left")
+                    longer = True
+        return longer
 
     def _place(self, figure: Figure, margins: list[list[_Margins]]) -> None:
         """Panels within their margins; of those with an aspect the limits, or the box."""
@@ -113,11 +159,10 @@ class PanelLayout(LayoutEngine):
         for headline in figure.texts:
             headline.set_y(1.0 - outer.top / (72.0 * figure.get_figheight()))
             outer.top += _height(headline.get_text(), headline.get_fontsize()) + GAP
-        if self.legend_rows:
-            outer.bottom += _legend_height(self.legend_rows)
+        outer.bottom += self.legend_height
         if self.bar is not None:
             axis = self.bar.axes.xaxis if self.bar.side == "top" else self.bar.axes.yaxis
-            beside = _ticks_size(axis, None) + _label_size(axis)
+            beside = _ticks_size(axis, self._look, None) + _label_size(axis)
             if self.bar.side == "top":
                 outer.top += beside + BAR + 2.0 * GAP
             else:
@@ -125,14 +170,14 @@ class PanelLayout(LayoutEngine):
         return outer
 
 
-def _margins(axes: Axes, ticks: float | None) -> _Margins:
+def _margins(axes: Axes, look: _Look, ticks: float | None) -> _Margins:
     """What a panel needs around it; ticks: width of the margin for them, None: as wide as their labels are."""
     title = axes.get_title(loc="left") or axes.get_title()
-    top = _height(title, axes.title.get_fontsize()) + matplotlib.rcParams["axes.titlepad"] if title else OVERHANG / 2.0
+    top = _height(title, axes.title.get_fontsize()) + look.title_pad if title else OVERHANG / 2.0
     if not axes.axison:
         return _Margins(top=top)
-    left = _label_size(axes.yaxis) + (_ticks_size(axes.yaxis, ticks) if _has_labels(axes.yaxis) else 0.0)
-    bottom = _label_size(axes.xaxis) + (_ticks_size(axes.xaxis, ticks) if _has_labels(axes.xaxis) else 0.0)
+    left = _label_size(axes.yaxis) + (_ticks_size(axes.yaxis, look, ticks) if _has_labels(axes.yaxis) else 0.0)
+    bottom = _label_size(axes.xaxis) + (_ticks_size(axes.xaxis, look, ticks) if _has_labels(axes.xaxis) else 0.0)
     return _Margins(left, OVERHANG, bottom, top)
 
 
@@ -142,26 +187,15 @@ def _has_labels(axis: Axis) -> bool:
     return bool(shown.get("labelleft", True) if axis.axis_name == "y" else shown.get("labelbottom", True))
 
 
-def _ticks_size(axis: Axis, guess: float | None) -> float:
-    """From the spine to the far end of the labels of ticks [points]."""
-    look, params = axis.get_tick_params(which="major"), matplotlib.rcParams
-    prefix = f"{axis.axis_name}tick"
-    length, pad = params[f"{prefix}.major.size"], params[f"{prefix}.major.pad"]
-    size = look.get("labelsize", FontProperties(size=params[f"{prefix}.labelsize"]).get_size_in_points())
+def _ticks_size(axis: Axis, look: _Look, guess: float | None) -> float:
+    """From the spine to the far end of the labels of ticks [points]; guess: of labels of y, None: they are measured."""
+    size = axis.get_tick_params(which="major").get("labelsize", look.tick_size)
     if axis.axis_name == "x":
-        return float(length + pad + max((_height(text, size) for text in _tick_labels(axis)), default=0.0))
+        return look.tick_length + max((_height(text, size) for text in seen_ticks(axis)[1]), default=0.0)
     if guess is not None:
         return guess
-    return float(length + pad + max((_width(line, size) for text in _tick_labels(axis) for line in text.split("\n")), default=0.0))
-
-
-def _tick_labels(axis: Axis) -> list[str]:
-    """Of the ticks that are seen."""
-    low, high = sorted(axis.get_view_interval())
-    places = np.asarray(axis.get_majorticklocs(), dtype=float)
-    slack = 1e-9 * (high - low)
-    texts = axis.get_major_formatter().format_ticks(places)
-    return [text for text, place in zip(texts, places, strict=False) if low - slack <= place <= high + slack]
+    lines = [line for text in seen_ticks(axis)[1] for line in text.split("\n")]
+    return look.tick_length + max((_width(line, size, look.family) for line in lines), default=0.0)
 
 
 def _label_size(axis: Axis) -> float:
@@ -170,10 +204,11 @@ def _label_size(axis: Axis) -> float:
     return _height(text, axis.label.get_fontsize()) + axis.labelpad if text else 0.0
 
 
-def _legend_height(rows: int) -> float:
-    """Of a legend of so many rows [points]."""
+def legend_height(rows: int) -> float:
+    """Of a legend of so many rows, as matplotlib is set [points]."""
     look = {name: matplotlib.rcParams[f"legend.{name}"] for name in ("fontsize", "labelspacing", "borderpad", "borderaxespad")}
-    return float(look["fontsize"] * (rows * (LINE + look["labelspacing"]) + 2.0 * look["borderpad"] + look["borderaxespad"]))
+    size = FontProperties(size=look["fontsize"]).get_size_in_points()
+    return float(size * (rows * (LINE + look["labelspacing"]) + 2.0 * look["borderpad"] + look["borderaxespad"]))
 
 
 def _height(text: str, size: Any) -> float:
@@ -181,18 +216,33 @@ def _height(text: str, size: Any) -> float:
     return FontProperties(size=size).get_size_in_points() * (1.0 + LINE * text.count("\n"))
 
 
-def _width(text: str, size: float) -> float:
-    """Of a line of text in the font of the house [points]."""
-    return _measured(text, float(size), tuple(matplotlib.rcParams["font.family"]))
-
-
 @lru_cache(maxsize=4096)
-def _measured(text: str, size: float, family: tuple[str, ...]) -> float:
+def _width(text: str, size: float, family: tuple[str, ...]) -> float:
+    """Of a line of text [points]."""
     width, _, _ = text_to_path.get_text_width_height_descent(text, FontProperties(family=list(family), size=size), False)
     return float(width)
 
 
-def _fix_texts(axes: Axes) -> None:
+def wrapped(text: str, width: float, size: float, family: tuple[str, ...]) -> str:
+    """A text whose lines are no wider than so many points, unless a single word is; size, family: of its font.
+
+    Where a line is too long, it ends at its last comma, if that is in its second half, or else between two words.
+    """
+    lines: list[str] = []
+    for line in text.split("\n"):
+        lines.append("")
+        for word in line.split(" "):
+            longer = f"{lines[-1]} {word}" if lines[-1] else word
+            if lines[-1] and _width(longer, size, family) > width:
+                comma = lines[-1].rfind(", ")
+                end = comma + 1 if comma > len(lines[-1]) / 2 else len(lines[-1])
+                longer, lines[-1] = f"{lines[-1][end:]} {word}".strip(), lines[-1][:end]
+                lines.append("")
+            lines[-1] = longer
+    return "\n".join(lines)
+
+
+def _fix_texts(axes: Axes, look: _Look) -> None:
     """Titles and labels of axes where they belong, so that matplotlib need not look for a place when it draws."""
     figure = axes.get_figure()
     for loc in ("left", "center", "right"):
@@ -200,7 +250,7 @@ def _fix_texts(axes: Axes) -> None:
             axes.set_title(text, loc=loc, y=1.0)
     for axis in (axes.xaxis, axes.yaxis):
         if axis.get_label_text() and axes.axison:
-            away = -(_ticks_size(axis, None) if _has_labels(axis) else 0.0) - axis.labelpad
+            away = -(_ticks_size(axis, look, None) if _has_labels(axis) else 0.0) - axis.labelpad
             shift = (0.0, away / 72.0) if axis.axis_name == "x" else (away / 72.0, 0.0)
             place = (0.5, 0.0) if axis.axis_name == "x" else (0.0, 0.5)
             axis.set_label_coords(*place, transform=axes.transAxes + ScaledTranslation(*shift, figure.dpi_scale_trans))

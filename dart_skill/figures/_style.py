@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import matplotlib
 import matplotlib.style
@@ -16,7 +17,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Ellipse, Rectangle
 
 from dart_skill import palette
-from dart_skill.figures._layout import ColourBar, PanelLayout
+from dart_skill.figures._layout import ColourBar, PanelLayout, legend_height
+from dart_skill.figures._ticks import light_ticks
 from dart_skill.files import new_file
 from dart_skill.palette import hexadecimal
 
@@ -45,6 +47,9 @@ LOOK = {
     "svg.fonttype": "none",
     "svg.hashsalt": "dart_skill",
 }
+
+_LAID_OUT: WeakKeyDictionary[Figure, list[Axes]] = WeakKeyDictionary()
+"""Panels of the figures that are laid out once and for all, whose ticks may be drawn light."""
 
 
 @contextmanager
@@ -83,7 +88,7 @@ def legend_below(figure: Figure, handles: Sequence[Any], labels: Sequence[str], 
     columns = min(2, columns) if narrow else columns
     figure.legend(handles, labels, loc="outside lower center", ncols=columns)
     if isinstance(layout := figure.get_layout_engine(), PanelLayout):
-        layout.legend_rows = -(-len(labels) // columns)
+        layout.legend_height = legend_height(-(-len(labels) // columns))
 
 
 def colour_bar(figure: Figure, shades: ScalarMappable, label: str, narrow: bool) -> None:
@@ -121,13 +126,17 @@ def _settle(figure: Figure) -> None:
         return
     engine.execute(figure)
     positions = _positions(figure)
-    if any(axes.get_aspect() != "auto" for axes in figure.axes):  # for their titles one pass may not find room
+    if not isinstance(engine, PanelLayout) and any(
+        axes.get_aspect() != "auto" for axes in figure.axes
+    ):  # for their titles one pass may not find room
         for _ in range(2):
             before = positions
             engine.execute(figure)
             positions = _positions(figure)
             if np.array_equal(positions, before):
                 break
+    if isinstance(engine, PanelLayout):
+        _LAID_OUT[figure] = engine.panels
     figure.set_layout_engine(None)  # "none" would leave a placeholder, for which every file is drawn twice
     for axes, position in zip(figure.axes, positions, strict=True):
         axes.set_position(position)
@@ -144,7 +153,8 @@ def svg_text(figure: Figure) -> str:
     """A figure as the text of an SVG file, the same for the same figure."""
     with house_style(), io.StringIO() as text:
         _settle(figure)
-        figure.savefig(text, format="svg", metadata={"Date": None, "Creator": "dart_skill"})
+        with light_ticks(_LAID_OUT.get(figure, ())):
+            figure.savefig(text, format="svg", metadata={"Date": None, "Creator": "dart_skill"})
         return text.getvalue()
 
 
@@ -153,8 +163,10 @@ def basket_from_above(axes: Axes, centre: np.ndarray | Sequence[float], radius: 
 
     look: of the circle, as matplotlib's patches take it.
     """
-    circle = Circle((float(centre[0]), float(centre[1])), radius, **look)
-    axes.add_patch(circle)
+    x, y = float(centre[0]), float(centre[1])
+    circle = Circle((x, y), radius, **look)
+    axes.add_artist(circle)  # `add_patch` takes long to find out how large a circle is
+    axes.update_datalim([(x - radius, y - radius), (x + radius, y + radius)])
     return circle
 
 

@@ -119,7 +119,8 @@ def _draw_by_basket(axes: Axes, tests: Sequence[tuple[str, Sequence[ThrowResult]
         _draw_marks(axes, np.arange(len(order), dtype=float), row[order], which[order], labelled=False)
     labels = [f"{throws[k].distance:.1f} m\n{np.degrees(throws[k].azimuth):+.0f}\N{DEGREE SIGN}" for k in order]
     axes.set(xlabel="basket of the test: distance and azimuth", title="Basket by basket, the nearest first")
-    axes.set_xticks(range(len(order)), labels, fontsize=8.0)
+    axes.set_xticks(range(len(order)), labels)
+    axes.tick_params(axis="x", labelsize=8.0)
     axes.grid(axis="y", color=LIGHT, linewidth=0.5)
     axes.set_axisbelow(True)
 
