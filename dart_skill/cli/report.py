@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import atexit
 import gc
 import json
 import os
@@ -40,6 +41,7 @@ def page_beside(bag: Path) -> Path:
 def _uncollected() -> Iterator[None]:
     """Without a search for garbage: nearly all that a page makes lives until its end, and to look through it takes a tenth of the time."""
     collects = gc.isenabled()
+    atexit.register(gc.freeze)  # nor once more at the very end of the process
     gc.disable()
     try:
         yield

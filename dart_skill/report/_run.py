@@ -142,18 +142,24 @@ def read_run(bag: str | os.PathLike, about: About | None = None, results: Sequen
     if (name := skill_of(bag)) != SKILL:
         raise BagError(f"{bag} is of the skill '{name}': there are reports of throws only")
     described = describe(bag, about or About())
+    if results is not None:
+        _check_phases(described.phases, len(results))
     recording = read_recording(bag)
     throws = find_throws(recording)
     guided, own = (tuple(throw for throw in throws if throw.taught == taught) for taught in (True, False))
     shown = _published(bag) or tuple(throw.demonstration for throw in guided if throw.demonstration is not None and throw.shows)
     judged = tuple(result_of(throw) for throw in own if throw.demonstration is not None) if results is None else tuple(results)
-    if described.phases and sum(phase.throws for phase in described.phases) != len(judged):
-        raise ValueError(f"phases {described.phases} of {len(judged)} throws: their numbers must add up to all throws")
+    _check_phases(described.phases, len(judged))
     skill, notes = _learned(shown, described.configuration)
     notes += [f"could not be cut: {throw.reason}" for throw in throws if throw.demonstration is None]
     return Run(
         bag, described, recording, guided, own, judged, shown, skill, recording.command_stamps, (*notes, *fault_lines(recording.faults))
     )
+
+
+def _check_phases(phases: Sequence[Phase], n_throws: int) -> None:
+    if phases and sum(phase.throws for phase in phases) != n_throws:
+        raise ValueError(f"phases {phases} of {n_throws} throws: their numbers must add up to all throws")
 
 
 def result_of(throw: FoundThrow) -> ThrowResult:

@@ -373,7 +373,9 @@ def _place(node: Any, position: np.ndarray) -> bool:
     """Show a node at a position (3,); whether that changes anything that is worth sending."""
     if node.visible and np.abs(position - node.position).max() < STILL:
         return False
-    node.position, node.visible = position, True
+    node.position = position
+    if not node.visible:
+        node.visible = True
     return True
 
 

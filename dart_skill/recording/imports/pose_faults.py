@@ -470,10 +470,15 @@ def _without_outliers(stream: PoseStream) -> tuple[PoseStream, list[Fault]]:
     return _left_out("outlier", stream, lone, "{count} poses jump away and back: left out")
 
 
+def usual_steps(steps: np.ndarray) -> np.ndarray:
+    """The median (n,) of each of steps (n,), the five before it and the five after it; beyond an end, that end counts for them."""
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(steps, 5, mode="edge"), 11)
+    return np.partition(around, 5, axis=1)[:, 5]
+
+
 def _jumps(steps: np.ndarray, over: np.ndarray, least: float) -> np.ndarray:
     """Which samples (n,) are far from both neighbours while these are close: steps (n - 1,) between neighbours, `over` (n - 2,) one."""
-    around = np.lib.stride_tricks.sliding_window_view(np.pad(steps, 5, mode="edge"), 11)
-    usual = np.partition(around, 5, axis=1)[:, 5]  # the median of each step, five before it and five after
+    usual = usual_steps(steps)
     jump = np.minimum(steps[1:], steps[:-1])
     lone = np.zeros(len(steps) + 1, dtype=bool)
     lone[1:-1] = (jump > least) & (jump > JUMP * np.minimum(usual[1:], usual[:-1])) & (over < 0.5 * jump)

@@ -58,3 +58,9 @@ def test_what_was_not_shown_and_not_tried_is_refused():
     with pytest.raises(ValueError, match="nothing to draw"):
         trials_figure(summary(), Put(), [])
     assert trials_figure(summary(), Put(), shown()).axes[2].get_title(loc="left") == "(c) 0 of 0 succeeded"
+
+
+def test_a_trial_whose_error_nobody_knows_has_its_mark_in_the_panel():
+    errors = trials_figure(RUN, Put(), shown()).axes[2]
+    left, right = errors.get_xlim()
+    assert all(left < text.get_position()[0] < right for text in errors.texts)

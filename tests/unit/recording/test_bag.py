@@ -17,6 +17,7 @@ from mcap.writer import Writer as McapWriter
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2.metadata import parse_qos
 
 from dart_skill.recording import (
     BagError,
@@ -29,6 +30,7 @@ from dart_skill.recording import (
     type_hash,
     typestore,
 )
+from dart_skill.recording.bags._metadata import profiles
 
 TOPICS = {
     "/vrpn_mocap/hand/pose": ("geometry_msgs/msg/PoseStamped", qos_yaml("best_effort", depth=5)),
@@ -680,3 +682,43 @@ def _write_empty(path, topics):
         for ns, (topic, type_name) in enumerate(topics.items(), start=1):
             writer.add_topic(topic, type_name, definition(types, type_name), qos_yaml(), type_hash(types, type_name))
             writer.write(topic, ns, ns, serialize(types, type_name, {}))
+
+
+# types and profiles
+
+
+def test_bags_that_define_the_same_share_their_types_and_what_they_lack_is_made_when_it_is_needed(tmp_path):
+    types, made = typestore(), []
+
+    def make():
+        made.append(1)
+        return typestore()
+
+    text = definition(types, "std_msgs/msg/String")
+    for name, told in (("first", text), ("second", text), ("bare", "")):
+        with BagWriter(tmp_path / name) as bag:
+            bag.add_topic("/words", "std_msgs/msg/String", told)
+            bag.write("/words", 1, 1, serialize(types, "std_msgs/msg/String", {"data": name}))
+    with BagReader(tmp_path / "first", make) as first, BagReader(tmp_path / "second") as second:
+        assert first.types is second.types and [one.data.data for one in first.messages()] == ["first"]
+    assert not made, "the bag defines all of its types"
+    with BagReader(tmp_path / "bare", make) as bare:
+        assert not made, "nobody has asked for them yet"
+        assert [one.data.data for one in bare.messages()] == ["bare"] and len(made) == 1
+    with BagReader(tmp_path / "bare") as bare, pytest.raises(BagError, match="neither the bag nor the given types define"):
+        list(bare.messages())
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        qos_yaml(),
+        qos_yaml("best_effort", durability="transient_local", depth=3),
+        qos_yaml().replace("reliable", "3").replace("keep_last", "2"),
+        qos_yaml().replace("reliable", "nonsense").replace("keep_last", "77"),
+    ],
+)
+def test_profiles_are_those_that_rosbags_reads(text):
+    assert profiles("/a", text) == tuple(parse_qos(text))
+    assert profiles("/a", yaml.safe_load(text) or []) == tuple(parse_qos(text))

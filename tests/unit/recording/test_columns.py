@@ -2,11 +2,15 @@
 
 import numpy as np
 import pytest
+import scipy.ndimage
 
 from dart_skill.recording.bags import columns_of, deserialize, header_content, pose_content, serialize, typestore
+from dart_skill.recording.grip_signal import read_command, read_commands
+from dart_skill.recording.imports.pose_faults import usual_steps
 
 TYPES = typestore()
 RNG = np.random.default_rng(0)
+COMMAND = "dart_skill_msgs/msg/WamCommand"
 POSE, STATE, ODOMETRY = "geometry_msgs/msg/PoseStamped", "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry"
 
 
@@ -77,3 +81,33 @@ def test_messages_that_differ_in_more_are_left_to_be_read_one_by_one(type_name, 
 def test_the_other_order_of_bytes_is_left_to_rosbags():
     swapped = bytes(TYPES.serialize_cdr(deserialize(TYPES, POSE, pose(5)), POSE, little_endian=False))
     assert columns_of(TYPES, POSE, [swapped]) is None
+
+
+# commands
+
+
+def command(stamp_ns, force=0.0, grip=0, frame="world"):
+    content = {"header": header_content(stamp_ns, frame), "wrench": {"force": {"x": force}}, "grip": grip}
+    return serialize(TYPES, COMMAND, content)
+
+
+@pytest.mark.parametrize("frames", [("world",), ("world", "another frame"), ("",)], ids=["one frame", "two frames", "no frame"])
+def test_many_commands_say_what_each_of_them_says(frames):
+    stamps = [-1, 0, 5, 1_732_500_000_123_456_789]
+    payloads = [command(stamp, force, grip, frame) for stamp in stamps for force in (0.0, 2.5) for grip in (0, 2) for frame in frames]
+    assert list(zip(*(column.tolist() for column in read_commands(payloads)), strict=True)) == [read_command(one) for one in payloads]
+
+
+def test_of_no_commands_there_is_nothing_and_of_other_bytes_an_error():
+    assert [len(column) for column in read_commands([])] == [0, 0, 0]
+    good = command(1)
+    for wrong in (b"", good[:60], b"\x00\x00" + good[2:20]):
+        with pytest.raises(ValueError, match="are no WamCommand"):
+            read_commands([good, wrong])
+    assert [column.tolist() for column in read_commands([good, good[:1] + b"\x00" + bytes(len(good) - 2)])][0][0] == 1, "big endian"
+
+
+@pytest.mark.parametrize("n", [1, 3, 11, 200])
+def test_what_is_usual_among_steps_is_their_running_median(n):
+    steps = np.random.default_rng(1).exponential(size=n)
+    np.testing.assert_array_equal(usual_steps(steps), scipy.ndimage.median_filter(steps, 11, mode="nearest"))

@@ -1,5 +1,6 @@
 """The page of a run: one file that asks nobody for anything, the same bytes for the same bag, and everything that was thrown on it."""
 
+import gc
 import json
 import platform
 import re
@@ -14,7 +15,7 @@ import pytest
 
 from dart_skill.cli import main
 from dart_skill.cli.report import page_beside
-from dart_skill.recording import BagWriter
+from dart_skill.recording import BagWriter, GraphBag, read_command
 from dart_skill.report import About, Phase, page_of, pictures, play, read_run, write_page
 from dart_skill.report._curve import WINDOW, compared_figure, curve_figure, running_quartiles
 from dart_skill.report._pictures import embeddable
@@ -258,6 +259,13 @@ def test_throws_that_never_came_about_have_a_row_and_no_place_in_the_replay():
     assert list(other.numbers.values()) == [2, 3, *range(5, 23)] and list(other.numbers) == list(range(20))
 
 
+def test_commands_are_read_once_and_their_stamps_are_those_of_the_bag():
+    with GraphBag(BAGS / "throws") as bag:
+        stamps = [read_command(one.data)[0] for one in bag.messages(["/wam/command"], decode=False)]
+    np.testing.assert_array_equal(run_of("throws").command_stamps, np.unique(stamps))
+    assert len(stamps) > 10_000
+
+
 def test_results_of_the_bag_are_those_of_the_cameras():
     run = run_of("throws")
     assert [result_of(throw) for throw in run.own] == list(run.results)
@@ -287,7 +295,7 @@ def test_a_curve_needs_a_landing_and_marks_what_happened():
 
 
 def test_figures_are_written_beside_the_page(tmp_path, monkeypatch):
-    monkeypatch.setattr("dart_skill.report._run.read_run", lambda bag, about, results: replace(run_of("throws"), results=results))
+    monkeypatch.setattr("dart_skill.report._writing.read_run", lambda bag, about, results: replace(run_of("throws"), results=results))
     monkeypatch.setattr("dart_skill.report._page._replay", lambda run: (None, "not now"))
     written = write_page(BAGS / "throws", tmp_path / "new" / "page.html", results=[], figures=tmp_path / "new")
     assert {path.name for path in written} == {"page.html", "gaussians.svg", "gaussians.png"} and all(path.is_file() for path in written)
@@ -337,7 +345,7 @@ def test_the_page_lies_beside_the_bag():
 
 
 def test_a_page_that_cannot_be_written_leaves_no_part_of_it(tmp_path, monkeypatch):
-    monkeypatch.setattr("dart_skill.report._run.read_run", lambda bag, about: run_of("demonstrations"))
+    monkeypatch.setattr("dart_skill.report.read_run", lambda bag, about: run_of("demonstrations"))
     monkeypatch.setattr("dart_skill.report.pictures", lambda run: [])
     monkeypatch.setattr("dart_skill.report.page_of", lambda run, drawn: "<html>" + "\ud800")  # no text that a file takes
     assert main(["report", str(BAGS / "demonstrations"), "--output", str(tmp_path / "page.html")]) == 1
@@ -345,10 +353,12 @@ def test_a_page_that_cannot_be_written_leaves_no_part_of_it(tmp_path, monkeypatc
 
 
 def test_the_command_writes_the_page_and_says_where(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("dart_skill.report._run.read_run", lambda bag, about: run_of("demonstrations"))
+    monkeypatch.setattr("dart_skill.report.read_run", lambda bag, about: run_of("demonstrations"))
     monkeypatch.setattr("dart_skill.report._page._replay", lambda run: (None, "not now"))
+    monkeypatch.setattr("dart_skill.report.pictures", lambda run: drawn_of("demonstrations"))
     page = tmp_path / "page.html"
     assert main(["report", str(BAGS / "demonstrations"), "--output", str(page), "--json"]) == 0
+    assert gc.isenabled(), "garbage is collected again"
     said = json.loads(capsys.readouterr().out)
     assert said["report"] == str(page) and len(said["demonstrations"]) == 13 and said["throws"] == []
     assert page.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")

@@ -8,7 +8,7 @@ from functools import cache
 
 import pytest
 
-from tests.paths import ROOT
+from tests.paths import BAGS, ROOT
 
 SOURCES = {"dart_skill": ROOT / "dart_skill", "dart_skill_nodes": ROOT / "nodes" / "dart_skill_nodes"}
 LAYERS = (
@@ -140,3 +140,14 @@ def test_who_neither_moves_an_arm_nor_learns_starts_without_what_that_takes(modu
     heavy = ("pinocchio", "pybullet", "scipy.spatial", "scipy.optimize", "scipy.ndimage", "matplotlib", "dart_skill.mixture")
     shown = f"import sys, {module}; print(*sorted(set(sys.modules) & set({heavy})))"
     assert subprocess.run([sys.executable, "-c", shown], capture_output=True, text=True, check=True).stdout.split() == []
+
+
+def test_what_is_in_a_bag_is_told_without_what_reads_its_messages():
+    """Half of the time of `dart-skill bag info` was for NumPy, and for the parsers of types of which it says nothing."""
+    heavy = ("numpy", "scipy", "rosbags.typesys", "rosbags.rosbag2", "ruamel.yaml", "sqlite3", "zipfile")
+    shown = (
+        "import sys; from dart_skill.cli import main; "
+        f"main(['bag', 'info', {str(BAGS / 'throws')!r}]); print(*sorted(set(sys.modules) & set({heavy})))"
+    )
+    done = subprocess.run([sys.executable, "-c", shown], capture_output=True, text=True, check=True)
+    assert "/joint_states" in done.stdout and done.stdout.splitlines()[-1] == ""
