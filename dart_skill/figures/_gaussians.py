@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
+from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
@@ -24,7 +25,7 @@ from dart_skill.figures._style import (
     NARROW,
     RELEASE,
     colour_bar,
-    gaussian_ellipse,
+    ellipse_axes,
     house_style,
     legend_below,
     letter_panels,
@@ -188,20 +189,26 @@ def _height_ratios(views: tuple[FrameView, FrameView]) -> list[float]:
 
 
 def _draw_view(axes: Axes, view: FrameView, plane: tuple[int, int], shades: ScalarMappable, gid: str) -> None:
-    across, up = plane
-    for number, path in enumerate(view.attractors, start=1):
-        label = "attractor of a demonstration" if number == 1 else None
-        axes.plot(path[:, across], path[:, up], color=DEMONSTRATION, linewidth=0.7, gid=f"{gid}_attractor_{number}", label=label, zorder=2)
-    for number, (mean, covariance, time) in enumerate(zip(view.means, view.covariances, view.times, strict=True), start=1):
-        colour = shades.to_rgba(time)
-        look = {"facecolor": (*colour[:3], 0.15), "edgecolor": colour, "linewidth": 1.2, "zorder": 2.5, "gid": f"{gid}_component_{number}"}
-        axes.add_artist(gaussian_ellipse(mean[list(plane)], covariance[np.ix_(plane, plane)], DEVIATIONS, **look))
-    reach = DEVIATIONS * np.sqrt(np.diagonal(view.covariances, axis1=1, axis2=2)[:, plane])
-    axes.update_datalim(np.concatenate([view.means[:, plane] - reach, view.means[:, plane] + reach]))
+    ways = [path[:, plane] for path in view.attractors]
+    look: dict[str, Any] = {"colors": DEMONSTRATION, "linewidths": 0.7, "zorder": 2}
+    axes.add_collection(LineCollection(ways, label="attractor of a demonstration", gid=f"{gid}_attractors", **look))
+    _draw_components(axes, view, plane, shades, f"{gid}_components")
     dots: dict[str, Any] = {"linestyle": "none", "markersize": 4, "markeredgewidth": 0.6, "markeredgecolor": BLACK}
     axes.plot(*view.means[:, plane].T, "o", color="white", label="mean of a component", gid=f"{gid}_means", zorder=3, **dots)
     axes.plot(*view.releases[:, plane].T, "D", color=RELEASE, label="release", gid=f"{gid}_releases", zorder=3, **dots)
     axes.set_aspect("equal", adjustable="datalim")
     axes.xaxis.set_major_locator(MaxNLocator(6))
-    axes.set_xlabel(f"{view.axes[across]} [m]")
-    axes.set_ylabel(f"{view.axes[up]} [m]")
+    axes.set_xlabel(f"{view.axes[plane[0]]} [m]")
+    axes.set_ylabel(f"{view.axes[plane[1]]} [m]")
+
+
+def _draw_components(axes: Axes, view: FrameView, plane: tuple[int, int], shades: ScalarMappable, gid: str) -> None:
+    means, covariances = view.means[:, plane], view.covariances[:, plane][:, :, plane]
+    sizes, angles = ellipse_axes(covariances, DEVIATIONS)
+    colours = shades.to_rgba(view.times)
+    inside = np.column_stack([colours[:, :3], np.full(len(colours), 0.15)])
+    look: dict[str, Any] = {"facecolors": inside, "edgecolors": colours, "linewidths": 1.2, "zorder": 2.5, "gid": gid}
+    place: dict[str, Any] = {"units": "xy", "offsets": means, "offset_transform": axes.transData}
+    axes.add_collection(EllipseCollection(*sizes.T, angles, **place, **look), autolim=False)
+    reach = DEVIATIONS * np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
+    axes.update_datalim(np.concatenate([means - reach, means + reach]))

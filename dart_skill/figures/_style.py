@@ -184,10 +184,17 @@ def gaussian_ellipse(mean: np.ndarray, covariance: np.ndarray, deviations: float
 
     look: of the ellipse, as matplotlib's patches take it.
     """
+    (width, height), angle = ellipse_axes(covariance, deviations)
+    return Ellipse((mean[0], mean[1]), width, height, angle=float(angle), **look)
+
+
+def ellipse_axes(covariance: np.ndarray, deviations: float) -> tuple[np.ndarray, np.ndarray]:
+    """Diameters (..., 2) of the contours of planar Gaussians along their axes, and the angles (...,) [degrees] of the first of these.
+
+    covariance: (..., 2, 2); deviations: how many standard deviations away the contours are.
+    """
     values, vectors = np.linalg.eigh(covariance)
-    width, height = 2 * deviations * np.sqrt(np.maximum(values, 0.0))
-    angle = float(np.degrees(np.arctan2(vectors[1, 0], vectors[0, 0])))
-    return Ellipse((mean[0], mean[1]), width, height, angle=angle, **look)
+    return 2.0 * deviations * np.sqrt(np.maximum(values, 0.0)), np.degrees(np.arctan2(vectors[..., 1, 0], vectors[..., 0, 0]))
 
 
 def unit_along(azimuth: float) -> np.ndarray:

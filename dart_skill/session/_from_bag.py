@@ -175,10 +175,10 @@ def _worlds(recording: ThrowRecording) -> list[tuple[int, int]]:
 def _filled(recording: ThrowRecording) -> ThrowLog:
     """A log of everything that was recorded."""
     log = ThrowLog()
-    for role, add in (("hand", log.add_hand), ("ball", log.add_ball), ("basket", log.add_basket)):
+    for role, stream in (("hand", log.hand), ("ball", log.ball), ("basket", log.basket)):
         body = recording.bodies[role]
-        for stamp, position, quaternion in zip(body.stamp_ns.tolist(), body.position, body.quaternion, strict=True):
-            add(stamp, *((position, quaternion) if role == "hand" else (position,)))
+        rows = np.hstack([body.position, body.quaternion]) if role == "hand" else body.position
+        log.rejected += len(rows) - stream.extend(body.stamp_ns, rows)
     joints = recording.joints
     if joints is not None:
         for k, stamp in enumerate(joints.stamp_ns.tolist()):

@@ -30,6 +30,17 @@ class Stream:
         self.rows.append(row)
         return True
 
+    def extend(self, stamps: np.ndarray, rows: np.ndarray) -> int:
+        """Keep those of many samples, stamps (n,) [ns] and rows (n, d), that `add` would keep one by one; returns how many."""
+        stamps, rows = np.asarray(stamps, dtype=np.int64), np.asarray(rows, dtype=float)
+        finite = np.isfinite(rows.sum(axis=1))  # as `all_finite`
+        never = np.iinfo(np.int64).min
+        newest = np.maximum.accumulate(np.concatenate([self.stamps[-1:] or [never], np.where(finite, stamps, never)]))[:-1]
+        kept = finite & (stamps > newest)
+        self.stamps += stamps[kept].tolist()
+        self.rows += list(rows[kept])
+        return int(kept.sum())
+
     def part(self, since_ns: int, until_ns: int) -> Stream:
         """The samples between two instants."""
         kept = slice(bisect_left(self.stamps, since_ns), bisect_right(self.stamps, until_ns))

@@ -5,6 +5,7 @@ import pytest
 
 from dart_skill.movement import VelocityThreshold
 from dart_skill.skill.observe import ThrowLog, seen_down, watched_until
+from dart_skill.skill.observe._sensor_log import Stream
 
 MS = 1_000_000
 START_NS = 5_000 * MS
@@ -266,3 +267,15 @@ def test_joint_states_are_thinned_from_the_first_of_a_world_on_whatever_is_lost(
         kept = (np.array(log.joints.stamps) - begun) / MS
         np.testing.assert_allclose(kept[:12], [0, 10, 20, *range(30, 120, 10)])
         np.testing.assert_allclose(kept[12:] - 2000, kept[:12])
+
+
+def test_many_samples_are_kept_as_they_are_one_by_one():
+    rng = np.random.default_rng(0)
+    stamps = np.cumsum(rng.integers(-1, 4, size=200))
+    rows = rng.normal(size=(200, 3))
+    rows[rng.random(200) < 0.1, 1] = np.nan
+    one_by_one, at_once = Stream(), Stream()
+    kept = sum(one_by_one.add(int(stamp), row) for stamp, row in zip(stamps, rows, strict=True))
+    assert sum(at_once.extend(stamps[part], rows[part]) for part in (slice(0, 50), slice(50, 50), slice(50, 200))) == kept < 150
+    assert at_once.stamps == one_by_one.stamps
+    np.testing.assert_array_equal(at_once.rows, one_by_one.rows)
