@@ -208,7 +208,7 @@ def _draw_components(axes: Axes, view: FrameView, plane: tuple[int, int], shades
     colours = shades.to_rgba(view.times)
     inside = np.column_stack([colours[:, :3], np.full(len(colours), 0.15)])
     look: dict[str, Any] = {"facecolors": inside, "edgecolors": colours, "linewidths": 1.2, "zorder": 2.5, "gid": gid}
-    place: dict[str, Any] = {"units": "xy", "offsets": means, "offset_transform": axes.transData}
-    axes.add_collection(EllipseCollection(*sizes.T, angles, **place, **look), autolim=False)
+    look |= {"units": "xy", "offsets": means, "offset_transform": axes.transData}
+    axes.add_collection(EllipseCollection(sizes[:, 0], sizes[:, 1], angles, **look), autolim=False)
     reach = DEVIATIONS * np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
     axes.update_datalim(np.concatenate([means - reach, means + reach]))

@@ -14,12 +14,12 @@ from typing import Any, Literal
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
+from matplotlib.axis import XAxis, YAxis
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.layout_engine import LayoutEngine
 from matplotlib.textpath import text_to_path
-from matplotlib.transforms import ScaledTranslation
+from matplotlib.transforms import Affine2D, ScaledTranslation
 
 from dart_skill.figures._ticks import seen_ticks
 
@@ -88,7 +88,7 @@ class PanelLayout(LayoutEngine):
     _adjust_compatible = False
     _colorbar_gridspec = False
 
-    def __init__(self, grid: Sequence[Sequence[Axes]], widths: Sequence[float], heights: Sequence[float]) -> None:
+    def __init__(self, grid: Sequence[Sequence[Axes]] | np.ndarray, widths: Sequence[float], heights: Sequence[float]) -> None:
         super().__init__()
         self.bar: ColourBar | None = None
         self.legend_height = 0.0
@@ -108,7 +108,7 @@ class PanelLayout(LayoutEngine):
         if self._wrap_titles(fig):
             self._place(fig, [[_margins(axes, self._look, None) for axes in row] for row in self._grid])
         for axes in self.panels:
-            _fix_texts(axes, self._look)
+            _fix_texts(axes, self._look, fig.dpi_scale_trans)
 
     def _wrap_titles(self, figure: Figure) -> bool:
         """Titles in as many lines as they need to end before the next panel, or the edge; whether any has become longer."""
@@ -181,13 +181,13 @@ def _margins(axes: Axes, look: _Look, ticks: float | None) -> _Margins:
     return _Margins(left, OVERHANG, bottom, top)
 
 
-def _has_labels(axis: Axis) -> bool:
+def _has_labels(axis: XAxis | YAxis) -> bool:
     """Whether ticks have labels: of panels that share an axis, one has."""
     shown = axis.get_tick_params(which="major")
     return bool(shown.get("labelleft", True) if axis.axis_name == "y" else shown.get("labelbottom", True))
 
 
-def _ticks_size(axis: Axis, look: _Look, guess: float | None) -> float:
+def _ticks_size(axis: XAxis | YAxis, look: _Look, guess: float | None) -> float:
     """From the spine to the far end of the labels of ticks [points]; guess: of labels of y, None: they are measured."""
     size = axis.get_tick_params(which="major").get("labelsize", look.tick_size)
     if axis.axis_name == "x":
@@ -198,7 +198,7 @@ def _ticks_size(axis: Axis, look: _Look, guess: float | None) -> float:
     return look.tick_length + max((_width(line, size, look.family) for line in lines), default=0.0)
 
 
-def _label_size(axis: Axis) -> float:
+def _label_size(axis: XAxis | YAxis) -> float:
     """Of the label of an axis, with the space between it and the ticks [points]."""
     text = axis.get_label_text()
     return _height(text, axis.label.get_fontsize()) + axis.labelpad if text else 0.0
@@ -206,7 +206,8 @@ def _label_size(axis: Axis) -> float:
 
 def legend_height(rows: int) -> float:
     """Of a legend of so many rows, as matplotlib is set [points]."""
-    look = {name: matplotlib.rcParams[f"legend.{name}"] for name in ("fontsize", "labelspacing", "borderpad", "borderaxespad")}
+    params: Any = matplotlib.rcParams
+    look = {name: params[f"legend.{name}"] for name in ("fontsize", "labelspacing", "borderpad", "borderaxespad")}
     size = FontProperties(size=look["fontsize"]).get_size_in_points()
     return float(size * (rows * (LINE + look["labelspacing"]) + 2.0 * look["borderpad"] + look["borderaxespad"]))
 
@@ -242,10 +243,10 @@ def wrapped(text: str, width: float, size: float, family: tuple[str, ...]) -> st
     return "\n".join(lines)
 
 
-def _fix_texts(axes: Axes, look: _Look) -> None:
+def _fix_texts(axes: Axes, look: _Look, inches: Affine2D) -> None:
     """Titles and labels of axes where they belong, so that matplotlib need not look for a place when it draws."""
-    figure = axes.get_figure()
-    for loc in ("left", "center", "right"):
+    titles: tuple[Literal["left", "center", "right"], ...] = ("left", "center", "right")
+    for loc in titles:
         if text := axes.get_title(loc=loc):
             axes.set_title(text, loc=loc, y=1.0)
     for axis in (axes.xaxis, axes.yaxis):
@@ -253,4 +254,4 @@ def _fix_texts(axes: Axes, look: _Look) -> None:
             away = -(_ticks_size(axis, look, None) if _has_labels(axis) else 0.0) - axis.labelpad
             shift = (0.0, away / 72.0) if axis.axis_name == "x" else (away / 72.0, 0.0)
             place = (0.5, 0.0) if axis.axis_name == "x" else (0.0, 0.5)
-            axis.set_label_coords(*place, transform=axes.transAxes + ScaledTranslation(*shift, figure.dpi_scale_trans))
+            axis.set_label_coords(*place, transform=axes.transAxes + ScaledTranslation(*shift, inches))

@@ -4,7 +4,7 @@ import io
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 from weakref import WeakKeyDictionary
 
 import matplotlib
@@ -96,7 +96,8 @@ def colour_bar(figure: Figure, shades: ScalarMappable, label: str, narrow: bool)
 
     figure: with a `PanelLayout`; shades: its colours; label: what they stand for.
     """
-    layout, side = figure.get_layout_engine(), "top" if narrow else "right"
+    layout = figure.get_layout_engine()
+    side: Literal["right", "top"] = "top" if narrow else "right"
     assert isinstance(layout, PanelLayout)  # as `panels` makes it
     axes = figure.add_axes((0.0, 0.0, 0.1, 0.1))
     figure.colorbar(shades, cax=axes, label=label, orientation="horizontal" if narrow else "vertical", ticklocation=side)

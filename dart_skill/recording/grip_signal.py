@@ -105,7 +105,7 @@ def read_commands(payloads: Sequence[bytes]) -> tuple[np.ndarray, np.ndarray, np
     sec, nanosec = heads[:, :4].copy().view("<i4")[:, 0], heads[:, 4:].copy().view("<u4")[:, 0]
     (length,) = struct.unpack_from("<I", payloads[0], 12)
     start = 4 + (12 + length + 7) // 8 * 8
-    return sec.astype(np.int64) * GIGA + nanosec, table[:, start : start + 48].any(axis=1), table[:, start + 104]
+    return sec.astype(np.int64) * GIGA + nanosec, np.any(table[:, start : start + 48], axis=1), table[:, start + 104]
 
 
 def _are_alike(payloads: Sequence[bytes]) -> bool:

@@ -223,7 +223,7 @@ class GraphBag(BagReader):
     BagError for a bag of several graphs.
     """
 
-    def __init__(self, path: str | os.PathLike, types: Typestore | None = None):
+    def __init__(self, path: str | os.PathLike, types: Typestore | Callable[[], Typestore] | None = None):
         super().__init__(path, types)
         self.namespace = self._found_namespace()
         self._full = {self._in_graph(name): name for name in self.topics}
