@@ -4,34 +4,61 @@ All lengths are in millimetres. The origin is the centre of the bull; x points t
 the board. A dart lands at aim + bias + N(0, covariance). A bed is an area of the board with one score, such as treble 20.
 """
 
-from dart_skill.darts._agent import ModelBasedAgent
-from dart_skill.darts._board import (
-    BED_IS_DOUBLE,
-    BED_NAMES,
-    BED_SCORES,
-    POSSIBLE_SCORES,
-    RADII,
-    SECTOR_ANGLE,
-    SECTORS,
-    as_target,
-    bed_at,
-    bed_centres,
-    direction,
-    name_at,
-    place_of,
-    score,
-)
-from dart_skill.darts._estimation import LikelihoodRatio, SpreadEstimate, estimate_from_points, estimate_from_scores
-from dart_skill.darts._exact import bed_probabilities, expected_score, score_derivatives
-from dart_skill.darts._heat_map import HeatMap, heat_map
-from dart_skill.darts._leg import CheckoutTable, LegPolicy, checkout_table, simulate_legs, solve_leg
-from dart_skill.darts._leg_play import LegDart, LegInPlay
-from dart_skill.darts._match import AimsApart, MatchPolicy, MatchSide, aims_apart, match_chance, simulate_match_legs, solve_match
-from dart_skill.darts._match_players import MatchPlayer, match_player
-from dart_skill.darts._optimum import Aim, best_aim, local_optima
-from dart_skill.darts._path import Jump, OptimumPath, optimum_path
-from dart_skill.darts._professionals import PROFESSIONALS, professional
-from dart_skill.darts._spread import Spread, SpreadByTarget
+from typing import TYPE_CHECKING
+
+from dart_skill.lazy import on_first_use
+
+if TYPE_CHECKING:
+    from dart_skill.darts._agent import ModelBasedAgent
+    from dart_skill.darts._board import (
+        BED_IS_DOUBLE,
+        BED_NAMES,
+        BED_SCORES,
+        POSSIBLE_SCORES,
+        RADII,
+        SECTOR_ANGLE,
+        SECTORS,
+        as_target,
+        bed_at,
+        bed_centres,
+        direction,
+        name_at,
+        place_of,
+        score,
+    )
+    from dart_skill.darts._estimation import LikelihoodRatio, SpreadEstimate, estimate_from_points, estimate_from_scores
+    from dart_skill.darts._exact import bed_probabilities, expected_score, score_derivatives
+    from dart_skill.darts._heat_map import HeatMap, heat_map
+    from dart_skill.darts._leg import CheckoutTable, LegPolicy, checkout_table, simulate_legs, solve_leg
+    from dart_skill.darts._leg_play import LegDart, LegInPlay
+    from dart_skill.darts._match import AimsApart, MatchPolicy, MatchSide, aims_apart, match_chance, simulate_match_legs, solve_match
+    from dart_skill.darts._match_players import MatchPlayer, match_player
+    from dart_skill.darts._optimum import Aim, best_aim, local_optima
+    from dart_skill.darts._path import Jump, OptimumPath, optimum_path
+    from dart_skill.darts._professionals import PROFESSIONALS, professional
+    from dart_skill.darts._spread import Spread, SpreadByTarget
+else:
+    __getattr__, __dir__ = on_first_use(
+        __name__,
+        {
+            "_agent": "ModelBasedAgent",
+            "_board": (
+                "BED_IS_DOUBLE BED_NAMES BED_SCORES POSSIBLE_SCORES RADII SECTOR_ANGLE SECTORS "
+                "as_target bed_at bed_centres direction name_at place_of score"
+            ),
+            "_estimation": "LikelihoodRatio SpreadEstimate estimate_from_points estimate_from_scores",
+            "_exact": "bed_probabilities expected_score score_derivatives",
+            "_heat_map": "HeatMap heat_map",
+            "_leg": "CheckoutTable LegPolicy checkout_table simulate_legs solve_leg",
+            "_leg_play": "LegDart LegInPlay",
+            "_match": "AimsApart MatchPolicy MatchSide aims_apart match_chance simulate_match_legs solve_match",
+            "_match_players": "MatchPlayer match_player",
+            "_optimum": "Aim best_aim local_optima",
+            "_path": "Jump OptimumPath optimum_path",
+            "_professionals": "PROFESSIONALS professional",
+            "_spread": "Spread SpreadByTarget",
+        },
+    )
 
 __all__ = [
     "Aim",

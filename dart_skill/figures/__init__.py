@@ -3,48 +3,73 @@
 The same data give the same bytes.
 """
 
-from dart_skill.figures._darts import arm_darts_figure, draw_arm_darts, running
-from dart_skill.figures._execution import SAME_BASKET, ExecutedThrow, draw_execution, executed_throw, execution_figure
-from dart_skill.figures._gaussians import FrameView, draw_gaussians, frame_views, gaussians_figure
-from dart_skill.figures._landings import RIM_RADIUS, draw_landings, landings_figure
-from dart_skill.figures._models import plot_frames, plot_mixture, plot_reproduction
-from dart_skill.figures._recordings import COMMAND, Recording, read_recordings
-from dart_skill.figures._skill_trials import draw_trials, trials_figure
-from dart_skill.figures._style import (
-    ATTRACTOR,
-    BALL,
-    BASKET,
-    BLACK,
-    BLUE,
-    DEMONSTRATION,
-    FAILURE,
-    GAUSSIAN,
-    GREEN,
-    GREY,
-    HAND,
-    LIGHT,
-    ORANGE,
-    PALE,
-    PLANNED,
-    PURPLE,
-    RELEASE,
-    SKY,
-    SUCCESS,
-    VERMILION,
-    basket_from_above,
-    gaussian_ellipse,
-    house_style,
-    legend_below,
-    letter_panels,
-    panels,
-    quantity_colours,
-    save,
-    svg_text,
-    unit_along,
-    zoomed_inset,
-)
-from dart_skill.figures._synchronisation import DemonstratedMotion, demonstrated_motions, draw_synchronisation, synchronisation_figure
-from dart_skill.figures.board import draw_board, draw_heat_map, draw_path
+from typing import TYPE_CHECKING
+
+from dart_skill.lazy import on_first_use
+
+if TYPE_CHECKING:
+    from dart_skill.figures._darts import arm_darts_figure, draw_arm_darts, running
+    from dart_skill.figures._execution import SAME_BASKET, ExecutedThrow, draw_execution, executed_throw, execution_figure
+    from dart_skill.figures._gaussians import FrameView, draw_gaussians, frame_views, gaussians_figure
+    from dart_skill.figures._landings import RIM_RADIUS, draw_landings, landings_figure
+    from dart_skill.figures._models import plot_frames, plot_mixture, plot_reproduction
+    from dart_skill.figures._recordings import COMMAND, Recording, read_recordings
+    from dart_skill.figures._skill_trials import draw_trials, trials_figure
+    from dart_skill.figures._style import (
+        ATTRACTOR,
+        BALL,
+        BASKET,
+        BLACK,
+        BLUE,
+        DEMONSTRATION,
+        FAILURE,
+        GAUSSIAN,
+        GREEN,
+        GREY,
+        HAND,
+        LIGHT,
+        ORANGE,
+        PALE,
+        PLANNED,
+        PURPLE,
+        RELEASE,
+        SKY,
+        SUCCESS,
+        VERMILION,
+        basket_from_above,
+        gaussian_ellipse,
+        house_style,
+        legend_below,
+        letter_panels,
+        panels,
+        quantity_colours,
+        save,
+        svg_text,
+        unit_along,
+        zoomed_inset,
+    )
+    from dart_skill.figures._synchronisation import DemonstratedMotion, demonstrated_motions, draw_synchronisation, synchronisation_figure
+    from dart_skill.figures.board import draw_board, draw_heat_map, draw_path
+else:
+    __getattr__, __dir__ = on_first_use(
+        __name__,
+        {
+            "_darts": "arm_darts_figure draw_arm_darts running",
+            "_execution": "SAME_BASKET ExecutedThrow draw_execution executed_throw execution_figure",
+            "_gaussians": "FrameView draw_gaussians frame_views gaussians_figure",
+            "_landings": "RIM_RADIUS draw_landings landings_figure",
+            "_models": "plot_frames plot_mixture plot_reproduction",
+            "_recordings": "COMMAND Recording read_recordings",
+            "_skill_trials": "draw_trials trials_figure",
+            "_style": (
+                "ATTRACTOR BALL BASKET BLACK BLUE DEMONSTRATION FAILURE GAUSSIAN GREEN GREY HAND LIGHT ORANGE PALE PLANNED "
+                "PURPLE RELEASE SKY SUCCESS VERMILION basket_from_above gaussian_ellipse house_style legend_below "
+                "letter_panels panels quantity_colours save svg_text unit_along zoomed_inset"
+            ),
+            "_synchronisation": "DemonstratedMotion demonstrated_motions draw_synchronisation synchronisation_figure",
+            "board": "draw_board draw_heat_map draw_path",
+        },
+    )
 
 __all__ = [
     "arm_darts_figure",

@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,10 +18,12 @@ from dart_skill.movement import Segment, VelocityThreshold
 from dart_skill.recording import Demonstration, Opening, check_known, read_demonstrations, read_dropped
 from dart_skill.recording.imports import Fault, RecordingMapping, ThrowRecording, read_recording
 from dart_skill.robot import wam_description
-from dart_skill.skill.improve import PractisingSkill
 from dart_skill.skill.learn import LEAST_DEMONSTRATIONS, SkillConfiguration, prepare
 from dart_skill.skill.learn import configuration as configuration_of
 from dart_skill.skill.observe import THRESHOLDS, FoundThrow, ThrowFinder, ThrowLog, fit_release, worlds
+
+if TYPE_CHECKING:
+    from dart_skill.skill.improve import PractisingSkill
 
 OWN_THROW = "thrown by the arm itself"
 """Why a throw is left out that no person guided."""
@@ -70,6 +73,8 @@ def learn_from_bag(
     report, recording = throws_in_bag(path, mapping, chosen, raw=raw, with_throws=with_throws, without=without, thresholds=thresholds)
     if len(report.learned_from) < LEAST_DEMONSTRATIONS:
         raise ValueError(_too_few(report, recording))
+    from dart_skill.skill.improve import PractisingSkill  # who only looks for throws does not practise
+
     return PractisingSkill(list(report.learned_from), chosen, method), report
 
 

@@ -4,13 +4,31 @@ It needs viser, an optional package (requirements/optional.txt). `open_server` g
 What is used of it is imported only then: the command line opens bags in Rerun without it (`rerun_bag`).
 """
 
-from dart_skill.view._held_hand import HeldHand, how_far, turned
-from dart_skill.view._holding_controls import DemonstrationRow
-from dart_skill.view._panel import Knob, NodeStatus, Panel, PanelWords, Request
-from dart_skill.view._scene import Scene
-from dart_skill.view._scene_camera import SceneCamera
-from dart_skill.view._server import ViewUnavailable, new_token, open_server, url_of, with_token
-from dart_skill.view.rerun_bag import RerunUnavailable
+from typing import TYPE_CHECKING
+
+from dart_skill.lazy import on_first_use
+
+if TYPE_CHECKING:
+    from dart_skill.view._held_hand import HeldHand, how_far, turned
+    from dart_skill.view._holding_controls import DemonstrationRow
+    from dart_skill.view._panel import Knob, NodeStatus, Panel, PanelWords, Request
+    from dart_skill.view._scene import Scene
+    from dart_skill.view._scene_camera import SceneCamera
+    from dart_skill.view._server import ViewUnavailable, new_token, open_server, url_of, with_token
+    from dart_skill.view.rerun_bag import RerunUnavailable
+else:
+    __getattr__, __dir__ = on_first_use(
+        __name__,
+        {
+            "_held_hand": "HeldHand how_far turned",
+            "_holding_controls": "DemonstrationRow",
+            "_panel": "Knob NodeStatus Panel PanelWords Request",
+            "_scene": "Scene",
+            "_scene_camera": "SceneCamera",
+            "_server": "ViewUnavailable new_token open_server url_of with_token",
+            "rerun_bag": "RerunUnavailable",
+        },
+    )
 
 __all__ = [
     "DemonstrationRow",

@@ -7,7 +7,7 @@ from wherever they come: a running graph, a bag, a test.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -17,7 +17,7 @@ from dart_skill.checks import check_unit_quaternions
 from dart_skill.recording import Demonstration
 from dart_skill.regions import REGION, Region
 from dart_skill.robot import WamDescription, joint_transforms, wam_description, write_urdf
-from dart_skill.simulation import Basket, Camera
+from dart_skill.simulation import Basket
 from dart_skill.skill.protocol import Skill
 from dart_skill.skills.throw import Throw
 from dart_skill.view._held_hand import HeldHand
@@ -27,6 +27,9 @@ from dart_skill.view._shapes import Mesh, bucket, circle, pyramid, sphere
 from dart_skill.view._solids import parts_of
 from dart_skill.view._trail import Trail, segments
 from dart_skill.view._urdf_shapes import read_links
+
+if TYPE_CHECKING:
+    from dart_skill.simulation import Camera
 
 EYE, LOOK_AT, FIELD_OF_VIEW = np.array([1.9, -5.4, 2.5]), np.array([1.9, 0.0, 1.1]), float(np.deg2rad(50.0))
 """Where the page looks from and to at first [m], and its vertical angle [rad]."""
