@@ -7,26 +7,34 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 from types import FrameType
 from typing import NoReturn
 
 from dart_skill import __version__
-from dart_skill.cli import _completion, bag, check, darts, demo, experiment, graph_verbs, learn, report, security, view
+from dart_skill.cli import _completion, graph_verbs
 from dart_skill.cli.printable import in_a_line
 from dart_skill.extras import explained
 
 TAB = "With TAB, bash and zsh complete commands, options and values: source tools/env.sh, or tools/completion.bash (.zsh) alone."
 
+OF_THE_NODES = ("up", "status", "practice", "teach", "demonstrations", "throw", "execute")
+COMMANDS = (
+    "up", "status", "demo", "practice", "teach", "demonstrations", "check", "learn", "throw", "execute", "bag", "view", "report",
+    "experiment", "darts", "security",
+)  # fmt: skip
+"""In the order of the help: those of the nodes (`graph_verbs`), and modules of this package."""
+
 
 def main(arguments: list[str] | None = None) -> int:
     """Entry point; returns the exit status."""
     try:
-        parser = _parser()
         if _completion.is_asked():
-            return _completion.answer(parser)
+            return _completion.answer(_parser())
         words = sys.argv[1:] if arguments is None else arguments
+        parser = _parser(words)
         options, unknown = parser.parse_known_args(words)
         if unknown and not options.takes_anything:
             _completion.command_of(parser, words).error(f"unrecognized arguments: {' '.join(unknown)}")
@@ -81,22 +89,17 @@ def _end(number: int, _: object) -> None:
     raise SystemExit(128 + number)
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(words: Sequence[str] = ()) -> argparse.ArgumentParser:
+    """Of all commands; if words begin with one, of this one alone, as nothing is asked of the others, and each takes some milliseconds."""
     parser = _Parser(prog="dart-skill", description="A robot arm that learns to throw from demonstrations.", epilog=TAB)
     parser.add_argument("--version", action="version", version=f"dart-skill {__version__}")
     parser.set_defaults(takes_anything=False)
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for name in ("up", "status"):
-        graph_verbs.add_to(commands, name)
-    demo.add_to(commands)
-    for name in ("practice", "teach", "demonstrations"):
-        graph_verbs.add_to(commands, name)
-    check.add_to(commands)
-    learn.add_to(commands)
-    graph_verbs.add_to(commands, "throw")
-    graph_verbs.add_to(commands, "execute")
-    for verb in (bag, view, report, experiment, darts, security):
-        verb.add_to(commands)
+    for name in words[:1] if words and words[0] in COMMANDS else COMMANDS:
+        if name in OF_THE_NODES:
+            graph_verbs.add_to(commands, name)
+        else:
+            import_module(f"dart_skill.cli.{name}").add_to(commands)
     return parser
 
 

@@ -144,7 +144,7 @@ def test_who_neither_moves_an_arm_nor_learns_starts_without_what_that_takes(modu
 
 def test_what_is_in_a_bag_is_told_without_what_reads_its_messages():
     """Half of the time of `dart-skill bag info` was for NumPy, and for the parsers of types of which it says nothing."""
-    heavy = ("numpy", "scipy", "rosbags.typesys", "rosbags.rosbag2", "ruamel.yaml", "sqlite3", "zipfile")
+    heavy = ("numpy", "scipy", "rosbags.typesys", "rosbags.rosbag2", "ruamel.yaml", "sqlite3", "zipfile", "dart_skill.cli.darts")
     shown = (
         "import sys; from dart_skill.cli import main; "
         f"main(['bag', 'info', {str(BAGS / 'throws')!r}]); print(*sorted(set(sys.modules) & set({heavy})))"
