@@ -25,7 +25,8 @@ from pathlib import Path
 from tests.paths import ROOT
 
 IMPORTED = (
-    "dart_skill.cli", "dart_skill.session", "dart_skill.skills", "dart_skill.report", "dart_skill.figures", "dart_skill_msgs.action",
+    "dart_skill.cli", "dart_skill.session", "dart_skill.skills", "dart_skill.report", "dart_skill.figures", "dart_skill.view",
+    "dart_skill.darts", "dart_skill.recording", "dart_skill.recording.bags", "dart_skill.recording.imports", "dart_skill_msgs.action",
     "dart_skill_nodes.executables.composed", "dart_skill_nodes.executables.skill_learner", "dart_skill_nodes.executables.viewer",
     "dart_skill_nodes.executables.recorder", "dart_skill_nodes.executables.bag_player", "dart_skill_nodes.executables.effort_bridge",
     "scipy.spatial.transform", "scipy.optimize", "scipy.stats",
@@ -257,8 +258,8 @@ class Server:
 
 def _main(number: int) -> None:
     starter = socket.socket(fileno=number)
-    for module in IMPORTED:
-        importlib.import_module(module)
+    for name in IMPORTED:
+        _import_whole(name)
     _load_type_supports()
     gc.collect()
     gc.freeze()
@@ -269,6 +270,13 @@ def _main(number: int) -> None:
         return
     subprocess.Popen = WarmPopen
     sys.exit(importlib.import_module(request["module"]).main())
+
+
+def _import_whole(name: str) -> None:
+    """A module with all that it offers: packages of ours import that when it is asked for."""
+    module = importlib.import_module(name)
+    for offered in getattr(module, "__all__", ()) if name.startswith("dart_skill.") else ():
+        getattr(module, offered)
 
 
 def _load_type_supports() -> None:
