@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import MaxNLocator, NullLocator
 
 from dart_skill.figures._style import BLACK, DEMONSTRATION, FAILURE, SUCCESS, house_style, legend_below, letter_panels, panels, save
 from dart_skill.session import SkillSummary
@@ -96,4 +96,4 @@ def _draw_errors(axes: Axes, summary: SkillSummary) -> None:
         axes.set_yscale("log")
     axes.set(title=f"{summary.succeeded} of {len(summary.trials)} succeeded", xlabel="trial", ylabel="error [mm]")
     axes.set_xlim(0.4, max(len(summary.trials), 1) + 0.6)  # a mark does not widen it
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1) if summary.trials else NullLocator())

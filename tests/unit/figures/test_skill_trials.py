@@ -64,3 +64,10 @@ def test_a_trial_whose_error_nobody_knows_has_its_mark_in_the_panel():
     errors = trials_figure(RUN, Put(), shown()).axes[2]
     left, right = errors.get_xlim()
     assert all(left < text.get_position()[0] < right for text in errors.texts)
+
+
+@pytest.mark.parametrize("n", [0, 1, 3])
+def test_trials_are_counted_in_whole_numbers(n):
+    errors = trials_figure(summary(*[TaskOutcome(True, 0.001)] * n), Put(), shown()).axes[2]
+    low, high = errors.get_xlim()
+    assert [tick for tick in errors.get_xticks() if low <= tick <= high] == list(range(1, n + 1))
