@@ -132,10 +132,12 @@ def main() -> None:
     """Entry point."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=10.0, help="of each [s]")
-    seconds = parser.parse_args().seconds
+    parser.add_argument("--layouts", nargs="+", choices=SIMULATED, default=SIMULATED, help="that are measured")
+    options = parser.parse_args()
+    seconds = options.seconds
     rclpy.init()
     rows = {"bare": of_bare_nodes(seconds), "session": of_session(seconds)}
-    rows |= {layout: of_layout(layout, seconds) for layout in SIMULATED}
+    rows |= {layout: of_layout(layout, seconds) for layout in options.layouts}
     rclpy.try_shutdown()
     print(f"{'':12}{'steps/s':>9}{'x real time':>13}{'asked':>7}{'us of a core per step':>23}")
     for name, (rate, used) in rows.items():

@@ -323,7 +323,7 @@ TYPED = {
     "python3 benchmarks/few_samples.py --sets 200": Run("--sets 2", says="15 x 8"),
     "python3 benchmarks/mixtures.py --pbdlib ~/pbdlib-python": NETWORK,
     "python3 benchmarks/growth.py --picture growth.svg": Run("--largest 5 --seconds 0.01", says="30 dimensions", leaves="growth.svg"),
-    "python3 benchmarks/graph/loop.py": Run("--seconds 1", says="composed"),
+    "python3 benchmarks/graph/loop.py": Run("--seconds 1 --layouts composed", says="composed"),
     "python3 benchmarks/skill/lessons.py": Run("--repeats 1 --rows plan", says="plan of a throw"),
     "python3 benchmarks/recording.py": Run("--messages 1000 --repeats 1", says="dart_skill"),
     "python3 benchmarks/graph/recorder.py --seconds 60": Run("--seconds 1", says="messages in 1 s"),
