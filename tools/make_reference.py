@@ -57,7 +57,7 @@ OF_THE_MACHINERY = re.compile(r"/_|/(get_type_description|transition_event|chang
 """Topics and services that every node has, or every managed one."""
 UNTOLD = re.compile(r"use_sim_time$|start_type_description_service$|qos_overrides|cameras\.")
 """Parameters of every node, and of every single camera."""
-PATIENCE = 10.0
+PATIENCE = 60.0
 """For a node to find itself on the graph [s, wall clock]."""
 HEAD = """# Nodes, parameters and types
 

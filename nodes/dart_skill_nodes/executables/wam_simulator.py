@@ -388,8 +388,12 @@ class WamSimulator(GuardedNode):
     # what is published
 
     def _publish(self) -> None:
-        """The present state. Joint states come first: in other processes the answer is worked out while the rest is sent."""
+        """The present state. The clock comes first: nothing is stamped later than it shows. Then the joint states: in other processes the
+        answer to them is worked out while the rest is sent.
+        """
         plant, ns = self._plant, self._plant.state_stamp_ns
+        if self._clock_out.get_subscription_count():
+            self._clock_out.publish(conversions.leading_stamp_bytes(ns))
         self._published = time.monotonic()
         numbers = np.array([*plant.joint_position, *plant.joint_velocity, *plant.joint_effort.tolist()])
         self._joint_states.publish(self._joint_layout.pack(ns, numbers))
@@ -399,8 +403,6 @@ class WamSimulator(GuardedNode):
             conversions.set_stamp(self._tool_msg.header.stamp, ns)
             conversions.set_pose(self._tool_msg.pose, plant.hand_position, plant.hand_quaternion)
             self._tool_pose.publish(self._tool_msg)
-        if self._clock_out.get_subscription_count():
-            self._clock_out.publish(conversions.leading_stamp_bytes(ns))
         if self._transforms.is_due("arm", ns):
             self._transforms.publish(joint_transforms(wam_description(), plant.joint_position), ns)
 
