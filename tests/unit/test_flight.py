@@ -117,6 +117,17 @@ def test_a_flight_to_begin_with_changes_only_the_work():
     np.testing.assert_allclose(helped.velocity, alone.velocity, atol=1e-5)
 
 
+@pytest.mark.parametrize("time", [0.0, 1e-3, 0.31, 0.9, -0.2])
+def test_one_ball_alone_flies_as_among_others(time):
+    """To the last bit, though it is followed in plain numbers."""
+    alone, among = flight(START, VELOCITY, np.array([time])), flight(START, VELOCITY, np.array([time, time]))
+    for one, others in zip(alone, among, strict=True):
+        np.testing.assert_array_equal(one[0], others[1])
+    landed, together = landing(START, VELOCITY, 0.4), landing(np.tile(START, (2, 1)), np.tile(VELOCITY, (2, 1)), 0.4)
+    for part in ("position", "velocity", "time"):
+        np.testing.assert_array_equal(getattr(landed, part), getattr(together, part)[1])
+
+
 def windows_of_flights(n=4, samples=10):
     """Noisy samples of flights of different speeds: times (n, samples) from 0, positions (n, samples, 3)."""
     rng = np.random.default_rng(2)
