@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -27,6 +28,7 @@ from dart_skill.skill.observe import (
     position_noise,
     sightings,
 )
+from dart_skill.surface import Game
 from dart_skill.world import the_world
 
 RATE = 100.0
@@ -107,30 +109,69 @@ class PreparedThrow:
         return replace(self, time=self.time[kept], motion=self.motion[kept], velocity=self.velocity[kept], attractor=self.attractor[kept])
 
 
+@dataclass(frozen=True)
+class _Reading:
+    """All of a configuration that a prepared demonstration depends on: configurations that are alike in it share what was prepared.
+
+    stiffness: kp of x, y, z, alpha, beta [1/s^2].
+    """
+
+    game: Game
+    alignment: str
+    relabel: bool
+    turns: bool
+    stiffness: tuple[float, ...]
+
+    @classmethod
+    def of(cls, configuration: SkillConfiguration) -> _Reading:
+        c = configuration
+        return cls(c.game, c.alignment, c.relabel, c.turns, tuple(np.broadcast_to(c.stiffness_of_features, 5).tolist()))
+
+
+_KEPT: WeakKeyDictionary[Demonstration, dict[_Reading, PreparedThrow]] = WeakKeyDictionary()
+"""What was prepared of demonstrations that are still in use. A demonstration never changes."""
+
+
 def prepare(demonstration: Demonstration, configuration: SkillConfiguration) -> PreparedThrow:
-    """One demonstration as numbers to learn from; ValueError names the demonstration and what is wrong with it."""
-    try:
-        return _prepare(demonstration, configuration)
-    except ValueError as error:
-        raise ValueError(f"demonstration {demonstration.id}: {error}") from error
+    """One demonstration as numbers to learn from; ValueError names the demonstration and what is wrong with it.
+
+    It is worked out once for each demonstration, and kept as long as this is in use: after one more, a lesson prepares that one alone.
+    Its arrays are read-only.
+    """
+    kept, reading = _KEPT.setdefault(demonstration, {}), _Reading.of(configuration)
+    if reading not in kept:
+        try:
+            kept[reading] = _sealed(_prepare(demonstration, reading))
+        except ValueError as error:
+            raise ValueError(f"demonstration {demonstration.id}: {error}") from error
+    return kept[reading]
 
 
-def _prepare(demonstration: Demonstration, configuration: SkillConfiguration) -> PreparedThrow:
+def _sealed(throw: PreparedThrow) -> PreparedThrow:
+    """The same, with arrays that nobody can write to, as many lessons share them."""
+    for part in (throw, throw.release, throw.release.flight, throw.sightings):
+        for value in vars(part).values():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+    return throw
+
+
+def _prepare(demonstration: Demonstration, reading: _Reading) -> PreparedThrow:
     d = demonstration
     if not (d.hand_time[0] - OUTSIDE <= d.motion_start <= d.motion_stop <= d.hand_time[-1] + OUTSIDE):
         recorded = f"from {d.hand_time[0]:.4g} to {d.hand_time[-1]:.4g} s"
         raise ValueError(f"its motion is from {d.motion_start:.4g} to {d.motion_stop:.4g} s, but the hand was recorded {recorded}")
     both = sightings(d, _kinematics())
     _check_joints(both)
-    ball, surface = configuration.game.projectile, configuration.game.surface
+    ball, surface = reading.game.projectile, reading.game.surface
     free = find_flight(d.ball_time, d.ball_position, ball) if len(d.ball_time) else None
     grip = wam_description().hand.ball_centre
     release = fit_release(d.ball_time, d.ball_position, d.hand_time, d.hand_position, d.hand_quaternion, grip, ball, free=free)
-    task = _task(d, configuration, free)
+    task = _task(d, reading, free)
     azimuth = float(np.arctan2(task[1], task[0]))
     turned = angles_from_quaternions(turn_about_z(d.hand_quaternion, -azimuth))
-    angles = turned if configuration.turns else angles_from_quaternions(d.hand_quaternion)
-    shared = release.time if configuration.alignment == "release" else d.motion_start
+    angles = turned if reading.turns else angles_from_quaternions(d.hand_quaternion)
+    shared = release.time if reading.alignment == "release" else d.motion_start
     clock = d.hand_time - shared
     grid = np.arange(np.ceil(clock[0] * RATE), np.floor(clock[-1] * RATE) + 1) / RATE
     features = np.column_stack([d.hand_position, angles[:, :2]])
@@ -144,7 +185,7 @@ def _prepare(demonstration: Demonstration, configuration: SkillConfiguration) ->
         time=grid,
         motion=motion.position,
         velocity=motion.velocity,
-        attractor=attractor_from_motion(*motion, configuration.stiffness_of_features),
+        attractor=attractor_from_motion(*motion, reading.stiffness),
         start_pose=_start_pose(d, azimuth, turned),
         start=float(d.motion_start - shared),
         stop=float(d.motion_stop - shared),
@@ -224,11 +265,11 @@ def _or_first(kept: np.ndarray) -> np.ndarray:
     return np.arange(len(kept)) == 0
 
 
-def _task(demonstration: Demonstration, configuration: SkillConfiguration, free: FreeFlight | None) -> np.ndarray:
+def _task(demonstration: Demonstration, reading: _Reading, free: FreeFlight | None) -> np.ndarray:
     """Where the ball came down (3,), or where the basket stood."""
-    if not configuration.relabel:
+    if not reading.relabel:
         return demonstration.target
-    d, game, radius = demonstration, configuration.game, the_world().basket_radius
+    d, game, radius = demonstration, reading.game, the_world().basket_radius
     outcome = judge_flight(d.ball_time, d.ball_position, d.target, radius, game.projectile, free=free, surface=game.surface)
     if not outcome.landing_seen:
         raise ValueError("nobody saw where the ball landed; learn without relabelling, or track the ball to the rim")

@@ -1,5 +1,7 @@
 """The skill, from demonstrations that a session recorded to plans for baskets that nobody demonstrated."""
 
+import gc
+import weakref
 from dataclasses import fields, replace
 from itertools import pairwise
 
@@ -103,6 +105,45 @@ def test_a_demonstration_that_cannot_be_used_is_named(demonstrations):
     held = replace(first, id="held", ball_position=np.tile(first.ball_position[0], (len(first.ball_time), 1)))
     with pytest.raises(ValueError, match="demonstration held: no free flight"):
         learn([*demonstrations, held])
+
+
+def test_a_demonstration_is_prepared_once_for_all_that_read_it_alike(demonstrations):
+    """Kept are the numbers of a new preparation; what reads the demonstration otherwise gets its own."""
+    one = replace(demonstrations[0])
+    kept = prepare(one, DEFAULT)
+    assert prepare(one, replace(DEFAULT, name="other", components=3, width=0.2, step=0.002, frames="azimuth")) is kept
+    assert not any(value.flags.writeable for value in vars(kept).values() if isinstance(value, np.ndarray))
+    for part in ("time", "motion", "velocity", "attractor", "task", "start_pose", "start_posture"):
+        np.testing.assert_array_equal(getattr(prepare(replace(one), DEFAULT), part), getattr(kept, part))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"frames": "start"},
+        {"alignment": "start"},
+        {"relabel": False},
+        {"stiffness": 150.0},
+        {"orientation_stiffness": 150.0},
+    ],
+    ids=str,
+)
+def test_what_reads_a_demonstration_otherwise_prepares_it_anew(demonstrations, changes):
+    other, kept = replace(DEFAULT, **changes), prepare(demonstrations[0], DEFAULT)
+    again, fresh = prepare(demonstrations[0], other), prepare(replace(demonstrations[0]), other)
+    differing = []
+    for part in ("time", "motion", "attractor", "task"):
+        np.testing.assert_array_equal(getattr(again, part), getattr(fresh, part))
+        differing.append(not np.array_equal(getattr(again, part), getattr(kept, part)))
+    assert any(differing)
+
+
+def test_what_was_prepared_goes_with_its_demonstration(demonstrations):
+    one = replace(demonstrations[0])
+    prepared, seen = weakref.ref(prepare(one, DEFAULT)), weakref.ref(one)
+    del one
+    gc.collect()
+    assert seen() is None and prepared() is None
 
 
 def test_task_frames_map_to_the_world(demonstrations):
