@@ -170,12 +170,11 @@ def check_samples(name: str, time: np.ndarray, values: np.ndarray, least: int = 
         raise ValueError(f"{name}: need time (n,) and values (n, {width}), got {time.shape} and {values.shape}")
     if len(time) < least:
         raise ValueError(f"{name}: {len(time)} samples, need at least {least}: record longer or look for occlusion")
-    finite = np.isfinite(time) & np.all(np.isfinite(values), axis=1)
-    if not np.all(finite):
-        index = int(np.argmin(finite))
+    if not (np.isfinite(time).all() and np.isfinite(values).all()):
+        index = int(np.argmin(np.isfinite(time) & np.isfinite(values).all(axis=1)))
         raise ValueError(f"{name}: sample {index} is not finite: leave out frames in which the body was lost")
-    if np.any(np.diff(time) <= 0.0):
-        index = int(np.argmax(np.diff(time) <= 0.0))
+    if not (time[1:] > time[:-1]).all():
+        index = int(np.argmin(time[1:] > time[:-1]))
         raise ValueError(f"{name}: time does not increase after sample {index} ({time[index]} s): sort and drop repeats")
     return time, values
 

@@ -21,6 +21,7 @@ from dart_skill.world import the_world
 
 MAX_STEP, MAX_LOSS = 0.1, 0.01  # of an integration step: its length [s], and the share of the speed that drag takes in it
 PROBE = 1e-4  # difference of state with which the sensitivity of a flight is found [m, m/s]
+PROBES = PROBE * np.eye(4, 3, -1)  # of the velocity: none, and one along each axis
 
 
 @dataclass(frozen=True)
@@ -171,16 +172,19 @@ def _crossing(
     possible = time >= 0.0
     time = np.where(possible, time, 0.0)
     point, speed = _integrate(position, velocity, time, ball)
-    for _ in range(12):
-        missing = before(point)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            step = np.where(rate(speed) < 0.0, missing / -rate(speed), MAX_STEP)
-        step = np.where(possible, np.clip(step, -0.1, 0.1), 0.0)
-        if np.all(np.abs(step) < 1e-12):
-            break
-        point, speed = _steps(point, speed, step, 1, ball)
-        time = time + step
-    crossed = possible & (np.abs(before(point)) < 1e-6) & (rate(speed) < 0.0) & (time >= 0.0)
+    missing, approach = before(point), rate(speed)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for _ in range(12):
+            step = np.where(approach < 0.0, missing / -approach, MAX_STEP)
+            step = np.where(possible, np.minimum(np.maximum(step, -0.1), 0.1), 0.0)
+            if (np.abs(step) < 1e-12).all():
+                break
+            point, speed = _steps(point, speed, step, 1, ball)
+            missing, approach = before(point), rate(speed)
+            time = time + step
+    crossed = possible & (np.abs(missing) < 1e-6) & (approach < 0.0) & (time >= 0.0)
+    if crossed.all():
+        return Landing(point, speed, time)
     return Landing(
         np.where(crossed[..., None], point, np.nan),
         np.where(crossed[..., None], speed, np.nan),
@@ -218,9 +222,10 @@ def fit_flights(
     repetition shrinks the error by about k |v| t (a tenth). A single flight, which may be long, is fitted with its
     sensitivity to the state instead, drag included: one or two repetitions.
     """
-    solve = _lines(time)
-    fall = np.zeros_like(position)
-    fall[..., 2] = -0.5 * ball.gravity * time**2
+    if first is None or len(time) > 1:
+        solve = _lines(time)
+        fall = np.zeros_like(position)
+        fall[..., 2] = -0.5 * ball.gravity * time**2
     state = solve @ (position - fall) if first is None else first  # (w, 2, 3)
     if len(time) == 1:
         state, misfit = _fit_with_sensitivity(state, time, position, ball, accuracy)
@@ -270,11 +275,12 @@ def _predicted(state: np.ndarray, time: np.ndarray, ball: Ball) -> np.ndarray:
 def _sensitivity(state: np.ndarray, time: np.ndarray, ball: Ball) -> tuple[np.ndarray, np.ndarray]:
     """Positions (n, 3) at times (n,) of the flight with the state (2, 3), and their derivative (3 n, 6) by the state."""
     probes = np.repeat(state[None], 4, axis=0)
-    probes[1:, 1] += PROBE * np.eye(3)
+    probes[:, 1] += PROBES
     positions = _predicted(probes, time[None], ball)
-    flat = positions.reshape(4, -1)
-    by_position = np.tile(np.eye(3), (len(time), 1))  # a flight that begins elsewhere is the same flight there
-    return positions[0], np.hstack([by_position, (flat[1:] - flat[0]).T / PROBE])
+    derivative = np.empty((len(time), 3, 6))
+    derivative[:, :, :3] = np.eye(3)  # a flight that begins elsewhere is the same flight there
+    derivative[:, :, 3:] = np.moveaxis((positions[1:] - positions[0]) / PROBE, 0, 2)
+    return positions[0], derivative.reshape(-1, 6)
 
 
 def _states(position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -318,20 +324,31 @@ def _runge_kutta(
 ) -> tuple[np.ndarray, np.ndarray]:
     """One step (...), given with its half and sixth, of states (3, ...)."""
     a1 = _acceleration(velocity, drag, gravity)
-    a2 = _acceleration(velocity + half * a1, drag, gravity)
-    a3 = _acceleration(velocity + half * a2, drag, gravity)
-    a4 = _acceleration(velocity + step * a3, drag, gravity)
-    middle = a2 + a3
-    position = position + step * (velocity + sixth * (a1 + middle))
-    return position, velocity + sixth * (a1 + 2.0 * middle + a4)
+    a2 = _acceleration(_moved(velocity, half, a1), drag, gravity)
+    a3 = _acceleration(_moved(velocity, half, a2), drag, gravity)
+    a4 = _acceleration(_moved(velocity, step, a3), drag, gravity)
+    a2 += a3
+    position = _moved(position, step, _moved(velocity, sixth, a1 + a2))
+    a2 *= 2.0
+    a2 += a1
+    a2 += a4
+    return position, _moved(velocity, sixth, a2)
+
+
+def _moved(start: np.ndarray, step: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    """Where a start (3, ...) comes to at a rate (3, ...) in steps (...)."""
+    moved = step * rate
+    return np.add(moved, start, out=moved)
 
 
 def _acceleration(velocity: np.ndarray, drag: float, gravity: float) -> np.ndarray:
     """Of a velocity (3, ...)."""
-    squared = velocity * velocity
-    speed = np.sqrt(squared[0] + squared[1] + squared[2])
+    result = velocity * velocity
+    speed = result[0] + result[1]
+    speed += result[2]
+    speed = np.sqrt(speed)
     speed *= -drag
-    result = speed * velocity
+    np.multiply(speed, velocity, out=result)
     result[2] -= gravity
     return result
 

@@ -16,6 +16,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_finite, as_samples
+from dart_skill.medians import median
 from dart_skill.movement._time import as_stamps
 
 DEGREE = 5
@@ -65,12 +66,13 @@ def smooth_derivatives(
     basis = smoother.basis
     # The quadratic trend is fitted separately: with a large penalty the system is ill-conditioned and would disturb it.
     trend = quadratic_trend(stamps, samples)
-    coefficients = basis.fit(trend, 0.0)
+    coefficients = basis.fit(basis.sums(trend), 0.0)
     rest = samples - trend
     risk = smoother.risk(rest / np.where(levels > 0, levels, 1.0)) if levels.any() else None
+    sums = basis.sums(rest)
     for group in groups:
         penalty = _best_penalty(risk[:, group]) if risk is not None and levels[group[0]] > 0 else 0.0
-        coefficients[:, group] += basis.fit(rest[:, group], penalty)
+        coefficients[:, group] += basis.fit(sums[:, group], penalty)
     return Motion(*(basis.evaluate(coefficients, (at - time[0]) / interval, order) / interval**order for order in range(3)))
 
 
@@ -101,15 +103,18 @@ def estimate_noise(time: ArrayLike, samples: ArrayLike) -> np.ndarray:
     samples = as_samples(samples, "samples")
     time = as_stamps(time, len(samples), MIN_SAMPLES)
     windows = np.lib.stride_tricks.sliding_window_view(samples, 7, axis=0)
-    return np.asarray(np.median(np.abs(np.einsum("nj,ndj->nd", _contrasts(time.tobytes()), windows))) / 0.6744897501960817)
+    return np.asarray(median(np.abs(np.einsum("nj,ndj->nd", _contrasts(time.tobytes()), windows))) / 0.6744897501960817)
 
 
 @lru_cache(maxsize=8)
 def _contrasts(stamps: bytes) -> np.ndarray:
     """Those combinations (n - 6, 7), which the columns of one recording share."""
-    windows = np.lib.stride_tricks.sliding_window_view(np.frombuffer(stamps), 7)
-    gaps = windows[:, :, None] - windows[:, None, :] + np.eye(7)
-    contrast = 1.0 / (gaps / (windows[:, -1:] - windows[:, :1])[:, :, None]).prod(axis=2)
+    all_stamps = np.frombuffer(stamps)
+    n = len(all_stamps) - 6
+    windows = np.stack([all_stamps[k : k + n] for k in range(7)])  # time last: NumPy is slow on many rows of seven
+    gaps = windows[:, None] - windows + np.eye(7)[:, :, None]
+    contrast = 1.0 / (gaps / (windows[-1] - windows[0])).prod(axis=1)
+    contrast = np.ascontiguousarray(contrast.T)
     contrast /= np.linalg.norm(contrast, axis=1, keepdims=True)
     contrast.flags.writeable = False
     return contrast
@@ -229,10 +234,21 @@ class _QuinticBasis:
         first, values = self._values(points, 3)
         return _sum_of_squares(first, values * np.sqrt(half * weights).reshape(-1, 1), self.n_functions)
 
-    def fit(self, samples: np.ndarray, penalty: float) -> np.ndarray:
-        """Coefficients (m, d) of the penalised least squares fit."""
-        return scipy.linalg.solveh_banded(self.gram + penalty * self.roughness, self._transposed @ samples, lower=True, check_finite=False)
+    def sums(self, samples: np.ndarray) -> np.ndarray:
+        """B'x (m, d) of samples x (n, d): all that a fit needs of them."""
+        return self._transposed @ samples
+
+    def fit(self, sums: np.ndarray, penalty: float) -> np.ndarray:
+        """Coefficients (m, d) of the penalised least squares fit to samples with these sums (m, d).
+
+        It is `scipy.linalg.solveh_banded` without its checks, which take longer.
+        """
+        bands = self.gram + penalty * self.roughness if penalty else self.gram
+        _, solution, failed = scipy.linalg.lapack.dpbsv(bands, sums, lower=1)
+        if failed:
+            raise ValueError(f"the stamps do not determine the smoothing spline (dpbsv: {failed}); drop stamps that nearly repeat")
+        return solution
 
     def evaluate(self, coefficients: np.ndarray, stamps: np.ndarray, order: int) -> np.ndarray:
         """Derivative of the given order (n, d) at stamps (n,)."""
-        return scipy.interpolate.BSpline(self.knots, coefficients, DEGREE)(stamps, order)
+        return scipy.interpolate.BSpline.construct_fast(self.knots, coefficients, DEGREE)(stamps, order)

@@ -159,7 +159,8 @@ def _rotation(quaternions: np.ndarray) -> Rotation:
 
 
 def _unwrap_near(angles: np.ndarray, near: float) -> np.ndarray:
-    angles = np.unwrap(angles)
+    # Nearly always there is no jump, and looking is quicker than `unwrap`.
+    angles = angles + 0.0 if (np.abs(np.diff(angles)) < np.pi).all() else np.unwrap(angles)
     return angles - 2.0 * np.pi * np.round((angles[0] - near) / (2.0 * np.pi))
 
 

@@ -217,12 +217,21 @@ def _explains(registration: Registration, both: Sightings) -> bool:
     The best one has the least sum of squares in parts of 1 mm and 2 mrad: a quarter of OFF_ANGLE is 10 parts, half of OFF_POSITION 7.5,
     together 12.5, which are 12.5 mm and 25 mrad at most.
     """
+    position, quaternion = _as_seen(registration, both)
+    off = np.square(both.position - position).sum(axis=1)
+    cosine = np.abs(np.einsum("ni,ni->n", both.quaternion, quaternion))
+    twist = np.square(2.0 * np.arccos(np.minimum(cosine, 1.0)))
+    return bool(np.mean(off) < (0.5 * OFF_POSITION) ** 2 and np.mean(twist) < (0.25 * OFF_ANGLE) ** 2)
+
+
+def _as_seen(registration: Registration, both: Sightings) -> tuple[np.ndarray, np.ndarray]:
+    """Where the cameras would see the hand by the arm's joints, (n, 3) and (n, 4), with a registration."""
+    if registration.is_none and not registration.delay:
+        return both.arm_position, both.arm_quaternion
     base, hand = Rotation.from_quat(registration.turn), Rotation.from_quat(registration.hand_turn)
     arm = Rotation.from_rotvec(-registration.delay * both.arm_velocity[:, 3:]) * Rotation.from_quat(both.arm_quaternion)
     lever = both.arm_position - registration.delay * both.arm_velocity[:, :3] + arm.apply(registration.hand_shift)
-    off = np.square(both.position - base.apply(lever) - np.array(registration.shift)).sum(axis=1)
-    twist = np.square((Rotation.from_quat(both.quaternion).inv() * (base * arm * hand)).magnitude())
-    return bool(np.mean(off) < (0.5 * OFF_POSITION) ** 2 and np.mean(twist) < (0.25 * OFF_ANGLE) ** 2)
+    return base.apply(lever) + np.array(registration.shift), (base * arm * hand).as_quat()
 
 
 @lru_cache(maxsize=1)

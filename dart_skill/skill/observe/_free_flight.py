@@ -12,6 +12,7 @@ import numpy as np
 import scipy
 
 from dart_skill.flight import TENNIS_BALL, Ball, FlightFit, fit_flight, fit_flights
+from dart_skill.medians import median
 from dart_skill.skill.observe._noise import position_noise
 
 WINDOW, WINDOW_TIME = 10, 0.09  # samples and time [s] of the shortest window in which a flight is told from another motion
@@ -72,8 +73,7 @@ def tolerance(noise: float) -> float:
 
 def _grown(time: np.ndarray, position: np.ndarray, samples: np.ndarray, fit: FlightFit, noise: float) -> np.ndarray:
     """Indices of the samples near a flight, in and about those that belong to it."""
-    spread = np.sqrt(np.mean(fit.residuals**2))
-    farthest = np.clip(4.0 * spread, tolerance(noise) - SLACK, 3.0 * tolerance(noise))
+    farthest = min(max(4.0 * fit.residual, tolerance(noise) - SLACK), 3.0 * tolerance(noise))
     within = slice(max(0, samples[0] - GROWTH), samples[-1] + 1 + GROWTH)
     close = np.zeros(len(time), dtype=bool)
     close[within] = np.linalg.norm(position[within] - fit.at(time[within])[0], axis=1) < farthest
@@ -106,7 +106,7 @@ def _window(time: np.ndarray, noise: float) -> int:
     Over a time T the misfit of the best line to a parabola of curvature g is g T^2 / 12 at its ends.
     """
     needed = max(WINDOW_TIME, np.sqrt(12.0 * CLEARLY * tolerance(noise) / TENNIS_BALL.gravity))
-    return max(WINDOW, int(np.ceil(needed / np.median(np.diff(time)) - 1e-6)) + 1)
+    return max(WINDOW, int(np.ceil(needed / median(np.diff(time)) - 1e-6)) + 1)
 
 
 def _flying_runs(time: np.ndarray, position: np.ndarray, ball: Ball, noise: float) -> list[tuple[int, int, FlightFit]]:
@@ -139,12 +139,12 @@ def _grow(near: np.ndarray, samples: np.ndarray) -> np.ndarray:
     if len(inside) < WINDOW:
         return samples
     pieces = np.split(inside, np.flatnonzero(np.diff(inside) > 3) + 1)
-    middle = np.median(samples)
-    grown = min(pieces, key=lambda piece: 0 if piece[0] <= middle <= piece[-1] else abs(np.median(piece) - middle))
+    middle = median(samples)
+    grown = min(pieces, key=lambda piece: 0 if piece[0] <= middle <= piece[-1] else abs(median(piece) - middle))
     return grown if len(grown) >= WINDOW else samples
 
 
 def followed(fit: FlightFit, time: float) -> FlightFit:
     """The same flight with its state at another instant."""
     position, velocity = fit.state_at(time)
-    return replace(fit, time=time, position=position, velocity=velocity)
+    return FlightFit(time, position, velocity, fit.residuals, fit.ball)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dart_skill.checks import check_samples, check_unit_quaternions
+from dart_skill.medians import median
 from dart_skill.movement import rotate
 
 HELD = (0.8, 0.05)
@@ -47,7 +48,7 @@ def seen_grip(
         return nominal
     there = np.column_stack([np.interp(time[held], ball[0], axis) for axis in ball[1].T])
     inverse = quaternion[held] * [-1.0, -1.0, -1.0, 1.0]
-    grip = np.median(rotate(inverse, there - position[held]), axis=0)
+    grip = np.array([median(axis) for axis in rotate(inverse, there - position[held]).T])
     return grip if np.linalg.norm(grip - nominal) < farthest else nominal
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dart_skill.medians import quantile
 from dart_skill.movement import estimate_noise
 
 LEAST = 2e-5
@@ -24,13 +25,18 @@ def position_noise(time: ArrayLike, position: ArrayLike) -> float:
     time, position = fresh(np.asarray(time, dtype=float), np.asarray(position, dtype=float))
     if len(time) < ENOUGH:
         return LEAST
-    step = np.linalg.norm(np.diff(position, axis=0), axis=1) / np.diff(time)
-    step = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(step, 2, mode="edge"), 5), axis=1)
-    moves = np.append(step > SHARE * np.quantile(step, 0.99), False)
+    step = _median_of_five(np.linalg.norm(np.diff(position, axis=0), axis=1) / np.diff(time))
+    moves = np.append(step > SHARE * quantile(step, 0.99), False)
     levels = [float(estimate_noise(time, position))]
-    if np.sum(moves) >= ENOUGH:
+    if np.count_nonzero(moves) >= ENOUGH:
         levels.append(float(estimate_noise(time[moves], position[moves])))
     return max(LEAST, *levels)
+
+
+def _median_of_five(values: np.ndarray) -> np.ndarray:
+    """For each of the values (n,) the median of it and the two before and after; those of the ends are repeated."""
+    longer = np.concatenate([values[:1], values[:1], values, values[-1:], values[-1:]])
+    return np.sort([longer[k : k + len(values)] for k in range(5)], axis=0)[2]
 
 
 def column_noise(time: ArrayLike, columns: ArrayLike) -> np.ndarray:
@@ -43,5 +49,5 @@ def fresh(time: np.ndarray, samples: np.ndarray) -> tuple[np.ndarray, np.ndarray
     """The samples (n,), (n, d) that are not the same as the one before."""
     if len(samples) == 0:
         return time, samples
-    kept = np.append(True, np.any(samples[1:] != samples[:-1], axis=1))
-    return time[kept], samples[kept]
+    kept = np.append(True, (samples[1:] != samples[:-1]).any(axis=1))
+    return (time, samples) if kept.all() else (time[kept], samples[kept])

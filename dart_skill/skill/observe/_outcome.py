@@ -177,7 +177,7 @@ def _nearest_approach(fit: FlightFit, hand_time: np.ndarray, grip: np.ndarray) -
     if not np.any(around):
         raise ValueError(f"no hand samples within 0.3 s before the flight at {fit.time:.3f} s: the hand was occluded")
     path, _ = fit.at(hand_time[around])
-    return hand_time[around][np.argmin(np.linalg.norm(path - grip[around], axis=1))]
+    return float(hand_time[around][np.linalg.norm(path - grip[around], axis=1).argmin()])
 
 
 def _parting(fit: FlightFit, hand_time: np.ndarray, grip: np.ndarray, near: float, judged: bool) -> tuple[float, float, float]:
@@ -219,7 +219,7 @@ def _slowest(coefficients: np.ndarray, first: float, last: float) -> float:
     rates = coefficients[1:] * np.arange(1, len(coefficients))[:, None]
     squared = sum((np.convolve(rate, rate) for rate in rates.T), np.zeros(()))
     roots = polynomial.polyroots(squared[1:] * np.arange(1, len(squared)))
-    candidates = np.clip(np.append(roots[np.abs(roots.imag) < 1e-6].real, 0.0), first, last)
+    candidates = np.minimum(np.maximum(np.append(roots[np.abs(roots.imag) < 1e-6].real, 0.0), first), last)
     powers = candidates[:, None] ** np.arange(len(squared))
     distances = np.linalg.norm(powers[:, : len(coefficients)] @ coefficients, axis=1)
     near = distances < distances.min() + CALIBRATION

@@ -1,0 +1,25 @@
+"""Median and other quantiles of finite numbers: those of NumPy to the last bit, in a fraction of its time for a few hundred of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def median(values: np.ndarray) -> float:
+    """Median of all of at least one finite numbers, as `numpy.median`. values: in any shape."""
+    ordered = np.sort(values, axis=None)
+    middle = len(ordered) // 2
+    return float(ordered[middle]) if len(ordered) % 2 else 0.5 * float(ordered[middle - 1] + ordered[middle])
+
+
+def quantile(values: np.ndarray, share: float) -> float:
+    """The number that a share of all of at least one finite numbers does not exceed, as `numpy.quantile`: linear between neighbours.
+
+    values: in any shape.
+    """
+    ordered = np.sort(values, axis=None)
+    place = (len(ordered) - 1) * share
+    below = int(place)
+    low, high = ordered[below], ordered[min(below + 1, len(ordered) - 1)]
+    on = place - below
+    return float(low + (high - low) * on) if on < 0.5 else float(high - (high - low) * (1.0 - on))

@@ -1,0 +1,15 @@
+"""Medians and quantiles are those of NumPy to the last bit."""
+
+import numpy as np
+import pytest
+
+from dart_skill.medians import median, quantile
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 10, 119, 360])
+def test_they_are_those_of_numpy(n):
+    rng = np.random.default_rng(n)
+    for values in (rng.normal(size=n), rng.integers(-3, 3, size=n), 1e-9 * rng.normal(size=(n, 3))):
+        assert median(values) == np.median(values)
+        for share in (0.0, 0.1, 0.25, 0.5, 0.77, 0.99, 1.0):
+            assert quantile(values, share) == np.quantile(values, share)
