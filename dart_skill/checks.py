@@ -133,7 +133,7 @@ def as_dims(value: ArrayLike, n_dims: int, name: str) -> np.ndarray:
     value, name: as of `as_samples`; n_dims: number of columns. ValueError for what is none.
     """
     dims = np.atleast_1d(np.asarray(value))
-    if dims.ndim != 1 or dims.size == 0 or not np.issubdtype(dims.dtype, np.integer):
+    if dims.ndim != 1 or dims.size == 0 or dims.dtype.kind not in "iu":
         raise ValueError(f"{name} must be one or more column indices, got {value!r}")
     columns = dims.tolist()
     if min(columns) < 0 or max(columns) >= n_dims or len(set(columns)) != len(columns):

@@ -8,7 +8,7 @@ Queries lie along the last axis of the arrays and are processed in slices that f
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -45,11 +45,16 @@ class Regression:
         half = self._times(self._whiteners, rows[:, :, out])
         self._input_means, self._output_means = mixture.means_[:, into, None], mixture.means_[:, out, None]
         self._slopes = self._times(np.swapaxes(half, 1, 2), self._whiteners)
-        within = mixture.covariances_[:, out[:, None], out] - np.swapaxes(half, 1, 2) @ half
-        # What makes the covariance of shares, and of the upper triangle of the spread between the components.
-        self._collector = np.concatenate([within.reshape(len(half), -1), _unpacking(self.n_outputs)])
+        self._half, self._among_outputs = half, (mixture.covariances_, out)
         log_volumes = np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(1) + 0.5 * len(into) * LOG_2PI
         self._constants = (np.log(mixture.priors_) - log_volumes)[:, None]
+
+    @cached_property
+    def _collector(self) -> np.ndarray:
+        """What makes the covariance of shares, and of the upper triangle of the spread between the components; a mean does without."""
+        covariances, out = self._among_outputs
+        within = covariances[:, out[:, None], out] - np.swapaxes(self._half, 1, 2) @ self._half
+        return np.concatenate([within.reshape(len(within), -1), _unpacking(self.n_outputs)])
 
     def __call__(self, inputs: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         inputs = self._checked(inputs)

@@ -74,6 +74,9 @@ def follow_attractor(
     start = np.stack([as_vector(position0, "position0", n_dims), as_vector(velocity0, "velocity0", n_dims)])
     kp = as_gains(stiffness, n_dims, "stiffness", strict=True)
     kv = as_gains(critical_damping(kp) if damping is None else damping, n_dims, "damping", strict=False)
+    if (kp == kp[0]).all() and (kv == kv[0]).all():
+        position, velocity = _respond(attractor, step, start, float(kp[0]), float(kv[0]))
+        return Motion(position, velocity, kp * (attractor - position) - kv * velocity)
     position, velocity = np.empty_like(attractor), np.empty_like(attractor)
     for pair in {(float(p), float(v)) for p, v in zip(kp, kv, strict=True)}:
         dims = (kp == pair[0]) & (kv == pair[1])

@@ -54,6 +54,10 @@ class TaskFrame:
     def n_dims(self) -> int:
         return self.b.size
 
+    def at(self, origin: ArrayLike) -> TaskFrame:
+        """A frame with the same axes at another origin (m,). ValueError for one that is none."""
+        return self._made(self.A, as_vector(origin, "origin", len(self.A)))
+
     def to_frame(self, points: ArrayLike) -> np.ndarray:
         """Points (n, m) of the world in local coordinates of this frame."""
         return np.linalg.solve(self.A, (as_samples(points, "points", self.n_dims) - self.b).T).T

@@ -28,7 +28,11 @@ if TYPE_CHECKING:
 
 def normalise(quaternions: ArrayLike) -> np.ndarray:
     """Quaternions (n, 4) scaled to length 1; ValueError for one of length zero."""
-    quaternions = as_samples(quaternions, "quaternions", 4)
+    return _unit(as_samples(quaternions, "quaternions", 4))
+
+
+def _unit(quaternions: np.ndarray) -> np.ndarray:
+    """The same of finite rows (n, 4)."""
     lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
     if lengths.min() < 1e-6:
         raise ValueError(f"quaternion {int(lengths.argmin())} has length {lengths.min():.3g}; it says no orientation")
@@ -37,7 +41,12 @@ def normalise(quaternions: ArrayLike) -> np.ndarray:
 
 def make_continuous(quaternions: ArrayLike) -> np.ndarray:
     """Unit quaternions (n, 4) with signs such that neighbours have a non-negative dot product; the first keeps its sign."""
-    quaternions = normalise(quaternions)
+    return _continuous(as_samples(quaternions, "quaternions", 4))
+
+
+def _continuous(quaternions: np.ndarray) -> np.ndarray:
+    """The same of finite rows (n, 4)."""
+    quaternions = _unit(quaternions)
     flips = np.einsum("ni,ni->n", quaternions[1:], quaternions[:-1]) < 0
     signs = np.concatenate([[1.0], np.where(flips, -1.0, 1.0)]).cumprod()
     return quaternions * signs[:, None]
@@ -51,6 +60,11 @@ def multiply(left: ArrayLike, right: ArrayLike) -> np.ndarray:
     left, right = normalise(left), normalise(right)
     if len(left) != len(right) and 1 not in (len(left), len(right)):
         raise ValueError(f"cannot multiply {len(left)} quaternions by {len(right)}; give equally many, or one")
+    return _product(left, right)
+
+
+def _product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """The same of normalised rows, (n, 4) or (1, 4)."""
     x1, y1, z1, w1 = left.T
     x2, y2, z2, w2 = right.T
     return np.stack(
@@ -100,7 +114,7 @@ def turn_about_z(quaternions: ArrayLike, angle: float) -> np.ndarray:
     -azimuth turns from the world into a task frame, +azimuth back. quaternions: (n, 4).
     """
     half = 0.5 * float(as_finite(angle, "angle", 0))
-    return multiply([[0.0, 0.0, np.sin(half), np.cos(half)]], quaternions)
+    return _product(_unit(np.array([[0.0, 0.0, np.sin(half), np.cos(half)]])), normalise(quaternions))
 
 
 def pointing_angles(directions: ArrayLike) -> np.ndarray:
@@ -151,7 +165,7 @@ def quaternions_from_angles(angles: ArrayLike) -> np.ndarray:
     # R_y(-alpha) R_z(beta), then R_x(roll), then R_y(90 deg), each as a quaternion.
     x, y, z, w = -sa * sb, -sa * cb, ca * sb, ca * cb
     x, y, z, w = w * sr + x * cr, y * cr + z * sr, z * cr - y * sr, w * cr - x * sr
-    return make_continuous(np.sqrt(0.5) * np.stack([x - z, w + y, z + x, w - y], axis=1))
+    return _continuous(np.sqrt(0.5) * np.stack([x - z, w + y, z + x, w - y], axis=1))
 
 
 def _rotation(quaternions: np.ndarray) -> Rotation:

@@ -13,6 +13,7 @@ frame sees. A frame that is missing is no factor of the product, in learning as 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -387,9 +388,16 @@ def _triangle(equations: np.ndarray, first: int = 0) -> np.ndarray:
     """
     n, p, k, r, c = equations.shape
     unknown = c - 1 - first
-    triangle = np.asarray(np.linalg.qr(equations.swapaxes(1, 2).reshape(n, k, p * r, c), mode="r"))  # its types know of Q and R only
-    _require_determined(triangle[..., :unknown, :unknown], first)
-    return triangle[..., :unknown, :]
+    reflected, _ = np.linalg.qr(equations.swapaxes(1, 2).reshape(n, k, p * r, c), mode="raw")
+    triangle = np.where(_upper(unknown, c), np.swapaxes(reflected, -1, -2)[..., :unknown, :], 0.0)
+    _require_determined(triangle[..., :unknown], first)
+    return triangle
+
+
+@lru_cache(maxsize=64)
+def _upper(n_rows: int, n_columns: int) -> np.ndarray:
+    """Mask (n_rows, n_columns) of the diagonal and what is above it."""
+    return np.tri(n_columns, n_rows, dtype=bool).T
 
 
 def _shared_once(equations: np.ndarray, seen: np.ndarray, n_shared: int) -> np.ndarray:
@@ -400,7 +408,7 @@ def _shared_once(equations: np.ndarray, seen: np.ndarray, n_shared: int) -> np.n
     """
     of_shared = equations[np.arange(len(seen)), seen.argmax(axis=1), :, :n_shared]
     m = equations.shape[-1] - 1
-    outputs_first = np.r_[n_shared:m, :n_shared, m]
+    outputs_first = [*range(n_shared, m), *range(n_shared), m]
     given = np.empty((*of_shared.shape[:2], m - n_shared, m + 1))
     given[..., outputs_first] = _triangle(equations[..., n_shared:, outputs_first], n_shared)
     return np.concatenate([of_shared, given], axis=-2)

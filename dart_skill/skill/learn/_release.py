@@ -7,6 +7,8 @@ to first order, at the same place if the hand opens a little early or late.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -84,9 +86,15 @@ def certainly_within(position: np.ndarray, registration: Registration) -> bool:
     """Whether no hand that the cameras see at position (n, 3) is too far from the shoulder for the arm, however it is turned: much less
     work than `stretched_at`, for which the poses of the hand are told from those of the tracked body.
     """
+    shoulder, reach = _seen_by(registration)
+    return bool(np.linalg.norm(position - shoulder, axis=1).max() < reach)
+
+
+@lru_cache(maxsize=16)
+def _seen_by(registration: Registration) -> tuple[np.ndarray, float]:
+    """The shoulder (3,) in the world of the cameras, and how far from it a tracked body at least can be [m]: the same for many plans."""
     shoulder = rotate([registration.turn], _shoulder()[None]) + np.array(registration.shift)
-    farthest = np.linalg.norm(position - shoulder, axis=1).max() + np.linalg.norm(registration.hand_shift)
-    return bool(farthest < wam_description().reach - STRETCHED)
+    return shoulder, wam_description().reach - STRETCHED - float(np.linalg.norm(registration.hand_shift))
 
 
 def _shoulder() -> np.ndarray:

@@ -2,16 +2,7 @@
 
 import numpy as np
 
-from dart_skill.movement import (
-    TaskFrame,
-    azimuth_frame,
-    azimuth_of,
-    azimuth_target_frame,
-    base_frame,
-    pointing_at,
-    start_frame,
-    target_frame,
-)
+from dart_skill.movement import TaskFrame, azimuth_of, base_frame, pointing_at, start_frame, target_frame, turn_matrix
 from dart_skill.skill.learn._configuration import SkillConfiguration
 
 
@@ -25,14 +16,23 @@ def frames_for(task: np.ndarray, start: np.ndarray, configuration: SkillConfigur
     * configuration: which frames, and whether the distance of the target is an input.
     """
     start = start[:3]
-    if configuration.frames in ("thesis", "start"):
-        first = base_frame() if configuration.frames == "thesis" else start_frame(start)
-        frames = [first, target_frame(task, pointing_at(task, start))]
-    else:
-        frames = [azimuth_frame(azimuth_of(task))]
-        if configuration.frames == "azimuth_target":
-            frames.append(azimuth_target_frame(task))
+    if configuration.turns:
+        return _turned_frames(task, configuration)
+    first = base_frame() if configuration.frames == "thesis" else start_frame(start)
+    frames = [first, target_frame(task, pointing_at(task, start))]
     return [_with_distance(frame) for frame in frames] if configuration.distance_input else frames
+
+
+def _turned_frames(task: np.ndarray, configuration: SkillConfiguration) -> list[TaskFrame]:
+    """`azimuth_frame` and, if the configuration has it, `azimuth_target_frame` of a task (3,), which have the same axes."""
+    first = 1 + configuration.distance_input
+    axes, origin = np.eye(first + 5), np.zeros(first + 5)
+    axes[first : first + 3, first : first + 3] = turn_matrix(azimuth_of(task))
+    base = TaskFrame(axes, origin)
+    if configuration.frames == "azimuth":
+        return [base]
+    origin[first : first + 3] = task
+    return [base, base.at(origin)]
 
 
 def _with_distance(frame: TaskFrame) -> TaskFrame:

@@ -80,6 +80,15 @@ def test_azimuth_target_frame_has_the_axes_of_the_azimuth_frame_at_the_target():
     np.testing.assert_array_equal(one.b, [0, *TARGET, 0, 0])
 
 
+def test_a_frame_elsewhere_has_the_same_axes_there():
+    frame, origin = azimuth_frame(0.4), np.arange(6.0)
+    there = frame.at(origin)
+    np.testing.assert_array_equal(there.A, frame.A)
+    np.testing.assert_array_equal(there.from_frame(np.zeros((1, 6)))[0], origin)
+    with pytest.raises(ValueError, match="origin must have length 6"):
+        frame.at(np.zeros(5))
+
+
 def test_a_turned_throw_is_the_same_throw_in_its_azimuth_frame():
     rng = np.random.default_rng(0)
     time = np.linspace(0, 1, 30)

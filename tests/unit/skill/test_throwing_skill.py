@@ -10,6 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dart_skill.flight import landing
+from dart_skill.movement import azimuth_frame, azimuth_of, azimuth_target_frame
 from dart_skill.recording import Demonstration
 from dart_skill.robot import ArmModel, CommanderSettings, same_plan, wam_description
 from dart_skill.robot._commander import check_plan
@@ -159,6 +160,17 @@ def test_task_frames_map_to_the_world(demonstrations):
                 assert abs(np.linalg.det(frame.A)) > 1e-9
             if with_distance:
                 np.testing.assert_array_equal(frames[0].A[1], np.eye(size)[1])
+
+
+def test_turned_frames_are_the_azimuth_frame_and_that_of_the_target():
+    """As `movement` has them, without the distance."""
+    task = np.array([1.2, 1.6, 0.4])
+    for with_distance in (False, True):
+        features = [0, *range(1 + with_distance, 6 + with_distance)]
+        found = frames_for(task, np.zeros(3), replace(DEFAULT, frames="azimuth_target", distance_input=with_distance))
+        for frame, expected in zip(found, (azimuth_frame(azimuth_of(task)), azimuth_target_frame(task)), strict=True):
+            np.testing.assert_array_equal(frame.A[np.ix_(features, features)], expected.A)
+            np.testing.assert_array_equal(frame.b[features], expected.b)
 
 
 # planning
