@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
+from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -44,6 +45,7 @@ from dart_skill.recording import Demonstration
 from dart_skill.robot import Gains, GainsOverTime, Pace, ThrowPlan, fit_registration
 from dart_skill.skill.learn._configuration import DEFAULT, SkillConfiguration
 from dart_skill.skill.learn._course import Course
+from dart_skill.skill.learn._first_aim import FirstAim
 from dart_skill.skill.learn._preparation import PreparedThrow, prepare
 from dart_skill.skill.learn._release import certainly_within, farthest, hits_along, nearest_step, stretched_at, weights_at
 from dart_skill.skill.learn._task_frames import frames_for
@@ -134,6 +136,7 @@ class ThrowingSkill:
         self.hand_delay = _median_of_seen([throw.hand_delay - self.registration.delay for throw in throws])
         self.seat = np.median([throw.release.grip for throw in throws], axis=0)
         self.width = configuration.width
+        self._first_aims: dict[tuple[float, float], FirstAim | None] = {}
         self._whole = None if self._is_local else self._fit(self.credence)
         if configuration.widths:
             self.width = choose_width(self._places, configuration.widths, self._predicts).width
@@ -294,12 +297,11 @@ class ThrowingSkill:
         return target
 
     def _solve_aim(self, target: np.ndarray) -> _Attempt:
-        """The aim whose throw lands on the target, found by Broyden's method in reach and azimuth, starting at the target.
-
-        In turned frames the azimuth is right from the start, and the reach is a smooth function of one variable.
+        """The aim whose throw lands on the target, found by Broyden's method in reach and azimuth. It starts at the aim that `FirstAim`
+        tells, or at the target.
         """
-        best = attempt = self._attempt(self._surface.coordinates(target), target)
-        slope = np.eye(2)
+        attempt, slope = self._first_attempt(target)
+        best = attempt
         for _ in range(MOST_AIMS):
             if attempt.off < AIM_TOLERANCE:
                 break
@@ -313,6 +315,36 @@ class ThrowingSkill:
         if best.off > WORST_AIM:
             raise Unreachable(f"no aim was found whose plan lands on {target.round(3)}; the nearest misses by {abs(best.miss[0]):.3f} m")
         return best
+
+    def _first_attempt(self, target: np.ndarray) -> tuple[_Attempt, np.ndarray]:
+        """The first throw of the search, and how its landing changes with the aim (2, 2), as far as that is known."""
+        place, known = self._surface.coordinates(target), self._first_aim(target)
+        told = None if known is None else known.at(place)
+        if told is not None:
+            with suppress(Unreachable):
+                return self._attempt(told[0], target), told[1]
+        return self._attempt(place, target), np.eye(2)
+
+    def _first_aim(self, target: np.ndarray) -> FirstAim | None:
+        """What three throws tell of all, worked out once for a height of the rim, to the millimetre; None where each target has a model of
+        its own, or frames do not turn with targets.
+        """
+        if self._is_local or not self.configuration.turns:
+            return None
+        level = (self.release, 0.0 if self.configuration.board else round(float(target[2]), 3))
+        if level not in self._first_aims:
+            self._first_aims[level] = self._told_first_aim(np.array([*target[:2], level[1]]))
+        return self._first_aims[level]
+
+    def _told_first_aim(self, target: np.ndarray) -> FirstAim | None:
+        shown = self._surface.coordinates(self._tasks)
+        low, high = shown[:, 0].min(), shown[:, 0].max()
+        aims = np.array([[reach, np.median(shown[:, 1])] for reach in (low, 0.5 * (low + high), high)])
+        try:
+            landings = [self._throw_for(self._surface.point(aim, target)).landing for aim in aims]
+        except Unreachable:
+            return None
+        return FirstAim.of(aims, self._surface.coordinates(np.array(landings)))
 
     def _attempt(self, aim: np.ndarray, target: np.ndarray) -> _Attempt:
         throw = self._throw_for(self._surface.point(aim, target))
