@@ -195,7 +195,7 @@ class TaskSamples:
                 raise ValueError(f"task frame {j} is missing from every sample with weight; leave it out of all demonstrations")
         return few
 
-    @property
+    @cached_property
     def blocks(self) -> list[np.ndarray]:
         """For each frame all samples as the frame sees them (n, d_p), nan where it is missing."""
         return [placement.see(self.world) for placement in self.placements]
