@@ -117,8 +117,6 @@ class WhiteBlock:
         if not self.sees_all:
             self.white[1:] *= seen
         self.reach = float(np.einsum("in,in->n", self.white, self.white).max())
-        # If no precision exceeds this in white coordinates, all variances are certainly above the floor.
-        self.safe_precision = 1.0 / (floor * np.square(self.inverse_root).sum())
         side = len(self.white)
         self.upper, self.square = upper_triangle(side)
         self.n_products = len(self.upper)
@@ -176,7 +174,7 @@ class WhiteBlock:
             moments[unowned], origin = np.eye(moments.shape[1]), origin if origin is None else np.where(unowned[:, None], 0.0, origin)
         try:
             components = Components.of_second_moments(moments)
-            if components.largest_precision <= self.safe_precision:
+            if self._is_above_floor(components):
                 return components if origin is None else components.moved(origin)
         except np.linalg.LinAlgError:
             pass
@@ -185,6 +183,15 @@ class WhiteBlock:
         raised = raise_to_floor(symmetric(self.root @ covariances @ self.root.T), self.floor)
         means = step if origin is None else step + origin
         return self.to_white(means @ self.root.T + self.centre, raised)
+
+    def _is_above_floor(self, components: Components) -> bool:
+        """Whether all eigenvalues of the covariances are at least the floor in the units of the block: those of the precisions are at most
+        the sum of all of them, which nearly always settles it.
+        """
+        whiteners = components.whiteners @ self.inverse_root
+        if np.einsum("kij,kij->k", whiteners, whiteners).max() * self.floor <= 1.0:
+            return True
+        return bool(np.linalg.norm(whiteners, 2, axis=(1, 2)).max() ** 2 * self.floor <= 1.0)
 
 
 class Sweep:

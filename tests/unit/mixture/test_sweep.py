@@ -189,6 +189,17 @@ def test_the_floor_is_that_of_the_plain_step(floor):
     assert largest_difference(found, plain_iteration([samples], weights, parameters, floor)) < 1e-9
 
 
+@pytest.mark.parametrize("margin", [0.5, 1.0 - 1e-6, 1.0 + 1e-6, 30.0])
+def test_the_least_eigenvalue_of_all_decides_whether_components_are_above_the_floor(margin):
+    """In the units of the block, in which no column is like another; far above it a bound decides, near it the eigenvalues."""
+    rng = np.random.default_rng(7)
+    samples = rng.normal(size=(300, 4)) @ rng.normal(size=(4, 4))
+    block = Sweep([samples], np.ones(300), FLOOR).blocks[0]
+    axes, least = np.linalg.qr(rng.normal(size=(3, 4, 4)))[0], FLOOR * np.array([margin, 40.0, 90.0])
+    covariances = np.einsum("kij,kj,klj->kil", axes, least[:, None] * [1.0, 1.2, 3.0, 1e3], axes)
+    assert block._is_above_floor(block.to_white(np.zeros((3, 4)), covariances)) == (margin > 1.0)
+
+
 def test_fifty_iterations_stay_with_the_plain_ones():
     rng = np.random.default_rng(5)
     samples, weights = standardised(cases()["clusters"]), rng.random(700) + 0.1
