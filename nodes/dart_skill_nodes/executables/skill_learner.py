@@ -91,6 +91,7 @@ class SkillLearner(GuardedNode):
             self.get_logger().error(f"a demonstration is left out: {error}")
             return
         self._heard[one.id] = one
+        self._learning.expect(one)
 
     def _on_mark(self, mark: DemonstrationMark) -> None:
         self._marked.take(mark)

@@ -99,6 +99,9 @@ class Learning(Protocol):
     def demonstration(self, message: DemonstrationMsg) -> Any:
         """What is in a message; ValueError says why it is none."""
 
+    def expect(self, one: Any) -> None:
+        """A demonstration came, and a lesson will follow: what can be worked out now need not be waited for then."""
+
     def read(self, bag: str) -> Sequence[Any]:
         """Demonstrations of a bag; ValueError if there are none."""
 
@@ -156,6 +159,10 @@ class ThrowLearning:
 
     def demonstration(self, message: DemonstrationMsg) -> Demonstration:
         return self._own(conversions.demonstration(message))
+
+    def expect(self, one: Demonstration) -> None:
+        with suppress(ValueError):  # the lesson says why it is left out
+            prepare(one, self._chosen("")[0])
 
     def read(self, bag: str) -> list[Demonstration]:
         return [self._own(one) for one in read_demonstrations(bag)]
@@ -284,6 +291,9 @@ class TaskLearning:
 
     def demonstration(self, message: DemonstrationMsg) -> TaskDemonstration:
         return task_demonstration_from_message(message, self._skill)
+
+    def expect(self, one: TaskDemonstration) -> None:
+        """Nothing: a movement is cut when it is learned."""
 
     def read(self, bag: str) -> list[TaskDemonstration]:
         return read_task_demonstrations(bag, self._skill)

@@ -1,0 +1,46 @@
+"""What the skill learner learns from, without a graph: it needs the messages of ROS, but no node."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dart_skill.configuration import load_yaml
+from dart_skill.recording import read_demonstrations
+from dart_skill.skill.learn import _preparation
+from dart_skill.skill.protocol import load_skill
+from dart_skill_nodes.skills import learning
+from tests.paths import BAGS
+
+
+@pytest.fixture
+def throws():
+    parameters = load_yaml("skill_learner.yaml")["skill_learner"]["ros__parameters"]
+    return learning.ThrowLearning(load_skill("throw"), lambda: parameters, None)
+
+
+@pytest.fixture
+def prepared(monkeypatch):
+    """Ids of the demonstrations that are worked out, as it happens."""
+    ids, work = [], _preparation._prepare
+    monkeypatch.setattr(_preparation, "_prepare", lambda one, reading: ids.append(one.id) or work(one, reading))
+    return ids
+
+
+def test_a_demonstration_is_worked_out_as_it_comes_and_not_again_by_lessons(throws, prepared):
+    shown = read_demonstrations(BAGS / "demonstrations")[:4]
+    for one in shown[:3]:
+        throws.expect(one)
+    assert prepared == [one.id for one in shown[:3]]
+    assert throws.learn(shown[:3], "").demonstrations == 3
+    assert throws.finding(shown[0], "") and prepared == [one.id for one in shown[:3]]
+    throws.learn(shown, "")  # one more
+    assert prepared == [one.id for one in shown]
+
+
+def test_one_that_cannot_be_learned_from_is_left_to_the_lesson(throws):
+    shown = read_demonstrations(BAGS / "demonstrations")[:3]
+    blind = replace(shown[2], id="blind", ball_time=np.empty(0), ball_position=np.empty((0, 3)))
+    throws.expect(blind)
+    lesson = throws.learn([*shown, blind], "")
+    assert lesson.demonstrations == 3 and "blind" in lesson.left_out[0]
