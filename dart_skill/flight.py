@@ -106,10 +106,12 @@ class FlightFit:
         return flight(self.position, self.velocity, np.asarray(times, dtype=float) - self.time, self.ball)
 
     def state_at(self, time: float) -> np.ndarray:
-        """Position and velocity (2, 3) at one absolute time [s]."""
+        """Position and velocity (2, 3) at one absolute time [s]; ValueError for one that is not finite."""
         if time == self.time:
             return np.stack([self.position, self.velocity])
-        return np.concatenate(self.at(np.array([time])))
+        if not math.isfinite(time):
+            raise ValueError(f"time of a flight is {time}: it must be finite")
+        return np.stack(_integrate(self.position, self.velocity, np.float64(time - self.time), self.ball))
 
 
 def acceleration(velocity: np.ndarray, ball: Ball = TENNIS_BALL) -> np.ndarray:
@@ -297,10 +299,15 @@ def _states(position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.
 
 def _integrate(position: np.ndarray, velocity: np.ndarray, time: np.ndarray, ball: Ball) -> tuple[np.ndarray, np.ndarray]:
     """States (..., 3) over times (...), broadcast against each other: as many equal steps as the longest of them needs."""
-    fastest = math.sqrt(np.einsum("...i,...i->...", velocity, velocity).max(initial=0.0))
+    fastest = math.hypot(*velocity.ravel().tolist()) if velocity.size == 3 else math.sqrt(_squared(velocity).max(initial=0.0))
     longest_step = min(MAX_STEP, MAX_LOSS / max(ball.drag * fastest, 1e-12))
     n_steps = max(1, math.ceil(np.abs(time).max(initial=0.0) / longest_step))
     return _steps(position, velocity, time / n_steps, n_steps, ball)
+
+
+def _squared(vectors: np.ndarray) -> np.ndarray:
+    """Squares (...) of the lengths of vectors (..., 3)."""
+    return np.einsum("...i,...i->...", vectors, vectors)
 
 
 def _steps(position: np.ndarray, velocity: np.ndarray, step: np.ndarray, n_steps: int, ball: Ball) -> tuple[np.ndarray, np.ndarray]:
@@ -355,7 +362,7 @@ def _acceleration(velocity: np.ndarray, drag: float, gravity: float) -> np.ndarr
 
 def _steps_of_one(position: np.ndarray, velocity: np.ndarray, step: np.ndarray, n_steps: int, ball: Ball) -> tuple[np.ndarray, np.ndarray]:
     """The same, to the last bit, of one ball in plain numbers: a tenth of the time, since each call of NumPy takes as long as a step."""
-    shape = (*np.broadcast_shapes(velocity.shape[:-1], step.shape), 3)
+    shape = (*(1,) * max(velocity.ndim - 1, step.ndim), 3)
     p, v, h, drag, gravity = position.ravel().tolist(), velocity.ravel().tolist(), step.item(), -ball.drag, ball.gravity
     half, sixth = 0.5 * h, h / 6.0
 

@@ -162,21 +162,25 @@ class _RiskWindow:
 
     def __init__(self, basis: _QuinticBasis):
         values, vectors = scipy.linalg.eigh(_lower(basis.roughness), _lower(basis.gram), check_finite=False)
-        self._stamps = basis.stamps
+        self._trends = _quadratics(basis.stamps)
         self._project = (basis.design @ vectors).T
         self._kept = 1.0 / (1.0 + 10.0 ** LOG_PENALTIES[:, None] * np.maximum(values, 0.0))
 
     def risk(self, samples: np.ndarray) -> np.ndarray:
         """Residual sum of squares plus twice the trace of the smoother, up to constants: (n_penalties, d)."""
-        projected = self._project @ (samples - quadratic_trend(self._stamps, samples))
+        projected = self._project @ (samples - self._trends @ (self._trends.T @ samples))
         return np.square(1.0 - self._kept) @ np.square(projected) + 2.0 * self._kept.sum(axis=1)[:, None]
 
 
 def quadratic_trend(stamps: np.ndarray, samples: np.ndarray) -> np.ndarray:
     """Values (n, d) of the quadratic polynomials that fit samples (n, d) best; the penalty does not act on them."""
-    powers = np.polynomial.legendre.legvander(2.0 * (stamps - stamps[0]) / (stamps[-1] - stamps[0]) - 1.0, 2)
-    orthonormal = np.linalg.qr(powers)[0]
+    orthonormal = _quadratics(stamps)
     return orthonormal @ (orthonormal.T @ samples)
+
+
+def _quadratics(stamps: np.ndarray) -> np.ndarray:
+    """Orthonormal quadratic polynomials (n, 3) at stamps (n,)."""
+    return np.linalg.qr(np.polynomial.legendre.legvander(2.0 * (stamps - stamps[0]) / (stamps[-1] - stamps[0]) - 1.0, 2))[0]
 
 
 def _sum_of_squares(first: np.ndarray, rows: np.ndarray, n: int) -> np.ndarray:

@@ -67,6 +67,16 @@ class ArmModel:
         position, rotation = self.hand_pose(q)
         return HandState(position, rotation, self.jacobian(q) @ qd)
 
+    def hand_states(self, q: np.ndarray, qd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Position (k, 3), rotation (k, 3, 3) and velocity (k, 6) of the hand at angles q and speeds qd (k, 7), as of `hand_state`."""
+        position, rotation, velocity = np.empty((len(q), 3)), np.empty((len(q), 3, 3)), np.empty((len(q), 6))
+        for k in range(len(q)):
+            pin.framesForwardKinematics(self._model, self._data, q[k])
+            placement = self._data.oMf[self._hand]
+            position[k], rotation[k] = placement.translation, placement.rotation
+            velocity[k] = self.jacobian(q[k]) @ qd[k]
+        return position, rotation, velocity
+
     def jacobian(self, q: np.ndarray) -> np.ndarray:
         """Linear over angular velocity of the hand frame in world axes (6, 7)."""
         return pin.computeFrameJacobian(self._model, self._data, q, self._hand, pin.LOCAL_WORLD_ALIGNED)

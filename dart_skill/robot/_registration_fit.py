@@ -58,15 +58,9 @@ class Sightings:
 
         model: of the arm.
         """
-        states = [model.hand_state(*pair) for pair in zip(joints, speeds, strict=True)]
-        rotations = np.array([state.rotation for state in states]).reshape(-1, 3, 3)
-        return cls(
-            position,
-            quaternion,
-            np.array([state.position for state in states]).reshape(-1, 3),
-            Rotation.from_matrix(rotations).as_quat() if len(states) else np.empty((0, 4)),
-            np.array([state.velocity for state in states]).reshape(-1, 6),
-        )
+        place, rotation, velocity = model.hand_states(joints, speeds)
+        turn = Rotation.from_matrix(rotation).as_quat() if len(rotation) else np.empty((0, 4))
+        return cls(position, quaternion, place, turn, velocity)
 
     @classmethod
     def together(cls, parts: Sequence[Sightings]) -> Sightings:

@@ -139,6 +139,15 @@ def test_largest_static_torques_with_hand_and_ball_are_the_published_ones():
     assert torques[0] < 1e-9, "the base axis is vertical"
 
 
+def test_the_hand_at_several_instants_is_the_hand_at_each():
+    model, rng = ArmModel(), np.random.default_rng(4)
+    joints, speeds = rng.uniform(LOWER, UPPER, (5, 7)), rng.normal(size=(5, 7))
+    states = [model.hand_state(q, qd) for q, qd in zip(joints, speeds, strict=True)]
+    for name, found in zip(("position", "rotation", "velocity"), model.hand_states(joints, speeds), strict=True):
+        np.testing.assert_array_equal(found, [getattr(state, name) for state in states])
+    assert [part.shape for part in model.hand_states(joints[:0], speeds[:0])] == [(0, 3), (0, 3, 3), (0, 6)]
+
+
 def test_jacobian_is_the_derivative_of_the_hand_pose():
     model = ArmModel()
     for q, qd in zip(*postures(3, 15), strict=True):
