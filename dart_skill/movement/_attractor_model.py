@@ -58,10 +58,10 @@ class AttractorModel(MixtureModel):
         """Fit the mixture to features (n_i, m) of each demonstration."""
         if self.partition == "time":
             fitted = self._mixture.fit_in_time(samples, frames, weights, OVERLAP if self.overlap is None else self.overlap)
-        else:
+        elif self.overlap is None:
             fitted = self._mixture.fit(samples, frames, weights, rng=rng)
-            if self.overlap is not None:
-                fitted = fitted.fit_around(samples, frames, weights, self.overlap)
+        else:
+            fitted = self._mixture.fit_and_around(samples, frames, weights, self.overlap, rng=rng)
         self.mixture_, self.n_demonstrations_ = self._with_outputs(fitted), len(samples)
 
     def _with_outputs(self, mixture: TaskParameterisedMixture) -> TaskParameterisedMixture:

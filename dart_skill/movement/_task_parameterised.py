@@ -224,9 +224,11 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
         """EM on demonstrations (n_i, m) in the world with P frames each; weights per demonstration, per
         sample (a list of arrays), or None. ValueError if rng is missing where centres are drawn.
         """
+        return self._fit(*_with_weight(samples, frames, weights), rng)
+
+    def _fit(self, taught: TaskSamples, weights: np.ndarray, rng: np.random.Generator | None) -> TaskParameterisedMixture:
         if self.start == "kmeans" and rng is None:
             raise ValueError("start='kmeans' draws random centres: pass rng=numpy.random.default_rng(seed)")
-        taught, weights = _with_weight(samples, frames, weights)
         blocks = taught.blocks
         fitted = self._run(blocks, weights, self._starter(shared_time(blocks), rng), least_scales(taught, weights))
         self._set(fitted, taught.world.shape[1])
@@ -265,7 +267,25 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
         samples, frames, weights: as in `fit`. overlap: standard deviation of a component in time, in units of the share of all time that
         EM gave to it, its prior. So components that shared a time are not wide each.
         """
+        return self._fit_around(*_with_weight(samples, frames, weights), overlap)
+
+    def fit_and_around(
+        self,
+        samples: Samples,
+        frames: Frames,
+        weights: Weights = None,
+        overlap: float = 0.7,
+        *,
+        rng: np.random.Generator | None = None,
+    ) -> TaskParameterisedMixture:
+        """`fit`, and `fit_around` with an overlap, to the same samples, which are looked at once.
+
+        samples, frames, weights, overlap, rng: as of these two.
+        """
         taught, weights = _with_weight(samples, frames, weights)
+        return self._fit(taught, weights, rng)._fit_around(taught, weights, overlap)
+
+    def _fit_around(self, taught: TaskSamples, weights: np.ndarray, overlap: float) -> TaskParameterisedMixture:
         time = shared_time(taught.blocks)
         deviations = as_number(overlap, "overlap", 1e-3, strict=False) * self.priors_ * (time.max() - time.min())
         off = (time[:, None] - self.means_[0][:, 0]) / deviations  # time is the same in all frames
