@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from dart_skill.mixture import GaussianMixture, Parameters, maximisation
 from dart_skill.mixture._expectation_maximisation import Settings, _Run, expectation
-from dart_skill.mixture._sweep import KEPT, LARGEST_LOSS, LOSS_SHARE, SLICE, Sweep
+from dart_skill.mixture._sweep import KEPT, LARGEST_LOSS, LOSS_SHARE, SLICE, Sweep, _spans
 
 FLOOR = 1e-6
 
@@ -251,3 +251,20 @@ def test_a_peak_of_one_block_is_not_the_highest_of_a_sample_that_it_does_not_see
     parameters = maximisation(blocks, shares, FLOOR)
     found, expected = one_iteration(blocks, weights, parameters, "_by_products"), plain_iteration(blocks, weights, parameters)
     assert np.isfinite(found[0]).all() and largest_difference(found, expected) < 1e-8
+
+
+@pytest.mark.parametrize(("n", "most"), [(1, 4096), (10, 3), (1391, 1027), (4096, 4096), (4097, 4096), (5, 0)])
+def test_the_parts_of_the_samples_are_all_of_them_and_about_equal(n, most):
+    spans = _spans(n, most)
+    assert [i for span in spans for i in range(span.start, span.stop)] == list(range(n))
+    lengths = {span.stop - span.start for span in spans}
+    assert max(lengths) <= max(most, 1) and max(lengths) - min(lengths) <= 1
+
+
+def test_what_is_kept_is_gone_through_in_parts_with_the_same_result():
+    """Many columns: their products are too many for one part."""
+    rng = np.random.default_rng(8)
+    samples, weights = standardised(rng.normal(size=(2000, 12)) + rng.integers(0, 2, (2000, 1))), np.ones(2000)
+    parameters = maximisation([samples], responsibilities_of_neighbours(rng, samples, 3), FLOOR)
+    assert len(Sweep([samples], weights, FLOOR).spans) > 1
+    assert largest_difference(one_iteration([samples], weights, parameters), plain_iteration([samples], weights, parameters)) < 1e-10
