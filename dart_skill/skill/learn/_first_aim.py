@@ -11,6 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+LEAST_SPAN = 0.05
+"""Reaches that were shown within less [m] tell nothing of farther ones: the search begins at the target then, as without this."""
+
 
 @dataclass(frozen=True, eq=False)
 class FirstAim:
@@ -25,7 +28,7 @@ class FirstAim:
 
     @classmethod
     def of(cls, aims: np.ndarray, landings: np.ndarray) -> FirstAim | None:
-        """From reach and azimuth (3, 2) of aims and of where their throws come down; None unless farther aims lead farther."""
+        """From reach and azimuth (3, 2) of aims, in order, and of where their throws come down; None unless farther aims lead farther."""
         if not ((np.diff(aims[:, 0]) > 0.0).all() and (np.diff(landings[:, 0]) > 0.0).all()):
             return None
         powers = np.vander(landings[:, 0], 3)

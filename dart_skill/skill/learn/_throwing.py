@@ -45,7 +45,7 @@ from dart_skill.recording import Demonstration
 from dart_skill.robot import Gains, GainsOverTime, Pace, ThrowPlan, fit_registration
 from dart_skill.skill.learn._configuration import DEFAULT, SkillConfiguration
 from dart_skill.skill.learn._course import Course
-from dart_skill.skill.learn._first_aim import FirstAim
+from dart_skill.skill.learn._first_aim import LEAST_SPAN, FirstAim
 from dart_skill.skill.learn._preparation import PreparedThrow, prepare
 from dart_skill.skill.learn._release import certainly_within, farthest, hits_along, nearest_step, stretched_at, weights_at
 from dart_skill.skill.learn._task_frames import frames_for
@@ -339,6 +339,8 @@ class ThrowingSkill:
     def _told_first_aim(self, target: np.ndarray) -> FirstAim | None:
         shown = self._surface.coordinates(self._tasks)
         low, high = shown[:, 0].min(), shown[:, 0].max()
+        if high - low < LEAST_SPAN:
+            return None
         aims = np.array([[reach, np.median(shown[:, 1])] for reach in (low, 0.5 * (low + high), high)])
         try:
             landings = [self._throw_for(self._surface.point(aim, target)).landing for aim in aims]

@@ -77,6 +77,13 @@ def test_without_it_the_search_begins_at_the_target(demonstrations, monkeypatch)
     assert local._first_aim(target) is None
 
 
+def test_demonstrations_at_one_place_tell_no_first_aim(demonstrations, throws_tried):
+    """And no throw is worked out for it."""
+    one = demonstrations[0]
+    skill = learn([one, replace(one, id="another", hand_position=one.hand_position + 1e-6)])
+    assert skill._first_aim(one.target) is None and not throws_tried
+
+
 def test_a_first_aim_that_has_no_throw_is_left_for_the_target(demonstrations, monkeypatch):
     skill = learn(demonstrations)
     first, work, refused = [], ThrowingSkill._attempt, []
