@@ -201,7 +201,7 @@ class DemonstrationRecorder(BagKeeper):
         sensors = [self._newest.get(topic, 0) for topic in (JOINT_STATES, *self._role_of)]
         for throw in self._finder.until(self._arrivals.until(sensors, time.monotonic())):
             if throw.shows:
-                self._keep(throw.demonstration, watched_until(throw.stamp_ns))
+                self._keep(throw.demonstration, self._observer.message(throw.demonstration), watched_until(throw.stamp_ns))
             else:
                 why = throw.reason or ("it missed the basket" if throw.taught else "the arm threw by itself")
                 self.get_logger().info(f"the throw at {throw.stamp_ns} ns is no demonstration: {why}")
@@ -327,14 +327,14 @@ class DemonstrationRecorder(BagKeeper):
         if self._bag.failure:
             response.success, response.message = False, f"{NOT_RECORDED}: {self._bag.failure}"
         elif request.keep:
-            response.message = self._keep(one, self._up_to)
+            response.message = self._keep(one, response.demonstration, self._up_to)
             response.readable = not response.message
         return response
 
-    def _keep(self, one: Demonstration | TaskDemonstration, until: int) -> str:
+    def _keep(self, one: Demonstration | TaskDemonstration, message: DemonstrationMsg, until: int) -> str:
         """Publish a demonstration that was watched up to a stamp, and put it into the bag; why it cannot be learned from, if so."""
         self._count += 1
-        self._demonstrations.publish(self._observer.message(one))
+        self._demonstrations.publish(message)
         if DEMONSTRATIONS in self._topics:
             # Not by serialize_message: Fast DDS's size estimate leaves stray bytes behind empty sequences.
             types = types_for(DEMONSTRATION_TYPE)
