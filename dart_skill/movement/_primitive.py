@@ -26,8 +26,6 @@ from dart_skill.movement._time import as_stamps
 MIN_SHARE = 1e-9
 # Steps whose drive is worked out at once, which takes hardly longer than that of one.
 AHEAD = 64
-# Change of a pace that is the wanted one.
-STEADY = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,11 +98,11 @@ class PrimitiveState:
 
 
 class Clock(NamedTuple):
-    """Progress since a state, the pace at that time, and its change per second: numbers, or columns (n, 1)."""
+    """Progress since a state, the pace at that time, and its change per second: numbers, or columns (n, 1); no change: None."""
 
     made: float | np.ndarray
     pace: float | np.ndarray
-    change: float | np.ndarray
+    change: float | np.ndarray | None
 
 
 AnyPrimitive = TypeVar("AnyPrimitive", bound="Primitive")
@@ -263,7 +261,7 @@ class Primitive(SavedModel):
         """Progress and pace after so many seconds: the pace approaches a share of the wanted one."""
         wanted, rate = share / state.wanted.duration, self._frequency / state.wanted.duration
         if state.pace == wanted:
-            return Clock(wanted * elapsed, wanted, STEADY)
+            return Clock(wanted * elapsed, wanted, None)
         excess = (state.pace - wanted) * _exp(-rate * elapsed)
         return Clock(wanted * elapsed + (state.pace - wanted - excess) / rate, wanted + excess, -rate * excess)
 
@@ -351,7 +349,7 @@ class Primitive(SavedModel):
 def _timed(clock: Clock, position: np.ndarray, slope: np.ndarray, curvature: np.ndarray) -> Motion:
     """Motion in seconds from a path and its derivatives by progress."""
     acceleration = clock.pace**2 * curvature
-    return Motion(position, clock.pace * slope, acceleration if clock.change is STEADY else acceleration + clock.change * slope)
+    return Motion(position, clock.pace * slope, acceleration if clock.change is None else acceleration + clock.change * slope)
 
 
 def _settled(state: PrimitiveState) -> bool:

@@ -71,9 +71,7 @@ class ArmModel:
         """Position (k, 3), rotation (k, 3, 3) and velocity (k, 6) of the hand at angles q and speeds qd (k, 7), as of `hand_state`."""
         position, rotation, velocity = np.empty((len(q), 3)), np.empty((len(q), 3, 3)), np.empty((len(q), 6))
         for k in range(len(q)):
-            pin.framesForwardKinematics(self._model, self._data, q[k])
-            placement = self._data.oMf[self._hand]
-            position[k], rotation[k] = placement.translation, placement.rotation
+            position[k], rotation[k] = self.hand_pose(q[k])
             velocity[k] = self.jacobian(q[k]) @ qd[k]
         return position, rotation, velocity
 

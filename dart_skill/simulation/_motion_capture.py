@@ -381,7 +381,7 @@ class _View:
         ray = points[:, :, None] - self.position  # (f, n, cameras, 3)
         distance = np.sqrt(np.einsum("fnci,fnci->fnc", ray, ray))
         inside = (points @ self.sides).reshape(*points.shape[:2], 4, -1) >= self.behind_sides
-        seen = inside.all(axis=2) & (distance <= self.range)
+        seen = inside.all(axis=2) & (distance > 0.0) & (distance <= self.range)
         # A line of sight ends `clearance` before the body, so that neither its holder nor itself hides it.
         shorten = np.maximum(0.0, 1.0 - self.clearance / np.maximum(distance, 1e-9))
         seen &= ~_hidden_by_capsules(self.position, shorten[..., None] * ray, ends, radii)

@@ -10,6 +10,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Int32
 
 from dart_skill_nodes.comms.in_process import SLICE, exchanging, kept_for, spin_once
+from dart_skill_nodes.comms.qos import WALL
 from dart_skill_nodes.comms.raw_batches import never_called, taken, unspun_node
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.node_base import make_executor
@@ -204,6 +205,20 @@ def test_a_subscription_that_is_gone_is_called_no_more(process):
     publisher.publish(Int32())
     spin_once(process.executor, process.exchange, 0.0)
     assert not heard
+
+
+def test_a_turn_calls_all_that_is_ready(process):
+    """One callback a turn made a service wait for as many slices as timers and services were ready before it."""
+    ping = process.speaker.create_publisher(Int32, "ping", RELIABLE)
+    process.speaker.create_subscription(Int32, "ping", ping.publish, RELIABLE)  # answers itself for ever: turns last a slice
+    process.until(lambda: ping.get_subscription_count() == 1, "a subscription that is discovered")
+    ticks = []
+    timers = [process.listener.create_timer(0.01, lambda: ticks.append(process.exchange.turns), clock=WALL) for _ in range(5)]
+    ping.publish(Int32())
+    process.until(lambda: len(ticks) >= 50, "ticks of five timers")
+    for timer in timers:
+        process.listener.destroy_timer(timer)
+    assert max(ticks.count(turn) for turn in set(ticks)) == 5
 
 
 def test_two_who_answer_each_other_for_ever_hold_up_nobody(process):

@@ -12,6 +12,7 @@ from dart_skill_msgs.action import Execute
 from dart_skill_msgs.msg import SimulationState, WamCommand
 from dart_skill_msgs.srv import Learn, PlaceBody, Reset
 from rclpy.action import ActionClient
+from rclpy.action.client import ClientGoalHandle
 from std_srvs.srv import SetBool, Trigger
 
 from dart_skill.configuration import load_yaml
@@ -176,6 +177,14 @@ def test_throws_that_cannot_be_are_refused_with_a_reason(client):
     assert far.code == 2 and "6.00 m" in far.message
     behind = client.throw(np.array([-2.0, 0.1, 0.4]))
     assert behind.code == 2 and "degrees" in behind.message
+
+
+def test_the_result_of_a_throw_is_asked_for_once(client, monkeypatch):
+    """It holds the whole plan: to send, and to decode, it takes as long as to plan."""
+    asked, ask = [], ClientGoalHandle.get_result_async
+    monkeypatch.setattr(ClientGoalHandle, "get_result_async", lambda handle: asked.append(handle) or ask(handle))
+    assert client.throw(np.array([6.0, 0.0, 0.4])).code == 2
+    assert len(asked) == 1
 
 
 def test_a_goal_in_a_world_that_somebody_holds_says_what_lets_it_run(client):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dart_skill.movement import TaskFrame, azimuth_of, base_frame, pointing_at, start_frame, target_frame, turn_matrix
+from dart_skill.movement import TaskFrame, azimuth_frame, azimuth_of, base_frame, pointing_at, start_frame, target_frame
 from dart_skill.skill.learn._configuration import SkillConfiguration
 
 
@@ -25,12 +25,12 @@ def frames_for(task: np.ndarray, start: np.ndarray, configuration: SkillConfigur
 
 def _turned_frames(task: np.ndarray, configuration: SkillConfiguration) -> list[TaskFrame]:
     """`azimuth_frame` and, if the configuration has it, `azimuth_target_frame` of a task (3,), which have the same axes."""
-    first = 1 + configuration.distance_input
-    axes, origin = np.eye(first + 5), np.zeros(first + 5)
-    axes[first : first + 3, first : first + 3] = turn_matrix(azimuth_of(task))
-    base = TaskFrame(axes, origin)
+    base = azimuth_frame(azimuth_of(task))
+    if configuration.distance_input:
+        base = _with_distance(base)
     if configuration.frames == "azimuth":
         return [base]
+    origin, first = np.zeros(base.n_dims), 1 + configuration.distance_input
     origin[first : first + 3] = task
     return [base, base.at(origin)]
 

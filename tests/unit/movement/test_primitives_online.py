@@ -81,6 +81,11 @@ def test_what_is_worked_out_ahead_changes_nothing(primitive, cyclic):
     assert ahead > 100, "steps were worked out ahead"
 
 
+def test_a_state_that_was_set_elsewhere_in_the_movement_goes_on_from_there(primitive):
+    state = replace(execute(primitive, primitive.begin(), 0.2)[-1], progress=0.6)
+    np.testing.assert_array_equal(primitive.step(state, STEP).acceleration, primitive.step(replace(state, ahead=None), STEP).acceleration)
+
+
 def test_a_state_goes_on_with_another_primitive(primitive):
     """What one has worked out ahead is not taken for the other's."""
     other = primitive.with_parameters(1.1 * primitive.parameters)

@@ -50,6 +50,7 @@ def test_field_of_view_is_a_pyramid_with_the_given_half_angles_and_range():
     system = MotionCapture(MotionCaptureConfig((camera,), min_cameras=1), seed=0)
     wide, tall = np.tan(np.deg2rad(30)), np.tan(np.deg2rad(20))
     expected = {
+        (0.0, 0.0, 0.0): 0,
         (3.0, 0.99 * wide, 0.0): 1,
         (3.0, 1.01 * wide, 0.0): 0,
         (3.0, -0.99 * wide, 0.99 * tall): 1,
