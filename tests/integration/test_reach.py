@@ -16,7 +16,7 @@ from dart_skill.robot import Command
 from dart_skill.session import learn_skill_from_bag
 from dart_skill.simulation import Holder
 from dart_skill.skill.model import Policy
-from dart_skill.skill.protocol import Pose, Situation, load_skill
+from dart_skill.skill.protocol import Pose, Situation, load_skill, read_task_demonstrations
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.arm_commands import CommandWriter
 from dart_skill_nodes.comms.qos import COMPLETE, LOOP
@@ -182,3 +182,9 @@ def test_the_bag_teaches_the_same_without_nodes(graph, reach):
     graph.stop()  # closes the bag; the last test that needs the nodes
     learned, left_out = learn_skill_from_bag(graph.bag, reach)
     assert learned.model_id == graph.learned.model_id and not left_out
+
+
+def test_no_demonstration_begins_in_the_world_before(graph, reach):
+    """The teacher sets the world anew as soon as the recorder listens, and the last poses of the old one come after that."""
+    for one in read_task_demonstrations(graph.bag, reach):
+        assert max(np.diff(one.hand_time).max(), np.diff(one.track("cup").time).max()) < 0.1, one.id

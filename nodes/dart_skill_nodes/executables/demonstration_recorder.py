@@ -225,10 +225,12 @@ class DemonstrationRecorder(BagKeeper):
             response.success, response.message = False, f"nothing has come on {silent} yet: is the node running that publishes it?"
             return response
         self._take()
-        if fault := self._tracked.hidden("hand") or ("" if self._arm_state() is not None else self._fault):
+        state = self._arm_state()
+        if fault := self._tracked.hidden("hand") or ("" if state is not None else self._fault):
             response.success, response.message = False, fault
             return response
         self._tracked.clear()
+        self._tracked.log.add_joints(state.stamp_ns, state.position, state.velocity)  # of this world, in case it is set anew at once
         self._newest.clear()
         self._heard.clear()
         self._recording, self._up_to = True, 0
