@@ -1,5 +1,6 @@
 # make demo    teach, learn, and throw at ten baskets       make demo ARGS="--seed 3 --output /somewhere"
-# make test    every test
+# make test    the tests, but for some that take long
+# make test-all  every test
 # make setup   only the environment and the build           make setup PYTHON=python3.12
 # make docs    the documentation as a website in build/docs; a broken link is an error
 # make linkcheck  do the links to other sites still lead somewhere? needs the internet
@@ -10,7 +11,7 @@
 
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
-.PHONY: demo test setup docs linkcheck benchmark lock clean
+.PHONY: demo test test-all setup docs linkcheck benchmark lock clean
 .DEFAULT_GOAL := demo
 
 # A robot does not announce itself to the building until its user says so.
@@ -31,10 +32,18 @@ demo: setup
 TESTS := tests/integration tests/foreign_arm tests/reference tests/unit
 
 # Types are checked beside the tests, for mypy uses one core only; what it says comes at the end.
-test: setup
+define run_tests
 	@$(ENV) && python3 -m ruff check .
-	@$(ENV) && { python3 -m mypy > build/types.txt 2>&1 & } && { python3 -m pytest $(TESTS) -n 3 --dist loadfile --no-loadscope-reorder || \
-	  { [ $$? = 1 ] && python3 tools/try_again.py; }; } && wait $$! && tail -n 1 build/types.txt || { cat build/types.txt; exit 1; }
+	@$(ENV) && { python3 -m mypy > build/types.txt 2>&1 & } && { python3 -m pytest $(TESTS) $(1) -n 3 --dist loadfile --no-loadscope-reorder || \
+	  { [ $$? = 1 ] && python3 tools/try_again.py $(1); }; } && wait $$! && tail -n 1 build/types.txt || { cat build/types.txt; exit 1; }
+endef
+
+# Three tests in a hundred take more than half of the time; each goes a long way where another goes a short one (docs/development.md).
+test: setup
+	$(call run_tests,-m "not slow")
+
+test-all: setup
+	$(call run_tests)
 
 # The set-up script runs on any Python from 3.8 on, and looks for the best one itself.
 setup:

@@ -15,6 +15,7 @@ from tests.foreign_arm import published  # noqa: E402
 from tests.foreign_arm.outsider import basket_at, running  # noqa: E402
 from tests.foreign_arm.session import LESSONS, TARGETS, rim, session, teach  # noqa: E402
 
+pytestmark = pytest.mark.slow
 HAND_DELAY_MS = 45.0
 TOO_FAR = rim(3.0, 0.2)
 

@@ -22,6 +22,7 @@ def late_share(outsider):
     return late
 
 
+@pytest.mark.slow
 def test_in_real_time_three_throws_are_guided_and_one_goes_into_a_basket(tmp_path):
     """A busy machine makes the plant's clock stand still now and then: the arm then has up to three throws."""
     with session(tmp_path, seed=1, lockstep=False) as outsider:

@@ -166,7 +166,7 @@ def without_nodes(recorded_session):
     return learn_from_bag(recorded_session[0])
 
 
-@pytest.mark.parametrize("rate", [5.0, 0.0])
+@pytest.mark.parametrize("rate", [pytest.param(5.0, marks=pytest.mark.slow), 0.0])
 def test_a_bag_teaches_through_the_nodes_what_it_teaches_without(make_graph, recorded_session, without_nodes, tmp_path, rate):
     """From raw poses to a model, at any rate: to the last bit."""
     (bag, taught, _), (expected, report) = recorded_session, without_nodes
@@ -273,6 +273,7 @@ def start_arm(graph, folder):
     graph.start("composed", {"bag": str(folder / "throws"), "rest_after": 0.0})
 
 
+@pytest.mark.slow
 def test_a_recorder_that_is_killed_loses_at_most_the_last_second(make_graph, tmp_path):
     graph, client = make_graph(None)
     start_arm(graph, tmp_path)

@@ -128,6 +128,7 @@ def test_the_registration_of_loose_cameras_is_found_and_written(led, tmp_path):
     assert np.linalg.norm(np.subtract(found.hand_shift, truth._offsets[0])) < 1.5e-3
 
 
+@pytest.mark.slow
 def test_a_second_publisher_is_no_go_and_the_table_says_so(led, tmp_path):
     client, *_ = led
     second = client.node.create_publisher(JointState, "/joint_states", LOOP)
@@ -165,6 +166,7 @@ def far_and_firm():
     return RegistrationFit(registration, np.full(13, 1e-6), 0.0, 0.0, 0.0, 0.0, 10, 1.0, 1.0)
 
 
+@pytest.mark.slow
 def test_it_listens_until_so_many_postures_were_shown(led, tmp_path):
     client, leader, _ = led
     leader.swing = 0.0

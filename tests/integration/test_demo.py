@@ -75,6 +75,7 @@ def test_the_report_tells_of_this_run(small_demo):
     assert page.count("<svg") == 2 * len(PICTURES), "each for a broad and for a narrow screen"
 
 
+@pytest.mark.slow
 def test_in_process_the_arm_throws_the_same_throws_to_the_last_bit(small_demo, without_ros):
     over_nodes, alone = (json.loads(done.stdout) for done, _ in (small_demo, without_ros))
     for field in ("throws", "trials", "attempts", "in", "median_error_m"):

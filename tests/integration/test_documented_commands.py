@@ -38,7 +38,7 @@ PATIENCE = 180.0
 class Run:
     """Run it. with_: options that replace those of the same name, or are added. says: regular expression that its output matches, on
     stdout or stderr. leaves: pattern of a file that is there afterwards. then: what is typed next. until: it stays until Ctrl-C, and says
-    this when it is ready.
+    this when it is ready. slow: `make test` leaves it out.
     """
 
     with_: str = ""
@@ -46,6 +46,7 @@ class Run:
     leaves: str = ""
     then: str = ""
     until: str = ""
+    slow: bool = False
 
 
 @dataclass(frozen=True)
@@ -121,6 +122,7 @@ TYPED = {
     "make demo": MAKE,
     'make demo ARGS="--seed 3 --throws 20 --output my_run"': MAKE,
     "make test": MAKE,
+    "make test-all": MAKE,
     "make lock": MAKE,
     "python3 -m mypy": TESTS,
     "python3 -m pytest tests/unit/repository/test_imports.py": TESTS,
@@ -209,7 +211,9 @@ TYPED = {
     "dart-skill demo --skill place": SKILLS,
     "dart-skill demo --skill place --trials 5": SKILLS,
     "dart-skill demo --skill beside": SKILLS,
-    "dart-skill demo --skill darts": Run("--demonstrations 2 --throws 2", says="seed 0, practice of the graph", leaves="**/report.html"),
+    "dart-skill demo --skill darts": Run(
+        "--demonstrations 2 --throws 2", says="seed 0, practice of the graph", leaves="**/report.html", slow=True
+    ),
     "dart-skill up --skill darts --viewer": Elsewhere(
         "integration/test_viewer_skills.py::test_a_skill_is_taught_learned_and_executed_from_the_page"
     ),
@@ -319,14 +323,16 @@ TYPED = {
     "dart-skill learn demonstrations_csv --mapping demonstrations_csv/mapping.yaml": Elsewhere(
         "unit/recording/test_tables.py::test_the_tables_teach_the_same_skill_to_the_last_bit"
     ),
-    "python3 benchmarks/power.py --gradients": Run("--seeds 1", says="natural actor-critic, normalised 0.3"),
-    "python3 benchmarks/few_samples.py --sets 200": Run("--sets 2", says="15 x 8"),
+    "python3 benchmarks/power.py --gradients": Run("--seeds 1", says="natural actor-critic, normalised 0.3", slow=True),
+    "python3 benchmarks/few_samples.py --sets 200": Run("--sets 2", says="15 x 8", slow=True),
     "python3 benchmarks/mixtures.py --pbdlib ~/pbdlib-python": NETWORK,
-    "python3 benchmarks/growth.py --picture growth.svg": Run("--largest 5 --seconds 0.01", says="30 dimensions", leaves="growth.svg"),
-    "python3 benchmarks/graph/loop.py": Run("--seconds 1 --layouts composed", says="composed"),
+    "python3 benchmarks/growth.py --picture growth.svg": Run(
+        "--largest 5 --seconds 0.01", says="30 dimensions", leaves="growth.svg", slow=True
+    ),
+    "python3 benchmarks/graph/loop.py": Run("--seconds 1 --layouts composed", says="composed", slow=True),
     "python3 benchmarks/skill/lessons.py": Run("--repeats 1 --rows plan", says="plan of a throw"),
     "python3 benchmarks/recording.py": Run("--messages 1000 --repeats 1", says="dart_skill"),
-    "python3 benchmarks/graph/recorder.py --seconds 60": Run("--seconds 1", says="messages in 1 s"),
+    "python3 benchmarks/graph/recorder.py --seconds 60": Run("--seconds 1", says="messages in 1 s", slow=True),
     # Rerun
     "dart-skill view --install bags/throws": NETWORK,
     "dart-skill view bags/throws": VIEW,
@@ -350,7 +356,7 @@ TYPED = {
     "dart-skill darts aim --from 5 --to 60": Run(says="sigma = .* mm: from T20 "),
     "dart-skill darts heatmap --sigma 28.3": Run(says="best aim: ", leaves="figures/*.svg"),
     "dart-skill darts 501 --sigma 20": Run(says="turns on average from 501"),
-    "dart-skill darts match --sigma 12 --against 15": Run("--start 60", says="you win .* % if you begin"),
+    "dart-skill darts match --sigma 12 --against 15": Run("--start 60", says="you win .* % if you begin", slow=True),
     "dart-skill darts match --sigma 12 --against 15 --legs 11": OtherNumbers("dart-skill darts match --sigma 12 --against 15"),
     "dart-skill darts search --methods mixture,power,cem,cma,niches,sharpening --schedules thesis,extended --results runs.jsonl": Run(
         "--methods power --seeds 1", says="power", leaves="runs.jsonl"
@@ -359,7 +365,7 @@ TYPED = {
         "--methods enac --schedules thesis --seeds 1", says="enac", leaves="runs.jsonl"
     ),
     "dart-skill darts search --methods mixture_automatic --schedules thesis,extended --results runs.jsonl": Run(
-        "--schedules thesis --seeds 1", says="mixture_automatic", leaves="runs.jsonl"
+        "--schedules thesis --seeds 1", says="mixture_automatic", leaves="runs.jsonl", slow=True
     ),
     "dart-skill darts search --methods mixture_automatic_free,mixture_automatic_tenth --results runs.jsonl": Elsewhere(
         "unit/experiments/test_dart_search.py::test_every_method_runs_and_regret_is_never_negative"
@@ -394,30 +400,36 @@ TYPED = {
     "dart-skill experiment faults --list": Run(says="kill_commander_swing"),
     "dart-skill experiment faults --case kill_commander_swing": FAULTS,
     "dart-skill experiment faults --page docs/faults.md": FAULTS,
-    "dart-skill experiment place --jobs 2": Run("--seeds 1 --parts 1 --demonstrations 3", says="of 1 parts are in their holders"),
+    "dart-skill experiment place --jobs 2": Run(
+        "--seeds 1 --parts 1 --demonstrations 3", says="of 1 parts are in their holders", slow=True
+    ),
     "dart-skill experiment place --jobs 2 --partition em": Run(
-        "--seeds 1 --parts 1 --demonstrations 3", says="of 1 parts are in their holders"
+        "--seeds 1 --parts 1 --demonstrations 3", says="of 1 parts are in their holders", slow=True
     ),
     "dart-skill experiment reach --jobs 2 --cups 6 --held 1 --partition em": Run(
-        "--seeds 1 --cups 1 --demonstrations 3 --held 1", says="the phase goes on by"
+        "--seeds 1 --cups 1 --demonstrations 3 --held 1", says="the phase goes on by", slow=True
     ),
-    "dart-skill experiment place --jobs 2 --arm fleet": Run("--seeds 1 --parts 1 --demonstrations 3", says="of 1 parts"),
-    "dart-skill experiment reach --jobs 2": Run("--seeds 1 --cups 1 --demonstrations 3 --held 1", says="the phase goes on by"),
+    "dart-skill experiment place --jobs 2 --arm fleet": Run("--seeds 1 --parts 1 --demonstrations 3", says="of 1 parts", slow=True),
+    "dart-skill experiment reach --jobs 2": Run("--seeds 1 --cups 1 --demonstrations 3 --held 1", says="the phase goes on by", slow=True),
     "dart-skill experiment place --jobs 2 --demonstrations 3 --seeds 4": OtherNumbers("dart-skill experiment place --jobs 2"),
     "dart-skill experiment place --jobs 2 --demonstrations 5 --seeds 4": OtherNumbers("dart-skill experiment place --jobs 2"),
     "dart-skill experiment reach --jobs 2 --demonstrations 3": OtherNumbers("dart-skill experiment reach --jobs 2"),
-    "dart-skill experiment reach --jobs 2 --arm fleet": Run("--seeds 1 --cups 1 --demonstrations 3 --held 0", says=r"of 1 "),
+    "dart-skill experiment reach --jobs 2 --arm fleet": Run("--seeds 1 --cups 1 --demonstrations 3 --held 0", says=r"of 1 ", slow=True),
     "dart-skill experiment real_data --data FOLDER --pbdlib ~/pbdlib-python": NETWORK,
     "dart-skill experiment real_data --data FOLDER --jobs 2": Elsewhere(
         "unit/experiments/test_real_data.py::test_the_command_prints_a_table_of_what_is_there"
     ),
-    "dart-skill experiment compliance --configuration intervals": Run("--seeds 1 --throws 1 --demonstrations 4", says="50 to 800 +1 "),
-    "dart-skill experiment repeatability --throws 50 --configuration intervals": Run("--throws 1 --demonstrations 3", says="1.60 +1 "),
+    "dart-skill experiment compliance --configuration intervals": Run(
+        "--seeds 1 --throws 1 --demonstrations 4", says="50 to 800 +1 ", slow=True
+    ),
+    "dart-skill experiment repeatability --throws 50 --configuration intervals": Run(
+        "--throws 1 --demonstrations 3", says="1.60 +1 ", slow=True
+    ),
     "dart-skill experiment basket --models intervals,autonomous,weighted,thesis,thesis_local,shown_release --figure figures": Run(
-        "--models thesis --seeds 1 --throws 1 --demonstrations 3", says="thesis", leaves="figures/*.svg"
+        "--models thesis --seeds 1 --throws 1 --demonstrations 3", says="thesis", leaves="figures/*.svg", slow=True
     ),
     "dart-skill experiment basket --seeds 20 --jobs 8 --results basket.jsonl": Run(
-        "--seeds 1 --throws 1 --demonstrations 3", says="default", leaves="basket.jsonl"
+        "--seeds 1 --throws 1 --demonstrations 3", says="default", leaves="basket.jsonl", slow=True
     ),
     "dart-skill experiment basket --scheduler tcp://HOST:8786": CLUSTER,
     "dart-skill experiment practice --seeds 20 --scheduler tcp://192.168.10.1:8786 --results practice.jsonl": CLUSTER,
@@ -442,7 +454,7 @@ TYPED = {
         "unit/experiments/test_practice.py::test_the_command_prints_the_table_and_draws_a_figure_per_change"
     ),
     "dart-skill experiment darts --seed 0 --throws 300 --output figures --configuration intervals": Run(
-        "--throws 2 --demonstrations 3", says="throws +across", leaves="figures/*.svg"
+        "--throws 2 --demonstrations 3", says="throws +across", leaves="figures/*.svg", slow=True
     ),
     "dart-skill experiment landscapes --results landscapes.jsonl": Run(
         "--landscapes vanishing_peak --methods power --seeds 1", says="power", leaves="landscapes.jsonl"
@@ -532,7 +544,9 @@ def of_kind(kind) -> list:
     """Parameters of a test for what is run in a certain way, in the order of the pages; each command once."""
     first = {command: page for page in reversed(DOCUMENTED) for command in DOCUMENTED[page]}
     return [
-        pytest.param(page, command, id=f"{page}: {command}"[:90])
+        pytest.param(
+            page, command, id=f"{page}: {command}"[:90], marks=[pytest.mark.slow] if getattr(TYPED[command], "slow", False) else []
+        )
         for page in DOCUMENTED
         for command in DOCUMENTED[page]
         if first[command] == page and isinstance(TYPED.get(command), kind)

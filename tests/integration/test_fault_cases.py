@@ -28,6 +28,16 @@ CHEAP = (
     "corrupt_command_swing",
     "lose_command_swing",
 )
+SLOW = {
+    "freeze_commander_lesson",
+    "full_disk_demonstration_recorder_practice",
+    "attack_guided_reset_lesson",
+    "duplicate_command_swing",
+    "corrupt_command_swing",
+    "hold_up_commander_swing",
+    "lose_command_swing",
+    "attack_reversed_states_swing",
+}
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +51,7 @@ def bench(ros, tmp_path_factory):
     RUNNING.remove(folder)
 
 
-@pytest.mark.parametrize("name", CHEAP)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in CHEAP])
 def test_the_client_is_told_the_arm_rests_and_all_works_again(bench, name):
     (case,) = named(name)
     reaction = bench.run(case)

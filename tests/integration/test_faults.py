@@ -43,6 +43,7 @@ def test_a_recorder_that_hears_nothing_does_not_start(make_graph, tmp_path):
         client.call(start, Trigger.Request())
 
 
+@pytest.mark.slow
 def test_a_recorder_that_is_held_up_loses_nothing(make_graph, tmp_path):
     """Whoever must not miss a message needs publishers that keep more than the newest ten until it has them, poses too."""
     graph, client = make_graph(None)

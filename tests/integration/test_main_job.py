@@ -95,6 +95,7 @@ def test_the_graph_over_dds_is_the_session_in_process_bit_for_bit(over_dds, in_p
     np.testing.assert_array_equal(landings, in_process["landings"])
 
 
+@pytest.mark.slow
 def test_a_busy_machine_changes_no_bit(make_graph, in_process):
     busy = subprocess.Popen([sys.executable, "-c", "while True: sum(range(10**6))"])
     try:

@@ -112,6 +112,7 @@ def _typed(*words):
     return done.stdout + done.stderr
 
 
+@pytest.mark.slow
 def test_what_one_types_concerns_one_arm(arms):
     _typed("teach", "--namespace", ARMS[0], "--count", "1")
     SHOWN_TO[ARMS[0]] += 1

@@ -31,6 +31,7 @@ def graph(ros, tmp_path_factory):
         yield running
 
 
+@pytest.mark.slow
 def test_what_any_client_shows_by_poses_on_a_topic_is_learned_and_executed(graph):
     skill, rng = load_skill("place"), np.random.default_rng(5)
     for _ in range(SHOWN):
@@ -57,6 +58,7 @@ def url(graph):
     return re.search(r"http://\S+", log.read_text()).group()
 
 
+@pytest.mark.slow
 def test_on_the_page_it_is_shown_with_the_mouse_undone_learned_and_executed(graph, url):
     skill, client = load_skill("place"), graph.client
     with PageClient(url, origin=url) as page:
@@ -91,6 +93,7 @@ def test_on_the_page_it_is_shown_with_the_mouse_undone_learned_and_executed(grap
         until(lambda: page.says("mm off"), "what came of it", 120.0)
 
 
+@pytest.mark.slow
 @needs_chromium
 def test_in_a_browser_the_hand_is_pulled_with_the_mouse_and_told_with_keys(graph, url, tmp_path):
     """Up as the screen shows it, with Shift over the ground, and turned; the page looks at it from above, too."""

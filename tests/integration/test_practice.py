@@ -93,6 +93,7 @@ def test_landings_and_what_was_learned_are_those_of_the_session_to_the_last_bit(
         np.testing.assert_array_equal(getattr(plan, part), getattr(in_process["plan"], part), part)
 
 
+@pytest.mark.slow
 def test_power_explores_and_learns_over_the_nodes_as_in_process_and_its_model_goes_on(make_graph, tmp_path):
     """Five throws as they are planned, then two with which PoWER tries something else; a test between them teaches nothing."""
     shown, targets = targets_for(SEED, 2, 7)
@@ -127,6 +128,7 @@ def test_power_explores_and_learns_over_the_nodes_as_in_process_and_its_model_go
     assert json.dumps(loaded.search.state()) == json.dumps(skill.search.state())
 
 
+@pytest.mark.slow
 def test_the_practice_command_changes_the_arm_on_the_way_and_reports_every_throw(tmp_path):
     command = [
         "dart-skill",

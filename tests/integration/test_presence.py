@@ -70,6 +70,7 @@ def wait_until_gone(presence):
         time.sleep(0.05)
 
 
+@pytest.mark.slow
 def test_a_process_that_is_busy_is_there_and_one_that_is_killed_or_frozen_is_not(node, start):
     process = start()
     there = come(node)
@@ -88,6 +89,7 @@ def test_a_process_that_is_busy_is_there_and_one_that_is_killed_or_frozen_is_not
     wait_until_gone(new)
 
 
+@pytest.mark.slow
 def test_it_is_known_since_when_a_process_is_frozen_whoever_is_looked_at(node, start):
     """Who asks for it later does not wait for a lease that begins only then."""
     process, other = start(name="frozen"), rclpy.create_node("other")

@@ -45,16 +45,24 @@ def taught(make, reach, layout):
 
 
 @pytest.fixture(scope="module")
-def processes(ros, tmp_path_factory, reach):
-    """With a process for each node, of which one can be ended alone."""
-    with graphs(tmp_path_factory.mktemp("processes")) as make:
-        yield taught(make, reach, "processes")
+def running():
+    """The graphs of this file by their layout."""
+    return {}
 
 
 @pytest.fixture(scope="module")
-def graph(ros, processes, tmp_path_factory, reach):
-    """The same in one process, which takes the place of those."""
-    processes.stop()
+def processes(ros, tmp_path_factory, reach, running):
+    """With a process for each node, of which one can be ended alone."""
+    with graphs(tmp_path_factory.mktemp("processes")) as make:
+        running["processes"] = taught(make, reach, "processes")
+        yield running["processes"]
+
+
+@pytest.fixture(scope="module")
+def graph(ros, tmp_path_factory, reach, running):
+    """The same in one process, which takes the place of those, if they are there."""
+    if "processes" in running:
+        running["processes"].stop()
     folder = tmp_path_factory.mktemp("reach")
     with graphs(folder) as make:
         made = taught(make, reach, "composed")
@@ -95,6 +103,7 @@ class Hands:
         self._client.node.destroy_publisher(self._push)
 
 
+@pytest.mark.slow
 def test_a_plain_client_has_it_done_in_a_world_that_runs_and_a_hand_that_is_held_waits(processes):
     """As `ros2 action send_goal /execute dart_skill_msgs/action/Execute {}`; the cup stands still, so that it can wait, too."""
     node, client = processes.client.node, processes.client
@@ -122,6 +131,7 @@ def test_a_plain_client_has_it_done_in_a_world_that_runs_and_a_hand_that_is_held
     action.destroy()
 
 
+@pytest.mark.slow
 def test_every_layout_makes_the_same_movement_to_the_last_bit(processes, graph):
     """Poses reach the commander over another way in each."""
     learned, first = processes.learned, processes.first
@@ -157,6 +167,7 @@ def test_a_cup_that_nobody_sees_any_more_stops_the_arm(graph):
     assert graph.client.execute(cup_msg([0.6, 0.05, 1.1]), look=True).outcome.success, "and the next one is made as ever"
 
 
+@pytest.mark.slow
 def test_practice_tries_it_where_the_coach_draws(graph):
     result = graph.client.practise(1)
     assert (result.executed, len(result.outcomes)) == (1, 1) and result.outcomes[0].success, result.message

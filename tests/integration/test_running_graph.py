@@ -147,6 +147,7 @@ def test_the_simulated_arm_changes_with_the_next_reset(graph):
     client.node.destroy_subscription(watching)
 
 
+@pytest.mark.slow
 def test_the_coach_chooses_baskets_by_itself(client):
     said = []
     result = client.practise(2, on_feedback=lambda feedback: said.append(feedback.phase))
@@ -234,6 +235,7 @@ def test_what_is_learned_with_can_be_changed_while_the_learner_runs(client):
     assert client.learn().model_id == usual.model_id
 
 
+@pytest.mark.slow
 def test_a_learner_that_learns_and_a_commander_that_is_held_up_stop_no_throw(taught, client):
     """Both are alive, and silent for longer than the commander waits for a learner."""
     learner = client.node.create_client(Learn, "/skill_learner/learn")

@@ -97,6 +97,7 @@ def test_practice_draws_situations_and_is_learned_from(graph):
     assert phases == ["resetting", "executing", "learning", "done"]
 
 
+@pytest.mark.slow
 def test_verbs_practise_and_list_what_the_graph_has_learned(graph):
     """The graph's own domain is in the environment."""
 
@@ -165,6 +166,7 @@ def test_the_bag_teaches_the_same_without_nodes(graph, place):
         assert "/vrpn_mocap/ball/pose" not in bag.topics
 
 
+@pytest.mark.slow
 def test_a_skill_of_another_package_runs_through_all_nodes_and_the_command(tmp_path):
     """Nothing of this repository knows it: the package that has it is on the path."""
     folder = install_example(tmp_path / "package")

@@ -97,6 +97,7 @@ def test_every_node_is_told_of_is_taught_learns_throws_and_none_is_left_after_ct
     assert end(process)[-1]["event"] == "down"
 
 
+@pytest.mark.slow
 def test_a_recording_is_replayed_into_a_model(start):
     """Without an arm, real or simulated: the demonstrations are cut out of what is played."""
     process = start("--play", str(BAG), "--rate", "0")
@@ -106,6 +107,7 @@ def test_a_recording_is_replayed_into_a_model(start):
     end(process)
 
 
+@pytest.mark.slow
 def test_a_model_that_was_learned_from_a_bag_throws_at_once(start, tmp_path):
     """On a graph that nobody has taught; what is no model is refused, and the graph goes on."""
     model = told_by("learn", str(BAG), "--demonstrations-topic", "--output", str(tmp_path / "model.npz"))

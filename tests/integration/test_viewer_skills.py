@@ -10,6 +10,7 @@ from tests.integration.conftest import graphs, wait_for
 from tests.view_client import PageClient
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "button", "shown"), [("darts", "Throw", 3), ("place", "Execute", 3)])
 def test_a_skill_is_taught_learned_and_executed_from_the_page(ros, tmp_path, name, button, shown):
     skill = load_skill(name)

@@ -35,6 +35,7 @@ def test_the_ideal_arm_throws_as_readme_says():
     assert inside == of and np.median(errors) < 1.5 * median and np.mean(errors < 1.1 * p90) >= 0.8 and errors.max() < 1.1 * worst, errors
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [2000])
 def test_an_arm_of_the_fleet_throws_as_readme_says(seed):
     inside, of, median, p90 = claimed("fleet.*?# of # throws end in the basket, with a median error of # cm and # cm at 90 %")

@@ -84,6 +84,7 @@ def test_scores_come_from_standard_input_too_and_the_model_can_be_chosen(run, mo
     assert result["bias_mm"] != [0.0, 0.0] and result["covariance_mm2"][0][1] != 0.0
 
 
+@pytest.mark.slow
 def test_an_open_interval_is_null(run):
     _, result = run("estimate", *"0 0 0 0 0 0 5 0 0 0 0".split(), "--json")
     assert result["ci95_mm"][1] is None and result["ci95_mm"][0] > 20.0
@@ -138,6 +139,7 @@ def match_from_21():
     return solve_match(12.0, 15.0, 21)
 
 
+@pytest.mark.slow
 def test_a_match_is_that_of_the_library(run, match_from_21):
     status, result = run("match", "--sigma", 12, "--against", 15, "--start", 21, "--legs", 5, "--first", "them", "--json")
     leg = {"first": match_from_21.me.first[21, 21], "second": match_from_21.me.second[21, 21]}
@@ -155,6 +157,7 @@ def test_a_match_reads_well_as_text(run, match_from_21):
     assert "no aim of a first dart depends on what they have left" in text or "left: " in text
 
 
+@pytest.mark.slow
 def test_each_player_of_a_match_has_a_spread_of_any_kind(run):
     mine, theirs = ["--covariance", 400, -60, 200, "--bias", -3, 2], ["--against-professional", "Wade"]
     against = run("match", *mine, *theirs, "--start", 10, "--json")[1]["leg"]
@@ -227,6 +230,7 @@ OPTIONS = {
 }
 
 
+@pytest.mark.slow
 @given(st.sampled_from(sorted(OPTIONS)), st.data())
 @settings(max_examples=max(20, settings.default.max_examples // 4), suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_whatever_numbers_are_given_the_answer_is_one_line_or_a_result(tmp_path, verb, data):

@@ -61,6 +61,7 @@ def test_an_unknown_configuration_is_named_with_those_there_are(capsys):
     assert "nonsense" in said and "default" in said and "thesis" in said
 
 
+@pytest.mark.slow
 def test_the_throws_experiment_gives_one_row_per_throw_as_json(capfd):
     arguments = ["--seeds", "1", "--demonstrations", "4", "--throws", "2", "--configurations", "default,thesis", "--json"]
     assert main(["experiment", "throws", *arguments]) == 0
@@ -106,6 +107,7 @@ def test_the_verbs_look_for_the_graph_where_up_starts_it():
     assert told.stdout.splitlines()[-1] == "None"
 
 
+@pytest.mark.slow
 def test_arms_of_the_throws_experiment_are_names_or_the_fleet(capfd):
     arguments = ["--arms", "fleet", "--first-seed", "5", "--seeds", "1", "--demonstrations", "3", "--throws", "1", "--json"]
     assert main(["experiment", "throws", *arguments]) == 0

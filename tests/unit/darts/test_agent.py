@@ -18,6 +18,7 @@ def play(sigmas, seed):
     return agent, believed, regret
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sigma", [8.0, 25.0, 60.0])
 def test_a_constant_precision_is_found_and_aimed_for(sigma):
     agent, believed, regret = play(np.full(600, sigma), seed=3)

@@ -79,6 +79,7 @@ def with_aims(player, aims, spread):
     return dataclasses.replace(player, aims=aims, which=candidates.which, choice=choice)
 
 
+@pytest.mark.slow
 def test_a_small_game_has_the_chances_that_value_iteration_finds():
     start, sigmas, aims = 31, (11.0, 27.0), bed_centres()
     found = solve_match(*(with_aims(match_player(sigma, start), aims, sigma) for sigma in sigmas), start)
@@ -87,6 +88,7 @@ def test_a_small_game_has_the_chances_that_value_iteration_finds():
         np.testing.assert_allclose(side.first[2:, 2:], chances[2:, 2:], atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plays", PLAYS)
 def test_no_turn_can_be_played_better_than_the_chances_say(solved, plays):
     """Their own turn computed dart by dart from what the other player makes of it: the one fixed point is the solution."""
@@ -173,17 +175,20 @@ def test_every_chance_is_one_and_beginning_helps(solved):
         assert side.first[0, 10] == 1.0 and side.second[10, 0] == 0.0 and np.isnan(side.first[1, 10])
 
 
+@pytest.mark.slow
 def test_more_spread_wins_less():
     chances = [solve_match(sigma, 20.0, 20).me.first[20, 20] for sigma in (7.0, 60.0)]
     assert (np.diff(chances) < 0.0).all(), chances
 
 
+@pytest.mark.slow
 def test_against_an_opponent_who_finishes_next_turn_it_is_now_or_never():
     policy, checkout = solve_match(20.0, 0.5, 70), checkout_table(20.0, 70)
     assert policy.me.first[2:, 40] == pytest.approx(checkout.probability[2:71, 2], abs=1e-3)
     assert policy.me.first[2:, 40] == pytest.approx(checkout.probability[2:71, 2], rel=0.03)
 
 
+@pytest.mark.slow
 def test_the_aim_depends_on_what_the_opponent_has_left():
     """With 50 left and the last dart of a turn: the bull if they may finish now, single 18 to leave double 16 if they need another turn."""
     policy = solve_match(12.0, 15.0, 110)
@@ -201,6 +206,7 @@ def test_with_the_fewest_turns_no_aim_depends_on_the_opponent(solved):
     assert aims_apart(solved[BEST].me, 40, 40) is None
 
 
+@pytest.mark.slow
 def test_a_professional_against_a_good_amateur():
     policy = solve_match(professional("Van Gerwen"), 15.0, 40)
     assert policy.me.first[40, 40] > 0.75 and policy.me.target(40, 40) == "D20"

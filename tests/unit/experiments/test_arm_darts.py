@@ -248,6 +248,7 @@ def arm():
     session.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bed", ["DB", "T20", "T11"])
 def test_after_four_demonstrations_a_dart_hits_near_its_aim(arm, bed):
     session, _, skill = arm
@@ -274,6 +275,7 @@ def test_a_target_far_above_the_board_is_unreachable(arm):
         arm[2].plan(FACE.in_world([0.0, 1000.0]))
 
 
+@pytest.mark.slow
 def test_practice_takes_the_repeatable_miss_out(arm):
     session, shown, _ = arm
     skill, target = PractisingSkill(shown, CONFIGURATION), FACE.in_world(as_target("T20"))
@@ -381,6 +383,7 @@ def test_blocks_say_what_the_darts_say(faked):
     assert "throw 61: lost" in darts_table(faked) and darts_table(faked).count("T20") == 3
 
 
+@pytest.mark.slow
 def test_the_figure_is_written_twice_and_always_alike(faked, tmp_path):
     svg, png = draw_arm_darts(faked, tmp_path / "a")
     again, _ = draw_arm_darts(faked, tmp_path / "b")
@@ -422,6 +425,7 @@ def test_a_running_mean_is_one_of_what_is_known():
     np.testing.assert_allclose(running(values, 2), [np.nan, 1.5, 2.0, 6.0])
 
 
+@pytest.mark.slow
 def test_a_short_run_knows_only_what_was_seen():
     short = run(seed=2, throws=3, demonstrations=3)
     assert [d.note for d in short.darts] == ["", "", ""]

@@ -113,6 +113,7 @@ def test_results_come_back_with_their_nan_and_are_not_run_again(tmp_path, monkey
     assert np.isnan(again[0].along[0][3]) and summarise(again) == summarise(first)
 
 
+@pytest.mark.slow
 def test_the_command_prints_the_table_and_draws_maps_and_the_curve(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(basket, "run", lambda task: made(task.seed, task.models, task.demonstrations))
     options = ["--models", "default", "--demonstrations", "5,13", "--seeds", "2", "--throws", "5", "--jobs", "1"]
@@ -127,6 +128,7 @@ def test_the_command_prints_the_table_and_draws_maps_and_the_curve(tmp_path, mon
     assert "no configuration 'nonsense'" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_tiny_run_throws_every_model_at_the_same_baskets():
     one = basket.run(Task(0, ("default", "thesis"), 4, 3))
     assert np.shape(one.targets) == (3, 3) and np.shape(one.along) == np.shape(one.in_basket) == (2, 3)

@@ -31,6 +31,7 @@ def resistance(plan, time, axis):
     return _resistance(Impedance(ArmModel(ball_in_hand=True)), References(plan.motion).gains_at(time), State, axis)
 
 
+@pytest.mark.slow
 def test_the_force_is_the_inertia_of_the_hand_times_stiffness_times_way(plans):
     """Khatib's inertia in task space, (J M^-1 J')^-1, computed here without the law's shares for directions that hardly move."""
     model = ArmModel(ball_in_hand=True)

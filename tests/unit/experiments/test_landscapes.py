@@ -189,6 +189,7 @@ def test_every_method_but_the_model_based_one_runs_and_regret_is_never_negative(
     assert 0.0 <= one.offline_error <= one.throw_regret
 
 
+@pytest.mark.slow
 def test_methods_count_in_units_of_the_spread(monkeypatch):
     """Eight times the landscape, start and spread: the same regrets."""
     hills = Hills(np.array([[1.0, 0.0], [-1.0, 0.0]]), np.array([1.0, 0.8]))

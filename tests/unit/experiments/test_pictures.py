@@ -76,6 +76,7 @@ def test_a_basket_beyond_the_map_is_an_error(target, what):
         cells_of(Throws(np.array([target]), np.zeros((1, 2)), np.array([True]), np.array([False])))
 
 
+@pytest.mark.slow
 def test_a_map_has_every_cell_and_hatches_those_without_a_landing(tmp_path):
     results = [run_of()]
     texts, ids = texts_and_ids(twice(tmp_path, lambda folder: draw_map(results, "weighted", 13, folder)))

@@ -152,11 +152,13 @@ def tiny():
     return practice.run(Task(0, "residual", 3, throws=2, tested_after=(0, 2), tests=2))
 
 
+@pytest.mark.slow
 def test_a_tiny_run_practises_and_is_tested(tiny):
     assert len(tiny.errors) == len(tiny.in_basket) == 2 and np.shape(tiny.test_errors) == (2, 2)
     assert np.nanmedian(np.concatenate(tiny.test_errors)) < 0.1, f"after 3 demonstrations: {tiny.test_errors}, {tiny.notes}"
 
 
+@pytest.mark.slow
 def test_the_floor_is_what_one_plan_scatters_and_is_measured_when_all_else_is_done(tiny):
     plain, floored = tiny, practice.run(replace(tiny.task, again=4))
     assert plain.spreads == () and repr(replace(floored, task=tiny.task, spreads=())) == repr(plain), "the same seed, the same run"

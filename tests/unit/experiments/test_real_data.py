@@ -101,6 +101,7 @@ def test_letters_and_poses_of_a_led_arm_are_read(arm):
     np.testing.assert_allclose(task[0].orientation[[0, -1]], [[0.0, 0.0, 0.0, 1.0], [0.0, np.sin(half), 0.0, np.cos(half)]], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_led_arm_is_followed_from_other_starts(arm):
     for score in led("h", helloworld_sets(arm)["h"]):
         assert score.train < 0.1 and score.test < 0.3, score
@@ -130,6 +131,7 @@ def test_recordings_with_the_same_stamps_are_a_set(aligned):
         np.testing.assert_allclose(one.position[[0, -1]], [frame.b[1:] for frame in one.frames], atol=1e-5)
 
 
+@pytest.mark.slow
 def test_a_path_is_learned_where_an_alignment_has_spoilt_the_stamps(aligned):
     first = next(iter(tpgmm_sets(aligned).values()))
     as_published, _, _, path, _, positions = left_out("reach", first)
@@ -162,6 +164,7 @@ def test_positions_of_a_planar_set_are_those_of_the_world(planar):
         np.testing.assert_allclose(one.position[[0, -1]], [frame.b[1:] for frame in one.frames], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_shape_is_reproduced_and_every_start_comes_to_the_goal(lasa):
     scores = {score.method: score for score in handwriting("Bow", lasa_shapes(lasa)["Bow"])}
     print(table(list(scores.values())))
@@ -170,17 +173,20 @@ def test_a_shape_is_reproduced_and_every_start_comes_to_the_goal(lasa):
     assert scores["DiscretePrimitive, nearest"].train < 500 * 0.2
 
 
+@pytest.mark.slow
 def test_patterns_are_drawn_one_by_one_and_not_as_their_mean(lasa):
     as_one, each = several_patterns("Multi_Models_9", lasa_shapes(lasa, several=True)["Multi_Models_9"])
     assert each.method == "AutonomousDSGMR, 2 patterns" and each.test < 500 * 2.0 < as_one.test
     assert "Multi_Models_9" in table([as_one, each])
 
 
+@pytest.mark.slow
 def test_what_is_left_out_is_reached_in_its_frames(planar):
     for score in left_out("reach", pbdlib_sets(planar)["reach"]):
         assert score.test < 3.0 and score.goal < (5.0 if "prior" in score.method else 1.5), score
 
 
+@pytest.mark.slow
 def test_the_command_prints_a_table_of_what_is_there(lasa, capsys):
     assert main(["experiment", "real_data", "--data", str(lasa), "--shapes", "Bow"]) == 0
     assert "AutonomousDSGMR" in capsys.readouterr().out

@@ -15,6 +15,7 @@ def test_fingers_that_never_scatter_put_every_ball_in():
     assert best_share(HAND, RIM, 0.0, 0.0, 0.01) == 1.0
 
 
+@pytest.mark.slow
 def test_more_scatter_never_helps_and_a_wider_rim_never_hurts():
     shares = [best_share(HAND, RIM, scatter, scatter, 0.13) for scatter in (0.01, 0.02, 0.04, 0.08)]
     assert shares == sorted(shares, reverse=True) and shares[-1] < 0.5 < 0.99 < shares[0]
@@ -45,6 +46,7 @@ def test_a_rim_above_the_reach_of_every_throw_is_refused():
         best_share(HAND, RIM + [0.0, 0.0, 30.0], 0.01, 0.01, 0.1)
 
 
+@pytest.mark.slow
 def test_the_arm_says_how_much_its_fingers_scatter():
     """`ideal` has fingers that do not, and a throw that was not planned does not count."""
     aimed = throws.Throw(0, "ideal", "default", tuple(RIM), 0.0, 0.0, True, "", tuple(HAND))

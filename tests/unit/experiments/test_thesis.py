@@ -43,6 +43,7 @@ WITHOUT_UNITS = {"3.1", "5.1", "5.2", "5.3", "5.4", "5.5"}
 """Figures of abstract parameters."""
 THROWN = {"8.4.4", "8.6"}
 """Figures of many throws of the arm, which are drawn once here: that throws are the same to the last bit has a test in tests/reference."""
+SLOW = {*THROWN, "landscape", "5.5", "8.1", "8.10"}
 SVG = "{http://www.w3.org/2000/svg}"
 
 
@@ -70,7 +71,7 @@ def fewer_runs(monkeypatch):
     best_scores.cache_clear()
 
 
-@pytest.mark.parametrize("number", thesis.FIGURES)
+@pytest.mark.parametrize("number", [pytest.param(one, marks=[pytest.mark.slow] * (one in SLOW)) for one in thesis.FIGURES])
 def test_the_same_seed_gives_the_same_bytes_and_the_units_are_on_the_axes(number, tmp_path, fewer_runs):
     paths, measured = thesis.draw(number, tmp_path / "once")
     again, measured_again = thesis.draw(number, tmp_path / "again") if number not in THROWN else (paths, measured)
@@ -223,6 +224,7 @@ def test_a_dart_thrown_backwards_never_arrives_and_is_not_learned_from(monkeypat
     assert learned_from == [3, 3]
 
 
+@pytest.mark.slow
 def test_all_figures_of_the_ball_share_one_set_of_lessons(tmp_path, monkeypatch):
     balls.lessons(0)
     monkeypatch.setattr(balls, "Session", lambda *_, **__: pytest.fail("the teacher was asked again"))
@@ -253,6 +255,7 @@ def test_a_drawn_demonstration_ends_at_its_basket():
         assert np.linalg.norm((one.flight[-1] - one.target)[:2]) < 0.35, "the ball went in, but its last part may be hidden"
 
 
+@pytest.mark.slow
 def test_frame_2_doubles_the_spread_of_beta_and_turned_axes_remove_it(tmp_path):
     """Figure 8.7, and what 8.4.4 complains about."""
     numbers = figure_8_7.draw(tmp_path)[1]
@@ -334,6 +337,7 @@ def test_figures_on_the_command_line(tmp_path, capsys):
     assert "there is no figure 9.9 here: choose one of 3.1" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_more_gaussians_model_a_landscape_better_but_one_says_less_than_none(tmp_path):
     """Section 6.5."""
     paths, found = landscape.draw(tmp_path)

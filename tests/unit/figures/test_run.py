@@ -171,6 +171,7 @@ def test_events_lie_on_the_clock_of_the_recording(motions, taught):
         assert motion.release - told == pytest.approx(0.03, abs=0.02), "the hand takes 30 ms to open"
 
 
+@pytest.mark.slow
 def test_synchronisation_shows_every_demonstration_twice(tmp_path, motions):
     drawing = twice(tmp_path, lambda folder: draw_synchronisation(motions, folder))
     for when in ("before", "after"):

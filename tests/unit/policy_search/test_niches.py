@@ -39,6 +39,7 @@ def learnt(one, landscape, n_trials=1200):
     return one
 
 
+@pytest.mark.slow
 def test_the_lower_of_two_hills_is_found_before_it_overtakes_and_taken_when_it_did():
     at_the_right = {"niches": 0, "power": 0}
     for seed in SEEDS:
@@ -58,6 +59,7 @@ def test_both_hills_are_known_while_they_are_near_a_tie():
     np.testing.assert_allclose(one.parameters, places[0])
 
 
+@pytest.mark.slow
 def test_a_hill_that_vanishes_is_left_for_the_next_best():
     for seed in SEEDS:
         one = learnt(search(seed), vanishing)

@@ -42,6 +42,7 @@ def learnt(one, landscape=landscape, n_trials=1500, first=0, whole=1500):
     return one
 
 
+@pytest.mark.slow
 def test_a_low_hill_that_overtakes_as_it_sharpens_is_found_and_a_single_gaussian_misses_it():
     assert landscape(BROAD, 0.5) > landscape(SHARP, 0.5) and landscape(SHARP, 0.9) > landscape(BROAD, 0.9)
     at_the_sharp_one = {"sharpening": 0, "power": 0}

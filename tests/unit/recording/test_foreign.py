@@ -465,6 +465,7 @@ def test_a_mapping_without_a_body_or_that_is_no_mapping_is_an_error(tmp_path):
 # our own bags, and conversion
 
 
+@pytest.mark.slow
 def test_our_own_bags_need_no_mapping_and_have_no_fault(own_bag):
     recording = read_recording(own_bag)
     assert [fault for fault in recording.faults if not fault.is_information] == []

@@ -79,6 +79,7 @@ def test_bags_of_ours_and_of_others_have_no_faults(tmp_path, bag):
         assert texts(check_file(plain(tmp_path / f"{number}.mcap", messages, **options))) == [], options
 
 
+@pytest.mark.slow
 def test_each_changed_byte_is_found(bag):
     """Every byte of the file is covered by a CRC or by the structure."""
     file = bag / "bag_0.mcap"

@@ -85,6 +85,7 @@ def bag(tmp_path_factory):
 # ours, read by others
 
 
+@pytest.mark.slow
 def test_rosbags_reads_every_type_of_ours_equal(bag):
     path, written = bag
     with Reader(path) as reader:

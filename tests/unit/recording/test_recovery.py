@@ -122,6 +122,7 @@ def test_cut_off_at_every_record_boundary_all_chunks_before_are_kept(whole, dama
         assert len(kept) == len(written) if n_chunks == len(chunks) else len(kept) < len(written)
 
 
+@pytest.mark.slow
 def test_cut_off_at_random_bytes_what_is_kept_is_what_was_written(whole, damaged):
     data, written, _, chunks = whole
     for place in np.random.default_rng(1).integers(chunks[0][1], len(data), size=40):
@@ -141,6 +142,7 @@ def test_cut_off_before_the_first_topic_there_is_nothing_to_recover(whole, damag
     assert not list(tmp_path.glob("new*")), "no half bag is left"
 
 
+@pytest.mark.slow
 def test_a_changed_byte_costs_its_chunk_and_no_more_and_the_loss_is_told(whole, damaged):
     data, written, _, chunks = whole
     rng = np.random.default_rng(2)
@@ -158,6 +160,7 @@ def test_a_changed_byte_costs_its_chunk_and_no_more_and_the_loss_is_told(whole, 
         assert not n_lost or (recovery.lost_chunks == 1 and str(hit[0][0]) in str(recovery.places[0])), recovery.places
 
 
+@pytest.mark.slow
 def test_a_changed_length_or_opcode_of_a_chunk_costs_nothing(whole, damaged):
     data, written, _, chunks = whole
     for begin, _ in chunks[1:4]:

@@ -100,6 +100,7 @@ def kills(tmp_path_factory):
         return [(job[0], *killed_recorder(start, *job)) for job in jobs]
 
 
+@pytest.mark.slow
 def test_a_recorder_that_is_killed_at_50_random_moments_loses_at_most_the_last_second(kills, tmp_path):
     losses = []
     for i, (path, written, flushed) in enumerate(kills):

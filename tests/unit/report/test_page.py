@@ -109,6 +109,7 @@ def test_the_machine_is_told_without_its_name():
         assert platform.node() not in machine() and platform.node() not in page_text("throws")
 
 
+@pytest.mark.slow
 def test_each_picture_is_an_element_whose_ids_are_its_own():
     elements = [form for picture in drawn_of("throws") for form in picture.forms.values()]
     assert [picture.name for picture in drawn_of("throws") if picture.svg] == ["curve", "landings", "gaussians", "execution"]

@@ -39,5 +39,12 @@ def test_what_passes_alone_has_passed_and_what_is_wrong_fails_again(tool, failed
     assert said in "".join(capfd.readouterr())
 
 
+def test_it_is_tried_with_the_options_of_the_run(tool, capfd):
+    """What was left out then is left out now."""
+    tool.FAILED.write_text(json.dumps({"test_good.py::test_it": True}))
+    (tool.ROOT / "test_good.py").write_text("def test_it():\n    pass\ndef test_other():\n    assert False\n")
+    assert (tool.main(["-k", "not other"]), tool.main()) == (0, 1)
+
+
 def test_without_a_record_nothing_is_tried(tool):
     assert tool.main() == 1

@@ -46,6 +46,7 @@ def test_the_hand_reaches_into_cups_on_belts_that_were_not_shown(taught, steady)
     assert rim < 0.01 and end < 0.01 and trial.outcome.error == end
 
 
+@pytest.mark.slow
 def test_a_hand_that_is_held_waits_and_does_not_hurry_after_the_cup(taught):
     session, learned, _ = taught
     guide, holder, phases, speeds = learned.guide(), Holder(), [], []
@@ -66,6 +67,7 @@ def hand_velocity(plant):
     return plant.state.velocity @ np.array(plant._empty_arm.jacobian(plant.joint_position))[:3].T
 
 
+@pytest.mark.slow
 def test_a_cup_whose_poses_stop_coming_stops_the_motion_and_is_named(taught):
     session, learned, _ = taught
     trial = session.execute(learned.guide(), replace(BELT, tunnel=1.8))
@@ -74,6 +76,7 @@ def test_a_cup_whose_poses_stop_coming_stops_the_motion_and_is_named(taught):
     assert session.execute(learned.guide(), BELT).message == "", "and the next one is made as ever"
 
 
+@pytest.mark.slow
 def test_poses_come_as_late_as_the_cameras_deliver_them(taught):
     session, learned, _ = taught
     guide, ages = learned.guide(), []
@@ -86,6 +89,7 @@ def test_poses_come_as_late_as_the_cameras_deliver_them(taught):
     assert min(ages) >= session._capture.config.latency and np.median(ages) < 0.02
 
 
+@pytest.mark.slow
 def test_three_demonstrations_are_enough(taught):
     """Without a prior all of them missed by centimetres: what three have in common by chance was taken for certain."""
     session, _, shown = taught
@@ -102,6 +106,7 @@ def test_a_person_who_sees_no_cup_shows_nothing(taught):
 # a policy on its way to the commander
 
 
+@pytest.mark.slow
 def test_a_policy_arrives_as_it_was_sent_to_the_last_bit(taught):
     session, learned, _ = taught
     learned.remember(np.array([[0.001, 0.0, 0.002]]))
@@ -212,6 +217,7 @@ def test_how_the_belt_will_run_is_nothing_that_is_learned_from():
     assert skill.draw(np.random.default_rng(0)).numbers and not skill.inputs(skill.draw(np.random.default_rng(0)))
 
 
+@pytest.mark.slow
 def test_a_seed_is_the_same_each_time():
     first, second = (run_seed(43, demonstrations=3, cups=1, held=0) for _ in range(2))
     assert repr(first) == repr(second) and len(first) == 1

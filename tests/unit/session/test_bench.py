@@ -41,6 +41,7 @@ def test_parts_go_into_holders_that_stand_elsewhere(taught):
     assert all(trial.outcome.error < 0.006 for trial in trials if trial.outcome.success)
 
 
+@pytest.mark.slow
 def test_a_holder_that_is_moved_after_planning_is_missed_and_said_so(taught):
     session, learned, _, rng = taught
     plan = learned.plan(session.situation(session.skill.draw(rng).pose("holder")))
@@ -49,6 +50,7 @@ def test_a_holder_that_is_moved_after_planning_is_missed_and_said_so(taught):
     assert not trial.outcome.success and "the part is" in trial.outcome.reason
 
 
+@pytest.mark.slow
 def test_what_the_commander_stops_is_a_failure_with_its_reason(taught):
     session, learned, _, rng = taught
     plan = learned.plan(session.situation(session.skill.draw(rng).pose("holder")))
@@ -113,6 +115,7 @@ def test_holders_are_drawn_where_the_arm_reaches_them():
     assert places[:, 2].min() > 1.16 and places[:, 2].max() < 1.2103
 
 
+@pytest.mark.slow
 def test_a_seed_is_the_same_each_time_and_its_table_counts():
     first, second = (run_seed(43, demonstrations=3, parts=1) for _ in range(2))
     assert first == second and len(first) == 1

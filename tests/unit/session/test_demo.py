@@ -29,6 +29,7 @@ def test_the_bag_teaches_what_was_learned_to_the_last_bit(name, job):
         assert len([topic for topic in bag.topics if topic.startswith("/vrpn_mocap/")]) == 1 + len(load_skill(name).bodies)
 
 
+@pytest.mark.slow
 def test_darts_are_those_of_the_experiment_to_the_last_bit(job):
     """Which are those of the graph (tests/integration/test_darts.py)."""
     skill, job = load_skill("darts"), replace(job, throws=2)

@@ -117,6 +117,7 @@ def test_the_throws_tell_whether_the_instant_of_the_release_explains_anything(tr
     assert np.sqrt(np.mean(error**2)) < 0.003
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scatter", [0.02, 0.05])
 def test_scatter_is_not_learned(scatter):
     """Of a thrower who misses nothing again and again: what three, ten or thirty throws pretend is small, on average over 40 throwers.

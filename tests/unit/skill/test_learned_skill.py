@@ -365,6 +365,7 @@ def test_em_may_find_when_components_begin_and_end(demonstrations, learned):
         touch(partition="kmeans")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", ["bic", "cross_validation"])
 def test_the_number_of_components_is_chosen_on_request(demonstrations, way, monkeypatch):
     """It is the best of all in its own way, and what is chosen is what would have been learned with that number."""

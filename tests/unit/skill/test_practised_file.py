@@ -55,6 +55,7 @@ def searched(session, demonstrations):
     return skill
 
 
+@pytest.mark.slow
 def test_what_power_found_is_used_by_whoever_loads_it_but_for_one_who_wants_none(searched, tmp_path):
     save_practised(tmp_path / "throw.npz", searched)
     saved = load_model(tmp_path / "throw.npz")

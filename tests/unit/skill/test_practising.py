@@ -42,6 +42,7 @@ def test_the_residual_finds_out_that_the_base_was_turned(crooked, demonstrations
     assert left[2] < 0.03, f"and is found: {left}"
 
 
+@pytest.mark.slow
 def test_the_hand_is_told_earlier_when_it_has_become_slower(demonstrations):
     """15 ms late are 5 cm at the basket, which no shift of the target repairs well: it is the command that comes too late."""
     session = Session(seed=12)
@@ -120,6 +121,7 @@ def test_a_release_after_which_the_plan_never_comes_down_teaches_nothing(demonst
     assert len(skill.correction) == len(skill.steadiness) == 0
 
 
+@pytest.mark.slow
 def test_power_explores_what_the_first_misses_leave_unknown(crooked, demonstrations):
     """A turned base makes throws miss by 17 cm across: after the first throws that is where PoWER begins."""
     skill = PractisingSkill(demonstrations, method="power", rng=np.random.default_rng(3))

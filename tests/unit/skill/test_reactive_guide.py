@@ -124,6 +124,7 @@ def test_the_hand_comes_down_into_a_cup_that_moves(reach):
         assert done.log[-1, 0] == pytest.approx(CLOCK[-1], abs=0.5)
 
 
+@pytest.mark.slow
 def test_held_for_a_second_the_hand_waits_and_does_not_hurry_after_the_cup(reach):
     free, held = reach(10), reach(10, holds=(0.8, 1.0))
     phases = held.log[(held.log[:, 0] > 1.0) & (held.log[:, 0] < 1.8), 1]
@@ -142,6 +143,7 @@ def test_a_cup_that_nobody_has_seen_stops_it_at_once(reach):
     assert reach(10, blind_from=-1.0).commander.message == "nobody has seen the cup yet"
 
 
+@pytest.mark.slow
 def test_the_fingers_open_in_the_cup_and_not_while_the_hand_is_held(reach):
     opens = GripEvent(1.9, Grip.OPEN, 1.9)
     done = reach(10, events=(opens,), holds=(1.0, 0.8))

@@ -133,6 +133,7 @@ def test_the_hand_comes_over_a_body_that_moves_as_nobody_showed(learned, seed):
     assert np.linalg.norm(hand[-1] - truck.at(time[-1]) - OVER) < 0.006
 
 
+@pytest.mark.slow
 def test_held_it_waits_and_afterwards_it_catches_up_no_faster_than_it_may(learned):
     truck = Truck(np.random.default_rng(10))
     free = carry_out(learned.guide(), truck)
@@ -145,6 +146,7 @@ def test_held_it_waits_and_afterwards_it_catches_up_no_faster_than_it_may(learne
     assert np.linalg.norm(velocity, axis=1).max() < fastest + SETTINGS.catch_up
 
 
+@pytest.mark.slow
 def test_without_that_limit_it_hurries_when_it_is_let_go(demonstrations, learned):
     eager = ReactiveSkill(Follow(replace(SETTINGS, catch_up=100.0)), demonstrations)
     speeds = []
@@ -156,6 +158,7 @@ def test_without_that_limit_it_hurries_when_it_is_let_go(demonstrations, learned
     assert speeds[0] < 0.25 + 0.1 < 0.6 < speeds[1]
 
 
+@pytest.mark.slow
 def test_what_the_fingers_do_stands_on_the_phase(learned):
     truck = Truck(np.random.default_rng(10))
     for held in ((9.0, 9.0), (1.0, 2.0)):
