@@ -1,7 +1,8 @@
 """Gaussian mixture regression: thesis (3.3) to (3.5), with the full covariance of the conditional mixture.
 
 The covariance is sum_k h_k (S_k + (m_k - m)(m_k - m)'). It includes the spread between the components. It is computed
-from the deviations m_k - m, so that no digits are lost. The responsibilities h_k are computed from log densities: far
+from differences, so that no digits are lost: from the deviations m_k - m, or, what is the same, from those of each pair,
+sum_(j<k) h_j h_k (m_j - m_k)(m_j - m_k)'. The responsibilities h_k are computed from log densities: far
 from the data they would otherwise be 0 / 0. There a query belongs to the component whose density falls most slowly.
 Queries lie along the last axis of the arrays and are processed in slices that fit into the cache.
 """
@@ -9,6 +10,7 @@ Queries lie along the last axis of the arrays and are processed in slices that f
 from __future__ import annotations
 
 from functools import cached_property, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,9 +19,23 @@ from dart_skill.checks import as_dims, as_finite, as_samples, require_near
 from dart_skill.mixture._expectation_maximisation import normalise_log
 from dart_skill.mixture._gaussian import LOG_2PI, cholesky, symmetric, upper_triangle
 from dart_skill.mixture._mixture import GaussianMixture
-from dart_skill.mixture._sweep import to_counts
 
 SLICE = 1024
+
+
+class Conditionals(NamedTuple):
+    """What K components say of o outputs, given i inputs.
+
+    * input_means (K, i, 1), whiteners (K, i, i): L^-1 of the covariances L L' of the inputs; log_volumes (K,): log det L.
+    * output_means (K, o, 1), slopes (K, o, i): the mean of the outputs is a line. within (K, o, o): their covariance.
+    """
+
+    input_means: np.ndarray
+    whiteners: np.ndarray
+    log_volumes: np.ndarray
+    output_means: np.ndarray
+    slopes: np.ndarray
+    within: np.ndarray
 
 
 class Regression:
@@ -37,33 +53,24 @@ class Regression:
 
     def __init__(self, mixture: GaussianMixture, input_dims: ArrayLike, output_dims: ArrayLike):
         into, out = _split(mixture.n_dims, input_dims, output_dims)
-        self.n_inputs, self.n_outputs = len(into), len(out)
-        rows = mixture.covariances_[:, into]
-        factors, self._whiteners = _factors(rows[:, :, into])
-        # With one input, products of matrices with it are products of numbers, and those are quicker.
-        self._times = np.multiply if self.n_inputs == 1 else np.matmul
-        half = self._times(self._whiteners, rows[:, :, out])
-        self._input_means, self._output_means = mixture.means_[:, into, None], mixture.means_[:, out, None]
-        self._slopes = self._times(np.swapaxes(half, 1, 2), self._whiteners)
-        self._half, self._among_outputs = half, (mixture.covariances_, out)
-        log_volumes = np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(1) + 0.5 * len(into) * LOG_2PI
-        self._constants = (np.log(mixture.priors_) - log_volumes)[:, None]
+        self._prepare(mixture.priors_, _conditionals(mixture.means_, mixture.covariances_, into, out))
 
-    @cached_property
-    def _collector(self) -> np.ndarray:
-        """What makes the covariance of shares, and of the upper triangle of the spread between the components; a mean does without."""
-        covariances, out = self._among_outputs
-        within = covariances[:, out[:, None], out] - np.swapaxes(self._half, 1, 2) @ self._half
-        return np.concatenate([within.reshape(len(within), -1), _unpacking(self.n_outputs)])
+    def _prepare(self, priors: np.ndarray, components: Conditionals) -> None:
+        self._components = components
+        self.n_outputs, self.n_inputs = components.slopes.shape[1:]
+        self._times = _times(self.n_inputs)
+        log_volumes = components.log_volumes + 0.5 * self.n_inputs * LOG_2PI
+        self._constants = (np.log(priors) - log_volumes)[:, None]
+        # The pairs of many components are more terms than the deviations of few outputs.
+        by_pairs = self.n_inputs == 1 and 3 * len(priors) * (len(priors) - 1) <= 2 * self.n_outputs * (self.n_outputs + 1)
+        self._moments: _MomentsByPairs | _MomentsByDeviations = (_MomentsByPairs if by_pairs else _MomentsByDeviations)(components)
 
     def __call__(self, inputs: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         inputs = self._checked(inputs)
         mean, covariance = np.empty((len(inputs), self.n_outputs)), np.empty((len(inputs), self.n_outputs, self.n_outputs))
         for start in range(0, len(inputs), SLICE):
             span = slice(start, start + SLICE)
-            deviations = self._deviations(inputs[span])
-            shares, _ = self._shares(deviations, inputs[span], start)
-            self._collapse(shares, self._means(deviations), mean[span], covariance[span])
+            self._moments(*self._shares(inputs[span], start), mean[span], covariance[span])
         return mean, covariance
 
     def mean(self, inputs: ArrayLike) -> np.ndarray:
@@ -72,58 +79,127 @@ class Regression:
         mean = np.empty((len(inputs), self.n_outputs))
         for start in range(0, len(inputs), SLICE):
             span = slice(start, start + SLICE)
-            deviations = self._deviations(inputs[span])
-            shares, _ = self._shares(deviations, inputs[span], start)
-            mean[span] = _centre(shares, self._means(deviations)).T
+            self._moments(*self._shares(inputs[span], start), mean[span])
         return mean
 
     def responsibilities(self, inputs: ArrayLike) -> np.ndarray:
         """h_k of (3.5): (n, K). inputs: (n, i)."""
-        inputs = self._checked(inputs)
-        return self._shares(self._deviations(inputs), inputs)[0].T
+        return self._shares(self._checked(inputs))[0].T
 
     def log_density(self, inputs: ArrayLike) -> np.ndarray:
         """(n,) log density of the inputs alone: it is low for a query that is far from the demonstrations."""
-        inputs = self._checked(inputs)
-        return self._shares(self._deviations(inputs), inputs)[1]
+        logs, _, top = self._logs(self._checked(inputs))
+        return top + np.log(np.exp(logs - top).sum(0))
 
     def _checked(self, inputs: ArrayLike) -> np.ndarray:
         given = inputs if isinstance(inputs, np.ndarray) else as_finite(inputs, "inputs")
         return as_samples(given[:, None] if given.ndim == 1 and self.n_inputs == 1 else given, "inputs", self.n_inputs)
 
-    def _deviations(self, inputs: np.ndarray) -> np.ndarray:
-        """Deviations (K, i, n) of the inputs from the means of the components."""
-        return inputs.T - self._input_means
-
-    def _means(self, deviations: np.ndarray) -> np.ndarray:
-        """Means (K, o, n) of the outputs by each component."""
-        means = self._times(self._slopes, deviations)
-        means += self._output_means
-        return means
-
-    def _shares(self, deviations: np.ndarray, inputs: np.ndarray, first_row: int = 0) -> tuple[np.ndarray, np.ndarray]:
-        """Responsibilities (K, n) and log densities (n,) from the inputs (n, i) and their deviations (K, i, n)."""
-        with np.errstate(over="ignore", invalid="ignore"):
-            white = self._times(self._whiteners, deviations)
-            shares = self._constants - 0.5 * np.einsum("kin,kin->kn", white, white)
-            log_density = to_counts(shares, 1.0)
-        require_near(log_density, inputs, "inputs", first_row)
-        return shares, log_density
-
-    def _collapse(self, shares: np.ndarray, means: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> None:
-        """Mean (n, o) and total covariance (n, o, o), in place, of mixtures with shares (K, n) and means (K, o, n); the last are
-        overwritten.
+    def _logs(self, inputs: np.ndarray, first_row: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Logs (K, n) of prior times density of the inputs (n, i), the inputs' deviations (K, i, n) from the components, and the largest
+        logs (n,).
         """
-        centre = _centre(shares, means)
+        deviations = inputs.T - self._components.input_means
+        with np.errstate(over="ignore", invalid="ignore"):
+            white = self._times(self._components.whiteners, deviations)
+            squares = np.square(white[:, 0]) if self.n_inputs == 1 else np.einsum("kin,kin->kn", white, white)
+            logs = self._constants - 0.5 * squares
+        top = logs.max(0)
+        if not top.min() > -np.inf:  # nor if it is not a number
+            require_near(top, inputs, "inputs", first_row)
+        return logs, deviations, top
+
+    def _shares(self, inputs: np.ndarray, first_row: int = 0) -> tuple[np.ndarray, np.ndarray]:
+        """Responsibilities (K, n) of inputs (n, i), and the inputs' deviations (K, i, n) from the components."""
+        logs, deviations, top = self._logs(inputs, first_row)
+        logs -= top
+        shares = np.exp(logs, out=logs)
+        shares *= 1.0 / shares.sum(0)
+        return shares, deviations
+
+
+class _MomentsByDeviations:
+    """Mean and covariance of the outputs from the deviations of the components' means, by (3.4) and (3.5)."""
+
+    def __init__(self, components: Conditionals) -> None:
+        self._components = components
+        self._times = _times(components.slopes.shape[2])
+
+    @cached_property
+    def _collector(self) -> np.ndarray:
+        """What makes the covariance of shares, and of the upper triangle of the spread between the components; a mean does without."""
+        within = self._components.within
+        return np.concatenate([within.reshape(len(within), -1), _unpacking(within.shape[1])])
+
+    def __call__(self, shares: np.ndarray, deviations: np.ndarray, mean: np.ndarray, covariance: np.ndarray | None = None) -> None:
+        """Write mean (n, o) and total covariance (n, o, o) for shares (K, n) and deviations (K, i, n) of the inputs."""
+        means = self._times(self._components.slopes, deviations)
+        means += self._components.output_means
+        centre = np.einsum("kn,kon->on", shares, means)
         mean[:] = centre.T
+        if covariance is None:
+            return
         means -= centre
         means *= np.sqrt(shares)[:, None, :]
         row, parts = len(shares), np.empty((len(self._collector), len(mean)))
         parts[:row] = shares
-        for i in range(self.n_outputs):
-            np.einsum("kn,kon->on", means[:, i], means[:, i:], out=parts[row : row + self.n_outputs - i])
-            row += self.n_outputs - i
+        for i in range(len(centre)):
+            np.einsum("kn,kon->on", means[:, i], means[:, i:], out=parts[row : row + len(centre) - i])
+            row += len(centre) - i
         np.matmul(parts.T, self._collector, out=covariance.reshape(len(mean), -1))
+
+
+class _MomentsByPairs:
+    """The same for one input, where both are sums of shares, and of products of two shares, times powers of the input; their coefficients
+    depend on the mixture only.
+
+    A pair counts most in the middle between its centres. There its powers begin, so that none is large where it counts.
+    """
+
+    def __init__(self, components: Conditionals) -> None:
+        self._components = components
+        # (K, 2, o): each component's mean of the outputs, and its slope
+        self._lines = np.concatenate([components.output_means, components.slopes], axis=2).swapaxes(1, 2)
+
+    @cached_property
+    def _of_pairs(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Indices (p,) of the first and of the second of each pair; middle (p, 1); and coefficients (K + 3 p, o o) in the covariance of
+        shares, and of the products of two shares times 1, s and s s, with s from the middle.
+        """
+        first, second = _pairs(len(self._lines))
+        inputs, within = self._components.input_means[:, 0], self._components.within
+        one, other = self._lines[first], self._lines[second]
+        half = 0.5 * (inputs[second] - inputs[first])
+        apart = other - one
+        apart[:, 0] -= half * (one[:, 1] + other[:, 1])  # in the middle
+        squares = apart[:, :, None, :, None] * apart[:, None, :, None]
+        terms = np.concatenate([within, squares[:, 0, 0], squares[:, 0, 1] + squares[:, 1, 0], squares[:, 1, 1]])
+        return first, second, inputs[first] + half, terms.reshape(len(terms), -1)
+
+    def __call__(self, shares: np.ndarray, deviations: np.ndarray, mean: np.ndarray, covariance: np.ndarray | None = None) -> None:
+        """As of `_MomentsByDeviations`."""
+        k, n = shares.shape
+        lines = np.empty((k, 2, n))
+        lines[:, 0] = shares
+        np.multiply(shares, deviations[:, 0], out=lines[:, 1])
+        np.matmul(lines.reshape(2 * k, n).T, self._lines.reshape(2 * k, -1), out=mean)
+        if covariance is None:
+            return
+        first, second, middles, collector = self._of_pairs
+        terms = np.empty((len(collector), n))
+        terms[:k] = shares
+        constant, linear, square = terms[k:].reshape(3, -1, n)
+        s = deviations[0] + (self._components.input_means[0] - middles)
+        np.multiply(shares[first], shares[second], out=constant)
+        np.multiply(constant, s, out=linear)
+        np.multiply(linear, s, out=square)
+        np.matmul(terms.T, collector, out=covariance.reshape(n, -1))
+
+
+@lru_cache(maxsize=64)
+def _pairs(n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Indices (p,) of the first and of the second of each pair of n."""
+    return np.triu_indices(n, 1)
 
 
 @lru_cache(maxsize=64)
@@ -132,13 +208,29 @@ def _unpacking(n_dims: int) -> np.ndarray:
     return np.equal.outer(np.arange(n_dims * (n_dims + 1) // 2), upper_triangle(n_dims)[1].ravel()).astype(float)
 
 
-def _factors(covariances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """L and L^-1 (K, i, i) of the covariances L L' of the inputs."""
+def _conditionals(means: np.ndarray, covariances: np.ndarray, into: np.ndarray, out: np.ndarray) -> Conditionals:
+    """What components with means (K, d) and covariances (K, d, d) say of the dimensions out (o,), given those of into (i,)."""
+    i, order = len(into), np.concatenate([into, out])
+    means, covariances = means.take(order, axis=1)[:, :, None], covariances[:, order[:, None], order]
+    whiteners, log_volumes = _whiteners(covariances[:, :i, :i])
+    times = _times(i)
+    half = times(whiteners, covariances[:, :i, i:])
+    turned = np.swapaxes(half, 1, 2)
+    within = covariances[:, i:, i:] - times(turned, half)
+    return Conditionals(means[:, :i], whiteners, log_volumes, means[:, i:], times(turned, whiteners), within)
+
+
+def _whiteners(covariances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """L^-1 (K, i, i) and log det L (K,) of the covariances L L' of the inputs."""
     if covariances.shape[1] == 1 and covariances.min() > 0:
-        factors = np.sqrt(covariances)
-        return factors, 1.0 / factors
+        return 1.0 / np.sqrt(covariances), 0.5 * np.log(covariances[:, 0, 0])
     factors = cholesky(covariances, "covariance of the inputs of component")
-    return factors, np.linalg.inv(factors)
+    return np.linalg.inv(factors), np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(1)
+
+
+def _times(n_inputs: int) -> np.ufunc:
+    """Product of stacks of matrices over the inputs: with one input it is one of numbers, which is quicker."""
+    return np.multiply if n_inputs == 1 else np.matmul
 
 
 def regress(mixture: GaussianMixture, inputs: ArrayLike, input_dims: ArrayLike, output_dims: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
@@ -175,11 +267,6 @@ def regress_each(
     mean = np.einsum("nk,nko->no", shares, conditional)
     spread = (conditional - mean[:, None]) * np.sqrt(shares)[..., None]
     return mean, symmetric(np.einsum("nk,nkop->nop", shares, within) + np.swapaxes(spread, 1, 2) @ spread)
-
-
-def _centre(shares: np.ndarray, means: np.ndarray) -> np.ndarray:
-    """Mean (o, n) of mixtures with shares (K, n) and means (K, o, n)."""
-    return np.einsum("kn,kon->on", shares, means)
 
 
 def _split(n_dims: int, input_dims: ArrayLike, output_dims: ArrayLike) -> tuple[np.ndarray, np.ndarray]:

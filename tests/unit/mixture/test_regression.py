@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dart_skill.mixture import Gaussian, GaussianMixture, regress
+from dart_skill.mixture import Gaussian, GaussianMixture, Regression, regress
 from tests.unit.mixture.random_mixture import random_mixture
 
 
@@ -42,6 +42,37 @@ def test_between_component_spread_is_part_of_the_covariance():
     mean, covariance = regress(mixture, [0.7], 0, 1)
     assert mean[0, 0] == pytest.approx(0.0, abs=1e-12)
     assert covariance[0, 0, 0] == pytest.approx(1.0 + 9.0)
+
+
+@given(seed=st.integers(0, 10_000), n_components=st.integers(1, 7), n_outputs=st.integers(1, 6), n_inputs=st.integers(1, 2))
+@settings(max_examples=40, deadline=None)
+def test_whichever_way_the_spread_is_summed_it_is_that_of_the_conditional_mixture(seed, n_components, n_outputs, n_inputs):
+    rng = np.random.default_rng(seed)
+    mixture, queries = random_mixture(rng, n_components, n_inputs + n_outputs), rng.normal(0.0, 3.0, size=(5, n_inputs))
+    dims = rng.permutation(n_inputs + n_outputs)
+    into, out = dims[:n_inputs], np.sort(dims[n_inputs:])  # `condition` leaves the others in ascending order
+    regression = Regression(mixture, into, out)
+    mean, covariance = regression(queries)
+    np.testing.assert_array_equal(regression.mean(queries), mean)
+    for i, query in enumerate(queries):
+        wanted = mixture.condition(into, query).collapse()
+        np.testing.assert_allclose(mean[i], wanted.mean, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(covariance[i], wanted.covariance, rtol=1e-9, atol=1e-9)
+
+
+def test_components_that_are_narrow_and_far_apart_lose_no_digits():
+    """Between them the covariance is 10^12 times that of a component, and where one of them rules it is that of the component."""
+    slopes = np.array([[1e3, -2e3, 5e2, 1.0], [-1e3, 0.0, 5e2, 2.0], [3e3, 1e3, 0.0, -1.0]])
+    variance, centres, within = 1e-2, np.array([0.0, 1.0, 2.0]), 1e-6 * np.diag([1.0, 2.0, 3.0, 4.0])
+    covariances = np.array([np.block([[variance, variance * b[None]], [variance * b[:, None], variance * np.outer(b, b)]]) for b in slopes])
+    covariances[:, 1:, 1:] += within
+    mixture = GaussianMixture.from_parameters(np.full(3, 1 / 3), np.column_stack([centres, 1e3 * np.eye(3, 4)]), covariances)
+    _, covariance = regress(mixture, np.array([-8.0, 0.5, 10.0]), [0], [1, 2, 3, 4])
+    alone = covariances[[0, 2], 1:, 1:] - variance * slopes[[0, 2], :, None] * slopes[[0, 2], None]
+    np.testing.assert_allclose(covariance[[0, 2]], alone, atol=1e-9)
+    assert np.linalg.norm(covariance[1]) > 1e5
+    wanted = mixture.condition([0], 0.5).collapse().covariance
+    np.testing.assert_allclose(covariance[1], wanted, rtol=1e-9, atol=1e-9 * np.abs(wanted).max())
 
 
 def test_many_queries_give_what_each_gives_alone():
