@@ -121,6 +121,9 @@ class Situation:
     def of(cls, courses: Sequence[FrameCourse], n: int, n_features: int, n_dims: Sequence[int]) -> Situation:
         """The situation of P frames at n moments. Frame p must see n_dims[p] directions; at least one frame must be present."""
         _require_count(courses, len(n_dims), "the new situation")
+        still = [course for course in courses if isinstance(course, TaskFrame)]
+        if n == 1 and len(still) == len(courses) and {len(frame.b) for frame in still} | set(n_dims) == {n_features}:
+            return cls._at_rest(still)
         shape, m = (n, len(n_dims)), n_features
         situation = cls(np.zeros((*shape, m, m)), np.zeros((*shape, m, m)), np.zeros((*shape, m)), np.zeros(shape, dtype=bool))
         for j, (course, d) in enumerate(zip(courses, n_dims, strict=True)):
@@ -130,6 +133,12 @@ class Situation:
             raise ValueError(f"all task frames are missing at moment {int(there.argmin())} of the new situation; give one at least")
         situation._invert(n_dims)
         return situation
+
+    @classmethod
+    def _at_rest(cls, frames: list[TaskFrame]) -> Situation:
+        """All frames are there, and see all directions: what is asked for most, in half the time."""
+        A, b = np.array([[frame.A for frame in frames]]), np.array([[frame.b for frame in frames]])
+        return cls(A, np.linalg.inv(A), b, np.ones((1, len(frames)), dtype=bool))
 
     def _put(self, j: int, course: list[Frame | None], n_dims: int) -> None:
         """Enter frame j, which is given once for all moments or once for each."""

@@ -172,6 +172,7 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
             d = mean.shape[1]
             self._padded_means[j, :, :d] = mean
             self._whiteners[j, :, :d, :d] = np.linalg.inv(cholesky(covariance, f"frame {j}: covariance of component"))
+        self._white_means = self._whiteners @ self._padded_means[..., None]
         alike = len({mean.shape[1] for mean in parameters.means}) == 1
         self.means_ = np.stack(parameters.means) if alike else parameters.means
         self.covariances_ = np.stack(parameters.covariances) if alike else parameters.covariances
@@ -380,11 +381,11 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
         A frame with covariance L L' says that L^-1 C (x - b) has mean L^-1 mu and covariance one. What all frames say is one
         least-squares problem in x - about, solved by QR, so that no condition number is squared.
         """
-        about = situation.middle(self._padded_means)
-        rows = self._whiteners @ situation.inverses[:, :, None]
+        about, m = situation.middle(self._padded_means), self.n_dims
+        equations = np.empty((*situation.seen.shape, about.shape[1], m, m + 1))
+        rows = np.matmul(self._whiteners, situation.inverses[:, :, None], out=equations[..., :m])
         right = rows @ (situation.b[:, :, None] - about[:, None])[..., None]
-        right += situation.seen[:, :, None, None, None] * (self._whiteners @ self._padded_means[..., None])
-        equations, m = np.concatenate([rows, right], axis=-1), rows.shape[-1]
+        np.add(right, situation.seen[:, :, None, None, None] * self._white_means, out=equations[..., m:])
         if self.n_shared:
             _require_shared(situation, self.n_shared)
             system = _shared_once(equations, situation.seen, self.n_shared)
@@ -449,7 +450,7 @@ def _require_shared(situation: Situation, n_shared: int) -> None:
 def _require_determined(triangle: np.ndarray, first: int = 0) -> None:
     """ValueError unless the columns of upper triangles (..., u, u), one per feature of the world from `first` on, are independent."""
     pivots = np.diagonal(triangle, axis1=-2, axis2=-1)
-    found = np.square(pivots) > LEAST_PIVOT**2 * np.square(triangle).sum(-2)
+    found = np.square(pivots) > LEAST_PIVOT**2 * np.einsum("...ij,...ij->...j", triangle, triangle)
     if not found.all():
         feature = first + int(np.argwhere(~found)[:, -1].min())
         raise ValueError(f"the task frames that are there do not tell feature {feature} of the world; give a frame that sees it")
