@@ -212,7 +212,7 @@ class Sweep:
         self._scratch: np.ndarray | None = None
         self._kept = [self._products(span) for span in self.spans] if len(weights) <= KEPT else []
         if not self._kept:
-            self._scratch = self._products(self.spans[0])
+            self._scratch = np.empty((self.starts[-1], max(span.stop - span.start for span in self.spans)))
 
     def _products(self, span: slice) -> np.ndarray:
         """Products (1 + q, m) of all blocks for the m samples in span, written over those of the last span unless they are kept."""

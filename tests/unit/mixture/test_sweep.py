@@ -133,7 +133,7 @@ def test_a_narrow_component_far_out_is_not_left_to_products():
     assert lost > 1e-10 > kept, (lost, kept)
 
 
-@pytest.mark.parametrize("n_samples", [SLICE - 1, SLICE, SLICE + 1, KEPT, KEPT + 1])
+@pytest.mark.parametrize("n_samples", [SLICE - 1, SLICE, SLICE + 1, KEPT, KEPT + 1, KEPT + 2, KEPT + 3])
 @pytest.mark.parametrize("path", ["_by_products", "_by_deviations"])
 def test_slices_leave_no_seam(n_samples, path):
     rng = np.random.default_rng(2)
