@@ -47,13 +47,13 @@ class Components:
     """Components of one block in white coordinates.
 
     means (K, d); affine (K, d, 1 + d): [-L^-1 mean, L^-1] of the covariances L L', which makes standard normal numbers of (1, z);
-    log_volumes (K,): log of sqrt(det(2 pi L L')); largest_precision: an upper bound of the eigenvalues of all inverse covariances.
+    log_volumes (K,): log of sqrt(det(2 pi L L')); precisions (K,): an upper bound of the eigenvalues of each inverse covariance.
     """
 
     means: np.ndarray
     affine: np.ndarray
     log_volumes: np.ndarray
-    largest_precision: float
+    precisions: np.ndarray
 
     @classmethod
     def of(cls, means: np.ndarray, covariances: np.ndarray) -> Components:
@@ -72,12 +72,18 @@ class Components:
     def _of_affine(cls, means: np.ndarray, affine: np.ndarray) -> Components:
         whiteners = affine[:, :, 1:]
         log_volumes = 0.5 * means.shape[1] * LOG_2PI - np.log(np.einsum("kii->ki", whiteners)).sum(1)
-        return cls(means, affine, log_volumes, float(np.einsum("kij,kij->k", whiteners, whiteners).max()))
+        return cls(means, affine, log_volumes, np.einsum("kij,kij->k", whiteners, whiteners))
 
     @property
     def whiteners(self) -> np.ndarray:
         """L^-1 (K, d, d)."""
         return self.affine[:, :, 1:]
+
+    def of_blocks(self, n_blocks: int) -> list[Components]:
+        """Those of each block, if these are the components of equally wide blocks one after the other."""
+        n = len(self.means) // n_blocks
+        spans = [slice(n * j, n * (j + 1)) for j in range(n_blocks)]
+        return [Components(self.means[one], self.affine[one], self.log_volumes[one], self.precisions[one]) for one in spans]
 
     def moved(self, origin: np.ndarray) -> Components:
         """The same components if their means were told from an origin (K, d)."""
@@ -90,13 +96,14 @@ class Sums:
     """What the M step needs.
 
     mass (K,): sum of the counts; log_density (n,), in the units of the blocks; for each block an origin (K, d), or None for 0, and
-    products (K, 1 + d, 1 + d): the sum over the samples of count times the outer product of (1, z - origin).
+    products (K, 1 + d, 1 + d): the sum over the samples of count times the outer product of (1, z - origin); products of equally wide
+    blocks may be one array.
     """
 
     mass: np.ndarray
     log_density: np.ndarray
     origins: list[np.ndarray] | list[None]
-    products: list[np.ndarray]
+    products: list[np.ndarray] | np.ndarray
 
 
 class WhiteBlock:
@@ -208,6 +215,9 @@ class Sweep:
         self.blocks = [WhiteBlock(block, weights, floor) for block in blocks]
         # A row of ones comes first, for the priors: the products of a block are zero for samples that it does not see.
         self.starts = np.cumsum([1] + [block.n_products for block in self.blocks])
+        # Where the squares of equally wide blocks are, (P, 1 + d, 1 + d): their M step is done at once.
+        alike = len(self.blocks) > 1 and len({block.n_products for block in self.blocks}) == 1
+        self.square = self.starts[:-1, None, None] + self.blocks[0].square if alike else None
         self.spans = _spans(len(weights), SLICE if len(weights) > KEPT else min(SLICE, PART // int(self.starts[-1])))
         self._scratch: np.ndarray | None = None
         self._kept = [self._products(span) for span in self.spans] if len(weights) <= KEPT else []
@@ -225,15 +235,29 @@ class Sweep:
     def __call__(self, priors: np.ndarray, components: list[Components]) -> Sums:
         """E step, and the sums of the M step that follows."""
         parts = zip(self.blocks, components, strict=True)
-        loss = EPSILON * max(block.reach * one.largest_precision for block, one in parts)
+        loss = EPSILON * max(block.reach * float(one.precisions.max()) for block, one in parts)
         if loss <= self.largest_loss:
             return self._by_products(np.log(priors), components)
         return self._by_deviations(np.log(priors), components)
 
     def maximise(self, sums: Sums) -> list[Components]:
         """M step; no component may have a total count of zero."""
+        if (found := self._at_once(sums)) is not None:
+            return found
         parts = zip(self.blocks, sums.origins, sums.products, strict=True)
         return [block.maximise(origin, products) for block, origin, products in parts]
+
+    def _at_once(self, sums: Sums) -> list[Components] | None:
+        """The M step of equally wide blocks in the time of one; None where one of them needs more care."""
+        products = sums.products
+        if not isinstance(products, np.ndarray) or products[:, :, 0, 0].min() < max(block.least_mass for block in self.blocks):
+            return None
+        moments = products / products[:, :, :1, :1]
+        try:
+            found = Components.of_second_moments(moments.reshape(-1, *moments.shape[2:])).of_blocks(len(moments))
+        except np.linalg.LinAlgError:
+            return None
+        return found if all(block._is_above_floor(one) for block, one in zip(self.blocks, found, strict=True)) else None
 
     def _by_products(self, log_priors: np.ndarray, components: list[Components]) -> Sums:
         parts = [block.coefficients(one) for block, one in zip(self.blocks, components, strict=True)]
@@ -253,7 +277,11 @@ class Sweep:
                 log_density[span] = to_counts(np.matmul(coefficients, products, out=counts), self.weights[span])
             total += counts @ products.T
         log_density += top
-        squares = [total.take(start + block.square, axis=1) for start, block in zip(self.starts, self.blocks, strict=False)]
+        squares: list[np.ndarray] | np.ndarray
+        if self.square is None:
+            squares = [total.take(start + block.square, axis=1) for start, block in zip(self.starts, self.blocks, strict=False)]
+        else:
+            squares = total.take(self.square, axis=1).swapaxes(0, 1)
         return Sums(total[:, 0], log_density, [None] * len(self.blocks), squares)
 
     def _by_deviations(self, log_priors: np.ndarray, components: list[Components]) -> Sums:

@@ -9,12 +9,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_learnable, as_samples, as_vector
 from dart_skill.movement._frames import TaskFrame
+
+# A frame with so many samples for each of its places is at rest during demonstrations.
+AT_REST = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,9 +97,18 @@ class Placement:
 
     def see(self, world: np.ndarray) -> np.ndarray:
         """World samples (n, m) as the frame sees them (n, d), nan where it is missing."""
-        block, seen = np.full((len(world), self.n_dims), np.nan), self.seen
-        place = self.place[seen]
-        block[seen] = np.einsum("nij,nj->ni", self.inverses[place], world[seen] - self.b[place])
+        block = np.full((len(world), self.n_dims), np.nan)
+        if len(world) < AT_REST * len(self.A):
+            seen = self.seen
+            place = self.place[seen]
+            block[seen] = np.einsum("nij,nj->ni", self.inverses[place], world[seen] - self.b[place])
+            return block
+        # A frame at rest is told once, not for each of its samples: that would be more numbers than all samples are.
+        edges = np.flatnonzero(np.diff(self.place, prepend=-2, append=-2)).tolist()
+        for first, stop in pairwise(edges):
+            place = self.place[first]
+            if place >= 0:
+                np.einsum("ij,nj->ni", self.inverses[place], world[first:stop] - self.b[place], out=block[first:stop])
         return block
 
     def see_variance(self, variance: np.ndarray, weights: np.ndarray) -> np.ndarray:
@@ -196,6 +209,8 @@ class TaskSamples:
 
     def only(self, kept: np.ndarray) -> TaskSamples:
         """The samples of the mask kept (n,); each frame must be present in some of them."""
+        if kept.all() and all(placement.seen.any() for placement in self.placements):
+            return self
         demonstrations = np.repeat(np.arange(len(self.lengths)), self.lengths)
         lengths = np.bincount(demonstrations[kept], minlength=len(self.lengths)).tolist()
         few = TaskSamples(self.world[kept], [one.only(kept) for one in self.placements], lengths)
@@ -234,8 +249,11 @@ def _as_placement(j: int, courses: list[FrameCourse], lengths: list[int], n_feat
     place: list[np.ndarray] = []
     for i, (course, length) in enumerate(zip(courses, lengths, strict=True)):
         course = _as_frames(course, length, f"task frame {j} of demonstration {i}", n_features)
-        there = np.array([frame is not None for frame in course])
-        place.append(np.broadcast_to(np.where(there, len(frames) + np.cumsum(there) - 1, -1), length))
+        if len(course) == 1:
+            place.append(np.full(length, -1 if course[0] is None else len(frames)))
+        else:
+            there = np.array([frame is not None for frame in course])
+            place.append(np.where(there, len(frames) + np.cumsum(there) - 1, -1))
         frames += [frame for frame in course if frame is not None]
     found = {frame.n_dims for frame in frames} | ({n_dims} if n_dims else set()) or {n_features}
     _require_dims(j, found)

@@ -268,3 +268,21 @@ def test_what_is_kept_is_gone_through_in_parts_with_the_same_result():
     parameters = maximisation([samples], responsibilities_of_neighbours(rng, samples, 3), FLOOR)
     assert len(Sweep([samples], weights, FLOOR).spans) > 1
     assert largest_difference(one_iteration([samples], weights, parameters), plain_iteration([samples], weights, parameters)) < 1e-10
+
+
+def test_the_m_step_of_equally_wide_blocks_is_that_of_each():
+    """To the last bit; where a component has no count in one of them, or one is below the floor, each is done by itself."""
+    rng = np.random.default_rng(9)
+    samples = standardised(cases()["clusters"])
+    blocks, weights = [samples[:, :3], samples[:, 1:4]], rng.random(700)
+    parameters = maximisation(blocks, responsibilities_of_neighbours(rng, samples, 3), FLOOR)
+    sweep = Sweep(blocks, weights, FLOOR)
+    parts = zip(sweep.blocks, parameters.means, parameters.covariances, strict=True)
+    sums = sweep(parameters.priors, [block.to_white(*one) for block, *one in parts])
+    for found, block, products in zip(sweep._at_once(sums), sweep.blocks, sums.products, strict=True):
+        alone = block.maximise(None, products)
+        for name in ("means", "affine", "log_volumes", "precisions"):
+            np.testing.assert_array_equal(getattr(found, name), getattr(alone, name))
+    sums.products[1, 2] *= 1e-12
+    assert sweep._at_once(sums) is None
+    assert len(sweep.maximise(sums)) == 2
