@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any, NamedTuple, TypeGuard
 
 import numpy as np
@@ -184,15 +185,25 @@ def difference(time: np.ndarray, samples: np.ndarray) -> tuple[np.ndarray, np.nd
 
 def _difference_evenly(samples: np.ndarray, width: int) -> np.ndarray:
     """First and second derivative (2, n, d), per step, of equally spaced samples: one stencil inside, others at the ends."""
-    stencils = _stencil(np.arange(width) - np.arange(width)[:, None])
+    stencils = _even_stencils(width)
     head = width // 2
     tail = width - 1 - head
-    inside = sum(
-        stencils[head, j][:, None, None] * samples[j : len(samples) - width + 1 + j] for j in range(width) if np.any(stencils[head, j])
-    )
-    start = np.einsum("nwk,wd->knd", stencils[:head], samples[:width])
-    end = np.einsum("nwk,wd->knd", stencils[width - tail :], samples[-width:])
-    return np.concatenate([start, inside, end], axis=1)
+    derivatives = np.zeros((2, *samples.shape))
+    inside = derivatives[:, head : len(samples) - tail]
+    term = np.empty_like(inside)
+    for j in range(width):
+        inside += np.multiply(stencils[head, j][:, None, None], samples[j : len(samples) - width + 1 + j], out=term)
+    np.einsum("nwk,wd->knd", stencils[:head], samples[:width], out=derivatives[:, :head])
+    np.einsum("nwk,wd->knd", stencils[width - tail :], samples[-width:], out=derivatives[:, len(samples) - tail :])
+    return derivatives
+
+
+@lru_cache(maxsize=STENCIL)
+def _even_stencils(width: int) -> np.ndarray:
+    """Weights (width, width, 2) of as many equally spaced samples for the derivatives at each of them."""
+    stencils = _stencil(np.arange(width) - np.arange(width)[:, None])
+    stencils.flags.writeable = False
+    return stencils
 
 
 def _stencil(offsets: np.ndarray) -> np.ndarray:

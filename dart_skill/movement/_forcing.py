@@ -106,10 +106,11 @@ def regress_jointly(psi: np.ndarray, gate: np.ndarray, target: np.ndarray, weigh
     """All kernels together fit (7.10) to the targets (n, d), by weighted least squares.
 
     (7.13) fits each kernel as if it were alone, although neighbours overlap and add up. That is the first Jacobi step
-    towards this solution (the normal matrix is replaced by its row sums). It smooths the movement by a kernel's width.
+    towards this solution (the normal matrix is replaced by its row sums). It smooths the movement by a kernel's width. psi is
+    overwritten: a second array of its size would take longer to get from the system than to compute.
     """
     share = np.sqrt(weights)
-    features = psi * (share * gate)[:, None]
+    features = np.multiply(psi, (share * gate)[:, None], out=psi)
     normal = features.T @ features
     scale = normal.sum() / len(normal)
     normal += scale * (NEIGHBOUR_PENALTY * (neighbours.T @ neighbours) + SIZE_PENALTY * np.eye(len(normal)))

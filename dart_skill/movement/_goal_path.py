@@ -31,10 +31,10 @@ class BlendAttractor:
     """
 
     def __init__(self, stiffness: float, damping: float):
-        path = np.concatenate([np.zeros(5), BLEND])
-        velocity = np.polynomial.polynomial.polyder(path)
+        path, powers = np.concatenate([np.zeros(5), BLEND]), np.arange(1.0, 10.0)
+        velocity = powers * path[1:]
         path[:-1] += velocity * (damping / stiffness)
-        path[:-2] += np.polynomial.polynomial.polyder(velocity) / stiffness
+        path[:-2] += powers[:-1] * velocity[1:] / stiffness
         self._coefficients = path[3:].tolist()
 
     def __call__(self, progress: np.ndarray) -> np.ndarray:
