@@ -8,7 +8,7 @@ learned from too, as what they are: throws at where the ball came down (8.2).
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -16,11 +16,11 @@ import numpy as np
 
 from dart_skill.movement import Segment, VelocityThreshold
 from dart_skill.recording import Demonstration, Opening, check_known, read_demonstrations, read_dropped
-from dart_skill.recording.imports import Fault, RecordingMapping, ThrowRecording, read_recording
+from dart_skill.recording.imports import Fault, RecordingMapping, ThrowRecording, read_in_parts, read_recording
 from dart_skill.robot import wam_description
 from dart_skill.skill.learn import LEAST_DEMONSTRATIONS, SkillConfiguration, prepare
 from dart_skill.skill.learn import configuration as configuration_of
-from dart_skill.skill.observe import THRESHOLDS, FoundThrow, ThrowFinder, ThrowLog, fit_release, worlds
+from dart_skill.skill.observe import MEMORY_NS, THRESHOLDS, FoundThrow, ThrowFinder, ThrowLog, fit_release, watched_until, worlds
 
 if TYPE_CHECKING:
     from dart_skill.skill.improve import PractisingSkill
@@ -70,9 +70,15 @@ def learn_from_bag(
     demonstrations that were dropped while they were recorded. ValueError if there is too little to learn from.
     """
     chosen = configuration_of(configuration)
-    report, recording = throws_in_bag(path, mapping, chosen, raw=raw, with_throws=with_throws, without=without, thresholds=thresholds)
+    report, has_joints = LearnReport(os.path.basename(os.fspath(path)), raw), True
+    if raw:
+        report, has_joints = _throws_in_parts(read_in_parts(path, mapping), report, chosen, with_throws, thresholds)
+    else:
+        shown = [FoundThrow(_instant(one), True, one) for one in read_demonstrations(path)]
+        report = replace(report, throws=tuple(shown))
+    report = _without_dropped(report, path, mapping, without)
     if len(report.learned_from) < LEAST_DEMONSTRATIONS:
-        raise ValueError(_too_few(report, recording))
+        raise ValueError(_too_few(report, has_joints))
     from dart_skill.skill.improve import PractisingSkill  # who only looks for throws does not practise
 
     return PractisingSkill(list(report.learned_from), chosen, method), report
@@ -83,37 +89,71 @@ def throws_in_bag(
     mapping: RecordingMapping | None,
     chosen: SkillConfiguration,
     *,
-    raw: bool = True,
     with_throws: bool = False,
     without: Sequence[str] = (),
-    thresholds: VelocityThreshold = THRESHOLDS,
-) -> tuple[LearnReport, ThrowRecording | None]:
-    """What was found in a recording, and which of it would be learned from; and the recording, if throws were looked for in it.
+) -> tuple[LearnReport, ThrowRecording]:
+    """What was found in the streams of a recording, and which of it would be learned from; and all of the recording.
 
     As `learn_from_bag`.
     """
-    recording = None
-    if raw:
-        recording = read_recording(path, mapping)
-        throws = [_judged(throw, with_throws, chosen) for throw in find_throws(recording, thresholds)]
-        report = LearnReport(recording.source, True, tuple(throws), recording.faults)
-    else:
-        shown = [FoundThrow(_instant(one), True, one) for one in read_demonstrations(path)]
-        report = LearnReport(os.path.basename(os.fspath(path)), False, tuple(shown))
+    recording = read_recording(path, mapping)
+    report, _ = _throws_in_parts([recording], LearnReport(recording.source, True), chosen, with_throws, THRESHOLDS)
+    return _without_dropped(report, path, mapping, without), recording
+
+
+def _throws_in_parts(
+    parts: Iterable[ThrowRecording], report: LearnReport, chosen: SkillConfiguration, with_throws: bool, thresholds: VelocityThreshold
+) -> tuple[LearnReport, bool]:
+    """A report with what was found in the parts of a recording, and whether the arm's joints were recorded. A part is forgotten when the
+    next one is read: what grows with a recording is what was found in it.
+    """
+    faults: list[Fault] = []
+    source, has_joints = report.source, False
+
+    def seen() -> Iterator[ThrowRecording]:
+        nonlocal source, has_joints
+        for part in parts:
+            faults.extend(part.faults)
+            source, has_joints = part.source, has_joints or part.joints is not None
+            yield part
+
+    throws = tuple(_judged(throw, with_throws, chosen) for throw in _found(seen(), thresholds))
+    return replace(report, source=source, throws=throws, faults=tuple(faults)), has_joints
+
+
+def _without_dropped(report: LearnReport, path: str | os.PathLike, mapping: RecordingMapping | None, without: Sequence[str]) -> LearnReport:
+    """The report with the reasons why throws are not learned from that somebody did not want."""
     check_known(without, [throw.demonstration.id for throw in report.throws if throw.demonstration is not None], report.source)
     dropped = set() if mapping else read_dropped(path)
-    return replace(report, throws=tuple(_unless_dropped(throw, dropped, without) for throw in report.throws)), recording
+    return replace(report, throws=tuple(_unless_dropped(throw, dropped, without) for throw in report.throws))
 
 
 def find_throws(recording: ThrowRecording, thresholds: VelocityThreshold = THRESHOLDS) -> list[FoundThrow]:
     """Every throw of a recording, in order of time. Demonstrations of our own bags are those that the recorder published, to the last bit:
     guided throws into the basket, which it calls demonstration_<stamp at which the hand was told to open>.
     """
-    finder, found = ThrowFinder(_filled(recording), thresholds), []
-    for since, until in _worlds(recording):
-        for opening in _openings(recording, since, until, thresholds):
-            found += finder.find(opening, recording.has_button)
-    return found
+    return list(_found([recording], thresholds))
+
+
+def _found(parts: Iterable[ThrowRecording], thresholds: VelocityThreshold) -> Iterator[FoundThrow]:
+    """As `find_throws`, of the parts of a recording in order of time. What no later throw needs is forgotten."""
+    log = ThrowLog()
+    finder, has_button, newest = ThrowFinder(log, thresholds), True, None
+    waiting: list[Opening] = []  # of throws that may not be over
+    for part in parts:
+        if newest is not None:
+            finder.forget_before(min([newest, *(one.stamp_ns for one in waiting)]) - MEMORY_NS)
+        _fill(log, part)
+        has_button, stretches = part.has_button, _worlds(part)
+        if stretches and newest is not None:  # what was told between two parts
+            stretches[0] = (min(stretches[0][0], newest + 1), stretches[0][1])
+        for since, until in stretches:
+            waiting += _openings(part, since, until, thresholds)
+        newest = stretches[-1][1] if stretches else newest
+        while newest is not None and waiting and watched_until(waiting[0].stamp_ns) <= newest:
+            yield from finder.find(waiting.pop(0), has_button)
+    for opening in waiting:
+        yield from finder.find(opening, has_button)
 
 
 def _unless_dropped(throw: FoundThrow, dropped: Collection[str], without: Collection[str]) -> FoundThrow:
@@ -141,13 +181,13 @@ def _judged(throw: FoundThrow, with_throws: bool, chosen: SkillConfiguration) ->
     return replace(throw, reason=reason)
 
 
-def _too_few(report: LearnReport, recording: ThrowRecording | None) -> str:
+def _too_few(report: LearnReport, has_joints: bool) -> str:
     learned, seen = len(report.learned_from), len(report.throws)
     reasons = sorted({throw.reason for throw in report.throws if throw.reason})
     text = f"{report.source}: {learned} demonstrations among {seen} throws are too few: at least {LEAST_DEMONSTRATIONS} are needed"
     if not seen:
         reasons.append("the ball flies out of no motion of the hand: are roles, up axis, units and the frame of the hand right?")
-    if recording is not None and recording.joints is None:
+    if not has_joints:
         reasons.append("the arm's joint angles were not recorded: a mapping may name them under 'joints'")
     return explained("; ".join([text, *reasons]))
 
@@ -177,9 +217,8 @@ def _worlds(recording: ThrowRecording) -> list[tuple[int, int]]:
     return worlds([*streams, recording.joints.stamp_ns] if recording.joints else streams)
 
 
-def _filled(recording: ThrowRecording) -> ThrowLog:
-    """A log of everything that was recorded."""
-    log = ThrowLog()
+def _fill(log: ThrowLog, recording: ThrowRecording) -> None:
+    """Tell a log everything that was recorded."""
     for role, stream in (("hand", log.hand), ("ball", log.ball), ("basket", log.basket)):
         body = recording.bodies[role]
         rows = np.hstack([body.position, body.quaternion]) if role == "hand" else body.position
@@ -188,7 +227,6 @@ def _filled(recording: ThrowRecording) -> ThrowLog:
     if joints is not None:
         for k, stamp in enumerate(joints.stamp_ns.tolist()):
             log.add_joints(stamp, joints.position[k], joints.velocity[k])
-    return log
 
 
 def _between(stamps: np.ndarray, since: int, until: int) -> np.ndarray:

@@ -5,21 +5,24 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from dataclasses import dataclass
 from pathlib import Path
-from zlib import crc32
 
 from mcap.opcode import Opcode
 from mcap.records import Channel, DataEnd, Header, Schema, Statistics
 from rosbags.typesys.store import Typestore
 
+from dart_skill.recording.bags.columns import Pattern, pattern_of
 from dart_skill.recording.bags.messages import deserialize
 from dart_skill.recording.bags.reader import embedded_types
 from dart_skill.recording.mcap import (
     Chunk,
+    ChunkPlace,
+    ChunkTable,
     Damage,
     DamagedError,
     Message,
     Record,
     Summary,
+    crc_of,
     mapped,
     messages_of,
     read_definitions,
@@ -30,6 +33,8 @@ from dart_skill.recording.mcap import (
 RECOVER = "make a new bag of what is in it: dart-skill bag recover"
 REWRITE = "write its index anew: dart-skill bag recover"
 SEVERITIES = ("error", "warning", "note")
+_TOLD = "message_start_time", "message_end_time", "chunk_length", "compression", "compressed_size", "uncompressed_size"
+"""What the index of a chunk in the summary is compared in."""
 NO_MESSAGES = "the file holds no messages"
 
 
@@ -63,6 +68,8 @@ class _Topic:
     missing: int = 0
     undecodable: int = 0
     first_reason: str = ""
+    pattern: Pattern | None = None
+    has_pattern: bool = True  # until it turns out that it has none
 
 
 class FileCheck:
@@ -87,7 +94,7 @@ class FileCheck:
         self.end_ns: int | None = None
         self._summary: Summary | None = None
         self._topics: dict[int, _Topic] = {}  # by channel
-        self._chunks: dict[int, dict] = {}  # what an index must say of each, by its place
+        self._chunks = ChunkTable()  # what an index must say of each
         self._contained: dict[int, list] = {}  # of the current chunk, by its content
         self._indexed: dict[int, list] = {}  # of the current chunk, by its message indexes
         self._n_records: Counter[int] = Counter()  # by opcode
@@ -103,6 +110,8 @@ class FileCheck:
         self._topic_findings()
         self._time_findings()
         self._summary_findings()
+        self._summary, self._chunks = None, ChunkTable()  # of a long bag all files' checks are kept, but what they found is small
+        del self._types
 
     def _add(self, severity: str, message: str, remedy: str = "", where: str = "") -> None:
         self.findings.append(Finding(severity, self.path.name + (f", {where}" if where else ""), message, remedy))
@@ -155,7 +164,8 @@ class FileCheck:
             self._chunk(found)
         elif found.opcode == Opcode.MESSAGE:
             for message in found.messages():
-                self._message(message)
+                self._count(message)
+                self._decode(message.channel, [message])
         elif found.opcode == Opcode.ATTACHMENT:
             self._attachment(found)
         elif found.opcode == Opcode.HEADER:
@@ -164,7 +174,7 @@ class FileCheck:
             last = found.parsed()
             assert isinstance(last, DataEnd)
             crc = last.data_section_crc
-            if crc and crc != crc32(data[: found.offset]):
+            if crc and crc != crc_of(data, found.offset):
                 self._add("error", "the CRC of all before the summary does not fit: something in there has changed", RECOVER)
 
     def _header(self, found: Record) -> None:
@@ -185,9 +195,13 @@ class FileCheck:
         self._contained = defaultdict(list)
         try:
             raw = chunk.unpack()
+            found_of = defaultdict(list)
             for message in messages_of(raw, most=chunk.most_records):
-                self._message(message)
-                self._contained[message.channel].append((message.log_time_ns, message.place))
+                self._count(message)
+                found_of[message.channel].append(message)
+            for channel, messages in found_of.items():
+                self._contained[channel] = [(message.log_time_ns, message.place) for message in messages]
+                self._decode(channel, messages)
         except DamagedError as error:
             self._contained = {}
             self._add("error", str(error), RECOVER, where)
@@ -196,7 +210,7 @@ class FileCheck:
         if stamps and (min(stamps), max(stamps)) != (chunk.start_ns, chunk.end_ns):
             self._add("error", "its first and last time are not those of its messages: readers may miss some", REWRITE, where)
         self._n_without_crc += not chunk.crc
-        self._chunks[found.offset] = _facts(chunk, found.end - found.offset, len(raw))
+        self._chunks.append(_facts(chunk, found, len(raw)))
         self._place = where
 
     def _end_of_chunk(self) -> None:
@@ -209,7 +223,7 @@ class FileCheck:
             self._n_not_indexed += 1
         self._contained, self._indexed = {}, {}
 
-    def _message(self, message: Message) -> None:
+    def _count(self, message: Message) -> None:
         self._n_messages[message.channel] += 1
         topic = self._topics.get(message.channel)
         if topic is None:
@@ -219,13 +233,24 @@ class FileCheck:
             topic.gaps += 1
             topic.missing += message.sequence - topic.last_sequence - 1
         topic.last_sequence = message.sequence
-        if topic.is_decodable:
+        self._at_time(message.log_time_ns)
+
+    def _decode(self, channel: int, messages: list[Message]) -> None:
+        """Whether messages can be decoded: one by one, unless they differ from one that could in stamp and numbers alone."""
+        topic = self._topics.get(channel)
+        if topic is None or not topic.is_decodable:
+            return
+        if topic.pattern is not None and topic.pattern.table([message.data for message in messages]) is not None:
+            return
+        for message in messages:
             try:
                 deserialize(self._types, topic.type_name, message.data)
             except ValueError as error:
                 topic.undecodable += 1
                 topic.first_reason = topic.first_reason or f"the first at log time {message.log_time_ns} ns: {error}"
-        self._at_time(message.log_time_ns)
+        if topic.has_pattern and not topic.undecodable and len(messages) > 1:  # as those that come next may be like this one
+            topic.pattern = pattern_of(self._types, topic.type_name, messages[-1].data)
+            topic.has_pattern = topic.pattern is not None
 
     def _at_time(self, now_ns: int) -> None:
         if self._last_ns is None:
@@ -269,11 +294,12 @@ class FileCheck:
         """Whether the summary agrees with what was found."""
         if self._summary is None:
             return
-        found = dict(self._chunks)
+        found = {chunk.chunk_start_offset: number for number, chunk in enumerate(self._chunks)}
         for index in self._summary.chunks:
-            facts = found.pop(index.chunk_start_offset, None)
-            wrong = [name for name, is_so in (facts or {}).items() if vars(index)[name] != is_so]
-            if facts is None or wrong:
+            number = found.pop(index.chunk_start_offset, None)
+            is_so = index if number is None else self._chunks[number]
+            wrong = [name for name in _TOLD if getattr(index, name) != getattr(is_so, name)]
+            if number is None or wrong:
                 reason = f"disagrees with it ({', '.join(wrong)})" if wrong else "names it, but it cannot be read"
                 self._add("error", f"the summary {reason}", REWRITE, f"chunk at byte {index.chunk_start_offset}")
         if found and self._summary.chunks:
@@ -300,13 +326,7 @@ class FileCheck:
                 self._add("error", f"the statistics say {said} for {name}, found are {is_so}", REWRITE)
 
 
-def _facts(chunk: Chunk, length: int, size: int) -> dict[str, int | str]:
-    """What a ChunkIndex must say. length: of the chunk's record; size: of its records, once they are decompressed."""
-    return {
-        "message_start_time": chunk.start_ns,
-        "message_end_time": chunk.end_ns,
-        "chunk_length": length,
-        "compression": chunk.compression,
-        "compressed_size": len(chunk.records),
-        "uncompressed_size": size,
-    }
+def _facts(chunk: Chunk, found: Record, size: int) -> ChunkPlace:
+    """What a ChunkIndex must say, as far as `_TOLD`. found: the chunk's record; size: of its records, once they are decompressed."""
+    length, packed = found.end - found.offset, len(chunk.records)
+    return ChunkPlace(chunk.start_ns, chunk.end_ns, found.offset, length, 0, packed, size, chunk.compression, frozenset())

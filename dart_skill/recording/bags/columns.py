@@ -10,6 +10,7 @@ import copy
 import itertools
 import struct
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,47 @@ LITTLE_ENDIAN = 1
 GIGA = 1_000_000_000
 
 
+@dataclass(frozen=True, eq=False)
+class Pattern:
+    """What messages of a topic have in common with one of them: their length, and all but their stamp and their float64.
+
+    * example: that one.
+    * bytes_of_numbers: of the float64 of a message, in the order of its fields (8 k,).
+    * common: which bytes of a message are the same in all (length,).
+    * first: the bytes of the example (length,).
+    """
+
+    example: Any
+    bytes_of_numbers: np.ndarray
+    common: np.ndarray
+    first: np.ndarray
+
+    def table(self, payloads: Sequence[bytes]) -> np.ndarray | None:
+        """Bytes of messages (n, length), None if one of them does not fit. payloads: (n,), CDR."""
+        if any(len(one) != len(self.first) for one in payloads):
+            return None
+        table = np.frombuffer(b"".join(payloads), dtype=np.uint8).reshape(len(payloads), len(self.first))
+        return None if (table[:, self.common] != self.first[self.common]).any() else table
+
+
+def pattern_of(types: Typestore, type_name: str, payload: bytes) -> Pattern | None:
+    """The pattern of a message; None for a type that does not begin with a stamp, and where its numbers are not found in its bytes.
+
+    * types: that know the message.
+    * type_name: of the message.
+    * payload: CDR, which can be decoded.
+    """
+    if not is_stamped(types, type_name) or len(payload) < STAMP.stop or payload[1] != LITTLE_ENDIAN:
+        return None
+    example = types.deserialize_cdr(payload, type_name)
+    places = _places(types, type_name, example, len(payload))
+    if places is None:
+        return None
+    common, of_numbers = np.ones(len(payload), dtype=bool), (places[:, None] + np.arange(8)).ravel()
+    common[STAMP] = common[of_numbers] = False
+    return Pattern(example, of_numbers, common, np.frombuffer(payload, dtype=np.uint8))
+
+
 def columns_of(types: Typestore, type_name: str, payloads: Sequence[bytes]) -> tuple[Any, np.ndarray, np.ndarray] | None:
     """The first message, the stamps (n,) [ns], and all float64 of each message in the order of its fields (n, k).
 
@@ -34,22 +76,13 @@ def columns_of(types: Typestore, type_name: str, payloads: Sequence[bytes]) -> t
     * type_name: of all messages.
     * payloads: (n,), CDR, at least one.
     """
-    first = bytes(payloads[0])
-    if not is_stamped(types, type_name) or len(first) < STAMP.stop or first[1] != LITTLE_ENDIAN:
-        return None
-    example = types.deserialize_cdr(first, type_name)
-    places = _places(types, type_name, example, len(first))
-    if places is None or any(len(one) != len(first) for one in payloads):
-        return None
-    table = np.frombuffer(b"".join(payloads), dtype=np.uint8).reshape(len(payloads), len(first))
-    own = np.zeros(len(first), dtype=bool)
-    of_numbers = (places[:, None] + np.arange(8)).ravel()
-    own[STAMP] = own[of_numbers] = True
-    if (table[:, ~own] != table[0, ~own]).any():
+    pattern = pattern_of(types, type_name, bytes(payloads[0]))
+    table = None if pattern is None else pattern.table(payloads)
+    if pattern is None or table is None:
         return None
     stamps = np.ascontiguousarray(table[:, STAMP]).view(TIME)[:, 0]
-    numbers = np.ascontiguousarray(table[:, of_numbers]).view("<f8")
-    return example, stamps["sec"].astype(np.int64) * GIGA + stamps["nanosec"], numbers
+    numbers = np.ascontiguousarray(table[:, pattern.bytes_of_numbers]).view("<f8")
+    return pattern.example, stamps["sec"].astype(np.int64) * GIGA + stamps["nanosec"], numbers
 
 
 def _places(types: Typestore, type_name: str, example: Any, length: int) -> np.ndarray | None:

@@ -13,7 +13,6 @@ from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from zlib import crc32
 
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema
@@ -41,6 +40,7 @@ from dart_skill.recording.mcap import (
     Message,
     Record,
     Summary,
+    crc_of,
     mapped,
     parse_header,
     read_definitions,
@@ -440,7 +440,7 @@ class _FileRecovery:
 def _data_is_whole(data: memoryview, summary_start: int) -> bool:
     """Whether the CRC of all before the summary vouches for it."""
     crc = int.from_bytes(data[summary_start - 4 : summary_start], "little")
-    return crc != 0 and crc == crc32(data[: summary_start - 13])
+    return crc != 0 and crc == crc_of(data, summary_start - 13)
 
 
 def _qos(channel: Channel) -> list:

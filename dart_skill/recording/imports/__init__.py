@@ -12,7 +12,7 @@ from dart_skill.recording.imports.mapping import (
 )
 from dart_skill.recording.imports.pose_faults import Fault, fault_lines, repair
 from dart_skill.recording.imports.pose_stream import PoseStream, RigidTransform
-from dart_skill.recording.imports.throw_recording import JointStream, ThrowRecording, convert, read_recording
+from dart_skill.recording.imports.throw_recording import JointStream, ThrowRecording, convert, read_in_parts, read_recording
 
 __all__ = [
     "Fault",
@@ -31,6 +31,7 @@ __all__ = [
     "fault_lines",
     "load_mapping",
     "parse_mapping",
+    "read_in_parts",
     "read_recording",
     "repair",
     "throws_to_csv",

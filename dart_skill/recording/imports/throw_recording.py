@@ -33,7 +33,7 @@ from dart_skill.recording.bags import (
     type_hash,
     typestore,
 )
-from dart_skill.recording.grip_signal import GIGA, OPEN, GripSignal, Opening, read_commands
+from dart_skill.recording.grip_signal import GIGA, GUIDED_NS, OPEN, GripSignal, Opening, read_commands
 from dart_skill.recording.imports._tables import read_motive, read_pose_table, read_table
 from dart_skill.recording.imports.mapping import LENGTH_UNITS, OWN, PoseSource, RecordingMapping, SignalSource
 from dart_skill.recording.imports.pose_faults import Fault, repair
@@ -42,6 +42,8 @@ from dart_skill.world import joint_names, the_world
 
 POSE_TYPES = ("PoseStamped", "PoseWithCovarianceStamped", "PointStamped", "TransformStamped", "Odometry", "TFMessage")
 SIGNAL_TYPES = ("WamCommand", "Bool", "Empty")
+PART_NS, PAUSE_NS = 180_000_000_000, 500_000_000
+"""A part of a long recording takes so long, and ends with the next pause of so long, or when it is twice as long [ns]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,13 +94,46 @@ def read_recording(source: str | os.PathLike, mapping: RecordingMapping | None =
 
     ValueError says what is missing, in which file and line, and BagError what is wrong with a bag.
     """
+    (recording,) = read_in_parts(source, mapping, part_ns=0)
+    return recording
+
+
+def read_in_parts(source: str | os.PathLike, mapping: RecordingMapping | None = None, part_ns: int = PART_NS) -> Iterator[ThrowRecording]:
+    """As `read_recording`, one part of a bag of ours after the other, so that only a part of a long one is in memory.
+
+    A part ends in a pause, where there is one: a world that is set anew. Faults are looked for in each part by itself. Recordings of
+    others, and without the command that opens the hand, are one part.
+
+    * source, mapping: as for that.
+    * part_ns: log time of a part, about; 0: all is one part [ns].
+
+    ValueError and BagError as there; for a body that was never seen at the end.
+    """
     source, mapping = Path(source), mapping or OWN
     if not source.exists():
         raise BagError(f"{source}: no such bag or folder")
+    never_seen = {role: where for role, where in mapping.bodies.items() if not where.fixed}
+    for taken in _read_topics(source, mapping, part_ns if mapping is OWN else 0):
+        recording = _recording(source, mapping, taken)
+        never_seen = {role: where for role, where in never_seen.items() if not len(recording.bodies[role])}
+        if part_ns == 0:
+            _require_seen(never_seen)
+        yield recording
+    _require_seen(never_seen)
+
+
+def _require_seen(never_seen: dict[str, PoseSource]) -> None:
+    for role, where in never_seen.items():
+        name = where.topic or where.motive or (where.table.file if where.table else "")
+        raise ValueError(f"{name}: no pose of the {role}: was it tracked?")
+
+
+def _recording(source: Path, mapping: RecordingMapping, taken: dict[str, Any]) -> ThrowRecording:
+    """What was collected, in our axes and units."""
     folder = source if source.is_dir() else source.parent
-    taken = _read_topics(source, mapping)
     bodies = {role: _body(role, where, taken, folder, mapping.frame) for role, where in mapping.bodies.items() if not where.fixed}
-    bodies, faults = repair(bodies)
+    repaired, faults = repair({role: body for role, body in bodies.items() if len(body)})
+    bodies |= repaired
     for role, where in mapping.bodies.items():
         if where.fixed:
             bodies[role] = _resting(role, where.fixed, bodies["hand"].stamp_ns, mapping.frame)
@@ -158,36 +193,83 @@ class _Signal(GripSignal):
 
     stamps: np.ndarray = np.empty(0, dtype=np.int64)
 
+    def begin_part(self) -> None:
+        """Forget the part before, but for pushes after which the arm is guided still, and whether the hand is held open."""
+        self.openings, self.stamps = [], np.empty(0, dtype=np.int64)
+        if self.pushes:
+            self.forget_before(self.pushes[-1] - GUIDED_NS)
+
 
 def _buttons(mapping: RecordingMapping) -> list[tuple[str, SignalSource | None]]:
     return [("teacher", mapping.teacher), ("command", mapping.command)]
 
 
-def _read_topics(source: Path, mapping: RecordingMapping) -> dict[str, Any]:
-    """What was collected for each role that is a topic."""
+def _read_topics(source: Path, mapping: RecordingMapping, part_ns: int) -> Iterator[dict[str, Any]]:
+    """What was collected for each role that is a topic, part by part; all at once for 0, or where nobody told the hand to open."""
     roles: dict[str, Any] = {**mapping.bodies, "joints": mapping.joints, **dict(_buttons(mapping))}
     wanted = {role: where for role, where in roles.items() if where is not None and where.topic}
     if not wanted:
-        return {}
+        yield {}
+        return
     with (GraphBag if mapping is OWN else BagReader)(source, typestore) as bag:
-        collectors: dict[str, list[Callable]] = {}
-        collected: dict[str, Callable[[], Any]] = {}
+        there = {}
         for role, where in wanted.items():
-            if where.topic not in bag.topics:
-                if role in mapping.optional:
-                    continue
+            if where.topic in bag.topics:
+                there[role] = where
+            elif role not in mapping.optional:
                 raise BagError(f"{source}: no topic {where.topic} for '{role}', only {sorted(bag.topics)}: name it in a mapping")
-            type_name = bag.topics[where.topic].type_name
-            collected[role], collect = _collector(role, where, type_name, bag)
-            collectors.setdefault(where.topic, []).append(collect)
-        for message in bag.messages(collectors, decode=False):
-            for collect in collectors[message.topic]:
-                collect(message)
-        return {role: content() for role, content in collected.items()}
+        signals = {role: _Signal() for role in there if role in ("teacher", "command")}
+        for part in _parts(bag.messages({where.topic for where in there.values()}, decode=False), part_ns if signals else 0):
+            yield _collected(part, there, bag, signals)
+
+
+def _parts(messages: Iterator[BagMessage], part_ns: int) -> Iterator[Iterator[BagMessage]]:
+    """The messages of each part, to be taken one after the other."""
+    first = next(messages, None)
+    if first is None:
+        yield iter(())
+    while first is not None:
+        part = _Part(first, messages, part_ns)
+        yield iter(part)
+        first = part.following
+
+
+class _Part:
+    """Messages up to the end of a part; afterwards `following` is the first of the next one, None if there is none."""
+
+    def __init__(self, first: BagMessage, messages: Iterator[BagMessage], part_ns: int):
+        self._first, self._messages, self._part_ns = first, messages, part_ns
+        self.following: BagMessage | None = None
+
+    def __iter__(self) -> Iterator[BagMessage]:
+        yield self._first
+        begin = last = self._first.stamp_ns
+        for message in self._messages:
+            lasted = message.stamp_ns - begin
+            if self._part_ns and lasted >= self._part_ns and (message.stamp_ns - last > PAUSE_NS or lasted >= 2 * self._part_ns):
+                self.following = message
+                return
+            last = message.stamp_ns
+            yield message
+
+
+def _collected(
+    messages: Iterator[BagMessage], wanted: dict[str, PoseSource | SignalSource], bag: BagReader, signals: dict[str, _Signal]
+) -> dict[str, Any]:
+    """What was collected of some messages for each role."""
+    collectors: dict[str, list[Callable]] = {}
+    collected: dict[str, Callable[[], Any]] = {}
+    for role, where in wanted.items():
+        collected[role], collect = _collector(role, where, bag.topics[where.topic].type_name, bag, signals)
+        collectors.setdefault(where.topic, []).append(collect)
+    for message in messages:
+        for collect in collectors[message.topic]:
+            collect(message)
+    return {role: content() for role, content in collected.items()}
 
 
 def _collector(
-    role: str, where: PoseSource | SignalSource, type_name: str, bag: BagReader
+    role: str, where: PoseSource | SignalSource, type_name: str, bag: BagReader, signals: dict[str, _Signal]
 ) -> tuple[Callable[[], Any], Callable[[BagMessage], None]]:
     """Two functions: what was collected of a topic in the end, and one that takes a message."""
     name = type_name.rsplit("/", 1)[1]
@@ -196,7 +278,7 @@ def _collector(
         raise BagError(f"{bag.path}: {where.topic} has type {type_name}; for '{role}' it must be one of {', '.join(kinds)}")
     messages: list[BagMessage] = []
     if role in ("teacher", "command"):
-        return lambda: _signal(messages, name, bag), messages.append
+        return lambda: _signal(messages, name, bag, signals[role]), messages.append
     if role == "joints":
         return lambda: _states(messages, bag), messages.append
     assert isinstance(where, PoseSource)  # as every body has
@@ -273,9 +355,9 @@ def _pose_row(name: str, item: Any) -> tuple:
     return (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
 
 
-def _signal(messages: list[BagMessage], name: str, bag: BagReader) -> _Signal:
-    """What was told by messages of a type of `SIGNAL_TYPES`."""
-    signal = _Signal()
+def _signal(messages: list[BagMessage], name: str, bag: BagReader, signal: _Signal) -> _Signal:
+    """What was told by messages of a type of `SIGNAL_TYPES`, after what a signal was told by those of the part before."""
+    signal.begin_part()
     if name == "WamCommand":
         signal.stamps, pushed, grip = read_commands([message.data for message in messages])
         for k in np.flatnonzero(pushed | (grip == OPEN)).tolist():  # all others tell nothing
@@ -297,10 +379,6 @@ def _body(role: str, where: PoseSource, taken: dict, folder: Path, frame: str) -
         stamps, position, quaternion = read_pose_table(folder, where.table, where.order, LENGTH_UNITS[where.length])
     else:
         stamps, position, quaternion = read_motive(folder, where.motive, where.body)
-    if not len(stamps):
-        raise ValueError(
-            f"{where.topic or where.motive or (where.table.file if where.table else '')}: no pose of the {role}: was it tracked?"
-        )
     stream = PoseStream(role, stamps + where.shift_ns, position, quaternion, frame)
     if where.is_plain:
         return stream

@@ -4,8 +4,18 @@ from typing import TYPE_CHECKING
 
 from dart_skill.lazy import on_first_use
 from dart_skill.recording.mcap.reader import END_OF_TIME, BagMessage, McapInput, in_time_order
-from dart_skill.recording.mcap.records import Chunk, DamagedError, Message, Summary, messages_of, parse_header, read_summary
-from dart_skill.recording.mcap.walk import LARGEST_UNPACKED, USUAL_RATIO, Damage, Record, mapped, read_definitions, walk
+from dart_skill.recording.mcap.records import (
+    Chunk,
+    ChunkPlace,
+    ChunkTable,
+    DamagedError,
+    Message,
+    Summary,
+    messages_of,
+    parse_header,
+    read_summary,
+)
+from dart_skill.recording.mcap.walk import LARGEST_UNPACKED, USUAL_RATIO, Damage, Record, crc_of, mapped, read_definitions, walk
 
 if TYPE_CHECKING:
     from dart_skill.recording.mcap.writer import CHUNK_SIZE, McapChannel, McapFile
@@ -17,6 +27,8 @@ __all__ = [
     "END_OF_TIME",
     "BagMessage",
     "Chunk",
+    "ChunkPlace",
+    "ChunkTable",
     "Damage",
     "DamagedError",
     "LARGEST_UNPACKED",
@@ -27,6 +39,7 @@ __all__ = [
     "Record",
     "Summary",
     "USUAL_RATIO",
+    "crc_of",
     "in_time_order",
     "mapped",
     "messages_of",

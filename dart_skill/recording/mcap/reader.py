@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, ChunkIndex, McapRecord, Metadata
+from mcap.records import Attachment, Channel, McapRecord, Metadata
 
 from dart_skill.files import open_file
-from dart_skill.recording.mcap.records import RECORD, DamagedError, Summary, parse, parse_chunk, parse_header, read_summary
+from dart_skill.recording.mcap.records import RECORD, ChunkTable, DamagedError, Summary, parse, parse_chunk, parse_header, read_summary
 from dart_skill.recording.mcap.walk import Damage, Record, mapped, read_definitions, walk
 
 END_OF_TIME = 2**64
@@ -60,7 +60,7 @@ class McapInput:
 
     def __init__(self, path: Path):
         self.path = path
-        self._chunks: list[ChunkIndex] | None = None  # what is known of all messages
+        self._chunks: ChunkTable | None = None  # what is known of all messages
         self._stream = open_file(path)
         try:
             with mapped(path) as data:
@@ -103,11 +103,9 @@ class McapInput:
         if self._chunks is None:
             return [Part(self.start_ns, self.end_ns, lambda: self._found_messages(wanted, start_ns, stop_ns))]
         return [
-            Part(chunk.message_start_time, chunk.message_end_time, partial(self._chunk_messages, chunk, wanted, start_ns, stop_ns))
-            for chunk in self._chunks
-            if start_ns <= chunk.message_end_time
-            and chunk.message_start_time < stop_ns
-            and not wanted.keys().isdisjoint(chunk.message_index_offsets)
+            Part(chunk.message_start_time, chunk.message_end_time, partial(self._chunk_messages, index, wanted, start_ns, stop_ns))
+            for index, chunk in enumerate(self._chunks)
+            if start_ns <= chunk.message_end_time and chunk.message_start_time < stop_ns and not wanted.keys().isdisjoint(chunk.channels)
         ]
 
     def close(self) -> None:
@@ -153,7 +151,9 @@ class McapInput:
         self.message_count = sum(self.counts.values())
         self.start_ns, self.end_ns = (first_ns, last_ns) if self.message_count else (0, 0)
 
-    def _chunk_messages(self, chunk: ChunkIndex, wanted: dict, start_ns: int, stop_ns: int) -> list[BagMessage]:
+    def _chunk_messages(self, index: int, wanted: dict, start_ns: int, stop_ns: int) -> list[BagMessage]:
+        assert self._chunks is not None  # as there are parts
+        chunk = self._chunks[index]
         place = chunk.chunk_start_offset
         try:
             record = self._at(place, chunk.chunk_length)
@@ -242,7 +242,7 @@ def _is_complete(summary: Summary) -> bool:
     statistics = summary.statistics
     if statistics is None or statistics.schema_count != len(summary.schemas) or statistics.channel_count != len(summary.channels):
         return False
-    indexed = sum(chunk.message_index_length - 15 * len(chunk.message_index_offsets) for chunk in summary.chunks) // 16
+    indexed = sum(chunk.message_index_length - 15 * len(chunk.channels) for chunk in summary.chunks) // 16
     lists = statistics.metadata_count == len(summary.metadata) and statistics.attachment_count == len(summary.attachments)
     return lists and indexed == statistics.message_count
 

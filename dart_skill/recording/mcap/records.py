@@ -6,7 +6,8 @@ A record is taken only if its content agrees with its length to the byte. Whatev
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from array import array
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from typing import Any, NamedTuple
@@ -119,6 +120,59 @@ class Chunk:
         return bytes(self.records) if not self.compression else b""
 
 
+class ChunkPlace(NamedTuple):
+    """What is kept of the index of a chunk, under the names of the MCAP specification.
+
+    * message_start_time, message_end_time: log times of its first and last message [ns].
+    * chunk_start_offset, chunk_length: where it begins, and its length [bytes].
+    * message_index_length: of the indexes behind it [bytes].
+    * compressed_size, uncompressed_size: of its records [bytes].
+    * compression: "zstd", "lz4" or "".
+    * channels: numbers of those that have messages in it.
+    """
+
+    message_start_time: int
+    message_end_time: int
+    chunk_start_offset: int
+    chunk_length: int
+    message_index_length: int
+    compressed_size: int
+    uncompressed_size: int
+    compression: str
+    channels: frozenset[int]
+
+
+class ChunkTable:
+    """The places of a file's chunks, in 64 bytes each: a day's recording has a hundred thousand.
+
+    * places: that it holds at first.
+    """
+
+    def __init__(self, places: Iterable[ChunkPlace] = ()):
+        self._numbers, self._kinds = array("Q"), {}  # eight for each chunk, of which the last is the number of its kind
+        self._kind_of: list[tuple[str, frozenset[int]]] = []
+        for place in places:
+            self.append(place)
+
+    def append(self, place: ChunkPlace) -> None:
+        """Add a place at the end."""
+        kind = (place.compression, place.channels)
+        number = self._kinds.setdefault(kind, len(self._kinds))
+        if number == len(self._kind_of):
+            self._kind_of.append(kind)
+        self._numbers.extend((*place[:7], number))
+
+    def __len__(self) -> int:
+        return len(self._numbers) // 8
+
+    def __getitem__(self, index: int) -> ChunkPlace:
+        *numbers, kind = self._numbers[8 * index : 8 * index + 8]
+        return ChunkPlace(*numbers, *self._kind_of[kind])
+
+    def __iter__(self) -> Iterator[ChunkPlace]:
+        return map(self.__getitem__, range(len(self)))
+
+
 @dataclass(frozen=True)
 class Summary:
     """The summary of a file.
@@ -134,7 +188,7 @@ class Summary:
     has_crc: bool = False
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
-    chunks: list[ChunkIndex] = field(default_factory=list)
+    chunks: ChunkTable = field(default_factory=ChunkTable)
     attachments: list[AttachmentIndex] = field(default_factory=list)
     metadata: list[MetadataIndex] = field(default_factory=list)
     statistics: Statistics | None = None
@@ -239,21 +293,39 @@ def read_summary(data: memoryview) -> Summary | None:
     end = len(data) - FOOTER_LENGTH
     if footer.summary_crc and crc32(data[footer.summary_start : end + 25]) != footer.summary_crc:
         raise DamagedError("the summary's CRC does not fit its content")
-    try:
-        found = list(StreamReader(BytesIO(data[footer.summary_start :]), skip_magic=True).records)
-    except _UNREADABLE as error:
-        raise DamagedError(f"the summary is damaged ({error or type(error).__name__})") from error
+    chunks, found = ChunkTable(), []
+    for record in _summary_records(data, footer.summary_start):
+        if isinstance(record, ChunkIndex):
+            chunks.append(_place_of(record))
+        else:
+            found.append(record)
     statistics = [record for record in found if isinstance(record, Statistics)]
     return Summary(
         footer.summary_start,
         bool(footer.summary_crc),
         {record.id: record for record in found if isinstance(record, Schema)},
         {record.id: record for record in found if isinstance(record, Channel)},
-        [record for record in found if isinstance(record, ChunkIndex)],
+        chunks,
         [record for record in found if isinstance(record, AttachmentIndex)],
         [record for record in found if isinstance(record, MetadataIndex)],
         statistics[-1] if statistics else None,
     )
+
+
+def chunk_indexes(data: memoryview, summary: Summary) -> Iterator[ChunkIndex]:
+    """The indexes of chunks as they stand in the summary of a file's bytes, one by one; DamagedError. data: the bytes."""
+    return (record for record in _summary_records(data, summary.start) if isinstance(record, ChunkIndex))
+
+
+def _summary_records(data: memoryview, start: int) -> Iterator[McapRecord]:
+    try:
+        yield from StreamReader(BytesIO(data[start:]), skip_magic=True).records
+    except _UNREADABLE as error:
+        raise DamagedError(f"the summary is damaged ({error or type(error).__name__})") from error
+
+
+def _place_of(index: ChunkIndex) -> ChunkPlace:
+    return ChunkPlace(*(getattr(index, name) for name in ChunkPlace._fields[:-1]), frozenset(index.message_index_offsets))
 
 
 def _footer(data: memoryview) -> Footer:

@@ -12,7 +12,9 @@ from bisect import bisect_right
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from zlib import crc32
 
 from mcap.opcode import Opcode
 from mcap.records import Channel, McapRecord, Schema
@@ -26,6 +28,7 @@ from dart_skill.recording.mcap.records import (
     DamagedError,
     Message,
     Summary,
+    chunk_indexes,
     messages_of,
     parse,
     parse_chunk,
@@ -36,6 +39,8 @@ from dart_skill.recording.mcap.records import (
 _ANY_RECORD = re.compile(rb"(?=[\x01-\x0f].{5}\x00\x00\x00)", re.DOTALL)
 LARGEST_UNPACKED, USUAL_RATIO = 2**30, 1000
 """All that is packed in a file may be so many bytes, or so many times as large as the file: more is a bomb, which takes hours to read."""
+READ_AT_ONCE = 2**24
+"""Of a file that is gone through, so many bytes stay in memory [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -106,18 +111,42 @@ def mapped(path: Path) -> Iterator[memoryview]:
             content.close()
 
 
+def give_back(data: memoryview, begin: int, end: int) -> int:
+    """Let go of the memory of a file's bytes once they are many; returns where those begin that are still held.
+
+    * data: the bytes of `mapped`, which are read again where somebody asks for them again.
+    * begin, end: what was read since the last time.
+    """
+    if end - begin < READ_AT_ONCE:
+        return begin
+    if isinstance(data.obj, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
+        first, last = (place // mmap.PAGESIZE * mmap.PAGESIZE for place in (begin, end))
+        data.obj.madvise(mmap.MADV_DONTNEED, first, last - first)
+    return end
+
+
+def crc_of(data: memoryview, end: int) -> int:
+    """CRC of a file's bytes before an end, of which few are in memory at a time. data: its bytes; end: before which they count."""
+    crc = held = 0
+    for begin in range(0, end, READ_AT_ONCE):
+        stop = min(begin + READ_AT_ONCE, end)
+        crc, held = crc32(data[begin:stop], crc), give_back(data, held, stop)
+    return crc
+
+
 def walk(data: memoryview, summary: Summary | None = None) -> Iterator[Record | Damage]:
     """Every record of a file's bytes after the magic, in order, and the places between them that are damaged.
 
     summary: tells where records begin, also behind damage. Ends after the footer.
     """
-    known = _known_places(summary) if summary is not None else []
+    known = _KnownPlaces(data, summary)
     place, size = (len(MAGIC) if bytes(data[:8]) == MAGIC else 0), len(data)
     if place == 0:
         place = _next_record(data, min(8, size), known) if size < 17 or data[8] != Opcode.HEADER else 8
         yield Damage(0, place, "the file magic is invalid")
-    unpacked = 0
+    unpacked = held = 0
     while place < size:
+        held = give_back(data, held, place)
         found = _record_at(data, place)
         if isinstance(found, Damage):
             found = _chunk_at(data, place, found.reason) or _skipped(data, found, known)
@@ -143,20 +172,21 @@ def read_definitions(data: memoryview, summary: Summary | None = None) -> tuple[
     """
     if summary is not None and summary.has_crc and summary.channels:
         return summary.schemas, summary.channels
-    vouched: list[Schema | Channel] = []
-    others: list[Schema | Channel] = []
+    vouched: dict[tuple[type, int], Schema | Channel] = {}  # the first of each number, however often writers repeat it
+    others: dict[tuple[type, int], Schema | Channel] = {}
     for item in walk(data, summary):
         if isinstance(item, Damage):
             continue
         if item.opcode == Opcode.CHUNK:
             chunk = item.chunk()
             with suppress(DamagedError):
-                (vouched if chunk.crc else others).extend(_definitions_in(chunk.unpack(), chunk.most_records))
+                for one in _definitions_in(chunk.unpack(), chunk.most_records):
+                    (vouched if chunk.crc else others).setdefault((type(one), one.id), one)
         elif item.opcode in (Opcode.SCHEMA, Opcode.CHANNEL) and isinstance(record := item.parsed(), Schema | Channel):
-            others.append(record)
-    latest_first = [*vouched, *others][::-1]  # so that the first of a number stays
-    schemas = {record.id: record for record in latest_first if isinstance(record, Schema)}
-    return schemas, {record.id: record for record in latest_first if isinstance(record, Channel)}
+            others.setdefault((type(record), record.id), record)
+    best = list((others | vouched).values())[::-1]
+    schemas = {record.id: record for record in best if isinstance(record, Schema)}
+    return schemas, {record.id: record for record in best if isinstance(record, Channel)}
 
 
 def _definitions_in(raw: bytes, most: int) -> Iterator[Schema | Channel]:
@@ -168,14 +198,23 @@ def _definitions_in(raw: bytes, most: int) -> Iterator[Schema | Channel]:
             yield definition
 
 
-def _known_places(summary: Summary) -> list[int]:
-    """Where records begin, as the summary says, in order."""
-    places = {summary.start}
-    for chunk in summary.chunks:
-        begin = chunk.chunk_start_offset
-        places |= {begin, begin + chunk.chunk_length, *chunk.message_index_offsets.values()}
-    places |= {index.offset for index in summary.attachments} | {index.offset for index in summary.metadata}
-    return sorted(places)
+class _KnownPlaces:
+    """Where records begin, as the summary says: worked out where there is damage, for they take a tenth of a long bag's memory."""
+
+    def __init__(self, data: memoryview, summary: Summary | None):
+        self._data, self._summary = data, summary
+
+    @cached_property
+    def places(self) -> list[int]:
+        """In order."""
+        if self._summary is None:
+            return []
+        found = {self._summary.start}
+        for chunk in chunk_indexes(self._data, self._summary):
+            begin = chunk.chunk_start_offset
+            found |= {begin, begin + chunk.chunk_length, *chunk.message_index_offsets.values()}
+        found |= {index.offset for index in self._summary.attachments} | {index.offset for index in self._summary.metadata}
+        return sorted(found)
 
 
 def _record_at(data: memoryview, place: int) -> Record | Damage:
@@ -227,16 +266,16 @@ def _chunk_at(data: memoryview, place: int, reason: str) -> Record | None:
     return Record(place, end, Opcode.CHUNK, data[begin:end], repaired=reason)
 
 
-def _skipped(data: memoryview, damage: Damage, known: list[int]) -> Damage:
+def _skipped(data: memoryview, damage: Damage, known: _KnownPlaces) -> Damage:
     """The damage as far as the next record. A chunk's rest is one only where nothing comes after it."""
     end = _next_record(data, damage.offset + 1, known)
     return Damage(damage.offset, end, damage.reason, damage.rest if end == len(data) else None)
 
 
-def _next_record(data: memoryview, place: int, known: list[int]) -> int:
+def _next_record(data: memoryview, place: int, known: _KnownPlaces) -> int:
     """Where the next record begins, at or after a place: by the summary, or by its looks; the end of the data without one."""
-    size, index = len(data), bisect_right(known, place - 1)
-    limit = min(known[index], size) if index < len(known) else size
+    size, index = len(data), bisect_right(known.places, place - 1)
+    limit = min(known.places[index], size) if index < len(known.places) else size
     for match in _ANY_RECORD.finditer(data, place, min(size, limit + 8)):
         begin = match.start()
         if begin >= limit:

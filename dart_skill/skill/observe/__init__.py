@@ -8,7 +8,7 @@ from dart_skill.skill.observe._free_flight import FreeFlight, find_flight
 from dart_skill.skill.observe._noise import column_noise, position_noise
 from dart_skill.skill.observe._outcome import Outcome, Release, fit_release, judge_flight
 from dart_skill.skill.observe._sensor_log import RESET_NS, SensorLog
-from dart_skill.skill.observe._throw_finder import FoundThrow, ThrowFinder, worlds
+from dart_skill.skill.observe._throw_finder import MEMORY_NS, FoundThrow, ThrowFinder, worlds
 
 if TYPE_CHECKING:
     from dart_skill.skill.observe._arm_in_bag import attach_arm
@@ -28,6 +28,7 @@ __all__ = [
     "ARRIVAL_NS",
     "FoundThrow",
     "FreeFlight",
+    "MEMORY_NS",
     "Outcome",
     "RESET_NS",
     "Release",

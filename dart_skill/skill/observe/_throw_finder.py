@@ -63,7 +63,7 @@ class ThrowFinder:
         while self._openings and watched_until(self._openings[0][0]) <= arrived_ns:
             stamp, guiding = self._openings.pop(0)
             found += self.find(Opening(stamp, guiding or self._teacher.pushed_before(stamp)))
-        self._forget_before(min([arrived_ns, *(stamp for stamp, _ in self._openings)]) - MEMORY_NS)
+        self.forget_before(min([arrived_ns, *(stamp for stamp, _ in self._openings)]) - MEMORY_NS)
         return found
 
     def find(self, opening: Opening, has_button: bool = True) -> list[FoundThrow]:
@@ -87,7 +87,8 @@ class ThrowFinder:
             throw = replace(throw, demonstration=replace(one, id=demonstration_id(opening.stamp_ns)))
         return [throw]
 
-    def _forget_before(self, stamp_ns: int) -> None:
+    def forget_before(self, stamp_ns: int) -> None:
+        """Forget what was seen before an instant: no throw after it needs it. stamp_ns: when [ns]."""
         self._log.forget_before(stamp_ns)
         self._teacher.forget_before(stamp_ns)
 
