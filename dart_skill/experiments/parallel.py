@@ -21,9 +21,12 @@ ORPHANED = 1.0
 """A worker looks so often whether the process that wants its results is still there [s]."""
 
 
-def all_of(function: Callable, seeds: Sequence[int], jobs: int = 1) -> list[Any]:
-    """What function(seed) lists for every seed, in their order, `jobs` processes at a time; a progress bar where stderr is a terminal."""
-    parts = dict(tqdm(run_all(function, seeds, jobs), total=len(seeds), unit="seed", disable=None))
+def all_of(function: Callable, seeds: Sequence[int], jobs: int = 1, scheduler: str = "") -> list[Any]:
+    """What function(seed) lists for every seed, in their order, `jobs` processes at a time; a progress bar where stderr is a terminal.
+
+    scheduler: as in `run_all`.
+    """
+    parts = dict(tqdm(run_all(function, seeds, jobs, scheduler), total=len(seeds), unit="seed", disable=None))
     return [one for index in range(len(seeds)) for one in parts[index]]
 
 

@@ -130,13 +130,14 @@ def run(
     throws: int = 10,
     arms: str = "ideal",
     settings: tuple[str, ...] = (),
+    scheduler: str = "",
 ) -> list[Throw]:
     """All seeds, `jobs` processes at a time; a progress bar on stderr when it is a terminal. arms, settings: as in `run_seed`.
 
-    names: of the configurations; throws: of each.
+    names: of the configurations; throws: of each; scheduler: address of a Dask scheduler, whose workers run them instead.
     """
     one = partial(run_seed, names=names, demonstrations=demonstrations, throws=throws, arms=arms, settings=settings)
-    return all_of(one, seeds, jobs)
+    return all_of(one, seeds, jobs, scheduler)
 
 
 def summarise(results: list[Throw]) -> list[dict]:

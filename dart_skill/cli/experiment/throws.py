@@ -23,6 +23,7 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
     throws.add_argument("--demonstrations", type=int, default=13)
     throws.add_argument("--throws", type=positive, default=10, help="new baskets per seed (default 10)")
     throws.add_argument("--jobs", type=int, default=1, help="processes at a time (default 1)")
+    throws.add_argument("--scheduler", default="", metavar="ADDRESS", help="run on the Dask cluster of this scheduler instead")
     throws.add_argument(
         "--best-possible", action="store_true", help="also the share that any plan could get in, with the scatter of this arm's fingers"
     )
@@ -40,8 +41,11 @@ def _throws(options: argparse.Namespace) -> int:
     names = tuple(configuration(name).name for name in asked.split(","))
     arm_with(arm_of(options.arms, options.first_seed), options.set)
     seeds = list(range(options.first_seed, options.first_seed + options.seeds))
-    results = throws.run(seeds, names, options.jobs, options.demonstrations, options.throws, options.arms, tuple(options.set))
-    best = throws.best_possible(results, tuple(options.set)) if options.best_possible else None
+    settings = tuple(options.set)
+    results = throws.run(
+        seeds, names, options.jobs, options.demonstrations, options.throws, options.arms, settings, scheduler=options.scheduler
+    )
+    best = throws.best_possible(results, settings) if options.best_possible else None
     if options.json:
         rows = [{k: None if v != v else v for k, v in asdict(result).items()} for result in results]
         said = {} if best is None else {"best_possible": best}
