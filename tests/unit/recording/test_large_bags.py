@@ -1,0 +1,193 @@
+"""A long bag needs no more memory than a short one, whatever is done with it."""
+
+import importlib
+import sys
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dart_skill.recording import BagReader, BagWriter, definition, qos_yaml, serialize, type_hash, typestore
+from dart_skill.recording.bags import _file_check, check_bag, recover
+from dart_skill.recording.imports import read_in_parts, read_recording
+from dart_skill.recording.mcap import ChunkPlace, ChunkTable, McapFile, crc_of, mapped, read_summary, walk
+from dart_skill.session._from_bag import _found
+from dart_skill.skill.observe import THRESHOLDS
+from dart_skill.world import joint_names, the_world
+from tests.paths import ROOT
+from tests.recorded_session import same
+
+SECOND, STEP_NS = 1_000_000_000, 10_000_000
+STATE, POSE, COMMAND = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PoseStamped", "dart_skill_msgs/msg/WamCommand"
+TYPES = typestore()
+BAG = ROOT / "bags" / "demonstrations"
+
+
+def record(path, seconds, pause_after=5):
+    """Joint states, commands and poses that differ in their numbers; the world is set anew, a second later, after every few seconds."""
+    topics = {"/joint_states": STATE, "/wam/command": COMMAND, **dict.fromkeys(the_world().pose_topics().values(), POSE)}
+    rng = np.random.default_rng(0)
+    places = {topic: np.full(3, float(k)) for k, topic in enumerate(topics)}  # apart: nobody takes one body for another
+    with BagWriter(path, chunk_size=4096) as bag:
+        for topic, name in topics.items():
+            bag.add_topic(topic, name, definition(TYPES, name), qos_yaml(), type_hash(TYPES, name))
+        for step in range(seconds * SECOND // STEP_NS):
+            now = (1 + step * STEP_NS // (pause_after * SECOND)) * SECOND + step * STEP_NS
+            header = {"stamp": {"sec": now // SECOND, "nanosec": now % SECOND}, "frame_id": "world"}
+            for topic, name in topics.items():
+                content = {"header": header}
+                if name == STATE:
+                    content |= {"name": joint_names(), **{field: rng.random(7) for field in ("position", "velocity", "effort")}}
+                if name == POSE:
+                    places[topic] += rng.normal(0.0, 1e-3, 3)
+                    content["pose"] = {"position": dict(zip("xyz", places[topic].tolist(), strict=True)), "orientation": {"w": 1.0}}
+                bag.write(topic, now, now, serialize(TYPES, name, content))
+    return path
+
+
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory):
+    """A short bag and one that is three times as long."""
+    folder = tmp_path_factory.mktemp("bags")
+    return record(folder / "short", 8), record(folder / "long", 24)
+
+
+def most_memory(task):
+    """That a call holds at a time, beyond what was there before [bytes]."""
+    tracemalloc.start()
+    try:
+        task()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def size(bag):
+    return sum(file.stat().st_size for file in bag.glob("*.mcap"))
+
+
+def grows_by(task, bags):
+    """Memory by which the long bag needs more than the short one, in parts of the bytes by which it is longer."""
+    short, long = bags
+    task(short)  # what is imported and cached the first time
+    return (most_memory(lambda: task(long)) - most_memory(lambda: task(short))) / (size(long) - size(short))
+
+
+def test_a_check_keeps_little_of_each_chunk(bags):
+    assert grows_by(check_bag, bags) < 0.15
+
+
+def test_a_recovery_keeps_little_of_each_chunk(bags, tmp_path):
+    made = iter(range(10))
+
+    def task(bag):
+        assert recover(bag, tmp_path / f"whole_{next(made)}").is_complete
+
+    assert grows_by(task, bags) < 0.15
+
+
+def test_all_messages_are_read_one_chunk_after_the_other(bags):
+    def task(bag):
+        with BagReader(bag) as reader:
+            assert sum(len(message.data) for message in reader.messages(decode=False)) > size(bag)
+
+    assert grows_by(task, bags) < 0.15
+
+
+def test_a_recording_is_read_part_by_part(bags):
+    def task(bag):
+        assert sum(len(part.command_stamps) for part in read_in_parts(bag, part_ns=4 * SECOND)) in (800, 2400)
+
+    def whole(bag):
+        read_recording(bag)
+
+    assert grows_by(task, bags) < 0.3 < 0.7 < grows_by(whole, bags)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
+def test_pages_of_a_file_are_given_back_once_they_were_read(tmp_path, monkeypatch):
+    """They count as this process's memory, and of a file of 10 GB they were 10 GB."""
+    monkeypatch.setattr(importlib.import_module("dart_skill.recording.mcap.walk"), "READ_AT_ONCE", 2**20)
+    file = McapFile(tmp_path / "large.mcap")
+    for number in range(20):
+        file.add_attachment(f"{number}", "x", bytes(2**20))
+    file.finish()
+    file.close()
+
+    def held():
+        lines = Path("/proc/self/status").read_text().splitlines()
+        return next(1024 * int(line.split()[1]) for line in lines if line.startswith("RssFile"))
+
+    before = held()
+    with mapped(file.path) as data:
+        summary, most = read_summary(data), 0
+        for found in walk(data, summary):
+            found.content[-1]
+            most = max(most, held() - before)
+        whole = crc_of(data, summary.start)
+        most = max(most, held() - before)
+    assert whole and most < 6 * 2**20
+
+
+def test_a_table_of_chunks_gives_back_what_it_was_told():
+    places = [ChunkPlace(k, 2**63 + k, 3 * k, 4, 5, 6, 7, "zstd" if k % 2 else "", frozenset(range(k % 3))) for k in range(10)]
+    table = ChunkTable(places)
+    assert len(table) == 10 and list(table) == places and table[3] == places[3]
+
+
+def test_a_check_decodes_only_what_differs_in_more_than_stamp_and_numbers(bags, monkeypatch):
+    decoded = []
+    original = _file_check.deserialize
+    monkeypatch.setattr(_file_check, "deserialize", lambda types, name, data: decoded.append(name) or original(types, name, data))
+    assert check_bag(bags[0]) == []
+    assert 5 <= len(decoded) < 0.05 * 5 * 800
+
+
+def test_a_check_still_finds_the_one_message_that_is_none(bags, tmp_path):
+    """Among hundreds that are alike."""
+    with BagReader(bags[0]) as bag, BagWriter(tmp_path / "wrong") as wrong:
+        info = bag.topics["/joint_states"]
+        wrong.add_topic(info.name, STATE, definition(TYPES, STATE), qos_yaml(), info.type_hash)
+        for k, message in enumerate(bag.messages([info.name], decode=False)):
+            wrong.write(info.name, message.stamp_ns, message.stamp_ns, message.data[: 100 if k == 700 else None])
+    (finding,) = check_bag(tmp_path / "wrong")
+    assert "1 messages are no sensor_msgs/msg/JointState" in finding.message
+
+
+# learning part by part
+
+
+@pytest.fixture(scope="module")
+def throws():
+    return list(_found([read_recording(BAG)], THRESHOLDS))
+
+
+@pytest.mark.parametrize("seconds", [1, 20])
+def test_parts_of_a_recording_show_the_same_throws_to_the_last_bit(throws, seconds):
+    parts = list(read_in_parts(BAG, part_ns=seconds * SECOND))
+    found = list(_found(parts, THRESHOLDS))
+    assert len(parts) > 3 and len(found) == len(throws) == 13
+    for one, other in zip(found, throws, strict=True):
+        assert same(one.demonstration, other.demonstration) == [] and one.taught == other.taught
+
+
+def test_parts_are_all_of_the_recording(bags):
+    parts, whole = list(read_in_parts(bags[0], part_ns=2 * SECOND)), read_recording(bags[0])
+    assert len(parts) == 3  # up to a pause, or twice as long
+    for role, stream in whole.bodies.items():
+        assert np.array_equal(np.concatenate([part.bodies[role].position for part in parts]), stream.position)
+    assert np.array_equal(np.concatenate([part.joints.position for part in parts]), whole.joints.position)
+
+
+def test_a_body_that_is_never_seen_is_named_at_the_end(bags, tmp_path):
+    with BagReader(bags[0]) as bag, BagWriter(tmp_path / "blind") as blind:
+        for name, info in bag.topics.items():
+            blind.add_topic(name, info.type_name, definition(TYPES, info.type_name), qos_yaml(), info.type_hash)
+        for message in bag.messages(decode=False):
+            if message.topic != the_world().pose_topics()["ball"]:
+                blind.write(message.topic, message.stamp_ns, message.stamp_ns, message.data)
+    parts = read_in_parts(tmp_path / "blind", part_ns=2 * SECOND)
+    assert len(next(parts).bodies["ball"]) == 0
+    with pytest.raises(ValueError, match="no pose of the ball: was it tracked"):
+        list(parts)
