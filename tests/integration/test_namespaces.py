@@ -1,8 +1,9 @@
-"""Two arms in one ROS domain, each graph in a namespace of its own: they teach, learn, throw and record side by side."""
+"""Four arms in one ROS domain, each graph in a namespace of its own: they teach, learn, throw, record and are seen side by side."""
 
 import signal
 import subprocess
 
+import numpy as np
 import pytest
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -14,32 +15,61 @@ from dart_skill.regions import targets_for
 from dart_skill_nodes.client.graph_listener import GraphListener
 from dart_skill_nodes.comms.qos import LATCHED
 from dart_skill_nodes.process.graph_processes import NODES, NODES_OF
+from tests.paths import ROOT
 from tests.policies import allowed, may
+from tests.view_client import PageClient
 
 from .conftest import endpoints_of_processes, graphs, teach_and_learn, wait_for
+from .test_viewer import address_of
 
-ARMS = ("/arm1", "/arm2")
-SHOWN, (TARGET,) = targets_for(0, 3, 1)
-SHOWN_TO = dict.fromkeys(ARMS, len(SHOWN))
+ARMS = ("/arm1", "/arm2", "/arm3", "/arm4")
+TAUGHT = ARMS[:2]
+"""The others learn from a recording."""
+SHOWN, TARGETS = targets_for(0, 3, len(ARMS))
+SHOWN_TO = {space: len(SHOWN) if space in TAUGHT else 0 for space in ARMS}
+RECORDED = ROOT / "bags" / "demonstrations"
 GLOBAL = {"/diagnostics", "/parameter_events", "/rosout", "/tf", "/tf_static"}
 
 
 @pytest.fixture(scope="module")
 def arms(ros, tmp_path_factory):
     """By namespace a client, what was learned, and the bag; both graphs run."""
-    folder = tmp_path_factory.mktemp("arms")
+    folder, made = tmp_path_factory.mktemp("arms"), {}
     with graphs(folder) as make:
-        made = {space: make("composed", seed, namespace=space) for seed, space in enumerate(ARMS)}
-        for number, (graph, client) in enumerate(made.values(), start=1):
-            graph.client, graph.bag, graph.learned = client, folder / f"bag_{number}", teach_and_learn(client, SHOWN)
-        yield {space: graph for space, (graph, _) in made.items()}
+        for number, space in enumerate(ARMS):
+            made[space], client = make(None, namespace=space)
+            made[space].client, made[space].bag = client, folder / f"bag_{number}"
+            made[space].start_all("composed", number, made[space].bag)
+        for space, graph in made.items():
+            graph.client.wait_until_ready()
+            graph.learned = teach_and_learn(graph.client, SHOWN) if space in TAUGHT else graph.client.learn(bag=str(RECORDED))
+        yield made
 
 
-def test_both_throw_at_once(arms):
-    under_way = [graph.client.start_throw(TARGET)[0] for graph in arms.values()]
+def test_all_throw_at_once(arms):
+    under_way = [graph.client.start_throw(target)[0] for graph, target in zip(arms.values(), TARGETS, strict=True)]
     for graph, result in zip(arms.values(), under_way, strict=True):
         outcome = graph.client.wait(result, "the throw").result.outcome
         assert outcome.seen and outcome.success, f"{graph.namespace}: {outcome.error:.3f} m"
+
+
+def test_each_viewer_shows_its_own_arm(arms):
+    """By the basket, which stands elsewhere for each since their throws, and by whom the panel tells of."""
+    for graph in arms.values():
+        graph.start("viewer", {"port": 0})
+    try:
+        for (space, graph), target in zip(arms.items(), TARGETS, strict=True):
+            with PageClient(address_of(graph, graph.client)) as page:
+                page.wait_for(lambda: "/basket" in page.places, 60.0, f"the basket of {space}", graph.client.spin)
+                assert np.linalg.norm(page.places["/basket"] - target) < 0.02, f"{space}: {page.places['/basket']}, not {target}"
+                page.wait_for(lambda: page.says("wam_simulator"), 60.0, f"the nodes of {space}", graph.client.spin)
+                page.wait_for(lambda: "/cameras/all" in page.nodes, 60.0, f"the cameras of {space}", graph.client.spin)
+                assert not any(page.says(other[1:]) for other in ARMS if other != space), f"the page of {space} tells of another arm"
+    finally:
+        for graph in arms.values():
+            viewer = graph.processes.pop("viewer")
+            viewer.send_signal(signal.SIGINT)
+            viewer.wait(30.0)
 
 
 def test_no_name_is_outside_the_namespaces(arms):
@@ -50,7 +80,7 @@ def test_no_name_is_outside_the_namespaces(arms):
         node.get_service_names_and_types_by_node,
     )
     ours = [(name, space) for name, space in node.get_node_names_and_namespaces() if space in ARMS]
-    assert {space for _, space in ours} == set(ARMS) and len(ours) >= 2 * len(NODES)
+    assert {space for _, space in ours} == set(ARMS) and len(ours) >= len(ARMS) * len(NODES)
     names = {name for one in ours for of in offered for name, _ in of(*one)}
     assert {name for name in names if not name.startswith(tuple(f"{space}/" for space in ARMS))} <= GLOBAL
 
@@ -78,7 +108,7 @@ def test_each_hears_of_its_own_nodes_alone(arms):
     assert {topic.topic.rsplit("/", 1)[0].split("/")[1] for topic in report.topics} == {"arm2"}
 
 
-def test_the_frames_of_both_hang_on_one_world(arms):
+def test_the_frames_of_all_hang_on_one_world(arms):
     node, heard = arms[ARMS[0]].client.node, {}
 
     def hear(message):
@@ -87,7 +117,7 @@ def test_the_frames_of_both_hang_on_one_world(arms):
     qualities = {"/tf": 100, "/tf_static": LATCHED}
     subscriptions = [node.create_subscription(TFMessage, topic, hear, qos) for topic, qos in qualities.items()]
     wanted = {f"{space[1:]}/{name}" for space in ARMS for name in ("wam_base", "wam_link7", "ball")}
-    under_way = [graph.client.start_throw(TARGET)[0] for graph in arms.values()]
+    under_way = [graph.client.start_throw(target)[0] for graph, target in zip(arms.values(), TARGETS, strict=True)]
     while not wanted <= set(heard):
         for graph in arms.values():
             graph.client.spin()

@@ -1,6 +1,7 @@
 """What other nodes say of themselves on /diagnostics, and in their parameters: where cameras stand, which numbers can be changed."""
 
 import time
+from collections.abc import Callable
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import ParameterDescriptor
@@ -63,17 +64,22 @@ class NodeInspector:
 
 
 class NodeStatuses:
-    """The last status of every node; one that has said nothing for SILENT seconds is silent."""
+    """The last status of every node; one that has said nothing for SILENT seconds is silent.
+
+    is_ours: of which names a status is kept: /diagnostics is one topic for the graphs of all namespaces.
+    """
 
     SILENT = 5.0
 
-    def __init__(self):
+    def __init__(self, is_ours: Callable[[str], bool] = lambda name: True):
+        self._is_ours = is_ours
         self._heard: dict[str, tuple[float, NodeStatus]] = {}
 
     def take(self, message: DiagnosticArray) -> list[str]:
         """Keep what a message says; names that have not been heard before."""
-        new = [status.name for status in message.status if status.name not in self._heard]
-        for status in message.status:
+        ours = [status for status in message.status if self._is_ours(status.name)]
+        new = [status.name for status in ours if status.name not in self._heard]
+        for status in ours:
             self._heard[status.name] = time.monotonic(), NodeStatus(status.name, status.level[0], status.message)
         return new
 

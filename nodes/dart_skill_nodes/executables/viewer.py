@@ -28,7 +28,7 @@ from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.coroutines import start
 from dart_skill_nodes.comms.latest_messages import LatestMessages, poses_of
 from dart_skill_nodes.comms.markers import ellipsoids
-from dart_skill_nodes.comms.names import DEMONSTRATIONS, DIAGNOSTICS, JOINT_STATES, pose_topic
+from dart_skill_nodes.comms.names import DEMONSTRATIONS, DIAGNOSTICS, JOINT_STATES, in_graph, pose_topic
 from dart_skill_nodes.comms.qos import LATCHED, WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.graph_processes import TOKEN
@@ -100,7 +100,8 @@ class Viewer(GuardedNode):
         words = None if other is None else PanelWords.of(skill.name, isinstance(skill, Throw))
         self._panel = Panel(self._server, self._scene, self._requests.put, words)
         self._demonstrations, self._new_demonstration, self._basket, self._fault = {}, False, None, ""
-        self._status, self._phase, self._inspector = NodeStatuses(), "", NodeInspector(self)
+        self._status, self._phase = NodeStatuses(lambda name: in_graph(self, name) is not None), ""
+        self._inspector = NodeInspector(self)
         self._path_ends, self._pictures = {name: [] for name in (*self._scene.bodies[:1], "hand", "attractor")}, 0
         self._controls = ViewerJobs(
             self, region, self.p["seed"], self.p["frame_id"], say=self._panel.say, busy=self._panel.set_busy, threw=self._panel.add_throw,
@@ -259,7 +260,7 @@ class Viewer(GuardedNode):
 
     async def _inspect(self, name: str) -> None:
         self._panel.add_knobs(f"/{name}", await self._inspector.knobs(f"/{name}"))
-        if name == CAMERAS:
+        if in_graph(self, name) == CAMERAS:
             self._scene.show_cameras(await self._inspector.cameras(f"/{name}"))
 
     def _inspected(self, _, error: Exception | None) -> None:
