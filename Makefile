@@ -5,13 +5,14 @@
 # make docs    the documentation as a website in build/docs; a broken link is an error
 # make linkcheck  do the links to other sites still lead somewhere? needs the internet
 # make benchmark  speed beside other libraries, in an environment of its own; takes minutes, wants a quiet machine
+# make growth  the curves of docs/performance.md: bags to 10 GB, 20 graphs, all cores; takes an hour, 25 GB of disk, 10 GB of memory
 # make lock    requirements/lock.txt anew: the newest versions that the requirements allow, with their hashes
 # make clean   takes away what set-up made
 # The first call sets everything up and takes minutes; later ones start in seconds.
 
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
-.PHONY: demo test test-all setup docs linkcheck benchmark lock clean
+.PHONY: demo test test-all setup docs linkcheck benchmark growth lock clean
 .DEFAULT_GOAL := demo
 
 # A robot does not announce itself to the building until its user says so.
@@ -71,6 +72,18 @@ benchmark: .venv-benchmark/installed
 	@.venv/bin/python3 -m venv .venv-benchmark
 	@$(BENCHMARK_PYTHON) -m pip install --quiet --disable-pip-version-check -r requirements/benchmark.txt
 	@touch $@
+
+# DASK=--dask where requirements/optional.txt is installed.
+SIZES ?= 0.1 0.3 1 3 10
+DASK ?=
+
+growth: setup
+	@mkdir -p build/growth
+	@$(ENV) && python3 benchmarks/growth.py --picture docs/growth.svg
+	@$(ENV) && python3 benchmarks/skill/cores.py $(DASK) --results build/growth/cores.json
+	@$(ENV) && python3 benchmarks/graph/side_by_side.py --graphs 1 2 4 8 12 20 --results build/growth/graphs.json
+	@$(ENV) && python3 benchmarks/graph/large_bags.py --sizes $(SIZES) --results build/growth/bags.json
+	@$(ENV) && python3 tools/draw_growth.py build/growth docs/growth_graphs.svg
 
 # For every Python and platform at once. Which version of uv does it makes no difference to what is locked.
 LOCKED := $(addprefix requirements/,build.txt runtime.txt test.txt ros-pypi.txt)

@@ -132,6 +132,7 @@ TYPED = {
     "python3 -m tests.reference.results tests/reference/results.json": TESTS,
     "python3 tools/make_pictures.py view view_darts view_place view_reach view_by_mouse": PICTURES,
     "make benchmark": MAKE,
+    "make growth": MAKE,
     "make docs": MAKE,
     "source tools/env.sh": Run(then="command -v dart-skill ros2 && printenv ROS_AUTOMATIC_DISCOVERY_RANGE", says="LOCALHOST"),
     "python -m pydoc dart_skill.movement": Run(says="dart_skill.movement"),
@@ -330,6 +331,9 @@ TYPED = {
         "--largest 5 --seconds 0.01", says="30 dimensions", leaves="growth.svg", slow=True
     ),
     "python3 benchmarks/graph/loop.py": Run("--seconds 1 --layouts composed", says="composed", slow=True),
+    "python3 benchmarks/graph/large_bags.py --sizes 0.1 0.3 1 3 10": Run("--sizes 0.001 --commands check", says="0.01 GB"),
+    "python3 benchmarks/graph/side_by_side.py --graphs 1 2 4 8 12 20": Run("--graphs 1 --throws 1", says="1 of 1"),
+    "python3 benchmarks/skill/cores.py": Run("--runs 1 --throws 1 --jobs 1", says="100%"),
     "python3 benchmarks/skill/lessons.py": Run("--repeats 1 --rows plan", says="plan of a throw"),
     "python3 benchmarks/recording.py": Run("--messages 1000 --repeats 1", says="dart_skill"),
     "python3 benchmarks/graph/recorder.py --seconds 60": Run("--seconds 1", says="messages in 1 s", slow=True),
