@@ -67,12 +67,13 @@ def throw(throws: int, seed: int) -> None:
         print("ready", flush=True)
         sys.stdin.readline()
         begun, used = time.monotonic(), processor_time(pids)
-        outcomes = [client.throw(np.array(TARGETS[k % len(TARGETS)])).outcome for k in range(throws)]
+        results = [client.throw(np.array(TARGETS[k % len(TARGETS)])) for k in range(throws)]
         ended, used, after, size = time.monotonic(), processor_time(pids) - used, steps(), memory(pids)
         client.close()
-    errors = [struct.pack("<d", one.error).hex() for one in outcomes]
+    errors = [struct.pack("<d", one.outcome.error).hex() for one in results]
+    said = [one.message or one.outcome.message for one in results]
     seconds = float(client.throw_seconds[0])
-    result = {"model": model, "errors": errors, "in": sum(one.success for one in outcomes)}
+    result = {"model": model, "errors": errors, "in": sum(one.outcome.success for one in results), "said": said}
     costs = {"begun": begun, "ended": ended, "used": used, "steps": after - before, "seconds": seconds, "size": size}
     print(json.dumps({"result": result, **costs}))
     rclpy.try_shutdown()
