@@ -37,7 +37,10 @@ def draw_bags(time: Axes, memory: Axes, rows: list[dict[str, Any]]) -> None:
     for axes, what in ((time, "processor time [s]"), (memory, "most memory [MB]")):
         axes.set_xlabel("bag [GB]")
         axes.set_ylabel(what)
-        axes.legend(frameon=False)
+        axes.legend(frameon=False, loc="upper left")
+        ticks = [round(1e-9 * row["size"], 1) for row in rows]
+        axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    time.set_ylim(1.0, 2000.0)
     memory.set_ylim(20.0, 20_000.0)
 
 
@@ -49,7 +52,7 @@ def draw_graphs(speed: Axes, step: Axes, rows: list[dict[str, Any]]) -> None:
     for axes, what in ((speed, "simulated seconds of all in a second"), (step, "processor time of a step [ms]")):
         axes.set_xlabel("graphs side by side")
         axes.set_ylabel(what)
-        axes.set_xticks(numbers)
+        axes.set_xticks([number for number in numbers if number != 2])
         axes.set_ylim(bottom=0.0)
 
 
@@ -58,8 +61,8 @@ def draw_cores(axes: Axes, rows: list[dict[str, Any]]) -> None:
     for (kind, marker), colour in zip(KINDS.items(), ("C4", "C5"), strict=True):
         there = [row for row in rows if row["kind"] == kind]
         numbers = [row["processes"] for row in there]
-        axes.plot(numbers, [100 * row["free"] for row in there], marker=marker, color=colour, label=f"{kind}, without other programs")
-        axes.plot(numbers, [100 * row["efficiency"] for row in there], marker=marker, color=colour, ls=":", label=f"{kind}, by the clock")
+        axes.plot(numbers, [100 * row["free"] for row in there], marker=marker, color=colour, label=f"{kind}, free")
+        axes.plot(numbers, [100 * row["efficiency"] for row in there], marker=marker, color=colour, ls=":", label=f"{kind}, clock")
     axes.axhline(90.0, color="0.6", lw=0.8)
     axes.set_xlabel("processes")
     axes.set_ylabel("efficiency [%]")
@@ -82,6 +85,7 @@ def main() -> None:
     for one in axes:
         one.grid(alpha=0.3)
         one.xaxis.set_minor_locator(NullLocator())
+        one.yaxis.set_minor_locator(NullLocator())
     FigureCanvasSVG(figure).print_svg(str(options.picture), metadata={"Date": None, "Creator": "dart_skill"})
     print(options.picture)
 

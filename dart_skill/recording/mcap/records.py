@@ -149,7 +149,8 @@ class ChunkTable:
     """
 
     def __init__(self, places: Iterable[ChunkPlace] = ()):
-        self._numbers, self._kinds = array("Q"), {}  # eight for each chunk, of which the last is the number of its kind
+        self._numbers = array("Q")  # eight for each chunk, of which the last is the number of its kind
+        self._kinds: dict[tuple[str, frozenset[int]], int] = {}
         self._kind_of: list[tuple[str, frozenset[int]]] = []
         for place in places:
             self.append(place)
@@ -167,7 +168,7 @@ class ChunkTable:
 
     def __getitem__(self, index: int) -> ChunkPlace:
         *numbers, kind = self._numbers[8 * index : 8 * index + 8]
-        return ChunkPlace(*numbers, *self._kind_of[kind])
+        return ChunkPlace._make((*numbers, *self._kind_of[kind]))
 
     def __iter__(self) -> Iterator[ChunkPlace]:
         return map(self.__getitem__, range(len(self)))
@@ -325,7 +326,8 @@ def _summary_records(data: memoryview, start: int) -> Iterator[McapRecord]:
 
 
 def _place_of(index: ChunkIndex) -> ChunkPlace:
-    return ChunkPlace(*(getattr(index, name) for name in ChunkPlace._fields[:-1]), frozenset(index.message_index_offsets))
+    kept = [getattr(index, name) for name in ChunkPlace._fields[:-1]]
+    return ChunkPlace._make((*kept, frozenset(index.message_index_offsets)))
 
 
 def _footer(data: memoryview) -> Footer:
