@@ -75,7 +75,7 @@ def test_the_throws_experiment_gives_one_row_per_throw_as_json(capfd):
 
 def test_the_ladder_stands_for_its_configurations(monkeypatch, capfd):
     asked = []
-    monkeypatch.setattr("dart_skill.experiments.throws.run", lambda seeds, names, *_: asked.extend(names) or [])
+    monkeypatch.setattr("dart_skill.experiments.throws.run", lambda seeds, names, *_, **__: asked.extend(names) or [])
     assert main(["experiment", "throws", "--seeds", "1", "--configurations", "default,ladder"]) == 0
     assert asked[:3] == ["default", "thesis", "+release_clock"] and {"+farthest_release", "without_overlap"} < set(asked)
     assert capfd.readouterr().out.startswith("configuration ")
