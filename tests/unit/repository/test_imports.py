@@ -87,9 +87,7 @@ def test_rooms_import_from_lower_layers_only(package, layers):
 
 
 def test_the_library_knows_no_ros():
-    wrong = [
-        f"{module} imports {name}" for module, names in modules("dart_skill").items() for name in names if name.split(".")[0] in ROS
-    ]
+    wrong = [f"{module} imports {name}" for module, names in modules("dart_skill").items() for name in names if name.split(".")[0] in ROS]
     assert not wrong, "\n".join(wrong)
 
 

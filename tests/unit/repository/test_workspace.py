@@ -185,11 +185,21 @@ def test_the_lock_holds_all_that_its_packages_need():
 def test_locked_packages_are_not_resolved_anew(tmp_path, monkeypatch):
     commands = []
     monkeypatch.setattr(workspace, "run", lambda command, *_: commands.append(command))
+    monkeypatch.setattr(workspace, "compile_packages", lambda _: None)
     monkeypatch.setattr(workspace, "rewrite_include_paths", lambda _: None)
     monkeypatch.setattr(workspace, "write_prefix_scripts", lambda: None)
     monkeypatch.setattr(workspace, "STAND_IN", tmp_path / "stand_in" / "ros2")
     workspace.install_packages(workspace.Workspace(None, workspace.probe(sys.executable)))
     assert {"--require-hashes", "--no-deps"} <= set(commands[0])
+
+
+def test_packages_get_byte_code_but_not_for_their_tests_nor_for_another_python(tmp_path, monkeypatch):
+    for name, text in (("package/module.py", "a = 1"), ("package/tests/test_module.py", "a = 1"), ("package/later.py", "a = ) 1")):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    monkeypatch.setattr(workspace.Workspace, "ask", lambda *_: f"{tmp_path}\n")
+    workspace.compile_packages(workspace.Workspace(None, workspace.probe(sys.executable)))
+    assert [path.name.split(".")[0] for path in tmp_path.rglob("*.pyc")] == ["module"]
 
 
 def test_everything_that_is_installed_exists(setup_arguments):
