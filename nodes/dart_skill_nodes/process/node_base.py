@@ -1,5 +1,7 @@
 """What all nodes share: the spin loop, parameters from config/ with their descriptions, diagnostics."""
 
+import atexit
+import gc
 import math
 import os
 import sys
@@ -132,6 +134,7 @@ def run(
     program = program or Path(sys.argv[0]).stem
     if args is None:
         heed_arguments(make_nodes, program)
+    atexit.register(gc.freeze)  # or the interpreter looks through all that was imported once more before it ends
     hear_loopback_alone()
     find_log_folder()
     interrupts = Interrupts()

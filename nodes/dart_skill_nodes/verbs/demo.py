@@ -1,9 +1,10 @@
 """The work of `dart-skill demo` over the real graph; options, table and report are those of `dart_skill.cli.demo`."""
 
 import argparse
+import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES, Graph, of_executables
@@ -22,6 +23,20 @@ if TYPE_CHECKING:
 __all__ = ["carried_out", "run", "run_darts", "run_skill"]
 
 
+def _import_report() -> None:
+    """Imports what the report at the end of a demo is made with; whoever lacks a package is told so there."""
+    with suppress(ImportError):
+        import scipy.interpolate  # noqa: F401
+
+        from dart_skill.report import write_report, write_skill_report  # noqa: F401
+        from dart_skill.view import Scene, open_server  # noqa: F401
+
+
+def _import_meanwhile() -> None:
+    """A second of imports while lessons are given, for which this process only waits: nobody waits for them at the end."""
+    threading.Thread(target=_import_report, name="imports").start()
+
+
 @contextmanager
 def _learned_graph(options: argparse.Namespace, skill: "Skill", rng: "np.random.Generator") -> "Iterator[tuple[GraphClient, int]]":
     """A graph of its own that was shown a skill and has learned it: a client, and how many attempts the lessons took."""
@@ -34,6 +49,7 @@ def _learned_graph(options: argparse.Namespace, skill: "Skill", rng: "np.random.
         extra = of_executables(options.layout, options.differs)
         graph.start_all(options.layout, options.seed, options.output / "bag", extra, skill.name)
         client.wait_until_ready()
+        _import_meanwhile()
         attempts = _learned(client, options, lambda: show_all(client, skill, options.demonstrations, rng))
         if options.model is not None:
             rng.random(1000)  # other situations than those in which it may have been shown
@@ -114,6 +130,7 @@ def run(options: argparse.Namespace) -> "DemoSummary":
         client.wait_until_gone(NODES)
         graph.start_all(options.layout, options.seed, bag, of_executables(options.layout, options.differs))
         client.wait_until_ready()
+        _import_meanwhile()
         ready, steps = client.counted_at if client.simulated_steps else time.monotonic(), client.simulated_steps
         attempts = _learned(client, options, lambda: teach(client, options.seed, options.demonstrations))
         results = throw_all(client, targets_for(options.seed, options.demonstrations, options.throws)[1])

@@ -189,3 +189,19 @@ def test_a_command_is_known_alone_as_it_is_known_among_all():
             assert one is alone or one.format_help() == other.format_help()
     for words in ([], ["--version"], ["nonsense"]):
         assert tuple(_completion.verbs_of(_main._parser(words))) == _main.COMMANDS
+
+
+@pytest.mark.parametrize(("arguments", "how"), [("", "seldom"), ("['--help']", "as before")])
+def test_a_command_seldom_looks_for_garbage_and_who_calls_it_as_often_as_before(arguments, how):
+    script = f"""
+import gc, sys
+from dart_skill.cli import main
+before = gc.get_threshold()
+sys.argv = ["dart-skill", "--help"]
+try:
+    main({arguments})
+except SystemExit:
+    pass
+print("as before" if gc.get_threshold() == before else "seldom" if gc.get_threshold()[0] > before[0] else "more often")
+"""
+    assert subprocess.run([sys.executable, "-c", script], capture_output=True, text=True).stdout.splitlines()[-1] == how
