@@ -9,7 +9,7 @@ import subprocess
 import pytest
 from hypothesis import settings
 
-from tests.warm import WarmPopen
+from tests.warm import WarmPopen, start_warm_process
 
 # The same examples in every run; HYPOTHESIS_PROFILE=explore looks for new ones, and HYPOTHESIS_PROFILE=long for many of them.
 settings.register_profile("same", derandomize=True, deadline=None)
@@ -60,6 +60,12 @@ def take_domain(start: int) -> tuple[int, socket.socket]:
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 ROS_DOMAIN, _domain_lock = take_domain(os.getpid())
 os.environ["ROS_DOMAIN_ID"] = str(ROS_DOMAIN)
+
+
+def pytest_configure(config):
+    """One process from which all workers have our programs forked, where there are workers."""
+    if getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput"):
+        start_warm_process()
 
 
 def pytest_collection_finish():

@@ -139,6 +139,11 @@ def _address() -> str:
     return os.environ[ADDRESS]
 
 
+def start_warm_process() -> None:
+    """Starts the process that is forked, for this process and all that it starts from now on."""
+    _address()
+
+
 def _end(line: socket.socket, server: subprocess.Popen) -> None:
     line.close()
     server.wait()
