@@ -21,9 +21,9 @@ BELT = Belt(begin=(0.6, -0.1, 1.1), way=(0.0, 0.2, 0.0))
 
 @pytest.fixture(scope="module")
 def taught():
-    """A session of a seed that nothing here was tuned on, and what was learned from eight reaches."""
+    """A session of a seed that nothing here was tuned on, and what was learned from four reaches."""
     session = BeltSession(Reach.configured(), seed=41)
-    shown = teach(session, np.random.default_rng(41))
+    shown = teach(session, np.random.default_rng(41), 4)
     yield session, ReactiveSkill(session.skill, shown), shown
     session.close()
 

@@ -16,10 +16,10 @@ from dart_skill.skills.place import Place
 
 @pytest.fixture(scope="module")
 def taught():
-    """A session of a seed that nothing here was tuned on, and what was learned from four parts."""
+    """A session of a seed that nothing here was tuned on, and what was learned from three parts."""
     session = BenchSession(Place.configured(), seed=41)
     rng = np.random.default_rng(41)
-    shown = teach(session, session.skill, rng, 4)
+    shown = teach(session, session.skill, rng, 3)
     yield session, LearnedSkill(session.skill, shown), shown, rng
     session.close()
 
@@ -34,11 +34,10 @@ def test_a_demonstration_holds_what_the_cameras_saw_and_what_the_fingers_were_to
 def test_parts_go_into_holders_that_stand_elsewhere(taught):
     session, learned, _, rng = taught
     trials = []
-    for _ in range(3):
+    for _ in range(2):
         holder = session.skill.draw(rng, wide=True).pose("holder")
         trials.append(session.execute(learned.plan(session.situation(holder))))
-    assert sum(trial.outcome.success for trial in trials) >= 2
-    assert all(trial.outcome.error < 0.006 for trial in trials if trial.outcome.success)
+    assert all(trial.outcome.success and trial.outcome.error < 0.006 for trial in trials), [trial.outcome for trial in trials]
 
 
 @pytest.mark.slow

@@ -74,7 +74,7 @@ def test_the_same_seed_gives_the_same_throw_to_the_last_bit(thrown, learned):
     other.close()
 
 
-def test_learning_sees_nothing_that_only_the_simulator_knows(learned, taught_targets):
+def test_learning_sees_nothing_that_only_the_simulator_knows(demonstrations, taught_targets):
     """A session whose plant tells lies in every field that no sensor reads gives the same demonstrations and the same plan."""
     session = Session(seed=3)
     truthful = type(session.plant).state
@@ -87,9 +87,10 @@ def test_learning_sees_nothing_that_only_the_simulator_knows(learned, taught_tar
             return state
 
     session.plant.__class__ = Lying
-    told = [session.teach(target, attempts=1)[0] for target in taught_targets]
+    told = [session.teach(target, attempts=1)[0] for target in taught_targets[:2]]
     assert all(trial.ball_was_in for trial in told), "the lies were told"
-    assert same_plan(learn([trial.demonstration for trial in told]).plan(BASKET), learned)
+    plans = [learn(shown).plan(BASKET) for shown in ([trial.demonstration for trial in told], demonstrations[:2])]
+    assert same_plan(*plans)
     session.close()
 
 

@@ -1,6 +1,7 @@
 """A skill that has practised, saved and loaded: it plans, explores and learns as the one that was saved, to the last bit."""
 
 import json
+from copy import deepcopy
 
 import numpy as np
 import pytest
@@ -28,11 +29,24 @@ def practise(session, skill, targets):
         skill.tell(plan, session.throw(plan).demonstration)
 
 
-@pytest.mark.parametrize("method, throws", [("residual", 3), ("both", 2), ("bootstrap", 2), ("power", 7), ("none", 1)])
-def test_a_loaded_skill_goes_on_to_the_last_bit(session, demonstrations, tmp_path, method, throws):
+@pytest.fixture(scope="module")
+def practised(session, demonstrations):
+    """Makes skills that have practised by a method for so many throws, which are thrown once."""
+    known = {}
+
+    def one(method, throws):
+        if (method, throws) not in known:
+            known[method, throws] = PractisingSkill(demonstrations, method=method)
+            practise(session, known[method, throws], TARGETS[:throws])
+        return deepcopy(known[method, throws])
+
+    return one
+
+
+@pytest.mark.parametrize("method, throws", [("residual", 2), ("both", 2), ("bootstrap", 2), ("power", 6), ("none", 1)])
+def test_a_loaded_skill_goes_on_to_the_last_bit(session, practised, tmp_path, method, throws):
     """It plans the same, explores the same, and has learned the same after the next throw."""
-    skill = PractisingSkill(demonstrations, method=method)
-    practise(session, skill, TARGETS[:throws])
+    skill = practised(method, throws)
     save_practised(tmp_path / "throw.npz", skill)
     loaded = practised_skill(load_model(tmp_path / "throw.npz"), method)
     assert loaded.practised == skill.practised == throws
@@ -47,10 +61,9 @@ def test_a_loaded_skill_goes_on_to_the_last_bit(session, demonstrations, tmp_pat
 
 
 @pytest.fixture(scope="module")
-def searched(session, demonstrations):
+def searched(practised):
     """A skill whose PoWER has begun to explore."""
-    skill = PractisingSkill(demonstrations, method="power")
-    practise(session, skill, TARGETS[:6])
+    skill = practised("power", 6)
     assert (skill.search.spread > 0.0).all()
     return skill
 
@@ -79,10 +92,9 @@ def _saved(folder, skill):
     return folder / "again.npz"
 
 
-def test_a_file_from_before_this_was_saved_is_read_as_it_was(session, demonstrations, tmp_path):
+def test_a_file_from_before_this_was_saved_is_read_as_it_was(practised, demonstrations, tmp_path):
     """Then the misses alone were kept."""
-    skill = PractisingSkill(demonstrations)
-    practise(session, skill, TARGETS[:2])
+    skill = practised("residual", 2)
     save_model(tmp_path / "older.npz", demonstrations, skill.skill.configuration, skill.correction.throws)
     loaded = practised_skill(load_model(tmp_path / "older.npz"))
     np.testing.assert_array_equal(loaded.correction.shifted(NEW), skill.correction.shifted(NEW))

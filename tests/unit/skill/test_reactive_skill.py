@@ -125,7 +125,7 @@ def test_a_frame_beside_a_body_moves_as_the_skill_places_it():
     assert frame.frame.b == pytest.approx([0.0, 0.5, 0.0, 0.0]) and frame.velocity == pytest.approx([0.0, 1.0, 0.0])
 
 
-@pytest.mark.parametrize("seed", [10, 11, 12])
+@pytest.mark.parametrize("seed", [10, *(pytest.param(one, marks=pytest.mark.slow) for one in (11, 12))])
 def test_the_hand_comes_over_a_body_that_moves_as_nobody_showed(learned, seed):
     truck = Truck(np.random.default_rng(seed), size=1.5)
     time, hand, _, told = carry_out(learned.guide(), truck)
