@@ -2,6 +2,8 @@
 an independent solution of a leg, by bisection.
 """
 
+from functools import lru_cache
+
 import numpy as np
 from scipy.optimize import brentq
 
@@ -42,10 +44,7 @@ def score_probabilities(aim, covariance, scores):
 
 def leg(sigma, highest, spacing, dart, turn):
     """Expected cost (highest + 1,) to finish from each score, by bisection of V(s) = turn + W_3(s); spacing: of the aims [mm]."""
-    steps = np.arange(-170.0 - 2.0 * sigma, 171.0 + 2.0 * sigma, spacing)
-    aims = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-    near = np.concatenate([aims[np.hypot(*aims.T) < 170.0 + 2.0 * sigma], bed_centres()])
-    chance = bed_probabilities(near, sigma)
+    chance = _chances(sigma, spacing)
     value = np.zeros(highest + 1)
 
     def turn_from(score, guess):
@@ -63,6 +62,14 @@ def leg(sigma, highest, spacing, dart, turn):
     for score in range(2, highest + 1):
         value[score] = brentq(lambda guess, score=score: turn_from(score, guess) - guess, 0.5, 1e5, rtol=1e-8)
     return value
+
+
+@lru_cache(maxsize=2)
+def _chances(sigma, spacing):
+    """Chance (n, 83) of each bed at aims that lie so far apart on and about the board."""
+    steps = np.arange(-170.0 - 2.0 * sigma, 171.0 + 2.0 * sigma, spacing)
+    aims = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    return bed_probabilities(np.concatenate([aims[np.hypot(*aims.T) < 170.0 + 2.0 * sigma], bed_centres()]), sigma)
 
 
 def density(points, mean, covariance):

@@ -91,7 +91,7 @@ def test_the_aim_is_the_best_for_the_last_hits_and_chosen_anew_every_so_often():
 
 
 def test_a_bias_counts_as_spread():
-    agent = ModelBasedAgent("hits")
+    agent = ModelBasedAgent("hits", least=50)
     told(agent, 50, [3.0, 8.0], np.random.default_rng(8), bias=[0.0, 5.0])
     np.testing.assert_allclose(np.sqrt(np.diag(agent.spread.covariance)), [3.0, np.hypot(8.0, 5.0)], rtol=0.25)
 

@@ -38,7 +38,7 @@ def test_simulated_legs_take_the_turns_that_the_table_expects(policy):
 
 
 @pytest.mark.parametrize("objective", ["turns", "darts"])
-@pytest.mark.parametrize("sigma", [0.5, 1.0, 2.0, 4.0, 7.0, 8.0, 40.0, 100.0])
+@pytest.mark.parametrize("sigma", [0.5, 2.0, 7.0, 8.0, 100.0, *(pytest.param(one, marks=pytest.mark.slow) for one in (1.0, 4.0, 40.0))])
 def test_legs_take_what_is_expected_of_every_thrower(sigma, objective):
     """A guess of V that is too low makes busting seem free, and from it there was no way to the solution for some sigmas."""
     policy = solve_leg(sigma, objective=objective)
@@ -49,8 +49,8 @@ def test_legs_take_what_is_expected_of_every_thrower(sigma, objective):
     assert (policy.expected[2:] > 0.0).all() and policy.expected[-1] == policy.expected[501]
 
 
-@pytest.mark.parametrize(("sigma", "spacing"), [(2.0, 2.0), (7.0, 3.0), (27.0, 8.0), (80.0, 25.0)])
 @pytest.mark.parametrize("objective", ["turns", "darts"])
+@pytest.mark.parametrize(("sigma", "spacing"), [(2.0, 2.0), (7.0, 3.0), (27.0, 8.0), (80.0, 25.0)])
 def test_no_aim_of_a_fine_grid_finishes_earlier(sigma, spacing, objective):
     highest = 12
     policy = solve_leg(sigma, highest, objective)

@@ -156,7 +156,7 @@ def test_both_of_two_hills_are_found_and_the_higher_is_the_guess(structure):
     both, guessed = [], []
     for seed in range(5):
         search = MixturePoWER(np.zeros(2), 3.0, rng=np.random.default_rng(seed), readings=Readings(structure=structure))
-        search.maximise(two_hills, 600)
+        search.maximise(two_hills, 400)
         both.append(np.linalg.norm(search.mixture.means_ - HILLS[:, None], axis=-1).min(axis=1).max() < 0.6)
         guessed.append(np.linalg.norm(search.parameters - HILLS[0]) < 1.0)
     assert sum(both) >= 4 and sum(guessed) >= 4, (both, guessed)
@@ -167,7 +167,7 @@ def test_a_moving_hill_is_followed(best_of):
     readings = Readings(best_of=best_of)
     search = MixturePoWER(np.zeros(2), 1.0, rng=np.random.default_rng(0), minimum_exploration=0.2, readings=readings)
     missed = []
-    for step, trial in enumerate(search.trials(1200)):
+    for step, trial in enumerate(search.trials(800)):
         hill = np.array([step / 600, np.sin(step / 600)])
         search.tell(trial, np.exp(-0.5 * np.sum((trial.parameters - hill) ** 2)))
         missed.append(np.linalg.norm(search.parameters - hill))
@@ -271,7 +271,7 @@ def two_of_them(means, seed=0, readings=FIXED, **options):
     return search
 
 
-@pytest.mark.parametrize("apart", [0.5, 20.0])
+@pytest.mark.parametrize("apart", [0.5, pytest.param(20.0, marks=pytest.mark.slow)])
 def test_without_preference_both_components_keep_their_size(apart):
     """As PoWER does with as many trials, also where they overlap and every trial is shared by both."""
     rng = np.random.default_rng(2)
@@ -311,20 +311,22 @@ def test_two_modes_shrink_apart():
         nearest = np.linalg.norm(search.mixture.means_ - HILLS[:, None], axis=-1).argmin(axis=1)
         off = np.linalg.norm(search.mixture.means_[nearest] - HILLS, axis=1)
         found.append(bool((off < 0.2).all() and (sizes_of(search)[nearest] < 0.2).all()))
+        if sum(found) == 2:
+            break
     assert sum(found) >= 2, found
 
 
-@pytest.mark.parametrize("factor", [0.1, 10.0])
-def test_a_start_that_is_ten_times_too_small_or_too_large_is_made_up_for(factor):
+@pytest.mark.parametrize(("factor", "trials"), [(0.1, 250), (10.0, 500)])
+def test_a_start_that_is_ten_times_too_small_or_too_large_is_made_up_for(factor, trials):
     def hill(x):
         return float(np.exp(-0.5 * np.sum((x - [2.0, 0.0]) ** 2) / 2.0**2))
 
     def lost(exploration):
-        """Median over seeds of what the last 100 of 600 trials lose."""
+        """Median over seeds of what 100 trials lose after these."""
         values = []
         for seed in range(3):
             search = MixturePoWER(np.zeros(2), factor, rng=np.random.default_rng(seed), exploration=exploration)
-            search.maximise(hill, 500)
+            search.maximise(hill, trials)
             values.append(np.mean([1.0 - best_of(search, hill) for _ in range(100)]))
         return np.median(values)
 

@@ -51,7 +51,7 @@ def test_the_lower_of_two_hills_is_found_before_it_overtakes_and_taken_when_it_d
 
 
 def test_both_hills_are_known_while_they_are_near_a_tie():
-    one = learnt(search(1, waiting=0.05), lambda point, time: two_hills(point, 0.6))
+    one = learnt(search(1, waiting=0.05), lambda point, time: two_hills(point, 0.6), 400)
     places, gaps = one.optima
     assert gaps[0] == 0 and (np.diff(gaps) >= 0).all()
     for top in (LEFT, RIGHT):
@@ -71,11 +71,11 @@ def test_a_hill_that_moves_is_followed_closely_at_little_cost():
         return hill(point, np.array([0.5 * time, -0.5 * time]), 10.0, 1.0)
 
     one, late = search(0), []
-    for n in range(1500):
+    for n in range(800):
         trial = one.ask()
-        earned = moving(trial.parameters, n / 1500)
+        earned = moving(trial.parameters, n / 800)
         one.tell(trial, earned)
-        late += [10 - moving(one.parameters, n / 1500)] if n > 100 else []
+        late += [10 - moving(one.parameters, n / 800)] if n > 100 else []
     assert np.mean(late) < 0.001, np.mean(late)
 
 
@@ -120,7 +120,7 @@ def test_returns_may_have_any_scale_and_offset():
 def test_a_bowl_of_any_dimension_is_climbed(d):
     target = np.full(d, 0.4)
     one = search(0, d)
-    one.maximise(lambda point: -np.sum((point - target) ** 2), 150 * d)
+    one.maximise(lambda point: -np.sum((point - target) ** 2), 60 * d)
     np.testing.assert_allclose(one.parameters, target, atol=0.02)
 
 
@@ -129,7 +129,7 @@ def test_noise_is_averaged_over_as_many_trials_as_were_asked_for():
     for repeats in errors:
         for seed in range(3):
             noise = np.random.default_rng(100 + seed)
-            one = learnt(search(seed, repeats=repeats), lambda point, _: hill(point, LEFT, 10.0, 1.0) + 3 * noise.standard_normal(), 800)  # noqa: B023
+            one = learnt(search(seed, repeats=repeats), lambda point, _: hill(point, LEFT, 10.0, 1.0) + 3 * noise.standard_normal(), 400)  # noqa: B023
             errors[repeats].append(np.linalg.norm(one.parameters - LEFT))
     assert np.median(errors[100]) < 0.4 and np.median(errors[100]) < 0.7 * np.median(errors[1]), errors
 
