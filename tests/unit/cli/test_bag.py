@@ -5,6 +5,7 @@ import json
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 
@@ -52,9 +53,15 @@ def record(path, n_steps=300, custom_data=None, topic="/vrpn_mocap/{}/pose", **o
     return path
 
 
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    return record(tmp_path_factory.mktemp("recorded") / "bag", chunk_size=8192)
+
+
 @pytest.fixture
-def bag(tmp_path):
-    return record(tmp_path / "bag", chunk_size=8192)
+def bag(recorded, tmp_path):
+    """A bag of one's own, to damage."""
+    return shutil.copytree(recorded, tmp_path / "bag")
 
 
 def middle_chunk(file):

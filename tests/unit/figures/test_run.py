@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from functools import cache
 from xml.etree import ElementTree
 
 import numpy as np
@@ -127,6 +128,12 @@ def motions(taught_bag, demonstrations):
     return demonstrated_motions(read_recordings(taught_bag), demonstrations)
 
 
+@pytest.fixture(scope="module")
+def learned(demonstrations):
+    """What configurations learn, by name; each learns once."""
+    return cache(lambda name: learn(demonstrations, configuration(name)))
+
+
 # recordings
 
 
@@ -207,9 +214,9 @@ def test_a_demonstration_that_the_bag_does_not_hold_is_named(taught_bag, demonst
 
 
 @pytest.mark.parametrize("name", ["default", "two_frames", "thesis"])
-def test_the_components_seen_from_a_frame_have_the_moments_of_the_attractors_seen_from_it(demonstrations, name):
+def test_the_components_seen_from_a_frame_have_the_moments_of_the_attractors_seen_from_it(demonstrations, learned, name):
     """Whatever the responsibilities, an M step keeps the mean and the covariance of all samples."""
-    skill = learn(demonstrations, configuration(name))
+    skill = learned(name)
     shares = skill.model_for(demonstrations[0].target).mixture_.priors_
     for view in frame_views(skill):
         samples = np.concatenate(view.attractors)
@@ -220,15 +227,15 @@ def test_the_components_seen_from_a_frame_have_the_moments_of_the_attractors_see
         np.testing.assert_allclose(covariance, np.cov(samples.T, bias=True), atol=1e-5, err_msg=view.name)
 
 
-def test_turned_frames_see_every_throw_straight_ahead(demonstrations):
-    base, target = frame_views(learn(demonstrations, configuration("default")))
+def test_turned_frames_see_every_throw_straight_ahead(demonstrations, learned):
+    base, target = frame_views(learned("default"))
     assert np.abs(base.releases[:, 1]).max() < 0.05 and np.abs(target.releases[:, 1]).max() < 0.05
     distances = base.releases[:, 0] - target.releases[:, 0]
     np.testing.assert_allclose(distances, [np.hypot(*d.target[:2]) for d in demonstrations], atol=0.2, err_msg="but for the misses")
 
 
-def test_without_the_distance_the_target_sees_the_components_for_the_median_task(demonstrations):
-    skill = learn(demonstrations, configuration("weighted"))
+def test_without_the_distance_the_target_sees_the_components_for_the_median_task(learned):
+    skill = learned("weighted")
     base, target = frame_views(skill)
     distance = sorted(throw.distance for throw in skill.throws)[len(skill.throws) // 2]
     shift = np.tile([distance, 0.0, 0.4], (len(base.means), 1))
@@ -236,8 +243,8 @@ def test_without_the_distance_the_target_sees_the_components_for_the_median_task
     np.testing.assert_allclose(base.covariances, target.covariances, atol=1e-12)
 
 
-def test_gaussians_shows_every_component_and_every_demonstration_in_four_panels(tmp_path, demonstrations):
-    skill = learn(demonstrations, configuration("default"))
+def test_gaussians_shows_every_component_and_every_demonstration_in_four_panels(tmp_path, demonstrations, learned):
+    skill = learned("default")
     drawing = twice(tmp_path, lambda folder: draw_gaussians(skill, folder))
     panels = [f"frame{frame}_{side}" for frame in (1, 2) for side in ("side", "above")]
     for panel in panels:
@@ -248,8 +255,8 @@ def test_gaussians_shows_every_component_and_every_demonstration_in_four_panels(
 
 
 @pytest.mark.parametrize("name", ["thesis", "thesis_local", "weighted"])
-def test_gaussians_names_the_configuration(tmp_path, demonstrations, name):
-    assert drawn(draw_gaussians(learn(demonstrations, configuration(name)), tmp_path)).says(f"Configuration '{name}'")
+def test_gaussians_names_the_configuration(tmp_path, learned, name):
+    assert drawn(draw_gaussians(learned(name), tmp_path)).says(f"Configuration '{name}'")
 
 
 # execution

@@ -13,15 +13,13 @@ from dart_skill.session import find_throws, learn_from_bag
 from tests.paths import BAGS
 from tests.recorded_session import same
 
-NAMES = ("demonstrations", "throws")
-
 
 @lru_cache
 def throws_of(name):
     return find_throws(read_recording(BAGS / name))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [pytest.param("demonstrations", marks=pytest.mark.slow), "throws"])
 def test_nothing_is_wrong_with_a_bag_and_others_read_it(name):
     assert check_bag(BAGS / name) == []
     with BagReader(BAGS / name) as bag, Reader(BAGS / name) as reader:
