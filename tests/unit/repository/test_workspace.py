@@ -12,6 +12,7 @@ import signal
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -75,18 +76,22 @@ def setup_arguments():
     return json.loads(subprocess.check_output([sys.executable, "-c", script], cwd=ROOT, text=True))
 
 
+@cache
+def imports_of(file):
+    """Top-level modules that a Python file imports."""
+    found = set()
+    for node in ast.walk(ast.parse(file.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            found.add(node.module.split(".")[0])
+    return frozenset(found)
+
+
 def imported(*folders):
     """Top-level modules that the Python files below some folders import, with one file that does."""
-    found = {}
-    for file in (file for folder in folders for file in (ROOT / folder).rglob("*.py")):
-        for node in ast.walk(ast.parse(file.read_text())):
-            if isinstance(node, ast.Import):
-                names = [alias.name for alias in node.names]
-            elif isinstance(node, ast.ImportFrom) and node.level == 0:
-                names = [node.module]
-            else:
-                continue
-            found.update({name.split(".")[0]: str(file.relative_to(ROOT)) for name in names})
+    files = [file for folder in folders for file in (ROOT / folder).rglob("*.py")]
+    found = {name: str(file.relative_to(ROOT)) for file in files for name in imports_of(file)}
     return {name: file for name, file in found.items() if name not in sys.stdlib_module_names | OWN}
 
 
