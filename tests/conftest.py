@@ -74,6 +74,7 @@ def pytest_collection():
     gc.disable()
     yield
     gc.freeze()
+    gc.set_threshold(10_000, 10, 5)  # a seventh of the time of tests that make many objects went there
     gc.enable()
 
 
