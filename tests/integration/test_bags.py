@@ -30,6 +30,8 @@ from .conftest import Diagnoses, graphs, plan_request, wait_for, wait_for_end
 
 TARGET = np.array([1.9, -0.1, 0.4])
 POSES = [f"/vrpn_mocap/{body}/pose" for body in ("hand", "ball", "basket")]
+STATES = 2000
+"""That are recorded of each topic at least: four seconds."""
 STEPPED = {"/joint_states": 2_000_000, "/wam/command": 2_000_000, "/wam/tool_pose": 2_000_000} | dict.fromkeys(POSES, 10_000_000)
 
 
@@ -66,9 +68,11 @@ def recorded(ros, tmp_path_factory):
         graph.start("recorder", {"bag": str(folder / "bag"), "use_sim_time": True, "notes": "[seed=0]"})
         diagnoses = Diagnoses(client)
         # Each topic is recorded from when it was discovered, the last one long after the first on a busy machine.
-        wanted = {topic: 4000 * STEPPED["/joint_states"] // period for topic, period in STEPPED.items()}
+        wanted = {topic: STATES * STEPPED["/joint_states"] // period for topic, period in STEPPED.items()}
         counts = lambda: diagnoses.values.get("recorder", {})  # noqa: E731
-        wait_for(client, lambda: all(int(counts().get(topic, 0)) > count for topic, count in wanted.items()), what="4000 recorded states")
+        wait_for(
+            client, lambda: all(int(counts().get(topic, 0)) > count for topic, count in wanted.items()), what=f"{STATES} recorded states"
+        )
         lost = {k: v for k, v in diagnoses.values["recorder"].items() if "lost" in k}
         assert set(lost) <= {"lost", "/clock lost"}, lost
     return folder / "bag"
@@ -81,7 +85,7 @@ def test_the_recorder_misses_nothing_and_says_so(recorded):
         for topic, period in STEPPED.items():
             stamps = np.array([conversions.leading_stamp_ns(m.data) for m in bag.messages([topic], decode=False)])
             stamps = np.unique(stamps)  # a state that nobody answered yet is published again
-            assert len(stamps) > 2000 * 2_000_000 // period and set(np.diff(stamps)) == {period}, topic
+            assert len(stamps) > STATES * 2_000_000 // period and set(np.diff(stamps)) == {period}, topic
         logged = [m.stamp_ns for m in bag.messages(decode=False)]
         assert logged == sorted(logged)
 
@@ -268,15 +272,10 @@ def test_a_bag_that_is_not_there_ends_the_player_with_a_reason(make_graph):
     assert "nowhere: no such bag" in log and "Traceback" not in log
 
 
-def start_arm(graph, folder):
-    """The simulated graph, without a learner, in a world that does not rest."""
-    graph.start("composed", {"bag": str(folder / "throws"), "rest_after": 0.0})
-
-
 @pytest.mark.slow
 def test_a_recorder_that_is_killed_loses_at_most_the_last_second(make_graph, tmp_path):
     graph, client = make_graph(None)
-    start_arm(graph, tmp_path)
+    graph.start("composed", {"bag": str(tmp_path / "throws"), "rest_after": 0.0})
     graph.start("recorder", {"bag": str(tmp_path / "bag"), "use_sim_time": False})
     diagnoses = Diagnoses(client)
     wait_for(client, lambda: int(diagnoses.values.get("recorder", {}).get("/joint_states", 0)) > 2000, what="2000 recorded states")
@@ -348,19 +347,29 @@ def test_a_recording_goes_on_in_another_file(make_graph, tmp_path, limit):
 
 def test_a_full_disk_stops_the_recording_not_the_graph(make_graph, tmp_path):
     graph, client = make_graph(None)
-    start_arm(graph, tmp_path)
-    graph.start("recorder", {"bag": str(tmp_path / "bag"), "use_sim_time": True})
+    said, draw = client.node.create_publisher(String, "/said", 50), random.Random(0)
+    graph.start("recorder", {"bag": str(tmp_path / "bag"), "topics": "[/said]"})
     diagnoses = Diagnoses(client)
-    wait_for(client, lambda: int(diagnoses.values.get("recorder", {}).get("/joint_states", 0)) > 500, what="500 recorded states")
+
+    def goes_on(condition):
+        for _ in range(40):
+            said.publish(String(data=draw.randbytes(1000).hex()))
+        return condition()
+
+    def recorded():
+        return int(diagnoses.values.get("recorder", {}).get("/said", 0))
+
+    wait_for(client, lambda: goes_on(lambda: recorded() > 500), what="500 recorded messages")
     recorder = graph.processes["recorder"]
     written = (tmp_path / "bag" / "bag_0.mcap").stat().st_size
     resource.prlimit(recorder.pid, resource.RLIMIT_FSIZE, (written + 300_000,) * 2)
-    wait_for(client, lambda: "bag_0.mcap" in diagnoses.of.get("recorder", ""), what="the recorder says that it cannot write")
+    told = lambda: "bag_0.mcap" in diagnoses.of.get("recorder", "")  # noqa: E731
+    wait_for(client, lambda: goes_on(told), what="the recorder says that it cannot write")
     recorder.send_signal(signal.SIGINT)
     assert recorder.wait(20) == 0
     graph.processes.pop("recorder")
     rescued = recover(tmp_path / "bag", tmp_path / "rescued")
-    assert rescued.messages["/joint_states"] > 500
+    assert rescued.messages["/said"] > 500
 
 
 def test_a_recorder_that_cannot_start_says_why(make_graph, tmp_path):

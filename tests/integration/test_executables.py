@@ -16,6 +16,7 @@ from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.comms.running_nodes import running
 from dart_skill_nodes.process.node_base import make_executor
 from tests.paths import ROOT
+from tests.warm import WarmPopen
 
 COLD = True
 
@@ -33,6 +34,12 @@ NODES = {
     "composed": {"wam_simulator", "mock_optitrack", "commander", "demonstration_recorder", "teacher", "coach"},
 }
 ARGUMENTS = {"viewer": ["--ros-args", "-p", "port:=0"]}
+
+
+@pytest.fixture
+def warm(monkeypatch):
+    """For what a node says once it has begun: that each of them begins is found out by the first test."""
+    monkeypatch.setattr(subprocess, "Popen", WarmPopen)
 
 
 @pytest.mark.parametrize("executable", NODES)
@@ -65,17 +72,16 @@ def test_starts_with_ros2_run_and_ends_on_sigint(ros, tmp_path, executable):
 
 
 @pytest.mark.parametrize("executable", NODES)
-def test_the_help_of_a_node_starts_nothing_and_tells_its_parameters(tmp_path, executable):
-    asked = subprocess.run(
-        [shutil.which("ros2"), "run", "dart_skill", executable, "--help"], cwd=tmp_path, capture_output=True, text=True, timeout=60
-    )
+def test_the_help_of_a_node_starts_nothing_and_tells_its_parameters(warm, tmp_path, executable):
+    command = ["ros2", "run", "dart_skill", executable, "--help"]
+    asked = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60)
     assert asked.returncode == 0 and asked.stdout.startswith(f"usage: ros2 run dart_skill {executable}"), asked
     assert ("  skill " in asked.stdout or "  bag " in asked.stdout) or executable in ("composed", "effort_bridge"), asked.stdout
     assert not list(tmp_path.iterdir()), "a recorder began a bag"
 
 
-def test_what_a_node_does_not_take_is_said(tmp_path):
-    command = [shutil.which("ros2"), "run", "dart_skill", "bag_player"]
+def test_what_a_node_does_not_take_is_said(warm, tmp_path):
+    command = ["ros2", "run", "dart_skill", "bag_player"]
     wrong = subprocess.run([*command, "bags/throws"], cwd=tmp_path, capture_output=True, text=True, timeout=60)
     said = wrong.stderr.splitlines()
     assert "bag_player: 'bags/throws' is not understood: parameters are given as --ros-args -p NAME:=VALUE" in said
@@ -86,20 +92,20 @@ def test_what_a_node_does_not_take_is_said(tmp_path):
 
 
 @pytest.fixture
-def commander(ros, tmp_path):
-    """Starts a commander with `ros2 run`, its log in a file of its number; all end with the test."""
+def commander(warm, ros, tmp_path):
+    """Starts a commander, its log in a file of its number; all end with the test."""
     started = []
 
     def start(*arguments):
-        command = [shutil.which("ros2"), "run", "dart_skill", "commander", *arguments]
+        command = [sys.executable, "-m", "dart_skill_nodes.executables.commander", *arguments]
         with open(tmp_path / f"{len(started)}.log", "wb") as log:
-            started.append(subprocess.Popen(command, cwd=tmp_path, stdout=log, stderr=log, start_new_session=True))
+            started.append(subprocess.Popen(command, cwd=tmp_path, stdout=log, stderr=log))
         return started[-1], tmp_path / f"{len(started) - 1}.log"
 
     yield start
     for process in started:
         if process.poll() is None:
-            os.killpg(process.pid, signal.SIGKILL)
+            process.kill()
             process.wait()
 
 
@@ -127,7 +133,7 @@ def test_a_node_whose_name_is_taken_does_not_start(commander):
 def test_a_name_is_free_again_when_its_process_was_killed(commander):
     first, _ = commander()
     until_running(["/commander"])
-    os.killpg(first.pid, signal.SIGKILL)
+    first.kill()
     second, log = commander()
     first.wait()
     until_running(["/commander"])
@@ -176,7 +182,7 @@ CANNOT = {
 
 
 @pytest.mark.parametrize("executable", CANNOT)
-def test_a_node_that_cannot_start_says_why_in_a_line_and_ends(tmp_path, executable):
+def test_a_node_that_cannot_start_says_why_in_a_line_and_ends(warm, tmp_path, executable):
     arguments, reason = CANNOT[executable]
     command = [sys.executable, "-m", f"dart_skill_nodes.executables.{executable}", "--ros-args", *arguments]
     ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
