@@ -111,7 +111,7 @@ POLICY = Elsewhere("unit/test_permissions.py::test_the_command_writes_the_policy
 SECURITY = Not("needs a full ROS installation with SROS 2; what the policy allows is compared with a graph in test_main_job.py")
 SPACES = Elsewhere("integration/test_namespaces.py::test_what_one_types_concerns_one_arm")
 VIEW = Elsewhere("unit/view/test_rerun.py::test_every_file_of_a_split_bag_is_opened_with_a_layout_of_its_own")
-
+LEROBOT = Elsewhere("unit/session/test_lerobot.py::test_the_commands_convert_and_learn")
 FILMED = Elsewhere("unit/session/test_lerobot.py::test_a_video_has_a_picture_of_each_frame")
 
 TYPED = {
@@ -180,7 +180,7 @@ TYPED = {
     "dart-skill up --viewer": OnTheGraph("--output up", says="all nodes are ready"),
     "dart-skill up --viewer --port 0": Run(until="all nodes are ready"),
     "dart-skill up --namespace /arm1": Run(until="all nodes are ready"),
-    "dart-skill up --namespace /arm2 --seed 1": Run(until="all nodes are ready"),
+    "dart-skill up --namespace /arm2 --seed 1": Run(until="all nodes are ready", slow=True),
     "dart-skill teach --namespace /arm1 --count 5": SPACES,
     "dart-skill status --namespace /arm2": SPACES,
     "dart-skill bag play --namespace /arm2 BAG": SPACES,
@@ -223,7 +223,7 @@ TYPED = {
     ),
     'ros2 action send_goal /execute dart_skill_msgs/action/Execute "{situation: {names: [right, up], numbers: [0.0, 0.103]}}"': FULL_ROS,
     "dart-skill experiment darts --seeds 10 --throws 100 --jobs 2 --configuration intervals": Run(
-        "--seeds 2 --throws 2 --demonstrations 2", says="on the board"
+        "--seeds 1 --throws 1 --demonstrations 2", says="on the board"
     ),
     "dart-skill demo --skill reach": REACH,
     "dart-skill demo --skill reach --trials 5": REACH,
@@ -310,11 +310,9 @@ TYPED = {
         "unit/recording/test_upgrade.py::test_the_command_says_what_it_did"
     ),
     "dart-skill bag convert thursday --mapping thursday.yaml --output thursday_ours": FOREIGN,
-    "dart-skill bag convert bags/demonstrations --to lerobot": Run(
-        says="13 episodes of 'throw'", leaves="demonstrations_lerobot/meta/info.json"
-    ),
+    "dart-skill bag convert bags/demonstrations --to lerobot": LEROBOT,
     "dart-skill bag convert bags/demonstrations --to lerobot --fps 30 --video --output filmed": FILMED,
-    "dart-skill learn demonstrations_lerobot": Elsewhere("unit/session/test_lerobot.py::test_the_commands_convert_and_learn"),
+    "dart-skill learn demonstrations_lerobot": LEROBOT,
     "DART_SKILL_LEROBOT=~/lerobot/bin/python python3 -m pytest tests/unit/recording/test_lerobot.py": Elsewhere(
         "unit/recording/test_lerobot.py::test_lerobot_itself_loads_it"
     ),
@@ -331,7 +329,7 @@ TYPED = {
         "--largest 5 --seconds 0.01", says="30 dimensions", leaves="growth.svg", slow=True
     ),
     "python3 benchmarks/graph/loop.py": Run("--seconds 1 --layouts composed", says="composed", slow=True),
-    "python3 benchmarks/graph/large_bags.py --sizes 0.1,0.3,1,3,10": Run("--sizes 0.001 --commands check", says="0.01 GB"),
+    "python3 benchmarks/graph/large_bags.py --sizes 0.1,0.3,1,3,10": Run("--sizes 0.001 --commands check", says="0.01 GB", slow=True),
     "python3 benchmarks/graph/side_by_side.py --graphs 1,2,4,8,12,20": Run("--graphs 1 --throws 1", says="1 of 1", slow=True),
     "python3 benchmarks/skill/cores.py": Run("--runs 1 --throws 1 --jobs 1", says="100%", slow=True),
     "python3 benchmarks/skill/lessons.py": Run("--repeats 1 --rows plan", says="plan of a throw"),
@@ -363,10 +361,10 @@ TYPED = {
     "dart-skill darts match --sigma 12 --against 15": Run("--start 60", says="you win .* % if you begin", slow=True),
     "dart-skill darts match --sigma 12 --against 15 --legs 11": OtherNumbers("dart-skill darts match --sigma 12 --against 15"),
     "dart-skill darts search --methods mixture,power,cem,cma,niches,sharpening --schedules thesis,extended --results runs.jsonl": Run(
-        "--methods power --seeds 1", says="power", leaves="runs.jsonl"
+        "--methods power --schedules thesis --seeds 1", says="power", leaves="runs.jsonl"
     ),
     "dart-skill darts search --methods reinforce,enac,mixture_daspec --schedules thesis,extended --results runs.jsonl": Run(
-        "--methods enac --schedules thesis --seeds 1", says="enac", leaves="runs.jsonl"
+        "--methods enac --schedules thesis --seeds 1", says="enac", leaves="runs.jsonl", slow=True
     ),
     "dart-skill darts search --methods mixture_automatic --schedules thesis,extended --results runs.jsonl": Run(
         "--schedules thesis --seeds 1", says="mixture_automatic", leaves="runs.jsonl", slow=True
@@ -381,7 +379,7 @@ TYPED = {
         "--methods power --schedules thesis --seeds 1", says="power +thesis +thrown"
     ),
     # experiments
-    "dart-skill experiment throws --seeds 10": Run("--seeds 1 --throws 1 --demonstrations 3", says="default +[01]/1 "),
+    "dart-skill experiment throws --seeds 10": Run("--seeds 1 --throws 1 --demonstrations 2", says="default +[01]/1 "),
     "dart-skill demo --arm fleet:3": Elsewhere("integration/test_demo.py::test_the_report_tells_of_this_run"),
     "dart-skill demo --arm elastic": Elsewhere("unit/test_fleet.py::test_an_arm_sets_what_the_nodes_have_with_values_of_the_same_kind"),
     "dart-skill demo --set mock_optitrack.noise=0.002": Elsewhere(
@@ -448,7 +446,9 @@ TYPED = {
         "unit/experiments/test_practice.py::test_the_floor_is_what_one_plan_scatters_and_is_measured_when_all_else_is_done"
     ),
     "dart-skill experiment practice --methods none,residual,both,bootstrap,power --changes friction --throws 12 --tested-after 0,12 "
-    "--configuration intervals": Run("--methods none --throws 0 --tested-after 0 --tests 1 --seeds 1 --demonstrations 3", says="none +3 "),
+    "--configuration intervals": Run(
+        "--methods none --throws 0 --tested-after 0 --tests 1 --seeds 1 --demonstrations 3", says="none +3 ", slow=True
+    ),
     "dart-skill experiment practice --methods residual,both,bootstrap,power --demonstrations 3 --throws 20 --tested-after 0,20 "
     "--configuration intervals": Elsewhere(
         "unit/experiments/test_practice.py::test_rows_of_methods_demonstrations_and_changes_are_kept_apart"
@@ -488,7 +488,8 @@ PLACEHOLDERS = {"NUMBER": "7.1", "...": ""}
 
 # What the docs say
 
-VERBS = {parser.prog for parser in verbs_of(_parser())}
+PARSER = _parser()
+VERBS = {parser.prog for parser in verbs_of(PARSER)}
 """Commands of `dart-skill` and their verbs."""
 
 
@@ -582,7 +583,7 @@ def parse(command: str):
     """The options of a `dart-skill` command as its parser understands them; a usage error fails the test."""
     words = shlex.split(as_typed(command, ""))[1:]
     try:
-        return _parser().parse_args(words)
+        return PARSER.parse_args(words)
     except SystemExit as end:
         assert not end.code, f"'{command}' is no command"
 
@@ -744,13 +745,20 @@ RECORD = "ros2 run dart_skill recorder --ros-args -p bag:=monday -p use_sim_time
 
 @pytest.fixture(scope="module")
 def said_on_the_graph(desks):
-    """What each command said that was typed while the graph ran, in the order of the pages; a recorder ran beside and left `monday`."""
-    said = {}
+    """What each command said that was typed while the graph ran, in the order of the pages; a recorder ran beside and left `monday`.
+
+    It ends after the first throw: a graph of which every message is recorded takes twice as long.
+    """
+    said, typed = {}, [one.values for one in of_kind(OnTheGraph) if one.values[1] not in (UP, RECORD)]
+    thrown = next(k for k, (_, command) in enumerate(typed) if command.startswith("dart-skill throw")) + 1
+
+    def run(some):
+        said.update({command: desks.run(as_typed(command, TYPED[command].with_), page) for page, command in some})
+
     with desks.stays(as_typed(UP, TYPED[UP].with_), "README.md", r"next: .*\n") as log:
         with desks.stays(RECORD, "docs/bags.md", leaves="monday/*.mcap"):
-            for page, command in (one.values for one in of_kind(OnTheGraph)):
-                if command not in (UP, RECORD):
-                    said[command] = desks.run(as_typed(command, TYPED[command].with_), page)
+            run(typed[:thrown])
+        run(typed[thrown:])
         said[UP], said[RECORD] = log.read_text(encoding="utf-8"), ""
     return said
 
