@@ -3,7 +3,6 @@
 import json
 import signal
 import subprocess
-import sys
 
 import pytest
 import rclpy
@@ -27,7 +26,7 @@ def play():
     started = []
 
     def start(*arguments):
-        command = [sys.executable, "-m", "dart_skill.cli", "bag", "play", *map(str, arguments)]
+        command = ["dart-skill", "bag", "play", *map(str, arguments)]
         started.append(subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True))
         return started[-1]
 

@@ -37,6 +37,7 @@ SLOW = {
     "hold_up_commander_swing",
     "lose_command_swing",
     "attack_reversed_states_swing",
+    "attack_garbage_swing",
 }
 
 

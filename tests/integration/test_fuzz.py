@@ -49,6 +49,8 @@ from .conftest import plan_request
 from .nasty import NUMBERS, nasty, spoil
 
 randoms = st.randoms(use_true_random=False)
+few = settings(max_examples=40 if settings.default.max_examples == 100 else settings.default.max_examples)
+"""What takes longer is tried with fewer examples, but in the profiles that look for new ones."""
 CONVERTED = {
     "arm_state": (JointState, conversions.arm_state),
     "command": (WamCommand, conversions.command),
@@ -63,6 +65,7 @@ CONVERTED = {
 
 @pytest.mark.parametrize("name", CONVERTED)
 @given(random=randoms)
+@few
 def test_a_message_becomes_data_or_is_refused(name, random):
     kind, convert = CONVERTED[name]
     message = nasty(kind, random)
@@ -87,6 +90,7 @@ READERS = {
 
 @pytest.mark.parametrize("name", READERS)
 @given(data=st.binary(max_size=200), kept=st.integers(0, 200), random=randoms)
+@few
 def test_bytes_become_data_or_are_refused(name, data, kept, random):
     kind = {"command": WamCommand, "joints": JointState}.get(name, PoseStamped)
     whole = bytes(serialize_message(nasty(kind, random)))

@@ -3,7 +3,6 @@
 import json
 import signal
 import subprocess
-import sys
 import time
 
 import numpy as np
@@ -36,10 +35,17 @@ def graph(make_shared_graph):
 
 
 @pytest.fixture(scope="module")
-def taught(graph):
-    """The same, from when it has learned on: what needs a graph that has not stands above."""
-    teach_and_learn(graph[1], SHOWN)
+def quiet(graph):
+    """The same, in a world that rests after a second, not after ten: nobody looks at what it does meanwhile."""
+    graph[1].set_parameters("/wam_simulator", {"rest_after": 1.0})
     return graph
+
+
+@pytest.fixture(scope="module")
+def taught(quiet):
+    """The same, from when it has learned on: what needs a graph that has not stands above."""
+    teach_and_learn(quiet[1], SHOWN)
+    return quiet
 
 
 @pytest.fixture
@@ -52,7 +58,7 @@ def client(taught):
 
 def status(client, *arguments):
     """Exit status and output of `dart-skill status`, while the client goes on; asked again where a busy machine has found nobody yet."""
-    command = [sys.executable, "-m", "dart_skill.cli", "status", *arguments]
+    command = ["dart-skill", "status", *arguments]
     for _ in range(5):
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         wait_for(client, lambda process=process: process.poll() is not None, what="the status")
@@ -72,9 +78,9 @@ def test_a_world_of_which_nobody_has_asked_anything_rests_soon(graph):
 
 
 @pytest.mark.parametrize("what", ("a basket that is moved", "a hand that opens"))
-def test_a_world_that_rests_goes_on_when_something_is_done_in_it(graph, what):
+def test_a_world_that_rests_goes_on_when_something_is_done_in_it(quiet, what):
     """It stood still for good: who dragged the basket on the page saw nothing, and `dart-skill status` no message of any kind."""
-    _, client = graph
+    _, client = quiet
     said, heard = Diagnoses(client), []
     watching = client.node.create_subscription(SimulationState, "/simulation/state", heard.append, 10)
     wait_for(client, lambda: said.of.get("wam_simulator") == "resting", what=lambda: f"it rests, not '{said.of.get('wam_simulator')}',")
@@ -91,8 +97,8 @@ def test_a_world_that_rests_goes_on_when_something_is_done_in_it(graph, what):
     client.node.destroy_subscription(watching)
 
 
-def test_the_status_of_a_graph_that_is_well(graph):
-    code, said = status(graph[1], "--json")
+def test_the_status_of_a_graph_that_is_well(quiet):
+    code, said = status(quiet[1], "--json")
     told = json.loads(said)
     assert (code, told["ok"], told["problems"], told["commanders"]) == (0, True, [], ["commander"]), said
     assert {node["name"] for node in told["nodes"]} == set(NODES)
@@ -102,8 +108,8 @@ def test_the_status_of_a_graph_that_is_well(graph):
     assert told["limits"] == {"commander": limits, "wam_simulator": limits} and told["safety"] == ["ready", ""]
 
 
-def test_the_status_names_a_second_commander(graph):
-    _, client = graph
+def test_the_status_names_a_second_commander(quiet):
+    _, client = quiet
     stranger = client.node.create_publisher(WamCommand, "/wam/command", 10)
     code, said = status(client, "--duration", "8")  # on a machine that stalls for seconds a part of the graph is found late
     client.node.destroy_publisher(stranger)

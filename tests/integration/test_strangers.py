@@ -28,6 +28,8 @@ from .conftest import Diagnoses, Joints, begin_slow_throw, teach_and_learn, wait
 
 SHOWN = targets_for(0, 2, 2)[0]
 TARGET = (SHOWN[0] + SHOWN[1]) / 2
+LONGEST = 2.0
+"""That a test watches the world for [s, simulated]: a world that runs on while nobody looks only costs."""
 RESTING = 0.1
 """Joint speed below which an arm is held, not thrown with [rad/s]."""
 
@@ -74,7 +76,7 @@ class Stranger:
 
 @pytest.fixture(scope="module")
 def graph(make_shared_graph):
-    graph, graph.client = make_shared_graph()
+    graph, graph.client = make_shared_graph(extra={"composed": {"rest_after": LONGEST + 0.2}})
     teach_and_learn(graph.client, SHOWN)
     return graph
 
@@ -82,6 +84,12 @@ def graph(make_shared_graph):
 @pytest.fixture(scope="module")
 def stranger(graph):
     return Stranger(graph.client)
+
+
+@pytest.fixture(scope="module")
+def calm(stranger):
+    """From then on the world rests earlier: nobody watches it for more than half a second."""
+    stranger.client.set_parameters("/wam_simulator", {"rest_after": 0.7})
 
 
 @pytest.fixture
@@ -139,7 +147,7 @@ def test_stop_during_planning_means_that_nothing_is_thrown(graph, stranger, slow
     slow_learner.go_on()
     outcome = graph.client.wait(result, "the throw").result
     assert (outcome.code, outcome.message) == (Execute.Goal.OUTCOME_STOPPED, "stopped by ~/stop")
-    stranger.watch(2.0)
+    stranger.watch(LONGEST)
     stranger.free()
     assert stranger.fastest < RESTING, f"the arm moved at {stranger.fastest:.2f} rad/s after it was stopped"
 
@@ -204,7 +212,7 @@ def test_a_goal_that_is_cancelled_while_it_is_planned_moves_nothing(graph, stran
     response = graph.client.wait(result, "the throw")
     assert response.status == 5, "GoalStatus.STATUS_CANCELED"
     assert response.result.message == "cancelled"
-    stranger.watch(2.0)
+    stranger.watch(LONGEST)
     assert stranger.fastest < RESTING, f"the arm moved at {stranger.fastest:.2f} rad/s after it was cancelled"
 
 
@@ -233,7 +241,7 @@ def test_a_goal_that_waits_for_a_state_that_never_comes_is_refused(graph, strang
 
 
 @pytest.mark.parametrize("radius", [-3.0, 0.0, float("nan"), float("inf")])
-def test_a_basket_that_cannot_be_is_refused_and_ends_no_process(graph, stranger, radius):
+def test_a_basket_that_cannot_be_is_refused_and_ends_no_process(graph, stranger, calm, radius):
     with pytest.raises(GraphFailure, match="basket_radius"):
         graph.client.set_parameters("/mock_optitrack", {"basket_radius": radius})
     graph.client.set_parameters("/mock_optitrack", {"basket_radius": 0.15})
@@ -242,14 +250,14 @@ def test_a_basket_that_cannot_be_is_refused_and_ends_no_process(graph, stranger,
     assert not graph.dead(), f"{time.monotonic() - before:.1f} s later"
 
 
-def test_a_speed_that_is_not_finite_is_refused(graph, stranger):
+def test_a_speed_that_is_not_finite_is_refused(graph, stranger, calm):
     with pytest.raises(GraphFailure, match="speed_factor"):
         graph.client.set_parameters("/wam_simulator", {"speed_factor": float("nan")})
     stranger.watch(0.5)
 
 
 @pytest.mark.parametrize("change", [{"mass_scale": [1.0]}, {"mass_scale": [-1.0] * 7}, {"joint_stiffness": [100.0] * 6 + [0.0]}])
-def test_an_arm_that_cannot_be_is_refused_when_it_is_set_and_not_at_a_reset(graph, stranger, change):
+def test_an_arm_that_cannot_be_is_refused_when_it_is_set_and_not_at_a_reset(graph, stranger, calm, change):
     (name,) = change
     with pytest.raises(GraphFailure, match=name):
         graph.client.set_parameters("/wam_simulator", change)
@@ -290,7 +298,7 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("what", HOSTILE)
-def test_a_message_that_cannot_be_used_ends_no_node_and_is_named(graph, stranger, what):
+def test_a_message_that_cannot_be_used_ends_no_node_and_is_named(graph, stranger, calm, what):
     topic, message, node = HOSTILE[what]
     kind = {"/joint_states": JointState, "/wam/teacher_wrench": WamCommand, "/simulation/state": SimulationState, "/clock": Clock}
     sender = graph.client.node.create_publisher(kind.get(topic, PoseStamped), topic, LOOP)
