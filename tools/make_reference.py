@@ -57,8 +57,8 @@ OF_THE_MACHINERY = re.compile(r"/_|/(get_type_description|transition_event|chang
 """Topics and services that every node has, or every managed one."""
 UNTOLD = re.compile(r"use_sim_time$|start_type_description_service$|qos_overrides|cameras\.")
 """Parameters of every node, and of every single camera."""
-PATIENCE = 60.0
-"""For a node to find itself on the graph [s, wall clock]."""
+PATIENCE, LOOK = 60.0, 0.05
+"""For a node to find itself on the graph, and between two looks [s, wall clock]."""
 HEAD = """# Nodes, parameters and types
 
 Written by `tools/make_reference.py` from the nodes themselves, which a test compares: change the code, not this page. Every node has
@@ -98,6 +98,7 @@ def interfaces(node: Node) -> list[str]:
     while not _is_seen_whole(node):
         if time.monotonic() > until:
             raise TimeoutError(f"{name} is not whole on the graph after {PATIENCE:.0f} s")
+        time.sleep(LOOK)  # to look takes the processor that whoever finds the rest of it needs
     ignored = COMMON | ({"/diagnostics"})
     topics = [one for one in node.get_publisher_names_and_types_by_node(name, "/") if one[0] not in ignored and "/_action/" not in one[0]]
     services = node.get_service_names_and_types_by_node(name, "/")

@@ -33,6 +33,8 @@ NODES = {
     "viewer": {"viewer"},
     "composed": {"wam_simulator", "mock_optitrack", "commander", "demonstration_recorder", "teacher", "coach"},
 }
+TOGETHER = ("wam_simulator", "mock_optitrack", "teacher", "coach")
+"""Nodes that are hardly ever started by themselves: `composed` begins them, too, and other tests give each a process of its own."""
 ARGUMENTS = {"viewer": ["--ros-args", "-p", "port:=0"]}
 
 
@@ -42,7 +44,7 @@ def warm(monkeypatch):
     monkeypatch.setattr(subprocess, "Popen", WarmPopen)
 
 
-@pytest.mark.parametrize("executable", NODES)
+@pytest.mark.parametrize("executable", [pytest.param(name, marks=[pytest.mark.slow] * (name in TOGETHER)) for name in NODES])
 def test_starts_with_ros2_run_and_ends_on_sigint(ros, tmp_path, executable):
     node = rclpy.create_node(f"observer_of_{executable}")
     executor = make_executor()

@@ -38,6 +38,7 @@ SLOW = {
     "lose_command_swing",
     "attack_reversed_states_swing",
     "attack_garbage_swing",
+    "kill_skill_learner_planning",
 }
 
 

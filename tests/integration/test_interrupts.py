@@ -12,6 +12,7 @@ import pytest
 
 from dart_skill_nodes.process.signals import Interrupts
 
+COLD = True
 PATIENCE = 60.0
 INTERRUPTED = """
 import sys
@@ -19,8 +20,6 @@ from argparse import Namespace
 from pathlib import Path
 import rclpy
 from dart_skill_nodes.verbs._run import carried_out
-
-COLD = True
 
 def job(options):
     if sys.argv[2] == "interrupted":
