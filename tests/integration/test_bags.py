@@ -64,15 +64,18 @@ def recorded(ros, tmp_path_factory):
     """A bag of everything that a graph said for some thousand steps."""
     folder = tmp_path_factory.mktemp("recorded")
     with graphs(folder) as make:
-        graph, client = make("composed", 0, {"composed": {"dropout_rate": 0.0, "rest_after": 0.0}})
+        graph, client = make(None)
+        graph.start("composed", {"bag": str(folder / "shown"), "dropout_rate": 0.0, "rest_after": 0.0})
         graph.start("recorder", {"bag": str(folder / "bag"), "use_sim_time": True, "notes": "[seed=0]"})
         diagnoses = Diagnoses(client)
         # Each topic is recorded from when it was discovered, the last one long after the first on a busy machine.
         wanted = {topic: STATES * STEPPED["/joint_states"] // period for topic, period in STEPPED.items()}
-        counts = lambda: diagnoses.values.get("recorder", {})  # noqa: E731
-        wait_for(
-            client, lambda: all(int(counts().get(topic, 0)) > count for topic, count in wanted.items()), what=f"{STATES} recorded states"
-        )
+
+        def are_there():
+            counts = diagnoses.values.get("recorder", {})
+            return all(int(counts.get(topic, 0)) > count for topic, count in wanted.items())
+
+        wait_for(client, are_there, what=f"{STATES} recorded states")
         lost = {k: v for k, v in diagnoses.values["recorder"].items() if "lost" in k}
         assert set(lost) <= {"lost", "/clock lost"}, lost
     return folder / "bag"

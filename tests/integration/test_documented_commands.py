@@ -177,8 +177,8 @@ TYPED = {
     "dask scheduler --host 192.168.10.1": CLUSTER,
     "dask worker tcp://192.168.10.1:8786 --nworkers 8 --nthreads 1": CLUSTER,
     # the graph
-    "dart-skill up --viewer": OnTheGraph("--output up", says="all nodes are ready"),
-    "dart-skill up --viewer --port 0": Run(until="all nodes are ready"),
+    "dart-skill up --viewer": OnTheGraph("--output up --port 0", says="all nodes are ready"),
+    "dart-skill up --viewer --port 0": Elsewhere("integration/test_documented_commands.py::test_a_command_on_the_graph"),
     "dart-skill up --namespace /arm1": Run(until="all nodes are ready"),
     "dart-skill up --namespace /arm2 --seed 1": Run(until="all nodes are ready", slow=True),
     "dart-skill teach --namespace /arm1 --count 5": SPACES,
@@ -731,12 +731,8 @@ def wait_until(ready, log: Path, process: subprocess.Popen) -> None:
 
 @pytest.fixture(scope="module")
 def desks(tmp_path_factory):
-    """Of all pages; the live view takes any free port."""
-    folder = tmp_path_factory.mktemp("docs")
-    (folder / "config").mkdir()
-    text = (ROOT / "config" / "viewer.yaml").read_text(encoding="utf-8")
-    (folder / "config" / "viewer.yaml").write_text(re.sub("port: 8080", "port: 0", text), encoding="utf-8")
-    return Desks(folder, {**os.environ, "DART_SKILL_CONFIG": str(folder / "config")})
+    """Of all pages."""
+    return Desks(tmp_path_factory.mktemp("docs"), dict(os.environ))
 
 
 UP = "dart-skill up --viewer"
