@@ -14,7 +14,16 @@ CLOSE = 1e-3
 """What other last bits may come to by the end of a throw, in the units of the table: metres, radians, seconds; millimetres for darts."""
 
 
-@pytest.mark.parametrize(("part", "seed"), results.ENTRIES)
+FIRST = {part: seed for part, seed in reversed(results.ENTRIES)}
+"""A seed of each part is tried by every run; the others go through the same code with other numbers."""
+
+
+def slow_but_for_the_first(part, seed):
+    """An entry of the table, marked where another one of its part stands before it."""
+    return pytest.param(part, seed, marks=() if FIRST[part] == seed else pytest.mark.slow)
+
+
+@pytest.mark.parametrize(("part", "seed"), [slow_but_for_the_first(*entry) for entry in results.ENTRIES])
 def test_results_are_those_of_the_table(part, seed):
     now, then = results.PARTS[part](seed), TABLE[f"{part} {seed}"]
     if ALIKE:
