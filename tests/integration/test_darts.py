@@ -1,5 +1,7 @@
 """Darts through the nodes: shown, learned, practised with aims that the coach chooses, the same as in one process to the last bit."""
 
+import re
+
 import numpy as np
 import pytest
 from dart_skill_msgs.action import Execute
@@ -19,19 +21,35 @@ from dart_skill.skill.protocol import load_skill
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.verbs._darts_run import play_leg, practise_darts
 from tests.integration.conftest import graphs
+from tests.paths import CONFIG
 
-SEED, SHOWN, THROWS = 0, 3, 12
+SEED, SHOWN, UNKNOWN, THROWS = 0, 3, 4, 6
+"""Of THROWS darts the first ones tell nothing of the spread yet."""
 OWN = THROWS + 3
 """Darts that the graph throws by itself: practice, the one that a plain client asks for, and two of a leg."""
 
 
-@pytest.fixture(scope="module")
-def skill():
-    return load_skill("darts")
+@pytest.fixture(scope="module", autouse=True)
+def _soon_known(tmp_path_factory):
+    """The spread is estimated from a few darts on, not from ten: for nodes and process alike."""
+    folder = tmp_path_factory.mktemp("config")
+    (folder / "skills").mkdir()
+    with pytest.MonkeyPatch.context() as patch:
+        settings = re.sub(r"(?m)^least: \d+", f"least: {UNKNOWN}", (CONFIG / "skills" / "darts.yaml").read_text())
+        (folder / "skills" / "darts.yaml").write_text(settings)
+        patch.setenv("DART_SKILL_CONFIG", str(folder))
+        yield
 
 
 @pytest.fixture(scope="module")
-def in_process():
+def skill(_soon_known):
+    one = load_skill("darts")
+    assert one.settings.least == UNKNOWN
+    return one
+
+
+@pytest.fixture(scope="module")
+def in_process(_soon_known):
     """The same lessons and throws without nodes."""
     return arm_darts.run(SEED, THROWS, SHOWN)
 
@@ -73,7 +91,7 @@ def test_nodes_throw_the_darts_that_one_process_throws_to_the_last_bit(graph, in
 
 def test_the_aim_follows_the_spread_and_the_coach_says_so_when_it_jumps(graph):
     darts = graph.darts.darts
-    assert [name_at(dart.aim) for dart in darts[:10]] == ["DB"] * 10, "nothing is known of the spread yet"
+    assert [name_at(dart.aim) for dart in darts[:UNKNOWN]] == ["DB"] * UNKNOWN, "nothing is known of the spread yet"
     assert np.isfinite(darts[-1].expected) and darts[-1].covariance[0][0] > 0.0
 
 
