@@ -21,7 +21,7 @@ from dart_skill_nodes.verbs import practice
 
 from .conftest import graphs, plan_request, teach_and_learn
 
-SEED, SHOWN = 4, 3
+SEED, SHOWN = 4, 2
 TO_DEMONSTRATE, TO_PRACTISE = targets_for(SEED, SHOWN, 2)
 NEW = np.array([1.95, 0.2, 0.4])
 HIDDEN = {f"{node}:/simulation/state": "/behind_the_scenes/state" for node in ("wam_simulator", "mock_optitrack")}
@@ -48,7 +48,7 @@ class Liar:
 
 @pytest.fixture(scope="module")
 def practised(ros, tmp_path_factory):
-    """Three lessons, two practised throws and a plan, by the nodes; nobody but the cameras and the simulator has the truth."""
+    """Two lessons, two practised throws and a plan, by the nodes; nobody but the cameras and the simulator has the truth."""
     with graphs(tmp_path_factory.mktemp("practice")) as make:
         graph, client = make(None, remappings={"composed": HIDDEN})
         liar = Liar(client)

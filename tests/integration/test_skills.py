@@ -23,7 +23,7 @@ from dart_skill_nodes.comms.qos import LATCHED
 from tests.example import install_example
 from tests.integration.conftest import graphs, wait_for
 
-SHOWN, SEED = 4, 0
+SHOWN, SEED = 3, 0
 RESTING = 0.02
 
 
@@ -53,22 +53,21 @@ def test_every_lesson_succeeds_and_is_a_demonstration_of_the_skill(graph):
         assert [event.name for event in one.events] == ["close", "open"]
         assert set(one.situation.bodies) == {"hand", "part", "holder"} and len(one.joints) > 100
         assert lesson.outcome.seen and lesson.outcome.error < 0.005
-    assert graph.learned.demonstrations == SHOWN and "learned 'place' from 4 demonstrations" in graph.learned.message
+    assert graph.learned.demonstrations == SHOWN and f"learned 'place' from {SHOWN} demonstrations" in graph.learned.message
 
 
-def test_the_part_goes_into_holders_that_stand_elsewhere(graph, place):
+def test_the_part_goes_into_a_holder_that_stands_elsewhere(graph, place):
     truth = []
     watching = graph.client.node.create_subscription(SimulationState, "/simulation/state", truth.append, 10)
-    for _ in range(2):
-        situation = place.draw(graph.rng)
-        made = graph.client.execute(conversions.situation_msg(situation), look=True)
-        assert (made.code, made.message) == (Execute.Goal.OUTCOME_EXECUTED, "executed")
-        assert made.outcome.skill == made.plan.skill == "place" and [event.name for event in made.plan.events] == ["close", "open"]
-        assert set(made.plan.situation.bodies) == {"part", "holder"}
-        seen = conversions.place_of(made.plan.situation, "holder")
-        assert seen == pytest.approx(situation.pose("holder").position, abs=1e-3)
-        assert made.outcome.seen and made.outcome.success == truth[-1].success, "the cameras and the world say the same"
-        assert made.outcome.success, made.outcome.message
+    situation = place.draw(graph.rng)
+    made = graph.client.execute(conversions.situation_msg(situation), look=True)
+    assert (made.code, made.message) == (Execute.Goal.OUTCOME_EXECUTED, "executed")
+    assert made.outcome.skill == made.plan.skill == "place" and [event.name for event in made.plan.events] == ["close", "open"]
+    assert set(made.plan.situation.bodies) == {"part", "holder"}
+    seen = conversions.place_of(made.plan.situation, "holder")
+    assert seen == pytest.approx(situation.pose("holder").position, abs=1e-3)
+    assert made.outcome.seen and made.outcome.success == truth[-1].success, "the cameras and the world say the same"
+    assert made.outcome.success, made.outcome.message
     graph.client.node.destroy_subscription(watching)
 
 
@@ -94,6 +93,7 @@ def test_practice_draws_situations_and_is_learned_from(graph):
     phases = []
     result = graph.client.practise(1, on_feedback=lambda feedback: phases.append(feedback.phase))
     assert result.success and (result.executed, result.learned) == (1, 1), result.message
+    assert result.outcomes[0].success, result.outcomes[0].message
     assert phases == ["resetting", "executing", "learning", "done"]
 
 
