@@ -1,5 +1,6 @@
 """Guided throws on paper, seen by cameras of some noise, handed to `dart-skill learn` as tables of another laboratory (docs/bags.md)."""
 
+import functools
 import subprocess
 
 import numpy as np
@@ -32,9 +33,15 @@ def flight(place, velocity, count):
     return np.array(places)
 
 
+@functools.cache
+def aim():
+    """Azimuth [rad] and duration [steps] of the swing that brings the ball to the basket; found by trying, which takes most of a throw."""
+    return Aim(RESISTANCE).at(BASKET)
+
+
 def guided_throw(longer):
     """Joint angles (n, 7), ball (n, 3), and the step of the button, of a throw and the way back; its swing is `longer`."""
-    azimuth, duration = Aim(RESISTANCE).at(BASKET)
+    azimuth, duration = aim()
     swing = swing_angles(azimuth, duration * longer, longer)
     back = swing[-1] + minimum_jerk(1000)[:, None] * (swing[0] - swing[-1])
     angles = np.vstack([np.repeat(swing[:1], 500, axis=0), swing, np.repeat(swing[-1:], 700, axis=0), back])
