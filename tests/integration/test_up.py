@@ -72,8 +72,7 @@ def events_until(process, wanted):
 
 def told_by(*arguments):
     """What a verb of `dart-skill` says as JSON; it must end well."""
-    command = [sys.executable, "-m", "dart_skill.cli", *arguments, "--json"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=2 * PATIENCE)
+    done = subprocess.run(["dart-skill", *arguments, "--json"], capture_output=True, text=True, timeout=2 * PATIENCE)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 
@@ -116,19 +115,18 @@ def test_a_model_that_was_learned_from_a_bag_throws_at_once(start, tmp_path):
     process = start("--model", model["model"])
     up = events_until(process, "up")[-1]
     assert model["model_id"] in up["message"] and up["next"] == "dart-skill throw"
-    listed = subprocess.run([sys.executable, "-m", "dart_skill.cli", "demonstrations"], capture_output=True, text=True, timeout=PATIENCE)
+    listed = subprocess.run(["dart-skill", "demonstrations"], capture_output=True, text=True, timeout=PATIENCE)
     assert listed.stdout.splitlines() == ["nothing has been shown yet", "next: dart-skill teach --count 5"], listed
     (thrown,) = told_by("throw", "--model", model["model"])["throws"]
     assert thrown["in_basket"], thrown
-    command = [sys.executable, "-m", "dart_skill.cli", "throw", "--model", __file__]
-    refused = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
+    refused = subprocess.run(["dart-skill", "throw", "--model", __file__], capture_output=True, text=True, timeout=PATIENCE)
     assert refused.returncode == 1 and "/skill_learner/load: " in refused.stderr and "Traceback" not in refused.stderr
     end(process)
 
 
 @pytest.mark.parametrize("verb", ["throw", "status"])
 def test_without_a_graph_the_verbs_say_how_to_start_it(verb):
-    done = subprocess.run([sys.executable, "-m", "dart_skill.cli", verb], capture_output=True, text=True, timeout=PATIENCE)
+    done = subprocess.run(["dart-skill", verb], capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 1 and "'dart-skill up' starts it" in done.stderr
 
 
@@ -143,9 +141,9 @@ def test_a_node_that_ends_is_named_and_ends_the_rest(start):
 
 
 def test_nodes_end_with_whoever_started_them_and_a_second_graph_is_refused(start):
-    first = start("--layout", "hardware")
+    first = start()
     events_until(first, "up")
-    second = start("--layout", "hardware")
+    second = start()
     _, complaint = second.communicate(timeout=PATIENCE)
     assert second.returncode == 1 and "run already" in complaint
     assert first.poll() is None, "who was there first stays"
