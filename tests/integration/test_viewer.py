@@ -85,8 +85,8 @@ def address_of(graph, client):
 
 @pytest.fixture(scope="module")
 def live(make_shared_graph):
-    """The graph with a viewer: the coach, the truth, and the address of the page."""
-    graph, client = make_shared_graph()
+    """The graph with a viewer: the coach, the truth, and the address of the page. A browser needs the cores on which a world would run."""
+    graph, client = make_shared_graph(extra={"wam_simulator": {"rest_after": 0.5}})
     truth = Truth()
     try:
         graph.start("viewer", {"port": 0})
