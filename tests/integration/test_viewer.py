@@ -237,6 +237,7 @@ def test_in_a_browser_the_basket_is_dragged_and_a_click_throws(taught, tmp_path)
         wait_for(client, lambda: page.button("Throw"), 90.0, "the page")
         begin = truth.basket.copy()
         pause = client.node.create_client(SetBool, "/simulation/pause")
+        client.set_parameters("/wam_simulator", {"speed_factor": 0.2})  # somebody drags for seconds: the world need not hurry meanwhile
         client.call(pause, SetBool.Request(data=False))  # in a world that is held the cameras see nothing new
 
         def look(condition, what, limit=60.0):
@@ -261,6 +262,7 @@ def test_in_a_browser_the_basket_is_dragged_and_a_click_throws(taught, tmp_path)
         assert np.linalg.norm(truth.basket - wanted) < 0.02, f"a basket dragged from {begin} to {wanted} is at {truth.basket}"
         look(lambda picture: share_of(picture, front_of(truth.basket), blue) == 1.0, "the basket where it was dragged to")
 
+        client.set_parameters("/wam_simulator", {"speed_factor": 0.0})
         episode = truth.episode
         page.click("Throw")
         wait_for(client, lambda: truth.episode > episode and "from the middle" in page.text(), 120.0, "the result of the throw")
