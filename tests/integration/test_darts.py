@@ -23,7 +23,7 @@ from dart_skill_nodes.verbs._darts_run import play_leg, practise_darts
 from tests.integration.conftest import graphs
 from tests.paths import CONFIG
 
-SEED, SHOWN, UNKNOWN, THROWS = 0, 3, 4, 6
+SEED, SHOWN, UNKNOWN, THROWS = 0, 2, 4, 6
 """Of THROWS darts the first ones tell nothing of the spread yet."""
 OWN = THROWS + 3
 """Darts that the graph throws by itself: practice, the one that a plain client asks for, and two of a leg."""
