@@ -3,7 +3,6 @@
 import json
 import signal
 import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -80,7 +79,7 @@ class Check:
 
     def __init__(self, folder, *arguments):
         self._said = folder / "said.txt"
-        command = [sys.executable, "-m", "dart_skill.cli", "check", "arm", *arguments]
+        command = ["dart-skill", "check", "arm", *arguments]
         with self._said.open("w") as said:
             self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=said, stdin=subprocess.DEVNULL, text=True)
 
@@ -112,7 +111,7 @@ def check(led, folder, states, *arguments, said=""):
 
 def test_the_registration_of_loose_cameras_is_found_and_written(led, tmp_path):
     file = tmp_path / "registration.yaml"
-    status, output, said = check(led, tmp_path, 4000, "--write", str(file), "--json")
+    status, output, said = check(led, tmp_path, 3000, "--write", str(file), "--json")
     told = json.loads(output)
     lines = {one["check"]: one for one in told["lines"]}
     wrong = [one for one in told["lines"] if one["verdict"] == "NO-GO"]
