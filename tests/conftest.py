@@ -4,12 +4,11 @@ import gc
 import os
 import signal
 import socket
-import subprocess
 
 import pytest
 from hypothesis import settings
 
-from tests.warm import WarmPopen, start_warm_process
+from tests.warm import start_warm_process, starting_warm
 
 # The same examples in every run; HYPOTHESIS_PROFILE=explore looks for new ones, and HYPOTHESIS_PROFILE=long for many of them.
 settings.register_profile("same", derandomize=True, deadline=None)
@@ -84,8 +83,7 @@ def _starts_warm(request):
     if getattr(request.module, "COLD", False):
         yield
         return
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(subprocess, "Popen", WarmPopen)
+    with starting_warm():
         yield
 
 

@@ -3,10 +3,12 @@
 A test run starts hundreds of nodes and commands, and each of them would import rclpy, NumPy, SciPy, Pinocchio and PyBullet for a second of
 processor time. `WarmPopen` is `subprocess.Popen` for whoever starts one: the process has its own number, arguments, environment, working
 directory, streams and exit status. Whatever else is started, and whatever depends on how Python itself begins, is started as ever.
-Tests of starting say `COLD = True` in their module: how the programs begin is theirs to find out.
+Tests of starting say `COLD = True` in their module: how the programs begin is theirs to find out. `starting_warm` is for what they start
+for another reason.
 """
 
 import atexit
+import contextlib
 import gc
 import importlib
 import json
@@ -21,6 +23,7 @@ import sys
 import tempfile
 import threading
 import time
+import unittest.mock
 from pathlib import Path
 
 from tests.paths import ROOT
@@ -115,6 +118,13 @@ class WarmPopen(subprocess.Popen):
             return 0, 0
         self._status = int.from_bytes(told, "big") if told else signal.SIGKILL  # who forked it is gone, and it with that
         return self.pid, self._status
+
+
+@contextlib.contextmanager
+def starting_warm():
+    """Our own programs start warm meanwhile, in a module that says `COLD = True`, too."""
+    with unittest.mock.patch.object(subprocess, "Popen", WarmPopen):
+        yield
 
 
 def _exactly(line: socket.socket, n: int) -> bytes:

@@ -9,7 +9,7 @@ import pytest
 from dart_skill.recording import BagReader
 from dart_skill.session import learn_from_bag
 from tests.paths import CONFIG
-from tests.warm import WarmPopen
+from tests.warm import starting_warm
 
 COLD = True
 
@@ -34,8 +34,7 @@ def _demo(*arguments, **options):
 
 def _warm_demo(*arguments, **options):
     """The same, not started anew as by a user: what it says and does is looked at, not how it begins."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(subprocess, "Popen", WarmPopen)
+    with starting_warm():
         return _demo(*arguments, **options)
 
 

@@ -19,6 +19,7 @@ from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.process.graph_processes import NODES
 from tests.policies import allowed, may
+from tests.warm import starting_warm
 
 from .conftest import endpoints_of_processes, graphs, plan_request
 
@@ -50,9 +51,9 @@ def in_process():
 
 @pytest.fixture(scope="module")
 def over_dds(ros, tmp_path_factory):
-    """The same job with every node a process of its own."""
+    """The same job with every node a process of its own. They are forked: how a process begins is of account for the learners below."""
     folder = tmp_path_factory.mktemp("over_dds")
-    with graphs(folder) as make:
+    with starting_warm(), graphs(folder) as make:
         _, client = make("processes", SEED)
         done = _job(client)
         endpoints = endpoints_of_processes(client.node)
