@@ -26,7 +26,7 @@ ARMS = ("/arm1", "/arm2", "/arm3", "/arm4")
 TAUGHT, SEEN = ARMS[0], ARMS[:2]
 """The one that learns from what it was shown, the others from a recording; and those that a viewer shows."""
 SHOWN, TARGETS = targets_for(0, 2, len(ARMS))
-SHOWN_TO = dict(zip(ARMS, (len(SHOWN), 1, 0, 0), strict=True))
+SHOWN_TO = dict(zip(ARMS, (len(SHOWN), 0, 0, 0), strict=True))
 FRAMES = {f"{space[1:]}/{name}" for space in ARMS for name in ("wam_base", "wam_link7", "ball")}
 RESTS = {"composed": {"rest_after": 0.5}}
 """Four worlds that run on while nobody looks take all cores."""
@@ -100,6 +100,13 @@ def test_each_viewer_shows_its_own_arm(arms, thrown):
                 page.wait_for(lambda: page.says("wam_simulator"), 60.0, f"the nodes of {space}", graph.client.spin)
                 page.wait_for(lambda: "/cameras/all" in page.nodes, 60.0, f"the cameras of {space}", graph.client.spin)
                 assert not any(page.says(other[1:]) for other in ARMS if other != space), f"the page of {space} tells of another arm"
+                if space != TAUGHT:
+                    page.wait_for(lambda: not page.is_disabled("Teach"), 60.0, "the buttons", graph.client.spin)
+                    page.set("Lessons", 1)
+                    page.click("Teach")
+                    page.wait_for(lambda: page.says("1 of 1 demonstrations shown"), 120.0, "a lesson from the page", graph.client.spin)
+                    SHOWN_TO[space] += 1
+        assert {("viewer", space) for space in SEEN} <= set(nodes_of(arms)) and not outside(arms)
     finally:
         for space in SEEN:
             viewer = arms[space].processes.pop("viewer")
@@ -107,17 +114,28 @@ def test_each_viewer_shows_its_own_arm(arms, thrown):
             viewer.wait(30.0)
 
 
-def test_no_name_is_outside_the_namespaces(arms):
+def nodes_of(arms):
+    """Name and namespace of each node of the arms."""
+    return [(name, space) for name, space in arms[ARMS[0]].client.node.get_node_names_and_namespaces() if space in ARMS]
+
+
+def outside(arms):
+    """Names of topics and services of the arms' nodes that are in no namespace, but for those that all graphs share."""
     node: Node = arms[ARMS[0]].client.node
     offered = (
         node.get_publisher_names_and_types_by_node,
         node.get_subscriber_names_and_types_by_node,
         node.get_service_names_and_types_by_node,
+        node.get_client_names_and_types_by_node,
     )
-    ours = [(name, space) for name, space in node.get_node_names_and_namespaces() if space in ARMS]
+    names = {name for one in nodes_of(arms) for of in offered for name, _ in of(*one)}
+    return {name for name in names if not name.startswith(tuple(f"{space}/" for space in ARMS))} - GLOBAL
+
+
+def test_no_name_is_outside_the_namespaces(arms):
+    ours = nodes_of(arms)
     assert {space for _, space in ours} == set(ARMS) and len(ours) >= len(ARMS) * len(NODES)
-    names = {name for one in ours for of in offered for name, _ in of(*one)}
-    assert {name for name in names if not name.startswith(tuple(f"{space}/" for space in ARMS))} <= GLOBAL
+    assert not outside(arms)
 
 
 def test_every_process_does_what_the_policy_of_its_namespace_allows(arms):

@@ -62,7 +62,7 @@ class ViewerJobs:
         self.progress, self._wanted_trials = "", 0
         self._wanted, self._placing, self._placed_at = None, False, None
         self._when_over: Callable[[str], None] = lambda job: None
-        self._actions = {name: ActionClient(node, kind, f"/{name}") for name, kind in (("teach", Teach), ("practice", Practice))}
+        self._actions = {name: ActionClient(node, kind, name) for name, kind in (("teach", Teach), ("practice", Practice))}
         self._learn = node.create_client(Learn, "skill_learner/learn")
         self._sequence = TrialSequence(node, self._calls, frame_id)
         self._step = node.create_client(Step, "simulation/step")
@@ -254,9 +254,9 @@ class ViewerJobs:
         """Result of an action's goal; CallFailed if its server goes away."""
         client, over = self._actions[name], Promise()
         try:
-            self._handle = await self._calls.send(client, f"/{name}", goal, on_feedback)
+            self._handle = await self._calls.send(client, name, goal, on_feedback)
             self._handle.get_result_async().add_done_callback(lambda done: over.keep(done.result().result))
-            return await self._calls.kept(f"/{name}", over, LONGEST_JOB)
+            return await self._calls.kept(name, over, LONGEST_JOB)
         finally:
             self._handle = None
 

@@ -133,7 +133,7 @@ class Viewer(GuardedNode):
             ("teach", Teach, self._on_lesson),
             ("practice", Practice, self._on_practice),
         ):
-            self.create_subscription(kind.Impl.FeedbackMessage, f"/{name}/_action/feedback", callback, 50)
+            self.create_subscription(kind.Impl.FeedbackMessage, f"{name}/_action/feedback", callback, 50)
 
     # pictures
 
