@@ -164,7 +164,8 @@ def test_the_clock_of_a_bag_is_played_and_made_where_it_has_none(recorded, make_
         listener.close()
         graph.stop()
         steps = np.diff([conversions.leading_stamp_ns(data) for data in listener.heard["/clock"]])
-        assert np.median(steps) == period_ns and (steps > 0).sum() >= len(steps) - 1, "it goes back once in a round at most"
+        # a state that nobody answered yet was published again, and its time with it
+        assert np.median(steps) == period_ns and (steps < 0).sum() <= 1, "it goes back once in a round at most"
 
 
 @pytest.fixture(scope="module")
