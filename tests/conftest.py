@@ -1,6 +1,7 @@
 """Keeps the ROS graphs of test runs apart: from the network, and from every other run on this machine; and what all tests share."""
 
 import gc
+import itertools
 import os
 import signal
 import socket
@@ -75,6 +76,23 @@ def pytest_collection():
     gc.freeze()
     gc.set_threshold(10_000, 10, 5)  # a seventh of the time of tests that make many objects went there
     gc.enable()
+
+
+BETWEEN = 3
+"""Files of unit tests between two of other tests."""
+
+
+def pytest_collection_modifyitems(config, items):
+    """Workers get files that compute between those that wait for nodes, so that no core waits; the last ones are short."""
+    if not hasattr(config, "workerinput"):
+        return
+    files: dict[str, list[pytest.Item]] = {}
+    for item in items:
+        files.setdefault(item.nodeid.split("::")[0], []).append(item)
+    computing = iter([tests for file, tests in files.items() if file.startswith("tests/unit/")])
+    waiting = [tests for file, tests in files.items() if not file.startswith("tests/unit/")]
+    mixed = [one for tests in waiting for one in (tests, *itertools.islice(computing, BETWEEN))]
+    items[:] = [item for tests in (*mixed, *computing) for item in tests]
 
 
 @pytest.fixture(scope="module", autouse=True)
