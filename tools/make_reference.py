@@ -7,6 +7,7 @@ Every node is started in this process, and asked as `ros2 node info` and `ros2 p
 """
 
 import argparse
+import os
 import re
 import sys
 import tempfile
@@ -16,6 +17,7 @@ from pathlib import Path
 from dart_skill.permissions import PARAMETERS
 from dart_skill_nodes.process.discovery import choose_domain
 
+os.environ.pop("ROS_DOMAIN_ID", None)  # where another commander is, its topics would be taken for those of this one
 choose_domain()
 
 import rclpy  # noqa: E402  the domain must be chosen before rclpy starts

@@ -80,6 +80,7 @@ class Not:
 
 MAKE = Not("sets a workspace up first, or runs for minutes; what it starts has tests of its own, and the target is looked up")
 TESTS = Not("is about the tests themselves")
+FLAME = Elsewhere("unit/repository/test_draw_flame.py::test_a_box_is_as_wide_as_its_share_of_the_samples_and_has_the_colour_of_its_node")
 PICTURES = Not("teaches and practises for minutes, and writes over the pictures of the documentation")
 FULL_ROS = Not("needs a full ROS installation; names and types are compared with docs/reference.md")
 COLCON = Elsewhere(
@@ -115,6 +116,7 @@ LEROBOT = Elsewhere("unit/session/test_lerobot.py::test_the_commands_convert_and
 FILMED = Elsewhere("unit/session/test_lerobot.py::test_a_video_has_a_picture_of_each_frame")
 
 TYPED = {
+    "python3 tools/draw_flame.py build/flame.txt docs/flame.svg": FLAME,
     # set up
     "make setup": MAKE,
     "make setup PYTHON=python3.12": MAKE,
@@ -157,6 +159,7 @@ TYPED = {
     "python -m pip install --upgrade pip": NETWORK,
     "colcon test --packages-select dart_skill --pytest-args tests/unit/mixture": TESTS,
     "pip install -r requirements/optional.txt": NETWORK,
+    "pip install py-spy": NETWORK,
     "export ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET": MACHINES,
     "export FASTRTPS_DEFAULT_PROFILES_FILE=$PWD/config/fastdds_loopback.xml": PROFILE,
     "dart-skill security policy.xml": POLICY,
