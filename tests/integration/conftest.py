@@ -88,11 +88,11 @@ def teach_and_learn(client, targets):
     return client.learn()
 
 
-def endpoints_of_processes(node):
-    """By namespace and name of each node of the graph, DDS topics that its process publishes, and that it subscribes to.
+def processes_of(node):
+    """DDS topics that each process of the graph publishes, those that it subscribes to, and namespace and name of each of its nodes.
 
-    Those of the process's hidden nodes are among them. Namespaces are as Graph has them: "", "/arm1". The process of the tests is left out:
-    other tests may have made nodes of these names in it.
+    Topics of hidden nodes are among them. Namespaces are as Graph has them: "", "/arm1". The process of the tests is left out: other tests
+    may have made nodes of any names in it. One that was killed is there until the middleware forgets it.
     """
     ends, own = {}, (node.get_namespace().rstrip("/"), node.get_name())
     for topic, _ in node.get_topic_names_and_types(no_demangle=True):
@@ -101,8 +101,12 @@ def endpoints_of_processes(node):
                 process = ends.setdefault(bytes(end.endpoint_gid)[:12], (set(), set(), set()))
                 process[k].add(topic)
                 process[2].add((end.node_namespace.rstrip("/"), end.node_name))
-    others = [one for one in ends.values() if own not in one[2]]
-    return {one: (publishes, hears) for publishes, hears, nodes in others for one in nodes if one[1] in NODES}
+    return [one for one in ends.values() if own not in one[2]]
+
+
+def endpoints_of_processes(node):
+    """By namespace and name of each of our nodes, the topics of its process: published, and subscribed to."""
+    return {one: (publishes, hears) for publishes, hears, nodes in processes_of(node) for one in nodes if one[1] in NODES}
 
 
 def plan_request(target):

@@ -21,7 +21,7 @@ from dart_skill_nodes.process.graph_processes import NODES
 from tests.policies import allowed, may
 from tests.warm import starting_warm
 
-from .conftest import endpoints_of_processes, graphs, plan_request, wait_for
+from .conftest import endpoints_of_processes, graphs, plan_request, processes_of, wait_for
 
 COLD = True
 
@@ -56,7 +56,7 @@ def over_dds(ros, tmp_path_factory):
     with starting_warm(), graphs(folder) as make:
         _, client = make("processes", SEED)
         done = _job(client)
-        there = lambda: sorted(name for name in client.node.get_node_names() if name in NODES)  # noqa: E731
+        there = lambda: sorted(name for *_, nodes in processes_of(client.node) for _, name in nodes if name in NODES)  # noqa: E731
         wait_for(client, lambda: there() == sorted(NODES), what="the nodes of an earlier test to be forgotten")
         endpoints = endpoints_of_processes(client.node)
     return {**done, "bag": folder / "bag_1", "endpoints": endpoints}
