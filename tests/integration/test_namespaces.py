@@ -26,7 +26,7 @@ ARMS = ("/arm1", "/arm2", "/arm3", "/arm4")
 TAUGHT, SEEN = ARMS[0], ARMS[:2]
 """The one that learns from what it was shown, the others from a recording; and those that a viewer shows."""
 SHOWN, TARGETS = targets_for(0, 2, len(ARMS))
-SHOWN_TO = dict(zip(ARMS, (len(SHOWN), 0, 0, 0), strict=True))
+SHOWN_TO = dict.fromkeys(ARMS, 0) | {TAUGHT: len(SHOWN)}
 FRAMES = {f"{space[1:]}/{name}" for space in ARMS for name in ("wam_base", "wam_link7", "ball")}
 RESTS = {"composed": {"rest_after": 0.5}}
 """Four worlds that run on while nobody looks take all cores."""
@@ -62,12 +62,7 @@ def arms(ros, tmp_path_factory):
         made[ARMS[0]].frames = Frames(made[ARMS[0]].client.node)
         for space, graph in made.items():
             graph.client.wait_until_ready()
-            shown = SHOWN[: SHOWN_TO[space]]
-            if space == TAUGHT:
-                graph.learned = teach_and_learn(graph.client, shown)
-            else:
-                assert all(graph.client.teach(target).success for target in shown)
-                graph.learned = graph.client.learn(bag=str(RECORDED))
+            graph.learned = teach_and_learn(graph.client, SHOWN) if space == TAUGHT else graph.client.learn(bag=str(RECORDED))
         yield made
 
 
