@@ -37,7 +37,7 @@ STAND_IN = VENV / "ros2_stand_in" / "ros2"  # its folder goes to the end of PATH
 
 SYSTEM_ROS = Path("/opt/ros/jazzy")
 PREFERRED = ((3, 11), (3, 10), (3, 12), (3, 13))  # Bullet itself has wheels up to 3.11
-DISK_GB = 3.5
+DISK_GB = 4.0
 BOOTSTRAP_GUARD = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 PREFIX_PATHS = ("AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "COLCON_PREFIX_PATH")
 SEARCH_PATHS = (*PREFIX_PATHS, "LD_LIBRARY_PATH", "PYTHONPATH")
@@ -481,6 +481,7 @@ MODULES = {  # what a requirement is imported as, where that is not its name
     "pybullet-arm64": "pybullet",
     "pytest-xdist": "xdist",
     "pyyaml": "yaml",
+    "rerun-sdk": "rerun",
     "scikit-learn": "sklearn",
 }
 

@@ -272,6 +272,7 @@ print(dataset.num_episodes, dataset.num_frames, dataset.fps, first["task"], last
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif("DART_SKILL_LEROBOT" not in os.environ, reason="DART_SKILL_LEROBOT names no Python that has lerobot")
 def test_lerobot_itself_loads_it(written, tmp_path):
     environment = {**os.environ, "HF_HUB_OFFLINE": "1", "HF_HOME": str(tmp_path)}

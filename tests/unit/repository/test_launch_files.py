@@ -118,22 +118,29 @@ def test_all_ends_with_a_node_that_is_needed_and_with_no_other(launched):
         assert ends[0] is None and type(ends[1]).__name__ == "Shutdown", "a bag that cannot be played leaves nothing to wait for"
 
 
-@pytest.mark.parametrize(
-    ("argument", "value", "said"),
-    [
-        ("viewer", "yes", "viewer:=yes: give true or false"),
-        ("seed", "x", "seed:=x: give a whole number"),
-        ("rate", "fast", "rate:=fast: give a number"),
-        ("played", "", "played:= is missing: give the bag to play"),
-        ("params_file", "nowhere.yaml", "params_file:=nowhere.yaml: there is no such file"),
-        ("log_level", "loud", "log_level:=loud: give one of debug, info"),
-    ],
-)
-def test_what_cannot_be_is_refused_before_anything_starts(launched, argument, value, said):
-    if argument not in launched.declared:
-        pytest.skip("this launch file has no such argument")
-    with pytest.raises(ValueError, match=said):
-        launched.nodes(**{argument: value})
+WRONG = [
+    ("viewer", "yes", "viewer:=yes: give true or false"),
+    ("seed", "x", "seed:=x: give a whole number"),
+    ("rate", "fast", "rate:=fast: give a number"),
+    ("played", "", "played:= is missing: give the bag to play"),
+    ("params_file", "nowhere.yaml", "params_file:=nowhere.yaml: there is no such file"),
+    ("log_level", "loud", "log_level:=loud: give one of debug, info"),
+]
+"""An argument, what it cannot be, and what is said of it."""
+
+
+def test_what_cannot_be_is_refused_before_anything_starts(launched):
+    for argument, value, said in WRONG:
+        if argument in launched.declared:
+            with pytest.raises(ValueError, match=said):
+                launched.nodes(**{argument: value})
+
+
+def test_each_wrong_argument_is_one_of_a_launch_file(monkeypatch):
+    stand_ins(monkeypatch)
+    declared = {argument for file in FILES for argument in Launched(file).declared}
+    assert {argument for argument, *_ in WRONG} <= declared
+    sys.modules.pop("dart_skill_nodes.process.launch_description", None)
 
 
 def test_a_real_arm_may_have_the_bridge_and_the_measured_registration(monkeypatch):

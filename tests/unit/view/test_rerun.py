@@ -459,6 +459,7 @@ def _fetched(url, process, patience=60.0):
             time.sleep(0.05)
 
 
+@pytest.mark.slow
 @needs_chromium
 def test_in_a_browser_the_page_gets_the_bag_and_asks_for_nothing_outside_this_machine(rerun, tmp_path):
     shown, ports = describe(BAGS / "throws"), free_ports(0)
