@@ -349,7 +349,7 @@ def test_a_missing_compiler_gets_one_line(tmp_path, monkeypatch):
 
 def test_a_full_disk_gets_one_line(monkeypatch):
     monkeypatch.setattr(shutil, "disk_usage", lambda _: shutil._ntuple_diskusage(9e9, 8e9, 1e9))
-    with pytest.raises(workspace.SetupError, match=r"1\.0 GB are free .* needs 3\.5 GB"):
+    with pytest.raises(workspace.SetupError, match=r"1\.0 GB are free .* needs 4\.0 GB"):
         workspace.check_machine(needs_wheels=False)
 
 
