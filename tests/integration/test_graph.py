@@ -8,7 +8,7 @@ import pytest
 import rclpy
 from std_msgs.msg import Empty
 
-from dart_skill_nodes.comms.coroutines import Promise, pause, start
+from dart_skill_nodes.comms.coroutines import Promise, pause, start, within
 from dart_skill_nodes.comms.qos import WALL
 from dart_skill_nodes.comms.refusals import GuardedNode
 from dart_skill_nodes.process.node_base import OK, Diagnostics, make_executor
@@ -76,6 +76,25 @@ def test_the_error_of_a_routine_goes_to_whoever_started_it():
 
     start(Owner(), routine(), lambda result, error: ended.append(str(error)))
     assert ended == ["no"]
+
+
+def test_many_waits_at_once_end_in_time_and_rclpy_has_nothing_to_say_of_their_timers(ros, capfd):
+    """It printed a warning for each wait, from the eighth on, on the terminal of whoever had started a viewer."""
+    node, executor, ended, promise = rclpy.create_node("patient"), make_executor(), [], Promise()
+    executor.add_node(node)
+    limits = [0.05 * number for number in range(20, 0, -1)]
+    begun = time.monotonic()
+    for limit in limits:
+        start(node, pause(node, limit), lambda result, error, limit=limit: ended.append((limit, time.monotonic() - begun)))
+    start(node, within(node, promise, 60.0), lambda result, error: ended.append((result, 0.0)))
+    promise.keep("early")
+    while len(ended) < 21:
+        executor.spin_once(timeout_sec=0.1)
+    node.destroy_node()
+    assert ended[0] == ("early", 0.0) and [limit for limit, _ in ended[1:]] == limits[::-1]
+    assert all(after >= limit for limit, after in ended[1:])
+    said = capfd.readouterr()
+    assert "Warning" not in said.out + said.err
 
 
 def test_a_watchdog_is_called_when_it_is_due_while_routines_wait_beside_it(ros):

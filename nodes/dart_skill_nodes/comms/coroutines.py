@@ -4,14 +4,15 @@ rclpy's EventsExecutor steps a coroutine that awaits a future over and over unti
 action (measured with rclpy 7.1.6). A routine is resumed once, when the promise that it waits for is kept.
 """
 
+import heapq
 import time
 from collections.abc import Callable, Coroutine
+from itertools import count
 from weakref import WeakKeyDictionary
 
 from rclpy.action import ActionServer
 from rclpy.action.server import ServerGoalHandle
 from rclpy.node import Node
-from rclpy.timer import Timer
 
 from dart_skill_nodes.comms.in_process import has_called
 from dart_skill_nodes.comms.presence import LOOK, Presence
@@ -22,7 +23,6 @@ RESULT_KEPT = 60
 
 NEVER = 1e8
 """Three years [s]."""
-_KEEPERS: WeakKeyDictionary[Node, Timer] = WeakKeyDictionary()
 
 
 class Promise:
@@ -79,22 +79,43 @@ async def within(node: Node, promise: Promise, limit: float, *needed: Presence):
     return await promise if promise.kept else None
 
 
-def _keep_clock(node: Node) -> None:
-    """A timer that is never due, on one node of an executor: with the last timer of a clock rclpy ends a thread of that clock, and with the
-    next one it starts another.
+class _Deadlines:
+    """Whom a node has to resume when, by one timer. Timers that come and go make rclpy look through all that a process has, and it warns on
+    the terminal of more than a few at once.
     """
-    owner = min(node.executor.get_nodes(), key=lambda one: one.get_fully_qualified_name())
-    if owner not in _KEEPERS:
-        _KEEPERS[owner] = owner.create_timer(NEVER, lambda: None, clock=WAITS)
+
+    def __init__(self, node: Node):
+        self._waiting: list[tuple[float, int, Promise]] = []
+        self._numbers = count()
+        self._timer = node.create_timer(NEVER, self._resume, clock=WAITS)
+
+    def keep_after(self, seconds: float, promise: Promise) -> None:
+        """Keep a promise when so much time has passed, unless it is kept by then."""
+        heapq.heappush(self._waiting, (time.monotonic() + seconds, next(self._numbers), promise))
+        self._set()
+
+    def _resume(self) -> None:
+        now = time.monotonic()
+        while self._waiting and (self._waiting[0][0] <= now or self._waiting[0][2].kept):
+            heapq.heappop(self._waiting)[2].keep()
+        self._set()
+
+    def _set(self) -> None:
+        left = self._waiting[0][0] - time.monotonic() if self._waiting else NEVER
+        self._timer.timer_period_ns = max(1, round(1e9 * left))
+        self._timer.reset()
+
+
+_DEADLINES: WeakKeyDictionary[Node, _Deadlines] = WeakKeyDictionary()
 
 
 async def _kept_or_over(node: Node, promise: Promise, seconds: float) -> None:
-    _keep_clock(node)
+    if node not in _DEADLINES:
+        _DEADLINES[node] = _Deadlines(node)
     either = Promise()
     promise.when_kept(either.keep)
-    timer = node.create_timer(seconds, either.keep, clock=WAITS)
+    _DEADLINES[node].keep_after(seconds, either)
     await either
-    node.destroy_timer(timer)
 
 
 async def pause(node: Node, seconds: float) -> None:
