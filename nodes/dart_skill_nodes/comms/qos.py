@@ -29,8 +29,9 @@ CLOCK_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 WALL = Clock(clock_type=ClockType.STEADY_TIME)
 """For watchdogs: a machine's time, never the simulation's. No timer comes or goes on it while a node works (see WAITS)."""
 WAITS = Clock(clock_type=ClockType.STEADY_TIME)
-"""The same time for timers that are set again and again. Each such timer, and each new one, on a clock makes rclpy's EventsExecutor call those of that clock again that are
-due and not yet called; a repeating one skips a period for each such call, and was silent for up to 25 s (rclpy 7.1.6)."""
+"""The same time for timers that are set again and again. Each time, as with each new timer on a clock, rclpy's EventsExecutor calls those
+of that clock again that are due and not yet called; a repeating one skips a period for each such call, and was silent for up to 25 s
+(rclpy 7.1.6)."""
 STATUS = Clock(clock_type=ClockType.STEADY_TIME)
 """The same time for the status of nodes, once a second: on the clock of the watchdogs, those that a node makes while it is configured would
 silence it for as many seconds."""
