@@ -33,7 +33,9 @@ IMPORTED = (
     "dart_skill.darts", "dart_skill.recording", "dart_skill.recording.bags", "dart_skill.recording.imports", "dart_skill_msgs.action",
     "dart_skill_nodes.executables.composed", "dart_skill_nodes.executables.skill_learner", "dart_skill_nodes.executables.viewer",
     "dart_skill_nodes.executables.recorder", "dart_skill_nodes.executables.bag_player", "dart_skill_nodes.executables.effort_bridge",
-    "scipy.spatial.transform", "scipy.optimize", "scipy.stats",
+    "dart_skill_nodes.verbs._run", "dart_skill_nodes.client.graph_client", "dart_skill.cli._main", "dart_skill.cli.bag",
+    "dart_skill.cli.darts", "dart_skill.cli.experiment", "dart_skill.cli.graph_verbs", "dart_skill.cli.learn",
+    "rclpy.experimental.events_executor", "scipy.spatial.transform", "scipy.optimize", "scipy.stats",
 )  # fmt: skip
 NODE = "dart_skill_nodes.executables."
 SHELL = set("&|;<>$`*?(){}~#\n")
@@ -310,13 +312,22 @@ def _import_whole(name: str) -> None:
         getattr(module, offered)
 
 
+TYPES = {
+    "msg": "dart_skill_msgs geometry_msgs sensor_msgs std_msgs tf2_msgs diagnostic_msgs rosgraph_msgs rcl_interfaces visualization_msgs nav_msgs",
+    "srv": "dart_skill_msgs std_srvs rcl_interfaces lifecycle_msgs type_description_interfaces",
+    "action": "dart_skill_msgs",
+}
+"""Packages whose types our programs use, by what they are for."""
+
+
 def _load_type_supports() -> None:
-    """The libraries of our messages and of the common ones, which rclpy loads when a topic of theirs is first made."""
-    for package in ("dart_skill_msgs", "geometry_msgs", "sensor_msgs", "std_msgs", "tf2_msgs", "diagnostic_msgs", "rosgraph_msgs"):
-        module = importlib.import_module(f"{package}.msg")
-        for one in vars(module).values():
-            if isinstance(one, type) and hasattr(type(one), "__import_type_support__"):
-                type(one).__import_type_support__()
+    """The libraries of messages, services and actions, which rclpy loads when one is first used; and the tables with which bags are read."""
+    for kind, packages in TYPES.items():
+        for package in packages.split():
+            for one in vars(importlib.import_module(f"{package}.{kind}")).values():
+                if isinstance(one, type) and hasattr(type(one), "__import_type_support__"):
+                    type(one).__import_type_support__()
+    importlib.import_module("dart_skill.recording").types_for("std_msgs/msg/Header")
 
 
 if __name__ == "__main__":
