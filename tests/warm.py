@@ -313,7 +313,8 @@ def _import_whole(name: str) -> None:
 
 
 TYPES = {
-    "msg": "dart_skill_msgs geometry_msgs sensor_msgs std_msgs tf2_msgs diagnostic_msgs rosgraph_msgs rcl_interfaces visualization_msgs nav_msgs",
+    "msg": "dart_skill_msgs geometry_msgs sensor_msgs std_msgs tf2_msgs diagnostic_msgs rosgraph_msgs rcl_interfaces nav_msgs "
+    "visualization_msgs",
     "srv": "dart_skill_msgs std_srvs rcl_interfaces lifecycle_msgs type_description_interfaces",
     "action": "dart_skill_msgs",
 }
@@ -321,7 +322,7 @@ TYPES = {
 
 
 def _load_type_supports() -> None:
-    """The libraries of messages, services and actions, which rclpy loads when one is first used; and the tables with which bags are read."""
+    """Libraries of messages, services and actions, which rclpy loads when one is first used; and the tables that bags are read with."""
     for kind, packages in TYPES.items():
         for package in packages.split():
             for one in vars(importlib.import_module(f"{package}.{kind}")).values():
