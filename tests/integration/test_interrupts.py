@@ -49,11 +49,12 @@ class OnTerminal:
         self.said = ""
 
     def until(self, condition, what):
-        """Wait, and read meanwhile."""
+        """Wait, and read meanwhile; a process that has ended says nothing more."""
         limit = time.monotonic() + PATIENCE
         while not condition():
-            assert time.monotonic() < limit, f"{what} did not come true: {self.said}"
+            over = self._process.poll() is not None and not self.others
             self._read()
+            assert condition() or (not over and time.monotonic() < limit), f"{what} did not come true: {self.said}"
             time.sleep(0.02)
 
     def press_ctrl_c(self):
