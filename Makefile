@@ -81,7 +81,7 @@ growth: setup
 	@mkdir -p build/growth
 	@$(ENV) && python3 benchmarks/growth.py --picture docs/growth.svg
 	@$(ENV) && python3 benchmarks/skill/cores.py $(DASK) --results build/growth/cores.json
-	@$(ENV) && python3 benchmarks/graph/side_by_side.py --graphs 1,2,4,8,12,20 --results build/growth/graphs.json
+	@$(ENV) && python3 benchmarks/graph/side_by_side.py --graphs 1 2 4 8 12 20 --results build/growth/graphs.json
 	@$(ENV) && python3 benchmarks/graph/large_bags.py --sizes $(SIZES) --results build/growth/bags.json
 	@$(ENV) && python3 tools/draw_growth.py build/growth docs/growth_graphs.svg
 

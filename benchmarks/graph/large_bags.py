@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """What check, learn and recover take of time and memory with bags of growing size, as a long day of recording makes them.
 
-    source tools/env.sh && python3 benchmarks/graph/large_bags.py --sizes 0.1,0.3,1,3,10
+    source tools/env.sh && python3 benchmarks/graph/large_bags.py --sizes 0.1 0.3 1 3 10
 
 A bag repeats the streams of bags/demonstrations with later stamps, 13 demonstrations every 68 s of its clock: poses of three bodies, joint
 states, commands, transforms, demonstrations, in one file. Each command runs in a process of its own. Memory is the most that was resident
@@ -82,7 +82,9 @@ class Streams:
     def __init__(self, bag: Any, topics: set[str]):
         import numpy as np
 
-        data, seconds, ids, self.rows, place = [], [], [], [], 0
+        data, seconds, ids = [], [], []
+        self.rows = []
+        place = 0
         for topic, type_name, stamp, payload in bag.messages(topics, decode=False):
             payload, its, where = self._places(bag.types, type_name, payload)
             seconds += [(place + one, second) for one, second in its]
@@ -197,15 +199,10 @@ def told(cost: dict[str, float] | None) -> str:
     return f"{cost['clock']:9.1f} s{cost['processor']:8.1f} s{1e-6 * cost['memory']:7.0f} MB" if cost else f"{'':29}"
 
 
-def gigabytes_of(text: str) -> list[float]:
-    """Numbers that commas divide."""
-    return [float(one) for one in text.split(",")]
-
-
 def main() -> None:
     """Entry point."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--sizes", type=gigabytes_of, default="0.1,0.3,1", metavar="GB,...", help="of the bags (default 0.1,0.3,1)")
+    parser.add_argument("--sizes", type=float, nargs="+", default=[0.1, 0.3, 1.0], metavar="GB", help="of the bags (default 0.1 0.3 1)")
     parser.add_argument("--commands", nargs="+", choices=COMMANDS, default=COMMANDS, help="that are measured (default: all)")
     parser.add_argument("--results", type=Path, metavar="FILE", help="write the numbers there, as JSON")
     parser.add_argument("--make", type=Path, help=argparse.SUPPRESS)

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Graphs side by side on one machine: 1 to 20 of them, each on a ROS domain of its own, throw at the same time.
 
-    source tools/env.sh && python3 benchmarks/graph/side_by_side.py --graphs 1,2,4,8,12,20
+    source tools/env.sh && python3 benchmarks/graph/side_by_side.py --graphs 1 2 4 8 12 20
 
 Each graph is the default layout of `dart-skill up`: nodes in one process, the learner in another, a bag that is written. All have the same
 seed, learn from bags/demonstrations and throw at the same baskets, so all must have the same outcomes, to the last bit. They begin when the
@@ -115,15 +115,10 @@ def measure(graphs: int, throws: int, seed: int) -> dict[str, Any]:
     }
 
 
-def counts_of(text: str) -> list[int]:
-    """Numbers that commas divide."""
-    return [int(one) for one in text.split(",")]
-
-
 def main() -> None:
     """Entry point."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--graphs", type=counts_of, default="1,2,4,8", metavar="N,...", help="at once (default 1,2,4,8)")
+    parser.add_argument("--graphs", type=int, nargs="+", default=[1, 2, 4, 8], metavar="N", help="at once (default 1 2 4 8)")
     parser.add_argument("--throws", type=int, default=6, help="of each graph (default 6)")
     parser.add_argument("--seed", type=int, default=0, help="of every graph (default 0)")
     parser.add_argument("--results", type=Path, metavar="FILE", help="write the numbers there, as JSON")

@@ -88,17 +88,12 @@ def report(kind: str, processes: int, clock: float, runs: list[Run], alone: tupl
     return {"kind": kind, "processes": processes, "clock": clock, "run": used / len(runs), "efficiency": efficiency, "free": free}
 
 
-def counts_of(text: str) -> list[int]:
-    """Numbers that commas divide."""
-    return [int(one) for one in text.split(",")]
-
-
 def main() -> None:
     """Entry point."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=12, help="seeds 0 to N - 1 (default 12)")
     parser.add_argument("--throws", type=int, default=5, help="of each run (default 5)")
-    parser.add_argument("--jobs", type=counts_of, default=list(range(1, CORES + 1)), metavar="N,...", help="default: 1 to all cores")
+    parser.add_argument("--jobs", type=int, nargs="+", default=list(range(1, CORES + 1)), metavar="N", help="default: 1 to all cores")
     parser.add_argument("--dask", action="store_true", help="on a cluster of 1, 2 and 4 worker processes, too")
     parser.add_argument("--results", type=Path, metavar="FILE", help="write the numbers there, as JSON")
     options = parser.parse_args()

@@ -23,7 +23,8 @@ class PostureCounter:
 
     def add(self, time: float, position: np.ndarray) -> bool:
         """Take the joints (7,) [rad] at an instant [s]; whether that makes a new posture."""
-        last, self._last = self._last, (time, position)
+        last = self._last
+        self._last = (time, position)
         if last is None or not time > last[0]:
             self._since = time
             return False

@@ -57,8 +57,8 @@ class ExecutedThrow:
     ball_position: np.ndarray
 
     def __post_init__(self) -> None:
-        for name, least in (("hand", 2), ("ball", 0)):
-            time, position = getattr(self, f"{name}_time"), getattr(self, f"{name}_position")
+        hand, ball = ("hand", 2, self.hand_time, self.hand_position), ("ball", 0, self.ball_time, self.ball_position)
+        for name, least, time, position in (hand, ball):
             if len(time) < least or np.shape(position) != (len(time), 3):
                 raise ValueError(f"{name}: need time (n,) and position (n, 3), n >= {least}, got {np.shape(time)}, {np.shape(position)}")
 

@@ -237,7 +237,8 @@ def wrapped(text: str, width: float, size: float, family: tuple[str, ...]) -> st
             if lines[-1] and _width(longer, size, family) > width:
                 comma = lines[-1].rfind(", ")
                 end = comma + 1 if comma > len(lines[-1]) / 2 else len(lines[-1])
-                longer, lines[-1] = f"{lines[-1][end:]} {word}".strip(), lines[-1][:end]
+                longer = f"{lines[-1][end:]} {word}".strip()
+                lines[-1] = lines[-1][:end]
                 lines.append("")
             lines[-1] = longer
     return "\n".join(lines)

@@ -182,7 +182,8 @@ class WhiteBlock:
         moments = products / np.maximum(mass, self.least_mass)[:, None, None]
         if mass.min() < self.least_mass:
             unowned = mass < self.least_mass
-            moments[unowned], origin = np.eye(moments.shape[1]), origin if origin is None else np.where(unowned[:, None], 0.0, origin)
+            moments[unowned] = np.eye(moments.shape[1])
+            origin = origin if origin is None else np.where(unowned[:, None], 0.0, origin)
         try:
             components = Components.of_second_moments(moments)
             if self._is_above_floor(components):

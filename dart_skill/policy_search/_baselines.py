@@ -288,7 +288,8 @@ class MonteCarlo(VectorSearch):
     def _from_policy_state(cls, state: dict, settings: Settings, rng: np.random.Generator) -> MonteCarlo:
         options = {"batch": settings.batch, "best": settings.best, "latest": settings.latest, "reach": state["reach"]}
         search = cls(state["start"], state["scale"], rng=rng, **options)
-        search._mean, value = np.array(state["mean"], dtype=float), state["neighbourhood_return"]
+        search._mean = np.array(state["mean"], dtype=float)
+        value = state["neighbourhood_return"]
         search.neighbourhood_return = -np.inf if value is None else value
         return search
 

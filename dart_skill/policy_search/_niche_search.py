@@ -34,7 +34,8 @@ class NicheSearch(VectorSearch):
         super().__init__(parameters, spread, settings, rng)
 
     def _learn(self) -> bool:
-        self._fresh, changed = 0, self._update([self._told[-1]])
+        changed = self._update([self._told[-1]])
+        self._fresh = 0
         self.n_updates += changed
         return changed
 

@@ -156,7 +156,8 @@ class Niches(NicheSearch):
         if niche is None and others and self._turns >= self._burst:
             late = max(others, key=self._lead)
             if self._lead(late) > 0:
-                niche, self._turns = late, 0
+                niche = late
+                self._turns = 0
                 niche.burst, niche.last = self._check if niche.settled else self._burst, number
                 niche.visits = [*niche.visits, (self._clock, niche.relative, niche.error)][-REMEMBERED:]
         if niche is None:

@@ -130,7 +130,8 @@ class Search(ABC):
 
     def ask(self) -> Trial:
         """Draw a trial. Several trials may be open (asked and not yet told) at a time."""
-        number, self.n_asked = self.n_asked, self.n_asked + 1
+        number = self.n_asked
+        self.n_asked += 1
         noise, tried = self._draw()
         tried.setflags(write=False)
         self._open[number] = noise, tried

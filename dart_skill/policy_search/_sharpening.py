@@ -101,7 +101,8 @@ class Sharpening(NicheSearch):
         self._grain, self._clearing, self._reach = as_number(grain, "grain"), as_number(clearing, "clearing"), as_number(reach, "reach")
         d = self._start.size
         self._root, self._niche, self._founded = float(np.sqrt(d)), Niche(0, np.zeros(d), FIRST_RADIUS, np.zeros((d, d))), 1
-        self._blur, self._rate, self._marked, self._top, self._seen = 1.0, 0.0, 0, None, 1.0
+        self._blur, self._seen, self._rate = 1.0, 1.0, 0.0
+        self._marked, self._top = 0, None
         self._star: list[np.ndarray] = []
         self._probed: list[tuple[int, np.ndarray, float]] = []
         self._records: list[tuple[int, np.ndarray, float, float]] = []
@@ -220,8 +221,10 @@ class Sharpening(NicheSearch):
         """Follow the hill of a successful scout from now on."""
         d, variance = place.size, self._variance(number)
         radius = float(np.clip(FIRST_RADIUS * np.sqrt(self._seen_through(variance)), *self.settings.limits))
-        self._blur, self._marked, self._top, self._star, self._probed = variance, number, None, [], []
-        self._niche, self._founded = Niche(self._founded, place, radius, np.zeros((d, d)), value), self._founded + 1
+        self._blur, self._marked, self._top = variance, number, None
+        self._star, self._probed = [], []
+        self._niche = Niche(self._founded, place, radius, np.zeros((d, d)), value)
+        self._founded += 1
 
     def _follow(self, number: int, place: np.ndarray, earned: float) -> None:
         low, high = self.settings.limits
@@ -242,7 +245,8 @@ class Sharpening(NicheSearch):
         """Height and tr(H) of the top, by least squares with a trend, from the star and the latest trials in its middle."""
         d, told = self._niche.centre.size, [*self._probed, *(trial[:3] for trial in self._niche.trials[-NEAR * self._niche.centre.size :])]
         numbers, places, earned = (np.array(part, dtype=float) for part in zip(*told, strict=True))
-        self._probed, away = [], places - self._niche.centre
+        self._probed = []
+        away = places - self._niche.centre
         design = np.column_stack([np.ones(len(told)), numbers - number, away, np.square(away).sum(axis=1)])
         answer = np.linalg.lstsq(design, earned, rcond=None)[0]
         value, steepness, trace = float(answer[0]), float(np.linalg.norm(answer[2:-1])), 2 * d * float(answer[-1])

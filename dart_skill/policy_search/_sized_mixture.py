@@ -59,7 +59,8 @@ class SizedMixture(MixturePolicy):
         if len(component.waiting) < self._settings.batch:
             return False
         # Sorted by number, so that the order of telling does not change one bit of the result.
-        batch, component.waiting = sorted(component.waiting, key=lambda one: one.number), []
+        batch = sorted(component.waiting, key=lambda one: one.number)
+        component.waiting = []
         weights = return_weights([one.outcome for one in batch], max(len(batch) // 2, 1), self._settings.weighting)
         if not weights.any():
             return False
@@ -91,7 +92,8 @@ class SizedMixture(MixturePolicy):
         self._read_components()
 
     def _new(self) -> _Component:
-        label, self._n_labels = self._n_labels, self._n_labels + 1
+        label = self._n_labels
+        self._n_labels += 1
         return _Component(label, GaussianPolicy(self.start, self.scale, self._settings, diagonal=False))
 
     def _read_components(self) -> None:

@@ -69,7 +69,8 @@ class Surrogate:
     def _condition(self, indices: tuple[int, int]) -> float:
         """Compute the posterior for these indices; returns its log likelihood, with the best mean and variance, plus a log prior."""
         length, noise = float(LENGTHS[indices[0]]), float(NOISES[indices[1]])
-        self.length, n = length * np.sqrt(self._points.shape[1]), len(self._values)
+        self.length = length * np.sqrt(self._points.shape[1])
+        n = len(self._values)
         covariance = self._kernel(self._squares, self._lengths[:, None]) * self._together
         covariance[np.diag_indices(n)] += noise / self._counts + 1e-8
         root = np.linalg.cholesky(covariance)

@@ -45,7 +45,8 @@ class GripSignal:
             self.pushes.append(stamp)
         if grip != OPEN:
             return False
-        opens, self._open_ns = abs(stamp - self._open_ns) > HELD_NS, stamp  # the stray stamp of one command hides no later ones
+        opens = abs(stamp - self._open_ns) > HELD_NS
+        self._open_ns = stamp  # the stray stamp of one command hides no later ones
         if opens:
             self.openings.append(stamp)
         return opens

@@ -96,7 +96,8 @@ class HeldCommand:
 
         * stamp_ns: int of the state [ns].
         """
-        told, self._told = self._told, Grip.UNSPECIFIED
+        told = self._told
+        self._told = Grip.UNSPECIFIED
         if self._newest is None or stamp_ns - self._newest.stamp_ns > self._longest_ns:
             return None
         return replace(self._newest.answering(stamp_ns), grip=told)

@@ -296,7 +296,8 @@ class Commander:
         if self._requested is not None:
             self._begin(self._requested, state)
         if self._requested_move is not None:
-            self._goal, self._requested_move = self._requested_move, None
+            self._goal = self._requested_move
+            self._requested_move = None
             self._begin_way(self._goal, state)
             self._enter(Mode.MOVING, state)
         if self._entered_ns is None:

@@ -122,7 +122,9 @@ class EffortBridge:
         if state.position.shape != (N_JOINTS,) or not (all_finite(state.position) and all_finite(state.velocity)):
             self.stop(f"the joint state of {state.stamp_ns} ns is not seven finite positions and velocities")
             return self._held()
-        before, self._state, self._state_at = self._state, state, now
+        before = self._state
+        self._state = state
+        self._state_at = now
         step = 0.0 if before is None else (state.stamp_ns - before.stamp_ns) * 1e-9
         if self.phase is BridgePhase.ACTIVE:
             self._watch(step, now)

@@ -147,7 +147,8 @@ class Clock:
 
     def at(self, time: float, hand: HandState, references: References) -> tuple[float, float]:
         """Time on the clock, and its rate, so long after the motion began [s]."""
-        step, self._then = time - self._then, time
+        step = time - self._then
+        self._then = time
         rate = self._rate(hand, references.at(self._now))
         self._now = min(self._fingers.held(self._now, self._now + rate * step, rate, step), self._instants[-1])
         return self._now, rate

@@ -61,7 +61,9 @@ class Carrier(Guiding):
     def begin(self, state: ArmState, part: Pose, goal: Pose) -> None:
         """Take the part where it stands and bring it to a goal; both as the person sees them."""
         self._begin_guiding(state)
-        c, rng, self._told = self.carrying, self._rng, 0
+        c = self.carrying
+        rng = self._rng
+        self._told = 0
         self._way = c.duration * (1.0 + c.duration_spread * rng.standard_normal())
         self._lift, self._above = np.array([c.lift, c.above]) + c.height_spread * rng.standard_normal(2)
         aside = np.append(c.aim_spread * rng.standard_normal(2), 0.0)

@@ -67,7 +67,8 @@ class PulledHand(Guiding):
         hand = self._model.hand_state(state.position, state.velocity)
         self._place, self._turned, self._grip = hand.position, Rotation.from_matrix(hand.rotation), Grip.UNSPECIFIED
         self._pointer, self._pointer_turned = self._place, self._turned
-        self._velocity, self._spin, self._now, self._pulled, self._guides = np.zeros(3), np.zeros(3), 0.0, 0.0, True
+        self._velocity, self._spin = np.zeros(3), np.zeros(3)
+        self._now, self._pulled, self._guides = 0.0, 0.0, True
 
     def pull(self, position: ArrayLike, quaternion: ArrayLike) -> None:
         """The pointer is there now: position (3,) [m], quaternion (4,). ValueError while nobody guides, or for what is no pose."""
@@ -119,7 +120,8 @@ class PulledHand(Guiding):
         return self._place + ahead * self._velocity, (Rotation.from_rotvec(ahead * self._spin) * self._turned).as_matrix()
 
     def _button(self, time: float) -> Grip:
-        told, self._grip = self._grip, Grip.UNSPECIFIED
+        told = self._grip
+        self._grip = Grip.UNSPECIFIED
         return told
 
 

@@ -50,8 +50,10 @@ class Transmission:
             system[joints, N_JOINTS + joints] = system[N_JOINTS + joints, joints] = -coupling
             momentum = np.concatenate([inertia @ reached + spring + h * outside, self._reflected @ self.velocity - spring + h * effort])
             speeds = dposv(system, momentum)[1]
-            reached, self.velocity = speeds[:N_JOINTS], speeds[N_JOINTS:]
-            link, self.position = link + h * reached, self.position + h * self.velocity
+            reached = speeds[:N_JOINTS]
+            self.velocity = speeds[N_JOINTS:]
+            link = link + h * reached
+            self.position = self.position + h * self.velocity
         return (reached - velocity) / step
 
 

@@ -8,10 +8,9 @@ import pytest
 import rclpy
 from std_msgs.msg import String
 
+from tests.integration.conftest import wait_for
+from tests.integration.test_bags import Listener, numbers
 from tests.texts import write_texts
-
-from .conftest import wait_for
-from .test_bags import Listener, numbers
 
 
 @pytest.fixture
@@ -97,7 +96,8 @@ def test_nothing_that_an_arm_would_take_for_its_own_is_played_beside_one(throw, 
     _, client = make_graph(None)
     driver = rclpy.create_node("driver")
     commands = []
-    driver.create_publisher(String, "/joint_states", 10) if has_states else None
+    if has_states:
+        driver.create_publisher(String, "/joint_states", 10)
     driver.create_subscription(String, "/wam/command", commands.append, 10)
     player = play(throw, "--loop", *options)
     wait_for(client, lambda: player.poll() is not None, what="the end of the player")

@@ -23,10 +23,9 @@ from dart_skill.session import learn_from_bag
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.raw_batches import RawBatches
+from tests.integration.conftest import Diagnoses, graphs, plan_request, wait_for, wait_for_end
 from tests.recorded_session import same
 from tests.texts import TEXT, write_texts
-
-from .conftest import Diagnoses, graphs, plan_request, wait_for, wait_for_end
 
 TARGET = np.array([1.9, -0.1, 0.4])
 POSES = [f"/vrpn_mocap/{body}/pose" for body in ("hand", "ball", "basket")]

@@ -31,9 +31,8 @@ from dart_skill.skill.observe import sightings
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.arm_commands import CommandWriter
 from dart_skill_nodes.comms.qos import COMPLETE, LOOP
+from tests.integration.conftest import plan_request, wait_for, wait_for_end
 from tests.paths import BAGS
-
-from .conftest import plan_request, wait_for, wait_for_end
 
 SEED = 4
 MIDDLE = np.array([0.0, -0.9, 0.0, 0.8, 0.0, -0.35, 0.0])

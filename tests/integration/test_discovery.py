@@ -11,8 +11,7 @@ import pytest
 
 from dart_skill.configuration import config_path
 from dart_skill_nodes.process.discovery import PEERS, PROFILES, RANGE, hear_loopback_alone, stay_on_this_machine
-
-from .conftest import wait_for
+from tests.integration.conftest import wait_for
 
 EVERYWHERE = "0.0.0.0"
 

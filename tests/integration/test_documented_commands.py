@@ -332,8 +332,8 @@ TYPED = {
         "--largest 5 --seconds 0.01", says="30 dimensions", leaves="growth.svg", slow=True
     ),
     "python3 benchmarks/graph/loop.py": Run("--seconds 1 --layouts composed", says="composed", slow=True),
-    "python3 benchmarks/graph/large_bags.py --sizes 0.1,0.3,1,3,10": Run("--sizes 0.001 --commands check", says="0.01 GB", slow=True),
-    "python3 benchmarks/graph/side_by_side.py --graphs 1,2,4,8,12,20": Run("--graphs 1 --throws 1", says="1 of 1", slow=True),
+    "python3 benchmarks/graph/large_bags.py --sizes 0.1 0.3 1 3 10": Run("--sizes 0.001 --commands check", says="0.01 GB", slow=True),
+    "python3 benchmarks/graph/side_by_side.py --graphs 1 2 4 8 12 20": Run("--graphs 1 --throws 1", says="1 of 1", slow=True),
     "python3 benchmarks/skill/cores.py": Run("--runs 1 --throws 1 --jobs 1", says="100%", slow=True),
     "python3 benchmarks/skill/lessons.py": Run("--repeats 1 --rows plan", says="plan of a throw"),
     "python3 benchmarks/recording.py": Run("--messages 1000 --repeats 1", says="dart_skill"),

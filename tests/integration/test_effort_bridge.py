@@ -12,10 +12,9 @@ from std_srvs.srv import Trigger
 
 from dart_skill.configuration import node_parameters
 from dart_skill_nodes.comms.qos import LATCHED
+from tests.integration.conftest import Diagnoses, Joints, wait_for
+from tests.integration.effort_stand_in import NAMES, START
 from tests.paths import ROOT
-
-from .conftest import Diagnoses, Joints, wait_for
-from .effort_stand_in import NAMES, START
 
 SETTINGS = node_parameters("effort_bridge.yaml", "effort_bridge")
 PATIENT = 1.0

@@ -9,8 +9,7 @@ from dart_skill_nodes.verbs.faults.cases import CASES, FAULTS, OF_ATTACKS, PHASE
 from dart_skill_nodes.verbs.faults.reactions import Reaction, as_json, page
 from dart_skill_nodes.verbs.faults.small_disk import SmallDisk
 from dart_skill_nodes.verbs.faults.stranger import ATTACKS
-
-from .conftest import RUNNING
+from tests.integration.conftest import RUNNING
 
 ON_A_BUSY_MACHINE = 60.0
 """For an answer [s, wall clock]: docs/faults.md has what is measured on one that has nothing else to do."""

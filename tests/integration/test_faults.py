@@ -14,8 +14,7 @@ from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import LOOP
 from dart_skill_nodes.process.graph_processes import NODES
-
-from .conftest import Diagnoses, Joints, answer, plan_request, wait_for
+from tests.integration.conftest import Diagnoses, Joints, answer, plan_request, wait_for
 
 TARGET = np.array([1.9, 0.2, 0.4])
 

@@ -43,10 +43,9 @@ from dart_skill_nodes.executables.recorder import Recorder
 from dart_skill_nodes.executables.skill_learner import SkillLearner
 from dart_skill_nodes.executables.teacher import TeacherNode
 from dart_skill_nodes.executables.wam_simulator import WamSimulator
+from tests.integration.conftest import plan_request
+from tests.integration.nasty import NUMBERS, nasty, spoil
 from tests.paths import BAGS
-
-from .conftest import plan_request
-from .nasty import NUMBERS, nasty, spoil
 
 randoms = st.randoms(use_true_random=False)
 few = settings(max_examples=40 if settings.default.derandomize else settings.default.max_examples)

@@ -18,10 +18,9 @@ from dart_skill.skill.learn import learn
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.process.graph_processes import NODES
+from tests.integration.conftest import endpoints_of_processes, graphs, plan_request
 from tests.policies import allowed, may
 from tests.warm import starting_warm
-
-from .conftest import graphs, plan_request, processes_of
 
 COLD = True
 
@@ -57,8 +56,7 @@ def over_dds(ros, tmp_path_factory):
         _, client = make("processes", SEED)
         done = _job(client)
         # One that an earlier test left behind, and that is not forgotten yet, may have the same names, all in one process.
-        alone = [one for one in processes_of(client.node) if sum(name in NODES for _, name in one[2]) == 1]
-        endpoints = {one: (publishes, hears) for publishes, hears, nodes in alone for one in nodes if one[1] in NODES}
+        endpoints = endpoints_of_processes(client.node, alone=True)
     return {**done, "bag": folder / "bag_1", "endpoints": endpoints}
 
 

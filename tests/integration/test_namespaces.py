@@ -15,12 +15,11 @@ from dart_skill.regions import targets_for
 from dart_skill_nodes.client.graph_listener import GraphListener
 from dart_skill_nodes.comms.qos import LATCHED
 from dart_skill_nodes.process.graph_processes import NODES, NODES_OF
+from tests.integration.conftest import endpoints_of_processes, graphs, teach_and_learn, wait_for
+from tests.integration.test_viewer import address_of
 from tests.paths import ROOT
 from tests.policies import allowed, may
 from tests.view_client import PageClient
-
-from .conftest import endpoints_of_processes, graphs, teach_and_learn, wait_for
-from .test_viewer import address_of
 
 ARMS = ("/arm1", "/arm2", "/arm3", "/arm4")
 TAUGHT, SEEN = ARMS[0], ARMS[:2]

@@ -15,9 +15,8 @@ from dart_skill.regions import targets_for
 from dart_skill.world import pose_topic
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import FRAMES
+from tests.integration.conftest import graphs, teach_and_learn
 from tests.paths import CONFIG
-
-from .conftest import graphs, teach_and_learn
 
 RADIUS, BODY = 0.25, "bucket"
 SHOWN, (TARGET,) = targets_for(0, 2, 1)

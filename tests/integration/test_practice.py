@@ -18,8 +18,7 @@ from dart_skill.skill.learn import load_model
 from dart_skill.world import ROLES
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.verbs import practice
-
-from .conftest import graphs, plan_request, teach_and_learn
+from tests.integration.conftest import graphs, plan_request, teach_and_learn
 
 SEED, SHOWN = 4, 2
 TO_DEMONSTRATE, TO_PRACTISE = targets_for(SEED, SHOWN, 2)

@@ -4,8 +4,7 @@ import pytest
 from dart_skill_msgs.action import Execute
 
 from dart_skill.regions import targets_for
-
-from .conftest import teach_and_learn
+from tests.integration.conftest import teach_and_learn
 
 SLOWLY = {"lockstep": False, "speed_factor": 0.2}
 """A fifth as fast as the wall clock, so that a machine that does other things, too, has time to answer."""

@@ -20,8 +20,7 @@ from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.process.graph_processes import NODES
 from dart_skill_nodes.verbs._run import throw_all
-
-from .conftest import Diagnoses, Joints, begin_slow_throw, teach_and_learn, wait_for
+from tests.integration.conftest import Diagnoses, Joints, begin_slow_throw, teach_and_learn, wait_for
 
 SEED = 1
 SHOWN, (TARGET,) = targets_for(SEED, 2, 1)

@@ -11,8 +11,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import LATCHED, LOOP
-
-from .conftest import Diagnoses, Joints, answer, catch_up, wait_for
+from tests.integration.conftest import Diagnoses, Joints, answer, catch_up, wait_for
 
 
 @pytest.fixture(scope="module")

@@ -23,8 +23,7 @@ from dart_skill.world import joint_names, pose_topic
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import LOOP
-
-from .conftest import Diagnoses, Joints, begin_slow_throw, teach_and_learn, wait_for
+from tests.integration.conftest import Diagnoses, Joints, begin_slow_throw, teach_and_learn, wait_for
 
 SHOWN = targets_for(0, 2, 2)[0]
 TARGET = (SHOWN[0] + SHOWN[1]) / 2

@@ -10,8 +10,7 @@ from dart_skill.world import ROLES, pose_topic
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import COMPLETE
 from dart_skill_nodes.comms.tracked_bodies import FRAME_NS, REPAIRED, TrackedBodies
-
-from .conftest import wait_for
+from tests.integration.conftest import wait_for
 
 GIGA = 1_000_000_000
 

@@ -279,9 +279,11 @@ class _FileRecovery:
         self.bad_chunk: int | None = None  # which of the bag's places it is, if the chunk before was left out
         try:
             header, _ = parse_header(data)
-            profile, self.counted = header.profile, header.library == _OWN_LIBRARY
+            profile = header.profile
+            self.counted = header.library == _OWN_LIBRARY
         except DamagedError:
-            profile, self.counted = "ros2", False
+            profile = "ros2"
+            self.counted = False
         try:
             self.summary = read_summary(data)
             self.verified = self.summary is not None and _data_is_whole(data, self.summary.start)

@@ -121,7 +121,8 @@ class McapFile:
         entries = {channel: channel.index for channel in self.channels.values() if channel.index}
         if not entries:
             return False
-        raw, self._chunk = self._chunk, bytearray()
+        raw = self._chunk
+        self._chunk = bytearray()
         for channel in entries:
             channel.index = []
         data = self._compressor.compress(raw)

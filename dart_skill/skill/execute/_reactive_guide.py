@@ -106,7 +106,8 @@ class ReactiveGuide:
 
     def look(self, time: float, hand: HandState, stamp_ns: int) -> Guidance:
         """As of `Guide`."""
-        step, self._then = time - self._then, time
+        step = time - self._then
+        self._then = time
         if missing := self.missing(stamp_ns):
             return self._still(hand, missing)
         beside = self._look_at.beside(stamp_ns, hand.position)

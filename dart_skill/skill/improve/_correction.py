@@ -280,7 +280,8 @@ class Correction:
 
     def _deviation(self, kernel: np.ndarray, mean: np.ndarray) -> np.ndarray:
         """Standard deviation (m, 2) about the averaged mean (m, 2): of each process, and between their means (law of total variance)."""
-        (axes, common, precision, doubt), probability, offset, seen, *_ = self._posterior
+        axes, common, precision, doubt = self._posterior.modes
+        probability, offset, seen = self._posterior.probability, self._posterior.offset, self._posterior.seen
         usual, difference = self._grid.offset**2, self._grid.difference**2
         alike = np.einsum("smn,snj->smj", kernel, axes)
         towards = difference[:, None, None] * alike[:, None] + usual[:, None, None] * common[:, None, None]  # (s, k, m, n)

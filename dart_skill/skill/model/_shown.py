@@ -29,7 +29,9 @@ class Shown:
         least = skill.settings.least_demonstrations
         if len(demonstrations) < least:
             raise ValueError(f"{len(demonstrations)} demonstrations are too few for '{skill.name}': record at least {least}")
-        self.skill, self.demonstrations, arm = skill, tuple(demonstrations), ArmModel()
+        self.skill = skill
+        self.demonstrations = tuple(demonstrations)
+        arm = ArmModel()
         self.movements = tuple(prepare_movement(skill, one, arm) for one in demonstrations)
         self.duration = float(np.mean([one.duration for one in self.movements]))
         self._events = _events(self.movements, self.duration, skill.settings.grip_time, self._clock_end - 2.0 * skill.settings.step)

@@ -57,7 +57,8 @@ class ThrowLog(SensorLog):
     """
 
     def __init__(self, joint_period_ns: int = 10_000_000, skill: str = SKILL):
-        self.skill, (self._thrown, self._aimed_at) = skill, THROWN[skill]
+        self.skill = skill
+        self._thrown, self._aimed_at = THROWN[skill]
         super().__init__(("hand", *THROWN[skill]), joint_period_ns)
         self.turned = frozenset({"hand"})
 

@@ -34,7 +34,8 @@ class PulledLesson:
         self, node: Node, jobs: ViewerJobs, hand: HeldHand, panel: Panel, skill: Skill, frame_id: str, quick: Callable[[bool], None]
     ):
         assert panel.holding is not None
-        self._node, self._jobs, self._hand, self._panel, self._controls, self._skill = node, jobs, hand, panel, panel.holding, skill
+        self._node, self._jobs, self._hand, self._skill = node, jobs, hand, skill
+        self._panel, self._controls = panel, panel.holding
         self._calls, self._message = ServiceCalls(node), PoseStamped()
         self._message.header.frame_id = frame_id
         self._quick = quick

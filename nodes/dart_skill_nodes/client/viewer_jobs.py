@@ -56,7 +56,8 @@ class ViewerJobs:
     ):
         self._node, self._region, self._frame_id = node, region, frame_id
         self._rng, self._skill = np.random.default_rng([seed, 7]), skill
-        self.say, self._show_busy, self._threw, self._seen, self.heard = say, busy, threw, seen, heard
+        self.say, self._show_busy, self._threw = say, busy, threw
+        self._seen, self.heard = seen, heard
         self._calls, self._inspector = ServiceCalls(node), NodeInspector(node)
         self.job, self._handle, self._stopping, self._said = "", None, False, ""
         self.progress, self._wanted_trials = "", 0
@@ -111,7 +112,9 @@ class ViewerJobs:
         start(self._node, self._jobs[what](**values), self._ended)
 
     def _ended(self, text, error: Exception | None) -> None:
-        ended, self.job, self._handle = self.job, "", None
+        ended = self.job
+        self.job = ""
+        self._handle = None
         self.progress, self._wanted_trials = "", 0
         self._show_busy(False)
         self.tell(text, error)
@@ -205,7 +208,8 @@ class ViewerJobs:
 
     async def _place_basket(self) -> None:
         while self._wanted is not None:
-            place, self._wanted = self._wanted, None
+            place = self._wanted
+            self._wanted = None
             if not self._place.service_is_ready():
                 raise CallFailed("the basket is not moved from here: nobody serves /simulation/place_body")
             await self._calls.call(self._place, PlaceBody.Request(body=conversions.BASKET, pose=conversions.pose_at(place)))

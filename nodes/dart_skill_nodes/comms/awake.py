@@ -19,7 +19,8 @@ class Awake:
     def frozen(self) -> float:
         """For how long this thread neither ran nor waited for a core since it asked last [s]; 0 if not for longer than LEASE."""
         now = time.monotonic()
-        gap, self._asked = now - self._asked, now
+        gap = now - self._asked
+        self._asked = now
         lost = gap - (busy_time() - self._busy) if gap > LEASE else 0.0
         if now - self._looked > LOOK:  # so that hardly anything counts that was before the gap
             self._looked, self._busy = now, busy_time()

@@ -444,7 +444,8 @@ def plan_msg(plan: MotionPlan, frame_id: str) -> PlanMsg:
         message.posture = plan.posture.ravel()
     _say_registration(message, plan.registration)
     if plan.pace is not None:
-        message.pace_gain, rule = plan.pace.gain.ravel(), plan.pace.rule
+        message.pace_gain = plan.pace.gain.ravel()
+        rule = plan.pace.rule
         message.pace_slowest, message.pace_fastest = rule.slowest, rule.fastest
         message.pace_time_constant, message.pace_ignored = rule.time_constant, rule.ignored
     return message

@@ -287,7 +287,8 @@ def kept_for(subscription: Subscription) -> list[tuple[int, bytes]]:
     hearer = getattr(subscription, "hearer", None)
     if hearer is None or not hearer.kept:
         return []
-    kept, hearer.kept = list(hearer.kept), deque(maxlen=hearer.kept.maxlen)
+    kept = list(hearer.kept)
+    hearer.kept = deque(maxlen=hearer.kept.maxlen)
     return kept
 
 

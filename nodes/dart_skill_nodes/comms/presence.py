@@ -95,7 +95,8 @@ class _Pulse:
     def look(self) -> None:
         """Take in what has changed."""
         self.looked = time.monotonic()
-        before, self._there = self._there, self._node.count_publishers(self._topic)
+        before = self._there
+        self._there = self._node.count_publishers(self._topic)
         lost = self._lost()
         self._hear()
         if self._lives:

@@ -92,7 +92,8 @@ class SeenInStep:
     def _release(self) -> None:
         if self._waiting is None:
             return
-        (stamp_ns, state, _), self._waiting = self._waiting, None
+        stamp_ns, state, _ = self._waiting
+        self._waiting = None
         self._answer(state, self._take(stamp_ns))
 
     def _take(self, stamp_ns: int) -> list[Sighting]:

@@ -35,7 +35,9 @@ class TimeOfTheArm:
 
     def look(self) -> None:
         """To be called every LOOK."""
-        gap, self._looked = time.monotonic() - self._looked, time.monotonic()
+        now = time.monotonic()
+        gap = now - self._looked
+        self._looked = now
         self.silence += min(gap, 2 * LOOK)
 
     @property

@@ -120,7 +120,10 @@ class TrackedBodies:
         newest = self._newest_of.get(role, 0)
         if ns < newest - RESET_NS:  # the clock was set back: another simulator, or a bag that is played again
             self.log.clear()
-            self._newest_of, self._behind, self._forgotten_ns, newest = {}, {}, 0, 0
+            self._newest_of = {}
+            self._behind = {}
+            self._forgotten_ns = 0
+            newest = 0
         self.log.take(role, ns, *sample)
         self._newest_of[role] = max(newest, ns)
         self._note_who_lags(role, ns)

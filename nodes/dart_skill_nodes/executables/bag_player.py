@@ -61,7 +61,8 @@ class BagPlayer(GuardedNode):
         super().__init__("bag_player")
         self.p = declare(self, "bag_player.yaml", TABLE)
         self.refusal, self._made = "", time.monotonic()
-        self.finished, self._stopping, self._steps, self._published, self._position_ns = False, False, 0, 0, 0
+        self.finished, self._stopping = False, False
+        self._steps, self._published, self._position_ns = 0, 0, 0
         self._bag = GraphBag(self.p["bag"]) if self.p["graph"] else BagReader(self.p["bag"])
         self._playback = Playback(self._bag, self._selection())
         self._publishers_of = {topic: self._publisher(topic, info) for topic, info in self._playback.topics.items()}

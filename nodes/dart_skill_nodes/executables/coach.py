@@ -106,7 +106,9 @@ class CoachNode(GuardedNode):
         return CancelResponse.ACCEPT
 
     async def _practise(self, goal_handle) -> Practice.Result:
-        self._goal, result, self._stopped = goal_handle, Practice.Result(), ""
+        self._goal = goal_handle
+        result = Practice.Result()
+        self._stopped = ""
         self._client, self._why_not = subscribers(self, "practice/_action/feedback"), ""  # the latter: of the last throw that was not made
         try:
             situations = list(goal_handle.request.situations)
@@ -148,7 +150,8 @@ class CoachNode(GuardedNode):
 
     def _watch(self) -> None:
         """Practice ends when nobody waits for it any more, and when this node was away for so long that it was given up."""
-        frozen, self._unseen = self._awake.frozen(), self._cameras.missing
+        frozen = self._awake.frozen()
+        self._unseen = self._cameras.missing
         if self._goal is None or self._stopped:
             return
         if self._client is not None and self._client.gone:

@@ -72,7 +72,8 @@ class DemonstrationRecorder(BagKeeper):
         self._skill = load_skill(self.p["skill"])
         self._name_of = declare_bodies(self, (HAND, *self._skill.bodies))
         self.declare_parameter("autostart", True)
-        self._bag, self._count, self._recording, self._time, self._up_to = None, 0, False, LogTime(), 0
+        self._bag, self._recording = None, False
+        self._count, self._time, self._up_to = 0, LogTime(), 0
         self._reader = StateReader()
         self._fault, self._joints = "", b""  # what is wrong with the arm's states, and the newest of them, serialised
         self._marked = Marks()
@@ -183,7 +184,8 @@ class DemonstrationRecorder(BagKeeper):
     def _arm_state(self) -> ArmState | None:
         """The newest state of the arm; None if it is not one, and what is wrong with it is kept."""
         try:
-            state, self._fault = self._reader.read(self._joints), ""
+            state = self._reader.read(self._joints)
+            self._fault = ""
             return state
         except ValueError as error:
             if str(error) != self._fault:

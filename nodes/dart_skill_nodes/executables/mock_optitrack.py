@@ -84,7 +84,8 @@ class MockOptitrack(GuardedLifecycleNode):
         super().__init__("mock_optitrack")
         self._parameters_in_force = self._declare()
         self._capture, self._queue = None, LatencyQueue()
-        self._published, self._lost, self._active, self._frame_ns, self._episode = {}, {}, False, 0, None
+        self._published, self._lost = {}, {}
+        self._active, self._frame_ns, self._episode = False, 0, None
         self._newest, self._clock_ns, self._delivered = {}, 0, None
         if self.get_parameter("autostart").value:
             autostart(self)

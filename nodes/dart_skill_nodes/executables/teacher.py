@@ -87,7 +87,8 @@ class TeacherNode(GuardedNode):
         self._goal, self._over, self._begin, self._last_ns = None, None, None, None
         self._cameras = Cameras(self, pose_topic(name_of[skill.moves]))
         self._time = TimeOfTheArm(self)
-        self._withdrawn, self._unseen, self._needed, self._awake, self._speed = "", "", (), Awake(), 0.0
+        self._withdrawn, self._unseen = "", ""
+        self._needed, self._awake, self._speed = (), Awake(), 0.0
         calls = ServiceCalls(self)
         self._call, self._recording, self._judge = calls.call, Recording(self, calls), Judge(self, calls)
         self._eyes, self._step = Eyes(self, calls), self.create_client(Step, "simulation/step")
@@ -150,7 +151,8 @@ class TeacherNode(GuardedNode):
 
     def _push(self, state) -> Command:
         if self._begin is not None:
-            situation, again, self._begin = *self._begin, None
+            situation, again = self._begin
+            self._begin = None
             self._showing.begin(situation, state, again)
             self._guiding, self._begun_ns = True, state.stamp_ns
         if not self._guiding:
@@ -233,13 +235,15 @@ class TeacherNode(GuardedNode):
         """After a lesson that was broken off: the commander brakes the arm, and the simulator waits for no teacher."""
         simulator, commander = (one.gone for one in self._needed[:2])
         with suppress(CallFailed):
-            await self._call(self._free_arm, SetBool.Request(data=False)) if not commander else None
+            if not commander:
+                await self._call(self._free_arm, SetBool.Request(data=False))
             for _ in range(0 if simulator or commander or not self._withdrawn else LONGEST_BRAKE):
                 if self._speed < RESTS or self._time.stalled:
                     break
                 await pause(self, LOOK)
         with suppress(CallFailed):
-            await self._call(self._reset, Reset.Request(paused=True)) if not simulator else None
+            if not simulator:
+                await self._call(self._reset, Reset.Request(paused=True))
 
     async def _lesson(self, goal_handle, result) -> None:
         situation, by_pointer = goal_handle.request.situation, goal_handle.request.by_pointer

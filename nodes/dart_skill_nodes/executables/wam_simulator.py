@@ -103,6 +103,8 @@ class WamSimulator(GuardedNode):
         self._plant = make_world(skill_type(self.p["skill"]).world, PlantSettings.from_parameters(self.p), self.p["seed"], board)
         self._paused, self._guided, self._budget, self._watched = self.p["start_paused"], False, 0, False
         self._answers, self._fault, self._steps_made = {}, "", 0
+        self._next = time.monotonic()  # when the next step is due, where time is held back
+        self._rate_mark = (time.monotonic(), 0)  # when _describe looked last, and the steps that were made by then
         self._hold_no_command()
         self._stillness, self._rests = Stillness(), False  # the latter: nothing has moved for long, and nobody waits for steps
         self._asked = False  # whether anybody has asked for anything
@@ -192,7 +194,8 @@ class WamSimulator(GuardedNode):
             return
         if self._rests and not slowly:
             return  # `_go_on_slowly` comes back to it
-        answers, self._answers = self._answers, {}
+        answers = self._answers
+        self._answers = {}
         if not self._step(answers["commander"], answers.get("teacher")):
             return
         self._budget = max(0, self._budget - 1)
@@ -256,7 +259,7 @@ class WamSimulator(GuardedNode):
         if factor <= 0.0:
             return
         now = time.monotonic()
-        self._next = max(getattr(self, "_next", now), now - 0.05) + self._plant.settings.step / factor
+        self._next = max(self._next, now - 0.05) + self._plant.settings.step / factor
         if self._next > now:
             time.sleep(self._next - now)
 
@@ -430,7 +433,8 @@ class WamSimulator(GuardedNode):
             self._left = f"{self._guide} has gone: guiding ends, the arm is braked"
             self.get_logger().error(self._left)
             self._guided, self._guide = False, None
-            self._advance() if self.p["lockstep"] else None
+            if self.p["lockstep"]:
+                self._advance()
 
     def _watch(self) -> None:
         """Publish an unanswered state again: whoever came late, or lost it, gets it now."""
@@ -452,7 +456,7 @@ class WamSimulator(GuardedNode):
 
     def _describe(self):
         now, steps = time.monotonic(), self._steps_made
-        before, last = getattr(self, "_rate_mark", (now - 1.0, steps))
+        before, last = self._rate_mark
         self._rate_mark = (now, steps)
         factor = (steps - last) * self._plant.settings.step / max(1e-6, now - before)
         stopped = f"stopped by the arm's safety module until a reset: {self._plant.fault}" if self._plant.fault else ""

@@ -43,7 +43,10 @@ def main(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     report = look(options.duration, options.namespace)
     if report is None or not report.nodes:
         problem = nothing_runs(() if report is None else report.bystanders)
-        print(json.dumps({"ok": False, "problems": [problem]})) if options.json else say(f"dart-skill status: {problem}")
+        if options.json:
+            print(json.dumps({"ok": False, "problems": [problem]}))
+        else:
+            say(f"dart-skill status: {problem}")
         return 1
     print(json.dumps(as_json(report)) if options.json else as_text(report))
     return 1 if report.problems else 0

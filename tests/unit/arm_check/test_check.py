@@ -9,8 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from dart_skill.arm_check import Endpoint, Heard, JointStream, PoseStream, PostureCounter, Verdict
 from dart_skill.robot import Registration
-
-from .heard import BEGIN_NS, NAMES, QUIET, heard, kept, table, with_joints, with_pose
+from tests.unit.arm_check.heard import BEGIN_NS, NAMES, QUIET, heard, kept, table, with_joints, with_pose
 
 GOOD = heard()
 LOOSE = Registration(tuple(Rotation.from_rotvec([0.01, -0.005, 0.015]).as_quat()), (0.004, -0.003, 0.006),
@@ -168,8 +167,7 @@ def test_postures_about_one_axis_do_not_suffice_and_it_is_said_of_what():
 
 def led_about_j1_only():
     from dart_skill.arm_check._joints import speeds_of
-
-    from .heard import MODEL
+    from tests.unit.arm_check.heard import MODEL
 
     time = (J.stamp_ns - BEGIN_NS) * 1e-9
     frames = (H.stamp_ns - BEGIN_NS) * 1e-9

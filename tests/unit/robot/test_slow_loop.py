@@ -7,8 +7,7 @@ from dart_skill.configuration import load_yaml
 from dart_skill.robot import CommanderSettings, Mode, wam_description
 from dart_skill.robot._impedance import JointServo
 from dart_skill.simulation._transmission import DAMPING_RATIO
-
-from .test_commander import begin, finish  # noqa: F401
+from tests.unit.robot.test_commander import begin, finish  # noqa: F401
 
 REFLECTED = np.diag(wam_description().motors.reflected_inertia)
 STIFFNESS = np.array(load_yaml("fleet.yaml")["fleet"]["wam_simulator"]["joint_stiffness"]["times"])

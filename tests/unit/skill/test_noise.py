@@ -6,8 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from dart_skill.skill.observe import column_noise, find_flight, fit_release, judge_flight, position_noise
 from dart_skill.skill.observe._free_flight import _grow
-
-from .test_outcome import GRIP, ORIGIN, Throw, basket_at
+from tests.unit.skill.test_outcome import GRIP, ORIGIN, Throw, basket_at
 
 NOISES = [2e-5, 1e-4, 3e-4, 1e-3, 2e-3, 5e-3]
 

@@ -200,7 +200,8 @@ class Bench:
 
     def _stand_before(self, relayed: tuple[str, str] | None) -> None:
         """Let the messages of a publisher go through the stranger, and no others."""
-        before, self._relayed = self._relayed, relayed
+        before = self._relayed
+        self._relayed = relayed
         self._end_stranger()
         self.client.wait_until_gone((NAME,))
         self._graph.remappings.clear()
@@ -357,7 +358,8 @@ class Bench:
         return wrong
 
     def _mend_disk(self, case: Case, disk: SmallDisk) -> str:
-        full, self._disk = self._bag_of[case.node], None
+        full = self._bag_of[case.node]
+        self._disk = None
         disk.free()
         self._start_again(case.node)
         wrong = self._whole(full)

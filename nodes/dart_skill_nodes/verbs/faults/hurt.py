@@ -16,7 +16,8 @@ class Hurt:
     """
 
     def __init__(self, graph: Graph, case: Case, is_time: Callable[[], bool], order: Callable[..., None], disk: SmallDisk | None = None):
-        self._graph, self._case, self._is_time, self._order, self._disk = graph, case, is_time, order, disk
+        self._graph, self._case, self._disk = graph, case, disk
+        self._is_time, self._order = is_time, order
         self.at, self._held = 0.0, False
         self.on_hurt: Callable[[], None] = lambda: None
 
@@ -30,7 +31,8 @@ class Hurt:
 
     def now(self) -> None:
         """Do it."""
-        case, self.at = self._case, time.monotonic()
+        case = self._case
+        self.at = time.monotonic()
         if case.fault in OF_TOPICS:
             self._order(fault=case.fault)
         elif case.fault == ATTACK:
