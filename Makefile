@@ -74,7 +74,7 @@ benchmark: .venv-benchmark/installed
 	@touch $@
 
 # DASK=--dask where requirements/optional.txt is installed.
-SIZES ?= 0.1,0.3,1,3,10
+SIZES ?= 0.1 0.3 1 3 10
 DASK ?=
 
 growth: setup
