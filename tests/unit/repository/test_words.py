@@ -56,19 +56,23 @@ def test_lines_of_prose_are_wrapped(page):
 # --- citations ---
 
 
+MODULE = re.compile(r"[\w./*-]*\w\.py\b")
+"""A name of a module, which a page must spell as it is called today."""
+
+
 @cache
 def files_of_the_repository() -> set[str]:
-    """Paths of pages and parameter files, without what set-up, builds and runs have made."""
+    """Paths of pages, parameter files and modules, without what set-up, builds and runs have made."""
     made = {".venv", ".venv-benchmark", ".venv-rerun", "build", "install", "log"}
     tops = [top for top in ROOT.iterdir() if top.name not in made]
     found = (path for top in tops for path in ([top] if top.is_file() else top.rglob("*")))
-    return {path.relative_to(ROOT).as_posix() for path in found if path.suffix in (".md", ".yaml")}
+    return {path.relative_to(ROOT).as_posix() for path in found if path.suffix in (".md", ".yaml", ".py")}
 
 
-def missing(text: str) -> set[str]:
+def missing(text: str, cites: re.Pattern[str] = CITED) -> set[str]:
     """What a text cites and is in no folder of the repository."""
     files = files_of_the_repository()
-    cited = {re.sub(r"^(\.{0,2}/)+", "", name) for name in CITED.findall(text)} - OF_THE_USER
+    cited = {re.sub(r"^(\.{0,2}/)+", "", name) for name in cites.findall(text)} - OF_THE_USER
     return {name for name in cited if "*" not in name and not any(file == name or file.endswith(f"/{name}") for file in files)}
 
 
@@ -83,12 +87,15 @@ def comments_and_docstrings(source: str) -> str:
 def test_a_file_that_is_not_here_is_noticed():
     assert missing("[a](../config/wam.yaml), docs/skill.md, skill.md, `config/*.yaml`") == set()
     assert missing("see nowhere.md, docs/wam.yaml, facts 6.1") == {"nowhere.md", "docs/wam.yaml", "facts 6"}
+    assert missing("`world.py`, dart_skill/glances.py", MODULE) == {"dart_skill/glances.py"}
     assert comments_and_docstrings('"""One."""\nname = "two"  # three\n"""Four."""\n').split() == ["#", "three", "One.", "Four."]
 
 
 @pytest.mark.parametrize("page", [*PAGES, ROOT / "docs" / MADE_BY_A_TOOL], ids=lambda page: page.name)
 def test_every_file_that_a_page_cites_is_here(page):
-    assert not missing(page.read_text(encoding="utf-8")), "give the fact itself with its published source: docs/sources.md"
+    text = page.read_text(encoding="utf-8")
+    assert not missing(text), "give the fact itself with its published source: docs/sources.md"
+    assert not missing(text, MODULE), "give the module the name that it has today"
 
 
 def cited_by_the_code() -> dict[str, list[str]]:
