@@ -8,8 +8,9 @@ import numpy as np
 
 from dart_skill.robot import MotionPlan
 from dart_skill.session._arm import parameters_of_arm
+from dart_skill.session._in_process import RESTING
 from dart_skill.session._session_bag import SessionBag
-from dart_skill.session._skill_session import RESTING, SkillSession, SkillTrial, nobody
+from dart_skill.session._skill_session import SkillSession, SkillTrial, nobody
 from dart_skill.simulation import Bench, Carrier, Person, PlantSettings, Workbench
 from dart_skill.skill.protocol import HAND, Pose, Situation, Skill
 
@@ -19,7 +20,7 @@ class BenchSession(SkillSession):
 
     * skill: that is taught; its bodies are those of the bench.
     * seed: int, default 0. Everything random comes from it.
-    * bench: what stands on the table, default `Bench()`.
+    * bench: what stands on the table, default what the skill's settings say of it.
     * arm: of config/fleet.yaml, default "ideal"; settings: further parameters, each as NODE.PARAMETER=VALUE.
     * bag: that everything is written into, default None.
     """
@@ -36,7 +37,8 @@ class BenchSession(SkillSession):
         bag: SessionBag | None = None,
     ):
         of = parameters_of_arm(arm, settings)
-        super().__init__(skill, Workbench(bench, PlantSettings.from_parameters(of("wam_simulator")), seed), of, seed, bag)
+        plant = Workbench(bench or Bench(**skill.world_settings), PlantSettings.from_parameters(of("wam_simulator")), seed)
+        super().__init__(skill, plant, of, seed, bag)
         self.carrier = Carrier(seed, person=Person.from_parameters(of("teacher")))
 
     def teach(self, holder: Pose, goal: Pose) -> SkillTrial:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
 from dart_skill.simulation._board import Board
 from dart_skill.simulation._board_world import BoardWorld
 from dart_skill.simulation._conveyor import Conveyor
 from dart_skill.simulation._plant import Plant, PlantSettings
-from dart_skill.simulation._workbench import Workbench
+from dart_skill.simulation._workbench import Bench, Workbench
 
 WORLDS = ("basket", "board", "bench", "belt")
 """A ball in the hand, and a basket; a dart, and a board; a part on a table, and a holder into which it fits; a cup on a belt, and an empty
@@ -14,14 +18,23 @@ hand.
 """
 
 
-def make_world(name: str, settings: PlantSettings, seed: int = 0, board: Board | None = None) -> Plant:
-    """The world of that name; ValueError lists those that there are. board: where it hangs, if not where config/world.yaml says."""
+def make_world(
+    name: str, settings: PlantSettings, seed: int = 0, board: Board | None = None, own: Mapping[str, Any] | None = None
+) -> Plant:
+    """The world of that name; ValueError lists those that there are.
+
+    * board: where it hangs, if not where config/world.yaml says.
+    * own: what a skill says of it (`Skill.world_settings`): fields of `Bench`. ValueError names one that is none, or another world.
+    """
+    known = {one.name for one in fields(Bench)} if name == "bench" else set()
+    if unknown := set(own or {}) - known:
+        raise ValueError(f"the world '{name}' has no {', '.join(sorted(unknown))}: leave it out of the skill's world_settings")
     if name == "basket":
         return Plant(settings, seed)
     if name == "board":
         return BoardWorld(settings, seed, board)
     if name == "bench":
-        return Workbench(settings=settings, seed=seed)
+        return Workbench(Bench(**own or {}), settings, seed)
     if name == "belt":
         return Conveyor(settings, seed)
     raise ValueError(f"no world '{name}': choose one of {', '.join(WORLDS)}")

@@ -6,8 +6,9 @@ with their full orientation. The fingers close at the beginning and open at the 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -24,7 +25,7 @@ in so many frames before that.
 """
 
 GAP, WALL = 0.003, 0.01
-"""Between part and holder, and thickness of the holder's walls, as viewers show them [m]."""
+"""Between part and holder, and thickness of the holder's walls [m]."""
 TABLE = (0.9, 1.8, 0.04)
 """Edges of its top, as viewers show it [m]."""
 
@@ -83,6 +84,11 @@ class Place(Skill):
     def goal(self, situation: Situation) -> Pose:
         """In the holder."""
         return situation.pose("holder").place(self.seat)
+
+    @property
+    def world_settings(self) -> Mapping[str, Any]:
+        s = self.settings
+        return {"size": s.size, "mass": s.mass, "grasp": s.grasp, "depth": s.depth, "clearance": GAP, "wall": WALL}
 
     def draw(self, rng: np.random.Generator, wide: bool = False) -> Situation:
         """A holder near `shown_at`, turned, where the arm can point its hand straight down over it, on the table or on something."""

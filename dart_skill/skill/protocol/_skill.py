@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -117,6 +117,11 @@ class Skill:
     def loaded(self, description: WamDescription) -> WamDescription:
         """The arm with what its hand may hold, as whoever uses the skill knows it (`robot.with_box`). Default: as it is described."""
         return description
+
+    @property
+    def world_settings(self) -> Mapping[str, Any]:
+        """What its simulated world takes from its settings, by name: fields of `simulation.Bench`. Default: nothing."""
+        return {}
 
     def cut(self, demonstration: TaskDemonstration) -> tuple[float, float]:
         """First and last instant of the movement in a recording [s]; ValueError if there is none.

@@ -9,6 +9,7 @@ import pytest
 from dart_skill.experiments.place import Placed, run_seed, table, teach
 from dart_skill.robot import Grip
 from dart_skill.session import BenchSession
+from dart_skill.simulation import PlantSettings, make_world
 from dart_skill.skill.model import LearnedSkill
 from dart_skill.skill.protocol import Pose, Situation, TaskDemonstration, Told, Track
 from dart_skill.skills.place import Place
@@ -38,6 +39,26 @@ def test_parts_go_into_holders_that_stand_elsewhere(taught):
         holder = session.skill.draw(rng, wide=True).pose("holder")
         trials.append(session.execute(learned.plan(session.situation(holder))))
     assert all(trial.outcome.success and trial.outcome.error < 0.006 for trial in trials), [trial.outcome for trial in trials]
+
+
+def test_the_part_and_the_holder_on_the_bench_are_those_of_the_settings():
+    """Their size stood in the settings, in the bench and in what viewers show: who changed one of them had another part."""
+    skill = Place(replace(Place.configured().settings, size=(0.04, 0.04, 0.08), mass=0.2, depth=0.03, grasp=(0.0, 0.0, 0.13)))
+    session = BenchSession(skill)
+    bench, world = session.plant.bench, make_world(skill.world, PlantSettings(), own=skill.world_settings)
+    session.close()
+    world.close()
+    assert (bench.size, bench.mass, bench.depth, bench.grasp) == ((0.04, 0.04, 0.08), 0.2, 0.03, (0.0, 0.0, 0.13))
+    assert world.bench == bench
+    floor, *walls = skill.solids("holder")
+    assert floor.lengths[0] == pytest.approx(bench.size[0] + 2.0 * (bench.clearance + bench.wall)) and walls[0].lengths[2] == bench.depth
+
+
+def test_a_world_without_what_a_skill_says_of_it_names_it():
+    with pytest.raises(ValueError, match="world 'bench' has no colour"):
+        make_world("bench", PlantSettings(), own={"colour": 1})
+    with pytest.raises(ValueError, match="world 'belt' has no mass"):
+        make_world("belt", PlantSettings(), own={"mass": 1.0})
 
 
 @pytest.mark.slow
