@@ -10,7 +10,9 @@ from dart_skill.configuration import load_yaml, world_parameters
 
 ROLES = ("hand", "ball", "basket")
 """What a tracked body is in a throw."""
-THROWN = {"throw": ("ball", "basket"), "darts": ("dart", "board")}
+THROW = "throw"
+"""Name of the skill of throws at baskets."""
+THROWN = {THROW: ("ball", "basket"), "darts": ("dart", "board")}
 """Skills of throwing: roles of what is thrown, and of what it is thrown at."""
 DEMONSTRATION_TOPIC, MARK_TOPIC = "/demonstrations", "/demonstration_marks"
 """What was shown, and which of it is left out."""

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dart_skill.cli.printable import printable
+from dart_skill.world import THROW
 
 if TYPE_CHECKING:
     from dart_skill.recording.imports import RecordingMapping, ThrowRecording
@@ -66,7 +67,7 @@ def _to_csv(options: argparse.Namespace, output: Path, mapping: RecordingMapping
     from dart_skill.recording.imports import MAPPING, bodies_to_csv, throws_to_csv
     from dart_skill.skill.protocol import HAND, load_skill
 
-    if mapping or (name := skill_of(options.source)) == "throw":
+    if mapping or (name := skill_of(options.source)) == THROW:
         recording = throws_to_csv(options.source, output, mapping)
         folder = shlex.quote(str(output))
         lines = [_recording_text(recording), f"new folder: {output}", f"next: dart-skill learn {folder} --mapping {folder}/{MAPPING}"]

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
     from dart_skill.darts import Aim, HeatMap, LegPolicy, LikelihoodRatio, Spread, SpreadByTarget, SpreadEstimate
 
-HIGHEST_CHECKOUT = 170
 """Highest score from which three darts can finish."""
 
 
@@ -223,7 +222,7 @@ def _estimate_lines(estimate: SpreadEstimate, interval: tuple[float, float], iso
 def _leg(options: argparse.Namespace) -> int:
     import numpy as np
 
-    from dart_skill.darts import checkout_table, professional, solve_leg
+    from dart_skill.darts import HIGHEST_CHECKOUT, checkout_table, professional, solve_leg
 
     spread: Spread | SpreadByTarget | None = _spread(options)
     if (spread is None) == (options.professional is None):

@@ -18,13 +18,14 @@ from typing import TYPE_CHECKING, Any
 from dart_skill.cli import graph_verbs
 from dart_skill.cli.run_options import GRAPHS, add_configuration, add_model, add_run, asked, check_model, check_run, parameter_texts
 from dart_skill.extras import explained, need
+from dart_skill.world import THROW
 
 if TYPE_CHECKING:
     from dart_skill.report import About
     from dart_skill.session import DartsSummary, DemoSummary, SkillSummary
     from dart_skill.skill.protocol import Skill
 
-THROW, DARTS, IN_PROCESS = "throw", "darts", "in-process"
+DARTS, IN_PROCESS = "darts", "in-process"
 DEMONSTRATIONS, OWN_DARTS = 8, 75
 """Of another skill, and own darts, where nobody says how many."""
 LEFT_OUT = "in process: no nodes run, so there are no logs of them"

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from dart_skill.cli import graph_verbs
 from dart_skill.cli.run_options import add_configuration, add_namespace
+from dart_skill.world import THROW
 
 if TYPE_CHECKING:
     from dart_skill.recording.lerobot import LeRobotDataset
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from dart_skill.skill.protocol import Skill
     from dart_skill.skills.throw import Throw
 
-THROW = "throw"
 NEXT = "next: dart-skill demo{} --model {}"
 
 

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
         BED_IS_DOUBLE,
         BED_NAMES,
         BED_SCORES,
+        HIGHEST_CHECKOUT,
         POSSIBLE_SCORES,
         RADII,
         SECTOR_ANGLE,
@@ -43,7 +44,7 @@ else:
         {
             "_agent": "ModelBasedAgent",
             "_board": (
-                "BED_IS_DOUBLE BED_NAMES BED_SCORES POSSIBLE_SCORES RADII SECTOR_ANGLE SECTORS "
+                "BED_IS_DOUBLE BED_NAMES BED_SCORES HIGHEST_CHECKOUT POSSIBLE_SCORES RADII SECTOR_ANGLE SECTORS "
                 "as_target bed_at bed_centres direction name_at place_of score"
             ),
             "_estimation": "LikelihoodRatio SpreadEstimate estimate_from_points estimate_from_scores",
@@ -66,6 +67,7 @@ __all__ = [
     "BED_IS_DOUBLE",
     "BED_NAMES",
     "BED_SCORES",
+    "HIGHEST_CHECKOUT",
     "CheckoutTable",
     "HeatMap",
     "Jump",

@@ -30,6 +30,8 @@ BED_SCORES = np.concatenate([[50, 25], SECTORS, 3 * SECTORS, SECTORS, 2 * SECTOR
 BED_IS_DOUBLE = np.array([name == "DB" or name.startswith("D") for name in BED_NAMES])
 BED_SCORES.flags.writeable = BED_IS_DOUBLE.flags.writeable = False
 POSSIBLE_SCORES = tuple(int(score) for score in np.unique(BED_SCORES))
+HIGHEST_CHECKOUT = 170
+"""The largest score that one turn can finish, with a double as its last dart: T20, T20, DB."""
 
 _SYNONYMS = {"BULL": "DB", "50": "DB", "25": "SB", "DBULL": "DB", "SBULL": "SB", "MISS": "miss", "0": "miss", "M": "miss"}
 

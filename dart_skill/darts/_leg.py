@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_count
-from dart_skill.darts._board import BED_IS_DOUBLE, BED_SCORES, bed_at, place_of
+from dart_skill.darts._board import BED_IS_DOUBLE, BED_SCORES, HIGHEST_CHECKOUT, bed_at, place_of
 from dart_skill.darts._candidates import REFINEMENTS, best_play, candidates_at, finer, first_aims, thrower_of
 from dart_skill.darts._leg_solver import LARGEST_SCORE, Costs, after_dart
 from dart_skill.darts._spread import Spread, SpreadByTarget
@@ -99,7 +99,7 @@ def solve_leg(spread: Spread | SpreadByTarget | float | ArrayLike, start: int = 
     return LegPolicy(candidates.aims, expected, choices, thrower.spreads, candidates.which, objective)
 
 
-def checkout_table(spread: Spread | SpreadByTarget | float | ArrayLike, highest: int = 170) -> CheckoutTable:
+def checkout_table(spread: Spread | SpreadByTarget | float | ArrayLike, highest: int = HIGHEST_CHECKOUT) -> CheckoutTable:
     """The best chances to finish within the darts of this turn, from scores up to `highest`; a failure costs nothing.
 
     spread: as in `solve_leg`.

@@ -18,13 +18,11 @@ from typing import Protocol
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
 
-from dart_skill.darts._leg_solver import LARGEST_SCORE, POINTS, SAFE, Nearby, after_dart, cut, safe_from
+from dart_skill.darts._leg_solver import FEWEST_ENDS, LARGEST_SCORE, POINTS, SAFE, Nearby, after_dart, cut, safe_from
 
 MAX_ROUNDS = 100
 ACCURACY = 1e-7
 """Of chances to win, after which the secant method ends; its next step would be shorter by a factor of ten at least."""
-FEWEST_ENDS = 1e-9
-"""At least this share of two turns does not lead back to the same pair."""
 NO_BUST_TWO, NO_BUST_THREE = safe_from(2), safe_from(3)
 PER_DART = LARGEST_SCORE + 1
 LAST_PARTS, SECOND_PARTS = (2, 32, SAFE), (2, 32, SAFE, NO_BUST_TWO)

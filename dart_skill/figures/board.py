@@ -11,7 +11,20 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.patches import Circle
 
-from dart_skill.darts import RADII, SECTORS, Aim, Jump, LegPolicy, OptimumPath, Spread, SpreadEstimate, direction, heat_map, local_optima
+from dart_skill.darts import (
+    HIGHEST_CHECKOUT,
+    RADII,
+    SECTORS,
+    Aim,
+    Jump,
+    LegPolicy,
+    OptimumPath,
+    Spread,
+    SpreadEstimate,
+    direction,
+    heat_map,
+    local_optima,
+)
 from dart_skill.figures._style import (
     BASKET,
     BLACK,
@@ -29,7 +42,6 @@ from dart_skill.figures._style import (
 
 NUMBERS_AT, LIMIT = 185.0, 196.0
 HALO = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8}
-HIGHEST_CHECKOUT = 170
 
 
 def draw_heat_map(spread: Spread, folder: str | Path, name: str = "heat_map", spacing: float = 1.0) -> list[Path]:

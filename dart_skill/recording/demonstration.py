@@ -15,16 +15,15 @@ import numpy as np
 from rosbags.typesys.store import Typestore
 
 from dart_skill.checks import FARTHEST, as_place, check_samples, check_unit_quaternions
-from dart_skill.constants import N_JOINTS
+from dart_skill.constants import N_JOINTS, UNTURNED
 from dart_skill.recording.bags import BagError, GraphBag, header_content, message, pose_content, stamp_content
-from dart_skill.world import DEMONSTRATION_TOPIC, THROWN, joint_names, joint_order, the_world
+from dart_skill.world import DEMONSTRATION_TOPIC, THROW, THROWN, joint_names, joint_order, the_world
 
 DEMONSTRATION_TYPE = "dart_skill_msgs/msg/Demonstration"
-SKILL = "throw"
+SKILL = THROW
 """The skill of a demonstration that does not say of which one it is."""
 OPEN = "open"
 """Event: the hand was told to open."""
-UNTURNED = (0.0, 0.0, 0.0, 1.0)
 _ITEMS = {
     "tracks": "dart_skill_msgs/msg/BodyTrack",
     "poses": "geometry_msgs/msg/PoseStamped",

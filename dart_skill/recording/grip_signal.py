@@ -9,13 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dart_skill.constants import NS_PER_S
+
 OPEN = 2
 """Of dart_skill_msgs/msg/WamCommand.grip."""
 GUIDED_NS = 500_000_000
 """The arm is guided if the person pushed it within this time before the hand opened."""
 HELD_NS = 200_000_000
 """Commands to open the hand that follow each other faster are one."""
-GIGA = 1_000_000_000
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,7 @@ def read_command(data: bytes) -> tuple[int, bool, int]:
         order = "<" if data[1] & 1 else ">"
         sec, nanosec, length = struct.unpack_from(order + "iII", data, 4)
         start = 4 + (12 + length + 7) // 8 * 8
-        return sec * GIGA + nanosec, any(data[start : start + 48]), data[start + 104]
+        return sec * NS_PER_S + nanosec, any(data[start : start + 48]), data[start + 104]
     except (struct.error, IndexError):
         raise ValueError(f"{len(data)} bytes are no WamCommand") from None
 
@@ -106,7 +107,7 @@ def read_commands(payloads: Sequence[bytes]) -> tuple[np.ndarray, np.ndarray, np
     sec, nanosec = heads[:, :4].copy().view("<i4")[:, 0], heads[:, 4:].copy().view("<u4")[:, 0]
     (length,) = struct.unpack_from("<I", payloads[0], 12)
     start = 4 + (12 + length + 7) // 8 * 8
-    return sec.astype(np.int64) * GIGA + nanosec, np.any(table[:, start : start + 48], axis=1), table[:, start + 104]
+    return sec.astype(np.int64) * NS_PER_S + nanosec, np.any(table[:, start : start + 48], axis=1), table[:, start + 104]
 
 
 def _are_alike(payloads: Sequence[bytes]) -> bool:

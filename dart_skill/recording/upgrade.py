@@ -27,11 +27,11 @@ from dart_skill.recording.bags import (
     type_hash,
     types_for,
 )
+from dart_skill.recording.bags.messages import PACKAGE
 from dart_skill.recording.demonstration import DEMONSTRATION_TYPE, demonstration_from_message, demonstration_message
 from dart_skill.recording.grip_signal import OLDER_COMMAND, completed_command
 
 STAMP = struct.Struct("<iI")
-PACKAGE = "dart_skill_msgs"
 
 
 @dataclass(frozen=True)

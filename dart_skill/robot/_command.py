@@ -8,6 +8,9 @@ import numpy as np
 
 from dart_skill.constants import N_JOINTS
 
+REST_SPEED = 0.05
+"""An arm rests, and a stop is over, when no joint is faster [rad/s]."""
+
 
 class Grip(IntEnum):
     """What the hand shall do; the values are those of dart_skill_msgs/WamCommand."""

@@ -17,7 +17,7 @@ import scipy
 
 from dart_skill.configuration import node_parameters
 from dart_skill.constants import N_JOINTS
-from dart_skill.robot._command import ArmState, Command, Grip, Speed, all_finite, largest
+from dart_skill.robot._command import REST_SPEED, ArmState, Command, Grip, Speed, all_finite, largest
 from dart_skill.robot._description import WamDescription, wam_description
 from dart_skill.robot._guide import Guidance, Guide, PlanGuide
 from dart_skill.robot._impedance import (
@@ -42,8 +42,6 @@ TRACKING = ("joints", "hand", "none")
 
 LARGEST_CONTRADICTION = 0.05, 0.15
 """What a plan says of cameras and arm may put the hand so far from where the measured registration does [m], [rad]."""
-RESTS = 0.05
-"""A stop is over when no joint is faster [rad/s]."""
 NO_TORQUE = np.zeros(N_JOINTS)
 """What the commander asks of a joint is cut to its limit: there is nothing to watch."""
 JUMP = 0.1, 30.0
@@ -320,7 +318,7 @@ class Commander:
     # one method per mode
 
     def _holding(self, state: ArmState) -> Command:
-        if not self._found and largest(state.velocity) > RESTS:
+        if not self._found and largest(state.velocity) > REST_SPEED:
             self._enter(Mode.STOPPING, state)
             return self._stopping(state)
         self._found = True
@@ -416,7 +414,7 @@ class Commander:
         return self._come_to_rest(state)
 
     def _come_to_rest(self, state: ArmState) -> Command:
-        if largest(state.velocity) < RESTS or self.time > LONGEST_STOP:
+        if largest(state.velocity) < REST_SPEED or self.time > LONGEST_STOP:
             self._hold, self._found = None, True
             self._enter(Mode.HOLDING, state)
             return self._holding(state)

@@ -22,6 +22,7 @@ from dart_skill.skill.improve import PracticeSettings, PractisingSkill
 from dart_skill.skill.learn import changed, configuration
 from dart_skill.skill.protocol import load_skill
 from dart_skill.skills.throw import Throw
+from dart_skill.world import THROW
 
 Say = Callable[[str], None]
 """Takes a line of progress."""
@@ -48,7 +49,7 @@ class Job:
 
 def throwing_demo(job: Job, say: Say) -> DemoSummary:
     """Throws at baskets. ValueError says why the job cannot be done."""
-    begun, skill = time.monotonic(), load_skill("throw")
+    begun, skill = time.monotonic(), load_skill(THROW)
     assert isinstance(skill, Throw)
     with SessionBag(job.bag, job.seed, skill) as bag:
         session = Session.on_arm(job.arm, job.seed, job.settings, bag=bag)

@@ -31,7 +31,7 @@ from dart_skill.simulation import (
 )
 from dart_skill.skill.observe import ARRIVAL_NS, Outcome, ThrowLog, judge_flight
 from dart_skill.surface import game_at
-from dart_skill.world import THROWN, the_world
+from dart_skill.world import THROW, THROWN, the_world
 
 LONGEST_THROW = 15.0
 RESTING = (Mode.HOLDING, Mode.STOPPING)
@@ -80,7 +80,7 @@ class Session:
     ):
         settings = plant or PlantSettings.from_parameters(node_parameters("wam_simulator.yaml", "wam_simulator"))
         self.plant = Plant(settings, seed)
-        self._roles = ("hand", *THROWN[skill := "throw" if settings.board is None else "darts"])
+        self._roles = ("hand", *THROWN[skill := THROW if settings.board is None else "darts"])
         cameras = cameras or MotionCaptureConfig.from_parameters(node_parameters("optitrack.yaml", "mock_optitrack"))
         self.capture = MotionCapture(replace(cameras, bodies=self._roles), seed)
         self._game = game_at(() if settings.board is None else settings.board.position)

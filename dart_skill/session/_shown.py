@@ -12,24 +12,21 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dart_skill.constants import N_JOINTS
+from dart_skill.constants import NS_PER_S
 from dart_skill.recording import Demonstration, GraphBag, check_known, read_demonstrations, read_dropped, skill_of, stamp_ns
-from dart_skill.recording.grip_signal import GIGA
 from dart_skill.recording.imports import RecordingMapping, ThrowRecording
 from dart_skill.robot import Grip
 from dart_skill.session._from_bag import explained, throws_in_bag
 from dart_skill.skill.learn import configuration
 from dart_skill.skill.protocol import HAND, Skill, TaskDemonstration, Told, Track, load_skill, read_task_demonstrations
 from dart_skill.skills.throw import Throw
-from dart_skill.world import THROWN, the_world
+from dart_skill.world import THROW, THROWN, the_world
 
-THROW = "throw"
 AROUND_NS = 50_000_000
 """Samples of so long before and after a movement help to tell where a body was at its ends; worlds are farther apart."""
 COMMANDS = ("/wam/command", "/wam/teacher_wrench")
 """Who moves the arm: its controller, and a guiding person. Where both do, the arm feels the sum."""
 COMMAND_TYPE = "dart_skill_msgs/msg/WamCommand"
-N_COMMAND = 6 + N_JOINTS
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +100,7 @@ def _throws_at_baskets(
     left_out = {}
     for throw in report.throws:
         if throw.reason:
-            left_out[throw.demonstration.id if throw.demonstration else f"{throw.stamp_ns / GIGA:.3f} s"] = throw.reason
+            left_out[throw.demonstration.id if throw.demonstration else f"{throw.stamp_ns / NS_PER_S:.3f} s"] = throw.reason
     return [_with_streams(one, recording) for one in report.learned_from], left_out
 
 

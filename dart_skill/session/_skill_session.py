@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from dart_skill.robot import ArmModel, Command, Commander, CommanderSettings, Grip, Mode
+from dart_skill.robot import ArmModel, Command, Commander, CommanderSettings, Grip
 from dart_skill.session._session_bag import SessionBag
 from dart_skill.simulation import Conveyor, Frame, LatencyQueue, MotionCapture, Workbench
 from dart_skill.skill.observe import ThrowLog
@@ -18,7 +18,6 @@ LONGEST = 30.0
 """A movement that takes longer is given up [s]."""
 WATCHED = 0.5
 """The bodies are watched for so long after a movement [s]."""
-RESTING = (Mode.HOLDING, Mode.STOPPING)
 Push = Callable[[], Command | None]
 """What somebody does to the arm in its present state."""
 

@@ -14,6 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from dart_skill.files import new_file
+from dart_skill.world import THROW
 
 
 @dataclass(frozen=True)
@@ -127,7 +128,7 @@ class DemoSummary:
     def to_json(self) -> dict:
         """The run as a dictionary that strict JSON can hold: no NaN, no infinity."""
         return {
-            "skill": "throw",
+            "skill": THROW,
             "seed": int(self.seed),
             "bag": self.bag,
             "layout": self.layout,

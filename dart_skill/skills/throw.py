@@ -16,7 +16,7 @@ from dart_skill.robot import Grip, Speed
 from dart_skill.skill.observe import Outcome, judge_flight
 from dart_skill.skill.protocol import Pose, Situation, Skill, TaskDemonstration, TaskOutcome
 from dart_skill.surface import BASKETS, Game
-from dart_skill.world import THROWN, the_world
+from dart_skill.world import THROW, THROWN, the_world
 
 if TYPE_CHECKING:
     from dart_skill.skill.improve import CorrectionSettings
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 class Throw(Skill):
     """Throw the ball in the hand at the basket; the pose of a basket is the centre of its rim."""
 
-    name = "throw"
+    name = THROW
     task = "throw the ball into the basket"
-    bodies = THROWN["throw"]
+    bodies = THROWN[THROW]
     world = "basket"
     speed = Speed.THROW
     corrects = "basket"

@@ -17,6 +17,7 @@ from dart_skill.simulation import Basket, connect
 from dart_skill.skill.protocol import Skill
 from dart_skill.view._shapes import bucket, sphere
 from dart_skill.view._solids import Part, parts_of
+from dart_skill.world import THROW
 
 EYE, LOOKED_AT, ANGLE = (1.0, -3.9, 2.4), (0.85, 0.0, 0.85), 46.0
 """Where the camera of a throw stands and looks [m], and its angle of view [deg]."""
@@ -86,7 +87,7 @@ class SceneCamera:
 
     @staticmethod
     def _parts(skill: Skill, role: str) -> list[Part]:
-        if skill.name == "throw":  # which says nothing of its bodies: the live view knows them
+        if skill.name == THROW:  # which says nothing of its bodies: the live view knows them
             shape = Basket()
             return [Part(sphere(wam_description().ball.radius) if role == "ball" else bucket(shape.radius, shape.depth, shape.wall))]
         return parts_of(skill.solids(role))

@@ -10,12 +10,13 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
-from dart_skill_nodes.comms.conversions import EPISODE_AND_STEP, GIGA, ground_truth, leading_stamp_bytes
+from dart_skill.constants import NS_PER_S
+from dart_skill_nodes.comms.conversions import EPISODE_AND_STEP, ground_truth, leading_stamp_bytes
 from dart_skill_nodes.comms.fixed_layout import FixedLayout, LayoutReader, _Cdr
 
 NAMES = st.text(st.characters(min_codepoint=32, max_codepoint=0x24F), max_size=12)
 FLOATS = st.floats(allow_nan=True, allow_infinity=True)
-STAMPS = st.integers(0, 2**31 * GIGA - 1)
+STAMPS = st.integers(0, 2**31 * NS_PER_S - 1)
 
 
 def of(sizes, names, frame_id):
@@ -31,7 +32,7 @@ def test_joint_states_of_any_shape_and_names(sizes, names, frame_id, ns, data):
     values = np.array(data.draw(st.lists(FLOATS, min_size=sum(sizes), max_size=sum(sizes))))
     written = layout.pack(ns, values)
     message = deserialize_message(written, JointState)
-    assert message.header.stamp.sec * GIGA + message.header.stamp.nanosec == ns
+    assert message.header.stamp.sec * NS_PER_S + message.header.stamp.nanosec == ns
     assert (message.name, message.header.frame_id) == (names, frame_id)
     np.testing.assert_array_equal([*message.position, *message.velocity, *message.effort], values)
     reader = LayoutReader(JointState)
@@ -108,7 +109,7 @@ def test_fields_that_are_not_known_are_named():
 def test_a_stamp_alone():
     from rosgraph_msgs.msg import Clock
 
-    clock = deserialize_message(leading_stamp_bytes(12 * GIGA + 34), Clock).clock
+    clock = deserialize_message(leading_stamp_bytes(12 * NS_PER_S + 34), Clock).clock
     assert (clock.sec, clock.nanosec) == (12, 34)
 
 

@@ -6,13 +6,12 @@ from dart_skill_msgs.srv import Judge
 from geometry_msgs.msg import PoseStamped
 from rclpy.serialization import serialize_message
 
+from dart_skill.constants import NS_PER_S
 from dart_skill.world import ROLES, pose_topic
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.qos import COMPLETE
 from dart_skill_nodes.comms.tracked_bodies import FRAME_NS, REPAIRED, TrackedBodies
 from tests.integration.conftest import wait_for
-
-GIGA = 1_000_000_000
 
 
 class Wall:
@@ -34,7 +33,7 @@ def tracked(wall):
     """Hand, ball and basket, seen for a second and a frame."""
     bodies = TrackedBodies("world", pytest.fail, wall)
     for role in ("hand", "ball", "basket"):
-        see(bodies, role, 0, GIGA + FRAME_NS)
+        see(bodies, role, 0, NS_PER_S + FRAME_NS)
     return bodies
 
 
@@ -47,61 +46,61 @@ def see(bodies, role, first_ns, last_ns):
 
 
 def test_nobody_is_late_when_all_has_come(tracked):
-    assert tracked.has_frames_until(GIGA) and not tracked.is_late("ball", GIGA)
-    assert not tracked.has_frames_until(GIGA + 1), "the next frame may be on its way"
+    assert tracked.has_frames_until(NS_PER_S) and not tracked.is_late("ball", NS_PER_S)
+    assert not tracked.has_frames_until(NS_PER_S + 1), "the next frame may be on its way"
 
 
 def test_a_body_that_lags_is_late_until_it_comes(tracked):
-    see(tracked, "hand", GIGA, 2 * GIGA)
-    assert tracked.has_frames_until(2 * GIGA - FRAME_NS)
-    assert tracked.is_late("ball", 2 * GIGA) and not tracked.is_late("hand", 2 * GIGA)
-    assert tracked.farthest_behind[1] == GIGA + FRAME_NS
-    see(tracked, "ball", GIGA, 2 * GIGA)
-    assert not tracked.is_late("ball", 2 * GIGA)
+    see(tracked, "hand", NS_PER_S, 2 * NS_PER_S)
+    assert tracked.has_frames_until(2 * NS_PER_S - FRAME_NS)
+    assert tracked.is_late("ball", 2 * NS_PER_S) and not tracked.is_late("hand", 2 * NS_PER_S)
+    assert tracked.farthest_behind[1] == NS_PER_S + FRAME_NS
+    see(tracked, "ball", NS_PER_S, 2 * NS_PER_S)
+    assert not tracked.is_late("ball", 2 * NS_PER_S)
 
 
 def test_a_body_that_is_hidden_is_not_waited_for_longer_than_a_loss_takes(tracked, wall):
-    assert tracked.is_late("ball", 2 * GIGA)
+    assert tracked.is_late("ball", 2 * NS_PER_S)
     wall.now += 0.9 * REPAIRED
-    assert tracked.is_late("ball", 2 * GIGA)
+    assert tracked.is_late("ball", 2 * NS_PER_S)
     wall.now += 0.2 * REPAIRED
-    assert not tracked.is_late("ball", 2 * GIGA)
-    assert tracked.is_late("basket", 2 * GIGA), "each body has its own time"
+    assert not tracked.is_late("ball", 2 * NS_PER_S)
+    assert tracked.is_late("basket", 2 * NS_PER_S), "each body has its own time"
 
 
 def test_a_body_lags_from_when_the_others_went_on_without_it(tracked, wall):
     """A world that was held meanwhile does not count, and neither does when somebody asks."""
     wall.now += 1000.0
-    see(tracked, "hand", GIGA, 2 * GIGA)
+    see(tracked, "hand", NS_PER_S, 2 * NS_PER_S)
     wall.now += 0.9 * REPAIRED
-    assert tracked.is_late("ball", 2 * GIGA)
+    assert tracked.is_late("ball", 2 * NS_PER_S)
     wall.now += 0.2 * REPAIRED
-    assert not tracked.is_late("ball", 2 * GIGA) and not tracked.is_late("ball", 2 * GIGA - FRAME_NS)
-    see(tracked, "ball", GIGA, GIGA + FRAME_NS)
-    see(tracked, "hand", 2 * GIGA, 3 * GIGA)
-    assert tracked.is_late("ball", 3 * GIGA), "it came, and lags anew"
+    assert not tracked.is_late("ball", 2 * NS_PER_S) and not tracked.is_late("ball", 2 * NS_PER_S - FRAME_NS)
+    see(tracked, "ball", NS_PER_S, NS_PER_S + FRAME_NS)
+    see(tracked, "hand", 2 * NS_PER_S, 3 * NS_PER_S)
+    assert tracked.is_late("ball", 3 * NS_PER_S), "it came, and lags anew"
 
 
 def test_a_body_that_others_are_seen_without_is_hidden_until_it_is_seen(tracked, wall):
-    see(tracked, "ball", GIGA, 2 * GIGA)
+    see(tracked, "ball", NS_PER_S, 2 * NS_PER_S)
     wall.now += 0.9 * REPAIRED
     assert not tracked.hidden("hand"), "it may be on its way"
     wall.now += 0.2 * REPAIRED
     assert "without the hand for 4 s" in tracked.hidden("hand") and not tracked.hidden("ball")
-    see(tracked, "hand", GIGA, 2 * GIGA)
+    see(tracked, "hand", NS_PER_S, 2 * NS_PER_S)
     assert not tracked.hidden("hand")
 
 
 def test_a_few_frames_without_a_body_are_not_waited_for(tracked):
-    assert not tracked.is_late("ball", GIGA + 10 * FRAME_NS)
+    assert not tracked.is_late("ball", NS_PER_S + 10 * FRAME_NS)
 
 
 def test_a_body_that_was_never_seen_is_not_late():
-    assert not TrackedBodies("world", pytest.fail).is_late("ball", GIGA)
+    assert not TrackedBodies("world", pytest.fail).is_late("ball", NS_PER_S)
 
 
 RIM = np.array([2.0, 0.0, 0.4])
-OPENED_NS, UNTIL_NS = GIGA, 2 * GIGA
+OPENED_NS, UNTIL_NS = NS_PER_S, 2 * NS_PER_S
 
 
 def poses(role, first_ns, last_ns):

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dart_skill.constants import GRAVITY
 from dart_skill.movement import DSGMR, attractor_from_motion, base_frame, critical_damping, follow_attractor, target_frame
 
 BOARD_DISTANCE, BOARD_HEIGHT, BOARD_RADIUS = 2.37, 1.73, 0.170
 """Board's face from the throwing line, its centre above the floor, and the outside of the doubles [m]."""
 SHOULDER = np.array([0.0, 0.0, 1.55])
-GRAVITY = 9.81
 STIFFNESS = 400.0
 RELEASE, STEP = 0.1, 0.002
 """Length of the movement and its sampling [s]."""

@@ -20,9 +20,6 @@ from dart_skill.mixture import DEAD_SHARE, Parameters, normalise_log, raise_to_f
 from dart_skill.movement.pose._gaussians import log_normals
 from dart_skill.movement.pose._manifold import exp_at, log_at, means_of
 
-LEAST_SHARE = 1e-2
-"""The scale of a block is at least this share of the scale in the world, as for other mixtures in task frames."""
-
 
 @dataclass(frozen=True, eq=False)
 class Blocks:

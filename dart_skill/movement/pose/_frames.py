@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.checks import LARGEST_LEARNABLE, as_vector
+from dart_skill.constants import UNTURNED
 from dart_skill.movement.pose import _quaternions as quaternions
 from dart_skill.movement.pose._manifold import as_points, turn_covariances
 
-IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
+IDENTITY = np.array(UNTURNED)
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike
 from dart_skill.mixture import Parameters, checked_priors, cholesky, n_free_parameters, sliced_start
 from dart_skill.movement._placement import Weights
 from dart_skill.movement._saved import Arrays, SavedModel, array_of
-from dart_skill.movement._task_parameterised import STARTS, as_sample_weights
-from dart_skill.movement.pose._em import LEAST_SHARE, Blocks, expectation, maximisation, scales_of, tangents_at, windows_in_time
+from dart_skill.movement._task_parameterised import LEAST_SHARE, STARTS, as_sample_weights
+from dart_skill.movement.pose._em import Blocks, expectation, maximisation, scales_of, tangents_at, windows_in_time
 from dart_skill.movement.pose._frames import PoseCourse, Stage, as_rows, see
 from dart_skill.movement.pose._gaussians import product_at
 from dart_skill.movement.pose._mixture import PoseEstimator, PoseMixture, regress_rows, responsibilities_by_kmeans

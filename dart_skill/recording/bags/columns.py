@@ -17,13 +17,13 @@ import numpy as np
 from rosbags.interfaces import Nodetype
 from rosbags.typesys.store import Typestore
 
+from dart_skill.constants import NS_PER_S
 from dart_skill.recording.bags.messages import is_stamped
 
 STAMP = slice(4, 12)
 """Of a message that begins with one, behind the head of its encapsulation."""
 TIME = np.dtype([("sec", "<i4"), ("nanosec", "<u4")])
 LITTLE_ENDIAN = 1
-GIGA = 1_000_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +82,7 @@ def columns_of(types: Typestore, type_name: str, payloads: Sequence[bytes]) -> t
         return None
     stamps = np.ascontiguousarray(table[:, STAMP]).view(TIME)[:, 0]
     numbers = np.ascontiguousarray(table[:, pattern.bytes_of_numbers]).view("<f8")
-    return pattern.example, stamps["sec"].astype(np.int64) * GIGA + stamps["nanosec"], numbers
+    return pattern.example, stamps["sec"].astype(np.int64) * NS_PER_S + stamps["nanosec"], numbers
 
 
 def _places(types: Typestore, type_name: str, example: Any, length: int) -> np.ndarray | None:

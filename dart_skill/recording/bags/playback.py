@@ -13,10 +13,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from dart_skill.constants import NS_PER_S
 from dart_skill.recording.bags.reader import BagReader, TopicInfo
 
 CLOCK_TOPIC, CLOCK_TYPE = "/clock", "rosgraph_msgs/msg/Clock"
-GIGA = 1_000_000_000
 
 
 class Due(NamedTuple):
@@ -82,12 +82,12 @@ class Playback:
         if len(set(self._names.values())) < len(self._names):
             raise ValueError(f"remap = {selection.remap}: two topics would be published under one name")
         self.topics: dict[str, TopicInfo] = {self._names[name]: info for name, info in chosen.items()}
-        self.start_ns = bag.start_ns + round(selection.start * GIGA)
-        length = min(selection.duration, (bag.end_ns - self.start_ns) / GIGA)
+        self.start_ns = bag.start_ns + round(selection.start * NS_PER_S)
+        length = min(selection.duration, (bag.end_ns - self.start_ns) / NS_PER_S)
         if not (chosen and length >= 0.0 and sum(info.count for info in chosen.values())):
-            whole = f"the bag is {(bag.end_ns - bag.start_ns) / GIGA:.3f} s long"
+            whole = f"the bag is {(bag.end_ns - bag.start_ns) / NS_PER_S:.3f} s long"
             raise ValueError(f"{bag.path}: nothing to play of {sorted(bag.topics)} from {selection.start} s on; {whole}")
-        self.end_ns = self.start_ns + round(length * GIGA)
+        self.end_ns = self.start_ns + round(length * NS_PER_S)
 
     @property
     def makes_clock(self) -> bool:
@@ -103,7 +103,7 @@ class Playback:
 
     def _once(self, begun_ns: int) -> Iterator[Due]:
         offset = begun_ns - self.start_ns
-        tick, period = self.start_ns, round(GIGA / self._selection.clock_rate) if self.makes_clock else 0
+        tick, period = self.start_ns, round(NS_PER_S / self._selection.clock_rate) if self.makes_clock else 0
         for message in self._bag.messages(list(self._names), self.start_ns, self.end_ns + 1, decode=False):
             while period and tick <= message.stamp_ns:
                 yield Due(tick + offset, CLOCK_TOPIC, tick, clock_message(tick))
@@ -131,7 +131,7 @@ class Pace:
         """Where playing is: messages up to here are due."""
         if self.paused or now <= self._mark:
             return self._reached_ns
-        return math.inf if self.rate == 0.0 else self._reached_ns + (now - self._mark) * self.rate * GIGA
+        return math.inf if self.rate == 0.0 else self._reached_ns + (now - self._mark) * self.rate * NS_PER_S
 
     def wait(self, position_ns: int, now: float) -> float:
         """How long until a position is due; infinite while paused [s]."""
@@ -139,7 +139,7 @@ class Pace:
             return math.inf
         if position_ns <= self._reached_ns or self.rate == 0.0:
             return 0.0
-        return max(0.0, (position_ns - self._reached_ns) / (GIGA * self.rate) - (now - self._mark))
+        return max(0.0, (position_ns - self._reached_ns) / (NS_PER_S * self.rate) - (now - self._mark))
 
     def reach(self, position_ns: int, now: float) -> None:
         """A message was published: what follows is paced from it, if playing could not keep up."""
@@ -148,7 +148,7 @@ class Pace:
 
     def hurries(self, position_ns: int, now: float) -> bool:
         """Whether messages follow each other as fast as can be, wanted so, or because playing is behind."""
-        return self.rate == 0.0 or self.position_ns(now) - position_ns > BEHIND * GIGA * self.rate
+        return self.rate == 0.0 or self.position_ns(now) - position_ns > BEHIND * NS_PER_S * self.rate
 
     def begin(self, now: float) -> None:
         """Playing begins only now."""
@@ -172,7 +172,7 @@ class Pace:
 
 def clock_message(stamp_ns: int) -> bytes:
     """rosgraph_msgs/msg/Clock as CDR."""
-    return struct.pack("<4BiI", 0, 1, 0, 0, *divmod(stamp_ns, GIGA))
+    return struct.pack("<4BiI", 0, 1, 0, 0, *divmod(stamp_ns, NS_PER_S))
 
 
 def _any_matches(patterns: Sequence[str], topic: str) -> bool:

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import yaml
 
+from dart_skill.constants import NS_PER_S
 from dart_skill.recording.bags import BagError, GraphBag
 from dart_skill.recording.demonstration import stamp_ns
-from dart_skill.recording.grip_signal import GIGA
 from dart_skill.recording.imports.mapping import RecordingMapping
 from dart_skill.recording.imports.pose_stream import PoseStream
 from dart_skill.recording.imports.throw_recording import JointStream, ThrowRecording, read_recording
@@ -71,7 +71,7 @@ def bodies_to_csv(source: str | os.PathLike, output: str | os.PathLike, roles: S
 
 def seconds(stamp_ns: int) -> str:
     """A stamp [ns] in seconds, with all its digits."""
-    return f"{stamp_ns // GIGA}.{stamp_ns % GIGA:09d}"
+    return f"{stamp_ns // NS_PER_S}.{stamp_ns % NS_PER_S:09d}"
 
 
 def _write_poses(folder: Path, role: str, stream: PoseStream) -> dict[str, Any]:

@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dart_skill.constants import UNTURNED
 from dart_skill.recording.imports.mapping import QUATERNION_ORDERS, TIME_UNITS, Table
-from dart_skill.recording.imports.pose_stream import IDENTITY
 
 MOTIVE_LENGTHS = {"meters": 1.0, "centimeters": 1e-2, "millimeters": 1e-3}
 _MOTIVE_COLUMNS = [("Position", axis) for axis in "XYZ"] + [("Rotation", axis) for axis in "XYZW"]
@@ -43,7 +43,7 @@ def read_pose_table(folder: Path, table: Table, order: str, scale: float) -> tup
     columns = read_table(folder, table)
     quaternion = columns["quaternion"]
     if quaternion.shape[1] == 0:
-        quaternion = np.tile(IDENTITY, (len(columns["time"]), 1))
+        quaternion = np.tile(UNTURNED, (len(columns["time"]), 1))
         seen = ~np.isnan(columns["position"]).all(axis=1)
     else:
         quaternion = quaternion[:, QUATERNION_ORDERS[order]]

@@ -15,8 +15,8 @@ import numpy as np
 import yaml
 from scipy.spatial.transform import Rotation
 
-from dart_skill.constants import N_JOINTS
-from dart_skill.recording.imports.pose_stream import IDENTITY, UP_AXES, RigidTransform
+from dart_skill.constants import N_JOINTS, UNTURNED
+from dart_skill.recording.imports.pose_stream import UP_AXES, RigidTransform
 from dart_skill.world import ROLES, the_world
 
 TIME_UNITS = {"s": 1e9, "ms": 1e6, "us": 1e3, "ns": 1.0}
@@ -227,7 +227,7 @@ def _rigid(section: _Section, key: str, default: RigidTransform) -> RigidTransfo
     part.nothing_else()
     if quaternion and degrees:
         raise MappingError(f"{part.place}: give quaternion or roll_pitch_yaw_deg, not both")
-    turned = Rotation.from_euler("xyz", degrees, degrees=True).as_quat() if degrees else np.array(quaternion or IDENTITY)
+    turned = Rotation.from_euler("xyz", degrees, degrees=True).as_quat() if degrees else np.array(quaternion or UNTURNED)
     try:
         return RigidTransform(np.array(position), turned)
     except ValueError as error:

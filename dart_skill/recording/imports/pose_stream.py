@@ -11,10 +11,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dart_skill.constants import UNTURNED
 from dart_skill.world import the_world
 
-IDENTITY = (0.0, 0.0, 0.0, 1.0)
-UP_AXES = {"z": IDENTITY, "y": (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))}
+UP_AXES = {"z": UNTURNED, "y": (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))}
 """Quaternion that turns axes with this one up into axes with z up."""
 
 
@@ -27,7 +27,7 @@ class RigidTransform:
     """
 
     position: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    quaternion: np.ndarray = field(default_factory=lambda: np.array(IDENTITY))
+    quaternion: np.ndarray = field(default_factory=lambda: np.array(UNTURNED))
 
     def __post_init__(self) -> None:
         position, quaternion = (np.asarray(value, dtype=float) for value in (self.position, self.quaternion))

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.constants import N_JOINTS
+from dart_skill.constants import N_JOINTS, NS_PER_S, UNTURNED
 from dart_skill.recording.bags import (
     BagError,
     BagMessage,
@@ -33,11 +33,11 @@ from dart_skill.recording.bags import (
     type_hash,
     typestore,
 )
-from dart_skill.recording.grip_signal import GIGA, GUIDED_NS, OPEN, GripSignal, Opening, read_commands
+from dart_skill.recording.grip_signal import GUIDED_NS, OPEN, GripSignal, Opening, read_commands
 from dart_skill.recording.imports._tables import read_motive, read_pose_table, read_table
 from dart_skill.recording.imports.mapping import LENGTH_UNITS, OWN, PoseSource, RecordingMapping, SignalSource
 from dart_skill.recording.imports.pose_faults import Fault, repair
-from dart_skill.recording.imports.pose_stream import IDENTITY, UP_AXES, PoseStream, RigidTransform, transformed, with_continuous_signs
+from dart_skill.recording.imports.pose_stream import UP_AXES, PoseStream, RigidTransform, transformed, with_continuous_signs
 from dart_skill.world import joint_names, the_world
 
 POSE_TYPES = ("PoseStamped", "PoseWithCovarianceStamped", "PointStamped", "TransformStamped", "Odometry", "TFMessage")
@@ -340,13 +340,13 @@ def _check_frame(item: Any, role: str, where: PoseSource, topic: str) -> None:
 
 
 def _stamp_of(item: Any) -> int:
-    return item.header.stamp.sec * GIGA + item.header.stamp.nanosec
+    return item.header.stamp.sec * NS_PER_S + item.header.stamp.nanosec
 
 
 def _pose_row(name: str, item: Any) -> tuple:
     """x, y, z, qx, qy, qz, qw of a message."""
     if name == "PointStamped":
-        return (item.point.x, item.point.y, item.point.z, *IDENTITY)
+        return (item.point.x, item.point.y, item.point.z, *UNTURNED)
     if name in ("TransformStamped", "TFMessage"):
         p, q = item.transform.translation, item.transform.rotation
     else:
@@ -388,7 +388,7 @@ def _body(role: str, where: PoseSource, taken: dict, folder: Path, frame: str) -
 
 def _resting(role: str, position: tuple, stamps: np.ndarray, frame: str) -> PoseStream:
     """A body that was not tracked: at one place at each stamp."""
-    return PoseStream(role, stamps, np.tile(position, (len(stamps), 1)), np.tile(IDENTITY, (len(stamps), 1)), frame)
+    return PoseStream(role, stamps, np.tile(position, (len(stamps), 1)), np.tile(UNTURNED, (len(stamps), 1)), frame)
 
 
 def _joints(where: SignalSource | None, states: _States | None, folder: Path) -> JointStream | None:

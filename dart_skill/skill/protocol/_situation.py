@@ -11,8 +11,7 @@ import numpy as np
 import scipy
 
 from dart_skill.checks import as_vector
-
-UNTURNED = (0.0, 0.0, 0.0, 1.0)
+from dart_skill.constants import UNTURNED
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ from dart_skill.regions import Region
 from dart_skill.skill.protocol import Skill
 from dart_skill.skills.throw import Throw
 from dart_skill.view import Request
+from dart_skill.world import THROW
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.node_inspector import NodeInspector
 from dart_skill_nodes.client.service_calls import ServiceCalls
@@ -275,7 +276,7 @@ def _to_press(text: str) -> str:
 def in_words(outcome: Outcome) -> str:
     """What became of a throw, or of another movement."""
     seen, done = bool(outcome.seen), bool(outcome.success)
-    if outcome.skill != conversions.THROW:
+    if outcome.skill != THROW:
         miss = f"{1e3 * outcome.error:.1f} mm off" if seen else "not seen"
         return f"{'done' if done else 'failed'}, {miss}"
     miss = f"{100 * outcome.error:.1f} cm from the middle" if seen else "landing not seen"

@@ -24,7 +24,7 @@ from std_msgs.msg import Header
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
 from dart_skill.checks import as_place
-from dart_skill.constants import N_JOINTS
+from dart_skill.constants import N_JOINTS, NS_PER_S
 from dart_skill.pace import PhaseRule
 from dart_skill.recording import Demonstration, demonstration_from_message, fill_demonstration_message, filled, named
 from dart_skill.robot import (
@@ -54,12 +54,11 @@ from dart_skill.skill.protocol import (
 )
 from dart_skill.skill.protocol import Pose as BodyPose
 from dart_skill.skills.throw import Throw
-from dart_skill.world import THROWN, joint_order
+from dart_skill.world import THROW, THROWN, joint_order
 
 if TYPE_CHECKING:
     from dart_skill.skill.model import Policy
 
-GIGA = 1_000_000_000
 UNIT = 1e-3
 """A quaternion's length is 1 within this."""
 NEW = {
@@ -69,7 +68,6 @@ NEW = {
     "geometry_msgs/msg/PoseStamped": PoseStamped,
     "sensor_msgs/msg/JointState": JointState,
 }
-THROW = "throw"
 """The skill whose target is a basket."""
 BASKET, BOARD, LANDING, RELEASE, MISS = "basket", "board", "landing", "release", "miss"
 """Of a throw: the bodies at which it is aimed, and the instants that its outcome tells of; of other skills: by how much they missed."""
@@ -100,14 +98,14 @@ def decoded(data: bytes, kind: type):
 
 def stamp_ns(stamp: Time | Duration) -> int:
     """A stamp or duration as nanoseconds."""
-    return stamp.sec * GIGA + stamp.nanosec
+    return stamp.sec * NS_PER_S + stamp.nanosec
 
 
 def checked_stamp_ns(stamp: Time, what: str = "it") -> int:
     """A stamp as nanoseconds; ValueError, with `what` it is of, for one before time began."""
-    if stamp.sec < 0 or stamp.nanosec >= GIGA:
+    if stamp.sec < 0 or stamp.nanosec >= NS_PER_S:
         raise ValueError(f"{what} is stamped {stamp.sec} s and {stamp.nanosec} ns: stamps are not negative, and below 1 s of nanoseconds")
-    return stamp.sec * GIGA + stamp.nanosec
+    return stamp.sec * NS_PER_S + stamp.nanosec
 
 
 def leading_stamp_ns(data: bytes) -> int:
@@ -115,9 +113,9 @@ def leading_stamp_ns(data: bytes) -> int:
     if len(data) < LEADING_STAMP.size:
         raise ValueError(f"{len(data)} bytes are no message that begins with a stamp")
     sec, nanosec = LEADING_STAMP.unpack_from(data)
-    if sec < 0 or nanosec >= GIGA:
+    if sec < 0 or nanosec >= NS_PER_S:
         raise ValueError(f"it is stamped {sec} s and {nanosec} ns: stamps are not negative, and below 1 s of nanoseconds")
-    return sec * GIGA + nanosec
+    return sec * NS_PER_S + nanosec
 
 
 class GroundTruth(NamedTuple):
@@ -142,7 +140,7 @@ def ground_truth(like: SimulationState, ns: int, numbers: np.ndarray, counters: 
 
 def time_msg(ns: int) -> Time:
     """Nanoseconds as a stamp."""
-    sec, nanosec = divmod(int(ns), GIGA)
+    sec, nanosec = divmod(int(ns), NS_PER_S)
     return Time(sec=sec, nanosec=nanosec)
 
 
@@ -157,18 +155,18 @@ def seconds(duration: Duration) -> float:
 
 
 def _nanoseconds(ns: int) -> Duration:
-    sec, nanosec = divmod(ns, GIGA)
+    sec, nanosec = divmod(ns, NS_PER_S)
     return Duration(sec=sec, nanosec=nanosec)
 
 
 def leading_stamp_bytes(ns: int) -> bytes:
     """A serialised message that is nothing but a stamp, as of /clock."""
-    return ENCAPSULATION + TIME.pack(*divmod(ns, GIGA))
+    return ENCAPSULATION + TIME.pack(*divmod(ns, NS_PER_S))
 
 
 def set_stamp(stamp: Time, ns: int) -> None:
     """Write nanoseconds into a stamp in place: cheaper than a new one."""
-    stamp.sec, stamp.nanosec = divmod(ns, GIGA)
+    stamp.sec, stamp.nanosec = divmod(ns, NS_PER_S)
 
 
 def point(values) -> Point:

@@ -10,7 +10,8 @@ import struct
 import numpy as np
 from rclpy.serialization import serialize_message
 
-from dart_skill_nodes.comms.conversions import GIGA, TIME, checked_stamp_ns, decoded, leading_stamp_ns
+from dart_skill.constants import NS_PER_S
+from dart_skill_nodes.comms.conversions import TIME, checked_stamp_ns, decoded, leading_stamp_ns
 
 BODY = 4
 """Where the content of a message begins, behind its encapsulation: fields are aligned to that (CDR)."""
@@ -50,7 +51,7 @@ class FixedLayout:
 
     def pack(self, stamp_ns: int, values: np.ndarray, *counters: int) -> bytes:
         """The bytes of a message. stamp_ns: of its header [ns]; values: its numbers (count,) in the order of its fields; counters, too."""
-        TIME.pack_into(self._bytes, BODY, *divmod(stamp_ns, GIGA))
+        TIME.pack_into(self._bytes, BODY, *divmod(stamp_ns, NS_PER_S))
         self._view[self._at] = values
         for at, counter in zip(self._counters, counters, strict=True):
             COUNTER.pack_into(self._bytes, at, counter)

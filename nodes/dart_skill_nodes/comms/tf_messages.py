@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 
+from dart_skill.constants import NS_PER_S
 from dart_skill.recording import serialize, types_for
 from dart_skill.robot import Transform, fixed_transforms, joint_transforms, wam_description, write_urdf
 from dart_skill_nodes.comms import conversions
@@ -117,7 +118,7 @@ def _prefixed(transforms: list[Transform], space: str, world: str) -> list[Trans
 
 
 def _tf(transforms: list[Transform], ns: int) -> bytes:
-    sec, nanosec = divmod(ns, conversions.GIGA)
+    sec, nanosec = divmod(ns, NS_PER_S)
     content = [
         {
             "header": {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": one.parent},

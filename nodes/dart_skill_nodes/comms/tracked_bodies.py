@@ -9,7 +9,8 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped
 
 from dart_skill.checks import as_place
-from dart_skill.skill.observe import RESET_NS, SensorLog, ThrowLog
+from dart_skill.constants import UNTURNED
+from dart_skill.skill.observe import MEMORY_NS, RESET_NS, SensorLog, ThrowLog
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.fixed_layout import LayoutReader
 
@@ -17,13 +18,11 @@ FRAME_NS = 10_000_000
 """Between two frames of the cameras."""
 SILENCE = 5.0
 """A sensor that is silent for longer sees nothing: what is lost on the way is repeated within 3 s [s, wall clock]."""
-UNTURNED = np.array([0.0, 0.0, 0.0, 1.0])
+NO_TURN = np.array(UNTURNED)
 LAG_NS = 250_000_000
 """A body that was not seen for so long may be hidden, or its poses are still on their way."""
 REPAIRED = 4.0
 """By then poses that got lost on the way have come: Fast DDS repeats them within 3 s [s, wall clock]."""
-MEMORY_NS = 60_000_000_000
-"""What was seen longer ago is forgotten, unless a throw is being recorded."""
 
 
 class Arrivals:
@@ -44,7 +43,7 @@ class Arrivals:
 def _sample(role: str, pose: np.ndarray, turned: bool) -> tuple[np.ndarray, np.ndarray]:
     """What is kept of a pose (7,): position (3,) and quaternion (4,); of a body whose turn does not count, any quaternion."""
     position = as_place(pose[:3], f"the {role}")
-    return position, conversions.as_unit_quaternion(pose[3:], f"the {role}") if turned else UNTURNED
+    return position, conversions.as_unit_quaternion(pose[3:], f"the {role}") if turned else NO_TURN
 
 
 class TrackedBodies:
@@ -135,7 +134,7 @@ class TrackedBodies:
                 self._behind[other] = self._clock()
 
     def forget_old(self) -> None:
-        """Forget what is older than MEMORY_NS."""
+        """Forget what is older than MEMORY_NS, unless a throw is being recorded."""
         if self.newest_ns - self._forgotten_ns > 2 * MEMORY_NS:
             self._forgotten_ns = self.newest_ns - MEMORY_NS
             self.log.forget_before(self._forgotten_ns)

@@ -20,6 +20,7 @@ from dart_skill.skill.observe import ARRIVAL_NS
 from dart_skill.skill.protocol import HAND, load_skill
 from dart_skill.skills.darts import Darts
 from dart_skill.skills.throw import Throw
+from dart_skill.world import THROW
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.person import Patience, Person
 from dart_skill_nodes.client.service_calls import PATIENCE, Recording, ServiceCalls
@@ -84,13 +85,13 @@ class CoachNode(GuardedNode):
     def _make_choosing(self) -> Choosing:
         if isinstance(self._skill, Darts):
             return DartsChoosing(self._skill)
-        if self._skill.name != conversions.THROW:
+        if self._skill.name != THROW:
             return TaskChoosing(self._skill, self.p["candidates"], self.p["seed"])
         region = Region(**{name: self.p[name] for name in ("near", "far", "side", "rim")})
         return ThrowChoosing(region, self.p["candidates"], self.p["seed"])
 
     def _make_person(self) -> Person:
-        if self._skill.name != conversions.THROW:
+        if self._skill.name != THROW:
             raise ValueError(f"with simulated:=false a person practises throws; let the skill '{self._skill.name}' be executed (/execute)")
         patience = Patience(*(self.p[name] for name in ("longest_wait", "stand_back", "seat_tolerance", "basket_tolerance")))
         return Person(self, self._calls, self.p["frame_id"], self._name_of, patience)

@@ -31,6 +31,7 @@ from dart_skill.robot import ArmState
 from dart_skill.skill.observe import ThrowFinder, watched_until
 from dart_skill.skill.protocol import HAND, TaskDemonstration, load_skill
 from dart_skill.skills.throw import Throw
+from dart_skill.world import THROW
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.bag_sink import BagKeeper, BagSink
 from dart_skill_nodes.comms.joint_states import StateReader
@@ -122,7 +123,7 @@ class DemonstrationRecorder(BagKeeper):
         return TransitionCallbackReturn.SUCCESS
 
     def _make_observer(self) -> Observer:
-        if self.p["automatic"] and self._skill.name != conversions.THROW:
+        if self.p["automatic"] and self._skill.name != THROW:
             raise ValueError(f"automatic is for throws at baskets: the skill '{self._skill.name}' needs ~/start and ~/stop")
         if isinstance(self._skill, Throw):
             return ThrowObserver(self._skill, self._thresholds, self.p["basket_radius"], self.p["frame_id"])

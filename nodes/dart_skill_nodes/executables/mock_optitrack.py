@@ -19,6 +19,7 @@ from dart_skill.configuration import limit_parameters, node_parameters, world_pa
 from dart_skill.robot import ArmModel, Transform
 from dart_skill.simulation import BasketWalls, Board, LatencyQueue, MotionCapture, PlantSettings
 from dart_skill.skill.protocol import HAND, skill_type
+from dart_skill.world import THROW
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.fixed_layout import FixedLayout, LayoutReader
 from dart_skill_nodes.comms.names import CLOCK, pose_topic
@@ -110,7 +111,7 @@ class MockOptitrack(GuardedLifecycleNode):
             for field in ("position", "look_at"):
                 default = cameras.get(name, {}).get(field, [0.0, 0.0, 1.0])
                 self.declare_parameter(f"cameras.{name}.{field}", default)
-        bodies = [role for role in self._name_of if kind.name != conversions.THROW or role in self.get_parameter("bodies").value]
+        bodies = [role for role in self._name_of if kind.name != THROW or role in self.get_parameter("bodies").value]
         return {name: self.get_parameter(name).value for name in values} | {"cameras": self._cameras(), "bodies": bodies}
 
     def _cameras(self) -> dict:

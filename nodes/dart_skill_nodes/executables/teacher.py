@@ -20,7 +20,7 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.action import CancelResponse, GoalResponse
 from std_srvs.srv import SetBool, Trigger
 
-from dart_skill.robot import ArmState, Command, Grip
+from dart_skill.robot import REST_SPEED, ArmState, Command, Grip
 from dart_skill.skill.observe import ARRIVAL_NS
 from dart_skill.skill.protocol import HAND, load_skill
 from dart_skill_nodes.client.failures import CallFailed
@@ -64,8 +64,6 @@ TABLE = [
 ]
 
 
-RESTS = 0.05
-"""An arm that is let go of rests below this joint speed [rad/s]."""
 LONGEST_GAP = 0.1
 """Between two states of an arm that is guided [s]."""
 FINDS, FINDS_AGAIN = 15, 4
@@ -238,7 +236,7 @@ class TeacherNode(GuardedNode):
             if not commander:
                 await self._call(self._free_arm, SetBool.Request(data=False))
             for _ in range(0 if simulator or commander or not self._withdrawn else LONGEST_BRAKE):
-                if self._speed < RESTS or self._time.stalled:
+                if self._speed < REST_SPEED or self._time.stalled:
                     break
                 await pause(self, LOOK)
         with suppress(CallFailed):

@@ -20,6 +20,7 @@ from dart_skill.simulation import Basket
 from dart_skill.skill.protocol import HAND, Skill, load_skill, task_demonstration_from_message
 from dart_skill.skills.throw import Throw
 from dart_skill.view import Panel, PanelWords, Request, Scene, new_token, open_server, url_of, with_token
+from dart_skill.world import THROW
 from dart_skill_nodes.client.failures import CallFailed
 from dart_skill_nodes.client.node_inspector import NodeInspector, NodeStatuses
 from dart_skill_nodes.client.pulled_lesson import PulledLesson
@@ -94,7 +95,7 @@ class Viewer(GuardedNode):
         self._requests: queue.SimpleQueue[Request] = queue.SimpleQueue()
         basket = Basket(radius=self.p["basket_radius"], depth=self.p["basket_depth"])
         skill = load_skill(self.p["skill"])
-        other = None if skill.name == conversions.THROW else skill
+        other = None if skill.name == THROW else skill
         self._scene = Scene(self._server, region=region, basket=basket, skill=other)
         self._demonstrated = SHOWN_OF[isinstance(skill, Throw)](skill)
         words = None if other is None else PanelWords.of(skill.name, isinstance(skill, Throw))

@@ -20,9 +20,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
 
-from dart_skill.robot import Command, HeldCommand, fixed_transforms, joint_transforms, wam_description, write_urdf
+from dart_skill.robot import REST_SPEED, Command, HeldCommand, fixed_transforms, joint_transforms, wam_description, write_urdf
 from dart_skill.simulation import Board, PlantSettings, Stillness, make_world
-from dart_skill.skill.protocol import skill_type
+from dart_skill.skill.protocol import load_skill
 from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.arm_commands import command_reader
 from dart_skill_nodes.comms.fixed_layout import FixedLayout, LayoutReader
@@ -82,8 +82,6 @@ RESTING = 0.05
 """Between two steps of a world that rests [s, wall clock]: whoever looks sees that it lives, and it costs nearly nothing."""
 UNASKED = 0.5
 """So soon rests a world of which nobody has asked anything since the start: ball and basket have settled by then [s]."""
-RESTS = 0.05
-"""An arm whose guide has gone is braked until no joint is faster [rad/s]."""
 PUSHES = {"commander": COMMANDS, "teacher": GUIDING}
 """Who moves the arm, and where."""
 MOST_STEPS = 100_000
@@ -100,7 +98,8 @@ class WamSimulator(GuardedNode):
         super().__init__("wam_simulator")
         self.p = declare(self, "wam_simulator.yaml", TABLE)
         board = Board(tuple(self.p["board_position"]))
-        self._plant = make_world(skill_type(self.p["skill"]).world, PlantSettings.from_parameters(self.p), self.p["seed"], board)
+        skill, settings = load_skill(self.p["skill"]), PlantSettings.from_parameters(self.p)
+        self._plant = make_world(skill.world, settings, self.p["seed"], board, skill.world_settings)
         self._paused, self._guided, self._budget, self._watched = self.p["start_paused"], False, 0, False
         self._answers, self._fault, self._steps_made = {}, "", 0
         self._next = time.monotonic()  # when the next step is due, where time is held back
@@ -226,7 +225,7 @@ class WamSimulator(GuardedNode):
         if self.p["lockstep"]:
             self._look_for_rest()
         self._tell_of_safety()
-        if self._left and np.abs(self._plant.joint_velocity).max() < RESTS:
+        if self._left and np.abs(self._plant.joint_velocity).max() < REST_SPEED:
             self._left = ""
         if self.p["lockstep"]:
             self._fault = ""

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from dart_skill.skill.protocol import Situation, Skill
     from dart_skill_nodes.client.graph_client import GraphClient
 
-THROW = "throw"
-
 
 def drawn(seed: int) -> "np.random.Generator":
     """Random numbers of the situations of a seed: those in which it is shown come first."""

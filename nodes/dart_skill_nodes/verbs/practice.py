@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING
 from dart_skill.cli.names import CHANGES, PRACTICE_METHODS
 from dart_skill.cli.run_options import add_model, add_namespace, add_run, asked, check_model, check_run, parameter_texts
 from dart_skill.files import new_file
+from dart_skill.world import THROW
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES, Graph, of_executables
 from dart_skill_nodes.verbs._run import PATIENCE, carried_out, on_running_graph, print_result, say, teach, tell_practice
-from dart_skill_nodes.verbs._skill_run import THROW, practise
+from dart_skill_nodes.verbs._skill_run import practise
 
 if TYPE_CHECKING:
     import numpy as np

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 USUAL = 2.5
 """Every node tells its status once a second [s]."""
-APPEARS = 4.0
-"""For a graph that runs to be found at all [s]."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -90,6 +88,7 @@ def look(seconds: float, namespace: str = "") -> GraphReport | None:
 
 def _look(node: "Node", spin, seconds: float) -> GraphReport | None:
     from dart_skill_nodes.client.graph_listener import GraphListener, this_domain
+    from dart_skill_nodes.client.server_probe import APPEARS
 
     listener = GraphListener(node, spin)
     try:

@@ -4,8 +4,9 @@ import argparse
 from typing import TYPE_CHECKING
 
 from dart_skill.cli.run_options import add_baskets, add_namespace
+from dart_skill.world import THROW
 from dart_skill_nodes.verbs._run import PATIENCE, baskets, on_running_graph, place, print_result, say, teach_by_hand
-from dart_skill_nodes.verbs._skill_run import THROW, drawn, show_all
+from dart_skill_nodes.verbs._skill_run import drawn, show_all
 
 if TYPE_CHECKING:
     import numpy as np

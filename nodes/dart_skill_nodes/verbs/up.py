@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dart_skill.cli.run_options import add_arm, add_model, add_namespace, check_model, differences, folder, output_folder
+from dart_skill.world import THROW
 from dart_skill_nodes.client.failures import GraphFailure
 from dart_skill_nodes.comms.names import DIAGNOSTICS, in_graph, in_namespace
 from dart_skill_nodes.process.discovery import stay_on_this_machine
 from dart_skill_nodes.process.graph_processes import LAYOUTS, SIMULATED, START, TOKEN, Graph, nodes_of, of_executables, parameters_of
 from dart_skill_nodes.process.signals import Interrupts
 from dart_skill_nodes.verbs._run import of_graph
-from dart_skill_nodes.verbs._skill_run import THROW
 
 if TYPE_CHECKING:
     from dart_skill_nodes.client.graph_client import GraphClient
