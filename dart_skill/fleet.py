@@ -16,11 +16,6 @@ Arm = dict[str, dict[str, Any]]
 """Parameters that differ from those of config/, by node."""
 
 
-def arm_names() -> list[str]:
-    """Names of the arms that are not drawn."""
-    return list(load_yaml("fleet.yaml")["arms"])
-
-
 def arm_named(name: str) -> Arm:
     """An arm of config/fleet.yaml: one of its names, or fleet:SEED for the one that this seed draws. ValueError names what there is."""
     content = load_yaml("fleet.yaml")

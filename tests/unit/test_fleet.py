@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from dart_skill.configuration import load_yaml, node_file, node_parameters
-from dart_skill.fleet import arm_named, arm_names, arm_with, drawn
+from dart_skill.fleet import arm_named, arm_with, drawn
 from dart_skill.simulation import MotionCaptureConfig, PlantSettings
 
 NODES = ("wam_simulator", "teacher", "commander", "mock_optitrack")
 
 
-@pytest.mark.parametrize("name", [*arm_names(), "fleet:0", "fleet:17"])
+@pytest.mark.parametrize("name", [*load_yaml("fleet.yaml")["arms"], "fleet:0", "fleet:17"])
 def test_an_arm_sets_what_the_nodes_have_with_values_of_the_same_kind(name):
     for node, parameters in arm_named(name).items():
         usual = node_parameters(node_file(node), node)

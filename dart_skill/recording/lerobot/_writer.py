@@ -35,10 +35,6 @@ class DatasetWriter:
         self._data, self._videos = _DataFiles(self.path, self.features), {one.key: _video(self.path, one, fps) for one in self.cameras}
 
     @property
-    def n_episodes(self) -> int:
-        return len(self._rows)
-
-    @property
     def n_frames(self) -> int:
         return self._n_frames
 

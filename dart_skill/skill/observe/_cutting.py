@@ -87,15 +87,6 @@ class ThrowLog(SensorLog):
         else:
             self._keep(role, stamp_ns, position)
 
-    def add_hand(self, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
-        self.take("hand", stamp_ns, position, quaternion)
-
-    def add_ball(self, stamp_ns: int, position: np.ndarray) -> None:
-        self._keep(self._thrown, stamp_ns, position)
-
-    def add_basket(self, stamp_ns: int, position: np.ndarray) -> None:
-        self._keep(self._aimed_at, stamp_ns, position)
-
     def add_opening(self, stamp_ns: int) -> None:
         """The hand was told to open; only the first time counts."""
         if self.opened_ns is None:

@@ -308,7 +308,6 @@ def test_throws_are_found_while_they_are_made(recorded_session, recording, forge
     monkeypatch.setattr("dart_skill.skill.observe._throw_finder.MEMORY_NS", forgets_ns)
     log = ThrowLog()
     finder, found = ThrowFinder(log), []
-    add = {"/vrpn_mocap/ball/pose": log.add_ball, "/vrpn_mocap/basket/pose": log.add_basket}
     with BagReader(recorded_session[0]) as raw, BagReader(recorded_session[0]) as bag:
         for message, serialised in zip(bag.messages(), raw.messages(decode=False), strict=True):
             topic, content = message.topic, message.data
@@ -318,8 +317,7 @@ def test_throws_are_found_while_they_are_made(recorded_session, recording, forge
                 log.add_joints(stamp_of(content), content.position, content.velocity)
             elif topic.startswith("/vrpn_mocap"):
                 p, q = content.pose.position, content.pose.orientation
-                turned = ([q.x, q.y, q.z, q.w],) if topic == "/vrpn_mocap/hand/pose" else ()
-                add.get(topic, log.add_hand)(stamp_of(content), [p.x, p.y, p.z], *turned)
+                log.take(topic.split("/")[2], stamp_of(content), [p.x, p.y, p.z], [q.x, q.y, q.z, q.w])
                 found += finder.until(stamp_of(content) - 10_000_000)
     offline = find_throws(recording)
     assert [throw.shows for throw in found] == [throw.shows for throw in offline]

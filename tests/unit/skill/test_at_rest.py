@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from dart_skill.constants import UNTURNED
 from dart_skill.skill.observe import ThrowLog, basket_at_rest, check_ball_in_hand
 
 SEAT = np.array([0.004, -0.003, 0.11])
@@ -20,11 +21,11 @@ def seen(ball=lambda t: np.zeros(3), hand=lambda t: np.zeros(3), basket=lambda t
         t = 1e-9 * (stamp - END_NS)
         place = HAND + hand(t)
         if "hand" not in without:
-            log.add_hand(stamp, place + noise * rng.standard_normal(3), TURN.as_quat())
+            log.take("hand", stamp, place + noise * rng.standard_normal(3), TURN.as_quat())
         if "ball" not in without:
-            log.add_ball(stamp, place + TURN.apply(SEAT + ball(t)) + noise * rng.standard_normal(3))
+            log.take("ball", stamp, place + TURN.apply(SEAT + ball(t)) + noise * rng.standard_normal(3), UNTURNED)
         if "basket" not in without:
-            log.add_basket(stamp, BASKET + basket(t) + noise * rng.standard_normal(3))
+            log.take("basket", stamp, BASKET + basket(t) + noise * rng.standard_normal(3), UNTURNED)
     return log
 
 

@@ -26,11 +26,11 @@ def filled(leave_out=(), opened=OPENED_NS, duration=3.0):
     for k in range(round(duration * 100)):
         stamp, time = START_NS + k * 10 * MS, k * 0.01
         if "hand" not in leave_out:
-            log.add_hand(stamp, hand_at(time), UPRIGHT)
+            log.take("hand", stamp, hand_at(time), UPRIGHT)
         if "ball" not in leave_out:
-            log.add_ball(stamp, hand_at(time) + [0.0, 0.0, 0.1135])
+            log.take("ball", stamp, hand_at(time) + [0.0, 0.0, 0.1135], UPRIGHT)
         if "basket" not in leave_out:
-            log.add_basket(stamp, BASKET)
+            log.take("basket", stamp, BASKET, UPRIGHT)
         if "joints" not in leave_out:
             log.add_joints(stamp, np.full(7, time), np.full(7, 0.1 * time))
     if opened is not None:
@@ -73,8 +73,8 @@ def test_nothing_after_the_given_instant_is_used():
     until = START_NS + 2_500 * MS
     first = log.cut("one", until)
     for k in range(300, 320):
-        log.add_hand(START_NS + k * 10 * MS, np.full(3, 9.0), UPRIGHT)
-        log.add_ball(START_NS + k * 10 * MS, np.full(3, 9.0))
+        log.take("hand", START_NS + k * 10 * MS, np.full(3, 9.0), UPRIGHT)
+        log.take("ball", START_NS + k * 10 * MS, np.full(3, 9.0), UPRIGHT)
     second = log.cut("one", until)
     np.testing.assert_array_equal(first.ball_position, second.ball_position)
     np.testing.assert_array_equal(first.hand_position, second.hand_position)
@@ -117,10 +117,10 @@ def test_only_the_first_press_of_the_button_counts():
 
 
 BAD = [
-    ("hand", lambda log, stamp, v: log.add_hand(stamp, np.full(3, v), UPRIGHT)),
-    ("hand", lambda log, stamp, v: log.add_hand(stamp, np.zeros(3), np.full(4, v))),
-    ("ball", lambda log, stamp, v: log.add_ball(stamp, np.full(3, v))),
-    ("basket", lambda log, stamp, v: log.add_basket(stamp, np.full(3, v))),
+    ("hand", lambda log, stamp, v: log.take("hand", stamp, np.full(3, v), UPRIGHT)),
+    ("hand", lambda log, stamp, v: log.take("hand", stamp, np.zeros(3), np.full(4, v))),
+    ("ball", lambda log, stamp, v: log.take("ball", stamp, np.full(3, v), UPRIGHT)),
+    ("basket", lambda log, stamp, v: log.take("basket", stamp, np.full(3, v), UPRIGHT)),
     ("joints", lambda log, stamp, v: log.add_joints(stamp, np.full(7, v), np.zeros(7))),
     ("joints", lambda log, stamp, v: log.add_joints(stamp, np.zeros(7), np.full(7, v))),
 ]
@@ -153,10 +153,10 @@ def test_rejected_samples_leave_no_trace_in_the_cut():
     for k in range(300):
         stamp, time = START_NS + k * 10 * MS, k * 0.01
         for shift in (0, -7 * MS):
-            dirty.add_hand(stamp + shift, hand_at(time), UPRIGHT)
-            dirty.add_ball(stamp + shift, hand_at(time) + [0.0, 0.0, 0.1135])
-        dirty.add_hand(stamp + 3 * MS, np.full(3, np.nan), UPRIGHT)
-        dirty.add_basket(stamp, BASKET)
+            dirty.take("hand", stamp + shift, hand_at(time), UPRIGHT)
+            dirty.take("ball", stamp + shift, hand_at(time) + [0.0, 0.0, 0.1135], UPRIGHT)
+        dirty.take("hand", stamp + 3 * MS, np.full(3, np.nan), UPRIGHT)
+        dirty.take("basket", stamp, BASKET, UPRIGHT)
         dirty.add_joints(stamp, np.full(7, time), np.full(7, 0.1 * time))
     dirty.add_opening(OPENED_NS)
     first, second = clean.cut("one", END_NS), dirty.cut("one", END_NS)
@@ -180,19 +180,19 @@ def test_joint_states_are_thinned_to_the_rate_of_the_poses():
 
 def test_clear_forgets_everything():
     log = filled()
-    log.add_ball(START_NS, np.zeros(3))
+    log.take("ball", START_NS, np.zeros(3), UPRIGHT)
     assert log.rejected
     log.clear()
     assert log.opened_ns is None and log.rejected == 0
     assert not any(stream.stamps for stream in (log.hand, log.ball, log.joints, log.basket))
-    log.add_hand(START_NS, np.zeros(3), UPRIGHT)
+    log.take("hand", START_NS, np.zeros(3), UPRIGHT)
     assert log.hand.stamps == [START_NS], "time may start anew"
 
 
 def test_a_basket_that_is_hidden_during_the_throw_is_where_it_was_before():
     log = filled(leave_out=("basket",))
     for k in range(50):
-        log.add_basket(START_NS + k * 10 * MS, BASKET + [0.0, 0.0, 0.001 * (k % 2)])
+        log.take("basket", START_NS + k * 10 * MS, BASKET + [0.0, 0.0, 0.001 * (k % 2)], UPRIGHT)
     d = log.cut("one", END_NS)
     np.testing.assert_allclose(d.target, BASKET, atol=1e-3)
 
@@ -208,7 +208,7 @@ def test_ball_between_gives_what_was_seen_between_two_instants():
 def test_ten_samples_are_the_least():
     log = filled(leave_out=("basket",))
     for k in range(9):
-        log.add_basket(START_NS + k * 10 * MS, BASKET)
+        log.take("basket", START_NS + k * 10 * MS, BASKET, UPRIGHT)
     with pytest.raises(ValueError, match="only 9 samples of the basket"):
         log.cut("one", END_NS)
 
@@ -218,8 +218,8 @@ def test_what_was_seen_before_the_world_was_set_anew_changes_no_cut():
     clean, early = filled(), ThrowLog()
     for k in range(200):
         stamp = START_NS - 3_000 * MS + k * 10 * MS
-        early.add_hand(stamp, hand_at(1.8 - 0.005 * k), UPRIGHT)
-        early.add_ball(stamp, np.full(3, 0.01 * k))
+        early.take("hand", stamp, hand_at(1.8 - 0.005 * k), UPRIGHT)
+        early.take("ball", stamp, np.full(3, 0.01 * k), UPRIGHT)
         early.add_joints(stamp, np.full(7, 9.0), np.zeros(7))
     for name in ("hand", "ball", "basket", "joints"):
         late, stream = getattr(clean, name), getattr(early, name)
@@ -248,7 +248,7 @@ def test_a_ball_is_seen_down_when_its_last_pose_is_below_the_rim(seen_for, down)
     log, ms = ThrowLog(), np.arange(0, round(1000 * seen_for), 10)
     for at in ms:
         time = 1e-3 * at
-        log.add_ball(int(OPENED_NS + at * MS), np.array([3.5 * time, 0.0, 2.0 - 0.5 * 9.81 * time**2]))
+        log.take("ball", int(OPENED_NS + at * MS), np.array([3.5 * time, 0.0, 2.0 - 0.5 * 9.81 * time**2]), UPRIGHT)
     rim = np.array([3.5 * 0.571, 0.0, 0.4])
     assert seen_down(log, rim, OPENED_NS, OPENED_NS + 1_500 * MS) == down
 
