@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from dart_skill.figures import SAME_BASKET, Recording
-from dart_skill.recording import BagError, Demonstration, GraphBag, read_demonstrations, skill_of
-from dart_skill.recording.demonstration import SKILL
+from dart_skill.recording import SKILL, BagError, Demonstration, GraphBag, read_demonstrations, skill_of
 from dart_skill.recording.imports import ThrowRecording, fault_lines, read_recording
 from dart_skill.session import ThrowResult, find_throws
 from dart_skill.skill.learn import LEAST_DEMONSTRATIONS, ThrowingSkill, learn

@@ -12,8 +12,7 @@ from dart_skill_msgs.srv import Judge
 from rosbags.typesys.store import Typestore
 
 from dart_skill.movement import VelocityThreshold
-from dart_skill.recording import Demonstration, demonstration_id, demonstration_message
-from dart_skill.recording.grip_signal import OPEN, read_command
+from dart_skill.recording import Demonstration, demonstration_id, demonstration_message, read_command
 from dart_skill.robot import Grip
 from dart_skill.skill.learn import DEFAULT, prepare
 from dart_skill.skill.model import check_movement
@@ -77,7 +76,7 @@ class ThrowObserver:
         self._skill, self._thresholds, self._rim_radius, self._frame_id = skill, thresholds, rim_radius, frame_id
 
     def hear_command(self, stamp_ns: int, data: bytes, recording: bool) -> None:
-        if recording and read_command(data)[2] == OPEN:
+        if recording and read_command(data)[2] == Grip.OPEN:
             self.log.add_opening(stamp_ns)
 
     def cut(self, up_to_ns: int) -> Demonstration:

@@ -131,8 +131,7 @@ def _usage(pid: int, processor: float) -> "Usage":
 
 def _missing(thrown: int, bag: Path) -> list[str]:
     """Throws that are not in the bag, in words: lessons open the hand, too."""
-    from dart_skill.recording.bags import GraphBag
-    from dart_skill.recording.grip_signal import GripSignal
+    from dart_skill.recording import GraphBag, GripSignal
 
     grip = GripSignal()
     with GraphBag(bag) as reader:
