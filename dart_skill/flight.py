@@ -85,9 +85,12 @@ class Landing:
 
 @dataclass(frozen=True)
 class FlightFit:
-    """A flight fitted to samples: state at `time` [s], rms distance of the samples from it [m].
+    """A flight fitted to samples.
 
-    position (3,) [m], velocity (3,) [m/s], residuals (n,) distance of every sample [m].
+    * time: of the state [s].
+    * position, velocity: (3,), the state [m], [m/s].
+    * residuals: (n,), distance of every sample [m].
+    * ball: that flew.
     """
 
     time: float

@@ -40,10 +40,11 @@ LARGEST_RATIO = 10.0
 
 
 class LikelihoodRatio(NamedTuple):
-    """Likelihood-ratio test.
+    """Test of a model against a simpler one.
 
-    statistic: twice the difference of the log-likelihoods; degrees_of_freedom; p_value: probability of a statistic at least as
-    large if the simpler model is right.
+    * statistic: twice the difference of the log-likelihoods.
+    * degrees_of_freedom: by how many parameters the models differ.
+    * p_value: probability of a statistic at least as large if the simpler model is right.
     """
 
     statistic: float

@@ -31,10 +31,14 @@ class LegDart:
 class LegInPlay:
     """501, double out, dart by dart.
 
-    * darts: that were thrown, in order.
-    * remaining: what is left; turn_start: what was left when the turn began, to which a bust returns; darts_left: of the turn.
+    * start: the score at the start, default 501.
 
-    start: the score at the start, default 501.
+    Attributes:
+
+    * darts: that were thrown, in order.
+    * remaining: what is left.
+    * turn_start: what was left when the turn began, to which a bust returns.
+    * darts_left: of the turn.
     """
 
     def __init__(self, start: int = 501):

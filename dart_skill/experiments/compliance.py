@@ -45,11 +45,12 @@ KINDS: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class Swing:
-    """One throw.
+    """One throw. `varied` and `agreed` are the instants and axes in which the demonstrations varied most, and least.
 
-    kind: of KINDS. varied, agreed: at the instants and along the axes in which the demonstrations varied most, and least.
-    force: what the arm pulls back with where its hand is GRABBED off [N], (varied, agreed); off: root mean square distance from the path
-    until the release along these axes [m]; miss: of the ball [m], nan if it was not seen.
+    * kind: of KINDS.
+    * force: what the arm pulls back with where its hand is GRABBED off, (varied, agreed) [N].
+    * off: root mean square distance from the path until the release along these axes, (varied, agreed) [m].
+    * miss: of the ball, nan if it was not seen [m].
     """
 
     kind: str

@@ -55,7 +55,8 @@ class Stage(Protocol):
 class StagedLandscape:
     """One stage after the other: stages[i + 1] begins with trial changes[i].
 
-    start: first guess; spread: standard deviation of the first trials.
+    * start: first guess.
+    * spread: standard deviation of the first trials.
     """
 
     start: np.ndarray

@@ -21,9 +21,11 @@ ATTEMPTS = 3
 
 @dataclass(frozen=True)
 class Placed:
-    """One part: its seed, how far from where it was shown [m] and how far turned [rad] its holder was, and what came of it.
+    """One part, and what came of it.
 
-    away, turn: of its holder; success, error, reason: the outcome, error in [m].
+    * seed: of the person who showed the skill.
+    * away, turn: how far its holder was from where the skill was shown [m], and how far turned [rad].
+    * success, error, reason: the outcome, error in [m].
     """
 
     seed: int

@@ -30,11 +30,16 @@ CANDIDATES = 48
 
 @dataclass(frozen=True)
 class Task:
-    """One run: `throws` practised throws after `demonstrations`; change: one of CHANGES, after `change_after` throws.
+    """One run: demonstrations, then practised throws, with tests between them.
 
-    tests: throws of each test, after each number of practised throws in `tested_after`; again: throws of one plan for each basket of the
-    last test, which show what no better plan can do away with; arm: of config/fleet.yaml, or fleet: the one that the seed draws.
-    configuration: of the skill.
+    * seed: of the simulated teacher, the arm and the baskets.
+    * method: of practice, one of METHODS.
+    * demonstrations, throws: how many are shown, and how many are practised.
+    * change: one of CHANGES, after `change_after` throws.
+    * tests: throws of each test, after each number of practised throws in `tested_after`.
+    * again: throws of one plan for each basket of the last test: their scatter is what no better plan can take away.
+    * arm: of config/fleet.yaml, or fleet: the one that the seed draws.
+    * configuration: of the skill.
     """
 
     seed: int

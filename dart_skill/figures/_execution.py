@@ -47,7 +47,8 @@ FOLLOWED = 0.05
 class ExecutedThrow:
     """A plan and what the cameras saw of it, on the clock of the plan's path [s], frame world [m].
 
-    hand_time (n,), hand_position (n, 3): hand frame; ball_time (m,), ball_position (m, 3): the ball from its release on.
+    * hand_time (n,), hand_position (n, 3): hand frame.
+    * ball_time (m,), ball_position (m, 3): the ball from its release on.
     """
 
     plan: ThrowPlan

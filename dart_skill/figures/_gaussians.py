@@ -52,8 +52,12 @@ PLANES = ((0, 2), (0, 1))
 class FrameView:
     """Attractors and components as one frame sees them [m].
 
-    axes: names of its three axes; attractors: (n_i, 3) per demonstration; releases (n, 3): attractor when the ball leaves the hand;
-    means (K, 3) and covariances (K, 3, 3) of position, times (K,) of the components [s].
+    * name: of the frame.
+    * axes: names of its three axes.
+    * attractors: (n_i, 3) per demonstration.
+    * releases: (n, 3), attractor when the ball leaves the hand.
+    * means, covariances: (K, 3), (K, 3, 3), of the position in each component.
+    * times: (K,), of the components [s].
     """
 
     name: str

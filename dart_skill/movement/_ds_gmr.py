@@ -30,10 +30,12 @@ SAME_STEP = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Reproduction:
-    """A planned movement.
+    """A planned movement, in the units of the movement.
 
-    time (n,) [s]; attractor (n, d) with its covariance (n, d, d), or None if it was not asked for; position, velocity and
-    acceleration (n, d) of the motion that follows the attractor (7.19), in the units of the movement.
+    * time: (n,) [s].
+    * attractor: (n, d).
+    * covariance: (n, d, d), of the attractor; None if it was not asked for.
+    * position, velocity, acceleration: (n, d), of the motion that follows the attractor (7.19).
     """
 
     time: np.ndarray

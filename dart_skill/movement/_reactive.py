@@ -23,7 +23,8 @@ class Reaction(NamedTuple):
 class ReactivePolicy:
     """Keeps the phase of one movement, from the start of what was shown to its end.
 
-    model: an `AutonomousDSGMR` that was fitted. inputs: its further inputs (q,), default None.
+    * model: an `AutonomousDSGMR` that was fitted.
+    * inputs: its further inputs (q,), default None.
     """
 
     def __init__(self, model: AutonomousDSGMR, inputs: ArrayLike | None = None):

@@ -94,23 +94,23 @@ def shared_time(blocks: list[np.ndarray]) -> np.ndarray:
 class TaskParameterisedMixture(EMEstimator, SavedModel):
     """Mixture of K components in P task frames over m features, of which column 0 is time.
 
-    start: "time" cuts the samples into K slices of equal weight along column 0 of the first frame that
-    sees them, and needs no generator; "kmeans" clusters the samples as seen from all frames. Other hyper-parameters as in
-    `EMEstimator`. Fitted: priors_ (K,), means_ (P, K, m), covariances_ (P, K, m, m), log_likelihood_ (summed
-    over samples and frames), n_iterations_, converged_. Where frames see different numbers of directions, means_ and
-    covariances_ are lists of P arrays (K, d_p) and (K, d_p, d_p).
+    * n_components, covariance_floor, tolerance, max_iterations, n_starts: as of `EMEstimator`.
+    * start: "time" cuts the samples into K slices of equal weight along column 0 of the first frame that sees them, and needs no generator;
+      "kmeans" clusters the samples as seen from all frames.
+    * n_shared: default 0. So many features, time and what else all frames pass through, count once in the product. With 0 it is (7.21) as
+      it stands: P frames give P densities of the time, so a component is narrower in time by the root of P than it was learned, and what is
+      retrieved changes abruptly from one to the next. Where they count once, the frames' regressions are multiplied, and responsibilities
+      of components are those of one frame.
+    * covariance_prior: default 0, no prior. For few samples, as of `GaussianMixture`: in each frame each covariance is averaged with one
+      that says that all columns vary alike and are not correlated, and this one counts as so many samples (inverse Wishart, Fraley and
+      Raftery 2007). The number of columns is a good weight where demonstrations are two or three.
 
-    n_shared: the first so many features, time and what else all frames pass through, count once in the product. With 0, the default, it is
-    (7.21) as it stands: P frames give P densities of the time, so a component is narrower in time by the root of P than it was learned, and
-    what is retrieved changes abruptly from one to the next. Where they count once, the frames' regressions are multiplied, and
-    responsibilities of components are those of one frame.
+    Fitted attributes: priors_ (K,), means_ (P, K, m), covariances_ (P, K, m, m), log_likelihood_ (summed over samples and frames),
+    n_iterations_, converged_. Where frames see different numbers of directions, means_ and covariances_ are lists of P arrays (K, d_p) and
+    (K, d_p, d_p).
 
-    covariance_prior: default 0, no prior. For few samples, as of `GaussianMixture`: in each frame each covariance is averaged with one
-    that says that all columns vary alike and by chance only together, and this one counts as so many samples (inverse Wishart, Fraley and
-    Raftery 2007). The number of columns is a good weight where demonstrations are two or three.
-
-    Frames are given as P entries per demonstration: a TaskFrame or PartialFrame, a list of them with one for each
-    sample, or None, in the list too, where the frame is missing.
+    Frames are given as P entries per demonstration: a TaskFrame or PartialFrame, a list of them with one for each sample, or None, in the
+    list too, where the frame is missing.
     """
 
     def __init__(

@@ -82,7 +82,7 @@ class Search(ABC):
     * n_updates: number of updates of the policy.
     * best_return, best_trial: the highest return so far, -inf at first, and its trial, None at first.
 
-    settings: checked options.
+    * settings: checked options.
     """
 
     def __init__(self, settings: Settings, rng: np.random.Generator):

@@ -46,16 +46,16 @@ def _none(width: int | None = None) -> Callable[[], np.ndarray]:
 class Demonstration:
     """One throw. All of it is in frame_id; times are seconds after stamp_ns, lengths metres, quaternions x, y, z, w.
 
-    id: unique in a recording.
-    stamp_ns: the origin of all times.
-    target: (3,), centre of the basket's rim, or of the board.
-    hand_time, hand_position, hand_quaternion: (n,), (n, 3), (n, 4), poses of the hand, n >= 2.
-    ball_time, ball_position: (m,), (m, 3), from the grip to the landing; may be empty.
-    joint_time, joint_position, joint_velocity: (k,), (k, 7) [rad], (k, 7) [rad/s], of the arm; may be empty.
-    motion_start, motion_stop: when the speed crossed the thresholds; nan if unknown.
-    hand_opened: when the hand was told to open; nan if unknown.
-    joint_names: as the driver calls them; may be empty.
-    skill: of throwing (`world.THROWN`), which says what the "ball" and the "basket" are: a dart and a board, too.
+    * id: unique in a recording.
+    * stamp_ns: the origin of all times.
+    * target: (3,), centre of the basket's rim, or of the board.
+    * hand_time, hand_position, hand_quaternion: (n,), (n, 3), (n, 4), poses of the hand, n >= 2.
+    * ball_time, ball_position: (m,), (m, 3), from the grip to the landing; may be empty.
+    * joint_time, joint_position, joint_velocity: (k,), (k, 7) [rad], (k, 7) [rad/s], of the arm; may be empty.
+    * motion_start, motion_stop: when the speed crossed the thresholds; nan if unknown.
+    * hand_opened: when the hand was told to open; nan if unknown.
+    * joint_names: as the driver calls them; may be empty.
+    * skill: of throwing (`world.THROWN`), which says what the "ball" and the "basket" are: a dart and a board, too.
 
     ValueError names what is not so.
     """

@@ -43,10 +43,13 @@ class ArmState:
 
 @dataclass(frozen=True)
 class Command:
-    """An answer to the state of `stamp_ns`.
+    """An answer to a state. The arm adds gravity compensation by itself.
 
-    wrench (6,): force [N] and moment [N m] at the hand frame's origin, world axes; joint_torque (7,) [N m] is added to J' wrench.
-    The arm adds gravity compensation by itself. speed: the level that it may move with.
+    * stamp_ns: of the state [ns].
+    * wrench: (6,), force [N] and moment [N m] at the hand frame's origin, world axes.
+    * joint_torque: (7,), is added to J' wrench [N m].
+    * grip: what the hand shall do.
+    * speed: the level that it may move with.
     """
 
     stamp_ns: int

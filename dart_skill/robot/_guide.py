@@ -71,7 +71,7 @@ class Guide(Protocol):
 class PlanGuide:
     """Guides through a plan; where the plan has a pace, the state of the hand drives its clock, else time does.
 
-    follow_time: the path is followed for so long after the plan's end [s].
+    * follow_time: the path is followed for so long after the plan's end [s].
     """
 
     def __init__(self, plan: MotionPlan, follow_time: float):
@@ -110,8 +110,10 @@ class PlanGuide:
 class Fingers:
     """What the fingers do on the clock of a guide, and where that clock waits for a hand that is held back.
 
-    carries: whether the hand holds something at the start. fault: once it was held back for too long; empty until then. events: when they
-    are told something.
+    * carries: whether the hand holds something at the start.
+    * events: when the fingers are told something.
+
+    Attribute: fault, why the motion was given up, once the hand was held back for too long; empty until then.
     """
 
     def __init__(self, events: Sequence[GripEvent], carries: bool):

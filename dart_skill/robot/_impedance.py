@@ -73,9 +73,11 @@ class PoseGains:
 class Impedance:
     """Wrench and joint torques for a wanted acceleration of the hand, by the controller's model of the arm.
 
-    friction_compensation is the share of the identified joint friction that is fed forward; null_stiffness and null_damping
-    [1/s^2, 1/s] hold the posture in the arm's free motion. least_mobility [1/kg]: a direction in which the hand is harder to accelerate
-    than this (a shoulder or a wrist that is straight: axes in line) is left to the posture by and by, the less mobile the more.
+    * model: of the arm.
+    * friction_compensation: share of the identified joint friction that is fed forward.
+    * null_stiffness, null_damping: hold the posture in the arm's free motion [1/s^2], [1/s].
+    * least_mobility: a direction in which the hand is harder to accelerate than this (a shoulder or a wrist that is straight: axes in line)
+      is left to the posture gradually, the less mobile the more [1/kg].
     """
 
     def __init__(

@@ -61,8 +61,10 @@ class GainsOverTime:
 class HandPath:
     """A motion of the hand frame in the world at n instants.
 
-    time (n,) [s] from 0, increasing; position (n, 3) [m]; quaternion (n, 4) x, y, z, w; velocity and acceleration (n, 6), linear
-    over angular, world axes.
+    * time: (n,), from 0, increasing [s].
+    * position: (n, 3) [m].
+    * quaternion: (n, 4), x, y, z, w.
+    * velocity, acceleration: (n, 6), linear over angular, world axes.
     """
 
     time: np.ndarray

@@ -42,7 +42,11 @@ Step = Callable[[ArmState], tuple[Command, Command | None]]
 @dataclass(frozen=True)
 class Trial:
     """One throw: what the cameras made of it, the throw as a demonstration, and the simulator's own word on it: whether the ball is in the
-    basket, or the dart in the board. outcome: by the cameras; ball_was_in: by the simulator; states: of the plant, where they are kept.
+    basket, or the dart in the board.
+
+    * outcome: by the cameras.
+    * ball_was_in: by the simulator.
+    * states: of the plant, where they are kept.
     """
 
     outcome: Outcome

@@ -37,7 +37,9 @@ LAYOUT = "in-process"
 class SessionBag:
     """What a session tells it is written when a movement is over; a context manager, which closes the bag.
 
-    path: folder, which must not exist. seed: of the run. skill: whose bodies the cameras track.
+    * path: folder, which must not exist.
+    * seed: of the run.
+    * skill: whose bodies the cameras track.
     """
 
     def __init__(self, path: str | os.PathLike, seed: int, skill: Skill):

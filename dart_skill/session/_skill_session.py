@@ -37,7 +37,7 @@ def nobody() -> None:
 class SkillTrial:
     """One movement: what was seen of it, what the skill says came of it, and why it was stopped, if it was.
 
-    outcome: what the skill says.
+    * outcome: what the skill says.
     """
 
     seen: TaskDemonstration

@@ -16,7 +16,7 @@ from dart_skill.skill.protocol import Situation, TaskOutcome
 class SkillResult:
     """One trial: for which situation, what came of it, and what was wrong with its execution, empty if nothing was.
 
-    outcome: what the skill says.
+    * outcome: what the skill says.
     """
 
     situation: Situation

@@ -19,10 +19,13 @@ from dart_skill.world import THROW
 
 @dataclass(frozen=True)
 class ThrowResult:
-    """One throw. target (3,): centre of the rim; landing (3,): where the ball crossed the plane of the rim, None if not seen [m].
+    """One throw.
 
-    error_m: horizontal distance of the two, None if not seen; nan stands for None. in_basket: as the cameras saw it. message: what
-    went wrong, empty if nothing did.
+    * target: (3,), centre of the rim [m].
+    * landing: (3,), where the ball crossed the plane of the rim, None if not seen [m].
+    * error_m: horizontal distance of the two, None if not seen; nan stands for None.
+    * in_basket: as the cameras saw it.
+    * message: what went wrong, empty if nothing did.
     """
 
     target: tuple[float, float, float]

@@ -55,7 +55,8 @@ class PictureMaker(Protocol):
 class ExportedDataset:
     """What was written: the skill, episodes and frames, by its id why a demonstration is none, and whether there are commands.
 
-    ids: of the episodes; left_out: why, by id.
+    * ids: of the episodes.
+    * left_out: why, by id.
     """
 
     skill: str

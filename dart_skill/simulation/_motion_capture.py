@@ -22,7 +22,8 @@ from numpy.typing import ArrayLike
 class Camera:
     """A camera at `position` (3,) that looks at `look_at` (3,), its image upright, in the world frame [m].
 
-    half_angles: (2,) of the field of view, horizontal and vertical [rad]; range: of sight [m].
+    * half_angles: (2,) of the field of view, horizontal and vertical [rad].
+    * range: of sight [m].
     """
 
     position: np.ndarray
@@ -144,7 +145,10 @@ Walls = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class BasketWalls:
-    """Opaque wall of a basket: upright cylinder that hangs `depth` below its rim's centre (3,) [m]. radius: of the cylinder [m]."""
+    """Opaque wall of a basket: upright cylinder that hangs `depth` below its rim's centre (3,) [m].
+
+    * radius: of the cylinder [m].
+    """
 
     rim: np.ndarray
     radius: float
@@ -185,7 +189,8 @@ NO_CAPSULES = (np.empty((0, 2, 3)), np.empty(0))
 class Frame:
     """The true world at one exposure: what the arguments of `MotionCapture.observe` of the same names say.
 
-    bodies, capsules: as of `MotionCapture.observe`; number: of the frame in its episode.
+    * bodies, capsules: as of `MotionCapture.observe`.
+    * number: of the frame in its episode.
     """
 
     stamp_ns: int
@@ -198,7 +203,7 @@ class Frame:
 class MotionCapture:
     """The whole system. Same seed, episodes and frames: same samples, whatever was visible before.
 
-    config: MotionCaptureConfig, or the parameters that make one.
+    * config: MotionCaptureConfig, or the parameters that make one.
     """
 
     def __init__(self, config: MotionCaptureConfig | Mapping, seed: int):

@@ -146,8 +146,13 @@ class _Motion:
 class Teacher:
     """Guides one throw at a time: `begin` with a target, then `step` once per state until the phase is WATCHING.
 
-    game: what is thrown at what. `learn_from(landing)` corrects the next throw at the same target, as a person does who saw where the
-    ball went. swing: how the person throws.
+    `learn_from(landing)` corrects the next throw at the same target, as a person does who saw where the ball went.
+
+    * seed: everything random comes from it.
+    * swing: how the person throws.
+    * person: how the person guides.
+    * step: between two states [s].
+    * game: what is thrown at what.
     """
 
     _motion: _Motion  # from the first throw on

@@ -32,8 +32,9 @@ MOST_LESSONS, MOST_THROWS = 30, 50
 class Request:
     """What somebody asked for with a control, and its details.
 
-    what: "teach", "learn", "throw", "practice", "stop", "reset", "place_basket" or "set"; of a lesson with the mouse "hold", "pull",
-    "turn", "grip", "look", "done", "discard" or "undo". values: the details.
+    * what: "teach", "learn", "throw", "practice", "stop", "reset", "place_basket" or "set"; of a lesson with the mouse "hold", "pull",
+      "turn", "grip", "look", "done", "discard" or "undo".
+    * values: the details.
     """
 
     what: str

@@ -23,8 +23,10 @@ NAP = 0.05
 class FoxgloveServer:
     """A server of topics; a context manager.
 
-    port: 0 takes any free one. host: 0.0.0.0 serves everybody who reaches the machine. ModuleNotFoundError without foxglove-sdk, OSError
-    where the port is taken.
+    * port: 0 takes any free one.
+    * host: 0.0.0.0 serves everybody who reaches the machine.
+
+    ModuleNotFoundError without foxglove-sdk, OSError where the port is taken.
     """
 
     def __init__(self, port: int = PORT, host: str = HOST, name: str = "dart_skill"):

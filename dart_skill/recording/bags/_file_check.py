@@ -42,9 +42,10 @@ NO_MESSAGES = "the file holds no messages"
 class Finding:
     """Something about a bag.
 
-    severity: "error" (something is lost or unreadable), "warning" (look at it) or "note".
-    place: file, topic or byte.
-    remedy: what to do about it; empty if nothing needs to be done. message: what it is.
+    * severity: "error" (something is lost or unreadable), "warning" (look at it) or "note".
+    * place: file, topic or byte.
+    * remedy: what to do about it; empty if nothing needs to be done.
+    * message: what it is.
     """
 
     severity: str

@@ -38,12 +38,12 @@ class Due(NamedTuple):
 class Selection:
     """What of a bag is played.
 
-    topics, exclude: regular expressions that match a topic as a whole.
-    remap: published name by recorded name.
-    start: after the bag's first message [s].
-    duration: from there [s].
-    loop: begin again at the end.
-    clock_rate: of /clock [1/s of the bag's time], 0 for none; a recorded /clock is played instead.
+    * topics, exclude: regular expressions that match a topic as a whole.
+    * remap: published name by recorded name.
+    * start: after the bag's first message [s].
+    * duration: from there [s].
+    * loop: begin again at the end.
+    * clock_rate: of /clock [1/s of the bag's time], 0 for none; a recorded /clock is played instead.
     """
 
     topics: Sequence[str] = (".*",)
@@ -118,9 +118,9 @@ BEHIND = 0.5
 class Pace:
     """Where playing has come to on somebody's clock.
 
-    rate: seconds of the bag in a second of the clock; 0: as fast as can be.
-    now: what time it is there [s]; every method is told.
-    paused: begin only when `pause` says so.
+    * rate: seconds of the bag in a second of the clock; 0: as fast as can be.
+    * now: what time it is there [s]; every method is told.
+    * paused: begin only when `pause` says so.
     """
 
     def __init__(self, rate: float, now: float, paused: bool = False):

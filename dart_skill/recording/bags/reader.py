@@ -54,11 +54,11 @@ class BagError(ValueError):
 class TopicInfo:
     """A topic of a bag.
 
-    type_name: as package/msg/Name.
-    count: messages.
-    type_hash: RIHS01; empty where the bag does not tell it.
-    qos: profiles of `rosbags`.
-    encoding: of the messages.
+    * type_name: as package/msg/Name.
+    * count: messages.
+    * type_hash: RIHS01; empty where the bag does not tell it.
+    * qos: profiles of `rosbags`.
+    * encoding: of the messages.
     """
 
     name: str
@@ -92,18 +92,19 @@ class BagFile:
 class BagReader:
     """An open bag; a context manager. Raises BagError for what is no whole bag.
 
-    path: rosbag2 folder, or .mcap or .db3 file.
-    types: definitions for topics whose bag holds none, or what makes these when they are needed (`typestore`).
+    * path: rosbag2 folder, or .mcap or .db3 file.
+    * types: definitions for topics whose bag holds none, or what makes these when they are needed (`typestore`). The attribute of this name
+      decodes the messages. Bags that define the same types share it: make another store to add to it.
 
-    It tells, as attributes:
-    topics: TopicInfo by name.
-    files: a list of BagFile, in order.
-    storage: how rosbag2 calls the format of the files: mcap or sqlite3.
-    metadata: of rosbag2, from metadata.yaml or, without it, from the file; empty if neither tells them.
-    custom_data: names and texts of the metadata, as `BagWriter` got them.
-    start_ns, end_ns: log times of the first and last message; 0 for an empty bag.
-    message_count: on all topics.
-    types: of the messages, by which they are decoded. Bags that define the same types share them: make another store to add to it.
+    Attributes:
+
+    * topics: TopicInfo by name.
+    * files: a list of BagFile, in order.
+    * storage: how rosbag2 calls the format of the files: mcap or sqlite3.
+    * metadata: of rosbag2, from metadata.yaml or, without it, from the file; empty if neither tells them.
+    * custom_data: names and texts of the metadata, as `BagWriter` got them.
+    * start_ns, end_ns: log times of the first and last message; 0 for an empty bag.
+    * message_count: on all topics.
     """
 
     def __init__(self, path: str | os.PathLike, types: Typestore | Callable[[], Typestore] | None = None):

@@ -76,17 +76,17 @@ class LostPlace:
 class Recovery:
     """A recovered bag: what is in it and what is not.
 
-    path, files: the new bag and the names of its files.
-    messages: kept, by topic.
-    lost: messages by topic, as far as statistics, message indexes, metadata.yaml or gaps in sequence numbers tell; what a recorder had
-        not handed over yet when it stopped leaves no trace.
-    places: what is damaged or missing.
-    repairs: damage without loss.
-    unverified: kept messages for which no CRC vouches.
-    lost_chunks: how many were left out.
-    start_ns, end_ns: log times of the first and last message that was kept; None without messages.
-    n_attachments: how many were kept.
-    custom_data: of the new bag.
+    * path, files: the new bag and the names of its files.
+    * messages: kept, by topic.
+    * lost: messages by topic, as far as statistics, message indexes, metadata.yaml or gaps in sequence numbers tell; what a recorder had
+      not handed over yet when it stopped leaves no trace.
+    * places: what is damaged or missing.
+    * repairs: damage without loss.
+    * unverified: kept messages for which no CRC vouches.
+    * lost_chunks: how many were left out.
+    * start_ns, end_ns: log times of the first and last message that was kept; None without messages.
+    * n_attachments: how many were kept.
+    * custom_data: of the new bag.
     """
 
     path: Path

@@ -88,13 +88,13 @@ def qos_yaml(reliability: str = "reliable", durability: str = "volatile", histor
 class BagWriter:
     """A bag that is being written; a context manager. What was written stays, also when the block raises.
 
-    path: folder of the bag, which must not exist; it holds `<name>_0.mcap`, `<name>_1.mcap` ... and, once closed, metadata.yaml.
-    custom_data: names and texts that go into the metadata (seed, version, who recorded); `note` adds some.
-    chunk_size: bytes of messages after which they are compressed and handed to the operating system.
-    flush_period_ns: log time after which they are in any case.
-    ros_distro: goes into the metadata.
-    max_bytes: a new file begins before the current one gets larger; 0: never.
-    max_duration_ns: a new file begins before the current one gets as long in log time; 0: never.
+    * path: folder of the bag, which must not exist; it holds `<name>_0.mcap`, `<name>_1.mcap` ... and, once closed, metadata.yaml.
+    * custom_data: names and texts that go into the metadata (seed, version, who recorded); `note` adds some.
+    * chunk_size: bytes of messages after which they are compressed and handed to the operating system.
+    * flush_period_ns: log time after which they are in any case.
+    * ros_distro: goes into the metadata.
+    * max_bytes: a new file begins before the current one gets larger; 0: never.
+    * max_duration_ns: a new file begins before the current one gets as long in log time; 0: never.
 
     One thread at a time may call its methods. Each of them raises BagWriteError once the disk takes no more;
     what was written until then stays readable (`recover`), and `close` adds no second error.

@@ -89,8 +89,8 @@ class PoseSource:
 class SignalSource:
     """Where joint states or commands come from: a topic or a table.
 
-    names: of the seven joints in their order; empty: those of config/wam.yaml where they are there, else as recorded.
-    shift_ns: added to stamps.
+    * names: of the seven joints in their order; empty: those of config/wam.yaml where they are there, else as recorded.
+    * shift_ns: added to stamps.
     """
 
     topic: str = ""

@@ -40,13 +40,12 @@ SURE_FRAMES = 5  # of free flight by which one body must surpass the other to be
 class Fault:
     """What is wrong with the poses of a body.
 
-    kind: not_finite, zero_pose, not_unit, repeated_stamp, backwards, stale, jitter, swap, outlier; or gap, which is no fault.
-    body: its name; of an exchange, both names.
-    start_ns, stop_ns: stamps of the first and last sample that is concerned.
-    count: of samples; of a gap, of missing frames.
-    message: what is wrong and what was done, for people.
-    repaired: what is left is right as far as anybody can tell; samples that were left out count as repaired if nothing was known of
-        them.
+    * kind: not_finite, zero_pose, not_unit, repeated_stamp, backwards, stale, jitter, swap, outlier; or gap, which is no fault.
+    * body: its name; of an exchange, both names.
+    * start_ns, stop_ns: stamps of the first and last sample that is concerned.
+    * count: of samples; of a gap, of missing frames.
+    * message: what is wrong and what was done, for people.
+    * repaired: what is left is right as far as anybody can tell; samples that were left out count as repaired if nothing was known of them.
     """
 
     kind: str

@@ -22,8 +22,8 @@ UP_AXES = {"z": UNTURNED, "y": (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))}
 class RigidTransform:
     """p -> R(quaternion) p + position.
 
-    position: (3,) [m].
-    quaternion: (4,), x, y, z, w, of norm 1.
+    * position: (3,) [m].
+    * quaternion: (4,), x, y, z, w, of norm 1.
     """
 
     position: np.ndarray = field(default_factory=lambda: np.zeros(3))
@@ -43,11 +43,11 @@ class RigidTransform:
 class PoseStream:
     """Poses as they were recorded, in their order, good or bad.
 
-    body: its name.
-    stamp_ns: (n,) int64.
-    position: (n, 3) [m].
-    quaternion: (n, 4), x, y, z, w.
-    frame_id: name of the axes.
+    * body: its name.
+    * stamp_ns: (n,) int64.
+    * position: (n, 3) [m].
+    * quaternion: (n, 4), x, y, z, w.
+    * frame_id: name of the axes.
     """
 
     body: str

@@ -31,7 +31,10 @@ class Feature:
 
 @dataclass(frozen=True)
 class Camera:
-    """A video: its key in the dataset, and its size [pixels]. height, width: of its pictures [pixels]."""
+    """A video: its key in the dataset, and its size [pixels].
+
+    * height, width: of its pictures [pixels].
+    """
 
     key: str
     width: int

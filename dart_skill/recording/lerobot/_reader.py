@@ -33,7 +33,7 @@ class Episode:
 class LeRobotDataset:
     """A dataset: its folder, frames per second, names of the elements by feature (vectors only), and episodes in order.
 
-    fps: frames per second.
+    * fps: frames per second.
     """
 
     path: Path

@@ -19,8 +19,13 @@ from dart_skill.recording.lerobot._format import Camera, Feature
 class DatasetWriter:
     """A new dataset; a context manager, which takes the folder away again where something goes wrong.
 
-    path: folder, which must not exist. fps: frames per second. robot_type: as the dataset calls the robot. features: vectors of each frame.
-    cameras: videos. FileExistsError for a folder that is there, ModuleNotFoundError without the extra `lerobot`.
+    * path: folder, which must not exist.
+    * fps: frames per second.
+    * robot_type: as the dataset calls the robot.
+    * features: vectors of each frame.
+    * cameras: videos.
+
+    FileExistsError for a folder that is there, ModuleNotFoundError without the extra `lerobot`.
     """
 
     def __init__(self, path: str | os.PathLike, fps: int, robot_type: str, features: Sequence[Feature], cameras: Sequence[Camera] = ()):

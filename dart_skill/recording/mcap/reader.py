@@ -29,8 +29,9 @@ _STAMP = itemgetter(2)
 class BagMessage(NamedTuple):
     """A message.
 
-    stamp_ns: log time.
-    data: CDR bytes or, decoded, an object with the message's fields. topic: its name.
+    * stamp_ns: log time.
+    * data: CDR bytes or, decoded, an object with the message's fields.
+    * topic: its name.
     """
 
     topic: str

@@ -65,12 +65,12 @@ class Message(NamedTuple):
 class Chunk:
     """A chunk as it stands in the file.
 
-    start_ns, end_ns: log times of its first and last message.
-    size: bytes of its records, once they are decompressed.
-    crc: of the decompressed records; 0 for none.
-    compression: "zstd", "lz4" or "".
-    records: compressed.
-    length: of the chunk's content, as its own sizes say.
+    * start_ns, end_ns: log times of its first and last message.
+    * size: bytes of its records, once they are decompressed.
+    * crc: of the decompressed records; 0 for none.
+    * compression: "zstd", "lz4" or "".
+    * records: compressed.
+    * length: of the chunk's content, as its own sizes say.
     """
 
     start_ns: int
@@ -178,11 +178,11 @@ class ChunkTable:
 class Summary:
     """The summary of a file.
 
-    start: its place in the file.
-    has_crc: whether a CRC vouches for it.
-    schemas, channels: by number.
-    chunks, attachments, metadata: their indexes.
-    statistics: None if it has none.
+    * start: its place in the file.
+    * has_crc: whether a CRC vouches for it.
+    * schemas, channels: by number.
+    * chunks, attachments, metadata: their indexes.
+    * statistics: None if it has none.
     """
 
     start: int

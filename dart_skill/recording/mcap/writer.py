@@ -56,9 +56,9 @@ class McapChannel:
 class McapFile:
     """An MCAP file that is being written. `finish` makes it a whole file and leaves it open.
 
-    path: must not exist yet.
-    profile, library: of the header.
-    chunk_size: bytes of records after which a chunk ends.
+    * path: must not exist yet.
+    * profile, library: of the header.
+    * chunk_size: bytes of records after which a chunk ends.
 
     Every method may raise OSError, after which the file holds what it held before.
     """

@@ -15,7 +15,7 @@ KEPT = 0.1
 class HandSeen:
     """The distance between two accounts of the hand: of cameras, which are late, and of the arm, which is wrong.
 
-    name: of the hand's body; empty: nobody looks.
+    * name: of the hand's body; empty: nobody looks.
     """
 
     def __init__(self, name: str):

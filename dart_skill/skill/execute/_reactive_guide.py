@@ -51,7 +51,8 @@ class ReactiveGuide:
     * registration: of the cameras whose poses it is told; the frames are those of the arm.
     * hand: name of the hand's own body. Where the cameras see it counts, and not where the arm takes it to be; empty: nobody looks.
 
-    speed: that the person chose; carries: whether the hand holds something.
+    * speed: that the person chose.
+    * carries: whether the hand holds something.
     """
 
     def __init__(

@@ -21,9 +21,14 @@ MOST_FOR_PATTERNS = 30
 
 @dataclass(frozen=True)
 class PracticeSettings:
-    """capacity: of the memory, demonstrations included, 0 for no limit; forget: "oldest" trial first, or "crowded": the older of the two
-    whose tasks are nearest to each other, which keeps the region covered. largest_deviation: from what the others predict, in units of what
-    is usual; tolerance [m]: a hand path that strays less is never strange; tail [s]: after the release the motion does not matter.
+    """How `Practice` keeps its memory, and what it takes for strange.
+
+    * capacity: of the memory, demonstrations included, 0 for no limit.
+    * forget: "oldest" trial first, or "crowded": the older of the two whose tasks are nearest to each other, which keeps the region
+      covered.
+    * largest_deviation: from what the others predict, in units of what is usual.
+    * tolerance: a hand path that strays less is never strange [m].
+    * tail: so long after the release the motion does not matter [s].
     """
 
     capacity: int = 0

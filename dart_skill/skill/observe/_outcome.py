@@ -28,12 +28,13 @@ DEGREE = 4  # of the polynomial for their difference; one of the next degree tel
 class Outcome:
     """Result of one throw.
 
-    landing_seen: the ball was tracked up to, or at most 0.15 s before, the crossing of the rim's plane.
-    landing: (3,) where the ball's centre crosses the plane of the rim going down, on its first free flight; a
-        ball that touches the rim counts where it would have crossed; a dart: where it meets the plane of the board [m]; nan if not seen.
-    landing_time: of the crossing, on the clock of the samples [s]; nan if not seen.
-    landing_error: distance of the landing from the centre of the rim, or from the target on the board, in that plane [m]; nan if not seen.
-    in_basket: last seen inside the walls below the rim, or flying down through the rim and never seen again; a dart: it met the board.
+    * landing_seen: the ball was tracked up to, or at most 0.15 s before, the crossing of the rim's plane.
+    * landing: (3,) where the ball's centre crosses the plane of the rim going down, on its first free flight; a ball that touches the rim
+      counts where it would have crossed; a dart: where it meets the plane of the board [m]; nan if not seen.
+    * landing_time: of the crossing, on the clock of the samples [s]; nan if not seen.
+    * landing_error: distance of the landing from the centre of the rim, or from the target on the board, in that plane [m]; nan if not
+      seen.
+    * in_basket: last seen inside the walls below the rim, or flying down through the rim and never seen again; a dart: it met the board.
     """
 
     landing_seen: bool
@@ -47,12 +48,12 @@ class Outcome:
 class Release:
     """How the ball left the hand.
 
-    time: instant at which the ball stops moving with the hand, on the clock of the samples [s].
-    time_uncertainty: its standard deviation [s]; large where the hand accelerates as a free ball would.
-    position, velocity: (3,) of the ball then, from the fit of the flight [m], [m/s].
-    grip_distance: of the flight from the grip point then [m].
-    grip: (3,) centre of the held ball in the hand frame, as it was seen [m].
-    flight: the fit, its state at `time`.
+    * time: instant at which the ball stops moving with the hand, on the clock of the samples [s].
+    * time_uncertainty: its standard deviation [s]; large where the hand accelerates as a free ball would.
+    * position, velocity: (3,) of the ball then, from the fit of the flight [m], [m/s].
+    * grip_distance: of the flight from the grip point then [m].
+    * grip: (3,) centre of the held ball in the hand frame, as it was seen [m].
+    * flight: the fit, its state at `time`.
     """
 
     time: float

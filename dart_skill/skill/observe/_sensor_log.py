@@ -56,7 +56,8 @@ class Stream:
 class SensorLog:
     """Poses of bodies by their role, and joint states, since `clear`.
 
-    roles: of the bodies. joint_period_ns thins the joint states to about the rate of the poses, counted from when the world was set anew.
+    * roles: of the bodies.
+    * joint_period_ns: joint states are thinned to about this period, the rate of the poses, counted from when the world was set anew [ns].
 
     Attributes: turned, roles of the bodies whose orientation counts; rejected, how many samples were stale or not finite.
     """

@@ -19,9 +19,12 @@ MEMORY_NS = 60_000_000_000
 
 @dataclass(frozen=True)
 class FoundThrow:
-    """A throw in a recording. stamp_ns: when the hand was told to open, or the ball left it; taught: a person guided it.
+    """A throw in a recording.
 
-    demonstration, outcome: None if it could not be cut out; reason: why it is not learned from, empty if it is.
+    * stamp_ns: when the hand was told to open, or the ball left it.
+    * taught: a person guided it.
+    * demonstration, outcome: None if it could not be cut out.
+    * reason: why it is not learned from, empty if it is.
     """
 
     stamp_ns: int

@@ -23,7 +23,8 @@ LOOK_BACK_NS = 500_000_000
 class TaskLog(SensorLog):
     """Poses of the hand and of the bodies of a skill, joint states, and what the fingers were told, with stamps [ns].
 
-    bodies: roles of the tracked bodies beside the hand. joint_period_ns: as of `SensorLog`.
+    * bodies: roles of the tracked bodies beside the hand.
+    * joint_period_ns: as of `SensorLog`.
     """
 
     def __init__(self, bodies: Sequence[str], joint_period_ns: int = 10_000_000):

@@ -134,6 +134,16 @@ def test_every_parameter_has_words():
     assert not without, f"{len(without)} parameters without words:\n" + "\n".join(without)
 
 
+def test_each_parameter_of_a_class_stands_in_a_list():
+    """`* name: ...`, or `* name, other: ...` where one text is of several; not `name: ...` without the mark of an item."""
+    found = []
+    for name, thing, text in PUBLIC:
+        known = fields.documented(thing).parameters if inspect.isclass(thing) else ()
+        heads = (re.match(r"((?:\w+(?:, )?)+): ", line) for line in text.splitlines())
+        found += [f"{name}: {head[0]}" for head in heads if head and set(head[1].split(", ")) <= set(known)]
+    assert not found, "\n".join(found)
+
+
 def test_nothing_is_said_twice_of_a_parameter():
     for name, thing, text in PUBLIC:
         parts = fields.split(fields.documented(thing), text.splitlines())[1]
