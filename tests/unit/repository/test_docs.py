@@ -142,3 +142,12 @@ def test_every_public_module_is_on_a_page_of_the_api():
     for name in listed:
         path = ROOT.joinpath(*name.split("."))
         assert path.with_suffix(".py").is_file() or (path / "__init__.py").is_file(), f"{name} is on a page and not there"
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page.name != "reference.md"], ids=lambda page: page.name)
+def test_parameters_in_tables_are_those_of_the_nodes(page):
+    """A row that begins with "`parameter` (node)"."""
+    known = set(re.findall(r"`(\w+)`", (DOCS / "reference.md").read_text(encoding="utf-8")))
+    rows = re.findall(r"^\| ((?:`\w+`(?:, )?)+) \(\w+[^|]*\) \|", page.read_text(encoding="utf-8"), re.MULTILINE)
+    unknown = [name for row in rows for name in re.findall(r"\w+", row) if name not in known]
+    assert not unknown, f"no node has {unknown}: the parameters are in docs/reference.md"
