@@ -4,12 +4,12 @@ from dart_skill.skill.model._choosing import choose_components
 from dart_skill.skill.model._learned import LearnedSkill, NoPlan
 from dart_skill.skill.model._learning import AnySkill, learn, learn_usable
 from dart_skill.skill.model._moving_frames import moving_frames
+from dart_skill.skill.model._outliers import outliers, unlike
 from dart_skill.skill.model._policy import Policy
 from dart_skill.skill.model._pose_features import frame_of, orientations, pose_features
 from dart_skill.skill.model._prepared import PreparedMovement, check_movement, prepare_movement
 from dart_skill.skill.model._reactive import ReactiveSkill
 from dart_skill.skill.model._skill_file import changed_skill, load_skill_model, save_skill_model
-from dart_skill.skill.model._unlike import outliers, unlike
 
 __all__ = [
     "AnySkill",

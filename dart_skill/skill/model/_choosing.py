@@ -9,7 +9,7 @@ import numpy as np
 
 from dart_skill.mixture import best_number
 from dart_skill.skill.model._learning import learn
-from dart_skill.skill.model._unlike import FEWEST, unlike
+from dart_skill.skill.model._outliers import FEWEST, unlike
 from dart_skill.skill.protocol import BIC, COMPONENTS, CROSS_VALIDATION, Skill, TaskDemonstration, check_way
 
 

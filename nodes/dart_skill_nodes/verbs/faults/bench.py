@@ -1,4 +1,4 @@
-"""The graph under test: started, taught, hurt in one place at one moment, watched meanwhile, and asked to work again."""
+"""The graph under test: started, taught, given a fault in one place at one moment, watched meanwhile, and asked to work again."""
 
 import json
 import signal
@@ -42,7 +42,7 @@ from dart_skill_nodes.verbs.faults.cases import (
     VIEWER,
     Case,
 )
-from dart_skill_nodes.verbs.faults.hurt import Hurt
+from dart_skill_nodes.verbs.faults.injection import FaultInjection
 from dart_skill_nodes.verbs.faults.reactions import AT_REST, Reaction
 from dart_skill_nodes.verbs.faults.small_disk import SmallDisk
 from dart_skill_nodes.verbs.faults.stranger import DONE, NAME, ORDERS
@@ -250,23 +250,23 @@ class Bench:
     def run(self, case: Case) -> Reaction:
         """Try one case."""
         self._arrange(case)
-        hurt = Hurt(self._graph, case, self._is_time(case), self._order, self._disk)
+        injection = FaultInjection(self._graph, case, self._is_time(case), self._order, self._disk)
         self._planning = False
         self.meter.take()
         self.meter.begin()
         hold_planning = case.phase == "planning" and case.node != LEARNER
         if case.phase == "planning":
             self._signal(LEARNER, signal.SIGSTOP)
-        watch = [hurt.look, *([lambda: hurt.at and self._signal(LEARNER, signal.SIGCONT)] if hold_planning else [])]
-        hurt.on_hurt = self.meter.begin_anew
+        watch = [injection.look, *([lambda: injection.at and self._signal(LEARNER, signal.SIGCONT)] if hold_planning else [])]
+        injection.on_injection = self.meter.begin_anew
         self.client.meanwhile += watch
         try:
             if case.phase == "idle":
-                hurt.now()
+                injection.now()
                 self._let_come(KNOWN if case.fault == ATTACK else 0.0)
             until = time.monotonic() + BACK
             succeeded, answer, asked = self._try(lambda: self._job(case))
-            while not hurt.at and not succeeded and time.monotonic() < until:  # a node that was started anew is not yet known to all
+            while not injection.at and not succeeded and time.monotonic() < until:  # a node that was started anew is not yet known to all
                 self._let_come(SETTLE)
                 succeeded, answer, asked = self._try(lambda: self._job(case))
             answered = time.monotonic()
@@ -276,9 +276,9 @@ class Bench:
         finally:
             for one in watch:
                 self.client.meanwhile.remove(one)
-        if not hurt.at:
+        if not injection.at:
             raise GraphFailure(f"{case.name}: its moment never came: {answer}")
-        seconds = max(0.0, answered - max(hurt.at, asked))
+        seconds = max(0.0, answered - max(injection.at, asked))
         measured = self.meter.fastest, self.meter.strongest, self.meter.speed, self.meter.pushed, self.meter.at_once
         if case.phase == "planning":
             self._signal(LEARNER, signal.SIGCONT)
@@ -459,16 +459,16 @@ class ReplayBench(Bench):
         for node in REPLAYED:
             self._start(node)
         self.client.wait_for_learner()
-        hurt = Hurt(self._graph, case, lambda: self.meter.fastest > SWINGS, self._order)
+        injection = FaultInjection(self._graph, case, lambda: self.meter.fastest > SWINGS, self._order)
         self.meter.begin()
-        self.client.meanwhile.append(hurt.look)
+        self.client.meanwhile.append(injection.look)
         try:
             until = time.monotonic() + BACK
-            while not hurt.at and time.monotonic() < until:
+            while not injection.at and time.monotonic() < until:
                 self.client.spin()
             succeeded, answer, asked = self._try(lambda: self.client.demonstrations().message)
         finally:
-            self.client.meanwhile.remove(hurt.look)
+            self.client.meanwhile.remove(injection.look)
         seconds, begun = time.monotonic() - asked, time.monotonic()
         bag = self._mend(case)
         if case.node == DEMONSTRATIONS and case.fault == KILL:

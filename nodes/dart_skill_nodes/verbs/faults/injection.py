@@ -1,4 +1,4 @@
-"""Does to the graph what a case says, when it is time."""
+"""Injects the fault of a case into the graph, when it is time."""
 
 import signal
 import time
@@ -9,7 +9,7 @@ from dart_skill_nodes.verbs.faults.cases import ATTACK, FULL_DISK, HELD_UP, HOLD
 from dart_skill_nodes.verbs.faults.small_disk import SmallDisk
 
 
-class Hurt:
+class FaultInjection:
     """`look` whenever something may have come. at: when it was done [s, monotonic], 0 before.
 
     is_time: whether the moment has come. order: tells the stranger what to do. disk: that is filled.
@@ -19,7 +19,7 @@ class Hurt:
         self._graph, self._case, self._disk = graph, case, disk
         self._is_time, self._order = is_time, order
         self.at, self._held = 0.0, False
-        self.on_hurt: Callable[[], None] = lambda: None
+        self.on_injection: Callable[[], None] = lambda: None
 
     def look(self) -> None:
         """Do it, if it is time."""
@@ -41,7 +41,7 @@ class Hurt:
             self._disk.fill(self._graph.processes[case.node].pid)
         else:
             self._stop_process()
-        self.on_hurt()
+        self.on_injection()
 
     def _stop_process(self) -> None:
         process = self._graph.processes[self._case.node]
