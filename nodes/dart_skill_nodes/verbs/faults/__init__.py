@@ -14,9 +14,7 @@ from dart_skill_nodes.verbs.faults.cases import named
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
-    parser.description = (
-        "Inject faults into the real graph, one by one: nodes, messages, disks, strangers. Judge what comes of it."
-    )
+    parser.description = "Inject faults into the real graph, one by one: nodes, messages, disks, strangers. Judge what comes of it."
     only = "only cases whose names hold one of these texts (default: all, which takes 50 minutes)"
     parser.add_argument("--case", metavar="TEXT", nargs="+", default=[""], help=only)
     parser.add_argument("--list", action="store_true", help="the names of the cases, and nothing else")
