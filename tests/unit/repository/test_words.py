@@ -46,7 +46,11 @@ def test_no_paragraph_of_the_readme_is_long():
     assert not long, f"over {LONGEST_PARAGRAPH} characters; split it or make a list of it: {long}"
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+BESIDE = [ROOT / name for name in ("CHANGELOG.md", "CONTRIBUTING.md", "bags/README.md")]
+"""Pages that are no part of the website."""
+
+
+@pytest.mark.parametrize("page", [*PAGES, *BESIDE], ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_lines_of_prose_are_wrapped(page):
     lines = [line for paragraph in prose(page.read_text(encoding="utf-8")) for line in paragraph]
     long = [line for line in lines if len(line) > LONGEST_LINE]
