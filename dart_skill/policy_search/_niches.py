@@ -21,6 +21,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -43,6 +45,25 @@ VISIT = 0.5  # radius of the trials of a visit to a top that is found, relative 
 STEADY = 0.1  # largest change of the common level by one trial [reliefs]; a larger one is a change of that hill alone
 FRESH = 0.3  # change after which a trial counts 1/e in the model of its niche [reliefs]
 PAUSE = 10  # least number of trials between two scouts
+
+
+class Landmark(NamedTuple):
+    """A trial that the surrogate is made from, or the top of a niche.
+
+    * number: of the trial.
+    * place: (d,).
+    * value: its return; with noisy returns the mean of those near it.
+    * n_returns: of how many returns.
+    * clock: when it was told.
+    * length: of hills at that time.
+    """
+
+    number: int
+    place: np.ndarray
+    value: float
+    n_returns: int
+    clock: float
+    length: float
 
 
 class Niches(NicheSearch):
@@ -105,7 +126,7 @@ class Niches(NicheSearch):
         self._level, self._clock, self._change, self._mark = 0.0, 0.0, 0.0, None
         self._relief, self._purse, self._next_scout, self._turns = 0.0, 0.0, 0, 0
         self._indices, self._length = FIRST, float(LENGTHS[FIRST[0]]) * self._root
-        self._landmarks: list[tuple[int, np.ndarray, float, int, float, float]] = []
+        self._landmarks: list[Landmark] = []
 
     @property
     def parameters(self) -> np.ndarray:
@@ -235,9 +256,11 @@ class Niches(NicheSearch):
 
     def _surrogate(self) -> Surrogate:
         usual = self._usual()
-        tops = [(0, one.centre, one.value, self._repeats, one.clock, usual) for one in self._niches if one.known]
-        _, points, values, counts, clocks, lengths = (np.array(part, dtype=float) for part in zip(*self._landmarks, *tops, strict=True))
-        ages = (self._clock - clocks) / max(self._fading * self._relief, 1e-300)
+        tops = [Landmark(0, one.centre, one.value, self._repeats, one.clock, usual) for one in self._niches if one.known]
+        marks = [*self._landmarks, *tops]
+        points, values = np.array([mark.place for mark in marks], dtype=float), np.array([mark.value for mark in marks], dtype=float)
+        counts, lengths = np.array([mark.n_returns for mark in marks], dtype=float), np.array([mark.length for mark in marks], dtype=float)
+        ages = (self._clock - np.array([mark.clock for mark in marks], dtype=float)) / max(self._fading * self._relief, 1e-300)
         surrogate = Surrogate(points, values, ages, counts, self._indices, lengths, usual, self._repeats == 1)
         self._indices, self._length = surrogate.indices, surrogate.length
         self._relief = surrogate.relief if self._repeats > 1 else float(np.std(values))
@@ -249,19 +272,20 @@ class Niches(NicheSearch):
         if not best.settled or not self._landmarks:
             return first
         curvature = -float(np.trace(best.hessian)) / best.centre.size
-        height = best.value - float(np.median([mark[2] for mark in self._landmarks]))
+        height = best.value - float(np.median([mark.value for mark in self._landmarks]))
         return float(np.clip(np.sqrt(max(height, 0.0) / curvature) / self._root, LENGTHS[0], LENGTHS[-1]))
 
     def _remember(self, number: int, place: np.ndarray, value: float) -> None:
         """Add a landmark and remove those near it; with noisy returns the new one gets the mean of all of them."""
-        points = np.reshape([mark[1] for mark in self._landmarks], (-1, place.size))
+        points = np.reshape([mark.place for mark in self._landmarks], (-1, place.size))
         near = np.linalg.norm(points - place, axis=1) < THINNING * self._root
-        old = [mark for mark, close in zip(self._landmarks, near, strict=True) if close and mark[0] != number]
-        count = min(sum(mark[3] for mark in old), self._repeats - 1)
+        old = [mark for mark, close in zip(self._landmarks, near, strict=True) if close and mark.number != number]
+        count = min(sum(mark.n_returns for mark in old), self._repeats - 1)
         if count:
-            value = (count * float(np.average([mark[2] for mark in old], weights=[mark[3] for mark in old])) + value) / (count + 1)
+            before = float(np.average([mark.value for mark in old], weights=[mark.n_returns for mark in old]))
+            value = (count * before + value) / (count + 1)
         kept = [mark for mark, close in zip(self._landmarks, near, strict=True) if not close]
-        self._landmarks = [*kept, (number, place, value, count + 1, self._clock, self._usual())][-LANDMARKS:]
+        self._landmarks = [*kept, Landmark(number, place, value, count + 1, self._clock, self._usual())][-LANDMARKS:]
 
     # Learning
 
@@ -338,7 +362,7 @@ class Niches(NicheSearch):
         """Pay for the scout. The best known place that may be a hill of its own becomes a niche, if necessary in place of the worst."""
         surrogate, best, d = self._surrogate(), self._best(), place.size
         self._purse -= max(best.value - float(surrogate.predict(place[None])[0][0]), 0.0)
-        places = np.array([mark[1] for mark in self._landmarks])
+        places = np.array([mark.place for mark in self._landmarks])
         mean, deviation = surrogate.predict(places)
         new = (self._distances(places).min(axis=0) > 0.99 * self._clear) & (deviation < KNOWN * surrogate.relief)
         new &= mean + self._optimism * deviation + self._repair > best.value
@@ -382,5 +406,5 @@ class Niches(NicheSearch):
         search = super()._from_policy_state(state, settings, rng)
         search._indices = tuple(state["indices"])
         search._niches = [Niche.from_state(one) for one in state["niches"]]
-        search._landmarks = [(number, np.array(place), *rest) for number, place, *rest in state["landmarks"]]
+        search._landmarks = [Landmark(number, np.array(place), *rest) for number, place, *rest in state["landmarks"]]
         return search
