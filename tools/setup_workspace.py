@@ -61,9 +61,9 @@ def check_machine(needs_wheels: bool) -> None:
         if not any(shutil.which(program) for program in [*chosen, *programs]):
             raise SetupError(f"{what} is missing; on Debian or Ubuntu: apt-get install build-essential")
     if re.search(r"\s", str(ROOT)):
-        raise SetupError(f"the folder's path contains a space, which colcon and #! lines do not bear: {ROOT}")
+        raise SetupError(f"the folder's path contains a space, which colcon and #! lines cannot handle: {ROOT}")
     if foreign := sorted({character for character in str(ROOT) if not character.isascii()}):
-        raise SetupError(f"the folder's path contains {' '.join(foreign)}, which the generator of messages does not bear: {ROOT}")
+        raise SetupError(f"the folder's path contains {' '.join(foreign)}, which the generator of messages cannot handle: {ROOT}")
     free = shutil.disk_usage(ROOT).free / 1e9
     if free < DISK_GB:
         raise SetupError(f"{free:.1f} GB are free in {ROOT}; set-up needs {DISK_GB:.1f} GB")

@@ -242,4 +242,4 @@ def repeatability_table(rows: list[dict]) -> str:
     for row in rows:
         along, across = (f"{m:+.2f} +- {s:.2f}" for m, s in zip(row["mean_cm"], row["sd_cm"], strict=True))
         lines.append(f"{row['distance_m']:>12.2f}{row['throws']:>8}{along:>16}{across:>16}{row['floor_cm']:>12.2f}")
-    return "\n".join([*lines, "floor: median distance from the mean landing, which no better plan can do away with"])
+    return "\n".join([*lines, "floor: median distance from the mean landing, which no better plan can reduce"])

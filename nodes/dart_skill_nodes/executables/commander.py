@@ -103,7 +103,7 @@ class GoalUnderWay:
 SIMULATED = "simulation/state"
 """Only a simulator publishes it."""
 NOT_FOR_AN_ARM = (
-    "tracking is 'hand', which an arm with motors and cables does not bear, and no simulator runs: start the commander with "
+    "tracking is 'hand', which makes an arm with motors and cables oscillate, and no simulator runs: start the commander with "
     "tracking:=joints and friction_compensation:=1.0, as the layout hardware does"
 )
 
