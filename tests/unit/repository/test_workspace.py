@@ -203,6 +203,7 @@ def test_packages_get_byte_code_but_not_for_their_tests_nor_for_another_python(t
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
     monkeypatch.setattr(workspace.Workspace, "ask", lambda *_: f"{tmp_path}\n")
+    monkeypatch.setattr(workspace.Workspace, "python", sys.executable)  # a checkout in somebody else's workspace has no .venv
     workspace.compile_packages(workspace.Workspace(None, workspace.probe(sys.executable)))
     assert [path.name.split(".")[0] for path in tmp_path.rglob("*.pyc")] == ["module"]
 
