@@ -1,4 +1,4 @@
-"""Numbers that are the same everywhere."""
+"""Numbers and names that are the same everywhere."""
 
 NS_PER_S = 1_000_000_000
 """Nanoseconds of a second, in which stamps are told."""
@@ -10,3 +10,5 @@ GRAVITY = 9.81
 """Of the earth [m/s^2]."""
 AIR_DENSITY = 1.204
 """Of dry air at 20 degrees Celsius and sea level [kg/m^3]."""
+PARTITIONS = ("time", "em")
+"""How the components of a mixture get their times: equal intervals, or those that EM finds."""

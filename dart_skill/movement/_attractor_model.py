@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_count, as_finite, as_number
+from dart_skill.constants import PARTITIONS
 from dart_skill.movement._attractor import as_gains, critical_damping
 from dart_skill.movement._placement import Frames, Samples, Weights
 from dart_skill.movement._saved import Arrays, MixtureModel
 from dart_skill.movement._task_parameterised import TaskParameterisedMixture
 from dart_skill.movement._time import as_stamps
 
-PARTITIONS = ("em", "time")
 OVERLAP = 0.7
 """Of components at equal intervals of time."""
 

@@ -7,6 +7,7 @@ import json
 from dataclasses import asdict
 
 from dart_skill.cli.run_options import positive
+from dart_skill.constants import PARTITIONS
 
 
 def add_to(experiments: argparse._SubParsersAction) -> None:
@@ -16,7 +17,7 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
     parser.add_argument("--demonstrations", type=int, default=8, help="that are learned from (default 8)")
     parser.add_argument("--parts", type=positive, default=10, help="for each seed (default 10)")
     parser.add_argument("--arm", default="ideal", help="of config/fleet.yaml; fleet: another one for every seed (default ideal)")
-    parser.add_argument("--partition", choices=("time", "em"), default="", help="of the components in time (default: of the skill's file)")
+    parser.add_argument("--partition", choices=PARTITIONS, default="", help="of the components in time (default: of the skill's file)")
     parser.add_argument("--jobs", type=int, default=1, help="processes at a time (default 1)")
     parser.add_argument("--json", action="store_true", help="every part as JSON instead of the table")
     parser.set_defaults(run=_place)

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_count, as_finite, as_number
+from dart_skill.constants import PARTITIONS
 from dart_skill.movement._attractor import critical_damping
-from dart_skill.movement._attractor_model import PARTITIONS
 from dart_skill.movement._ds_gmr import _step
 from dart_skill.movement._placement import Weights
 from dart_skill.movement._saved import Arrays, MixtureModel

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from dart_skill.constants import PARTITIONS
 from dart_skill.robot import KnownRegistration
 from dart_skill.surface import Game, game_at
 
 FRAMES = ("thesis", "start", "azimuth", "azimuth_target")
 ALIGNMENTS = ("start", "release")
-PARTITIONS = ("time", "em")
 DRIVES = ("time", "state")
 CHANGED = ("components", "frames", "stiffness", "orientation_stiffness")
 """What `changed` may change, beside the bounds of the stiffness."""

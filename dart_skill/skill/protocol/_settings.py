@@ -8,10 +8,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from dart_skill.constants import PARTITIONS
+
 S = TypeVar("S", bound="SkillSettings")
 COMPONENTS = (4, 6, 8, 12, 16, 20, 24, 32)
 """Numbers of components among which one is chosen on request."""
-PARTITIONS = ("time", "em")
 OVERLAP = 0.7
 """Of the components in time, relative to their intervals, after EM: that of throws."""
 BIC, CROSS_VALIDATION = "bic", "cross_validation"
