@@ -33,7 +33,11 @@ def as_finite(value: ArrayLike, name: str, ndim: int | None = None) -> np.ndarra
 
 def _is_finite(array: np.ndarray) -> bool:
     """Whether all numbers are finite."""
-    return all(map(math.isfinite, array.ravel().tolist())) if array.size <= FEW else bool(np.isfinite(array).all())
+    flat = array.ravel(order="K")
+    if array.size <= FEW:
+        return all(map(math.isfinite, flat.tolist()))
+    # A sum of squares is finite unless a number is not, or it overflows; vdot says nothing of an overflow, as dot would.
+    return math.isfinite(np.vdot(flat, flat)) or bool(np.isfinite(flat).all())
 
 
 def _reshape_hint(array: np.ndarray, ndim: int) -> str:
@@ -132,7 +136,7 @@ def as_dims(value: ArrayLike, n_dims: int, name: str) -> np.ndarray:
 
     value, name: as of `as_samples`; n_dims: number of columns. ValueError for what is none.
     """
-    dims = np.atleast_1d(np.asarray(value))
+    dims = np.array(value, ndmin=1)
     if dims.ndim != 1 or dims.size == 0 or dims.dtype.kind not in "iu":
         raise ValueError(f"{name} must be one or more column indices, got {value!r}")
     columns = dims.tolist()

@@ -103,7 +103,8 @@ class Regression:
         with np.errstate(over="ignore", invalid="ignore"):
             white = self._times(self._components.whiteners, deviations)
             squares = np.square(white[:, 0]) if self.n_inputs == 1 else np.einsum("kin,kin->kn", white, white)
-            logs = self._constants - 0.5 * squares
+            squares *= 0.5
+            logs = np.subtract(self._constants, squares, out=squares)
         top = logs.max(0)
         if not top.min() > -np.inf:  # nor if it is not a number
             require_near(top, inputs, "inputs", first_row)
@@ -159,22 +160,22 @@ class _MomentsByPairs:
     def __init__(self, components: Conditionals) -> None:
         self._components = components
         # (K, 2, o): each component's mean of the outputs, and its slope
-        self._lines = np.concatenate([components.output_means, components.slopes], axis=2).swapaxes(1, 2)
+        self._lines = np.concatenate([components.output_means.swapaxes(1, 2), components.slopes.swapaxes(1, 2)], axis=1)
 
     @cached_property
-    def _of_pairs(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Indices (p,) of the first and of the second of each pair; middle (p, 1); and coefficients (K + 3 p, o o) in the covariance of
-        shares, and of the products of two shares times 1, s and s s, with s from the middle.
+    def _of_pairs(self) -> tuple[np.ndarray, np.ndarray]:
+        """Middle (p, 1) of each pair; and coefficients (K + 3 p, o o) in the covariance of shares, and of the products of two shares times
+        1, s and s s, with s from the middle.
         """
-        first, second = _pairs(len(self._lines))
-        inputs, within = self._components.input_means[:, 0], self._components.within
-        one, other = self._lines[first], self._lines[second]
-        half = 0.5 * (inputs[second] - inputs[first])
+        pairs, within = _pairs(len(self._lines)), self._components.within
+        one, other = self._lines.take(pairs, axis=0)
+        begin, end = self._components.input_means[:, 0].take(pairs, axis=0)
+        half = 0.5 * (end - begin)
         apart = other - one
         apart[:, 0] -= half * (one[:, 1] + other[:, 1])  # in the middle
         squares = apart[:, :, None, :, None] * apart[:, None, :, None]
         terms = np.concatenate([within, squares[:, 0, 0], squares[:, 0, 1] + squares[:, 1, 0], squares[:, 1, 1]])
-        return first, second, inputs[first] + half, terms.reshape(len(terms), -1)
+        return begin + half, terms.reshape(len(terms), -1)
 
     def __call__(self, shares: np.ndarray, deviations: np.ndarray, mean: np.ndarray, covariance: np.ndarray | None = None) -> None:
         """As of `_MomentsByDeviations`."""
@@ -185,21 +186,21 @@ class _MomentsByPairs:
         np.matmul(lines.reshape(2 * k, n).T, self._lines.reshape(2 * k, -1), out=mean)
         if covariance is None:
             return
-        first, second, middles, collector = self._of_pairs
+        middles, collector = self._of_pairs
         terms = np.empty((len(collector), n))
         terms[:k] = shares
         constant, linear, square = terms[k:].reshape(3, -1, n)
         s = deviations[0] + (self._components.input_means[0] - middles)
-        np.multiply(shares[first], shares[second], out=constant)
+        np.multiply(*shares.take(_pairs(k), axis=0), out=constant)
         np.multiply(constant, s, out=linear)
         np.multiply(linear, s, out=square)
         np.matmul(terms.T, collector, out=covariance.reshape(n, -1))
 
 
 @lru_cache(maxsize=64)
-def _pairs(n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Indices (p,) of the first and of the second of each pair of n."""
-    return np.triu_indices(n, 1)
+def _pairs(n: int) -> np.ndarray:
+    """Indices (2, p) of the first and of the second of each pair of n."""
+    return np.array(np.triu_indices(n, 1))
 
 
 @lru_cache(maxsize=64)
@@ -211,18 +212,18 @@ def _unpacking(n_dims: int) -> np.ndarray:
 def _conditionals(means: np.ndarray, covariances: np.ndarray, into: np.ndarray, out: np.ndarray) -> Conditionals:
     """What components with means (K, d) and covariances (K, d, d) say of the dimensions out (o,), given those of into (i,)."""
     i, order = len(into), np.concatenate([into, out])
-    means, covariances = means.take(order, axis=1)[:, :, None], covariances[:, order[:, None], order]
+    means, covariances = means.take(order, axis=1)[:, :, None], covariances.take(order, axis=1).take(order, axis=2)
     whiteners, log_volumes = _whiteners(covariances[:, :i, :i])
     times = _times(i)
     half = times(whiteners, covariances[:, :i, i:])
-    turned = np.swapaxes(half, 1, 2)
+    turned = half.swapaxes(1, 2)
     within = covariances[:, i:, i:] - times(turned, half)
     return Conditionals(means[:, :i], whiteners, log_volumes, means[:, i:], times(turned, whiteners), within)
 
 
 def _whiteners(covariances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """L^-1 (K, i, i) and log det L (K,) of the covariances L L' of the inputs."""
-    if covariances.shape[1] == 1 and covariances.min() > 0:
+    if covariances.shape[1] == 1 and min(covariances.ravel().tolist()) > 0:
         return 1.0 / np.sqrt(covariances), 0.5 * np.log(covariances[:, 0, 0])
     factors = cholesky(covariances, "covariance of the inputs of component")
     return np.linalg.inv(factors), np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(1)
