@@ -214,22 +214,23 @@ class _Run:
         """EM until the mean log-likelihood stops changing."""
         sweep = Sweep(self.blocks, self.weights, self.settings.covariance_floor, self.settings.tolerance)
         share = self.weights / self.weights.sum()
-        priors, components = parameters.priors, _to_white(sweep, parameters)
+        priors, components = parameters.priors, sweep.to_white(parameters.means, parameters.covariances)
         previous, last = -np.inf, self.settings.max_iterations
         for iteration in range(1, last + 1):
             sums = sweep(priors, components)
-            likelihood, log_prior = float(share @ sums.log_density), self._log_prior(sweep, components)
+            likelihood, log_prior = float(share.dot(sums.log_density)), self._log_prior(sweep, components)
             if abs(likelihood + log_prior - previous) <= self.settings.tolerance:
-                return Fit(_from_white(sweep, priors, components), likelihood, iteration, True, log_prior)
-            if sums.mass.min() >= self.least_mass:
+                return Fit(Parameters(priors, *sweep.from_white(components)), likelihood, iteration, True, log_prior)
+            if min(sums.mass.tolist()) >= self.least_mass:
                 previous, priors, components = likelihood + log_prior, sums.mass / sums.mass.sum(), self._maximise(sweep, sums)
             else:
                 # A revived component needs further iterations, so in the last one it is dropped instead.
                 self.revivals_left *= iteration < last
-                parameters = self.update(*expectation(self.blocks, _from_white(sweep, priors, components)))
-                previous, priors, components = -np.inf, parameters.priors, _to_white(sweep, parameters)
+                parameters = self.update(*expectation(self.blocks, Parameters(priors, *sweep.from_white(components))))
+                previous, priors = -np.inf, parameters.priors
+                components = sweep.to_white(parameters.means, parameters.covariances)
         likelihood = float(share @ sweep(priors, components).log_density)
-        return Fit(_from_white(sweep, priors, components), likelihood, last, False, self._log_prior(sweep, components))
+        return Fit(Parameters(priors, *sweep.from_white(components)), likelihood, last, False, self._log_prior(sweep, components))
 
     def _maximise(self, sweep: Sweep, sums: Sums) -> list[Components]:
         """M step of the sweep, with the prior if there is one."""
@@ -237,15 +238,16 @@ class _Run:
         strength = self.settings.covariance_prior
         if not strength:
             return components
-        masses = [one[:, 0, 0] for one in sums.products]
-        return _to_white(sweep, with_prior(_from_white(sweep, sums.mass, components), masses, strength))
+        masses = [mass for products in sums.products for mass in products[..., 0, 0]]
+        found = with_prior(Parameters(sums.mass, *sweep.from_white(components)), masses, strength)
+        return sweep.to_white(found.means, found.covariances)
 
     def _log_prior(self, sweep: Sweep, components: list[Components]) -> float:
         """Of the covariances, per sample and up to a constant: -(strength / 2) sum_k log |S_k| + tr(S_k^-1 P)."""
         strength = self.settings.covariance_prior
         if not strength:
             return 0.0
-        covariances = _from_white(sweep, np.ones(1), components).covariances
+        _, covariances = sweep.from_white(components)
         terms = [
             np.linalg.slogdet(one)[1].sum() + np.trace(np.linalg.solve(one, prior_covariance(*one.shape[:2])), axis1=1, axis2=2).sum()
             for one in covariances
@@ -280,16 +282,6 @@ def prior_covariance(n_components: int, n_dims: int) -> np.ndarray:
     Diagonal, as the covariance of few samples would bring the correlations back that they have by chance.
     """
     return n_components ** (-2.0 / n_dims) * np.eye(n_dims)
-
-
-def _to_white(sweep: Sweep, parameters: Parameters) -> list[Components]:
-    parts = zip(sweep.blocks, parameters.means, parameters.covariances, strict=True)
-    return [block.to_white(*one) for block, *one in parts]
-
-
-def _from_white(sweep: Sweep, priors: np.ndarray, components: list[Components]) -> Parameters:
-    pairs = [block.from_white(one) for block, one in zip(sweep.blocks, components, strict=True)]
-    return Parameters(priors, [means for means, _ in pairs], [covariances for _, covariances in pairs])
 
 
 def expectation_maximisation(

@@ -76,7 +76,7 @@ def log_normal(deviations: np.ndarray, covariances: np.ndarray) -> np.ndarray:
 
 def symmetric(matrices: np.ndarray) -> np.ndarray:
     """Symmetric part of matrices (..., d, d): removes the asymmetry that rounding leaves."""
-    return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
+    return 0.5 * (matrices + matrices.swapaxes(-1, -2))
 
 
 @lru_cache(maxsize=64)

@@ -15,8 +15,10 @@ instead. This costs more and is as accurate as the plain form.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from collections.abc import Sequence
+from copy import copy
+from itertools import accumulate, groupby, pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,8 +29,8 @@ EPSILON = float(np.finfo(float).eps)
 # The products of up to so many samples are kept between sweeps. For more, computing them again costs no more than reading them.
 KEPT = 4 * SLICE
 # Those that are kept are gone through in parts of at most so many numbers, which stay in the cache between the two matrix products of an
-# iteration: 600 kB, as processors of today have a megabyte and more of it for each core.
-PART = 75_000
+# iteration: 640 kB, as processors of today have a megabyte and more of it for each core.
+PART = 80_000
 # Largest error of a log density that is computed from products, and what share of the rise at which EM stops it may be, too.
 LARGEST_LOSS, LOSS_SHARE = 1e-10, 1e-4
 # A sample whose density, relative to the highest peak, is above this has lost nothing to underflow.
@@ -42,12 +44,11 @@ def seen_rows(block: np.ndarray) -> np.ndarray:
     return ~np.isnan(block[:, 0])
 
 
-@dataclass(frozen=True, eq=False)
-class Components:
-    """Components of one block in white coordinates.
+class Components(NamedTuple):
+    """Components of P equally wide blocks in white coordinates.
 
-    means (K, d); affine (K, d, 1 + d): [-L^-1 mean, L^-1] of the covariances L L', which makes standard normal numbers of (1, z);
-    log_volumes (K,): log of sqrt(det(2 pi L L')); precisions (K,): an upper bound of the eigenvalues of each inverse covariance.
+    means (P, K, d); affine (P, K, d, 1 + d): [-L^-1 mean, L^-1] of the covariances L L', which makes standard normal numbers of (1, z);
+    log_volumes (P, K): log of sqrt(det(2 pi L L')); precisions (P, K): an upper bound of the eigenvalues of each inverse covariance.
     """
 
     means: np.ndarray
@@ -58,219 +59,264 @@ class Components:
     @classmethod
     def of(cls, means: np.ndarray, covariances: np.ndarray) -> Components:
         whiteners = np.linalg.inv(np.linalg.cholesky(covariances))
-        return cls._of_affine(means, np.concatenate([-(whiteners @ means[:, :, None]), whiteners], axis=2))
+        return cls._of_affine(means, np.concatenate([-(whiteners @ means[..., None]), whiteners], axis=-1))
 
     @classmethod
     def of_second_moments(cls, moments: np.ndarray) -> Components:
-        """From the means (K, 1 + d, 1 + d) of the outer products of (1, z).
+        """From the means (P, K, 1 + d, 1 + d) of the outer products of (1, z).
 
         Their Cholesky factor is [[1, 0], [mean, L]], and the inverse of this [[1, 0], [-L^-1 mean, L^-1]].
         """
-        return cls._of_affine(moments[:, 0, 1:], np.linalg.inv(np.linalg.cholesky(moments))[:, 1:])
+        return cls._of_affine(moments[..., 0, 1:], np.linalg.inv(np.linalg.cholesky(moments))[..., 1:, :])
 
     @classmethod
     def _of_affine(cls, means: np.ndarray, affine: np.ndarray) -> Components:
-        whiteners = affine[:, :, 1:]
-        log_volumes = 0.5 * means.shape[1] * LOG_2PI - np.log(np.einsum("kii->ki", whiteners)).sum(1)
-        return cls(means, affine, log_volumes, np.einsum("kij,kij->k", whiteners, whiteners))
+        whiteners = affine[..., 1:]
+        log_volumes = 0.5 * means.shape[-1] * LOG_2PI - np.log(whiteners.diagonal(0, -2, -1)).sum(-1)
+        return cls(means, affine, log_volumes, np.einsum("pkij,pkij->pk", whiteners, whiteners))
 
     @property
     def whiteners(self) -> np.ndarray:
-        """L^-1 (K, d, d)."""
-        return self.affine[:, :, 1:]
-
-    def of_blocks(self, n_blocks: int) -> list[Components]:
-        """Those of each block, if these are the components of equally wide blocks one after the other."""
-        n = len(self.means) // n_blocks
-        spans = [slice(n * j, n * (j + 1)) for j in range(n_blocks)]
-        return [Components(self.means[one], self.affine[one], self.log_volumes[one], self.precisions[one]) for one in spans]
+        """L^-1 (P, K, d, d)."""
+        return self.affine[..., 1:]
 
     def moved(self, origin: np.ndarray) -> Components:
-        """The same components if their means were told from an origin (K, d)."""
-        offsets = self.affine[:, :, :1] - self.whiteners @ origin[:, :, None]
-        return replace(self, means=self.means + origin, affine=np.concatenate([offsets, self.whiteners], axis=2))
+        """The same components if their means were told from an origin (P, K, d)."""
+        offsets = self.affine[..., :1] - self.whiteners @ origin[..., None]
+        return self._replace(means=self.means + origin, affine=np.concatenate([offsets, self.whiteners], axis=-1))
 
 
-@dataclass(frozen=True, eq=False)
-class Sums:
+class Sums(NamedTuple):
     """What the M step needs.
 
-    mass (K,): sum of the counts; log_density (n,), in the units of the blocks; for each block an origin (K, d), or None for 0, and
-    products (K, 1 + d, 1 + d): the sum over the samples of count times the outer product of (1, z - origin); products of equally wide
-    blocks may be one array.
+    mass (K,): sum of the counts; log_density (n,), in the units of the blocks; for each `WhiteBlocks` an origin (P, K, d), or None for 0,
+    and products (P, K, 1 + d, 1 + d): the sum over the samples of count times the outer product of (1, z - origin).
     """
 
     mass: np.ndarray
     log_density: np.ndarray
-    origins: list[np.ndarray] | list[None]
-    products: list[np.ndarray] | np.ndarray
+    origins: Sequence[np.ndarray | None]
+    products: list[np.ndarray]
 
 
-class WhiteBlock:
-    """Samples (n, d) of one block in white coordinates, x = root z + centre, stored as (1, z): (1 + d, n)."""
+class WhiteBlocks:
+    """Samples (n, d) of P equally wide blocks in white coordinates, x = root z + centre, stored as (1, z): white (P, 1 + d, n).
 
-    def __init__(self, block: np.ndarray, weights: np.ndarray, floor: float):
-        seen = seen_rows(block)
-        self.sees_all = bool(seen.all())
-        if not self.sees_all:
+    sees_all (P, 1): whether a block sees all samples; least_mass (P, 1): below it a component has almost no count there; centre (P, 1, d),
+    root and inverse_root (P, 1, d, d); reach (P, 1): largest square of a sample (1, z); steepest: a bound of the squares of inverse_root.
+    """
+
+    def __init__(self, blocks: list[np.ndarray], weights: np.ndarray, floor: float):
+        (n, d), p = blocks[0].shape, len(blocks)
+        self.floor, self.white, self.centre = floor, np.empty((p, 1 + d, n)), np.empty((p, 1, d))
+        self.sees_all, self.least_mass, self.reach = np.empty((p, 1), dtype=bool), np.empty((p, 1)), np.empty((p, 1))
+        self.root, self.inverse_root = np.empty((p, 1, d, d)), np.empty((p, 1, d, d))
+        for j, block in enumerate(blocks):
+            self._whiten(j, block, weights)
+        self.log_volume = np.log(np.einsum("pkii->pki", self.root)).sum(-1)
+        self.all_see_all, self.most_least_mass = bool(self.sees_all.all()), float(self.least_mass.max())
+        self.steepest = float(np.square(self.inverse_root).sum((-2, -1)).max())
+        self.upper, self.square = upper_triangle(1 + d)
+        self.n_products = p * len(self.upper)
+        # Squares count half, mixed products twice half.
+        self.factors = np.where(self.upper % (2 + d) == 0, -0.5, -1.0)
+
+    def _whiten(self, j: int, block: np.ndarray, weights: np.ndarray) -> None:
+        seen, white = seen_rows(block), self.white[j]
+        sees_all = bool(seen.all())
+        if not sees_all:
             block, weights = np.where(seen[:, None], block, 0.0), weights * seen
         share = weights / weights.sum()
-        self.floor, self.least_mass = floor, DEAD_SHARE * weights.sum() / seen.sum()
-        self.centre = share @ block
-        centred = block - self.centre
+        centre = share @ block
+        centred = block - centre
         # At least the floor, so that a direction without variance can be scaled, too.
-        self.root = np.linalg.cholesky(raise_to_floor(symmetric((centred * share[:, None]).T @ centred), floor))
-        self.inverse_root = np.linalg.inv(self.root)
-        self.log_volume = np.log(np.diagonal(self.root)).sum()
-        self.white = np.empty((1 + len(self.centre), len(block)))
-        self.white[0] = seen
-        np.matmul(self.inverse_root, centred.T, out=self.white[1:])
-        if not self.sees_all:
-            self.white[1:] *= seen
-        self.reach = float(np.einsum("in,in->n", self.white, self.white).max())
-        side = len(self.white)
-        self.upper, self.square = upper_triangle(side)
-        self.n_products = len(self.upper)
-        # Squares count half, mixed products twice half.
-        self.factors = np.where(self.upper % (side + 1) == 0, -0.5, -1.0)
+        root = np.linalg.cholesky(raise_to_floor(symmetric((centred * share[:, None]).T @ centred), self.floor))
+        inverse_root = np.linalg.inv(root)
+        white[0] = seen
+        np.matmul(inverse_root, centred.T, out=white[1:])
+        if not sees_all:
+            white[1:] *= seen
+        self.sees_all[j], self.least_mass[j] = sees_all, DEAD_SHARE * weights.sum() / seen.sum()
+        self.centre[j], self.root[j], self.inverse_root[j] = centre, root, inverse_root
+        self.reach[j] = np.einsum("in,in->n", white, white).max()
+
+    def where_squares_are(self) -> np.ndarray:
+        """(P, 1 + d, 1 + d): for each product of two entries of (1, z) of a block, its place among the P q."""
+        return np.arange(0, self.n_products, len(self.upper))[:, None, None] + self.square
 
     def to_white(self, means: np.ndarray, covariances: np.ndarray) -> Components:
-        whitened = symmetric(self.inverse_root @ covariances @ self.inverse_root.T)
-        return Components.of((means - self.centre) @ self.inverse_root.T, whitened)
+        """From means (P, K, d) and covariances (P, K, d, d) in the units of the blocks."""
+        turn = self.inverse_root.swapaxes(-1, -2)
+        return Components.of((means - self.centre) @ turn[:, 0], symmetric(self.inverse_root @ covariances @ turn))
 
     def from_white(self, components: Components) -> tuple[np.ndarray, np.ndarray]:
         lower = self.root @ np.linalg.inv(components.whiteners)
-        return components.means @ self.root.T + self.centre, lower @ np.swapaxes(lower, 1, 2)
+        return components.means @ self.root[:, 0].swapaxes(-1, -2) + self.centre, lower @ lower.swapaxes(-1, -2)
 
     def write_products(self, span: slice, out: np.ndarray) -> None:
-        """Write the products of the entries of (1, z) for the m samples in span, the upper triangle by rows, to out (q, m)."""
-        white, row = self.white[:, span], len(self.white)
-        out[:row] = white
-        for i in range(1, len(white)):
-            np.multiply(white[i], white[i:], out=out[row : row + len(white) - i])
-            row += len(white) - i
-
-    def coefficients(self, components: Components) -> np.ndarray:
-        """Coefficients (K, q) of the products in the log density."""
-        precisions = np.swapaxes(components.affine, 1, 2) @ components.affine
-        coefficients = precisions.reshape(len(precisions), -1).take(self.upper, axis=1) * self.factors
-        coefficients[:, 0] -= components.log_volumes + self.log_volume
-        return coefficients
+        """Write the products of the entries of (1, z) for the m samples in span to out (P q, m): for each block the upper triangle by rows."""
+        row = 0
+        for white in self.white[..., span]:
+            n_rows = len(white)
+            out[row : row + n_rows] = white
+            row += n_rows
+            for i in range(1, n_rows):
+                np.multiply(white[i], white[i:], out=out[row : row + n_rows - i])
+                row += n_rows - i
 
     def log_peaks(self, components: Components) -> np.ndarray:
-        """(K,) the largest log density of each component; 0 is that of a sample that the block does not see."""
-        peaks = -(components.log_volumes + self.log_volume)
-        return peaks if self.sees_all else np.maximum(peaks, 0.0)
+        """(P, K) log density of each component at its mean."""
+        return -self.log_volume - components.log_volumes
+
+    def write_coefficients(self, components: Components, log_peaks: np.ndarray, out: np.ndarray) -> None:
+        """Write the coefficients of the products in the log density to out (K, P q)."""
+        precisions = components.affine.swapaxes(-1, -2) @ components.affine
+        p, k = log_peaks.shape
+        coefficients = out.reshape(k, p, -1).swapaxes(0, 1)
+        np.multiply(precisions.reshape(p, k, -1).take(self.upper, axis=2), self.factors, out=coefficients)
+        coefficients[..., 0] += log_peaks
+
+    def highest(self, log_peaks: np.ndarray) -> np.ndarray:
+        """(P, K) the largest log density of each component; 0 is that of a sample that the block does not see."""
+        return log_peaks if self.all_see_all else np.where(self.sees_all, log_peaks, np.maximum(log_peaks, 0.0))
 
     def deviations(self, components: Components, span: slice) -> np.ndarray:
-        """(1, z - mean) of the samples in span from each component: (K, 1 + d, m)."""
-        means = np.pad(components.means, ((0, 0), (1, 0)))
-        return self.white[:, span] - means[:, :, None] * self.white[0, span]
+        """(1, z - mean) of the samples in span from each component: (P, K, 1 + d, m)."""
+        means = np.pad(components.means, ((0, 0), (0, 0), (1, 0)))
+        return self.white[:, None, :, span] - means[..., None] * self.white[:, None, :1, span]
 
     def log_densities(self, components: Components, deviations: np.ndarray) -> np.ndarray:
-        """(K, m) log densities from (1, deviations) (K, 1 + d, m)."""
-        white = components.whiteners @ deviations[:, 1:]
-        log_volumes = (components.log_volumes + self.log_volume)[:, None]
-        return -0.5 * np.einsum("kin,kin->kn", white, white) - log_volumes * deviations[:, 0]
+        """(P, K, m) log densities from (1, deviations) (P, K, 1 + d, m)."""
+        white = components.whiteners @ deviations[:, :, 1:]
+        return -0.5 * np.einsum("pkin,pkin->pkn", white, white) + self.log_peaks(components)[..., None] * deviations[:, :, 0]
 
     def maximise(self, origin: np.ndarray | None, products: np.ndarray) -> Components:
-        """Components from the sums; eigenvalues of covariances are at least the floor, in the units of the block.
+        """Components from the sums; eigenvalues of covariances are at least the floor, in the units of the blocks.
 
-        A component with almost no count in this block gets mean and covariance of all samples.
+        A component with almost no count in a block gets mean and covariance of all samples there.
         """
-        mass = products[:, 0, 0]
-        moments = products / np.maximum(mass, self.least_mass)[:, None, None]
-        if mass.min() < self.least_mass:
-            unowned = mass < self.least_mass
-            moments[unowned] = np.eye(moments.shape[1])
-            origin = origin if origin is None else np.where(unowned[:, None], 0.0, origin)
+        mass = products[..., :1, :1]
+        if min(mass.ravel().tolist()) < self.most_least_mass:
+            origin, moments = self._moments(origin, products)
+        else:
+            moments = products / mass
         try:
             components = Components.of_second_moments(moments)
-            if self._is_above_floor(components):
+            if self._are_above_floor(components):
                 return components if origin is None else components.moved(origin)
         except np.linalg.LinAlgError:
             pass
-        step = moments[:, 0, 1:]
-        covariances = moments[:, 1:, 1:] - step[:, :, None] * step[:, None, :]
-        raised = raise_to_floor(symmetric(self.root @ covariances @ self.root.T), self.floor)
-        means = step if origin is None else step + origin
-        return self.to_white(means @ self.root.T + self.centre, raised)
+        if len(moments) == 1:
+            return self._raised(origin, moments)
+        alone = [slice(j, j + 1) for j in range(len(moments))]
+        found = [self._only(one).maximise(None if origin is None else origin[one], products[one]) for one in alone]
+        return Components(*map(np.concatenate, zip(*found, strict=True)))
 
-    def _is_above_floor(self, components: Components) -> bool:
-        """Whether all eigenvalues of the covariances are at least the floor in the units of the block: those of the precisions are at most
-        the sum of all of them, which nearly always settles it.
+    def _moments(self, origin: np.ndarray | None, products: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
+        """Origins, and means of the products of (1, z - origin), which are those of all samples where a component has almost no count."""
+        mass = products[..., 0, 0]
+        moments, unowned = products / np.maximum(mass, self.least_mass)[..., None, None], mass < self.least_mass
+        moments[unowned] = np.eye(moments.shape[-1])
+        return origin if origin is None else np.where(unowned[..., None], 0.0, origin), moments
+
+    def _only(self, which: slice) -> WhiteBlocks:
+        """Some of the blocks."""
+        few = copy(self)
+        for name in ("white", "centre", "root", "inverse_root", "log_volume", "sees_all", "least_mass", "reach"):
+            setattr(few, name, getattr(self, name)[which])
+        return few
+
+    def _raised(self, origin: np.ndarray | None, moments: np.ndarray) -> Components:
+        """Components of moments (P, K, 1 + d, 1 + d) about the origin, with eigenvalues that are raised to the floor."""
+        step, root = moments[..., 0, 1:], self.root
+        covariances = moments[..., 1:, 1:] - step[..., :, None] * step[..., None, :]
+        raised = raise_to_floor(symmetric(root @ covariances @ root.swapaxes(-1, -2)), self.floor)
+        means = step if origin is None else step + origin
+        return self.to_white(means @ root[:, 0].swapaxes(-1, -2) + self.centre, raised)
+
+    def _are_above_floor(self, components: Components) -> bool:
+        """Whether all eigenvalues of the covariances are at least the floor in the units of the blocks: those of the precisions are at most
+        the sum of all of them, which nearly always settles it, often by a bound of it.
         """
-        whiteners = components.whiteners @ self.inverse_root
-        if np.einsum("kij,kij->k", whiteners, whiteners).max() * self.floor <= 1.0:
+        if max(components.precisions.ravel().tolist()) * self.steepest * self.floor <= 1.0:
             return True
-        return bool(np.linalg.norm(whiteners, 2, axis=(1, 2)).max() ** 2 * self.floor <= 1.0)
+        whiteners = components.whiteners @ self.inverse_root
+        if np.einsum("pkij,pkij->pk", whiteners, whiteners).max() * self.floor <= 1.0:
+            return True
+        return bool(np.linalg.norm(whiteners, 2, axis=(-2, -1)).max() ** 2 * self.floor <= 1.0)
 
 
 class Sweep:
     """All samples, prepared for iterations of EM: blocks (n, d_p), weights (n,); floor: least variance of a component; tolerance: the rise
-    of the mean log-likelihood at which EM stops.
+    of the mean log-likelihood at which EM stops. Equally wide blocks that follow each other are gone through at once.
     """
 
     def __init__(self, blocks: list[np.ndarray], weights: np.ndarray, floor: float, tolerance: float = 0.0):
         self.weights, self.largest_loss = weights, max(LARGEST_LOSS, LOSS_SHARE * tolerance)
-        self.blocks = [WhiteBlock(block, weights, floor) for block in blocks]
+        self.blocks = [WhiteBlocks(list(alike), weights, floor) for _, alike in groupby(blocks, key=lambda block: block.shape[1])]
         # A row of ones comes first, for the priors: the products of a block are zero for samples that it does not see.
-        self.starts = np.cumsum([1] + [block.n_products for block in self.blocks])
-        # Where the squares of equally wide blocks are, (P, 1 + d, 1 + d): their M step is done at once.
-        alike = len(self.blocks) > 1 and len({block.n_products for block in self.blocks}) == 1
-        self.square = self.starts[:-1, None, None] + self.blocks[0].square if alike else None
-        self.spans = _spans(len(weights), SLICE if len(weights) > KEPT else min(SLICE, PART // int(self.starts[-1])))
+        edges = list(accumulate((one.n_products for one in self.blocks), initial=1))
+        self.rows, self.n_rows = [slice(*pair) for pair in pairwise(edges)], edges[-1]
+        self.squares = [one.where_squares_are() + edge for one, edge in zip(self.blocks, edges, strict=False)]
+        self.spans = _spans(len(weights), SLICE if len(weights) > KEPT else min(SLICE, PART // self.n_rows))
         self._scratch: np.ndarray | None = None
         self._kept = [self._products(span) for span in self.spans] if len(weights) <= KEPT else []
         if not self._kept:
-            self._scratch = np.empty((self.starts[-1], max(span.stop - span.start for span in self.spans)))
+            self._scratch = np.empty((self.n_rows, max(span.stop - span.start for span in self.spans)))
 
     def _products(self, span: slice) -> np.ndarray:
         """Products (1 + q, m) of all blocks for the m samples in span, written over those of the last span unless they are kept."""
-        out = np.empty((self.starts[-1], span.stop - span.start)) if self._scratch is None else self._scratch[:, : span.stop - span.start]
+        out = np.empty((self.n_rows, span.stop - span.start)) if self._scratch is None else self._scratch[:, : span.stop - span.start]
         out[0] = 1.0
-        for block, start in zip(self.blocks, self.starts, strict=False):
-            block.write_products(span, out[start : start + block.n_products])
+        for blocks, rows in zip(self.blocks, self.rows, strict=True):
+            blocks.write_products(span, out[rows])
         return out
+
+    def to_white(self, means: list[np.ndarray], covariances: list[np.ndarray]) -> list[Components]:
+        """From means (K, d_p) and covariances (K, d_p, d_p) of each block, in the units of the blocks."""
+        edges = accumulate((len(one.white) for one in self.blocks), initial=0)
+        spans = [slice(*pair) for pair in pairwise(edges)]
+        return [one.to_white(np.array(means[span]), np.array(covariances[span])) for one, span in zip(self.blocks, spans, strict=True)]
+
+    def from_white(self, components: list[Components]) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """Means (K, d_p) and covariances (K, d_p, d_p) of each block, in the units of the blocks."""
+        pairs = [blocks.from_white(one) for blocks, one in zip(self.blocks, components, strict=True)]
+        return [mean for means, _ in pairs for mean in means], [covariance for _, covariances in pairs for covariance in covariances]
 
     def __call__(self, priors: np.ndarray, components: list[Components]) -> Sums:
         """E step, and the sums of the M step that follows."""
         parts = zip(self.blocks, components, strict=True)
-        loss = EPSILON * max(block.reach * float(one.precisions.max()) for block, one in parts)
+        loss = EPSILON * max(max((blocks.reach * one.precisions).ravel().tolist()) for blocks, one in parts)
         if loss <= self.largest_loss:
             return self._by_products(np.log(priors), components)
         return self._by_deviations(np.log(priors), components)
 
     def maximise(self, sums: Sums) -> list[Components]:
         """M step; no component may have a total count of zero."""
-        if (found := self._at_once(sums)) is not None:
-            return found
         parts = zip(self.blocks, sums.origins, sums.products, strict=True)
-        return [block.maximise(origin, products) for block, origin, products in parts]
+        return [blocks.maximise(origin, products) for blocks, origin, products in parts]
 
-    def _at_once(self, sums: Sums) -> list[Components] | None:
-        """The M step of equally wide blocks in the time of one; None where one of them needs more care."""
-        products = sums.products
-        if not isinstance(products, np.ndarray) or products[:, :, 0, 0].min() < max(block.least_mass for block in self.blocks):
-            return None
-        moments = products / products[:, :, :1, :1]
-        try:
-            found = Components.of_second_moments(moments.reshape(-1, *moments.shape[2:])).of_blocks(len(moments))
-        except np.linalg.LinAlgError:
-            return None
-        return found if all(block._is_above_floor(one) for block, one in zip(self.blocks, found, strict=True)) else None
+    def _coefficients(self, log_priors: np.ndarray, components: list[Components]) -> tuple[np.ndarray, float]:
+        """Coefficients (K, 1 + q) of the products in the log of prior times density, relative to a bound of it, and this bound: the highest
+        peak of all components. Relative to it no product of prior and density is above one.
+        """
+        coefficients, highest = np.empty((len(log_priors), self.n_rows)), log_priors
+        for blocks, one, rows in zip(self.blocks, components, self.rows, strict=True):
+            log_peaks = blocks.log_peaks(one)
+            blocks.write_coefficients(one, log_peaks, coefficients[:, rows])
+            highest = sum(blocks.highest(log_peaks), highest)
+        top = max(highest.tolist())
+        np.subtract(log_priors, top, out=coefficients[:, 0])
+        return coefficients, top
 
     def _by_products(self, log_priors: np.ndarray, components: list[Components]) -> Sums:
-        parts = [block.coefficients(one) for block, one in zip(self.blocks, components, strict=True)]
-        # The highest peak of all components: relative to it no product of prior and density is above one.
-        top = sum((block.log_peaks(one) for block, one in zip(self.blocks, components, strict=True)), log_priors).max()
-        coefficients = np.concatenate([(log_priors - top)[:, None], *parts], axis=1)
-        total, log_density = np.zeros_like(coefficients), np.empty(len(self.weights))
+        coefficients, top = self._coefficients(log_priors, components)
+        total, log_density = np.zeros(coefficients.shape), np.empty(len(self.weights))
         for i, span in enumerate(self.spans):
             products = self._kept[i] if self._kept else self._products(span)
             counts = coefficients @ products
-            np.maximum(counts, LEAST_LOG, out=counts)  # an exponential that underflows takes many times as long
-            density = np.exp(counts, out=counts).sum(0)
+            counts.clip(LEAST_LOG, np.inf, out=counts)  # an exponential that underflows takes many times as long
+            density = np.add.reduce(np.exp(counts, out=counts), 0)
             if density.min() > LEAST_DENSITY:
                 counts *= self.weights[span] / density
                 np.log(density, out=log_density[span])
@@ -278,26 +324,23 @@ class Sweep:
                 log_density[span] = to_counts(np.matmul(coefficients, products, out=counts), self.weights[span])
             total += counts @ products.T
         log_density += top
-        squares: list[np.ndarray] | np.ndarray
-        if self.square is None:
-            squares = [total.take(start + block.square, axis=1) for start, block in zip(self.starts, self.blocks, strict=False)]
-        else:
-            squares = total.take(self.square, axis=1).swapaxes(0, 1)
+        squares = [total.take(places, axis=1).swapaxes(0, 1) for places in self.squares]
         return Sums(total[:, 0], log_density, [None] * len(self.blocks), squares)
 
     def _by_deviations(self, log_priors: np.ndarray, components: list[Components]) -> Sums:
         mass, log_density = np.zeros(len(log_priors)), np.empty(len(self.weights))
-        squares = [np.zeros((len(log_priors), len(block.white), len(block.white))) for block in self.blocks]
+        sides = [blocks.white.shape[:2] for blocks in self.blocks]
+        squares = [np.zeros((p, len(log_priors), side, side)) for p, side in sides]
         parts = list(zip(self.blocks, components, strict=True))
         for span in self.spans:
-            deviations = [block.deviations(one, span) for block, one in parts]
-            terms = [block.log_densities(one, deviation) for (block, one), deviation in zip(parts, deviations, strict=True)]
-            counts = sum(terms, np.zeros(()))
+            deviations = [blocks.deviations(one, span) for blocks, one in parts]
+            terms = [blocks.log_densities(one, deviation) for (blocks, one), deviation in zip(parts, deviations, strict=True)]
+            counts = sum((term for its in terms for term in its), np.zeros(()))
             counts += log_priors[:, None]
             log_density[span] = to_counts(counts, self.weights[span])
             mass += counts.sum(1)
             for square, deviation in zip(squares, deviations, strict=True):
-                square += (deviation * counts[:, None, :]) @ np.swapaxes(deviation, 1, 2)
+                square += (deviation * counts[:, None, :]) @ deviation.swapaxes(-1, -2)
         return Sums(mass, log_density, [one.means for one in components], squares)
 
 

@@ -382,10 +382,13 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
         least-squares problem in x - about, solved by QR, so that no condition number is squared.
         """
         about, m = situation.middle(self._padded_means), self.n_dims
-        equations = np.empty((*situation.seen.shape, about.shape[1], m, m + 1))
+        (n, p), k = situation.seen.shape, about.shape[1]
+        # Those of a component lie together, whichever frame they are of.
+        equations = np.empty((n, k, p, m, m + 1)).swapaxes(1, 2)
         rows = np.matmul(self._whiteners, situation.inverses[:, :, None], out=equations[..., :m])
         right = rows @ (situation.b[:, :, None] - about[:, None])[..., None]
-        np.add(right, situation.seen[:, :, None, None, None] * self._white_means, out=equations[..., m:])
+        white_means = self._white_means if situation.all_seen else situation.seen[:, :, None, None, None] * self._white_means
+        np.add(right, white_means, out=equations[..., m:])
         if self.n_shared:
             _require_shared(situation, self.n_shared)
             system = _shared_once(equations, situation.seen, self.n_shared)
@@ -393,7 +396,7 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
             system = _triangle(equations)
         root = np.linalg.inv(system[..., :m])
         mean = about + (root @ system[..., m:])[..., 0]
-        return mean, symmetric(root @ np.swapaxes(root, -1, -2))
+        return mean, symmetric(root @ root.swapaxes(-1, -2))
 
 
 def _with_weight(samples: Samples, frames: Frames, weights: Weights) -> tuple[TaskSamples, np.ndarray]:
@@ -410,7 +413,7 @@ def _triangle(equations: np.ndarray, first: int = 0) -> np.ndarray:
     n, p, k, r, c = equations.shape
     unknown = c - 1 - first
     reflected, _ = np.linalg.qr(equations.swapaxes(1, 2).reshape(n, k, p * r, c), mode="raw")
-    triangle = np.where(_upper(unknown, c), np.swapaxes(reflected, -1, -2)[..., :unknown, :], 0.0)
+    triangle = np.where(_upper(unknown, c), reflected.swapaxes(-1, -2)[..., :unknown, :], 0.0)
     _require_determined(triangle[..., :unknown], first)
     return triangle
 
@@ -449,8 +452,10 @@ def _require_shared(situation: Situation, n_shared: int) -> None:
 
 def _require_determined(triangle: np.ndarray, first: int = 0) -> None:
     """ValueError unless the columns of upper triangles (..., u, u), one per feature of the world from `first` on, are independent."""
-    pivots = np.diagonal(triangle, axis1=-2, axis2=-1)
-    found = np.square(pivots) > LEAST_PIVOT**2 * np.einsum("...ij,...ij->...j", triangle, triangle)
+    squares = np.square(triangle.diagonal(0, -2, -1))
+    if squares.min() > LEAST_PIVOT**2 * np.vdot(triangle, triangle):  # all columns together settle it in practice
+        return
+    found = squares > LEAST_PIVOT**2 * np.einsum("...ij,...ij->...j", triangle, triangle)
     if not found.all():
         feature = first + int(np.argwhere(~found)[:, -1].min())
         raise ValueError(f"the task frames that are there do not tell feature {feature} of the world; give a frame that sees it")

@@ -22,15 +22,12 @@ def responsibilities_of_neighbours(rng, samples, n_components):
 def one_iteration(blocks, weights, parameters, path="automatic", floor=FLOOR, tolerance=0.0):
     """Log densities of the E step and the parameters of the M step by a sweep, in the units of the blocks."""
     sweep = Sweep(blocks, weights, floor, tolerance)
-    pairs = zip(sweep.blocks, parameters.means, parameters.covariances, strict=True)
-    components = [block.to_white(*one) for block, *one in pairs]
+    components = sweep.to_white(parameters.means, parameters.covariances)
     if path == "automatic":
         sums = sweep(parameters.priors, components)
     else:
         sums = getattr(sweep, path)(np.log(parameters.priors), components)
-    found = [block.from_white(one) for block, one in zip(sweep.blocks, sweep.maximise(sums), strict=True)]
-    means, covariances = [mean for mean, _ in found], [covariance for _, covariance in found]
-    return sums.log_density, Parameters(sums.mass / sums.mass.sum(), means, covariances)
+    return sums.log_density, Parameters(sums.mass / sums.mass.sum(), *sweep.from_white(sweep.maximise(sums)))
 
 
 def plain_iteration(blocks, weights, parameters, floor=FLOOR):
@@ -194,10 +191,10 @@ def test_the_least_eigenvalue_of_all_decides_whether_components_are_above_the_fl
     """In the units of the block, in which no column is like another; far above it a bound decides, near it the eigenvalues."""
     rng = np.random.default_rng(7)
     samples = rng.normal(size=(300, 4)) @ rng.normal(size=(4, 4))
-    block = Sweep([samples], np.ones(300), FLOOR).blocks[0]
+    blocks = Sweep([samples], np.ones(300), FLOOR).blocks[0]
     axes, least = np.linalg.qr(rng.normal(size=(3, 4, 4)))[0], FLOOR * np.array([margin, 40.0, 90.0])
     covariances = np.einsum("kij,kj,klj->kil", axes, least[:, None] * [1.0, 1.2, 3.0, 1e3], axes)
-    assert block._is_above_floor(block.to_white(np.zeros((3, 4)), covariances)) == (margin > 1.0)
+    assert blocks._are_above_floor(blocks.to_white(np.zeros((1, 3, 4)), covariances[None])) == (margin > 1.0)
 
 
 def test_fifty_iterations_stay_with_the_plain_ones():
@@ -271,18 +268,29 @@ def test_what_is_kept_is_gone_through_in_parts_with_the_same_result():
 
 
 def test_the_m_step_of_equally_wide_blocks_is_that_of_each():
-    """To the last bit; where a component has no count in one of them, or one is below the floor, each is done by itself."""
+    """To the last bit, also where a component has no count in one of them, or is below the floor there."""
     rng = np.random.default_rng(9)
     samples = standardised(cases()["clusters"])
     blocks, weights = [samples[:, :3], samples[:, 1:4]], rng.random(700)
     parameters = maximisation(blocks, responsibilities_of_neighbours(rng, samples, 3), FLOOR)
-    sweep = Sweep(blocks, weights, FLOOR)
-    parts = zip(sweep.blocks, parameters.means, parameters.covariances, strict=True)
-    sums = sweep(parameters.priors, [block.to_white(*one) for block, *one in parts])
-    for found, block, products in zip(sweep._at_once(sums), sweep.blocks, sums.products, strict=True):
-        alone = block.maximise(None, products)
-        for name in ("means", "affine", "log_volumes", "precisions"):
-            np.testing.assert_array_equal(getattr(found, name), getattr(alone, name))
-    sums.products[1, 2] *= 1e-12
-    assert sweep._at_once(sums) is None
-    assert len(sweep.maximise(sums)) == 2
+    sweep, each = Sweep(blocks, weights, FLOOR), [Sweep([block], weights, FLOOR) for block in blocks]
+    products = sweep(parameters.priors, sweep.to_white(parameters.means, parameters.covariances)).products[0]
+    without_count, flat = products.copy(), products.copy()
+    without_count[1, 2] *= 1e-12
+    flat[0, 1] = flat[0, 1, 0, 0] * np.diag([1.0, 1.0, 1e-14, 1.0])
+    for changed, origin in ((products, None), (without_count, None), (flat, None), (flat, rng.normal(size=(2, 3, 3)))):
+        found = sweep.blocks[0].maximise(origin, changed)
+        for j, alone in enumerate(each):
+            expected = alone.blocks[0].maximise(None if origin is None else origin[j : j + 1], changed[j : j + 1])
+            for one, other in zip(found, expected, strict=True):
+                np.testing.assert_array_equal(one[j : j + 1], other)
+
+
+def test_the_m_step_of_a_component_without_any_count_in_a_block_does_not_divide_by_zero():
+    rng = np.random.default_rng(10)
+    sweep = Sweep([rng.normal(size=(50, 2))] * 2, np.ones(50), FLOOR)
+    products = np.tile(20.0 * np.eye(3), (2, 2, 1, 1))
+    products[1, 0] = 0.0
+    found = sweep.blocks[0].maximise(None, products)
+    np.testing.assert_array_equal(found.means[1, 0], np.zeros(2))
+    np.testing.assert_allclose(found.whiteners[1, 0], np.eye(2), atol=1e-12)
