@@ -129,7 +129,7 @@ def maximisation(blocks: list[np.ndarray], counts: np.ndarray, floor: float) -> 
     If a component has almost no count among the samples that a block sees, it gets mean and covariance of all samples
     in that block. floor: the covariance floor of `EMEstimator`.
     """
-    mass = counts.sum(0)
+    mass = _over_samples(counts)
     moments = [_moments(*_only_seen(block, counts), floor) for block in blocks]
     return Parameters(mass / mass.sum(), [mean for mean, _ in moments], [covariance for _, covariance in moments])
 
@@ -140,11 +140,18 @@ def _only_seen(block: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.nd
     return (block, values) if seen.all() else (block[seen], values[seen])
 
 
+def _over_samples(counts: np.ndarray) -> np.ndarray:
+    """Sums (K,) of counts (n, K): the same as by `sum(0)`, which takes three times as long for few columns."""
+    return np.einsum("nk->k", counts)
+
+
 def _moments(block: np.ndarray, counts: np.ndarray, floor: float) -> tuple[np.ndarray, np.ndarray]:
-    unowned = counts.sum(0) < DEAD_SHARE * counts.sum() / len(counts)
+    mass = _over_samples(counts)
+    unowned = mass < DEAD_SHARE * counts.sum() / len(counts)
     if unowned.any():
         counts = np.where(unowned, counts.sum(1, keepdims=True), counts)
-    shares = counts / counts.sum(0)
+        mass = _over_samples(counts)
+    shares = counts / mass
     means = shares.T @ block
     covariances = np.empty((*means.shape, block.shape[1]))
     for mean, share, covariance in zip(means, shares.T, covariances, strict=True):
@@ -203,12 +210,13 @@ class _Run:
         """M step in which dead components are revived or dropped, so that it never divides by zero."""
         floor = self.settings.covariance_floor
         counts = responsibilities * self.weights[:, None]
-        dead = self.dead(counts.sum(0))
+        dead = self.dead(_over_samples(counts))
         if 0 < dead.size <= self.revivals_left:
             self.revivals_left -= dead.size
             return _revive(self.blocks, counts, log_density, dead, floor)
         counts = np.delete(counts, dead, axis=1) if dead.size else counts
-        return with_prior(maximisation(self.blocks, counts, floor), masses_of(self.blocks, counts), self.settings.covariance_prior)
+        found, strength = maximisation(self.blocks, counts, floor), self.settings.covariance_prior
+        return with_prior(found, masses_of(self.blocks, counts), strength) if strength else found
 
     def iterate(self, parameters: Parameters) -> Fit:
         """EM until the mean log-likelihood stops changing."""
@@ -257,7 +265,7 @@ class _Run:
 
 def masses_of(blocks: list[np.ndarray], counts: np.ndarray) -> list[np.ndarray]:
     """Total counts (K,) of the samples that each block sees. blocks: (n, d) each, with nan in rows that it does not see; counts: (n, K)."""
-    return [_only_seen(block, counts)[1].sum(0) for block in blocks]
+    return [_over_samples(_only_seen(block, counts)[1]) for block in blocks]
 
 
 def with_prior(parameters: Parameters, masses: list[np.ndarray], strength: float) -> Parameters:

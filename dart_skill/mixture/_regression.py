@@ -105,8 +105,8 @@ class Regression:
             squares = np.square(white[:, 0]) if self.n_inputs == 1 else np.einsum("kin,kin->kn", white, white)
             squares *= 0.5
             logs = np.subtract(self._constants, squares, out=squares)
-        top = logs.max(0)
-        if not top.min() > -np.inf:  # nor if it is not a number
+        top = np.maximum.reduce(logs, 0)
+        if not top[top.argmin()] > -np.inf:  # nor if it is not a number
             require_near(top, inputs, "inputs", first_row)
         return logs, deviations, top
 
@@ -115,7 +115,7 @@ class Regression:
         logs, deviations, top = self._logs(inputs, first_row)
         logs -= top
         shares = np.exp(logs, out=logs)
-        shares *= 1.0 / shares.sum(0)
+        shares *= 1.0 / np.add.reduce(shares, 0)
         return shares, deviations
 
 

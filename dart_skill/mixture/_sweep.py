@@ -29,8 +29,8 @@ EPSILON = float(np.finfo(float).eps)
 # The products of up to so many samples are kept between sweeps. For more, computing them again costs no more than reading them.
 KEPT = 4 * SLICE
 # Those that are kept are gone through in parts of at most so many numbers, which stay in the cache between the two matrix products of an
-# iteration: 640 kB, as processors of today have a megabyte and more of it for each core.
-PART = 80_000
+# iteration: 600 kB, as processors of today have a megabyte and more of it for each core.
+PART = 75_000
 # Largest error of a log density that is computed from products, and what share of the rise at which EM stops it may be, too.
 LARGEST_LOSS, LOSS_SHARE = 1e-10, 1e-4
 # A sample whose density, relative to the highest peak, is above this has lost nothing to underflow.
@@ -72,7 +72,7 @@ class Components(NamedTuple):
     @classmethod
     def _of_affine(cls, means: np.ndarray, affine: np.ndarray) -> Components:
         whiteners = affine[..., 1:]
-        log_volumes = 0.5 * means.shape[-1] * LOG_2PI - np.log(whiteners.diagonal(0, -2, -1)).sum(-1)
+        log_volumes = 0.5 * means.shape[-1] * LOG_2PI - np.add.reduce(np.log(whiteners.diagonal(0, -2, -1)), -1)
         return cls(means, affine, log_volumes, np.einsum("pkij,pkij->pk", whiteners, whiteners))
 
     @property
@@ -317,7 +317,7 @@ class Sweep:
             counts = coefficients @ products
             counts.clip(LEAST_LOG, np.inf, out=counts)  # an exponential that underflows takes many times as long
             density = np.add.reduce(np.exp(counts, out=counts), 0)
-            if density.min() > LEAST_DENSITY:
+            if density[density.argmin()] > LEAST_DENSITY:
                 counts *= self.weights[span] / density
                 np.log(density, out=log_density[span])
             else:
