@@ -102,7 +102,7 @@ class Regression:
         deviations = inputs.T - self._components.input_means
         with np.errstate(over="ignore", invalid="ignore"):
             white = self._times(self._components.whiteners, deviations)
-            squares = np.square(white[:, 0]) if self.n_inputs == 1 else np.einsum("kin,kin->kn", white, white)
+            squares = np.square(white[:, 0], out=white[:, 0]) if self.n_inputs == 1 else np.einsum("kin,kin->kn", white, white)
             squares *= 0.5
             logs = np.subtract(self._constants, squares, out=squares)
         top = np.maximum.reduce(logs, 0)
@@ -212,7 +212,7 @@ def _unpacking(n_dims: int) -> np.ndarray:
 def _conditionals(means: np.ndarray, covariances: np.ndarray, into: np.ndarray, out: np.ndarray) -> Conditionals:
     """What components with means (K, d) and covariances (K, d, d) say of the dimensions out (o,), given those of into (i,)."""
     i, order = len(into), np.concatenate([into, out])
-    means, covariances = means.take(order, axis=1)[:, :, None], covariances.take(order, axis=1).take(order, axis=2)
+    means, covariances = means.take(order, axis=1)[..., None], covariances.take(order, axis=1).take(order, axis=2)
     whiteners, log_volumes = _whiteners(covariances[:, :i, :i])
     times = _times(i)
     half = times(whiteners, covariances[:, :i, i:])
