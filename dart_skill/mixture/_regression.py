@@ -191,7 +191,8 @@ class _MomentsByPairs:
         terms[:k] = shares
         constant, linear, square = terms[k:].reshape(3, -1, n)
         s = deviations[0] + (self._components.input_means[0] - middles)
-        np.multiply(*shares.take(_pairs(k), axis=0), out=constant)
+        one, other = shares.take(_pairs(k), axis=0)
+        np.multiply(one, other, out=constant)
         np.multiply(constant, s, out=linear)
         np.multiply(linear, s, out=square)
         np.matmul(terms.T, collector, out=covariance.reshape(n, -1))

@@ -130,7 +130,8 @@ class WhiteBlocks:
         centre = share @ block
         centred = block - centre
         # At least the floor, so that a direction without variance can be scaled, too.
-        root = np.linalg.cholesky(raise_to_floor(symmetric((centred * share[:, None]).T @ centred), self.floor))
+        weighted = np.multiply(centred.T, share, out=white[1:])
+        root = np.linalg.cholesky(raise_to_floor(symmetric(weighted @ centred), self.floor))
         inverse_root = np.linalg.inv(root)
         white[0] = seen
         np.matmul(inverse_root, centred.T, out=white[1:])
@@ -154,7 +155,7 @@ class WhiteBlocks:
         return components.means @ self.root[:, 0].swapaxes(-1, -2) + self.centre, lower @ lower.swapaxes(-1, -2)
 
     def write_products(self, span: slice, out: np.ndarray) -> None:
-        """Write the products of the entries of (1, z) for the m samples in span to out (P q, m): for each block the upper triangle by rows."""
+        """Write the products of the entries of (1, z) of the samples in span to out (P q, m), of each block the upper triangle by rows."""
         row = 0
         for white in self.white[..., span]:
             n_rows = len(white)

@@ -94,6 +94,15 @@ def test_product_is_that_of_the_mapped_gaussians():
     np.testing.assert_allclose(found.priors_, model.priors_)
 
 
+def test_features_in_units_that_are_far_apart_are_all_told():
+    """Columns of equations are compared with themselves: a feature in a tiny unit is not one that no frame sees."""
+    means, deviations = np.array([[0.5, 1e7, 2e-7]]), np.array([0.2, 1e7, 1e-7])
+    mixture = TaskParameterisedMixture.from_parameters([1.0], [means], [np.diag(deviations**2)[None]])
+    found = mixture.product([TaskFrame(np.eye(3), np.zeros(3))])
+    np.testing.assert_allclose(found.means_, means, rtol=1e-12)
+    np.testing.assert_allclose(found.covariances_[0], np.diag(deviations**2), rtol=1e-12)
+
+
 def test_integer_weights_equal_repeated_demonstrations():
     demos, frames = taught()
     weights = [1, 2, 0, 1, 3, 1]
