@@ -141,8 +141,8 @@ def _only_seen(block: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def _over_samples(counts: np.ndarray) -> np.ndarray:
-    """Sums (K,) of counts (n, K): the same as by `sum(0)`, which takes three times as long for few columns."""
-    return np.einsum("nk->k", counts)
+    """Sums (K,) of counts (n, K). Where rows lie together, `sum(0)` takes three times as long for few columns, and has the same bits."""
+    return counts.sum(0) if counts.flags.f_contiguous else np.einsum("nk->k", counts)
 
 
 def _moments(block: np.ndarray, counts: np.ndarray, floor: float) -> tuple[np.ndarray, np.ndarray]:

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dart_skill.mixture import GaussianMixture, Parameters, maximisation
-from dart_skill.mixture._expectation_maximisation import Settings, _Run, expectation
+from dart_skill.mixture._expectation_maximisation import Settings, _over_samples, _Run, expectation
 from dart_skill.mixture._sweep import KEPT, LARGEST_LOSS, LOSS_SHARE, SLICE, Sweep, _spans
 
 FLOOR = 1e-6
@@ -195,6 +195,14 @@ def test_the_least_eigenvalue_of_all_decides_whether_components_are_above_the_fl
     axes, least = np.linalg.qr(rng.normal(size=(3, 4, 4)))[0], FLOOR * np.array([margin, 40.0, 90.0])
     covariances = np.einsum("kij,kj,klj->kil", axes, least[:, None] * [1.0, 1.2, 3.0, 1e3], axes)
     assert blocks._are_above_floor(blocks.to_white(np.zeros((1, 3, 4)), covariances[None])) == (margin > 1.0)
+
+
+@pytest.mark.parametrize("n_components", [1, 3, 5, 9])
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_sums_over_the_samples_are_those_of_numpy_to_the_last_bit(n_components, order):
+    counts = np.asarray(np.random.default_rng(11).random((2601, n_components)), order=order)
+    np.testing.assert_array_equal(_over_samples(counts), counts.sum(0))
+    np.testing.assert_array_equal(_over_samples(counts[:, counts.sum(0) > 0]), counts[:, counts.sum(0) > 0].sum(0))
 
 
 def test_fifty_iterations_stay_with_the_plain_ones():
