@@ -257,7 +257,8 @@ class _Run:
             return 0.0
         _, covariances = sweep.from_white(components)
         terms = [
-            np.linalg.slogdet(one)[1].sum() + np.trace(np.linalg.solve(one, prior_covariance(*one.shape[:2])), axis1=1, axis2=2).sum()
+            # [None], as NumPy 1 takes a single matrix on the right side for a stack of vectors
+            np.linalg.slogdet(one)[1].sum() + np.trace(np.linalg.solve(one, prior_covariance(*one.shape[:2])[None]), axis1=1, axis2=2).sum()
             for one in covariances
         ]
         return float(-0.5 * strength * sum(terms) / self.weights.sum())

@@ -47,7 +47,7 @@ def test_the_posterior_rises_with_every_iteration():
     prior = 3.0 ** (-2.0 / 3.0) * np.diag(scales**2)
     for n_iterations in range(1, 25):
         found = fitted(samples, 3.0, max_iterations=n_iterations, tolerance=0.0)
-        spread = np.linalg.slogdet(found.covariances_)[1] + np.trace(np.linalg.solve(found.covariances_, prior), axis1=1, axis2=2)
+        spread = np.linalg.slogdet(found.covariances_)[1] + np.trace(np.linalg.solve(found.covariances_, prior[None]), axis1=1, axis2=2)
         posteriors.append(found.log_density(samples).sum() - 0.5 * 3.0 * spread.sum())
     assert (np.diff(posteriors) > -1e-8).all() and posteriors[-1] > posteriors[0] + 1.0
 
