@@ -19,6 +19,10 @@ class FoxgloveClient:
         """Subscribe to a topic that was advertised."""
         number = len(self._asked) + 1
         self._asked[number] = topic
+        self._subscribe(number)
+
+    def _subscribe(self, number):
+        topic = self._asked[number]
         wanted = {"op": "subscribe", "subscriptions": [{"id": number, "channelId": self.channels[topic]["id"]}]}
         self._socket.send(json.dumps(wanted))
 
@@ -52,3 +56,6 @@ class FoxgloveClient:
             self.info = told
         elif told["op"] == "advertise":
             self.channels |= {channel["topic"]: channel for channel in told["channels"]}
+        elif told["op"] == "status" and "unknown channel" in told["message"]:  # foxglove-sdk may know a channel later than it tells of it
+            for number in self._asked:
+                self._subscribe(number)

@@ -17,7 +17,9 @@ from typing import TYPE_CHECKING, Any
 
 from dart_skill.cli import graph_verbs
 from dart_skill.cli.run_options import GRAPHS, add_configuration, add_model, add_run, asked, check_model, check_run, parameter_texts
+from dart_skill.cli.uncollected import uncollected
 from dart_skill.extras import explained, need
+from dart_skill.second_process import Begin, load, second_process
 from dart_skill.world import THROW
 
 if TYPE_CHECKING:
@@ -29,6 +31,8 @@ DARTS, IN_PROCESS = "darts", "in-process"
 DEMONSTRATIONS, OWN_DARTS = 8, 75
 """Of another skill, and own darts, where nobody says how many."""
 LEFT_OUT = "in process: no nodes run, so there are no logs of them"
+REPORT = ("scipy.interpolate", "dart_skill.report:write_report", "dart_skill.report:write_skill_report", "dart_skill.view:Scene")
+"""What the report at the end is made with."""
 DIFFERS = "a person and the cameras look at the bodies for another moment than on the graph: trials differ from those there"
 
 
@@ -63,11 +67,20 @@ def _demo(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     from dart_skill.session import table
 
     _check_run(options, parser)
-    summary = job.carried_out(job.run, options, "the demo")
-    if summary is None:
-        return 1
-    print(json.dumps(summary.to_json(), indent=1) if options.json else table(summary))
-    return _leave_behind(summary, options, partial(_throwing_report, summary, options, parser))
+    with second_process() as begin:
+        summary = job.carried_out(partial(job.run, meanwhile=partial(_get_ready, begin)), options, "the demo")
+        if summary is None:
+            return 1
+        print(json.dumps(summary.to_json(), indent=1) if options.json else table(summary))
+        return _leave_behind(summary, options, partial(_throwing_report, summary, options, parser, begin))
+
+
+def _get_ready(begin: Begin) -> None:
+    """For the report, before anybody waits for it. begin: of a second process, which makes half of it."""
+    from dart_skill.report import BESIDE
+
+    begin(load, (*BESIDE, "dart_skill.report:pictures"))
+    load(REPORT)
 
 
 def _check_model(options: argparse.Namespace, parser: argparse.ArgumentParser) -> None:
@@ -90,20 +103,20 @@ def _check_run(options: argparse.Namespace, parser: argparse.ArgumentParser) -> 
 
 
 class _InProcess:
-    """The demo in this process, with the calls of the nodes' module `demo`."""
+    """The demo in this process, with the calls of the nodes' module `demo`; it has no time to do something else meanwhile."""
 
-    def run(self, options: argparse.Namespace) -> DemoSummary:
+    def run(self, options: argparse.Namespace, meanwhile: Callable[[], None]) -> DemoSummary:
         from dart_skill.session import throwing_demo
 
         return throwing_demo(_job(options), say)
 
-    def run_skill(self, options: argparse.Namespace, skill: Skill) -> SkillSummary:
+    def run_skill(self, options: argparse.Namespace, skill: Skill, meanwhile: Callable[[], None]) -> SkillSummary:
         from dart_skill.session import skill_demo
 
         say(DIFFERS)
         return skill_demo(_job(options), skill, say)
 
-    def run_darts(self, options: argparse.Namespace, skill: Any) -> DartsSummary:
+    def run_darts(self, options: argparse.Namespace, skill: Any, meanwhile: Callable[[], None]) -> DartsSummary:
         from dart_skill.session import darts_demo
 
         return darts_demo(_job(options), skill, say)
@@ -154,7 +167,7 @@ def _demo_of_skill(options: argparse.Namespace, parser: argparse.ArgumentParser,
         parser.error(str(error))
     _check_run(options, parser)
     run = job.run_darts if options.skill == DARTS else job.run_skill
-    summary = job.carried_out(partial(run, skill=skill), options, "the demo")
+    summary = job.carried_out(partial(run, skill=skill, meanwhile=partial(load, REPORT)), options, "the demo")
     if summary is None:
         return 1
     if options.json:
@@ -166,6 +179,7 @@ def _demo_of_skill(options: argparse.Namespace, parser: argparse.ArgumentParser,
     return _leave_behind(summary, options, partial(_skill_report, summary, skill, options, parser))
 
 
+@uncollected()
 def _leave_behind(summary: DemoSummary | SkillSummary | DartsSummary, options: argparse.Namespace, report: Callable[[], list[Path]]) -> int:
     """The report of a run, and what to do next; returns the exit status."""
     bag, page = options.output / "bag", options.output / "report.html"
@@ -186,10 +200,10 @@ def _leave_behind(summary: DemoSummary | SkillSummary | DartsSummary, options: a
     return 0
 
 
-def _throwing_report(summary: DemoSummary, options: argparse.Namespace, parser: argparse.ArgumentParser) -> list[Path]:
+def _throwing_report(summary: DemoSummary, options: argparse.Namespace, parser: argparse.ArgumentParser, begin: Begin) -> list[Path]:
     from dart_skill.report import write_report
 
-    return write_report(summary, Path(summary.bag), options.output, _about_throws(options, parser, summary))
+    return write_report(summary, Path(summary.bag), options.output, _about_throws(options, parser, summary), begin)
 
 
 def _skill_report(

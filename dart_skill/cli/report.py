@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import argparse
-import atexit
-import gc
 import json
 import os
 import shlex
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dart_skill.cli.uncollected import uncollected
+from dart_skill.extras import need
 from dart_skill.files import new_file
+from dart_skill.second_process import Begin, load, second_process
 
 if TYPE_CHECKING:
-    from dart_skill.report import Run
+    from collections.abc import Callable
+
+    from dart_skill.report import Run, Seen
 
 
 def add_to(commands: argparse._SubParsersAction) -> None:
@@ -37,34 +38,35 @@ def page_beside(bag: Path) -> Path:
     return bag.parent / ("report.html" if bag.name == "bag" else f"{bag.stem}_report.html")
 
 
-@contextmanager
-def _uncollected() -> Iterator[None]:
-    """Without a search for garbage: nearly all that a page makes lives until its end, and to look through it takes a tenth of the time."""
-    collects = gc.isenabled()
-    atexit.register(gc.freeze)  # nor once more at the very end of the process
-    gc.disable()
-    try:
-        yield
-    finally:
-        if collects:
-            gc.enable()
-
-
-@_uncollected()
+@uncollected()
 def _report(options: argparse.Namespace) -> int:
-    from dart_skill.recording import SKILL, skill_of
-    from dart_skill.report import About, page_of, pictures, read_run
-    from dart_skill.skill.learn import configuration
+    from dart_skill.report import BESIDE
 
-    configuration(options.configuration)  # a name that is not known is told before anything is read
+    need("matplotlib")
     bag = options.bag / "bag" if (options.bag / "bag" / "metadata.yaml").is_file() else options.bag
-    output = options.output or page_beside(bag)
-    if output.exists():
-        raise ValueError(f"{output} exists already: name another file with --output")
-    if (name := skill_of(bag)) != SKILL:
-        return _report_of_skill(bag, name, output, options.json)
-    run = read_run(bag, About(f"Throws of the bag '{bag.resolve().name}'", configuration=options.configuration))
-    page = page_of(run, pictures(run))
+    with second_process() as begin:
+        begin(load, BESIDE)
+        from dart_skill.report import seen_throws
+
+        seen = begin(seen_throws, bag)  # while this process imports what it learns with
+        from dart_skill.recording import SKILL, skill_of
+        from dart_skill.skill.learn import configuration
+
+        configuration(options.configuration)  # a name that is not known is told before anything is waited for
+        output = options.output or page_beside(bag)
+        if output.exists():
+            raise ValueError(f"{output} exists already: name another file with --output")
+        if (name := skill_of(bag)) == SKILL:
+            return _report_of_throws(bag, output, options, begin, seen)
+    return _report_of_skill(bag, name, output, options.json)
+
+
+def _report_of_throws(bag: Path, output: Path, options: argparse.Namespace, begin: Begin, seen: Callable[[], Seen]) -> int:
+    """The page of a bag of throws at baskets; returns the exit status. begin, seen: as of `make_page`."""
+    from dart_skill.report import About, make_page
+
+    about = About(f"Throws of the bag '{bag.resolve().name}'", configuration=options.configuration)
+    run, page = make_page(bag, about, begin=begin, seen=seen)
     output.parent.mkdir(parents=True, exist_ok=True)
     with new_file(output) as file:
         file.write(page.encode())

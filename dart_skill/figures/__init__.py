@@ -9,11 +9,11 @@ from dart_skill.lazy import on_first_use
 
 if TYPE_CHECKING:
     from dart_skill.figures._darts import arm_darts_figure, draw_arm_darts, running
-    from dart_skill.figures._execution import SAME_BASKET, ExecutedThrow, draw_execution, executed_throw, execution_figure
+    from dart_skill.figures._execution import ExecutedThrow, draw_execution, executed_throw, execution_figure
     from dart_skill.figures._gaussians import FrameView, draw_gaussians, frame_views, gaussians_figure
     from dart_skill.figures._landings import RIM_RADIUS, draw_landings, landings_figure
     from dart_skill.figures._models import plot_frames, plot_mixture, plot_reproduction
-    from dart_skill.figures._recordings import COMMAND, Recording, read_recordings
+    from dart_skill.figures._recordings import COMMAND, SAME_BASKET, Recording, read_recordings
     from dart_skill.figures._skill_trials import draw_trials, trials_figure
     from dart_skill.figures._style import (
         ATTRACTOR,
@@ -55,11 +55,11 @@ else:
         __name__,
         {
             "_darts": "arm_darts_figure draw_arm_darts running",
-            "_execution": "SAME_BASKET ExecutedThrow draw_execution executed_throw execution_figure",
+            "_execution": "ExecutedThrow draw_execution executed_throw execution_figure",
             "_gaussians": "FrameView draw_gaussians frame_views gaussians_figure",
             "_landings": "RIM_RADIUS draw_landings landings_figure",
             "_models": "plot_frames plot_mixture plot_reproduction",
-            "_recordings": "COMMAND Recording read_recordings",
+            "_recordings": "COMMAND SAME_BASKET Recording read_recordings",
             "_skill_trials": "draw_trials trials_figure",
             "_style": (
                 "ATTRACTOR BALL BASKET BLACK BLUE DEMONSTRATION FAILURE GAUSSIAN GREEN GREY HAND LIGHT ORANGE PALE PLANNED "

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dart_skill.figures._recordings import Recording
+from dart_skill.figures._recordings import SAME_BASKET, Recording
 from dart_skill.figures._style import (
     ATTRACTOR,
     BALL,
@@ -35,8 +35,6 @@ from dart_skill.figures._style import (
 from dart_skill.robot import ThrowPlan, wam_description
 from dart_skill.simulation import Basket
 
-SAME_BASKET = 0.02
-"""A recording belongs to a plan if its basket stood this near to the plan's target [m]."""
 FLIGHT_WATCHED = 1.0
 """The ball is drawn so long after its release [s]."""
 FOLLOWED = 0.05

@@ -17,6 +17,8 @@ GAP = 0.5
 """Shortest gap between two recordings [s]. Dropouts last a tenth of a second; resets take one second."""
 HAND, BALL, BASKET = the_world().pose_topics().values()
 COMMAND = "/wam/command"
+SAME_BASKET = 0.02
+"""A recording belongs to a plan if its basket stood this near to the plan's target [m]."""
 
 
 Stamped = tuple[np.ndarray, np.ndarray]

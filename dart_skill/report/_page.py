@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
@@ -10,10 +10,10 @@ from dart_skill import palette
 from dart_skill.extras import remedy
 from dart_skill.report._html import HANDLING, colour_key, embedded, escaped, figure, large, one_line, page, quiet, table_of, what_was_run
 from dart_skill.report._pictures import Picture
-from dart_skill.report._replay import Ellipsoid, Replay, make_replay
+from dart_skill.report._replay import Replay
+from dart_skill.report._replay_of_run import begin_replay
 from dart_skill.report._run import Run, result_of
 from dart_skill.session import ThrowResult
-from dart_skill.skill.learn import component_ellipsoids
 from dart_skill.view import ViewUnavailable
 
 SHOWN = {"ball": palette.BALL, "basket": palette.BASKET, "way of the hand": palette.HAND, "demonstrations": palette.DEMONSTRATION} | {
@@ -22,9 +22,12 @@ SHOWN = {"ball": palette.BALL, "basket": palette.BASKET, "way of the hand": pale
 """What is seen in the replay."""
 
 
-def page_of(run: Run, drawn: Sequence[Picture]) -> str:
-    """The page of a run with its pictures; the same for the same run, versions and machine. drawn: the pictures."""
-    replay, why = _replay(run)
+def page_of(run: Run, drawn: Sequence[Picture], replay_of: Callable[[], Replay | None] | None = None) -> str:
+    """The page of a run with its pictures; the same for the same run, versions and machine.
+
+    drawn: the pictures. replay_of: gives the replay, as `begin_replay` does; it is made here by default.
+    """
+    replay, why = _replay(run, replay_of)
     sections = [
         _numbers(run),
         _replay_section(run, replay, why),
@@ -78,33 +81,13 @@ def _errors(throws: Iterable[ThrowResult]) -> np.ndarray:
 # the replay
 
 
-def _replay(run: Run) -> tuple[Replay | None, str]:
+def _replay(run: Run, replay_of: Callable[[], Replay | None] | None) -> tuple[Replay | None, str]:
     """The replay, or why there is none."""
-    throws = run.own or run.guided
-    if not any(throw.demonstration is not None for throw in throws):
-        return None, "The bag holds no throw that can be shown."
-    guided = {k: throw.demonstration.id for k, throw in enumerate(run.guided) if throw.demonstration is not None}
-    purposes = _purposes(run)
-    names = {k: ": ".join(filter(None, (purposes[n - 1], f"throw {n}"))) for k, n in run.numbers.items()} if run.own else guided
     try:
-        return make_replay(run.recording, throws, run.shown, lambda target: _gaussians(run, target), names), ""
+        replay = (replay_of or begin_replay(run))()
+        return replay, "" if replay else "The bag holds no throw that can be shown."
     except ViewUnavailable:
         return None, f"The replay needs the package viser, which was not there: {remedy('viser')}, then dart-skill report BAG."
-
-
-def _gaussians(run: Run, target: np.ndarray) -> Sequence[Ellipsoid]:
-    """Of the skill, for a basket; none without one, or where it knows nothing of it."""
-    try:
-        return component_ellipsoids(run.skill.mixture(target)) if run.skill else ()
-    except ValueError:
-        return ()
-
-
-def _purposes(run: Run) -> list[str]:
-    """What each throw of the arm was for; empty where all were for the same."""
-    if len(run.phases) < 2:
-        return [""] * len(run.results)
-    return [phase.name for phase, results in run.phases for _ in results]
 
 
 def _replay_section(run: Run, replay: Replay | None, why: str) -> str:
@@ -129,7 +112,7 @@ def _throws_section(run: Run, replay: Replay | None) -> str:
     begun = {number: f"{replay.starts[k]:.1f}" for k, number in run.numbers.items() if k in replay.starts} if replay else {}
     rows = [
         [str(number), purpose, *_result_cells(throw), begun.get(number, "")]
-        for number, (purpose, throw) in enumerate(zip(_purposes(run), run.results, strict=True), start=1)
+        for number, (purpose, throw) in enumerate(zip(run.purposes, run.results, strict=True), start=1)
     ]
     table = table_of([_HEAD[0], "purpose", *_HEAD[1:], "replay [s]"], rows, [one_line(throw.message) for throw in run.results])
     return f"<h2>Throws of the arm</h2>{table if rows else quiet('The arm made no throws of its own.')}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -57,13 +57,16 @@ class Picture:
 
 def pictures(run: Run) -> list[Picture]:
     """Every figure of a run, in the order of the page."""
-    return [
-        *_errors(run),
-        picture("landings", *_landings_words(run), partial(_landings, run)),
-        picture("synchronisation", "Demonstrations before and after synchronisation", SYNCHRONISATION, _synchronisation(run)),
-        picture("gaussians", "What was learned", GAUSSIANS, partial(_gaussians, run)),
-        picture("execution", "Executed path against attractor", EXECUTION, _execution(run)),
-    ]
+    return list(drawn_pictures(run))
+
+
+def drawn_pictures(run: Run) -> Iterator[Picture]:
+    """The same, each as soon as it is drawn."""
+    yield from _errors(run)
+    yield picture("landings", *_landings_words(run), partial(_landings, run))
+    yield picture("synchronisation", "Demonstrations before and after synchronisation", SYNCHRONISATION, _synchronisation(run))
+    yield picture("gaussians", "What was learned", GAUSSIANS, partial(_gaussians, run))
+    yield picture("execution", "Executed path against attractor", EXECUTION, _execution(run))
 
 
 ERROR = "Landing error: horizontal distance from where the ball crossed the plane of the rim to the centre of the rim."
@@ -87,12 +90,15 @@ EXECUTION = (
 
 def save_pictures(drawn: Iterable[Picture], folder: str | os.PathLike) -> list[Path]:
     """Write NAME.svg and NAME.png of every picture that there is into a folder; returns their paths."""
-    written = []
-    for picture in drawn:
-        if picture.figure is not None:
-            with house_style():
-                written += save(picture.figure, os.fspath(folder), picture.name, picture.svg)
-    return written
+    return [path for picture in drawn for path in save_picture(picture, folder)]
+
+
+def save_picture(picture: Picture, folder: str | os.PathLike) -> list[Path]:
+    """The same of one; no paths if it could not be drawn."""
+    if picture.figure is None:
+        return []
+    with house_style():
+        return save(picture.figure, os.fspath(folder), picture.name, picture.svg)
 
 
 def embeddable(svg: str, prefix: str) -> str:

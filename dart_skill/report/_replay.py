@@ -48,13 +48,13 @@ def make_replay(
     recording: ThrowRecording,
     throws: Sequence[FoundThrow],
     shown: Sequence[Demonstration],
-    gaussians: Callable[[np.ndarray], Sequence[Ellipsoid]] = lambda target: (),
+    gaussians: Mapping[int, Sequence[Ellipsoid]] | None = None,
     names: Mapping[int, str] | None = None,
 ) -> Replay:
     """The first throws of a recording, the arm where it was recorded, with the demonstrations that taught it.
 
-    names: what throws are called, by their index; "throw 1", "throw 2", ... by default. gaussians: gives those that are shown with a
-    throw at a basket (3,). ViewUnavailable without viser.
+    names: what throws are called, by their index; "throw 1", "throw 2", ... by default. gaussians: those that are shown with throws, by
+    their index. ViewUnavailable without viser.
     """
     from dart_skill.view import Scene, open_server
 
@@ -68,18 +68,22 @@ def make_replay(
         starts: dict[int, float] = {}
         seconds = 0.0
         with server.atomic():  # or each change wakes a thread that has nobody to send it to
-            for number, throw in enumerate(throws):
-                if throw.demonstration is None or len(starts) == MOST_THROWS:
-                    continue
+            for number in in_replay(throws):
+                throw = throws[number]
                 starts[number] = seconds
                 label.text = name = (names or {}).get(number, f"throw {number + 1}")
-                _show_gaussians(scene, gaussians(throw.demonstration.target))
+                _show_gaussians(scene, (gaussians or {}).get(number, ()))
                 result = in_a_line(name, throw)
                 seconds += play(scene, serializer, recording, throw, when_down=partial(setattr, label, "text", result))
         return Replay(serializer.as_html(), starts, seconds)
     finally:
         with contextlib.redirect_stdout(io.StringIO()):  # viser says that it stopped
             server.stop()
+
+
+def in_replay(throws: Sequence[FoundThrow]) -> list[int]:
+    """Indices of the throws that are shown: the first of those that were cut."""
+    return [number for number, throw in enumerate(throws) if throw.demonstration is not None][:MOST_THROWS]
 
 
 def _show_gaussians(scene: Scene, ellipsoids: Sequence[Ellipsoid]) -> None:

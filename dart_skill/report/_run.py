@@ -5,8 +5,9 @@ from __future__ import annotations
 import importlib.metadata
 import os
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,9 @@ import numpy as np
 
 from dart_skill.figures import SAME_BASKET, Recording
 from dart_skill.recording import SKILL, BagError, Demonstration, GraphBag, read_demonstrations, skill_of
-from dart_skill.recording.imports import ThrowRecording, fault_lines, read_recording
-from dart_skill.session import ThrowResult, find_throws
+from dart_skill.recording.imports import ThrowRecording, fault_lines
+from dart_skill.report._seen import Seen, seen_throws
+from dart_skill.session import ThrowResult
 from dart_skill.skill.learn import LEAST_DEMONSTRATIONS, ThrowingSkill, learn
 from dart_skill.skill.learn import configuration as configuration_of
 from dart_skill.skill.observe import FoundThrow, worlds
@@ -121,6 +123,13 @@ class Run:
         return [one for one in self.phases if practised and not one[0].learned_from and one[1]]
 
     @property
+    def purposes(self) -> list[str]:
+        """What each throw of the arm was for; empty where all were for the same."""
+        if len(self.phases) < 2:
+            return [""] * len(self.results)
+        return [phase.name for phase, results in self.phases for _ in results]
+
+    @property
     def practised(self) -> tuple[ThrowResult, ...]:
         """The throws from which the arm learned, in order of time."""
         return tuple(result for phase, results in self.phases if phase.learned_from for result in results)
@@ -131,11 +140,17 @@ class Run:
         return [_stretch(self, since, until) for since, until in worlds([self.recording.bodies["hand"].stamp_ns])]
 
 
-def read_run(bag: str | os.PathLike, about: About | None = None, results: Sequence[ThrowResult] | None = None) -> Run:
+def read_run(
+    bag: str | os.PathLike,
+    about: About | None = None,
+    results: Sequence[ThrowResult] | None = None,
+    seen: Callable[[], Seen] | None = None,
+) -> Run:
     """Everything that a bag tells of a run; BagError says what is wrong with it.
 
     about: what is known besides. results: of the arm's throws as they were judged in the run, which has those, too, that came to nothing;
-    by default they are judged again, by what the cameras saw. ValueError if phases do not add up to all throws.
+    by default they are judged again, by what the cameras saw. seen: gives what `seen_throws` gives of the bag, which somebody else may read
+    while this process learns from the demonstrations that were published. ValueError if phases do not add up to all throws.
     """
     bag = Path(bag)
     if (name := skill_of(bag)) != SKILL:
@@ -143,13 +158,14 @@ def read_run(bag: str | os.PathLike, about: About | None = None, results: Sequen
     described = describe(bag, about or About())
     if results is not None:
         _check_phases(described.phases, len(results))
-    recording = read_recording(bag)
-    throws = find_throws(recording)
+    shown = _published(bag)
+    learned = _learned(shown, described.configuration) if shown else None
+    recording, throws = (seen or partial(seen_throws, bag))()
     guided, own = (tuple(throw for throw in throws if throw.taught == taught) for taught in (True, False))
-    shown = _published(bag) or tuple(throw.demonstration for throw in guided if throw.demonstration is not None and throw.shows)
+    shown = shown or tuple(throw.demonstration for throw in guided if throw.demonstration is not None and throw.shows)
     judged = tuple(result_of(throw) for throw in own if throw.demonstration is not None) if results is None else tuple(results)
     _check_phases(described.phases, len(judged))
-    skill, notes = _learned(shown, described.configuration)
+    skill, notes = learned or _learned(shown, described.configuration)
     notes += [f"could not be cut: {throw.reason}" for throw in throws if throw.demonstration is None]
     return Run(
         bag, described, recording, guided, own, judged, shown, skill, recording.command_stamps, (*notes, *fault_lines(recording.faults))

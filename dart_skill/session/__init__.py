@@ -33,7 +33,8 @@ if TYPE_CHECKING:
         summarise,
     )
     from dart_skill.session._demo import Job, throwing_demo
-    from dart_skill.session._from_bag import LearnReport, find_throws, learn_from_bag
+    from dart_skill.session._finding import find_throws
+    from dart_skill.session._from_bag import LearnReport, learn_from_bag
     from dart_skill.session._from_lerobot import (
         learn_other_throws_from_dataset,
         learn_skill_from_dataset,
@@ -58,7 +59,8 @@ else:
             "_darts_run": "BLOCK Dart DartsRun DartsSummary LegSummary after_the_throw as_pair before_the_throw darts_json darts_table "
             "summarise",
             "_demo": "Job throwing_demo",
-            "_from_bag": "LearnReport find_throws learn_from_bag",
+            "_finding": "find_throws",
+            "_from_bag": "LearnReport learn_from_bag",
             "_from_lerobot": "learn_other_throws_from_dataset learn_skill_from_dataset learn_throws_from_dataset open_dataset "
             "skill_of_dataset",
             "_in_process": "Session Trial",

@@ -14,21 +14,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dart_skill.movement import Segment, VelocityThreshold
-from dart_skill.recording import Demonstration, Opening, check_known, read_demonstrations, read_dropped
+from dart_skill.movement import VelocityThreshold
+from dart_skill.recording import Demonstration, check_known, read_demonstrations, read_dropped
 from dart_skill.recording.imports import Fault, RecordingMapping, ThrowRecording, read_in_parts, read_recording
-from dart_skill.robot import wam_description
+from dart_skill.session._finding import found_in
 from dart_skill.skill.learn import LEAST_DEMONSTRATIONS, SkillConfiguration, prepare
 from dart_skill.skill.learn import configuration as configuration_of
-from dart_skill.skill.observe import MEMORY_NS, THRESHOLDS, FoundThrow, ThrowFinder, ThrowLog, fit_release, watched_until, worlds
+from dart_skill.skill.observe import THRESHOLDS, FoundThrow
 
 if TYPE_CHECKING:
     from dart_skill.skill.improve import PractisingSkill
 
 OWN_THROW = "thrown by the arm itself"
 """Why a throw is left out that no person guided."""
-FLIGHT_NS = 1_000_000_000
-"""A ball that was thrown in a motion of the hand flies within this time after it."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +115,7 @@ def _throws_in_parts(
             source, has_joints = part.source, has_joints or part.joints is not None
             yield part
 
-    throws = tuple(_judged(throw, with_throws, chosen) for throw in _found(seen(), thresholds))
+    throws = tuple(_judged(throw, with_throws, chosen) for throw in found_in(seen(), thresholds))
     return replace(report, source=source, throws=throws, faults=tuple(faults)), has_joints
 
 
@@ -126,34 +124,6 @@ def _without_dropped(report: LearnReport, path: str | os.PathLike, mapping: Reco
     check_known(without, [throw.demonstration.id for throw in report.throws if throw.demonstration is not None], report.source)
     dropped = set() if mapping else read_dropped(path)
     return replace(report, throws=tuple(_unless_dropped(throw, dropped, without) for throw in report.throws))
-
-
-def find_throws(recording: ThrowRecording, thresholds: VelocityThreshold = THRESHOLDS) -> list[FoundThrow]:
-    """Every throw of a recording, in order of time. Demonstrations of our own bags are those that the recorder published, to the last bit:
-    guided throws into the basket, which it calls demonstration_<stamp at which the hand was told to open>.
-    """
-    return list(_found([recording], thresholds))
-
-
-def _found(parts: Iterable[ThrowRecording], thresholds: VelocityThreshold) -> Iterator[FoundThrow]:
-    """As `find_throws`, of the parts of a recording in order of time. What no later throw needs is forgotten."""
-    log = ThrowLog()
-    finder, has_button, newest = ThrowFinder(log, thresholds), True, None
-    waiting: list[Opening] = []  # of throws that may not be over
-    for part in parts:
-        if newest is not None:
-            finder.forget_before(min([newest, *(one.stamp_ns for one in waiting)]) - MEMORY_NS)
-        _fill(log, part)
-        has_button, stretches = part.has_button, _worlds(part)
-        if stretches and newest is not None:  # what was told between two parts
-            stretches[0] = (min(stretches[0][0], newest + 1), stretches[0][1])
-        for since, until in stretches:
-            waiting += _openings(part, since, until, thresholds)
-        newest = stretches[-1][1] if stretches else newest
-        while newest is not None and waiting and watched_until(waiting[0].stamp_ns) <= newest:
-            yield from finder.find(waiting.pop(0), has_button)
-    for opening in waiting:
-        yield from finder.find(opening, has_button)
 
 
 def _unless_dropped(throw: FoundThrow, dropped: Collection[str], without: Collection[str]) -> FoundThrow:
@@ -200,62 +170,3 @@ def explained(reasons: str) -> str:
 def _instant(one: Demonstration) -> int:
     since = one.hand_opened if np.isfinite(one.hand_opened) else one.motion_start
     return one.stamp_ns + round(1e9 * float(np.nan_to_num(since)))
-
-
-# finding throws
-
-
-def _openings(recording: ThrowRecording, since: int, until: int, thresholds: VelocityThreshold) -> list[Opening]:
-    """When the hand was told to open between two stamps, or if nobody kept that, when the ball left it."""
-    if recording.has_button:
-        return [one for one in recording.openings if since <= one.stamp_ns <= until]
-    return _releases(recording, since, until, thresholds)
-
-
-def _worlds(recording: ThrowRecording) -> list[tuple[int, int]]:
-    streams = [body.stamp_ns for body in recording.bodies.values()]
-    return worlds([*streams, recording.joints.stamp_ns] if recording.joints else streams)
-
-
-def _fill(log: ThrowLog, recording: ThrowRecording) -> None:
-    """Tell a log everything that was recorded."""
-    for role, stream in (("hand", log.hand), ("ball", log.ball), ("basket", log.basket)):
-        body = recording.bodies[role]
-        rows = np.hstack([body.position, body.quaternion]) if role == "hand" else body.position
-        log.rejected += len(rows) - stream.extend(body.stamp_ns, rows)
-    joints = recording.joints
-    if joints is not None:
-        for k, stamp in enumerate(joints.stamp_ns.tolist()):
-            log.add_joints(stamp, joints.position[k], joints.velocity[k])
-
-
-def _between(stamps: np.ndarray, since: int, until: int) -> np.ndarray:
-    return np.flatnonzero((stamps >= since) & (stamps <= until))
-
-
-def _releases(recording: ThrowRecording, since: int, until: int, thresholds: VelocityThreshold) -> list[Opening]:
-    """When the ball left the hand, for each motion of the hand out of which it flew."""
-    hand = recording.bodies["hand"]
-    rows = _between(hand.stamp_ns, since, until)
-    if len(rows) < 10:
-        return []
-    origin = int(hand.stamp_ns[rows[0]])
-    try:
-        motions = thresholds.segment(1e-9 * (hand.stamp_ns[rows] - origin), hand.position[rows])
-    except ValueError:
-        return []  # nothing moved, or nothing that begins and ends here
-    releases = [release for motion in motions if (release := _release_in(recording, origin, motion)) is not None]
-    return [Opening(stamp, True) for stamp in releases]
-
-
-def _release_in(recording: ThrowRecording, origin: int, motion: Segment) -> int | None:
-    first, last = origin + round(1e9 * motion.start), origin + round(1e9 * motion.stop)
-    hand, ball = recording.bodies["hand"], recording.bodies["ball"]
-    h, b = _between(hand.stamp_ns, first, last), _between(ball.stamp_ns, first, last + FLIGHT_NS)
-    times = [1e-9 * (stream.stamp_ns[rows] - origin) for stream, rows in ((hand, h), (ball, b))]
-    try:
-        grip = wam_description().hand.ball_centre
-        release = fit_release(times[1], ball.position[b], times[0], hand.position[h], hand.quaternion[h], grip)
-    except ValueError:
-        return None
-    return origin + round(1e9 * release.time) if motion.contains(release.time) else None

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from dart_skill import palette
 from dart_skill.view._placing import on_plane
@@ -132,6 +131,8 @@ def within_reach(place: np.ndarray) -> np.ndarray:
 
 def turned(quaternion: np.ndarray, degrees: float) -> np.ndarray:
     """A hand's quaternion (4,) turned about the vertical. degrees: to the left, seen from above."""
+    from scipy.spatial.transform import Rotation  # a report holds no hand, and does without
+
     return (Rotation.from_euler("z", degrees, degrees=True) * Rotation.from_quat(quaternion)).as_quat()
 
 
@@ -140,6 +141,8 @@ def how_far(lies: np.ndarray, turn: np.ndarray) -> str:
 
     lies, turn: place and rotation of the body in the wanted frame.
     """
+    from scipy.spatial.transform import Rotation
+
     degrees = float(np.rad2deg(Rotation.from_matrix(turn).as_rotvec()[2]))
     way = "to the left" if degrees > 0.0 else "to the right"
     height = f"{1e3 * abs(lies[2]):.0f} mm {'above' if lies[2] >= 0.0 else 'below'} it"

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from dart_skill import palette
 from dart_skill.checks import check_unit_quaternions
@@ -210,6 +209,8 @@ class Scene:
             self._cameras = None
         if not cameras:
             return
+        from scipy.spatial.transform import Rotation  # a report shows no cameras, and does without
+
         axes = np.array([camera.axes.T for camera in cameras])
         self._cameras = self._scene.add_batched_meshes_simple(
             "/cameras/all", *_parts(pyramid(cameras[0].half_angles, CAMERA_SIZE)), _wxyz(Rotation.from_matrix(axes).as_quat()),

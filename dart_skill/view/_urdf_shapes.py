@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from xml.etree import ElementTree
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from dart_skill.view._shapes import Mesh, box, cylinder, joined, sphere
 
@@ -44,24 +43,45 @@ def _link(element: ElementTree.Element, joint: ElementTree.Element | None) -> Ur
     name = _asked(element, "name")
     meshes = [_visual(visual, name) for visual in element.findall("visual")]
     parent = "" if joint is None else _asked(_child(joint, "parent"), "link")
-    translation, rotation = _origin(joint)
-    return UrdfLink(name, parent, translation, rotation.as_quat(), joined(meshes) if meshes else None)
+    translation, quaternion = _origin(joint)
+    return UrdfLink(name, parent, translation, quaternion, joined(meshes) if meshes else None)
 
 
 def _visual(visual: ElementTree.Element, link: str) -> Mesh:
     shape = _child(visual, "geometry")[0]
     if shape.tag not in SHAPES:
         raise ValueError(f"link {link}: a <{shape.tag}> is not drawn, only {', '.join(SHAPES)}")
-    translation, rotation = _origin(visual)
-    return SHAPES[shape.tag](shape).moved(translation, rotation.as_matrix())
+    translation, quaternion = _origin(visual)
+    return SHAPES[shape.tag](shape).moved(translation, _matrix(quaternion))
 
 
-def _origin(element: ElementTree.Element | None) -> tuple[np.ndarray, Rotation]:
+def _origin(element: ElementTree.Element | None) -> tuple[np.ndarray, np.ndarray]:
+    """Translation (3,) [m] and quaternion (4,) of the pose of a joint or a shape."""
     origin = None if element is None else element.find("origin")
     if origin is None:
-        return np.zeros(3), Rotation.identity()
+        return np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])
     xyz, rpy = (np.array(origin.get(name, "0 0 0").split(), dtype=float) for name in ("xyz", "rpy"))
-    return xyz, Rotation.from_euler("xyz", rpy)
+    return xyz, _turned(rpy)
+
+
+def _turned(rpy: np.ndarray) -> np.ndarray:
+    """Quaternion (4,) of turns (3,) [rad] about the fixed axes x, y and z, one after the other. SciPy's would be a fourth of all that a
+    replay imports.
+    """
+    (sx, sy, sz), (cx, cy, cz) = np.sin(rpy / 2), np.cos(rpy / 2)
+    return np.array([sx * cy * cz - cx * sy * sz, cx * sy * cz + sx * cy * sz, cx * cy * sz - sx * sy * cz, cx * cy * cz + sx * sy * sz])
+
+
+def _matrix(quaternion: np.ndarray) -> np.ndarray:
+    """Rotation (3, 3) of a unit quaternion (4,)."""
+    x, y, z, w = quaternion
+    return np.array(
+        [
+            [x * x - y * y - z * z + w * w, 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+            [2.0 * (x * y + z * w), y * y - x * x - z * z + w * w, 2.0 * (y * z - x * w)],
+            [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), z * z - x * x - y * y + w * w],
+        ]
+    )
 
 
 def _child(element: ElementTree.Element, tag: str) -> ElementTree.Element:

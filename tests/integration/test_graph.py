@@ -152,3 +152,12 @@ def test_nodes_that_take_turns_share_a_core_and_nobody_else_has_it(make_graph, t
     cores = {name: os.sched_getaffinity(process.pid) for name, process in graph.processes.items()}
     assert cores["commander"] == cores["wam_simulator"] and len(cores["commander"]) == 1
     assert not cores["skill_learner"] & cores["commander"]
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="no affinity")
+def test_where_no_nodes_take_turns_every_process_has_all_cores(make_graph):
+    """On two cores `composed` and the learner shared one, and nobody had the other."""
+    graph, _ = make_graph(None)
+    for executable in ("composed", "skill_learner"):
+        graph.start(executable)
+    assert [os.sched_getaffinity(process.pid) for process in graph.processes.values()] == [os.sched_getaffinity(0)] * 2

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from dart_skill_nodes.process.signals import Interrupts
+from tests.paths import BAGS
 
 COLD = True
 PATIENCE = 60.0
@@ -66,6 +67,11 @@ class OnTerminal:
     def loads(self, library):
         """Whether the process has a library whose name has this in it."""
         return library in Path(f"/proc/{self.pid}/maps").read_text()
+
+    @property
+    def second(self):
+        """Its second process (`dart_skill.second_process`); 0: there is none."""
+        return next((pid for pid, what in self.others.items() if "spawn_main" in what), 0)
 
     @property
     def others(self):
@@ -145,6 +151,17 @@ def test_whoever_computes_on_all_cores_ends_at_once_and_leaves_no_worker(verb, e
     assert process.status() == status, process.said
     assert "Traceback" not in process.said, process.said
     process.until(lambda: not process.others, f"no process is left of {process.others}")
+
+
+@pytest.mark.parametrize(("end", "status"), [(OnTerminal.press_ctrl_c, 130), (OnTerminal.terminate, 143)])
+def test_who_makes_a_page_ends_at_once_and_its_second_process_with_it(verb, tmp_path, end, status):
+    process = verb(["report", str(BAGS / "throws"), "--output", str(tmp_path / "page.html")])
+    process.until(lambda: process.second, "a second process")
+    second = process.second
+    end(process)
+    assert process.status() == status, process.said
+    assert "Traceback" not in process.said and list(tmp_path.iterdir()) == [], process.said
+    process.until(lambda: not Path(f"/proc/{second}").exists(), "the end of the second process")
 
 
 @pytest.mark.parametrize("how, status", [("interrupted", 0), ("defect", 1)])

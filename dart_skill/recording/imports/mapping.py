@@ -6,14 +6,13 @@ docs/bags.md explains it, config/recordings/example.yaml has every key. Our own 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
-from scipy.spatial.transform import Rotation
 
 from dart_skill.constants import N_JOINTS, UNTURNED
 from dart_skill.recording.imports.pose_stream import UP_AXES, RigidTransform
@@ -227,11 +226,17 @@ def _rigid(section: _Section, key: str, default: RigidTransform) -> RigidTransfo
     part.nothing_else()
     if quaternion and degrees:
         raise MappingError(f"{part.place}: give quaternion or roll_pitch_yaw_deg, not both")
-    turned = Rotation.from_euler("xyz", degrees, degrees=True).as_quat() if degrees else np.array(quaternion or UNTURNED)
     try:
-        return RigidTransform(np.array(position), turned)
+        return RigidTransform(np.array(position), _turned(degrees) if degrees else np.array(quaternion or UNTURNED))
     except ValueError as error:
         raise MappingError(f"{part.place}: {error}") from error
+
+
+def _turned(degrees: Sequence[float]) -> np.ndarray:
+    """Quaternion (4,) of roll, pitch and yaw about fixed axes."""
+    from scipy.spatial.transform import Rotation  # our own bags need none, and it takes longer to import than all that reads them
+
+    return Rotation.from_euler("xyz", degrees, degrees=True).as_quat()
 
 
 def _pose_source(section: _Section, axes: PoseSource) -> PoseSource:

@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from dart_skill.constants import UNTURNED
 from dart_skill.world import the_world
@@ -79,6 +78,8 @@ def transformed(stream: PoseStream, world: RigidTransform, offset: RigidTransfor
     world: takes the old axes into the new ones.
     offset: our body's frame in the axes of the tracked body.
     """
+    from scipy.spatial.transform import Rotation  # our own bags need none
+
     turn, norm = Rotation.from_quat(world.quaternion), np.linalg.norm(stream.quaternion, axis=1, keepdims=True)
     position = turn.apply(stream.position) + world.position
     turned = turn * Rotation.from_quat(np.where(norm == 0.0, turn.inv().as_quat(), stream.quaternion))  # without one: that of the new axes

@@ -50,6 +50,11 @@ def choose_domain() -> None:
     raise RuntimeError("no free ROS domain between 1 and 100: set ROS_DOMAIN_ID")
 
 
+def has_own_domain() -> bool:
+    """Whether this process chose a domain that nobody else uses (`choose_domain`)."""
+    return bool(_TAKEN)
+
+
 def _take(port: int) -> bool:
     """Hold a port while this process lives: a domain whose nodes have not been started yet is taken all the same."""
     lock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

@@ -123,7 +123,8 @@ class Graph:
             environment = {name: value for name, value in os.environ.items() if name != OVERRIDE} | {ENDS_WITH: str(os.getpid())}
             process = subprocess.Popen(command, stdout=log, stderr=log, stdin=subprocess.DEVNULL, env=environment)
         self.processes[executable] = process
-        _place(process, executable, self.namespace)
+        if not self.processes.keys().isdisjoint(TAKING_TURNS):
+            _place(process, executable, self.namespace)
 
     def start_all(self, layout: str, seed: int, bag: Path, extra: dict[str, dict] | None = None, skill: str = "") -> None:
         """Start a whole layout with one seed, the bag to record to, and a skill."""

@@ -4,9 +4,11 @@ import argparse
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING
 
+from dart_skill_nodes.process.discovery import has_own_domain
 from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES, Graph, of_executables
 from dart_skill_nodes.verbs._darts_run import play_leg, practise_darts
 from dart_skill_nodes.verbs._run import carried_out, say, teach, throw_all
@@ -23,33 +25,38 @@ if TYPE_CHECKING:
 __all__ = ["carried_out", "run", "run_darts", "run_skill"]
 
 
-def _import_report() -> None:
-    """Imports what the report at the end of a demo is made with; whoever lacks a package is told so there."""
-    with suppress(ImportError):
-        import scipy.interpolate  # noqa: F401
-
-        from dart_skill.report import write_report, write_skill_report  # noqa: F401
-        from dart_skill.view import Scene, open_server  # noqa: F401
+def _begin(meanwhile: Callable[[], None]) -> None:
+    """What can be done while lessons are given, for which this process only waits: nobody waits for it at the end."""
+    threading.Thread(target=meanwhile, name="meanwhile").start()
 
 
-def _import_meanwhile() -> None:
-    """A second of imports while lessons are given, for which this process only waits: nobody waits for them at the end."""
-    threading.Thread(target=_import_report, name="imports").start()
+def _started(graph: Graph, options: argparse.Namespace, skill: str = "") -> "GraphClient":
+    """A client of the graph, which has been started and is ready. Where others may use the ROS domain, nodes of before must be gone first;
+    where nobody does, nodes start while this process imports what a client needs.
+    """
+    extra = of_executables(options.layout, options.differs)
+    start = partial(graph.start_all, options.layout, options.seed, options.output / "bag", extra, skill)
+    if alone := has_own_domain():
+        start()
+    from dart_skill_nodes.client.graph_client import GraphClient
+
+    client = GraphClient(graph.dead)
+    if not alone:
+        client.wait_until_gone(NODES)
+        start()
+    client.wait_until_ready()
+    return client
 
 
 @contextmanager
-def _learned_graph(options: argparse.Namespace, skill: "Skill", rng: "np.random.Generator") -> "Iterator[tuple[GraphClient, int]]":
+def _learned_graph(
+    options: argparse.Namespace, skill: "Skill", rng: "np.random.Generator", meanwhile: Callable[[], None]
+) -> "Iterator[tuple[GraphClient, int]]":
     """A graph of its own that was shown a skill and has learned it: a client, and how many attempts the lessons took."""
-    from dart_skill_nodes.client.graph_client import GraphClient
-
     with Graph(options.output / "logs") as graph:
         say(f"seed {options.seed}; starting {', '.join(LAYOUTS[options.layout])} with the skill {skill.name}")
-        client = GraphClient(graph.dead)
-        client.wait_until_gone(NODES)
-        extra = of_executables(options.layout, options.differs)
-        graph.start_all(options.layout, options.seed, options.output / "bag", extra, skill.name)
-        client.wait_until_ready()
-        _import_meanwhile()
+        client = _started(graph, options, skill.name)
+        _begin(meanwhile)
         attempts = _learned(client, options, lambda: show_all(client, skill, options.demonstrations, rng))
         if options.model is not None:
             rng.random(1000)  # other situations than those in which it may have been shown
@@ -67,13 +74,13 @@ def _learned(client: "GraphClient", options: argparse.Namespace, lessons: Callab
     return attempts
 
 
-def run_darts(options: argparse.Namespace, skill: "Darts") -> "DartsSummary":
-    """Darts on a graph of its own: shown, learned, practised, and a leg of 501."""
+def run_darts(options: argparse.Namespace, skill: "Darts", meanwhile: Callable[[], None]) -> "DartsSummary":
+    """Darts on a graph of its own: shown, learned, practised, and a leg of 501. meanwhile: as of `run`."""
     from dart_skill.session import DartsRun, DartsSummary, SkillResult, SkillSummary
     from dart_skill_nodes.comms import conversions
 
     begun = time.monotonic()
-    with _learned_graph(options, skill, drawn(options.seed)) as (client, attempts):
+    with _learned_graph(options, skill, drawn(options.seed), meanwhile) as (client, attempts):
         done = practise_darts(client, skill, options.throws)
         say(done.result.message)
         leg = play_leg(client, skill, done.agent)
@@ -94,12 +101,12 @@ def run_darts(options: argparse.Namespace, skill: "Darts") -> "DartsSummary":
     return DartsSummary(of, DartsRun(options.seed, "of the graph", skill.bull, (), done.darts), leg)
 
 
-def run_skill(options: argparse.Namespace, skill: "Skill") -> "SkillSummary":
-    """The whole job of any skill on a graph of its own."""
+def run_skill(options: argparse.Namespace, skill: "Skill", meanwhile: Callable[[], None]) -> "SkillSummary":
+    """The whole job of any skill on a graph of its own. meanwhile: as of `run`."""
     from dart_skill.session import SkillSummary
 
     bag, begun, rng = options.output / "bag", time.monotonic(), drawn(options.seed)
-    with _learned_graph(options, skill, rng) as (client, attempts):
+    with _learned_graph(options, skill, rng, meanwhile) as (client, attempts):
         trials = execute_all(client, skill, options.throws, rng)
     simulated, took = client.throw_seconds
     return SkillSummary(
@@ -115,22 +122,20 @@ def run_skill(options: argparse.Namespace, skill: "Skill") -> "SkillSummary":
     )
 
 
-def run(options: argparse.Namespace) -> "DemoSummary":
-    """The whole job on a graph of its own."""
-    from dart_skill.regions import targets_for
-    from dart_skill.session import DemoSummary
-    from dart_skill.simulation import PlantSettings
-    from dart_skill_nodes.client.graph_client import GraphClient
+def run(options: argparse.Namespace, meanwhile: Callable[[], None]) -> "DemoSummary":
+    """The whole job on a graph of its own.
 
-    bag = options.output / "bag"
+    options: of the command. meanwhile: done in a thread while lessons are given.
+    """
     begun = time.monotonic()
     with Graph(options.output / "logs") as graph:
         say(f"seed {options.seed}; starting {', '.join(LAYOUTS[options.layout])}")
-        client = GraphClient(graph.dead)
-        client.wait_until_gone(NODES)
-        graph.start_all(options.layout, options.seed, bag, of_executables(options.layout, options.differs))
-        client.wait_until_ready()
-        _import_meanwhile()
+        client = _started(graph, options)
+        _begin(meanwhile)
+        from dart_skill.regions import targets_for
+        from dart_skill.session import DemoSummary
+        from dart_skill.simulation import PlantSettings
+
         ready, steps = client.counted_at if client.simulated_steps else time.monotonic(), client.simulated_steps
         attempts = _learned(client, options, lambda: teach(client, options.seed, options.demonstrations))
         results = throw_all(client, targets_for(options.seed, options.demonstrations, options.throws)[1])
@@ -141,7 +146,7 @@ def run(options: argparse.Namespace) -> "DemoSummary":
         client.close()
     return DemoSummary(
         seed=options.seed,
-        bag=str(bag),
+        bag=str(options.output / "bag"),
         demonstrations=options.demonstrations,
         attempts=attempts,
         throws=tuple(results),

@@ -12,7 +12,7 @@ from dart_skill.recording import BagReader, BagWriter, definition, qos_yaml, ser
 from dart_skill.recording.bags import _file_check, check_bag, recover
 from dart_skill.recording.imports import read_in_parts, read_recording
 from dart_skill.recording.mcap import ChunkPlace, ChunkTable, McapFile, crc_of, mapped, read_summary, walk
-from dart_skill.session._from_bag import _found
+from dart_skill.session._finding import found_in
 from dart_skill.skill.observe import THRESHOLDS
 from dart_skill.world import joint_names, the_world
 from tests.paths import ROOT
@@ -156,13 +156,13 @@ def test_a_check_still_finds_the_one_message_that_is_none(bags, tmp_path):
 
 @pytest.fixture(scope="module")
 def throws():
-    return list(_found([read_recording(BAG)], THRESHOLDS))
+    return list(found_in([read_recording(BAG)], THRESHOLDS))
 
 
 @pytest.mark.parametrize("seconds", [1, 20])
 def test_parts_of_a_recording_show_the_same_throws_to_the_last_bit(throws, seconds):
     parts = list(read_in_parts(BAG, part_ns=seconds * SECOND))
-    found = list(_found(parts, THRESHOLDS))
+    found = list(found_in(parts, THRESHOLDS))
     assert len(parts) > 3 and len(found) == len(throws) == 13
     for one, other in zip(found, throws, strict=True):
         assert same(one.demonstration, other.demonstration) == [] and one.taught == other.taught

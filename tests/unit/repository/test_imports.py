@@ -12,7 +12,19 @@ from tests.paths import BAGS, ROOT
 
 SOURCES = {"dart_skill": ROOT / "dart_skill", "dart_skill_nodes": ROOT / "nodes" / "dart_skill_nodes"}
 LAYERS = (
-    {"__version__", "archive", "constants", "configuration", "extras", "files", "hyper_parameters", "lazy", "medians", "palette"},
+    {
+        "__version__",
+        "archive",
+        "constants",
+        "configuration",
+        "extras",
+        "files",
+        "hyper_parameters",
+        "lazy",
+        "medians",
+        "palette",
+        "second_process",
+    },
     {"world", "fleet", "checks", "permissions"},
     {"flight", "mixture", "regions", "pace"},
     {"surface", "movement", "policy_search", "darts", "recording", "robot"},
