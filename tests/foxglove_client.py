@@ -6,6 +6,8 @@ import time
 from websockets.sync.client import connect
 
 PROTOCOL, MESSAGE = "foxglove.sdk.v1", 1
+AGAIN = 2.0
+"""foxglove-sdk may know a channel a moment later than it tells of it, and forgets who asked for it too early: it is asked again [s]."""
 
 
 class FoxgloveClient:
@@ -14,15 +16,13 @@ class FoxgloveClient:
     def __init__(self, url):
         self._socket = connect(url, subprotocols=[PROTOCOL], max_size=None)
         self.info, self.channels, self.messages, self._asked = {}, {}, [], {}
+        self._asked_at = 0.0
 
     def ask_for(self, topic):
         """Subscribe to a topic that was advertised."""
         number = len(self._asked) + 1
         self._asked[number] = topic
-        self._subscribe(number)
-
-    def _subscribe(self, number):
-        topic = self._asked[number]
+        self._asked_at = time.monotonic()
         wanted = {"op": "subscribe", "subscriptions": [{"id": number, "channelId": self.channels[topic]["id"]}]}
         self._socket.send(json.dumps(wanted))
 
@@ -32,6 +32,9 @@ class FoxgloveClient:
         while not done():
             assert time.monotonic() < end, f"not within {patience} s; heard of {sorted(self.channels)}, {len(self.messages)} messages"
             meanwhile()
+            if time.monotonic() - self._asked_at > AGAIN:
+                for topic in set(self._asked.values()) - {topic for topic, _ in self.messages}:
+                    self.ask_for(topic)
             try:
                 self._take(self._socket.recv(timeout=0.02))
             except TimeoutError:
@@ -56,6 +59,3 @@ class FoxgloveClient:
             self.info = told
         elif told["op"] == "advertise":
             self.channels |= {channel["topic"]: channel for channel in told["channels"]}
-        elif told["op"] == "status" and "unknown channel" in told["message"]:  # foxglove-sdk may know a channel later than it tells of it
-            for number in self._asked:
-                self._subscribe(number)
