@@ -21,6 +21,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -331,18 +332,24 @@ class Step(NamedTuple):
 
 def run(command: list[str], environment: dict[str, str]) -> None:
     """Runs a command with its output in the log, tells how far it is, and reads from there what went wrong."""
+    run_side_by_side([command], environment)
+
+
+def run_side_by_side(commands: list[list[str]], environment: dict[str, str]) -> None:
+    """The same with several commands at once; when one has failed, the others are ended."""
     LOG.parent.mkdir(exist_ok=True)
     with LOG.open("ab") as log:
-        log.write(f"\n$ {' '.join(command)}\n".encode())
+        for command in commands:
+            log.write(f"\n$ {' '.join(command)}\n".encode())
         log.flush()
         start = log.tell()
-        process = subprocess.Popen(command, cwd=ROOT, env=environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log)
+        processes = [subprocess.Popen(one, cwd=ROOT, env=environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log) for one in commands]
         try:
-            status = watch(process, start)
-        except BaseException:
-            process.terminate()
-            process.wait()
-            raise
+            status = watch(processes, start)
+        finally:
+            for process in processes:
+                process.terminate()
+                process.wait()
     if status:
         with LOG.open("rb") as log:
             log.seek(start)
@@ -360,18 +367,22 @@ DOING = (
 )
 
 
-def watch(process: subprocess.Popen, start: int) -> int:
-    """Waits for a command and says what its log says, from `start` on; its exit status."""
+def watch(processes: list[subprocess.Popen], start: int) -> int:
+    """Waits for commands, or for the first of them that fails, and says what their log says, from `start` on; the exit status."""
     begun = told = time.monotonic()
     while True:
         try:
-            status = process.wait(0.2 if sys.stdout.isatty() else 1.0)
+            for process in processes:
+                process.wait(0.2 if sys.stdout.isatty() else 1.0)
+            is_over = True
+        except subprocess.TimeoutExpired:
+            is_over = any(process.poll() for process in processes)
+        if is_over:
             tell("")
             if told > begun:
                 print("\n ", end="", flush=True)
-            return status
-        except subprocess.TimeoutExpired:
-            now = time.monotonic()
+            return next((process.returncode for process in processes if process.returncode), 0)
+        now = time.monotonic()
         if sys.stdout.isatty():
             tell(f" {now - begun:.0f} s: {doing(start)}")
         elif now - told > TOLD_EVERY:
@@ -445,7 +456,9 @@ def install_packages(work: Workspace) -> None:
     pip = [work.python, "-m", "pip", "install", "--progress-bar", "off", "--no-input", "--disable-pip-version-check"]
     if work.ros is None:
         # The lock is complete. Left to resolve, pip looks at a release that came out later first, and stops: it has no hash.
-        run([*pip, "--require-hashes", "--no-deps", "--no-compile", "-r", str(LOCK)], work.environment)
+        locked = [*pip, "--require-hashes", "--no-deps", "--no-compile", "-r"]
+        with tempfile.TemporaryDirectory() as folder:
+            run_side_by_side([[*locked, str(part)] for part in parts_of_lock(Path(folder))], work.environment)
         compile_packages(work)
         rewrite_include_paths(work)
         write_prefix_scripts()
@@ -457,6 +470,18 @@ def install_packages(work: Workspace) -> None:
     STAND_IN.parent.mkdir(exist_ok=True)
     STAND_IN.unlink(missing_ok=True)
     STAND_IN.symlink_to(ROOT / "tools" / "ros2_stand_in.py")
+
+
+PARTS = 2
+
+
+def parts_of_lock(folder: Path) -> list[Path]:
+    """The lock in several files: pip downloads and unpacks one package after the other, on one core."""
+    packages = re.split(r"(?m)^(?=[A-Za-z0-9])", LOCK.read_text())[1:]
+    files = [folder / f"lock_{number}.txt" for number in range(PARTS)]
+    for number, file in enumerate(files):
+        file.write_text("".join(packages[number::PARTS]))
+    return files
 
 
 def compile_packages(work: Workspace) -> None:
@@ -665,7 +690,7 @@ def set_up(named: str) -> None:
     print(f"set-up: ROS 2 Jazzy from {source}, {python}", flush=True)
     if not steps[0].is_done():
         check_machine(needs_wheels=ros is None)
-        size = "downloads 0.6 GB and takes 2.3 GB" if ros is None else "downloads what this ROS lacks"
+        size = "downloads 0.8 GB and takes 2.8 GB" if ros is None else "downloads what this ROS lacks"
         print(f"set-up: the first one takes two to five minutes, {size}; later ones take seconds", flush=True)
     for step in steps:
         step.bring_up_to_date(work)

@@ -188,14 +188,31 @@ def test_the_lock_holds_all_that_its_packages_need():
 
 
 def test_locked_packages_are_not_resolved_anew(tmp_path, monkeypatch):
-    commands = []
-    monkeypatch.setattr(workspace, "run", lambda command, *_: commands.append(command))
+    commands, read = [], []
+
+    def note(some, _):
+        commands.extend(some)
+        read.extend(Path(one[-1]).read_text() for one in some)
+
+    monkeypatch.setattr(workspace, "run_side_by_side", note)
     monkeypatch.setattr(workspace, "compile_packages", lambda _: None)
     monkeypatch.setattr(workspace, "rewrite_include_paths", lambda _: None)
     monkeypatch.setattr(workspace, "write_prefix_scripts", lambda: None)
     monkeypatch.setattr(workspace, "STAND_IN", tmp_path / "stand_in" / "ros2")
     workspace.install_packages(workspace.Workspace(None, workspace.probe(sys.executable)))
-    assert {"--require-hashes", "--no-deps"} <= set(commands[0])
+    assert len(commands) == 2 and all({"--require-hashes", "--no-deps"} <= set(command) for command in commands)
+    locked = [line for line in workspace.LOCK.read_text().splitlines() if not line.startswith("#")]
+    assert sorted("".join(read).splitlines()) == sorted(locked), "each package is in one of the files, with its hashes"
+    assert all(re.match("[a-z]", text) for text in read)
+
+
+def test_of_commands_side_by_side_one_that_fails_ends_the_others(tmp_path, monkeypatch):
+    in_the_log(tmp_path, monkeypatch, "")
+    monkeypatch.setattr(workspace, "ROOT", tmp_path)
+    with pytest.raises(workspace.SetupError, match="the disk is full"):
+        workspace.run_side_by_side([["sleep", "600"], ["sh", "-c", "echo No space left on device; exit 1"]], dict(os.environ))
+    workspace.run_side_by_side([["true"], ["sh", "-c", f"touch {tmp_path}/done"]], dict(os.environ))
+    assert (tmp_path / "done").exists()
 
 
 def test_packages_get_byte_code_but_not_for_their_tests_nor_for_another_python(tmp_path, monkeypatch):
@@ -443,7 +460,7 @@ def test_what_a_command_is_doing_is_read_from_its_log(log, said, tmp_path, monke
 def test_a_command_that_takes_long_is_told_of_where_no_terminal_is(tmp_path, monkeypatch, capsys):
     in_the_log(tmp_path, monkeypatch, "[1/2] x\n")
     monkeypatch.setattr(workspace, "TOLD_EVERY", 0.0)
-    assert workspace.watch(subprocess.Popen(["sh", "-c", "sleep 1.3; exit 3"]), 0) == 3
+    assert workspace.watch([subprocess.Popen(["sh", "-c", "sleep 1.3; exit 3"])], 0) == 3
     assert re.fullmatch(r"(\n  \d s: step 1 of 2)+\n ", capsys.readouterr().out)
 
 
