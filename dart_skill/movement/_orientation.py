@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_finite, as_samples
 from dart_skill.movement._time import as_stamps
+from dart_skill.quaternions import CONJUGATE, product
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -60,27 +61,12 @@ def multiply(left: ArrayLike, right: ArrayLike) -> np.ndarray:
     left, right = normalise(left), normalise(right)
     if len(left) != len(right) and 1 not in (len(left), len(right)):
         raise ValueError(f"cannot multiply {len(left)} quaternions by {len(right)}; give equally many, or one")
-    return _product(left, right)
-
-
-def _product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """The same of normalised rows, (n, 4) or (1, 4)."""
-    x1, y1, z1, w1 = left.T
-    x2, y2, z2, w2 = right.T
-    return np.stack(
-        [
-            w1 * x2 + x1 * w2 + y1 * z2 - z1 * y2,
-            w1 * y2 - x1 * z2 + y1 * w2 + z1 * x2,
-            w1 * z2 + x1 * y2 - y1 * x2 + z1 * w2,
-            w1 * w2 - x1 * x2 - y1 * y2 - z1 * z2,
-        ],
-        axis=1,
-    )
+    return product(left, right)
 
 
 def conjugate(quaternions: ArrayLike) -> np.ndarray:
     """Inverse rotations (n, 4) of unit quaternions (n, 4)."""
-    return normalise(quaternions) * np.array([-1.0, -1.0, -1.0, 1.0])
+    return normalise(quaternions) * CONJUGATE
 
 
 def rotate(quaternions: ArrayLike, vectors: ArrayLike) -> np.ndarray:
@@ -114,7 +100,7 @@ def turn_about_z(quaternions: ArrayLike, angle: float) -> np.ndarray:
     -azimuth turns from the world into a task frame, +azimuth back. quaternions: (n, 4).
     """
     half = 0.5 * float(as_finite(angle, "angle", 0))
-    return _product(_unit(np.array([[0.0, 0.0, np.sin(half), np.cos(half)]])), normalise(quaternions))
+    return product(_unit(np.array([[0.0, 0.0, np.sin(half), np.cos(half)]])), normalise(quaternions))
 
 
 def pointing_angles(directions: ArrayLike) -> np.ndarray:

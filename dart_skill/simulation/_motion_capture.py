@@ -17,6 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dart_skill.quaternions import from_vectors, product, rotate
+
 
 @dataclass(frozen=True)
 class Camera:
@@ -325,17 +327,17 @@ class MotionCapture:
     def _measure(self, rows: np.ndarray, position: np.ndarray, quaternion: np.ndarray, noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What the cameras make of true poses (f, n, 3), (f, n, 4) of the bodies `rows` (n,): calibration error and noise (f, n, 6)."""
         noise = self._noise[rows][:, None] * noise
-        offset = _rotate(quaternion, self._offsets[rows])
-        tilt = _small_rotations(noise[..., 3:] / self.config.marker_spread)
+        offset = rotate(quaternion, self._offsets[rows])
+        tilt = from_vectors(noise[..., 3:] / self.config.marker_spread)
         position = position + offset + noise[..., :3]
-        quaternion = _multiply(tilt, quaternion)
+        quaternion = product(tilt, quaternion)
         if self.config.hand_turn:
-            quaternion = _multiply(quaternion, np.broadcast_to(self._turns[rows], quaternion.shape))
+            quaternion = product(quaternion, np.broadcast_to(self._turns[rows], quaternion.shape))
         if self._registration is None:
             return position, quaternion
         shift, turn = self._registration
         turn = np.broadcast_to(turn, quaternion.shape)
-        return _rotate(turn, position) + shift, _multiply(turn, quaternion)
+        return rotate(turn, position) + shift, product(turn, quaternion)
 
 
 @dataclass
@@ -453,7 +455,7 @@ def _body_turns(config: MotionCaptureConfig, rng: np.random.Generator) -> np.nda
     """(n_bodies, 4) quaternions from the axes of each body to those that are reported."""
     turns = np.tile([0.0, 0.0, 0.0, 1.0], (len(config.bodies), 1))
     if config.hand_turn and "hand" in config.bodies:
-        turns[config.bodies.index("hand")] = _small_rotations(config.hand_turn * _direction(rng))
+        turns[config.bodies.index("hand")] = from_vectors(config.hand_turn * _direction(rng))
     return turns
 
 
@@ -461,36 +463,7 @@ def _registration(config: MotionCaptureConfig, rng: np.random.Generator) -> tupl
     """Shift (3,) and turn (4,) from the arm's world to that of the cameras; None if they are one."""
     if not (config.registration_turn or config.registration_shift):
         return None
-    return config.registration_shift * _direction(rng), _small_rotations(config.registration_turn * _direction(rng))
-
-
-def _small_rotations(vectors: np.ndarray) -> np.ndarray:
-    """Quaternions (..., 4) of rotation vectors (..., 3)."""
-    half = 0.5 * np.sqrt(np.einsum("...i,...i->...", vectors, vectors))[..., None]
-    angle = np.maximum(half, 1e-20)  # of no rotation: sin(x) / x is 1
-    return np.concatenate([0.5 * (np.sin(angle) / angle) * vectors, np.cos(half)], axis=-1)
-
-
-SHIFTED = np.array([[3, 2, 1, 0], [2, 3, 0, 1], [1, 0, 3, 2]])
-SIGNS = np.array([[1.0, -1.0, 1.0, -1.0], [1.0, 1.0, -1.0, -1.0], [-1.0, 1.0, 1.0, -1.0]])
-"""A quaternion times i, j and k: which number stands where, and its sign."""
-
-
-def _multiply(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Products (..., 4) of quaternions (..., 4)."""
-    parts = p[..., :3, None] * (q.take(SHIFTED, axis=-1) * SIGNS)
-    return p[..., 3:] * q + parts[..., 0, :] + parts[..., 1, :] + parts[..., 2, :]
-
-
-NEXT, LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
-"""Of a coordinate the one after it, and the one before it."""
-
-
-def _rotate(q: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Vectors (..., 3) turned by quaternions (..., 4)."""
-    after, before = q.take(NEXT, axis=-1), q.take(LAST, axis=-1)
-    twice = 2.0 * (after * vectors.take(LAST, axis=-1) - before * vectors.take(NEXT, axis=-1))
-    return vectors + q[..., 3:] * twice + after * twice.take(LAST, axis=-1) - before * twice.take(NEXT, axis=-1)
+    return config.registration_shift * _direction(rng), from_vectors(config.registration_turn * _direction(rng))
 
 
 def _check_poses(names: Sequence[str], poses: Sequence[Sequence[Pose]]) -> tuple[np.ndarray, np.ndarray]:

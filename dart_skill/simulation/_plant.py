@@ -16,6 +16,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from dart_skill.constants import AIR_DENSITY, N_JOINTS
+from dart_skill.quaternions import rotate_one
 from dart_skill.robot import (
     DART,
     Actuation,
@@ -455,7 +456,7 @@ class Plant:
         angle = float(np.linalg.norm(turn))
         axis = turn / angle if angle else turn
         quaternion = np.append(np.sin(angle / 2) * axis, np.cos(angle / 2))
-        self._world.resetBaseVelocity(self._ball, (share * _rotate(quaternion, linear)).tolist(), angular.tolist())
+        self._world.resetBaseVelocity(self._ball, (share * rotate_one(quaternion, linear)).tolist(), angular.tolist())
 
     def _act_on_ball(self) -> None:
         """Drag; and half the gravity in the first free step, which makes PyBullet's Euler steps a leapfrog, exact for a parabola."""
@@ -482,7 +483,7 @@ class Plant:
         """The open fingers are not modelled: the hand can touch the ball again once it is a hand's breadth away."""
         if self._touchable:
             return
-        grip = self.hand_position + _rotate(self.hand_quaternion, self.description.hand.ball_centre)
+        grip = self.hand_position + rotate_one(self.hand_quaternion, self.description.hand.ball_centre)
         if np.linalg.norm(np.array(self._loose.position) - grip) > self.settings.hand_clearance:
             self._set_touchable(True)
 
@@ -497,7 +498,7 @@ class Plant:
         centre = self.description.hand.ball_centre
         if self.settings.seat_spread:
             centre = centre + self.settings.seat_spread * self._scatter.standard_normal(3)
-        position = np.array(hand[4]) + _rotate(np.array(hand[5]), centre)
+        position = np.array(hand[4]) + rotate_one(np.array(hand[5]), centre)
         self._world.resetBasePositionAndOrientation(self._ball, position.tolist(), hand[5])
         offset, turn = _in_principal_axes(hand, centre)
         self._held = self._world.createConstraint(
@@ -697,7 +698,7 @@ def _in_principal_axes(link_state: tuple, point: np.ndarray) -> tuple[list[float
     """A point of a link, and the link's axes, in the frame that PyBullet measures from: centre of mass, principal axes."""
     centre, turn = np.array(link_state[2]), np.array(link_state[3])
     back = np.array([-turn[0], -turn[1], -turn[2], turn[3]])
-    return _rotate(back, point - centre).tolist(), back.tolist()
+    return rotate_one(back, point - centre).tolist(), back.tolist()
 
 
 def _floor(world: BulletClient) -> None:
@@ -727,10 +728,3 @@ def _checked_basket(position: np.ndarray) -> np.ndarray:
     if position.shape != (3,) or not np.isfinite(position).all():
         raise ValueError(f"basket position {position} is not three finite numbers: give the centre of the rim in metres")
     return position
-
-
-def _rotate(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """The vector (3,) turned by the quaternion (x, y, z, w)."""
-    (x, y, z, w), (a, b, c) = quaternion.tolist(), vector.tolist()
-    p, q, r = y * c - z * b + w * a, z * a - x * c + w * b, x * b - y * a + w * c
-    return np.array([a + 2.0 * (y * r - z * q), b + 2.0 * (z * p - x * r), c + 2.0 * (x * q - y * p)])

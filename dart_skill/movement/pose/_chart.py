@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from dart_skill import quaternions
 from dart_skill.movement._orientation import make_continuous
-from dart_skill.movement.pose import _quaternions as quaternions
+from dart_skill.movement.pose._derivatives import cross, inverse_jacobians
 
 LARGEST_TURN = np.radians(345.0)
 """Coordinates are singular at a full turn from the base; this is the farthest that is learned [rad]."""
@@ -20,7 +21,7 @@ SERIES = 0.1
 
 def relative(rotations: np.ndarray, base: np.ndarray) -> np.ndarray:
     """q base* (..., 4)."""
-    return quaternions.times(rotations, base * quaternions.CONJUGATE)
+    return quaternions.product(rotations, base * quaternions.CONJUGATE)
 
 
 def long_vectors(rotations: np.ndarray) -> np.ndarray:
@@ -62,12 +63,12 @@ def turning(vectors: np.ndarray, first: np.ndarray, second: np.ndarray) -> tuple
     """
     a, b, a_slope, b_slope = _coefficients(np.linalg.norm(vectors, axis=-1, keepdims=True))
     along = (vectors * first).sum(-1, keepdims=True)
-    once = quaternions.cross(vectors, first)
-    twice = quaternions.cross(vectors, once)
+    once = cross(vectors, first)
+    twice = cross(vectors, once)
     rate = first + a * once + b * twice
-    pull = quaternions.cross(vectors, second)
-    change = second + a * pull + b * quaternions.cross(vectors, pull)
-    change = change + along * (a_slope * once + b_slope * twice) + b * quaternions.cross(first, once)
+    pull = cross(vectors, second)
+    change = second + a * pull + b * cross(vectors, pull)
+    change = change + along * (a_slope * once + b_slope * twice) + b * cross(first, once)
     return quaternions.from_vectors(vectors), rate, change
 
 
@@ -85,4 +86,4 @@ def _coefficients(angle: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 def slope_of(vectors: np.ndarray, rate: np.ndarray) -> np.ndarray:
     """e' (3,) that belongs to an angular velocity (3,) at e (3,)."""
-    return quaternions.inverse_jacobians(vectors) @ rate
+    return inverse_jacobians(vectors) @ rate

@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dart_skill import quaternions
 from dart_skill.checks import LARGEST_LEARNABLE, as_vector
 from dart_skill.constants import UNTURNED
-from dart_skill.movement.pose import _quaternions as quaternions
 from dart_skill.movement.pose._manifold import as_points, turn_covariances
 
 IDENTITY = np.array(UNTURNED)
@@ -65,14 +65,14 @@ def as_rows(value: ArrayLike, name: str) -> np.ndarray:
 def see(rows: np.ndarray, position: np.ndarray, orientation: np.ndarray) -> np.ndarray:
     """Rows (..., q + 7) of the world in frames at positions (..., 3) with orientations (..., 4)."""
     back = orientation * quaternions.CONJUGATE
-    local = quaternions.turn(back, rows[..., -7:-4] - position)
-    return _joined(rows, local, quaternions.times(back, rows[..., -4:]))
+    local = quaternions.rotate(back, rows[..., -7:-4] - position)
+    return _joined(rows, local, quaternions.product(back, rows[..., -4:]))
 
 
 def place(rows: np.ndarray, position: np.ndarray, orientation: np.ndarray) -> np.ndarray:
     """Rows (..., q + 7) of frames at positions (..., 3) with orientations (..., 4) in the world."""
-    world = quaternions.turn(orientation, rows[..., -7:-4]) + position
-    return _joined(rows, world, quaternions.times(orientation, rows[..., -4:]))
+    world = quaternions.rotate(orientation, rows[..., -7:-4]) + position
+    return _joined(rows, world, quaternions.product(orientation, rows[..., -4:]))
 
 
 def _joined(rows: np.ndarray, position: np.ndarray, orientation: np.ndarray) -> np.ndarray:

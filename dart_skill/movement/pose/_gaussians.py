@@ -11,7 +11,7 @@ import numpy as np
 
 from dart_skill.checks import require_near
 from dart_skill.mixture import cholesky, normalise_log, symmetric
-from dart_skill.movement.pose import _quaternions as quaternions
+from dart_skill.movement.pose._derivatives import bend, inverse_jacobians
 from dart_skill.movement.pose._manifold import exp_at, log_at, settle, transport_matrices, turn_covariances
 
 LOG_2PI = float(np.log(2.0 * np.pi))
@@ -80,13 +80,13 @@ def _newton(points: np.ndarray, means: np.ndarray, whiteners: np.ndarray) -> tup
     residuals = log_at(means, points[..., None, :])
     white = whiteners @ residuals[..., None]
     jacobians = np.array(np.broadcast_to(np.eye(residuals.shape[-1]), (*residuals.shape, residuals.shape[-1])))
-    jacobians[..., -3:, -3:] = quaternions.inverse_jacobians(residuals[..., -3:])
+    jacobians[..., -3:, -3:] = inverse_jacobians(residuals[..., -3:])
     rows = np.concatenate([whiteners @ jacobians, -white], axis=-1)
     triangle = np.asarray(np.linalg.qr(rows.reshape(*rows.shape[:-3], -1, rows.shape[-1]), mode="r"))
     size = residuals.shape[-1]
     root = np.linalg.inv(triangle[..., :size, :size])
     pull = (np.swapaxes(whiteners, -1, -2) @ white)[..., -3:, 0]
-    curvature = quaternions.bend(residuals[..., -3:], pull).sum(-3)
+    curvature = bend(residuals[..., -3:], pull).sum(-3)
     inner = root[..., -3:, :]
     values, vectors = np.linalg.eigh(np.eye(size) + np.swapaxes(inner, -1, -2) @ curvature @ inner)
     scaled = np.swapaxes(vectors, -1, -2) @ triangle[..., :size, size:] / np.maximum(np.abs(values), LEAST_CURVATURE)[..., None]

@@ -15,8 +15,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dart_skill import quaternions
 from dart_skill.checks import as_finite, as_weights
-from dart_skill.movement.pose import _quaternions as quaternions
 
 LENGTH_TOLERANCE = 1e-3
 """A quaternion may be so far from length 1: then it is rounded, and is normalised."""
@@ -62,7 +62,7 @@ def parallel_transport(start: ArrayLike, end: ArrayLike, tangent: ArrayLike) -> 
     start = as_points(start, "start")
     way = log_at(start, as_points(end, "end", start.shape[-1]))
     tangent = _as_tangent(tangent, way.shape[-1])
-    turned = quaternions.turn(quaternions.from_vectors(0.5 * way[..., -3:]), tangent[..., -3:])
+    turned = quaternions.rotate(quaternions.from_vectors(0.5 * way[..., -3:]), tangent[..., -3:])
     return np.concatenate([np.broadcast_to(tangent[..., :-3], (*turned.shape[:-1], way.shape[-1] - 3)), turned], axis=-1)
 
 
@@ -119,13 +119,13 @@ def _as_tangent(value: ArrayLike, width: int) -> np.ndarray:
 
 def exp_at(base: np.ndarray, tangent: np.ndarray) -> np.ndarray:
     """`exponential` without checks."""
-    turned = quaternions.times(quaternions.from_vectors(tangent[..., -3:]), base[..., -4:])
+    turned = quaternions.product(quaternions.from_vectors(tangent[..., -3:]), base[..., -4:])
     return np.concatenate([np.broadcast_to(base[..., :-4] + tangent[..., :-3], (*turned.shape[:-1], base.shape[-1] - 4)), turned], axis=-1)
 
 
 def log_at(base: np.ndarray, points: np.ndarray) -> np.ndarray:
     """`logarithm` without checks."""
-    way = quaternions.to_vectors(quaternions.times(points[..., -4:], base[..., -4:] * quaternions.CONJUGATE))
+    way = quaternions.to_vectors(quaternions.product(points[..., -4:], base[..., -4:] * quaternions.CONJUGATE))
     return np.concatenate([points[..., :-4] - base[..., :-4], way], axis=-1)
 
 

@@ -15,11 +15,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dart_skill import quaternions
 from dart_skill.checks import as_finite, as_number, as_vector
 from dart_skill.movement._attractor import as_gains, critical_damping, follow_attractor
 from dart_skill.movement._differentiation import smooth_derivatives
 from dart_skill.movement._orientation import make_continuous
-from dart_skill.movement.pose import _quaternions as quaternions
 from dart_skill.movement.pose._manifold import as_points, exp_at, log_at
 
 LARGEST_STEP = 0.05
@@ -71,8 +71,8 @@ def pose_motion(time: ArrayLike, poses: ArrayLike, *, noise: ArrayLike | None = 
     rows, first, second = smooth_derivatives(time, make_continuous(poses[:, 3:]), noise=levels[1], at=at)
     square = np.square(rows).sum(1, keepdims=True)
     back = rows * quaternions.CONJUGATE
-    rate = 2.0 * quaternions.times(first, back)[:, :3] / square
-    change = 2.0 * quaternions.times(second, back)[:, :3] / square - 2.0 * (rows * first).sum(1, keepdims=True) / square * rate
+    rate = 2.0 * quaternions.product(first, back)[:, :3] / square
+    change = 2.0 * quaternions.product(second, back)[:, :3] / square - 2.0 * (rows * first).sum(1, keepdims=True) / square * rate
     return PoseMotion(
         np.hstack([straight.position, rows / np.sqrt(square)]),
         np.hstack([straight.velocity, rate]),

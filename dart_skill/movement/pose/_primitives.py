@@ -23,6 +23,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dart_skill import quaternions
 from dart_skill.checks import as_finite, as_vector
 from dart_skill.movement._demonstrations import _are_several, complete
 from dart_skill.movement._discrete_primitive import DiscretePrimitive
@@ -31,8 +32,8 @@ from dart_skill.movement._primitive import Primitive, PrimitiveState
 from dart_skill.movement._rhythmic_primitive import RhythmicPrimitive
 from dart_skill.movement._saved import Arrays, SavedModel, array_of
 from dart_skill.movement._time import as_stamps
-from dart_skill.movement.pose import _quaternions as quaternions
 from dart_skill.movement.pose._chart import nearest, path_about, slope_of, turning
+from dart_skill.movement.pose._derivatives import cross
 from dart_skill.movement.pose._manifold import mean_point
 from dart_skill.movement.pose._motion import PoseMotion, as_pose, as_poses
 
@@ -165,7 +166,7 @@ class PosePrimitive(SavedModel):
 
     def _goal_pose(self, base: np.ndarray, goal: np.ndarray) -> np.ndarray:
         """Goal or baseline (7,) from its coordinates; its rotation is in the last three."""
-        return np.concatenate([goal[:3], quaternions.times(quaternions.from_vectors(goal[-3:]), base)])
+        return np.concatenate([goal[:3], quaternions.product(quaternions.from_vectors(goal[-3:]), base)])
 
     def _inner_state(self, state: PoseState) -> PrimitiveState:
         """The inner state with the pose and velocity of the state, which the caller may have replaced."""
@@ -452,10 +453,10 @@ def _in_world(base: np.ndarray, position: np.ndarray, velocity: np.ndarray, acce
     turn, rate, change = turning(*(rows[:, 3:6] for rows in (position, velocity, acceleration)))
     if position.shape[1] > 6:
         carried, base_rate, base_change = turning(*(rows[:, 6:] for rows in (position, velocity, acceleration)))
-        base_rate, base_change = quaternions.turn(turn, base_rate), quaternions.turn(turn, base_change)
-        change = change + base_change + quaternions.cross(rate, base_rate)
-        rate, base = rate + base_rate, quaternions.times(carried, base)
-    rotation = quaternions.times(turn, base)
+        base_rate, base_change = quaternions.rotate(turn, base_rate), quaternions.rotate(turn, base_change)
+        change = change + base_change + cross(rate, base_rate)
+        rate, base = rate + base_rate, quaternions.product(carried, base)
+    rotation = quaternions.product(turn, base)
     return PoseMotion(np.hstack([position[:, :3], rotation]), np.hstack([velocity[:, :3], rate]), np.hstack([acceleration[:, :3], change]))
 
 
@@ -464,10 +465,10 @@ def _moved(inner: PrimitiveState, base: np.ndarray, pose: np.ndarray, velocity: 
     rate = velocity[3:]
     if len(inner.position) > 6:
         carried, base_rate, _ = turning(inner.position[6:], inner.velocity[6:], np.zeros(3))
-        base = quaternions.times(carried, base)
+        base = quaternions.product(carried, base)
     vector = nearest(pose[3:], base, inner.position[3:6])
     if len(inner.position) > 6:
-        rate = rate - quaternions.turn(quaternions.from_vectors(vector), base_rate)
+        rate = rate - quaternions.rotate(quaternions.from_vectors(vector), base_rate)
     position = np.concatenate([pose[:3], vector, inner.position[6:]])
     return replace(inner, position=position, velocity=np.concatenate([velocity[:3], slope_of(vector, rate), inner.velocity[6:]]))
 
@@ -526,6 +527,6 @@ def _about_baseline(time: np.ndarray, rows: np.ndarray, period: float | None) ->
     length = estimate_period(time, track) if period is None else as_period(period, time, track)
     for _ in range(BASELINE_PASSES):
         middle = mean_over_periods(time, track[:, 3:], length)
-        base = quaternions.times(quaternions.from_vectors(middle), base)
+        base = quaternions.product(quaternions.from_vectors(middle), base)
         track[:, 3:] = path_about(rows[:, 3:], base, last=False)
     return base, track

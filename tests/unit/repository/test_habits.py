@@ -70,3 +70,17 @@ def test_all_modules_keep_the_habits():
             if habit in OF_TESTS_TOO or not of_tests:
                 found.append(f"{path.relative_to(ROOT)}:{number}: {habit}")
     assert not found, "\n".join(found)
+
+
+QUATERNIONS = re.compile(r"def _?(rotate|multiply|hamilton)\w*\(|\w+ \* \w+ - x\w* \* x\w* - y\w* \* y\w* - z")
+WITH_QUATERNIONS = {
+    "dart_skill/quaternions.py": "the one place",
+    "dart_skill/movement/_orientation.py": "checks what a caller of the library gives",
+    "dart_skill/robot/_registration_fit.py": "in SciPy's order of additions, which registrations depend on to the last bit",
+}
+
+
+def test_quaternions_are_multiplied_in_one_module():
+    files = [path for folder in ("dart_skill", "nodes") for path in (ROOT / folder).rglob("*.py")]
+    found = {path.relative_to(ROOT).as_posix() for path in files if QUATERNIONS.search(path.read_text(encoding="utf-8"))}
+    assert found == set(WITH_QUATERNIONS)

@@ -23,6 +23,7 @@ LAYERS = (
         "lazy",
         "medians",
         "palette",
+        "quaternions",
         "second_process",
     },
     {"world", "fleet", "checks", "permissions"},

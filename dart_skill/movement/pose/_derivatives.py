@@ -1,7 +1,4 @@
-"""Quaternions x, y, z, w of any leading shape, without checks: what the manifold is computed with.
-
-A rotation vector v turns by |v| [rad] about v. Its quaternion is (sin(|v|/2) v/|v|, cos(|v|/2)).
-"""
+"""Derivatives of rotation vectors of any leading shape, without checks: what the manifold is computed with beside `quaternions`."""
 
 from __future__ import annotations
 
@@ -9,15 +6,6 @@ import numpy as np
 
 SMALL = 1e-4
 """Below this angle [rad] series take the place of quotients that tend to 0 / 0; their next term is below rounding."""
-AT_HALF_A_TURN = 1e-14
-"""A real part below this is half a turn: which way is then chosen by the axis, so that q and -q agree."""
-CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])
-
-
-def times(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Hamilton products (..., 4): the rotation by `right`, then by `left`; leading shapes are broadcast."""
-    u, a, v, b = left[..., :3], left[..., 3:], right[..., :3], right[..., 3:]
-    return np.concatenate([a * v + b * u + cross(u, v), a * b - (u * v).sum(-1, keepdims=True)], axis=-1)
 
 
 def cross(left: np.ndarray, right: np.ndarray) -> np.ndarray:
@@ -28,42 +16,6 @@ def cross(left: np.ndarray, right: np.ndarray) -> np.ndarray:
     product = np.empty((*first.shape, 3))
     product[..., 0], product[..., 1], product[..., 2] = first, z * u - x * w, x * v - y * u
     return product
-
-
-def from_vectors(vectors: np.ndarray) -> np.ndarray:
-    """Unit quaternions (..., 4) of rotation vectors (..., 3) [rad]."""
-    half = 0.5 * np.linalg.norm(vectors, axis=-1, keepdims=True)
-    # np.sinc is sin(pi x) / (pi x).
-    return np.concatenate([0.5 * np.sinc(half / np.pi) * vectors, np.cos(half)], axis=-1)
-
-
-def to_vectors(quaternions: np.ndarray) -> np.ndarray:
-    """Rotation vectors (..., 3) of unit quaternions (..., 4), at most half a turn long: q and -q have the same one."""
-    vector, real = quaternions[..., :3], quaternions[..., 3:]
-    sign = np.where(np.abs(real) > AT_HALF_A_TURN, np.sign(real), _sign_of_axis(vector))
-    length = np.linalg.norm(vector, axis=-1, keepdims=True)
-    # Near the identity 2 atan(s / c) / s = 2 / c to second order, and s^2 is below rounding.
-    small = length < 1e-9
-    factor = np.where(small, 2.0, 2.0 * np.arctan2(length, np.abs(real)) / np.where(small, 1.0, length))
-    return sign * factor * vector
-
-
-def _sign_of_axis(vectors: np.ndarray) -> np.ndarray:
-    """Sign (..., 1) of the largest component of vectors (..., 3), the first of equal ones; 1 for zero."""
-    place = np.abs(vectors).argmax(-1)[..., None]
-    return np.where(np.take_along_axis(vectors, place, -1) < 0, -1.0, 1.0)
-
-
-def turn(quaternions: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Vectors (..., 3) turned by unit quaternions (..., 4)."""
-    axis, real = quaternions[..., :3], quaternions[..., 3:]
-    twice = 2.0 * cross(axis, vectors)
-    return vectors + real * twice + cross(axis, twice)
-
-
-def matrices(quaternions: np.ndarray) -> np.ndarray:
-    """Rotation matrices (..., 3, 3)."""
-    return np.stack([turn(quaternions, axis) for axis in np.eye(3)], axis=-1)
 
 
 def skew(vectors: np.ndarray) -> np.ndarray:
