@@ -277,7 +277,7 @@ def _recovery_json(result: Recovery) -> dict:
 
 
 def _upgrade(options: argparse.Namespace) -> int:
-    from dart_skill.recording.upgrade import upgrade
+    from dart_skill.recording import upgrade
 
     done = upgrade(options.bag, _output(options, options.bag, "upgraded"))
     told = {"path": str(done.path), "converted": done.converted, "copied": done.copied, "left_out": done.left_out}

@@ -166,7 +166,7 @@ def _aim_over(options: argparse.Namespace) -> int:
     path = optimum_path(options.lowest, options.highest, shape)
     paths: list[str] = []
     if options.output is not None:
-        from dart_skill.figures.board import draw_path
+        from dart_skill.figures import draw_path
 
         paths = _texts(draw_path(path, options.output))
     jumps = [{"sigma_mm": jump.sigma, "below": _aim_fields(jump.below), "above": _aim_fields(jump.above)} for jump in path.jumps]
@@ -189,7 +189,7 @@ def _estimate(options: argparse.Namespace) -> int:
     interval, isotropy, best = estimate.confidence_interval(), estimate.isotropy_test(), best_aim(estimate.spread)
     paths: list[str] = []
     if options.output is not None:
-        from dart_skill.figures.board import draw_estimate
+        from dart_skill.figures import draw_estimate
 
         paths = _texts(draw_estimate(estimate, best, options.output))
     result = {
@@ -238,7 +238,7 @@ def _leg(options: argparse.Namespace) -> int:
     rows = [_state_fields(policy, chances, *state) for state in states]
     paths: list[str] = []
     if options.output is not None:
-        from dart_skill.figures.board import draw_leg
+        from dart_skill.figures import draw_leg
 
         paths = _texts(draw_leg(policy, options.output))
     summary = {"start": policy.start, "objective": policy.objective, f"expected_{policy.objective}": float(policy.expected[-1])}

@@ -19,7 +19,7 @@ from dart_skill.cli import graph_verbs
 from dart_skill.configuration import config_path
 
 if TYPE_CHECKING:
-    from dart_skill.view.rerun_bag import BagLayout
+    from dart_skill.view.rerun import BagLayout
 
 
 def add_to(commands: argparse._SubParsersAction) -> None:
@@ -37,7 +37,7 @@ def add_to(commands: argparse._SubParsersAction) -> None:
 
 
 def _view(options: argparse.Namespace) -> int:
-    from dart_skill.view import RerunUnavailable
+    from dart_skill.view.rerun import RerunUnavailable
 
     if options.foxglove:
         return _foxglove(options)
@@ -52,20 +52,20 @@ def _view(options: argparse.Namespace) -> int:
 def _foxglove(options: argparse.Namespace) -> int:
     """Serve until Ctrl-C, which is no error."""
     from dart_skill.recording import BagReader
-    from dart_skill.view import foxglove_server
+    from dart_skill.view import FOXGLOVE_PORT, FoxgloveServer, serve_bag
 
     if wrong := next((name for name in ("web", "save", "install") if getattr(options, name)), None):
         options.usage_error(f"--{wrong} is for Rerun: leave it out, or --foxglove")
     if not 0.0 < options.rate < float("inf"):
         options.usage_error(f"--rate is {options.rate:g}: give a number above 0")
-    port = foxglove_server.PORT if options.port is None else options.port
+    port = FOXGLOVE_PORT if options.port is None else options.port
     options.foxglove_port, options.say = port, lambda server: _say_served(options, server.url)
     if options.bag is None:
         return options.run_on_graph(options)
-    with BagReader(options.bag) as bag, foxglove_server.FoxgloveServer(port) as server:
+    with BagReader(options.bag) as bag, FoxgloveServer(port) as server:
         options.say(server)
         try:
-            while foxglove_server.serve_bag(bag, server, options.rate):
+            while serve_bag(bag, server, options.rate):
                 pass
         except KeyboardInterrupt:
             return 0
@@ -82,52 +82,51 @@ def _say_served(options: argparse.Namespace, url: str) -> None:
 
 
 def _installed(options: argparse.Namespace) -> int:
-    rerun = _install()
-    print(json.dumps({"rerun": os.fspath(rerun)}) if options.json else f"{rerun}\nnext: dart-skill view BAG")
+    program = _install()
+    print(json.dumps({"rerun": os.fspath(program)}) if options.json else f"{program}\nnext: dart-skill view BAG")
     return 0
 
 
 def _install() -> Path:
-    from dart_skill.view import rerun_bag
+    from dart_skill.view import rerun
 
-    where = rerun_bag.workspace() / rerun_bag.ENVIRONMENT
-    print(f"rerun-sdk {rerun_bag.VERSION} takes {rerun_bag.SIZE} in {where}", file=sys.stderr, flush=True)
-    return rerun_bag.install()
+    where = rerun.workspace() / rerun.ENVIRONMENT
+    print(f"rerun-sdk {rerun.VERSION} takes {rerun.SIZE} in {where}", file=sys.stderr, flush=True)
+    return rerun.install()
 
 
 def _shown(options: argparse.Namespace) -> int:
-    from dart_skill.view import rerun_bag
-    from dart_skill.view.rerun_page import RerunPage
+    from dart_skill.view import rerun
 
-    shown = rerun_bag.describe(options.bag)
-    rerun = _install() if options.install else rerun_bag.find_rerun()
+    shown = rerun.describe(options.bag)
+    program = _install() if options.install else rerun.find_rerun()
     if not (options.web or options.save or has_screen()):
-        raise rerun_bag.RerunUnavailable("there is no screen here (DISPLAY and WAYLAND_DISPLAY are not set): try --web")
-    ports = rerun_bag.free_ports(rerun_bag.PORT if options.port is None else options.port) if options.web else None
+        raise rerun.RerunUnavailable("there is no screen here (DISPLAY and WAYLAND_DISPLAY are not set): try --web")
+    ports = rerun.free_ports(rerun.RERUN_PORT if options.port is None else options.port) if options.web else None
     with tempfile.TemporaryDirectory(prefix="dart_skill_view_") as scratch:
         folder = options.save or Path(scratch)
         folder.mkdir(parents=True, exist_ok=True)
-        environment = rerun_bag.quiet_environment(Path(scratch) / "settings", rerun)
-        files, layouts = _prepared(options, rerun, shown, folder, environment)
-        command = rerun_bag.command_line(rerun, files, layouts, ports)
-        _say(options, files, layouts, command, None if ports is None else rerun_bag.url_of_page(ports))
+        environment = rerun.quiet_environment(Path(scratch) / "settings", program)
+        files, layouts = _prepared(options, program, shown, folder, environment)
+        command = rerun.command_line(program, files, layouts, ports)
+        _say(options, files, layouts, command, None if ports is None else rerun.url_of_page(ports))
         if options.save:
             return 0
-        with contextlib.nullcontext() if ports is None else RerunPage(*ports):
+        with contextlib.nullcontext() if ports is None else rerun.RerunPage(*ports):
             return run_to_the_end(command, environment)
 
 
 def _prepared(
-    options: argparse.Namespace, rerun: Path, shown: BagLayout, folder: Path, environment: Mapping[str, str]
+    options: argparse.Namespace, program: Path, shown: BagLayout, folder: Path, environment: Mapping[str, str]
 ) -> tuple[list[Path], list[Path]]:
     """The files that Rerun opens, and a layout for each; without what it cannot make, unless that was asked for."""
-    from dart_skill.view import rerun_bag
+    from dart_skill.view import rerun
 
     files, layouts = list(shown.files), []
     try:
-        files = rerun_bag.with_durations(rerun, shown, folder, environment)
-        layouts = rerun_bag.write_layouts(rerun, shown, folder)
-    except rerun_bag.RerunUnavailable as error:
+        files = rerun.with_durations(program, shown, folder, environment)
+        layouts = rerun.write_layouts(program, shown, folder)
+    except rerun.RerunUnavailable as error:
         if options.save:
             raise
         print(f"without a layout: {error}", file=sys.stderr)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from dart_skill.lazy import on_first_use
 
 if TYPE_CHECKING:
+    from dart_skill.figures._board import draw_board, draw_estimate, draw_heat_map, draw_leg, draw_path
     from dart_skill.figures._darts import arm_darts_figure, draw_arm_darts, running
     from dart_skill.figures._execution import ExecutedThrow, draw_execution, executed_throw, execution_figure
     from dart_skill.figures._gaussians import FrameView, draw_gaussians, frame_views, gaussians_figure
@@ -49,11 +50,11 @@ if TYPE_CHECKING:
         zoomed_inset,
     )
     from dart_skill.figures._synchronisation import DemonstratedMotion, demonstrated_motions, draw_synchronisation, synchronisation_figure
-    from dart_skill.figures.board import draw_board, draw_heat_map, draw_path
 else:
     __getattr__, __dir__ = on_first_use(
         __name__,
         {
+            "_board": "draw_board draw_estimate draw_heat_map draw_leg draw_path",
             "_darts": "arm_darts_figure draw_arm_darts running",
             "_execution": "ExecutedThrow draw_execution executed_throw execution_figure",
             "_gaussians": "FrameView draw_gaussians frame_views gaussians_figure",
@@ -67,7 +68,6 @@ else:
                 "letter_panels panels quantity_colours save svg_text unit_along zoomed_inset"
             ),
             "_synchronisation": "DemonstratedMotion demonstrated_motions draw_synchronisation synchronisation_figure",
-            "board": "draw_board draw_heat_map draw_path",
         },
     )
 
@@ -106,10 +106,12 @@ __all__ = [
     "basket_from_above",
     "demonstrated_motions",
     "draw_board",
+    "draw_estimate",
     "draw_execution",
     "draw_gaussians",
     "draw_heat_map",
     "draw_landings",
+    "draw_leg",
     "draw_path",
     "draw_synchronisation",
     "draw_trials",

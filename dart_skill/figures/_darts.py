@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from dart_skill.darts import name_at
+from dart_skill.figures._board import LIMIT, draw_board, draw_wires
 from dart_skill.figures._style import (
     BLACK,
     BLUE,
@@ -27,7 +28,6 @@ from dart_skill.figures._style import (
     save,
     zoomed_inset,
 )
-from dart_skill.figures.board import LIMIT, draw_board, draw_wires
 from dart_skill.session import Dart, DartsRun
 
 RUNNING = 25

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from dart_skill.lazy import on_first_use
 
 if TYPE_CHECKING:
+    from dart_skill.recording._upgrade import Upgrade, upgrade
     from dart_skill.recording.bags import (
         BagError,
         BagReader,
@@ -49,6 +50,7 @@ else:
     __getattr__, __dir__ = on_first_use(
         __name__,
         {
+            "_upgrade": "Upgrade upgrade",
             "bags": (
                 "BagError BagReader BagWriter GraphBag TopicInfo definition deserialize is_stamped message qos_yaml "
                 "serialize type_hash types_for typestore"
@@ -81,6 +83,7 @@ __all__ = [
     "OLDER_COMMAND",
     "Opening",
     "TopicInfo",
+    "Upgrade",
     "arm_rows",
     "check_known",
     "definition",
@@ -107,4 +110,5 @@ __all__ = [
     "type_hash",
     "types_for",
     "typestore",
+    "upgrade",
 ]

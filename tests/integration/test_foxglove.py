@@ -10,7 +10,7 @@ from geometry_msgs.msg import PoseStamped  # noqa: E402
 from rclpy.serialization import deserialize_message  # noqa: E402
 from std_msgs.msg import String  # noqa: E402
 
-from dart_skill.view.foxglove_server import FoxgloveServer  # noqa: E402
+from dart_skill.view import FoxgloveServer  # noqa: E402
 from dart_skill_nodes.comms.qos import LATCHED  # noqa: E402
 from dart_skill_nodes.process.node_base import make_executor  # noqa: E402
 from dart_skill_nodes.verbs.foxglove import GraphView  # noqa: E402

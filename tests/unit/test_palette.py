@@ -65,7 +65,7 @@ def test_files_of_other_viewers_have_the_colours_of_the_things():
 
 
 def test_the_layout_for_rerun_which_cannot_import_them_has_the_colours_of_the_things():
-    text = (ROOT / "dart_skill" / "view" / "rerun_layout.py").read_text()
+    text = (ROOT / "dart_skill" / "view" / "rerun" / "_blueprint.py").read_text()
     names = re.search(r"^(BALL, BASKET, GREY, SKY) = (.*)$", text, re.MULTILINE)
     assert eval(names.group(2)) == tuple(getattr(palette, name) for name in names.group(1).split(", "))
 
@@ -82,7 +82,7 @@ def test_no_other_module_names_a_colour_of_a_thing_in_numbers():
     meant = {palette.hexadecimal(colour) for colour in palette.THINGS.values()} - {"#000000"}
     tuples = {str(colour).strip("()") for colour in palette.THINGS.values() if any(colour)}
     for path in [*(ROOT / "dart_skill").rglob("*.py"), *(ROOT / "nodes").rglob("*.py")]:
-        if path.name in ("palette.py", "rerun_layout.py"):
+        if path.name in ("palette.py", "_blueprint.py"):
             continue
         text = path.read_text().lower()
         wrong = [colour for colour in meant | tuples if colour in text]

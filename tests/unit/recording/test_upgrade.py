@@ -21,9 +21,9 @@ from dart_skill.recording import (
     serialize,
     type_hash,
     types_for,
+    upgrade,
 )
 from dart_skill.recording.bags import check_bag
-from dart_skill.recording.upgrade import upgrade
 from tests.unit.recording.test_demonstration import assert_same, make
 
 OLDER = {

@@ -127,6 +127,32 @@ def test_a_module_with_an_underscore_is_imported_by_its_own_package_only():
     assert not wrong, "\n".join(wrong)
 
 
+WITHOUT_A_FACE = ("dart_skill.skills.", "dart_skill.experiments.", "dart_skill.cli.")
+"""Each module of these is one skill, experiment or verb, which is imported by itself."""
+
+
+def test_a_room_imports_from_the_face_of_another_package():
+    """`from dart_skill.figures import draw_path`, not `from dart_skill.figures.board`."""
+    inside = {name for name, path in sources("dart_skill") if path.name != "__init__.py" and name.count(".") > 1}
+    wrong = [
+        f"{module} imports {name}"
+        for package in SOURCES
+        for module, names in modules(package).items()
+        for name in names
+        if not {name, name.rpartition(".")[0]}.isdisjoint(inside)
+        and not name.startswith(WITHOUT_A_FACE)
+        and (package == "dart_skill_nodes" or room(name) != room(module))
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_the_packages_of_the_nodes_import_nothing_of_ours_by_themselves():
+    """A process pays at its start for what it imports; `faults` and `soak` are verbs, with parts of their own."""
+    packages = {module for module, path in sources("dart_skill_nodes") if path.name == "__init__.py" and ".verbs." not in module}
+    wrong = {module: [name for name in modules("dart_skill_nodes")[module] if name.startswith("dart_skill")] for module in packages}
+    assert not any(wrong.values()), wrong
+
+
 def lazily_imported(tree):
     """The names that a package imports on first use, as it says them to type checkers and as it says them to `on_first_use`."""
     blocks = (node.body for node in tree.body if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING")

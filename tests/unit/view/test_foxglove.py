@@ -16,7 +16,7 @@ from tests.paths import BAGS, ROOT
 
 pytest.importorskip("foxglove")
 
-from dart_skill.view.foxglove_server import FoxgloveServer, serve_bag  # noqa: E402
+from dart_skill.view import FoxgloveServer, serve_bag  # noqa: E402
 
 POSE = "geometry_msgs/msg/PoseStamped"
 

@@ -23,10 +23,12 @@ import pytest
 from dart_skill.cli import main
 from dart_skill.cli.view import run_to_the_end
 from dart_skill.recording import BagWriter, definition, qos_yaml, serialize, type_hash, typestore
-from dart_skill.view import RerunUnavailable, rerun_bag
-from dart_skill.view.rerun_bag import (
+from dart_skill.view.rerun import (
+    VARIABLE,
     BagLayout,
     Ports,
+    RerunPage,
+    RerunUnavailable,
     command_line,
     describe,
     find_rerun,
@@ -36,12 +38,12 @@ from dart_skill.view.rerun_bag import (
     quiet_environment,
     url_of_page,
     with_durations,
+    workspace,
     write_layouts,
 )
-from dart_skill.view.rerun_page import RerunPage
 from dart_skill.world import the_world
 from tests.integration.browser import SMALL, Page, needs_chromium
-from tests.paths import BAGS
+from tests.paths import BAGS, ROOT
 
 POSE, TEXT = "geometry_msgs/msg/PoseStamped", "std_msgs/msg/String"
 
@@ -51,6 +53,10 @@ def script(path, text):
     path.write_text(f"#!/bin/sh\n{text}\n")
     path.chmod(0o755)
     return path
+
+
+def test_rerun_is_put_beside_the_package_in_the_checkout():
+    assert workspace() == ROOT
 
 
 @pytest.fixture
@@ -64,7 +70,7 @@ def stand_in(tmp_path, monkeypatch):
         f'echo "$@" >> {calls}; echo "settings=$XDG_CONFIG_HOME path=$PYTHONPATH" >> {calls}; [ "$1" != mcap ] || : > "$9"',
     )
     script(rerun.with_name("python3"), 'printf "%s" "$4" > "$3"')
-    monkeypatch.setenv(rerun_bag.VARIABLE, str(rerun))
+    monkeypatch.setenv(VARIABLE, str(rerun))
     monkeypatch.setenv("DISPLAY", ":77")
     monkeypatch.setenv("PYTHONPATH", "/ros/packages")
     return rerun, calls
@@ -94,9 +100,9 @@ def test_the_variable_comes_first_then_the_path_then_the_workspace(tmp_path, mon
     named, on_path = script(tmp_path / "a" / "rerun", ""), script(tmp_path / "b" / "rerun", "")
     own = script(tmp_path / "w" / ".venv-rerun" / "bin" / "rerun", "")
     monkeypatch.setenv("PATH", str(on_path.parent))
-    monkeypatch.setenv(rerun_bag.VARIABLE, str(named))
+    monkeypatch.setenv(VARIABLE, str(named))
     assert find_rerun(tmp_path / "w") == named
-    monkeypatch.delenv(rerun_bag.VARIABLE)
+    monkeypatch.delenv(VARIABLE)
     assert find_rerun(tmp_path / "w") == on_path
     monkeypatch.setenv("PATH", str(tmp_path))
     assert find_rerun(tmp_path / "w") == own
@@ -109,7 +115,7 @@ def test_the_variable_comes_first_then_the_path_then_the_workspace(tmp_path, mon
 def test_a_variable_that_names_no_executable_is_an_error_and_not_passed_over(wrong, tmp_path, monkeypatch):
     (tmp_path / "folder").mkdir()
     (tmp_path / "plain.txt").write_text("")
-    monkeypatch.setenv(rerun_bag.VARIABLE, str(tmp_path / wrong))
+    monkeypatch.setenv(VARIABLE, str(tmp_path / wrong))
     with pytest.raises(RerunUnavailable, match=f"{wrong}.*is no executable file"):
         find_rerun(tmp_path)
 

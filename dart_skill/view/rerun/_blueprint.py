@@ -1,6 +1,6 @@
 """The layout of a bag in Rerun, as a blueprint file. This file runs in Rerun's own interpreter and imports nothing of ours:
 
-    python rerun_layout.py OUTPUT.rbl '{"application": "...", "frame": "world", "ball": "/vrpn_mocap/ball/pose", ...}'
+    python _blueprint.py OUTPUT.rbl '{"application": "...", "frame": "world", "ball": "/vrpn_mocap/ball/pose", ...}'
 
 Keys, of which what is null is left out:
   application   name of the recording, which Rerun takes from its file

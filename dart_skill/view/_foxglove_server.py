@@ -14,7 +14,7 @@ from typing import Any
 from dart_skill.extras import optional
 from dart_skill.recording import BagReader, definition
 
-HOST, PORT = "127.0.0.1", 8765
+HOST, FOXGLOVE_PORT = "127.0.0.1", 8765
 """The port is the one that Foxglove suggests."""
 NAP = 0.05
 """Nobody waits longer for the end of a playback [s]."""
@@ -29,7 +29,7 @@ class FoxgloveServer:
     ModuleNotFoundError without foxglove-sdk, OSError where the port is taken.
     """
 
-    def __init__(self, port: int = PORT, host: str = HOST, name: str = "dart_skill"):
+    def __init__(self, port: int = FOXGLOVE_PORT, host: str = HOST, name: str = "dart_skill"):
         self._sdk = optional("foxglove")
         self._context = self._sdk.Context()
         self._channels: dict[str, Any] = {}

@@ -25,8 +25,8 @@ VERSION, SIZE = "0.41.0", "790 MB"
 """Of the package rerun-sdk that this was tried with, and what its environment takes."""
 VARIABLE = "DART_SKILL_RERUN"
 ENVIRONMENT = ".venv-rerun"
-LAYOUT = Path(__file__).with_name("rerun_layout.py")
-HOST, PORT = "127.0.0.1", 9090
+LAYOUT = Path(__file__).with_name("_blueprint.py")
+HOST, RERUN_PORT = "127.0.0.1", 9090
 """Of the page."""
 QUIET_LOG = "info,re_sdk::web_viewer=warn"
 """What Rerun writes: not the address of its own web server, whose page is not kept from asking elsewhere."""
@@ -41,7 +41,7 @@ class RerunUnavailable(RuntimeError):
 
 @dataclass(frozen=True)
 class BagLayout:
-    """What of a bag is shown where; see `rerun_layout`.
+    """What of a bag is shown where; see `_blueprint`.
 
     * files: all files of the bag, in order.
     * frame: the frame that poses stand in; None without poses.
@@ -73,7 +73,7 @@ class BagLayout:
 
 def workspace() -> Path:
     """The checkout that this package lies in, or the current folder if it was installed elsewhere."""
-    checkout = Path(__file__).resolve().parents[2]
+    checkout = Path(__file__).resolve().parents[3]
     return checkout if (checkout / "package.xml").is_file() else Path.cwd()
 
 
@@ -211,7 +211,7 @@ def url_of_page(ports: Ports) -> str:
     return f"http://{HOST}:{ports.page}/?url={quote(f'rerun+http://{HOST}:{ports.data}/proxy', safe='')}"
 
 
-def free_ports(first: int = PORT) -> Ports:
+def free_ports(first: int = RERUN_PORT) -> Ports:
     """The given port for the page, and free ones for what is behind it; RerunUnavailable if the first one is taken."""
     with socket.socket() as page, socket.socket() as behind, socket.socket() as data:
         try:
