@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dart_skill.experiments.parallel import all_of
+from dart_skill.experiments.pose_skills import arm_of, configured, shown
 from dart_skill.robot import PlanRefused
 from dart_skill.session import BenchSession
 from dart_skill.skill.model import LearnedSkill, NoPlan
 from dart_skill.skill.protocol import Pose, TaskDemonstration
 from dart_skill.skills.place import Place
-
-ATTEMPTS = 3
-"""A person shows no more than so many parts for each that goes in."""
 
 
 @dataclass(frozen=True)
@@ -36,16 +34,10 @@ class Placed:
     reason: str
 
 
-def configured(partition: str = "") -> Place:
-    """The skill with the settings of its file. partition: in place of the file's, "time" or "em"; default: that of the file."""
-    skill = Place.configured()
-    return Place(replace(skill.settings, partition=partition)) if partition else skill
-
-
 def run(seeds: list[int], jobs: int = 1, demonstrations: int = 8, parts: int = 10, arm: str = "ideal", partition: str = "") -> list[Placed]:
     """All seeds, `jobs` processes at a time. parts: that each seed places. arm: of the fleet, or "fleet".
 
-    partition: as in `configured`.
+    partition: as in `pose_skills.configured`.
     """
     one = partial(run_seed, demonstrations=demonstrations, parts=parts, arm=arm, partition=partition)
     return all_of(one, seeds, jobs)
@@ -54,10 +46,10 @@ def run(seeds: list[int], jobs: int = 1, demonstrations: int = 8, parts: int = 1
 def run_seed(seed: int, demonstrations: int = 8, parts: int = 10, arm: str = "ideal", partition: str = "") -> list[Placed]:
     """Show, learn, and place parts, with what one seed draws. An arm "fleet" is another one for every seed.
 
-    partition: as in `configured`.
+    partition: as in `pose_skills.configured`.
     """
-    skill, rng = configured(partition), np.random.default_rng([seed, 7])
-    session = BenchSession(skill, seed, arm=f"fleet:{seed}" if arm == "fleet" else arm)
+    skill, rng = configured(Place, partition), np.random.default_rng([seed, 7])
+    session = BenchSession(skill, seed, arm=arm_of(arm, seed))
     learned = LearnedSkill(skill, teach(session, skill, rng, demonstrations))
     placed = [_place(session, skill, learned, seed, skill.draw(rng, wide=True).pose("holder")) for _ in range(parts)]
     session.close()
@@ -69,13 +61,7 @@ def teach(session: BenchSession, skill: Place, rng: np.random.Generator, demonst
 
     What jams is tried again with another holder; ValueError where most of it does.
     """
-    kept: list[TaskDemonstration] = []
-    for _ in range(ATTEMPTS * demonstrations):
-        trial = session.teach(skill.draw(rng).pose("holder"), skill.seat)
-        kept += [trial.seen] if trial.outcome.success else []
-        if len(kept) == demonstrations:
-            return kept
-    raise ValueError(f"the person put only {len(kept)} of {ATTEMPTS * demonstrations} parts in; the last: {trial.outcome.reason}")
+    return shown(lambda: session.teach(skill.draw(rng).pose("holder"), skill.seat), demonstrations, "put {} parts in")
 
 
 def _place(session: BenchSession, skill: Place, learned: LearnedSkill, seed: int, holder: Pose) -> Placed:

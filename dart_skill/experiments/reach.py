@@ -11,6 +11,7 @@ from functools import partial
 import numpy as np
 
 from dart_skill.experiments.parallel import all_of
+from dart_skill.experiments.pose_skills import arm_of, configured, shown
 from dart_skill.movement import VelocityThreshold
 from dart_skill.robot import Command, Mode, PlanRefused
 from dart_skill.session import BeltSession, SkillTrial
@@ -24,8 +25,6 @@ HELD = (0.7, 1.7)
 """The hand is held from then to then after it set off [s]."""
 TUNNEL = 2.0
 """The cup that is lost is in a tunnel from then on, since the world was reset [s]."""
-ATTEMPTS = 3
-"""A person shows no more than so many reaches for each that ends in the cup."""
 KINDS = ("free", "held", "lost")
 STOPPED = "the cup was last seen"
 """So begins the message of a motion that stops because its cup is lost."""
@@ -54,19 +53,13 @@ class Reached:
     crept: float
 
 
-def configured(partition: str = "") -> Reach:
-    """The skill with the settings of its file. partition: in place of the file's, "time" or "em"; default: that of the file."""
-    skill = Reach.configured()
-    return Reach(replace(skill.settings, partition=partition)) if partition else skill
-
-
 def run(
     seeds: list[int], jobs: int = 1, demonstrations: int = 8, cups: int = 10, held: int = 3, arm: str = "ideal", partition: str = ""
 ) -> list[Reached]:
     """All seeds, `jobs` processes at a time.
 
-    cups: that each seed reaches into; held: how many of them again with a hand that is held. arm: of the fleet, or "fleet". partition: as
-    in `configured`.
+    cups: that each seed reaches into; held: how many of them again with a hand that is held. arm: of the fleet, or "fleet".
+    partition: as in `pose_skills.configured`.
     """
     one = partial(run_seed, demonstrations=demonstrations, cups=cups, held=held, arm=arm, partition=partition)
     return all_of(one, seeds, jobs)
@@ -75,10 +68,10 @@ def run(
 def run_seed(seed: int, demonstrations: int = 8, cups: int = 10, held: int = 3, arm: str = "ideal", partition: str = "") -> list[Reached]:
     """Show, learn, and reach into cups; the first few of them again with a hand that is held, and the first with a cup that is lost.
 
-    An arm "fleet" is another one for every seed. partition: as in `configured`.
+    An arm "fleet" is another one for every seed. partition: as in `pose_skills.configured`.
     """
-    skill, rng = configured(partition), np.random.default_rng([seed, 11])
-    session = BeltSession(skill, seed, arm=f"fleet:{seed}" if arm == "fleet" else arm)
+    skill, rng = configured(Reach, partition), np.random.default_rng([seed, 11])
+    session = BeltSession(skill, seed, arm=arm_of(arm, seed))
     learned = ReactiveSkill(skill, teach(session, rng, demonstrations))
     belts = [drawn(skill, rng, wide=True) for _ in range(cups)]
     tasks = [("free", belt) for belt in belts] + [("held", belt) for belt in belts[:held]]
@@ -90,13 +83,7 @@ def run_seed(seed: int, demonstrations: int = 8, cups: int = 10, held: int = 3, 
 
 def teach(session: BeltSession, rng: np.random.Generator, demonstrations: int = 8) -> list[TaskDemonstration]:
     """So many reaches that a person showed; one that fails is shown again with another cup. ValueError where most fail."""
-    kept: list[TaskDemonstration] = []
-    for _ in range(ATTEMPTS * demonstrations):
-        trial = session.teach(drawn(session.skill, rng))
-        kept += [trial.seen] if trial.outcome.success else []
-        if len(kept) == demonstrations:
-            return kept
-    raise ValueError(f"the person reached only {len(kept)} of {ATTEMPTS * demonstrations} cups; the last: {trial.outcome.reason}")
+    return shown(lambda: session.teach(drawn(session.skill, rng)), demonstrations, "reached {} cups")
 
 
 def drawn(skill: Skill, rng: np.random.Generator, wide: bool = False) -> Belt:
