@@ -1,5 +1,7 @@
 """Numbers and names that are the same everywhere."""
 
+from enum import IntEnum
+
 NS_PER_S = 1_000_000_000
 """Nanoseconds of a second, in which stamps are told."""
 UNTURNED = (0.0, 0.0, 0.0, 1.0)
@@ -12,3 +14,11 @@ AIR_DENSITY = 1.204
 """Of dry air at 20 degrees Celsius and sea level [kg/m^3]."""
 PARTITIONS = ("time", "em")
 """How the components of a mixture get their times: equal intervals, or those that EM finds."""
+
+
+class Grip(IntEnum):
+    """What the hand shall do; the values are those of dart_skill_msgs/WamCommand."""
+
+    UNSPECIFIED = 0
+    CLOSE = 1
+    OPEN = 2

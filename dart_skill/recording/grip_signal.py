@@ -9,10 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dart_skill.constants import NS_PER_S
+from dart_skill.constants import NS_PER_S, Grip
 
-OPEN = 2
-"""Of dart_skill_msgs/msg/WamCommand.grip."""
 GUIDED_NS = 500_000_000
 """The arm is guided if the person pushed it within this time before the hand opened."""
 HELD_NS = 200_000_000
@@ -44,7 +42,7 @@ class GripSignal:
         stamp, pushed, grip = read_command(data)
         if pushed:
             self.pushes.append(stamp)
-        if grip != OPEN:
+        if grip != Grip.OPEN:
             return False
         opens = abs(stamp - self._open_ns) > HELD_NS
         self._open_ns = stamp  # the stray stamp of one command hides no later ones

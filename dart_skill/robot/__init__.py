@@ -2,8 +2,9 @@
 
 from typing import TYPE_CHECKING
 
+from dart_skill.constants import Grip
 from dart_skill.lazy import on_first_use
-from dart_skill.robot._command import REST_SPEED, ArmState, Command, Grip, HeldCommand, Speed, all_finite, check_command
+from dart_skill.robot._command import REST_SPEED, ArmState, Command, HeldCommand, Speed, all_finite, check_command
 from dart_skill.robot._description import DART, Ball, WamDescription, wam_description, with_box
 from dart_skill.robot._motion_plan import Gains, GainsOverTime, GripEvent, HandPath, MotionPlan, Pace
 from dart_skill.robot._registration import Registration

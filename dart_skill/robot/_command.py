@@ -6,18 +6,10 @@ from enum import IntEnum
 
 import numpy as np
 
-from dart_skill.constants import N_JOINTS
+from dart_skill.constants import N_JOINTS, Grip
 
 REST_SPEED = 0.05
 """An arm rests, and a stop is over, when no joint is faster [rad/s]."""
-
-
-class Grip(IntEnum):
-    """What the hand shall do; the values are those of dart_skill_msgs/WamCommand."""
-
-    UNSPECIFIED = 0
-    CLOSE = 1
-    OPEN = 2
 
 
 class Speed(IntEnum):

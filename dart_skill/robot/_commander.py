@@ -16,8 +16,8 @@ import numpy as np
 import scipy
 
 from dart_skill.configuration import node_parameters
-from dart_skill.constants import N_JOINTS
-from dart_skill.robot._command import REST_SPEED, ArmState, Command, Grip, Speed, all_finite, largest
+from dart_skill.constants import N_JOINTS, Grip
+from dart_skill.robot._command import REST_SPEED, ArmState, Command, Speed, all_finite, largest
 from dart_skill.robot._description import WamDescription, wam_description
 from dart_skill.robot._guide import Guidance, Guide, PlanGuide
 from dart_skill.robot._impedance import (

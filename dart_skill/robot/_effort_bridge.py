@@ -15,8 +15,8 @@ from enum import Enum
 import numpy as np
 
 from dart_skill.checks import as_number, as_vector
-from dart_skill.constants import N_JOINTS
-from dart_skill.robot._command import ArmState, Command, Grip, all_finite
+from dart_skill.constants import N_JOINTS, Grip
+from dart_skill.robot._command import ArmState, Command, all_finite
 from dart_skill.robot._description import WamDescription
 from dart_skill.robot._model import ArmModel
 from dart_skill.robot._safety import SafetyLimits, SafetyModule

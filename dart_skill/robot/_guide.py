@@ -11,7 +11,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import scipy
 
-from dart_skill.robot._command import Grip, Speed
+from dart_skill.constants import Grip
+from dart_skill.robot._command import Speed
 from dart_skill.robot._impedance import PoseGains, Reference, rotation_error
 from dart_skill.robot._model import HandState
 from dart_skill.robot._motion_plan import Gains, GainsOverTime, GripEvent, MotionPlan, Pace

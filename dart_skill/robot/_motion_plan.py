@@ -6,9 +6,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dart_skill.constants import N_JOINTS
+from dart_skill.constants import N_JOINTS, Grip
 from dart_skill.pace import PhaseRule
-from dart_skill.robot._command import Grip, Speed
+from dart_skill.robot._command import Speed
 from dart_skill.robot._registration import Registration
 
 AGREE = 1e-3

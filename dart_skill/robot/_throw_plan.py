@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.constants import N_JOINTS
-from dart_skill.robot._command import Grip, Speed
+from dart_skill.constants import N_JOINTS, Grip
+from dart_skill.robot._command import Speed
 from dart_skill.robot._motion_plan import Gains, GainsOverTime, GripEvent, HandPath, MotionPlan, Pace, check_unit
 from dart_skill.robot._registration import Registration
 

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from dart_skill.constants import N_JOINTS, NS_PER_S, UNTURNED
+from dart_skill.constants import N_JOINTS, NS_PER_S, UNTURNED, Grip
 from dart_skill.recording.bags import (
     BagError,
     BagMessage,
@@ -33,7 +33,7 @@ from dart_skill.recording.bags import (
     type_hash,
     typestore,
 )
-from dart_skill.recording.grip_signal import GUIDED_NS, OPEN, GripSignal, Opening, read_commands
+from dart_skill.recording.grip_signal import GUIDED_NS, GripSignal, Opening, read_commands
 from dart_skill.recording.imports._tables import read_motive, read_pose_table, read_table
 from dart_skill.recording.imports.mapping import LENGTH_UNITS, OWN, PoseSource, RecordingMapping, SignalSource
 from dart_skill.recording.imports.pose_faults import Fault, repair
@@ -360,7 +360,7 @@ def _signal(messages: list[BagMessage], name: str, bag: BagReader, signal: _Sign
     signal.begin_part()
     if name == "WamCommand":
         signal.stamps, pushed, grip = read_commands([message.data for message in messages])
-        for k in np.flatnonzero(pushed | (grip == OPEN)).tolist():  # all others tell nothing
+        for k in np.flatnonzero(pushed | (grip == Grip.OPEN)).tolist():  # all others tell nothing
             signal.take_command(messages[k].data)
     elif name == "Bool":
         for message in messages:
@@ -471,4 +471,4 @@ def _messages(recording: ThrowRecording) -> Iterator[tuple[str, int, str, dict]]
             yield "/joint_states", stamp, "sensor_msgs/msg/JointState", content
     for opening in recording.openings:
         topic = "/wam/teacher_wrench" if opening.taught else "/wam/command"
-        yield topic, opening.stamp_ns, "dart_skill_msgs/msg/WamCommand", {"header": header(opening.stamp_ns), "grip": OPEN}
+        yield topic, opening.stamp_ns, "dart_skill_msgs/msg/WamCommand", {"header": header(opening.stamp_ns), "grip": int(Grip.OPEN)}

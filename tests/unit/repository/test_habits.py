@@ -84,3 +84,13 @@ def test_quaternions_are_multiplied_in_one_module():
     files = [path for folder in ("dart_skill", "nodes") for path in (ROOT / folder).rglob("*.py")]
     found = {path.relative_to(ROOT).as_posix() for path in files if QUATERNIONS.search(path.read_text(encoding="utf-8"))}
     assert found == set(WITH_QUATERNIONS)
+
+
+A_GRIP_AS_A_NUMBER = re.compile(r"^_?(OPEN = 2|CLOSE = 1)\b|grip['\"\]]* ?(==|!=|:) ?\d", re.MULTILINE)
+
+
+def test_what_the_hand_shall_do_is_no_bare_number():
+    """`grip == 2` says nothing to a reader; `Grip.OPEN` of `dart_skill.constants` does."""
+    files = [path for folder in ("dart_skill", "nodes", "tools", "launch") for path in (ROOT / folder).rglob("*.py")]
+    assert not [path for path in files if A_GRIP_AS_A_NUMBER.search(path.read_text(encoding="utf-8"))]
+    assert all(A_GRIP_AS_A_NUMBER.search(line) for line in ("OPEN = 2", "if command.grip == 2:", '{"grip": 2}', "row['grip'] != 1"))
