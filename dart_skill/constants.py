@@ -12,6 +12,8 @@ GRAVITY = 9.81
 """Of the earth [m/s^2]."""
 AIR_DENSITY = 1.204
 """Of dry air at 20 degrees Celsius and sea level [kg/m^3]."""
+BULL_DISTANCE, BULL_HEIGHT = 2.37, 1.73
+"""Of a regulation dart board: its face from the throwing line, and its bull above the floor [m]."""
 PARTITIONS = ("time", "em")
 """How the components of a mixture get their times: equal intervals, or those that EM finds."""
 

@@ -6,8 +6,9 @@ import argparse
 import json
 
 from dart_skill.cli.run_options import add_configuration, folder
+from dart_skill.constants import BULL_DISTANCE, BULL_HEIGHT
 
-DEFAULT_BOARD = "2.37,1.73"
+DEFAULT_BOARD = f"{BULL_DISTANCE},{BULL_HEIGHT}"
 
 
 def add_to(experiments: argparse._SubParsersAction) -> None:
@@ -20,7 +21,8 @@ def add_to(experiments: argparse._SubParsersAction) -> None:
     parser.add_argument("--demonstrations", type=int, default=8, help="darts that the teacher shows (default 8)")
     learned = "what is learned from own throws: which misses repeat, or that and when to let go (default both)"
     parser.add_argument("--practice", choices=("both", "misses", "none"), default="both", help=learned)
-    parser.add_argument("--board", default=DEFAULT_BOARD, metavar="DISTANCE,HEIGHT", help="of the bull [m] (default 2.37,1.73: regulation)")
+    bull = f"of the bull [m] (default {DEFAULT_BOARD}: regulation)"
+    parser.add_argument("--board", default=DEFAULT_BOARD, metavar="DISTANCE,HEIGHT", help=bull)
     add_configuration(parser, "default")
     parser.add_argument("--output", type=folder, metavar="FOLDER", help="write the figure there, as SVG and PNG")
     parser.add_argument("--json", action="store_true", help="every throw as JSON instead of the table")
@@ -65,5 +67,5 @@ def _board(text: str) -> tuple[float, float]:
     try:
         distance, height = (float(part) for part in text.split(","))
     except ValueError:
-        raise ValueError(f"--board is '{text}': give the distance and the height of the bull in metres, such as 2.37,1.73") from None
+        raise ValueError(f"--board is '{text}': give the distance and the height of the bull in metres, such as {DEFAULT_BOARD}") from None
     return distance, height

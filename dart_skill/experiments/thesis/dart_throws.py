@@ -13,11 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dart_skill.constants import GRAVITY
+from dart_skill.constants import BULL_DISTANCE, BULL_HEIGHT, GRAVITY
+from dart_skill.darts import RADII
 from dart_skill.movement import DSGMR, attractor_from_motion, base_frame, critical_damping, follow_attractor, target_frame
 
-BOARD_DISTANCE, BOARD_HEIGHT, BOARD_RADIUS = 2.37, 1.73, 0.170
-"""Board's face from the throwing line, its centre above the floor, and the outside of the doubles [m]."""
+BOARD_RADIUS = float(RADII[-1]) / 1000.0
+"""Of the outside of the doubles [m]."""
 SHOULDER = np.array([0.0, 0.0, 1.55])
 STIFFNESS = 400.0
 RELEASE, STEP = 0.1, 0.002
@@ -62,7 +63,7 @@ def ballistic(position: np.ndarray, velocity: np.ndarray, time: np.ndarray) -> n
 
 def time_to_board(position: np.ndarray, velocity: np.ndarray) -> float:
     """Time [s] until the plane of the board is reached, nan if the dart does not fly towards it."""
-    return float((BOARD_DISTANCE - position[0]) / velocity[0]) if velocity[0] > 0.0 else np.nan
+    return float((BULL_DISTANCE - position[0]) / velocity[0]) if velocity[0] > 0.0 else np.nan
 
 
 def thrown(attractor: np.ndarray, aim: np.ndarray | None = None) -> DartThrow:
@@ -87,7 +88,7 @@ def demonstrate(n: int, rng: np.random.Generator) -> list[DartThrow]:
 def random_aims(n: int, rng: np.random.Generator) -> np.ndarray:
     """(n, 3) points that are spread evenly over the board."""
     radius, angle = BOARD_RADIUS * np.sqrt(rng.random(n)), 2.0 * np.pi * rng.random(n)
-    return np.column_stack([np.full(n, BOARD_DISTANCE), radius * np.cos(angle), BOARD_HEIGHT + radius * np.sin(angle)])
+    return np.column_stack([np.full(n, BULL_DISTANCE), radius * np.cos(angle), BULL_HEIGHT + radius * np.sin(angle)])
 
 
 def frames_for(aim: np.ndarray) -> list:

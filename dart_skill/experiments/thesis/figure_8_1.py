@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from dart_skill.constants import BULL_DISTANCE, BULL_HEIGHT
 from dart_skill.experiments.thesis import dart_throws as darts
 from dart_skill.figures import (
     BALL,
@@ -71,8 +72,8 @@ def draw_side(axes: Axes, throws: list[darts.DartThrow], colour: str, title: str
         first = number == 0
         axes.plot(*throw.position[:, [0, 2]].T, color=colour, linewidth=1.4, label=name if first else None)
         axes.plot(*throw.flight()[:, [0, 2]].T, color=BALL, linewidth=0.7, label="dart in flight" if first else None)
-    ends = [darts.BOARD_HEIGHT - darts.BOARD_RADIUS, darts.BOARD_HEIGHT + darts.BOARD_RADIUS]
-    axes.plot([darts.BOARD_DISTANCE] * 2, ends, color=BLACK, linewidth=3.0, solid_capstyle="butt", label="board")
+    ends = [BULL_HEIGHT - darts.BOARD_RADIUS, BULL_HEIGHT + darts.BOARD_RADIUS]
+    axes.plot([BULL_DISTANCE] * 2, ends, color=BLACK, linewidth=3.0, solid_capstyle="butt", label="board")
     axes.set(xlabel="forward [m]", ylabel="up [m]", title=title, aspect="equal", ylim=(1.45, 2.05))
 
 
@@ -111,4 +112,4 @@ def _draw_misses(axes: Axes, misses: np.ndarray) -> None:
 
 def on_board(points: np.ndarray) -> np.ndarray:
     """(n, 2) [mm] to the right and up from the centre of the board, of points (n, 3)."""
-    return 1000.0 * np.column_stack([-points[:, 1], points[:, 2] - darts.BOARD_HEIGHT])
+    return 1000.0 * np.column_stack([-points[:, 1], points[:, 2] - BULL_HEIGHT])

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from dart_skill.cli import main
+from dart_skill.constants import BULL_DISTANCE, BULL_HEIGHT
 from dart_skill.experiments import dart_search, thesis
 from dart_skill.experiments.dart_search import SCHEDULES, Schedule, best_scores
 from dart_skill.experiments.thesis import ball_throws as balls
@@ -230,7 +231,7 @@ def test_a_dart_flies_as_a_projectile_from_where_the_hand_lets_go():
     flight = throw.flight(1001)
     np.testing.assert_allclose(flight[0], throw.position[-1])
     np.testing.assert_allclose(flight[-1], throw.hit)
-    assert throw.hit[0] == pytest.approx(darts.BOARD_DISTANCE)
+    assert throw.hit[0] == pytest.approx(BULL_DISTANCE)
     duration = darts.time_to_board(throw.position[-1], throw.velocity[-1])
     rise = throw.velocity[-1, 2] * duration - 0.5 * darts.GRAVITY * duration**2
     assert throw.hit[2] - throw.position[-1, 2] == pytest.approx(rise)
@@ -250,7 +251,7 @@ def test_new_aims_are_hit_and_practice_at_one_aim_makes_it_better(monkeypatch):
 
 
 def test_a_dart_thrown_backwards_never_arrives_and_is_not_learned_from(monkeypatch):
-    aim = np.array([darts.BOARD_DISTANCE, 0.0, darts.BOARD_HEIGHT])
+    aim = np.array([BULL_DISTANCE, 0.0, BULL_HEIGHT])
     backwards = darts.thrown(np.tile(darts.SHOULDER - [1.0, 0.0, 0.0], (len(darts.stamps()), 1)), aim)
     assert not backwards.arrived and backwards.error == np.inf
     learned_from = []
