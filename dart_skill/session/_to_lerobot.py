@@ -25,7 +25,7 @@ from dart_skill.recording.lerobot import (
     turned_at_frames,
 )
 from dart_skill.robot import Grip
-from dart_skill.session._shown import CommandStream, Shown, ShownSkill, read_shown
+from dart_skill.session._shown_in_recording import CommandStream, Shown, ShownSkill, read_shown
 from dart_skill.skill.protocol import HAND, Skill
 from dart_skill.world import joint_names
 

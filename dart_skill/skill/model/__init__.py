@@ -1,11 +1,11 @@
 """What skills share: from demonstrations to a model of poses in task frames, from a situation to a plan, from misses to a correction."""
 
-from dart_skill.skill.model._choosing import choose_components
 from dart_skill.skill.model._learned import LearnedSkill, NoPlan
 from dart_skill.skill.model._learning import AnySkill, learn, learn_usable
 from dart_skill.skill.model._moving_frames import moving_frames
 from dart_skill.skill.model._outliers import outliers, unlike
 from dart_skill.skill.model._policy import Policy
+from dart_skill.skill.model._pose_components import choose_components
 from dart_skill.skill.model._pose_features import frame_of, orientations, pose_features
 from dart_skill.skill.model._prepared import PreparedMovement, check_movement, prepare_movement
 from dart_skill.skill.model._reactive import ReactiveSkill

@@ -370,7 +370,7 @@ def test_em_may_find_when_components_begin_and_end(demonstrations, learned):
 def test_the_number_of_components_is_chosen_on_request(demonstrations, way, monkeypatch):
     """It is the best of all in its own way, and what is chosen is what would have been learned with that number."""
     few = (2, 6, 12)
-    monkeypatch.setattr("dart_skill.skill.model._choosing.COMPONENTS", few)
+    monkeypatch.setattr("dart_skill.skill.model._pose_components.COMPONENTS", few)
     models = {number: LearnedSkill(touch(components=number), demonstrations) for number in few}
     score = {number: one.bic() if way == "bic" else np.mean(unlike(one) ** 2) for number, one in models.items()}
     chosen = choose_components(touch(), demonstrations, way)
