@@ -16,7 +16,7 @@ SEEN, TOO_FEW = 0.95, 0.80
 NOISE, TOO_NOISY = 0.001, 0.005
 """Standard deviation of a coordinate: good, bearable [m]."""
 CELL = 0.25
-"""Edge of the parts of the swept volume that are told apart [m]."""
+"""Edge of the cells into which the swept volume is divided [m]."""
 FEW = 20
 """Frames that a part needs to be named."""
 DISCOVERY_NS, JUMP_NS = 200_000_000, 600_000_000_000

@@ -20,7 +20,7 @@ HELP = {
     "demonstrations": "what a graph that runs was shown so far; drop a bad one",
     "throw": "throws of the arm, on a graph that runs",
     "execute": "trials of whatever skill a graph that runs has learned",
-    "faults": "hurt a graph in one place after the other (nodes, messages, disks, strangers): what the arm does, and what clients are told",
+    "faults": "inject faults into a graph (nodes, messages, disks, strangers), one by one: what the arm does, what clients hear",
     "soak": "practise for hours: does memory, speed, or anything else change?",
     "arm": "listen to the arm and its cameras: a table of what is measured and asked, go or no go",
     "play": "publish a bag's messages over ROS, as they were recorded",

@@ -1,6 +1,6 @@
 """Imported by the process that makes workers, and by no other: they are deaf to Ctrl-C from their first instruction on.
 
-Whoever asked for them ends them. One that heard it while it starts would say so with a traceback.
+The process that made them ends them. A worker that received Ctrl-C while it starts would print a traceback.
 """
 
 import signal

@@ -16,7 +16,7 @@ from typing import Any
 from tqdm import tqdm
 
 DEAF = "dart_skill.experiments._deaf_to_ctrl_c"
-"""Makes whoever imports it, and the processes that it makes, deaf to Ctrl-C."""
+"""A process that imports this module ignores Ctrl-C, and so do the processes that it makes."""
 ORPHANED = 1.0
 """A worker looks so often whether the process that wants its results is still there [s]."""
 

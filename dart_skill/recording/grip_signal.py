@@ -38,7 +38,7 @@ class GripSignal:
         self._pressed, self._open_ns = False, -HELD_NS - 1
 
     def take_command(self, data: bytes) -> bool:
-        """A serialised WamCommand; whether it opens the hand: whoever holds it open with every command tells it once."""
+        """Take a serialised WamCommand; returns whether it opens the hand. Of successive commands that say so only the first one counts."""
         stamp, pushed, grip = read_command(data)
         if pushed:
             self.pushes.append(stamp)

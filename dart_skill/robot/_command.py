@@ -90,7 +90,7 @@ class HeldCommand:
             self._told = command.grip  # a newer command that comes before the next state must not swallow it
 
     def answer_to(self, stamp_ns: int) -> Command | None:
-        """The newest command as the answer to a state; None if there is none that is young enough. The hand is told each thing once.
+        """The newest command as the answer to a state; None if there is none that is young enough. Each grip is said once.
 
         * stamp_ns: int of the state [ns].
         """

@@ -473,11 +473,11 @@ class Commander:
         return Command(state.stamp_ns, joint_torque=torque)
 
     def _still_told(self) -> Grip:
-        """A hand that was told something is told so until the arm is at rest."""
+        """What every command says to the hand after the throw: the same as before, until the arm is at rest."""
         return self._grip if self._mode == Mode.FOLLOWING_THROUGH else Grip.UNSPECIFIED
 
     def _told(self, grip: Grip, state: ArmState) -> Grip:
-        """What the hand is told in every command from now on: who takes only the newest one misses nothing."""
+        """Say this to the hand in every command from now on, so that an arm that takes only the newest command misses nothing."""
         if grip == Grip.OPEN and self.opened_ns is None:
             self.opened_ns = state.stamp_ns
         self._grip = grip

@@ -202,7 +202,7 @@ class JointServo:
         return np.minimum(np.maximum(more, -self.SHARE * self.LIMIT), self.SHARE * self.LIMIT)
 
     def damp(self, qd: np.ndarray) -> np.ndarray:
-        """Torque (7,) that brings an arm to a damped stop whose speeds are told at once [N m]."""
+        """Torque (7,) [N m] that brings an arm to a damped stop; the arm must report its speeds without delay."""
         return np.clip(-2.0 * self.DAMPING * qd, -2.0 * self.LIMIT, 2.0 * self.LIMIT)
 
     def brake(self, q: np.ndarray, qd: np.ndarray, start: np.ndarray, speed: np.ndarray, time: float) -> np.ndarray:

@@ -18,7 +18,7 @@ from dart_skill.robot._description import WamDescription, wam_description
 
 try:
     import pinocchio as pin
-except ModuleNotFoundError as error:  # whoever makes no model of the arm does without
+except ModuleNotFoundError as error:  # not needed by a program that makes no model of the arm
     pin = Absent(error)
 
 BELOW = np.tri(N_JOINTS, k=-1, dtype=bool)

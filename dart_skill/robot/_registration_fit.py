@@ -31,7 +31,7 @@ SETTLED, MOST_ROUNDS = 1e-9, 50
 HALF_TURN = 3.0
 """Nearer to half a turn the axis of a turn is not sure [rad]."""
 FIRMEST = np.repeat([0.002, 0.002, 0.002, 0.002, 0.001], [3, 3, 3, 3, 1])
-"""A measurement is trusted no further when something else is told from: cables give, and stamps jitter; units as in `USUAL`."""
+"""No measurement is taken to be more certain than this, because cables give and stamps jitter; units as in `USUAL`."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """The limits of the arm, and the module that watches them: in the commander, and again in the arm, as Barrett's safety module does.
 
-A level that is passed is latched until a reset. What then happens to the arm belongs to whoever asks: the commander brings it to a damped
-stop, the arm itself shorts its motors.
+A level that is passed is latched until a reset. What happens then is decided by the caller: the commander brings the
+arm to a damped stop, the arm itself shorts its motors.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ class SafetyModule:
         self.warning = self.fault = ""
 
     def reset(self) -> None:
-        """Whoever is responsible has looked at the arm: the fault is over."""
+        """Forget the fault, after the person who is responsible has looked at the arm."""
         self.warning = self.fault = ""
 
     def look(self, position: np.ndarray, velocity: np.ndarray, torque: np.ndarray, speed: Speed) -> str:

@@ -66,9 +66,13 @@ class ThrowPlan:
         )
 
     def begin_ns(self, opened_ns: int, commands_ns: np.ndarray) -> int:
-        """Stamp of the command (of those, (n,) [ns]) with which a throw by this plan began whose hand was told to open at a stamp [ns].
+        """Stamp [ns] of the command with which a throw by this plan began, from the stamp of the command that opened the hand.
 
-        It is told so with the first command that is due, so the begin is on their grid. Only true where time drives the plan.
+        The hand opens with the first command at or after its time in the plan, so the throw began at the stamp of a command. This is
+        only true where time drives the plan.
+
+        * opened_ns: stamp of the command that opened the hand [ns].
+        * commands_ns: (n,) stamps of all commands [ns].
         """
         latest = opened_ns - round(self.open_hand * 1e9) + 1
         return int(commands_ns[max(int(np.searchsorted(commands_ns, latest, side="right")) - 1, 0)])

@@ -163,7 +163,7 @@ class Session:
         return trial
 
     def _begin(self, target: np.ndarray, guided: bool = False) -> ArmState:
-        """Reset, and the first step: as in the graph, it is answered before anybody is told to do anything."""
+        """Reset, and the first step: as in the graph, its state is answered before a person or the commander begins to move the arm."""
         self._log.clear()
         self._exposed.clear()
         self.plant.reset(target)

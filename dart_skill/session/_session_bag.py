@@ -84,7 +84,7 @@ class SessionBag:
         self._demonstrate(demonstration_message(self._types, replace(shown, id=demonstration_id(opened))), now_ns)
 
     def keep_movement(self, shown: TaskDemonstration, now_ns: int) -> TaskDemonstration:
-        """Another movement that succeeded, at the end of its world; as whoever reads the bag has it, to the last bit.
+        """Keep another movement that succeeded, at the end of its world; returns it as it is read from the bag, to the last bit.
 
         shown: the movement.
         """

@@ -23,7 +23,7 @@ Push = Callable[[], Command | None]
 
 
 class Sees(Protocol):
-    """Who is told of poses as the cameras deliver them: a guide, or a person."""
+    """What receives the poses that the cameras deliver: a guide, or a person."""
 
     def see(self, body: str, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
         """A pose of a body: (3,) [m], (4,)."""
@@ -110,7 +110,7 @@ class SkillSession:
                 raise ValueError(f"{what} is not over after {LONGEST:.0f} s: {self.commander.message or self.commander.mode.value}")
 
     def _hear(self, command: Command) -> None:
-        """What the fingers are told is noted when it changes: a commander tells it again and again."""
+        """Note what a command says to the fingers, when it changes: a commander repeats it with every command."""
         if command.grip != Grip.UNSPECIFIED and (not self._told or self._told[-1].grip != command.grip):
             self._told.append(Told(command.stamp_ns * 1e-9, command.grip))
 
@@ -120,7 +120,7 @@ class SkillSession:
         return Frame(plant.state_stamp_ns, plant.bodies, capsules, number=plant.step_count // self._frame_steps)
 
     def _deliver(self) -> None:
-        """What the cameras have delivered by now is noted, and told to whoever sees. All frames at once cost a tenth of one by one."""
+        """Note what the cameras have delivered by now, and pass it to guide or person. All frames at once take a tenth of the time."""
         if self._exposed:
             self._due.push(self._capture.observe_frames(self.plant.state.episode, self._exposed))
             self._exposed = []

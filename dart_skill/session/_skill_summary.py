@@ -119,7 +119,7 @@ def footer(summary: SkillSummary) -> str:
 def in_words(situation: Situation, roles: Sequence[str] = (), units: Mapping[str, str] | None = None) -> str:
     """Where bodies are: `holder at 0.61, 0.12, 1.18 m, turned by +23 degrees`, and numbers: `duration 2.4 s`.
 
-    roles: of the bodies that are told, default all. units: of numbers, by name (`Skill.units`).
+    roles: of the bodies to name, default all. units: of numbers, by name (`Skill.units`).
     """
     said = []
     for role, pose in situation.poses.items():

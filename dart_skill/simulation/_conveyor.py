@@ -21,7 +21,7 @@ WAY = ("way_x", "way_y", "way_z")
 NUMBERS = (*WAY, "steady", "start", "duration", "tunnel")
 """Of a situation in the world of a belt: the fields of `Belt`, the way along each axis."""
 UPRIGHT, IN, AROUND = 0.01, 0.01, 0.001
-"""A cup that leans by less is upright [rad]. A hand that is nearer to its middle is in it [m]. Its speed is told over so long [s]."""
+"""A cup that leans by less is upright [rad]. A hand that is nearer to its middle is in it [m]. Its speed is measured over this time [s]."""
 
 
 @dataclass(frozen=True)

@@ -282,7 +282,7 @@ class MotionCapture:
         return self._view.count(np.asarray(points, dtype=float)[None], ends, radii, _walls([frame]))[0]
 
     def _draw(self, numbers: Sequence[int | None]) -> _Draws:
-        """Every random number of frames, whoever needs it, those of frames that never came too; also notes the dropouts."""
+        """Draw all random numbers of frames, whether they are needed or not, and also those of missing frames; note the dropouts."""
         rows = self._since_the_last(numbers)
         n_frames, n_bodies, rng, config = (rows[-1] + 1 if rows else 0), len(self.config.bodies), self._rng, self.config
         noise, chance = np.empty((n_frames, n_bodies, 6)), np.empty((n_frames, n_bodies))

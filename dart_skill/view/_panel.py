@@ -163,7 +163,7 @@ class Panel:
         self._is_new = text == self._words.welcome
 
     def welcome_a_model(self) -> None:
-        """A visitor who has read only how a skill is taught is told that it is learned already."""
+        """Say that a skill is learned already, if the page has said only how to teach one."""
         if self._is_new:
             self.say(f"A model is there: press {self._words.do}, or Teach to have more shown and learn anew.")
 

@@ -1,4 +1,4 @@
-"""Playing a bag: which message is due when, at any rate, paused, stepped, looped, from an offset; with a clock that is told.
+"""Playing a bag: which message is due when, at any rate, paused, stepped, looped, from an offset; the caller says what time it is.
 
 Positions are nanoseconds since playing began, at rate 1; they go on rising when a bag is played again in a loop.
 """
@@ -119,7 +119,7 @@ class Pace:
     """Where playing has come to on somebody's clock.
 
     * rate: seconds of the bag in a second of the clock; 0: as fast as can be.
-    * now: what time it is there [s]; every method is told.
+    * now: the time of that clock [s]; every method needs it.
     * paused: begin only when `pause` says so.
     """
 

@@ -195,7 +195,7 @@ class BagReader:
         return wanted
 
     def _called(self, messages: Iterator[BagMessage]) -> Iterator[BagMessage]:
-        """The messages with the names of their topics that are told here."""
+        """The messages, their topics under the names that this reader gives them."""
         return messages
 
     def _decoded(self, message: BagMessage) -> BagMessage:
@@ -219,7 +219,7 @@ class BagReader:
 class GraphBag(BagReader):
     """An open bag of one graph, whichever namespace it ran in: /arm1/joint_states is called /joint_states here.
 
-    namespace: that one, "" without one; found by the topics on which an arm is commanded and demonstrations are told.
+    namespace: that one, "" without one; found by the topics of commands and of demonstrations.
 
     BagError for a bag of several graphs.
     """

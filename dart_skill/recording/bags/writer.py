@@ -323,7 +323,7 @@ class BagWriter:
                 self.flush()
         if self._file_first_ns is None:
             self._file_first_ns = log_time_ns
-        # Time that jumps back (a new simulation) comes here too, or the promise would not hold after it.
+        # Time that jumps back (a new simulation) comes here too: else what is written after it would not be flushed in time.
         self._flushed_ns, self._due_ns = log_time_ns, 0
         if not self._full:
             self._due_ns = log_time_ns + self._flush_period_ns

@@ -321,8 +321,8 @@ def _unswapped(one: PoseStream, other: PoseStream) -> tuple[PoseStream, PoseStre
     """Two streams with the poses exchanged that belong to the other body.
 
     Between two frames either each name goes on from its own pose or each goes on from the other's. By the triangle inequality bodies
-    that move alike can never seem to have changed places, so a way that is half as long means that they did. Which of two stretches is
-    the wrong one is told by free flight, if one of them is the ball, or else by which is much shorter.
+    that move alike can never seem to have changed places, so a way that is half as long means that they did. The wrong one of two
+    stretches is the one without free flight, if one of the bodies is the ball, and else the one that is much shorter.
     """
     if min(len(one), len(other)) < LEAST_RUN:
         return one, other, []

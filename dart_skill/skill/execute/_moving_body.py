@@ -10,7 +10,7 @@ import numpy as np
 WINDOW = 0.2
 """Poses of so long a time tell how a body moves [s]: at 100 Hz and 0.3 mm its speed to 5 mm/s."""
 FEWEST = 6
-"""Poses from which a speed and its change are told; of fewer a body is taken to rest."""
+"""Poses that an estimate of speed and acceleration needs; with fewer a body is taken to be at rest."""
 
 
 class BodyMotion(NamedTuple):

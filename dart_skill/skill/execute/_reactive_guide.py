@@ -48,7 +48,7 @@ class ReactiveGuide:
     * rotation: of the hand (3, 3).
     * events: what the fingers do, on the clock of the model's phase.
     * inputs: further inputs of the model (q,).
-    * registration: of the cameras whose poses it is told; the frames are those of the arm.
+    * registration: of the cameras that see the poses; the frames are those of the arm.
     * hand: name of the hand's own body. Where the cameras see it counts, and not where the arm takes it to be; empty: nobody looks.
 
     * speed: that the person chose.

@@ -84,7 +84,7 @@ def stretched_at(time: np.ndarray, position: np.ndarray) -> float:
 
 def certainly_within(position: np.ndarray, registration: Registration) -> bool:
     """Whether no hand that the cameras see at position (n, 3) is too far from the shoulder for the arm, however it is turned: much less
-    work than `stretched_at`, for which the poses of the hand are told from those of the tracked body.
+    work than `stretched_at`, which computes the poses of the hand from those of the tracked body.
     """
     shoulder, reach = _seen_by(registration)
     return bool(np.linalg.norm(position - shoulder, axis=1).max() < reach)

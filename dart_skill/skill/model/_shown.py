@@ -100,9 +100,9 @@ class Shown:
 
 
 def _events(movements: Sequence[PreparedMovement], duration: float, grip_time: float, end: float) -> tuple[GripEvent, ...]:
-    """What the fingers are told, at the mean of the stretched instants, and have done by the end of a plan at the latest [s].
+    """When the fingers open and close: at the mean of the stretched instants, and done by the end of a plan at the latest [s].
 
-    ValueError if demonstrations tell them different things.
+    ValueError if the fingers did different things in the demonstrations.
     """
     grips = [tuple(grip for _, grip in one.told) for one in movements]
     for one, told in zip(movements, grips, strict=True):

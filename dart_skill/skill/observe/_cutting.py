@@ -26,7 +26,7 @@ BEFORE_NS = 200_000_000
 
 
 def watched_until(opened_ns: int) -> int:
-    """The instant up to which a throw is watched and cut, whoever does it [ns]."""
+    """The instant up to which a throw is watched and cut, in a graph and from a bag [ns]."""
     return opened_ns + the_world().watch_ns - ARRIVAL_NS
 
 

@@ -11,7 +11,7 @@ from dart_skill.movement import estimate_noise
 LEAST = 2e-5
 """No camera system repeats a body at rest to less [m]: docs/sources.md."""
 ENOUGH = 20
-"""Samples from which a noise is told."""
+"""Samples that an estimate of the noise needs."""
 SHARE = 0.2
 """Of the largest speed: what is faster moves."""
 

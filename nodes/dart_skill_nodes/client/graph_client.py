@@ -34,7 +34,7 @@ from dart_skill_nodes.process.graph_processes import START
 from dart_skill_nodes.process.node_base import make_executor
 
 ASK_AGAIN = 0.1
-"""Whoever was told to wait asks again after so long [s, wall clock]."""
+"""The client asks again after this time, when a server let it wait [s, wall clock]."""
 
 
 class GraphClient:
@@ -284,7 +284,7 @@ class GraphClient:
         return self.wait(done, what)
 
     def wait(self, future, what: str, patience: float | None = None, needed: Presence | None = None):
-        """Result of a future; GraphFailure when a process died, whoever is needed for it has gone, or the patience is over."""
+        """Result of a future; GraphFailure when a process died, a node that is needed for it has gone, or the patience is over."""
         patience = self._patience if patience is None else patience
         begun = looked = time.monotonic()
         while not future.done():

@@ -226,7 +226,7 @@ class Person:
         return True
 
     async def _until(self, text: str, condition: Callable, limit: float | None = None):
-        """What a condition returns, once it raises no ValueError for what has come since now; `text` and what is missing are told."""
+        """What a condition returns, once it raises no ValueError for what has come since now; says `text`, and what is missing."""
         if text:
             self.ask(text)
         limit = self._patience.longest_wait if limit is None else limit

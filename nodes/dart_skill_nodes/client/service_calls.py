@@ -23,7 +23,7 @@ ARRIVAL = 5.0
 
 
 class ServiceCalls:
-    """Whoever calls for a node; one link per client is kept."""
+    """Service calls in the name of a node; one link per client is kept."""
 
     def __init__(self, node: Node):
         self._node = node
@@ -84,7 +84,7 @@ def _unanswered(name: str, asked: Presence, limit: float) -> str:
 
 
 class Recording:
-    """The demonstration recorder, as whoever lets something be recorded uses it."""
+    """The demonstration recorder, for a node that lets something be recorded."""
 
     def __init__(self, node: Node, calls: ServiceCalls):
         self._node, self._calls = node, calls
@@ -119,7 +119,7 @@ class Recording:
 
 
 class Judge:
-    """The node that judges throws, as whoever lets one be thrown asks it."""
+    """The node that judges throws, for a node that lets the arm throw."""
 
     def __init__(self, node: Node, calls: ServiceCalls):
         self._node, self._calls = node, calls
@@ -147,7 +147,7 @@ class Judge:
 
 
 class Eyes:
-    """The node that sees the poses, as whoever wants to know where bodies are asks it."""
+    """The node that sees the poses, for a node that needs to know where bodies are."""
 
     def __init__(self, node: Node, calls: ServiceCalls):
         self._node, self._calls = node, calls

@@ -19,7 +19,7 @@ from dart_skill_nodes.comms.presence import LOOK, Presence
 from dart_skill_nodes.comms.qos import WAITS
 
 RESULT_KEPT = 60
-"""Whoever asks so late still gets the result of a goal [s]. The 900 s that rclpy has for this let a graph that practises grow by 300 MB."""
+"""The result of a goal is kept so long [s]. The 900 s that rclpy has for this let a graph that practises grow by 300 MB."""
 
 NEVER = 1e8
 """Three years [s]."""

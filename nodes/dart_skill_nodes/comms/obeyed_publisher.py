@@ -30,7 +30,7 @@ class ObeyedPublisher:
         self._replaced: set[bytes] = set()
 
     def forget(self) -> None:
-        """Whoever publishes next may be obeyed, if the one that was has gone: somebody decided to go on with another one."""
+        """Obey the next publisher, if the last one has gone: a client decided to go on with another one."""
         if not self._gid or self._gone:
             self._name = ""
 

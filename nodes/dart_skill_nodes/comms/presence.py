@@ -28,7 +28,7 @@ from std_msgs.msg import Empty, String
 from dart_skill_nodes.comms.system_process import LOW_NUMBER, SystemProcess, runs
 
 LEASE = 3.5
-"""Whoever is not heard of for so long is taken for dead; a process may be held up for 3 s [s, wall clock]."""
+"""A node that is not heard of for so long is taken for dead; a process may be held up for 3 s [s, wall clock]."""
 PULSE = 0.5
 """Fast DDS asserts all topics of a process as often as the shortest of their leases needs it; this one is there for that [s]."""
 SURE = 0.5
@@ -162,7 +162,7 @@ class _Pulse:
 
     @property
     def is_sure(self) -> bool:
-        """Whether a silence lasts: whoever was held up itself takes others for dead until it has heard what they said meanwhile."""
+        """Whether a silence lasts: a process that was held up itself has not yet read what the others sent meanwhile."""
         return bool(self._lives) or time.monotonic() - self._worse > SURE
 
 
@@ -214,7 +214,7 @@ class Presence:
 
     @property
     def gone(self) -> bool:
-        """Whether all have left, died or were frozen; whoever thaws is met anew, by another Presence."""
+        """Whether all have left, died or were frozen; a process that goes on again is found by another Presence."""
         self._gone = self._gone or (bool(self._known) and self._are_gone())
         return self._gone
 
@@ -261,7 +261,7 @@ def others(node: Node, topic: str) -> list[str]:
 
 
 class Cameras:
-    """Who publishes the poses of a body. Whoever needs to know looks often. met: whether somebody ever did."""
+    """Whether somebody publishes the poses of a body; to be asked often. met: whether somebody ever did."""
 
     def __init__(self, node: Node, topic: str):
         self._node, self._topic, self._there, self.met = node, topic, None, False

@@ -49,7 +49,7 @@ def _sample(role: str, pose: np.ndarray, turned: bool) -> tuple[np.ndarray, np.n
 class TrackedBodies:
     """Keeps a log of the poses of tracked bodies.
 
-    frame_id: poses in another frame are ignored, and `complain` is told so once. clock: of the wall [s]. log: that
+    frame_id: poses in another frame are ignored, and `complain` is called with the reason, once. clock: of the wall [s]. log: that
     is kept, of a throw by default.
     """
 

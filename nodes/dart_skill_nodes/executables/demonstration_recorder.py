@@ -271,7 +271,7 @@ class DemonstrationRecorder(BagKeeper):
 
     @property
     def _come(self) -> str:
-        """Up to when poses have come, for whoever waits for more."""
+        """In words, up to when poses have come, for a client that waits for more."""
         role, behind_ns = self._tracked.farthest_behind
         return f"poses have come up to {self._tracked.newest_ns} ns, of the {role or 'hand'} up to {behind_ns} ns"
 

@@ -200,7 +200,7 @@ class TeacherNode(GuardedNode):
             self._withdraw(f"the teacher was held up for {frozen:.1f} s")
 
     def _watch(self) -> None:
-        """A lesson needs whoever moves the arm, and whoever asked for it."""
+        """End a lesson when a node that moves the arm has gone, or the client that asked for the lesson."""
         self._unseen = self._cameras.missing
         self._time.look()
         self._notice_a_gap()

@@ -1,7 +1,7 @@
 """The WAM simulator: publishes the state of step k, waits for the answer to it, integrates to step k + 1.
 
-Lockstep (the default): whoever is engaged answers every state with a WamCommand that echoes its stamp: the commander always, the
-teacher while it guides. Nothing else moves time. A state that nobody answers is published again, and /diagnostics says who is
+Lockstep (the default): the commander always, and the teacher while it guides, answer every state with a WamCommand that echoes its
+stamp. Nothing else moves time. A state that nobody answers is published again, and /diagnostics says who is
 silent. Real time: steps follow the machine's clock, the last command is held, and without a fresh one the arm is braked. A simulated
 person is a part of the world, which waits for their hands.
 """
@@ -79,7 +79,7 @@ TABLE = [
 CHANGEABLE = [row.name for row in TABLE if not row.read_only and row.name not in ("speed_factor", "rest_after")]
 """What can change while the simulator runs, from the next reset on."""
 RESTING = 0.05
-"""Between two steps of a world that rests [s, wall clock]: whoever looks sees that it lives, and it costs nearly nothing."""
+"""Between two steps of a world that rests [s, wall clock]: a client sees that it lives, and it costs nearly nothing."""
 UNASKED = 0.5
 """So soon rests a world of which nobody has asked anything since the start: ball and basket have settled by then [s]."""
 PUSHES = {"commander": COMMANDS, "teacher": GUIDING}

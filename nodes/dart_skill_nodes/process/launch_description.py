@@ -88,7 +88,7 @@ def _node(executable: str, of_all: dict[str, str], parameters: dict, required: b
 
 
 def _ends_if_it_failed(over: Shutdown, event: ProcessExited, context: LaunchContext) -> Shutdown | None:
-    """A bag that was played to its end leaves the learner to whoever asks; one that cannot be played leaves nothing to wait for."""
+    """End the launch if the bag cannot be played; after a bag that was played to its end the learner goes on, for its clients."""
     return over if event.returncode else None
 
 

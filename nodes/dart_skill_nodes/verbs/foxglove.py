@@ -17,7 +17,8 @@ from dart_skill_nodes.process.signals import Interrupts
 LOOK = 0.5
 """New topics are looked for so often [s, wall clock]."""
 SETTLES = 2.0
-"""The address is told when the topics that are there were found [s]: foxglove-sdk may miss who asks for a topic as soon as it appears."""
+"""The address is printed so long after the start, when the topics are known [s]: foxglove-sdk may miss a client that asks for a topic at
+once."""
 TF_RATE = 50.0
 """Of /tf, where nobody publishes it [1/s]."""
 

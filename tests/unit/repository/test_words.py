@@ -118,3 +118,9 @@ def cited_by_the_code() -> dict[str, list[str]]:
 def test_every_file_that_the_code_cites_is_here():
     found = cited_by_the_code()
     assert not found, f"give the fact itself with its published source instead: {found}"
+
+
+def test_no_docstring_begins_with_whoever():
+    """A first reader does not know who that is: name the node, the client or the person."""
+    files = [path for folder in ("dart_skill", "nodes") for path in (ROOT / folder).rglob("*.py")]
+    assert not [path for path in files if '"""Whoever ' in path.read_text(encoding="utf-8")]

@@ -1,4 +1,4 @@
-"""`dart-skill experiment faults`: hurts the real graph in one place after the other, and judges what comes of it."""
+"""`dart-skill experiment faults`: injects faults into the real graph, one by one, and judges what comes of each."""
 
 import argparse
 import json

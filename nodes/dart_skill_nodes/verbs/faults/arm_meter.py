@@ -39,7 +39,7 @@ class ArmMeter:
         self.begin()
 
     def begin(self) -> None:
-        """A new case: whoever pushes before the fault is the node that shall."""
+        """Begin a new case: the node that pushes before the fault is the one that is allowed to."""
         self._hurt = False
         self.clear()
 

@@ -382,7 +382,7 @@ class Bench:
     def _works_again(self, case: Case, succeeded: bool) -> str:
         """Why what the case can have broken does not work again within BACK; empty if it does.
 
-        Tried again: whoever was frozen has to end what it did when it was.
+        It is tried again, because a node that was frozen first ends what it was doing.
         """
         until = time.monotonic() + BACK
         while (why := self._tries(case, succeeded)) and time.monotonic() < until:
@@ -401,7 +401,7 @@ class Bench:
         return ""
 
     def _jobs_afterwards(self, case: Case, succeeded: bool) -> list[Callable[[], str]]:
-        """What needs the node that was hurt, or else what it was hurt in; nothing where that succeeded in spite of the fault."""
+        """Jobs that need the node with the fault, or else the job during which it came; none where that succeeded in spite of it."""
         if case.node in BYSTANDERS or (succeeded and case.fault not in (KILL, FREEZE)):
             return []
         learn = [self._learn] if case.node == LEARNER else []

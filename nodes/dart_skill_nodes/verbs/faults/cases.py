@@ -39,12 +39,12 @@ class Case:
 
     @property
     def topic(self) -> str:
-        """Whose messages are hurt; empty if none are."""
+        """The topic whose messages get the fault; empty if none do."""
         return TOPICS[self.what][0] if self.fault in OF_TOPICS else ""
 
     @property
     def node(self) -> str:
-        """That is hurt, or whose messages are; empty if it is none in particular."""
+        """The node that gets the fault, or whose messages do; empty if it is none in particular."""
         if self.fault in OF_TOPICS:
             return TOPICS[self.what][1]
         return "" if self.fault == ATTACK else self.what
