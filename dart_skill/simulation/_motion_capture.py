@@ -270,17 +270,6 @@ class MotionCapture:
         self._frames_drawn = 0
         self._lost_until = np.zeros(len(self.config.bodies), dtype=int)  # frame at which the dropout of each body is over
 
-    def visible_cameras(
-        self,
-        points: np.ndarray,
-        capsules: tuple[np.ndarray, np.ndarray] = NO_CAPSULES,
-        basket: BasketWalls | None = None,
-    ) -> np.ndarray:
-        """How many cameras see each of the points (n, 3): integers (n,). capsules: as in `observe`."""
-        frame = Frame(0, {}, capsules, basket)
-        ends, radii = _check_capsules([capsules])
-        return self._view.count(np.asarray(points, dtype=float)[None], ends, radii, _walls([frame]))[0]
-
     def _draw(self, numbers: Sequence[int | None]) -> _Draws:
         """Draw all random numbers of frames, whether they are needed or not, and also those of missing frames; note the dropouts."""
         rows = self._since_the_last(numbers)
