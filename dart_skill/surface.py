@@ -157,10 +157,6 @@ class BoardFace:
         """Points (..., 3) [m] as `dart_skill.darts` has them: (..., 2) [mm] from the bull, to the right and up."""
         return 1e3 * ((points - np.array(self.bull)) @ self.axes)[..., ::-1] * [-1.0, 1.0]
 
-    def in_world(self, board: np.ndarray) -> np.ndarray:
-        """The inverse of `on_board`: points (..., 3) [m] in the world of points (..., 2) [mm] of the board."""
-        return self.beside_bull(1e-3 * np.asarray(board, dtype=float))
-
     def beside_bull(self, right_up: np.ndarray) -> np.ndarray:
         """Points (..., 3) [m] in the world that are so far to the right and up (..., 2) [m] from the bull."""
         return np.array(self.bull) + (right_up * [-1.0, 1.0])[..., ::-1] @ self.axes.T

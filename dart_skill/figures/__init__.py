@@ -1,4 +1,4 @@
-"""The figures of a run, as SVG and PNG: reading a bag for them, and one module per figure.
+"""The figures of a run, as SVG and PNG: one module per figure.
 
 The same data give the same bytes.
 """
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from dart_skill.figures._gaussians import FrameView, draw_gaussians, frame_views, gaussians_figure
     from dart_skill.figures._landings import RIM_RADIUS, draw_landings, landings_figure
     from dart_skill.figures._models import plot_frames, plot_mixture, plot_reproduction
-    from dart_skill.figures._recordings import COMMAND, SAME_BASKET, Recording, read_recordings
+    from dart_skill.figures._recordings import SAME_BASKET, Recording
     from dart_skill.figures._skill_trials import draw_trials, trials_figure
     from dart_skill.figures._style import (
         ATTRACTOR,
@@ -60,7 +60,7 @@ else:
             "_gaussians": "FrameView draw_gaussians frame_views gaussians_figure",
             "_landings": "RIM_RADIUS draw_landings landings_figure",
             "_models": "plot_frames plot_mixture plot_reproduction",
-            "_recordings": "COMMAND SAME_BASKET Recording read_recordings",
+            "_recordings": "SAME_BASKET Recording",
             "_skill_trials": "draw_trials trials_figure",
             "_style": (
                 "ATTRACTOR BALL BASKET BLACK BLUE DEMONSTRATION FAILURE GAUSSIAN GREEN GREY HAND LIGHT ORANGE PALE PLANNED "
@@ -81,7 +81,6 @@ __all__ = [
     "BASKET",
     "BLACK",
     "BLUE",
-    "COMMAND",
     "DEMONSTRATION",
     "DemonstratedMotion",
     "ExecutedThrow",
@@ -129,7 +128,6 @@ __all__ = [
     "plot_mixture",
     "plot_reproduction",
     "quantity_colours",
-    "read_recordings",
     "save",
     "svg_text",
     "synchronisation_figure",

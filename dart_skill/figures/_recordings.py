@@ -1,28 +1,11 @@
-"""What a bag holds between two resets of the world: one recording, of a guided throw or of one that the arm made by itself.
+"""What was seen of one throw, guided or made by the arm itself, from one reset of the world to the next."""
 
-A reset leaves a gap in the stamps of the hand's poses, much longer than any dropout of the cameras.
-"""
-
-import os
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from dart_skill.recording import BagError, BagReader, GraphBag, stamp_ns
-from dart_skill.robot import Grip
-from dart_skill.world import the_world
-
-GAP = 0.5
-"""Shortest gap between two recordings [s]. Dropouts last a tenth of a second; resets take one second."""
-HAND, BALL, BASKET = the_world().pose_topics().values()
-COMMAND = "/wam/command"
 SAME_BASKET = 0.02
 """A recording belongs to a plan if its basket stood this near to the plan's target [m]."""
-
-
-Stamped = tuple[np.ndarray, np.ndarray]
-"""Stamps (n,) [ns], and a row of numbers for each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,63 +36,3 @@ class Recording:
     def stop_ns(self) -> int:
         """Stamp of the last pose of the hand."""
         return int(self.hand_stamps[-1])
-
-
-def read_recordings(bag_path: str | os.PathLike) -> list[Recording]:
-    """All recordings of a bag, in order; BagError if the hand was not recorded."""
-    with GraphBag(bag_path) as bag:
-        hand = _poses(bag, HAND)
-        if not len(hand[0]):
-            raise BagError(f"{bag_path}: no poses of the hand on {HAND}: record that topic")
-        ball, basket, commands = _poses(bag, BALL), _poses(bag, BASKET), _commands(bag)
-    bounds = _bounds(hand[0])
-    return [_recording(hand, ball, basket, commands, start_ns, stop_ns) for start_ns, stop_ns in zip(bounds[:-1], bounds[1:], strict=True)]
-
-
-def _recording(hand: Stamped, ball: Stamped, basket: Stamped, commands: Stamped, start_ns: int, stop_ns: int) -> Recording:
-    stamps, opened = _between(commands, start_ns, stop_ns)
-    _, places = _between(basket, start_ns, stop_ns)
-    return Recording(
-        *_between(hand, start_ns, stop_ns),
-        *_between(ball, start_ns, stop_ns),
-        basket=np.median(places, axis=0) if len(places) else np.full(3, np.nan),
-        command_stamps=stamps,
-        opened_ns=int(stamps[opened][0]) if opened.any() else None,
-    )
-
-
-def _bounds(stamps: np.ndarray) -> list[int]:
-    """Stamps between which recordings lie: the first pose of each, and one beyond the last."""
-    first = np.flatnonzero(np.diff(stamps) > GAP * 1e9) + 1
-    return [int(stamps[0]), *(int(stamp) for stamp in stamps[first]), int(stamps[-1]) + 1]
-
-
-def _between(series: Stamped, start_ns: int, stop_ns: int) -> Stamped:
-    stamps, rows = series
-    kept = slice(*np.searchsorted(stamps, [start_ns, stop_ns]))
-    return stamps[kept], rows[kept]
-
-
-def _poses(bag: BagReader, topic: str) -> Stamped:
-    """Stamps (n,) and positions (n, 3) of a body, in order, without repeated stamps and values that are not finite."""
-    points = ((item, item.data.pose.position) for item in _messages(bag, topic))
-    stamps, rows = _ordered(((stamp_ns(item.data.header.stamp), (point.x, point.y, point.z)) for item, point in points), 3)
-    finite = np.isfinite(rows).all(axis=1)
-    return stamps[finite], rows[finite]
-
-
-def _commands(bag: BagReader) -> Stamped:
-    """Stamps (n,) of the commands, and which of them told the hand to open (n,)."""
-    stamps, opened = _ordered(((stamp_ns(item.data.header.stamp), (item.data.grip == Grip.OPEN,)) for item in _messages(bag, COMMAND)), 1)
-    return stamps, opened[:, 0] > 0.0
-
-
-def _messages(bag: BagReader, topic: str) -> Iterable:
-    return bag.messages([topic]) if topic in bag.topics else ()
-
-
-def _ordered(items: Iterable[tuple[int, tuple]], width: int) -> Stamped:
-    items = list(items)
-    stamps, first = np.unique(np.array([stamp for stamp, _ in items], dtype=np.int64), return_index=True)
-    rows = np.array([row for _, row in items], dtype=float).reshape(-1, width)
-    return stamps, rows[first]

@@ -182,10 +182,16 @@ def answer(state, command, frame="world", **fields):
     command.publish(message)
 
 
+def start_throw(client, target):
+    """Future of the result of a throw that has begun, and the goal's handle."""
+    handle = client._begin(conversions.at_place(target)).handle
+    return handle.get_result_async(), handle
+
+
 def begin_slow_throw(client, joints, target, speed_factor=0.4):
     """A throw that is under way, with time to interfere: the arm moves. Future of its result, and the goal's handle."""
     client.set_parameters("/wam_simulator", {"speed_factor": speed_factor})
-    result, handle = client.start_throw(target)
+    result, handle = start_throw(client, target)
 
     def moves():
         assert not result.done(), result.result().result.message

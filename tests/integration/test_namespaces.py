@@ -15,7 +15,7 @@ from dart_skill.regions import targets_for
 from dart_skill_nodes.client.graph_listener import GraphListener
 from dart_skill_nodes.comms.qos import LATCHED
 from dart_skill_nodes.process.graph_processes import NODES, NODES_OF
-from tests.integration.conftest import endpoints_of_processes, graphs, teach_and_learn, wait_for
+from tests.integration.conftest import endpoints_of_processes, graphs, start_throw, teach_and_learn, wait_for
 from tests.integration.test_viewer import address_of
 from tests.paths import ROOT
 from tests.policies import allowed, may
@@ -68,7 +68,7 @@ def arms(ros, tmp_path_factory):
 @pytest.fixture(scope="module")
 def thrown(arms):
     """What came of a throw of each arm, all at once."""
-    under_way = [graph.client.start_throw(target)[0] for graph, target in zip(arms.values(), TARGETS, strict=True)]
+    under_way = [start_throw(graph.client, target)[0] for graph, target in zip(arms.values(), TARGETS, strict=True)]
     outcomes = [graph.client.wait(result, "the throw").result.outcome for graph, result in zip(arms.values(), under_way, strict=True)]
     first, frames = arms[ARMS[0]].client, arms[ARMS[0]].frames
     wait_for(first, lambda: FRAMES <= set(frames.parents), what=lambda: f"a word of the frames {sorted(FRAMES - set(frames.parents))}")

@@ -212,11 +212,6 @@ class GraphClient:
         self.throw_seconds += conversions.seconds(outcome.duration), took
         return outcome
 
-    def start_throw(self, target: np.ndarray):
-        """Future of the result of a throw that has begun, and the goal's handle."""
-        handle = self._begin(conversions.at_place(target)).handle
-        return handle.get_result_async(), handle
-
     def _begin(self, situation: Situation, look: bool = False) -> TrialUnderWay:
         stamp = self.carry_out(self._sequence.reset(situation), "the reset")
         if look:

@@ -20,6 +20,7 @@ from dart_skill.skill.learn import DEFAULT, Unreachable, landing_if_late, learn,
 from dart_skill.skill.observe import judge_flight
 from dart_skill.skills.darts import Darts
 from dart_skill.surface import BASKETS, BOARD_DIAMETER, RIMS, BoardFace, game_at
+from tests.unit.board_points import in_world
 
 BOARD = Board()
 FACE = BOARD.face
@@ -94,7 +95,7 @@ def test_a_dart_loses_a_seventh_of_the_speed_that_a_ball_loses():
 @pytest.mark.parametrize("face", [FACE, ASIDE])
 def test_points_of_the_board_are_where_the_thrower_sees_them(face):
     board = np.random.default_rng(2).uniform(-200, 200, (20, 2))
-    world = face.in_world(board)
+    world = in_world(face, board)
     np.testing.assert_allclose(face.on_board(world), board, atol=1e-9)
     np.testing.assert_allclose(world @ face.normal, face.distance)
     right = np.cross(face.normal, [0.0, 0.0, 1.0])
@@ -109,14 +110,14 @@ def test_darts_find_the_beds_that_have_their_names():
 @pytest.mark.parametrize("face", [FACE, ASIDE])
 def test_coordinates_of_the_board_are_height_and_azimuth(face):
     for board in np.random.default_rng(3).uniform(-200, 200, (10, 2)):
-        point = face.in_world(board)
+        point = in_world(face, board)
         height, azimuth = face.coordinates(point)
         assert (height, azimuth) == pytest.approx((point[2], np.arctan2(point[1], point[0])))
         np.testing.assert_allclose(face.point(np.array([height, azimuth]), point), point, atol=1e-12)
 
 
 @pytest.mark.parametrize(
-    ("surface", "at"), [(RIMS, [1.6, 0.9, 0.4]), (FACE, FACE.in_world([30.0, 50.0])), (ASIDE, ASIDE.in_world([30, 50]))]
+    ("surface", "at"), [(RIMS, [1.6, 0.9, 0.4]), (FACE, in_world(FACE, [30.0, 50.0])), (ASIDE, in_world(ASIDE, [30, 50]))]
 )
 def test_misses_are_farther_or_higher_and_to_the_left(surface, at):
     at = np.array(at)
@@ -164,7 +165,7 @@ def test_a_dart_sticks_where_its_flight_meets_the_board(make_plant, board):
     for aim in ([0.0, 0.0], [-150.0, 80.0]):
         plant.reset()
         freed(plant)
-        position, target = np.array([0.3, 0.0, 2.4]), face.in_world(aim)
+        position, target = np.array([0.3, 0.0, 2.4]), in_world(face, aim)
         time = 0.45
         velocity = (target - position) / time + [0.0, 0.0, 0.5 * 9.81 * time]
         launch(plant, position, velocity)
@@ -219,7 +220,7 @@ def test_the_outcome_is_where_the_seen_flight_meets_the_board():
     meets = crossing(position, velocity, FACE.normal, FACE.distance, DART)
     path = np.where((time < meets.time)[:, None], flight(position, velocity, time, DART)[0], meets.position)
     seen = path + 1e-4 * rng.standard_normal(path.shape)
-    target = FACE.in_world([0.0, 0.0])
+    target = in_world(FACE, [0.0, 0.0])
     outcome = judge_flight(time, seen, target, 0.15, DART, surface=FACE)
     np.testing.assert_allclose(outcome.landing, meets.position, atol=3e-4)
     assert outcome.landing_error == pytest.approx(np.linalg.norm(meets.position - target), abs=3e-4)
@@ -229,7 +230,7 @@ def test_the_outcome_is_where_the_seen_flight_meets_the_board():
 def test_the_teacher_aims_at_heights_of_the_board():
     teacher = Teacher(game=game_at(BOARD.position))
     for point in ([0.0, 0.0], [150.0, -100.0]):
-        target = FACE.in_world(point)
+        target = in_world(FACE, point)
         position, velocity = teacher._ball_at_release(teacher._speed_for(target[2], target))
         assert FACE.reached(position, velocity, target, DART) == pytest.approx(target[2], abs=2e-3)
     with pytest.raises(ValueError, match="target at 4.00 m above the floor is out of the teacher's reach"):
@@ -252,7 +253,7 @@ def arm():
 @pytest.mark.parametrize("bed", ["DB", "T20", "T11"])
 def test_after_four_demonstrations_a_dart_hits_near_its_aim(arm, bed):
     session, _, skill = arm
-    target = FACE.in_world(as_target(bed))
+    target = in_world(FACE, as_target(bed))
     trial = session.throw(skill.plan(target))
     assert trial.outcome.landing_seen and trial.outcome.landing_error < 0.06, trial.outcome
     assert trial.outcome.in_basket == trial.ball_was_in
@@ -265,20 +266,20 @@ def test_after_four_demonstrations_a_dart_hits_near_its_aim(arm, bed):
 
 
 def test_a_plan_knows_where_its_own_dart_meets_the_board(arm):
-    plan = arm[2].plan(FACE.in_world([40.0, 80.0]))
+    plan = arm[2].plan(in_world(FACE, [40.0, 80.0]))
     np.testing.assert_allclose(plan.predicted_landing, plan.target, atol=5e-3)
     np.testing.assert_allclose(landing_if_late(plan, 0.0, game_at(BOARD.position)), plan.predicted_landing, atol=1e-4)
 
 
 def test_a_target_far_above_the_board_is_unreachable(arm):
     with pytest.raises(Unreachable, match="target is 2.73 m above the floor"):
-        arm[2].plan(FACE.in_world([0.0, 1000.0]))
+        arm[2].plan(in_world(FACE, [0.0, 1000.0]))
 
 
 @pytest.mark.slow
 def test_practice_takes_the_repeatable_miss_out(arm):
     session, shown, _ = arm
-    skill, target = PractisingSkill(shown, CONFIGURATION), FACE.in_world(as_target("T20"))
+    skill, target = PractisingSkill(shown, CONFIGURATION), in_world(FACE, as_target("T20"))
     left = []
     for _ in range(8):
         plan = skill.plan(target)
@@ -289,7 +290,7 @@ def test_practice_takes_the_repeatable_miss_out(arm):
 
 
 def test_a_skill_that_lets_go_elsewhere_aims_there_too(arm):
-    target, game = FACE.in_world([0.0, 50.0]), game_at(BOARD.position)
+    target, game = in_world(FACE, [0.0, 50.0]), game_at(BOARD.position)
     plan, later = arm[2].plan(target), arm[2].releasing(-0.006).plan(target)
     assert later.release == pytest.approx(plan.release - 0.006)
     assert later.open_hand == pytest.approx(plan.open_hand - 0.006)
@@ -326,7 +327,7 @@ def test_the_slope_of_what_a_plan_does_not_explain_is_found_for_all_kinds_of_thr
 
 
 def test_scatter_is_that_of_hits_after_such_releases(arm):
-    game, plan = game_at(BOARD.position), arm[2].plan(FACE.in_world([0.0, 0.0]))
+    game, plan = game_at(BOARD.position), arm[2].plan(in_world(FACE, [0.0, 0.0]))
     lates = np.random.default_rng(6).normal(0.001, 0.004, 80).round(3)  # between whole milliseconds the scatter is interpolated
     rms, middle = steadiness_of(lates).scatter(plan, np.array([-0.004, 0.0]))
     for k, shift in enumerate((-0.004, 0.0)):
@@ -336,7 +337,7 @@ def test_scatter_is_that_of_hits_after_such_releases(arm):
 
 
 def test_the_steadiest_release_scatters_less_than_the_demonstrated_one(arm):
-    skill, target = arm[2], FACE.in_world([0.0, 0.0])
+    skill, target = arm[2], in_world(FACE, [0.0, 0.0])
     steadiness = steadiness_of(np.random.default_rng(7).normal(0.0, 0.004, 80))
 
     def plan_for(shift):

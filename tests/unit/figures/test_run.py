@@ -17,16 +17,12 @@ from dart_skill.figures import (
     draw_synchronisation,
     executed_throw,
     frame_views,
-    read_recordings,
 )
 from dart_skill.figures._landings import along_across
-from dart_skill.recording import BagError, BagWriter, definition, serialize, typestore
 from dart_skill.session import ThrowResult
 from dart_skill.skill.learn import configuration, learn
 
 SVG = "{http://www.w3.org/2000/svg}"
-POSE, COMMAND = "geometry_msgs/msg/PoseStamped", "dart_skill_msgs/msg/WamCommand"
-BODIES = ("hand", "ball", "basket")
 MS = 1_000_000
 
 
@@ -86,84 +82,30 @@ def twice(tmp_path, draw):
     return drawn(first)
 
 
-# a bag with the taught throws, as the simulator saw them
+# the taught throws, as the simulator saw them
 
 
-def header(stamp_ns):
-    sec, nanosec = divmod(int(stamp_ns), 10**9)
-    return {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": "world"}
-
-
-class SmallBag:
-    """A bag with poses and commands."""
-
-    def __init__(self, path):
-        self.types, self.bag = typestore(), BagWriter(path)
-        for name in BODIES:
-            self.bag.add_topic(f"/vrpn_mocap/{name}/pose", POSE, definition(self.types, POSE))
-        self.bag.add_topic("/wam/command", COMMAND, definition(self.types, COMMAND))
-
-    def pose(self, name, stamp_ns, position):
-        point = dict(zip("xyz", map(float, position), strict=True))
-        content = {"header": header(stamp_ns), "pose": {"position": point, "orientation": {"w": 1.0}}}
-        self.bag.write(f"/vrpn_mocap/{name}/pose", stamp_ns, stamp_ns, serialize(self.types, POSE, content))
-
-    def command(self, stamp_ns, grip=0):
-        self.bag.write("/wam/command", stamp_ns, stamp_ns, serialize(self.types, COMMAND, {"header": header(stamp_ns), "grip": grip}))
+def recording_of_lesson(trial):
+    states, nothing = trial.states[::5], np.empty(0, dtype=np.int64)
+    stamps = np.array([state.stamp_ns for state in states])
+    hand = np.array([state.hand_position for state in states])
+    return Recording(stamps, hand, nothing, np.empty((0, 3)), basket=np.full(3, np.nan), command_stamps=nothing, opened_ns=None)
 
 
 @pytest.fixture(scope="module")
-def taught_bag(taught, tmp_path_factory):
-    path = tmp_path_factory.mktemp("figures") / "bag"
-    small = SmallBag(path)
-    for trial in taught:
-        for state in trial.states[::5]:
-            small.pose("hand", state.stamp_ns, state.hand_position)
-    small.bag.close()
-    return path
+def recordings(taught):
+    return [recording_of_lesson(trial) for trial in taught]
 
 
 @pytest.fixture(scope="module")
-def motions(taught_bag, demonstrations):
-    return demonstrated_motions(read_recordings(taught_bag), demonstrations)
+def motions(recordings, demonstrations):
+    return demonstrated_motions(recordings, demonstrations)
 
 
 @pytest.fixture(scope="module")
 def learned(demonstrations):
     """What configurations learn, by name; each learns once."""
     return cache(lambda name: learn(demonstrations, configuration(name)))
-
-
-# recordings
-
-
-def test_recordings_are_split_where_the_stamps_jump(taught_bag, taught):
-    recordings = read_recordings(taught_bag)
-    assert [one.start_ns for one in recordings] == [trial.states[0].stamp_ns for trial in taught]
-    assert [len(one.hand_stamps) for one in recordings] == [len(trial.states[::5]) for trial in taught]
-    np.testing.assert_allclose(recordings[1].hand_position[7], taught[1].states[35].hand_position, rtol=0, atol=1e-12)
-
-
-def test_a_recording_knows_its_basket_and_when_the_hand_was_opened(tmp_path):
-    small = SmallBag(tmp_path / "bag")
-    for k in range(20):
-        stamp = 10**9 + k * 10 * MS + (k >= 10) * 1000 * MS
-        small.pose("hand", stamp, [k, 0.0, np.nan if k == 3 else 2.0])
-        small.pose("hand", stamp, [99.0, 0.0, 0.0])
-        small.pose("basket", stamp, [2.0, 0.1 * (k >= 10), 0.4 + (k % 10 == 4)])
-        small.command(stamp, grip=2 if k in (15, 16) else 1)
-    small.bag.close()
-    first, second = read_recordings(tmp_path / "bag")
-    assert first.hand_position[:, 0].tolist() == [0, 1, 2, 4, 5, 6, 7, 8, 9], "neither repeated stamps nor nan"
-    assert first.opened_ns is None and second.opened_ns == 10**9 + 1150 * MS
-    np.testing.assert_allclose([first.basket, second.basket], [[2.0, 0.0, 0.4], [2.0, 0.1, 0.4]], err_msg="an outlier counts for nothing")
-    assert len(first.ball_stamps) == 0
-
-
-def test_a_bag_without_the_hand_is_refused(tmp_path):
-    SmallBag(tmp_path / "bag").bag.close()
-    with pytest.raises(BagError, match="no poses of the hand"):
-        read_recordings(tmp_path / "bag")
 
 
 # synchronisation
@@ -204,10 +146,10 @@ def test_synchronisation_without_demonstrations_is_refused(tmp_path):
         draw_synchronisation([], tmp_path)
 
 
-def test_a_demonstration_that_the_bag_does_not_hold_is_named(taught_bag, demonstrations):
+def test_a_demonstration_of_which_there_is_no_recording_is_named(recordings, demonstrations):
     stranger = replace(demonstrations[0], id="stranger", stamp_ns=10**15)
     with pytest.raises(ValueError, match="demonstration stranger"):
-        demonstrated_motions(read_recordings(taught_bag), [stranger])
+        demonstrated_motions(recordings, [stranger])
 
 
 # gaussians

@@ -14,6 +14,7 @@ from dart_skill.skill.protocol import Situation, load_skill
 from dart_skill.skills.darts import Darts, DartsSettings
 from dart_skill.skills.throw import Throw
 from dart_skill.world import the_world
+from tests.unit.board_points import in_world
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +25,7 @@ def darts():
 @pytest.mark.parametrize("bed", ["DB", "T20", "D3", "S11"])
 def test_a_bed_that_is_aimed_at_is_where_the_board_has_it(darts, bed):
     target = darts.target(darts.aimed(as_target(bed)))
-    np.testing.assert_array_equal(target, darts.face.in_world(as_target(bed)))
+    np.testing.assert_array_equal(target, in_world(darts.face, as_target(bed)))
     assert darts.points(target)[1] == bed
     np.testing.assert_allclose(darts.target(darts.at(target)), target, atol=1e-12)
 
