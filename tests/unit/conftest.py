@@ -9,6 +9,27 @@ from dart_skill.robot import ArmModel, Gains, HandPath, ThrowPlan
 from dart_skill.session import Session
 from dart_skill.simulation import Plant, PlantSettings
 
+NUMPY_SOLVES = np.linalg.solve
+
+
+def solve_alike(left, right):
+    """`numpy.linalg.solve`, unless NumPy 1.26 and NumPy 2 understand the right side differently: as vectors, or as a matrix."""
+    n_left, n_right = np.ndim(left), np.ndim(right)
+    assert (n_right == n_left - 1) == (n_right == 1), (
+        f"solve of {np.shape(left)} and {np.shape(right)}: NumPy 1.26 takes one dimension less for a stack of vectors, NumPy 2 does not; "
+        "write solve(left, right[None]) for one matrix, solve(left, right[..., None])[..., 0] for vectors"
+    )
+    return NUMPY_SOLVES(left, right)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _solves_alike():
+    """Every call of `numpy.linalg.solve` in unit tests has the same meaning in NumPy 1.26 and NumPy 2."""
+    np.linalg.solve = solve_alike
+    yield
+    np.linalg.solve = NUMPY_SOLVES
+
+
 READY = (0.0, -0.90, 0.0, -0.75, 0.0, -0.35, 0.0)
 """A posture between throws: cocked, hand behind the shoulder."""
 TARGETS = np.array([[1.80, -0.60, 0.40], [2.00, 0.10, 0.40], [2.15, 0.70, 0.40], [1.65, 0.40, 0.40]])

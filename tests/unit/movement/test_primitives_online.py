@@ -83,7 +83,9 @@ def test_what_is_worked_out_ahead_changes_nothing(primitive, cyclic):
 
 def test_a_state_that_was_set_elsewhere_in_the_movement_goes_on_from_there(primitive):
     state = replace(execute(primitive, primitive.begin(), 0.2)[-1], progress=0.6)
-    np.testing.assert_array_equal(primitive.step(state, STEP).acceleration, primitive.step(replace(state, ahead=None), STEP).acceleration)
+    made, reference = primitive.step(state, STEP), primitive.step(replace(state, ahead=None), STEP)
+    # Not to the last bit: drives of many steps are one product of matrices, which some versions of BLAS sum otherwise.
+    np.testing.assert_allclose(made.acceleration, reference.acceleration, rtol=1e-13)
 
 
 def test_a_state_goes_on_with_another_primitive(primitive):
