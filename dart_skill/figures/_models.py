@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
 from matplotlib.patches import Ellipse
 from numpy.typing import ArrayLike
 
@@ -36,7 +37,8 @@ def plot_mixture(
     fullness = np.maximum(0.5 * plane.priors_ / plane.priors_.max(), FAINTEST)
     made: list[Ellipse] = []
     for k, one in enumerate(plane.components):
-        ellipse = gaussian_ellipse(one.mean, one.covariance, as_number(deviations, "deviations"), facecolor=(colour, fullness[k]))
+        inside = to_rgba(colour, fullness[k])
+        ellipse = gaussian_ellipse(one.mean, one.covariance, as_number(deviations, "deviations"), facecolor=inside)
         ellipse.set(edgecolor=colour, linewidth=0.8, label=label if k == 0 and label else None)
         axes.add_patch(ellipse)
         made.append(ellipse)

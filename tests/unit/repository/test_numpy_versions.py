@@ -1,4 +1,4 @@
-"""The code keeps to what NumPy 1.26 and SciPy 1.11 know, those of Ubuntu under Jazzy, while tests usually run with newer ones.
+"""The code keeps to what NumPy 1.26, SciPy 1.11 and Matplotlib 3.7 know, the oldest that it takes; tests usually run with newer ones.
 
 Names and arguments that came later are looked for in the text of all modules. `tests/unit/conftest.py` watches the calls of
 `numpy.linalg.solve`, whose meaning has changed.
@@ -26,6 +26,7 @@ NEW = re.compile(
     r"|\.(as|from)_davenport\b|\bscalar_first=|\.mT\b|\bcopy=None\b|\bdevice="
     r"|\bnp\.(nan)?(quantile|percentile)\(.*\bweights=|\bnp\.(nan)?(std|var)\(.*\b(correction|mean)=|\bpinv\(.*\brtol="
     r"|\bnp\.savez(_compressed)?\(.*\ballow_pickle="  # which NumPy 1.26 would save as an array
+    r"|color=\([^,()]+, [^,()]+\)"  # a colour and its opacity: Matplotlib 3.8
 )
 
 
@@ -42,6 +43,8 @@ NEW = re.compile(
         ("rotation.as_quat(scalar_first=True)", True),
         ("from scipy.optimize import isotonic_regression, minimize", True),
         ("scipy.integrate.tanhsinh(f, 0, 1)", True),
+        ("Ellipse(centre, 1.0, 2.0, facecolor=(colour, fullness[k]))", True),
+        ("Ellipse(centre, 1.0, 2.0, facecolor=(0.5, 0.5, 0.5))", False),
         ("from dart_skill.recording.imports import RigidTransform", False),
         ("np.concatenate([a, b])", False),
         ("np.arctan2(y, x)", False),
@@ -55,7 +58,7 @@ def test_what_is_newer_is_found(line, found):
     assert bool(NEW.search(line)) == found
 
 
-def test_all_modules_do_with_numpy_1_26_and_scipy_1_11():
+def test_all_modules_do_with_the_oldest_numpy_scipy_and_matplotlib():
     modules = (path for folder in FOLDERS for path in sorted((ROOT / folder).rglob("*.py")) if path.name != "test_numpy_versions.py")
     found = [
         f"{path.relative_to(ROOT)}:{number}: {new.group()}"
@@ -63,7 +66,7 @@ def test_all_modules_do_with_numpy_1_26_and_scipy_1_11():
         for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
         if (new := NEW.search(line))
     ]
-    assert not found, "NumPy 1.26 or SciPy 1.11 does not have it:\n" + "\n".join(found)
+    assert not found, "NumPy 1.26, SciPy 1.11 or Matplotlib 3.7 does not have it:\n" + "\n".join(found)
 
 
 STACK, ONE = np.broadcast_to(np.eye(3), (3, 3, 3)), np.eye(3)
