@@ -129,6 +129,7 @@ TYPED = {
     "python3 -m mypy": TESTS,
     "python3 -m pytest tests/unit/repository/test_imports.py": TESTS,
     'python3 -m pytest tests/unit -k "spring and damper" -n 2': TESTS,
+    "python3 -m venv build/oldest": NETWORK,
     "python3 -m pytest tests/integration/test_strangers.py -x": TESTS,
     "HYPOTHESIS_PROFILE=long python3 -m pytest tests/integration/test_fuzz.py": TESTS,
     "python3 -m tests.reference.results tests/reference/results.json": TESTS,

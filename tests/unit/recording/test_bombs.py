@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import lz4.frame
 import pytest
+import yaml
 import zstandard
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -133,6 +134,17 @@ def test_metadata_that_ask_for_too_much_are_refused_and_the_file_can_be_recovere
         read(tmp_path / "bag")
     assert any(reason in finding.message for finding in check_bag(tmp_path / "bag"))
     assert sum(recover(tmp_path / "bag", tmp_path / "kept").messages.values()) == 1
+
+
+def test_a_parser_that_limits_depth_itself_gives_the_same_reason(monkeypatch):
+    """PyYAML 6.0.4 does."""
+
+    def refuse(text, Loader):
+        raise yaml.scanner.ScannerError("while increasing flow level", None, "exceeded maximum nesting depth")
+
+    monkeypatch.setattr(yaml, "parse", refuse)
+    with pytest.raises(ValueError, match="it is nested deeper than 30 levels"):
+        load("a: [1]", "it")
 
 
 def test_aliases_that_unfold_to_little_are_read():
