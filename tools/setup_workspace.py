@@ -512,18 +512,35 @@ MODULES = {  # what a requirement is imported as, where that is not its name
 
 
 def missing_requirements(work: Workspace) -> tuple[list[str], str]:
-    """The requirements that this machine does not have, and the version of its numpy ("" if it has none)."""
+    """The requirements that this machine does not have, or in another version, and the version of its numpy ("" if it has none).
+
+    Ubuntu 24.04, on which Jazzy runs, has a Matplotlib that is older than what figures need.
+    """
     files = [file for file in requirement_files(work) if file.name != "build.txt"]
     lines = [line.split("#")[0].strip() for file in files for line in file.read_text().splitlines()]
     wanted = {line: module_of(line) for line in lines if line}
-    script = (
-        "import importlib.util, json, sys; wanted = json.loads(sys.argv[1]);"
-        "missing = [line for line, module in wanted.items() if importlib.util.find_spec(module) is None];"
-        "numpy = __import__('numpy').__version__ if importlib.util.find_spec('numpy') else '';"
-        "print(json.dumps([missing, numpy]))"
-    )
-    missing, numpy = json.loads(work.ask(script, json.dumps(wanted)))
+    missing, numpy = json.loads(work.ask(MISSING, json.dumps(wanted)))
     return missing, numpy
+
+
+MISSING = """
+import importlib.metadata, importlib.util, json, sys
+from pip._vendor.packaging.requirements import Requirement
+
+def is_missing(line, module):
+    requirement = Requirement(line)
+    if requirement.marker is not None and not requirement.marker.evaluate():
+        return False
+    if importlib.util.find_spec(module) is None:
+        return True
+    try:
+        return not requirement.specifier.contains(importlib.metadata.version(requirement.name), prereleases=True)
+    except importlib.metadata.PackageNotFoundError:
+        return False  # it is there without saying in which version
+
+missing = [line for line, module in json.loads(sys.argv[1]).items() if is_missing(line, module)]
+print(json.dumps([missing, __import__("numpy").__version__ if importlib.util.find_spec("numpy") else ""]))
+"""
 
 
 def module_of(requirement: str) -> str:

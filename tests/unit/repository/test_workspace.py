@@ -206,6 +206,15 @@ def test_locked_packages_are_not_resolved_anew(tmp_path, monkeypatch):
     assert all(re.match("[a-z]", text) for text in read)
 
 
+def test_over_an_installed_ros_what_is_not_there_or_too_old_is_installed(tmp_path, monkeypatch):
+    """Ubuntu 24.04 has Matplotlib 3.6, where figures ended with an error."""
+    file = tmp_path / "runtime.txt"
+    file.write_text('numpy>=1.26\nscipy>=99  # newer\nno_such_package>=1\nno_such_other; python_version < "3"\npyyaml>=6\n')
+    monkeypatch.setattr(workspace, "requirement_files", lambda _: [file])
+    missing, numpy = workspace.missing_requirements(workspace.Workspace(None, workspace.probe(sys.executable)))
+    assert missing == ["scipy>=99", "no_such_package>=1"] and numpy == importlib.metadata.version("numpy")
+
+
 def test_of_commands_side_by_side_one_that_fails_ends_the_others(tmp_path, monkeypatch):
     in_the_log(tmp_path, monkeypatch, "")
     monkeypatch.setattr(workspace, "ROOT", tmp_path)
