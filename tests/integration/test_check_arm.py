@@ -138,6 +138,7 @@ def test_a_second_publisher_is_no_go_and_the_table_says_so(led, tmp_path):
     assert "end all but one of" in output and "next: mend what says NO-GO" in output
 
 
+@pytest.mark.slow
 def test_learner_and_commander_start_from_the_file(led, tmp_path):
     """A file that says 30 mm where thirteen throws say none is felt, though they outweigh it; one that is none ends the node."""
     client, _, graph = led

@@ -28,6 +28,7 @@ CHEAP = (
     "lose_command_swing",
 )
 SLOW = {
+    "attack_strong_commands_swing",
     "freeze_commander_lesson",
     "full_disk_demonstration_recorder_practice",
     "attack_guided_reset_lesson",

@@ -27,6 +27,7 @@ def test_a_constant_precision_is_found_and_aimed_for(sigma):
     assert agent.belief.sum() == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_a_precision_that_grows_is_followed_across_the_jump_of_the_best_aim():
     """At sigma 16.9 mm the best aim jumps from treble 19 to treble 20."""
     agent, believed, regret = play(np.geomspace(40.0, 8.0, 1500), seed=0)

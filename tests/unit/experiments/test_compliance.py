@@ -42,6 +42,7 @@ def test_the_force_is_the_inertia_of_the_hand_times_stiffness_times_way(plans):
         assert resistance(plans["200"], 0.3, axis) == pytest.approx(expected, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_force_grows_with_the_stiffness_and_changes_with_it(plans):
     along = np.array([1.0, 0.0, 0.0])
     force = {kind: resistance(plan, 0.3, along) for kind, plan in plans.items()}

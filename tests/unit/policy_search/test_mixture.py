@@ -316,7 +316,7 @@ def test_two_modes_shrink_apart():
     assert sum(found) >= 2, found
 
 
-@pytest.mark.parametrize(("factor", "trials"), [(0.1, 250), (10.0, 500)])
+@pytest.mark.parametrize(("factor", "trials"), [(0.1, 250), pytest.param(10.0, 500, marks=pytest.mark.slow)])
 def test_a_start_that_is_ten_times_too_small_or_too_large_is_made_up_for(factor, trials):
     def hill(x):
         return float(np.exp(-0.5 * np.sum((x - [2.0, 0.0]) ** 2) / 2.0**2))

@@ -43,7 +43,10 @@ def test_what_is_printed_is_compared_with_a_tolerance(printed, shown, same):
     assert agrees(printed, shown) == same
 
 
-@pytest.mark.parametrize("page", ["learning.md", pytest.param("another_skill.md", marks=pytest.mark.slow), "skills.md", "machines.md"])
+LONG = ("another_skill.md", "skills.md")
+
+
+@pytest.mark.parametrize("page", ["learning.md", *(pytest.param(page, marks=pytest.mark.slow) for page in LONG), "machines.md"])
 def test_the_blocks_of_a_page_run_one_after_the_other_and_print_what_it_says(page, monkeypatch):
     monkeypatch.chdir(ROOT)
     text = (DOCS / page).read_text(encoding="utf-8")

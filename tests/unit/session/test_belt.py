@@ -37,7 +37,7 @@ def test_a_demonstration_is_cut_where_the_hand_rests_in_a_cup_that_goes_on(taugh
     assert 1.2 < learned.duration < 2.0
 
 
-@pytest.mark.parametrize("steady", [True, False])
+@pytest.mark.parametrize("steady", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_the_hand_reaches_into_cups_on_belts_that_were_not_shown(taught, steady):
     session, learned, _ = taught
     trial = session.execute(learned.guide(), replace(BELT, steady=steady))

@@ -17,6 +17,7 @@ def job(tmp_path):
     return Job(seed=0, demonstrations=3, throws=1, bag=tmp_path / "bag")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["reach"])
 def test_the_bag_teaches_what_was_learned_to_the_last_bit(name, job):
     said = []

@@ -43,7 +43,9 @@ def practised(session, demonstrations):
     return one
 
 
-@pytest.mark.parametrize("method, throws", [("residual", 2), ("both", 2), ("bootstrap", 2), ("power", 6), ("none", 1)])
+@pytest.mark.parametrize(
+    "method, throws", [("residual", 2), pytest.param("both", 2, marks=pytest.mark.slow), ("bootstrap", 2), ("power", 6), ("none", 1)]
+)
 def test_a_loaded_skill_goes_on_to_the_last_bit(session, practised, tmp_path, method, throws):
     """It plans the same, explores the same, and has learned the same after the next throw."""
     skill = practised(method, throws)
