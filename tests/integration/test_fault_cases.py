@@ -27,19 +27,6 @@ CHEAP = (
     "corrupt_command_swing",
     "lose_command_swing",
 )
-SLOW = {
-    "attack_strong_commands_swing",
-    "freeze_commander_lesson",
-    "full_disk_demonstration_recorder_practice",
-    "attack_guided_reset_lesson",
-    "duplicate_command_swing",
-    "corrupt_command_swing",
-    "hold_up_commander_swing",
-    "lose_command_swing",
-    "attack_reversed_states_swing",
-    "attack_garbage_swing",
-    "kill_skill_learner_planning",
-}
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +40,8 @@ def bench(ros, tmp_path_factory):
     RUNNING.remove(folder)
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in CHEAP])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CHEAP)
 def test_the_client_is_told_the_arm_rests_and_all_works_again(bench, name):
     (case,) = named(name)
     reaction = bench.run(case)

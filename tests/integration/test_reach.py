@@ -150,6 +150,7 @@ def test_a_cup_that_nobody_sees_any_more_stops_the_arm(stopped):
     assert "the cup was last seen 0.1" in stopped.message and "more than 0.15 s are too long to react to it" in stopped.message
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("stopped")
 def test_the_hand_reaches_into_cups_that_move_otherwise(graph, reach):
     """The second one right after one that was stopped: it is made as ever."""

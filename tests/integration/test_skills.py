@@ -56,6 +56,7 @@ def test_every_lesson_succeeds_and_is_a_demonstration_of_the_skill(graph):
     assert graph.learned.demonstrations == SHOWN and f"learned 'place' from {SHOWN} demonstrations" in graph.learned.message
 
 
+@pytest.mark.slow
 def test_the_part_goes_into_a_holder_that_stands_elsewhere(graph, place):
     truth = []
     watching = graph.client.node.create_subscription(SimulationState, "/simulation/state", truth.append, 10)

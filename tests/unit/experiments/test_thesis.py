@@ -40,7 +40,7 @@ WITHOUT_UNITS = {"3.1", "5.1", "5.2", "5.3", "5.4", "5.5"}
 """Figures of abstract parameters."""
 THROWN = {"8.4.4", "8.6"}
 """Figures of many throws of the arm, which are drawn once here: that throws are the same to the last bit has a test in tests/reference."""
-SLOW = {*THROWN, "landscape", "5.5", "8.1", "8.7"}
+SLOW = {*THROWN, "landscape", "5.5", "7.1", "8.1", "8.2", "8.3", "8.7", "8.9"}
 SHRUNK = {"3.1", "6.2", "6.3", "6.6", "7.1", "8.2", "8.3", "8.4.4", "regrets"}
 """Figures that `fewer_runs` makes smaller."""
 LESSONS = 7

@@ -264,6 +264,7 @@ def test_a_bag_teaches_without_ros(simulating):
     assert "learned from 13 of 13 throws" in out and (simulating.folder / "model.npz").is_file()
 
 
+@pytest.mark.slow
 def test_the_main_job_runs_without_ros_and_says_what_it_leaves_out(simulating):
     _, said = simulating.dart_skill(*SMALL_DEMO, "--output", "run")
     summary = json.loads((simulating.folder / "run" / "summary.json").read_text())
