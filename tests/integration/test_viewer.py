@@ -295,8 +295,10 @@ def _comes(client, condition, limit=20.0):
 
 def _stop_stays_in_sight(page):
     """However far the panel is scrolled, on a telephone too."""
+    # viser's note that the browser has no graphics card would lie over a narrow page for as long as it stays.
     seen = (
-        "(() => {document.querySelectorAll('.mantine-ScrollArea-viewport').forEach(part => part.scrollTop = 1000);"
+        "(() => {document.querySelectorAll('.mantine-Notification-closeButton').forEach(button => button.click());"
+        "document.querySelectorAll('.mantine-ScrollArea-viewport').forEach(part => part.scrollTop = 1000);"
         "const b = [...document.querySelectorAll('button')].find(b => b.innerText.trim() === 'Stop'); if (!b) return false;"
         "const r = b.getBoundingClientRect(); const top = document.elementFromPoint(r.x + r.width / 2, r.y + r.height / 2);"
         "return b.contains(top) && r.right <= innerWidth})()"
