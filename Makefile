@@ -95,3 +95,4 @@ lock:
 
 clean:
 	rm -rf .venv .venv-benchmark build install log
+	find dart_skill -name '*.so' -delete

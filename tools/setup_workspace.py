@@ -603,6 +603,16 @@ def build(work: Workspace, package: str, *options: str) -> None:
     run([*colcon, "--log-base", "log", "build", "--symlink-install", *TELL, *selection, *options], environment)
 
 
+def typed_modules() -> list[Path]:
+    """The types of the modules of the library that are compiled."""
+    return sorted((ROOT / "dart_skill").rglob("*.pxd"))
+
+
+def compiled_modules() -> list[Path]:
+    """What was made of them: a linked installation has it beside the sources."""
+    return sorted((ROOT / "dart_skill").rglob("*.so"))
+
+
 def build_interfaces(work: Workspace) -> None:
     generator = ["-GNinja"] if shutil.which("ninja", path=work.environment["PATH"]) else []
     arguments = [f"-DPython3_EXECUTABLE={work.python}", "-DBUILD_TESTING=OFF", *generator]
@@ -617,7 +627,11 @@ def has_tf_messages(work: Workspace) -> bool:
 
 
 def build_package(work: Workspace) -> None:
+    for module in compiled_modules():
+        module.unlink()
     build(work, "dart_skill")
+    if left := [types for types in typed_modules() if not any(types.parent.glob(f"{types.stem}.*.so"))]:
+        raise SetupError(f"{left[0].with_suffix('.py').relative_to(ROOT)} was not compiled: {LOG.relative_to(ROOT)} says why")
     if list(INSTALL.glob("dart_skill/lib/python*/site-packages/dart_skill")):
         culprit = work.ask("import setuptools; print(setuptools.__version__, 'in', setuptools.__path__[0])")
         raise SetupError(f"sources were copied instead of linked, due to setuptools {culprit.strip()}")
@@ -683,7 +697,8 @@ def plan(work: Workspace) -> list[Step]:
     tools = [REQUIREMENTS / name for name in ("ros-pypi.txt", "build.txt")]
     interfaces = digest(recipe, *tools, ROOT / "msg_schemas", ROOT / TF_MESSAGES)
     setup_files = [ROOT / name for name in ("package.xml", "setup.py", "setup.cfg")]
-    package = digest(recipe, REQUIREMENTS / "build.txt", *setup_files, install_layout())
+    compiled = [file for types in typed_modules() for file in (types, types.with_suffix(".py"))]
+    package = digest(recipe, REQUIREMENTS / "build.txt", *setup_files, *compiled, install_layout())
     return [
         Step("Python environment", ORIGIN, origin, make_environment),
         Step("Python packages", VENV / ".packages", packages, install_packages),

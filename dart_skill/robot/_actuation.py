@@ -1,13 +1,15 @@
 """What the WAM's motors and cables do to a commanded joint torque: peak torque, the motors' torque-speed line, joint friction.
 
-Products of matrices this small are written as a.dot(b), which takes half the time of a @ b: they are made at every step of the arm.
+It is asked at every step of the arm. So it is compiled (docs/development.md): _actuation.pxd beside it has the types.
 """
 
+import math
+
 import numpy as np
-import scipy
 
 from dart_skill.constants import N_JOINTS
 from dart_skill.robot._description import WamDescription
+from dart_skill.small_matrices import factor_into, solve_into
 
 STICTION_SPEED = 1e-3
 """Joint speed [rad/s] below which Coulomb friction falls linearly to zero: a stuck joint creeps at most this fast."""
@@ -28,33 +30,61 @@ class Actuation:
 
     def __init__(self, description: WamDescription, friction_scale: float = 1.0, motor_scale: float = 1.0, stiction: float = 0.0):
         motors = description.motors
-        self._to_motor = motors.joint_to_motor
-        self._from_joint_torque = np.linalg.inv(motors.joint_to_motor.T)
+        self._to_motor = np.array(motors.joint_to_motor, dtype=float)
+        self._from_joint_torque = np.linalg.inv(self._to_motor.T)
         self._stall = motor_scale * motors.stall_torque
-        self._slope = self._stall / motors.no_load_speed
+        self._slope = motor_scale * motors.stall_torque / motors.no_load_speed
         self._peak = motor_scale * description.of_joints("peak_torque")
-        self._least, self._backwards = -self._peak, -self._stall
         self.coulomb = friction_scale * description.of_joints("coulomb_friction")
         self.viscous = friction_scale * description.of_joints("viscous_friction")
+        self._dry, self._wet = self.coulomb, self.viscous
         self._stiction = stiction
+        self._motor, self._momentum, self._system = np.zeros(N_JOINTS), np.zeros(N_JOINTS), np.zeros((N_JOINTS, N_JOINTS))
 
     def deliverable(self, torque: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         """The torque (7,) that reaches the joints when `torque` is asked for at joint velocity (7,) [N m]."""
-        motor = self._from_joint_torque.dot(np.minimum(np.maximum(torque, self._least), self._peak))
-        back_emf = self._slope * self._to_motor.dot(velocity)
-        return self._to_motor.T.dot(np.minimum(np.maximum(motor, self._backwards - back_emf), self._stall - back_emf))
+        for i in range(N_JOINTS):
+            asked = back_emf = 0.0
+            for j in range(N_JOINTS):
+                asked += self._from_joint_torque[i, j] * min(max(torque[j], -self._peak[j]), self._peak[j])
+                back_emf += self._to_motor[i, j] * velocity[j]
+            back_emf *= self._slope[i]
+            self._motor[i] = min(max(asked, -self._stall[i] - back_emf), self._stall[i] - back_emf)
+        return self._at_joints()
 
     def braking(self, velocity: np.ndarray) -> np.ndarray:
         """Torque (7,) of the motors when they are shorted, against joint velocity (7,) [N m]."""
-        return -self._to_motor.T @ (self._slope * (self._to_motor @ velocity))
+        for i in range(N_JOINTS):
+            speed = 0.0
+            for j in range(N_JOINTS):
+                speed += self._to_motor[i, j] * velocity[j]
+            self._motor[i] = -self._slope[i] * speed
+        return self._at_joints()
+
+    def _at_joints(self) -> np.ndarray:
+        """The motors' torques as those of the joints (7,) [N m]."""
+        result = np.empty(N_JOINTS)
+        torque = result
+        for j in range(N_JOINTS):
+            total = 0.0
+            for i in range(N_JOINTS):
+                total += self._to_motor[i, j] * self._motor[i]
+            torque[j] = total
+        return result
 
     def damping(self, velocity: np.ndarray) -> np.ndarray:
         """Joint friction at joint velocity (7,) as the damping (7,) [N m s/rad] that has its value there."""
-        speed = np.abs(velocity)
-        dry = self.coulomb
+        result = np.empty(N_JOINTS)
+        damping = result
+        for j in range(N_JOINTS):
+            damping[j] = self._damping(j, velocity[j])
+        return result
+
+    def _damping(self, joint: int, velocity: float) -> float:
+        speed, dry = abs(velocity), self._dry[joint]
         if self._stiction:
-            dry = dry * (1.0 + self._stiction * np.exp(-np.square(speed / STRIBECK_SPEED)))
-        return self.viscous + dry / np.maximum(speed, STICTION_SPEED)
+            dry *= 1.0 + self._stiction * math.exp(-((speed / STRIBECK_SPEED) ** 2))
+        return self._wet[joint] + dry / max(speed, STICTION_SPEED)
 
     def acceleration(self, inertia: np.ndarray, torque: np.ndarray, velocity: np.ndarray, step: float) -> np.ndarray:
         """Joint acceleration (7,) over one step with friction, which never turns a motion round.
@@ -62,11 +92,21 @@ class Actuation:
         inertia (7, 7), torque (7,) net of gravity and Coriolis terms. Coulomb friction enters as the damping that has its
         value at the speed reached, c / max(|v|, STICTION_SPEED): implicit Euler, one fixed-point correction.
         """
-        momentum = inertia.dot(velocity) + step * torque
-        reached = velocity
+        result = np.empty(N_JOINTS)
+        reached, system, momentum = result, self._system, self._momentum
+        for i in range(N_JOINTS):
+            total = 0.0
+            for j in range(N_JOINTS):
+                total += inertia[i, j] * velocity[j]
+            momentum[i] = total + step * torque[i]
+            reached[i] = velocity[i]
         for _ in range(2):
-            damping = self.damping(reached)
-            damped = inertia.copy()
-            damped.ravel()[:: N_JOINTS + 1] += step * damping  # the diagonal
-            reached = scipy.linalg.lapack.dposv(damped, momentum)[1]  # symmetric and positive definite
-        return (reached - velocity) / step
+            for i in range(N_JOINTS):
+                for j in range(i):
+                    system[i, j] = inertia[i, j]
+                system[i, i] = inertia[i, i] + step * self._damping(i, reached[i])
+            factor_into(system, system)
+            solve_into(system, momentum, reached)
+        for i in range(N_JOINTS):
+            reached[i] = (reached[i] - velocity[i]) / step
+        return result

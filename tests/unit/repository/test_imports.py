@@ -25,6 +25,7 @@ LAYERS = (
         "palette",
         "quaternions",
         "second_process",
+        "small_matrices",
     },
     {"world", "fleet", "checks", "permissions"},
     {"flight", "mixture", "regions", "pace"},

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import zipfile
 from functools import cache
+from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 
 import pytest
@@ -30,7 +31,7 @@ SMALL_DEMO = ("demo", "--layout", "in-process", "--demonstrations", "3", "--thro
 @cache
 def declared(extra=""):
     """Requirements of the wheel, those of an extra, or of the core."""
-    script = "import json, runpy, setuptools, sys\nsys.argv = ['setup.py', 'bdist_wheel']\n"
+    script = "import json, runpy, setuptools, sys\nsys.argv = ['setup.py', 'dist_info']\n"
     script += "setuptools.setup = lambda **arguments: print(json.dumps(arguments))\nrunpy.run_path('setup.py')"
     arguments = json.loads(subprocess.check_output([sys.executable, "-c", script], cwd=ROOT, text=True))
     texts = arguments["extras_require"][extra] if extra else arguments["install_requires"]
@@ -81,7 +82,7 @@ def wheel(tmp_path_factory):
     source, output = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("wheel")
     for name in BUILT_FROM:
         if (ROOT / name).is_dir():
-            shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
+            shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__", "*.so"))
         else:
             shutil.copy(ROOT / name, source)
     pip = [sys.executable, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check", "--no-deps", "--no-build-isolation"]
@@ -98,6 +99,8 @@ def test_the_wheel_has_the_library_its_parameters_and_messages_and_one_command(w
     messages = {f"dart_skill/{path.relative_to(ROOT)}" for path in (ROOT / "msg_schemas").glob("*/*.*")}
     assert config | messages | {"dart_skill/py.typed", "dart_skill/msg_schemas/package.xml"} <= names
     assert not [name for name in names if name.startswith(("dart_skill_nodes", "nodes", "tests")) or ".data/" in name]
+    typed = {path.relative_to(ROOT).with_suffix("").as_posix() for path in (ROOT / "dart_skill").rglob("*.pxd")}
+    assert typed == {name.split(".")[0] for name in names if name.endswith(tuple(EXTENSION_SUFFIXES))}
     assert re.findall(r"^([\w-]+) = ", commands, re.MULTILINE) == ["dart-skill"]
 
 

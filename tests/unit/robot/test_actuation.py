@@ -5,6 +5,7 @@ import pytest
 
 from dart_skill.robot import Actuation, ArmModel, wam_description
 from dart_skill.robot._actuation import STICTION_SPEED
+from tests.interpreted import interpreted
 
 WAM = wam_description()
 MOTORS = WAM.motors
@@ -173,3 +174,17 @@ def test_friction_scale_multiplies_both_kinds():
     double = Actuation(WAM, friction_scale=2.0)
     np.testing.assert_allclose(double.coulomb, 2 * COULOMB)
     np.testing.assert_allclose(double.viscous, 2 * VISCOUS)
+
+
+def test_compiled_and_interpreted_have_the_same_bits():
+    plain, rng = interpreted("dart_skill.robot._actuation"), np.random.default_rng(0)
+    for stiction in (0.0, 0.3):
+        pair = [kind(WAM, friction_scale=1.3, motor_scale=0.8, stiction=stiction) for kind in (Actuation, plain.Actuation)]
+        for _ in range(20):
+            torque, velocity = 80.0 * rng.standard_normal(7), 3.0 * rng.standard_normal(7)
+            inertia = ArmModel(WAM).mass_matrix(rng.standard_normal(7))
+            ours, theirs = ([one.deliverable(torque, velocity), one.braking(velocity), one.damping(velocity)] for one in pair)
+            ours, theirs = (
+                [*done, one.acceleration(inertia, torque, velocity, STEP)] for done, one in zip((ours, theirs), pair, strict=True)
+            )
+            np.testing.assert_array_equal(ours, theirs)

@@ -1,0 +1,66 @@
+"""Linear equations with a handful of unknowns, such as those of the joints of an arm.
+
+For matrices this small a call of LAPACK takes several times as long as its arithmetic. This module is compiled
+(docs/development.md): small_matrices.pxd beside it has the types.
+"""
+
+import math
+
+import numpy as np
+
+
+def solve_positive_definite(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """The solution x (n,) of matrix x = right, by Cholesky's factors.
+
+    * matrix: (n, n) symmetric and positive definite; its lower triangle is read.
+    * right: (n,).
+
+    ValueError if the matrix is not positive definite.
+    """
+    n = len(right)
+    lower, solution = np.empty((n, n)), np.empty(n)
+    factor_into(matrix, lower)
+    solve_into(lower, right, solution)
+    return solution
+
+
+def factor_into(matrix: np.ndarray, lower: np.ndarray) -> None:
+    """Write the Cholesky factor L of a matrix L L' (n, n); what is above the diagonal stays as it is.
+
+    * matrix: (n, n) symmetric and positive definite; its lower triangle is read, and it may be `lower` itself.
+    * lower: (n, n), is written.
+
+    ValueError if the matrix is not positive definite.
+    """
+    n = matrix.shape[0]
+    for i in range(n):
+        for j in range(i + 1):
+            rest = matrix[i, j]
+            for k in range(j):
+                rest -= lower[i, k] * lower[j, k]
+            if j < i:
+                lower[i, j] = rest / lower[j, j]
+            elif rest > 0.0:
+                lower[i, i] = math.sqrt(rest)
+            else:
+                raise ValueError(f"a matrix of {n} rows is not positive definite: its pivot {i} is {rest:g}")
+
+
+def solve_into(lower: np.ndarray, right: np.ndarray, solution: np.ndarray) -> None:
+    """Write the solution x (n,) of L L' x = right.
+
+    * lower: the factor L (n, n).
+    * right: (n,), may be `solution` itself.
+    * solution: (n,), is written.
+    """
+    n = right.shape[0]
+    for i in range(n):
+        rest = right[i]
+        for k in range(i):
+            rest -= lower[i, k] * solution[k]
+        solution[i] = rest / lower[i, i]
+    for i in range(n - 1, -1, -1):
+        rest = solution[i]
+        for k in range(i + 1, n):
+            rest -= lower[k, i] * solution[k]
+        solution[i] = rest / lower[i, i]
