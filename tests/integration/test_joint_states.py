@@ -98,6 +98,22 @@ def test_a_reliable_driver_is_heard_without_a_new_subscription(beside):
     assert states.subscriptions[JOINT_STATES] is first
 
 
+def test_who_rests_is_not_sent_anything_and_hears_again_when_it_goes_on(beside):
+    import rclpy
+
+    node, heard = rclpy.create_node("listener"), []
+    states = hear_joint_states(node, heard.append)
+    driver = beside(node, qos_profile_sensor_data)
+    driver.until(lambda: len(heard) > 3, "a state")
+    states.rest()
+    driver.until(lambda: driver.publisher.get_subscription_count() == 0, "that nobody hears the driver")
+    states.look()
+    assert states.rests and not states.subscriptions
+    heard.clear()
+    states.go_on()
+    driver.until(lambda: len(heard) > 3, "a state of a best-effort driver after the rest")
+
+
 def test_joints_are_put_in_order_by_their_names(beside):
     taken = conversions.arm_state(state(REORDERED))
     np.testing.assert_array_equal(taken.position, list(ANGLES.values()))

@@ -186,11 +186,16 @@ def test_stop_ends_practice(graph, stranger):
     stranger.free()
 
 
+def hearers(node, topic):
+    return {one.node_name for one in node.get_subscriptions_info_by_topic(topic)}
+
+
 @pytest.mark.parametrize("how", ["stop", "cancel"])
 def test_a_lesson_ends_at_once_when_it_is_stopped_or_cancelled(graph, stranger, how):
     client = graph.client
     teach = ActionClient(client.node, Teach, "/teach")
     wait_for(client, teach.server_is_ready, what="the teacher")
+    wait_for(client, lambda: "teacher" not in hearers(client.node, "/joint_states"), what="a teacher that has nothing to do hears no states")
     handle = client.wait(teach.send_goal_async(Teach.Goal(situation=conversions.at_place(SHOWN[0]))), "/teach")
     stranger.fastest = 0.0
     wait_for(client, lambda: stranger.fastest > 0.5, what="the arm is guided")

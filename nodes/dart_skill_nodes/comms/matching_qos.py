@@ -27,6 +27,7 @@ class _Topic:
     depth: int
     raw: bool
     on_offer: Callable[[list[TopicEndpointInfo]], None]
+    at_once: bool = False
     offered: bool = False
     chosen: tuple = ()
     subscription: Subscription | None = field(default=None, repr=False)
@@ -43,6 +44,7 @@ class MatchingSubscriptions:
     def __init__(self, node: Node, owner: Node | None = None, on_look: Callable[[str, frozenset[bytes]], None] = lambda *_: None):
         self._node, self._owner, self._topics, self._on_look = node, owner or node, {}, on_look
         self.strange: dict[str, str] = {}
+        self.rests = False
         self._timer = node.create_timer(LOOK_AGAIN, self.look, clock=WALL)
 
     def subscribe(
@@ -61,10 +63,24 @@ class MatchingSubscriptions:
         at_once: it is heard reliably before that already, so that nothing is missed of a reliable publisher; needs message_type.
         """
         name = self._node.resolve_topic_name(topic)
-        self._topics[topic] = _Topic(name, callback, message_type, depth, raw, on_offer)
-        if at_once:
-            self._make(self._topics[topic], (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE))
+        self._topics[topic] = _Topic(name, callback, message_type, depth, raw, on_offer, at_once)
+        self.go_on()
+
+    def go_on(self) -> None:
+        """Hear again, after a `rest`."""
+        self.rests = False
+        for topic in self._topics.values():
+            if topic.at_once and topic.subscription is None:
+                self._make(topic, (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE))
         self.look()
+
+    def rest(self) -> None:
+        """Hear nothing until `go_on`: each message costs its publisher and this node as much as a step of the arm's arithmetic."""
+        self.rests = True
+        for topic in self._topics.values():
+            if topic.subscription is not None:
+                self._owner.destroy_subscription(topic.subscription)
+                topic.subscription, topic.chosen = None, ()
 
     @property
     def subscriptions(self) -> dict[str, Subscription]:
@@ -83,6 +99,8 @@ class MatchingSubscriptions:
 
     def look(self) -> None:
         """Follow what publishers offer now."""
+        if self.rests:
+            return
         for name, topic in self._topics.items():
             offers = self._node.get_publishers_info_by_topic(topic.name)
             if offers and topic.type is None:

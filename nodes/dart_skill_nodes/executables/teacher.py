@@ -70,6 +70,8 @@ FINDS, FINDS_AGAIN = 15, 4
 """Looks for the cameras, until there are none: by a teacher that has just been started, and by one that knew some."""
 LONGEST_BRAKE = 10
 """Looks at an arm that is braked, until it is not waited for any more."""
+LISTENS = 20
+"""Looks after a lesson until the states of the arm are not heard any more, as no other lesson follows."""
 
 
 class TeacherNode(GuardedNode):
@@ -93,7 +95,7 @@ class TeacherNode(GuardedNode):
         self._reader, self._writer, self._written = StateReader(), CommandWriter(new_sender(), self.p["frame_id"]), b""
         self._wrench = self.create_publisher(WamCommand, GUIDING, COMPLETE)
         self._seen = SeenInStep(self, name_of, self.p["frame_id"], self._answer) if self._person.watches else None
-        self._states = hear_joint_states(self, self._on_state, raw=True)
+        self._states, self._idle = hear_joint_states(self, self._on_state, raw=True), 0
         self._reset = self.create_client(Reset, "simulation/reset")
         self._pause = self.create_client(SetBool, "simulation/pause")
         self._free_arm = self.create_client(SetBool, "commander/release_arm")
@@ -205,6 +207,9 @@ class TeacherNode(GuardedNode):
         self._time.look()
         self._notice_a_gap()
         if self._goal is None:
+            self._idle += 1
+            if self._idle == LISTENS:
+                self._states.rest()
             return
         for one in self._needed:
             if one.gone:
@@ -213,7 +218,9 @@ class TeacherNode(GuardedNode):
             self._withdraw(self._time.stalled)
 
     async def _teach(self, goal_handle) -> Teach.Result:
-        self._goal, self._guiding, self._withdrawn = goal_handle, False, ""
+        self._goal, self._guiding, self._withdrawn, self._idle = goal_handle, False, "", 0
+        if self._states.rests:
+            self._states.go_on()
         self._needed = publishers(self, JOINT_STATES), publishers(self, COMMANDS), subscribers(self, "teach/_action/feedback")
         result = Teach.Result()
         try:
