@@ -7,7 +7,7 @@ The runs are those of `dart-skill experiment throws`, a seed each: five demonstr
 T1 / (n Tn), n no larger than the number of cores; times are by the clock, with the start of the processes and their imports. Where other
 programs use the same cores, it says more of them than of this one. `free` is what it would be without them: the share of the time of all
 processes in which runs were under way, times the processor time that the runs take one after the other, divided by what they take side by
-side. A scheduler and its workers are started before the clock is; the workers import on their first run. For --dask:
+side. A scheduler and its workers are started before the clock is; the processes of the workers import on their first run. For --dask:
 pip install -r requirements/optional.txt.
 """
 
@@ -48,20 +48,9 @@ def run(seed: int, throws: int) -> Run:
     return Run(done, time.monotonic() - begun, time.process_time() - used)
 
 
-# A worker of Dask reads the memory, the disks and the network of its machine in the thread beside the run, and waits for the interpreter's
-# lock at each; and it gives freed memory back at once. Both take a tenth of a run.
-QUIET = {
-    "distributed.admin.system-monitor.interval": "10s",
-    "distributed.worker.memory.monitor-interval": "2s",
-    "distributed.worker.profile.enabled": False,
-    "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 2**27,
-}
-
-
 @contextlib.contextmanager
 def cluster(workers: int) -> Iterator[str]:
-    """Address of a scheduler of this machine with so many workers, each a process of one thread that seldom looks at itself."""
-    importlib.import_module("dask").config.set(QUIET)
+    """Address of a scheduler of this machine with so many workers, each of one thread."""
     dask = importlib.import_module("distributed")
     with dask.LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None) as made:
         yield made.scheduler_address

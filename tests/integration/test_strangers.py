@@ -195,7 +195,7 @@ def test_a_lesson_ends_at_once_when_it_is_stopped_or_cancelled(graph, stranger, 
     client = graph.client
     teach = ActionClient(client.node, Teach, "/teach")
     wait_for(client, teach.server_is_ready, what="the teacher")
-    wait_for(client, lambda: "teacher" not in hearers(client.node, "/joint_states"), what="a teacher that has nothing to do hears no states")
+    wait_for(client, lambda: "teacher" not in hearers(client.node, "/joint_states"), what="a teacher who rests")
     handle = client.wait(teach.send_goal_async(Teach.Goal(situation=conversions.at_place(SHOWN[0]))), "/teach")
     stranger.fastest = 0.0
     wait_for(client, lambda: stranger.fastest > 0.5, what="the arm is guided")
