@@ -64,9 +64,16 @@ linkcheck: setup
 
 BENCHMARK_PYTHON := .venv-benchmark/bin/python3
 
+WITH_PEERS := mixtures primitives recording few_samples growth power
+OF_THE_ARM := skill.lessons skill.waits skill.cores graph.loop graph.player graph.recorder graph.side_by_side graph.large_bags
+
+# Rows of all scripts, for one table at the end.
+benchmark: export BENCHMARK_ROWS := $(CURDIR)/build/benchmark.jsonl
 benchmark: .venv-benchmark/installed
-	@for script in benchmarks/*.py; do echo; echo "== $$script"; PYTHONPATH=. $(BENCHMARK_PYTHON) "$$script" || exit 1; done
-	@$(ENV) && for script in benchmarks/skill/*.py benchmarks/graph/*.py; do echo; echo "== $$script"; python3 "$$script" || exit 1; done
+	@rm -f "$$BENCHMARK_ROWS"
+	@for name in $(WITH_PEERS); do echo; echo "== $$name"; $(BENCHMARK_PYTHON) -m benchmarks.$$name || exit 1; done
+	@$(ENV) && for name in $(OF_THE_ARM); do echo; echo "== $$name"; python3 -m benchmarks.$$name || exit 1; done
+	@echo; python3 -m benchmarks.rows "$$BENCHMARK_ROWS"
 
 .venv-benchmark/installed: requirements/benchmark.txt | setup
 	@.venv/bin/python3 -m venv .venv-benchmark
@@ -79,10 +86,10 @@ DASK ?=
 
 growth: setup
 	@mkdir -p build/growth
-	@$(ENV) && python3 benchmarks/growth.py --picture docs/growth.svg
-	@$(ENV) && python3 benchmarks/skill/cores.py $(DASK) --results build/growth/cores.json
-	@$(ENV) && python3 benchmarks/graph/side_by_side.py --graphs 1 2 4 8 12 20 --results build/growth/graphs.json
-	@$(ENV) && python3 benchmarks/graph/large_bags.py --sizes $(SIZES) --results build/growth/bags.json
+	@$(ENV) && python3 -m benchmarks.growth --picture docs/growth.svg
+	@$(ENV) && python3 -m benchmarks.skill.cores $(DASK) --results build/growth/cores.json
+	@$(ENV) && python3 -m benchmarks.graph.side_by_side --graphs 1 2 4 8 12 20 --results build/growth/graphs.json
+	@$(ENV) && python3 -m benchmarks.graph.large_bags --sizes $(SIZES) --results build/growth/bags.json
 	@$(ENV) && python3 tools/draw_growth.py build/growth docs/growth_graphs.svg
 
 # For every Python and platform at once. Which version of uv does it makes no difference to what is locked.

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """How time and memory of learning and of a plan grow with demonstrations, task frames, components and dimensions.
 
-    python3 benchmarks/growth.py [--picture docs/growth.svg]
+    python3 -m benchmarks.growth [--picture docs/growth.svg]
 
 A DS-GMR model learns made demonstrations of 200 steps: smooth movements in random task frames. All but one number are as usual: 13
 demonstrations, 2 frames, 5 components, 6 columns (time and 5 variables). EM does 20 iterations. A plan is a movement of 200 steps in a new

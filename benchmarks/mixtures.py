@@ -2,7 +2,7 @@
 """Gaussian mixtures against scikit-learn (EM), pbdlib-python (EM in task frames, products, regression) and gmr (regression), on
 demonstrations of 200 steps.
 
-    python3 benchmarks/mixtures.py [--pbdlib FOLDER]
+    python3 -m benchmarks.mixtures [--pbdlib FOLDER]
 
 One thread, medians of the processor time of interleaved repeats in the same process; a repeat of what takes less than a few
 milliseconds is the mean of as many calls in a row as fill them. Both sides start EM from the same parameters and do all
@@ -25,6 +25,7 @@ from dataclasses import dataclass  # noqa: E402
 
 import numpy as np  # noqa: E402
 
+from benchmarks.rows import tell  # noqa: E402
 from dart_skill.experiments.peers import pbdlib_mixture  # noqa: E402
 from dart_skill.mixture import GaussianMixture, regress  # noqa: E402
 from dart_skill.movement import TaskFrame, TaskParameterisedMixture  # noqa: E402
@@ -227,6 +228,7 @@ def report(works: list[Work], seconds: dict) -> None:
         own, peer = 1e3 * seconds[row, "own"], 1e3 * seconds[row, "peer"]
         missed = "" if peer / own >= work.least_ratio else ", missed"
         print(f"{work.name:<44}{own:>10.3f} ms{work.library:>14}{peer:>9.2f} ms{peer / own:>9.2f}   {work.least_ratio:g}{missed}")
+        tell(work.name, f"{own:.3f} ms", f"{work.library} {peer:.3f} ms", peer / own, f"{work.least_ratio:g}", not missed)
 
 
 def report_differences(works: list[Work]) -> None:
@@ -241,6 +243,7 @@ def report_memory(large: Work) -> None:
     own, peer = peak_megabytes(large.own), peak_megabytes(large.peer)
     missed = "" if own <= MOST_MEGABYTES else ", missed"
     print(f"memory of the large EM: {own:.0f} MB, peer {peer:.0f} MB; asked {MOST_MEGABYTES:g} MB at most{missed}")
+    tell("memory of the large EM", f"{own:.0f} MB", f"scikit-learn {peer:.0f} MB", peer / own, f"{MOST_MEGABYTES:g} MB", not missed)
 
 
 def main() -> None:

@@ -2,7 +2,7 @@
 """PoWER's ways to explore against CMA-ES (the package `cma`): returns asked until a target is met, and what is left
 after a budget.
 
-    python3 benchmarks/power.py [--seeds 20] [--parts] [--defaults] [--gradients]
+    python3 -m benchmarks.power [--seeds 20] [--parts] [--defaults] [--gradients]
 
 All start in the same places, uniform in (-1.5, 1.5), with spread 0.5. --parts shows what each part of the automatic
 exploration pays, --defaults how many trials the other modes should remember, --gradients what REINFORCE and the

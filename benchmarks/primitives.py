@@ -2,7 +2,7 @@
 """Movement primitives against movement_primitives (its Cython steppers where they are built): imitation of a
 demonstration of 7 joints and 1000 steps with 50 weights each, the open-loop movement, and online steps.
 
-    python3 benchmarks/primitives.py
+    python3 -m benchmarks.primitives
 
 One thread, medians of the processor time of interleaved repeats in the same process. The script fails if our movement is not ten times
 as close to the demonstration as the peer's. The peer is optional: pip install movement_primitives.
@@ -19,6 +19,7 @@ import time  # noqa: E402
 
 import numpy as np  # noqa: E402
 
+from benchmarks.rows import tell  # noqa: E402
 from dart_skill.movement import DiscretePrimitive  # noqa: E402
 
 try:
@@ -114,6 +115,8 @@ def report(own: dict, own_errors: dict, peer: dict, peer_errors: dict) -> None:
             missed = "" if peer[other] / seconds >= TARGETS[name] else ", missed"
             target = f"   {TARGETS[name]:g}{missed}"
             print(f"{label}{1e3 * peer[other]:>9.2f} ms{peer[other] / seconds:>9.1f}{target}", end="")
+            beside, ratio = f"movement_primitives {other[len(name) :].strip()} {1e3 * peer[other]:.2f} ms", peer[other] / seconds
+            tell(f"movement primitive, {name}", f"{1e3 * seconds:.2f} ms", beside, ratio, f"{TARGETS[name]:g}", ratio >= TARGETS[name])
         print(end="\n" if peer else "")
     error = own_errors["runge-kutta"]
     print(f"{'rmse to the demonstration':<28}{error:>12.2e}", end="\n")

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Bags against the writers of rosbags and mcap and the readers of both: 100,000 messages, raw CDR, zstd-compressed chunks.
 
-    python3 benchmarks/recording.py
+    python3 -m benchmarks.recording
 
 Medians of interleaved repeats in the same process, each into a new file; a read takes every message of the file in order of log time.
 Every side writes the same bytes, and the report checks that every reader gets them all. The log times are 2 ms apart (500 Hz), so
@@ -24,6 +24,7 @@ from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 
+from benchmarks.rows import tell
 from dart_skill.recording import BagReader, BagWriter, definition, qos_yaml, serialize, type_hash, typestore
 
 START_NS, STEP_NS, MOST_STALL_MS = 1_700_000_000_000_000_000, 2_000_000, 5.0
@@ -208,6 +209,8 @@ def report(kind: str, own: str, found: dict[str, float], least_ratio: float = 1.
         ratio = found[own] / found[peer]
         print(f"{kind:<34}{found[own] / 1e3:>9.0f}k/s{peer:>10}{found[peer] / 1e3:>8.0f}k/s{ratio:>8.2f}   ", end="")
         print(f"{least_ratio:g}{', missed' if ratio < least_ratio else ''}")
+        ours, beside = f"{found[own] / 1e3:.0f} k/s", f"{peer} {found[peer] / 1e3:.0f} k/s"
+        tell(kind, ours, beside, ratio, f"{least_ratio:g}", ratio >= least_ratio)
 
 
 def compare(folder: Path, name: str, type_name: str, messages: list[bytes], repeats: int) -> None:

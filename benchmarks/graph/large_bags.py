@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """What check, learn and recover take of time and memory with bags of growing size, as a long day of recording makes them.
 
-    source tools/env.sh && python3 benchmarks/graph/large_bags.py --sizes 0.1 0.3 1 3 10
+    source tools/env.sh && python3 -m benchmarks.graph.large_bags --sizes 0.1 0.3 1 3 10
 
 A bag repeats the streams of bags/demonstrations with later stamps, 13 demonstrations every 68 s of its clock: poses of three bodies, joint
 states, commands, transforms, demonstrations, in one file. Each command runs in a process of its own. Memory is the most that was resident

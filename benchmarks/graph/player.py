@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """How punctual the bag player is beside one in rclpy's usual way: a recorded throw at rate 1.
 
-    source tools/env.sh && python3 benchmarks/graph/player.py --seconds 10
+    source tools/env.sh && python3 -m benchmarks.graph.player --seconds 10
 
 One after the other, they play the same part of a bag to the same listener, which takes the time at which the middleware received each
 message. The peer reads with rosbags, deserialises, sleeps until a message is due, and publishes it. An error is how much later than due a

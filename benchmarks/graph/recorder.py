@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """What the recorder loses and costs beside one in rclpy's usual way: joint states and commands at 500 Hz, three bodies at 100 Hz.
 
-    source tools/env.sh && python3 benchmarks/graph/recorder.py --seconds 60
+    source tools/env.sh && python3 -m benchmarks.graph.recorder --seconds 60
 
 The peer subscribes to the same publishers at the same time: a raw callback for each message, and the writer of rosbags. A publisher numbers
 its messages by their stamps, so that each recording is compared with what was sent, message by message.

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Graphs side by side on one machine: 1 to 20 of them, each on a ROS domain of its own, throw at the same time.
 
-    source tools/env.sh && python3 benchmarks/graph/side_by_side.py --graphs 1 2 4 8 12 20
+    source tools/env.sh && python3 -m benchmarks.graph.side_by_side --graphs 1 2 4 8 12 20
 
 Each graph is the default layout of `dart-skill up`: nodes in one process, the learner in another, a bag that is written. All have the same
 seed, learn from bags/demonstrations and throw at the same baskets, so all must have the same outcomes, to the last bit. They begin when the

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Experiments on 1 to N cores, and on a Dask cluster of several worker processes: how much of them is used.
 
-    python3 benchmarks/skill/cores.py --dask
+    python3 -m benchmarks.skill.cores --dask
 
 The runs are those of `dart-skill experiment throws`, a seed each: five demonstrations and as many throws. The efficiency on n processes is
 T1 / (n Tn), n no larger than the number of cores; times are by the clock, with the start of the processes and their imports. Where other
@@ -25,6 +25,7 @@ from typing import NamedTuple
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"  # before NumPy is imported, here and in the processes that are started
 
+from benchmarks.rows import tell  # noqa: E402
 from dart_skill.experiments.parallel import run_all  # noqa: E402
 from dart_skill.experiments.throws import Throw, run_seed  # noqa: E402
 
@@ -74,6 +75,9 @@ def report(kind: str, processes: int, clock: float, runs: list[Run], alone: tupl
     missed = "" if efficiency >= ASKED else f"   asked: {ASKED:.0%}"
     numbers = f"{clock:8.1f} s{used / len(runs):13.2f} s{efficiency:12.0%}{free:9.0%}"
     print(f"{kind:<11}{processes:>10}{numbers}{missed}", flush=True)
+    if processes > 1 or kind == "--scheduler":
+        work, beside = f"efficiency of {processes} processes, {kind}", f"one process {alone[0]:.1f} s"
+        tell(work, f"{clock:.1f} s, {efficiency:.0%}", beside, alone[0] / clock, f"{ASKED:.0%}", efficiency >= ASKED)
     return {"kind": kind, "processes": processes, "clock": clock, "run": used / len(runs), "efficiency": efficiency, "free": free}
 
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """What a person waits for: learning from a bag of demonstrations, a plan of a throw, and commands that only say something.
 
-    python3 benchmarks/skill/lessons.py
+    python3 -m benchmarks.skill.lessons
 
 One thread. Median processor time of learning and planning, with the demonstrations in memory; of commands, that of a process of its own,
 the least of some. These have no peer: what is asked are milliseconds.

@@ -326,19 +326,20 @@ TYPED = {
     "dart-skill learn demonstrations_csv --mapping demonstrations_csv/mapping.yaml": Elsewhere(
         "unit/recording/test_tables.py::test_the_tables_teach_the_same_skill_to_the_last_bit"
     ),
-    "python3 benchmarks/power.py --gradients": Run("--seeds 1", says="natural actor-critic, normalised 0.3", slow=True),
-    "python3 benchmarks/few_samples.py --sets 200": Run("--sets 2", says="15 x 8", slow=True),
-    "python3 benchmarks/mixtures.py --pbdlib ~/pbdlib-python": NETWORK,
-    "python3 benchmarks/growth.py --picture growth.svg": Run(
+    "python3 -m benchmarks.power --gradients": Run("--seeds 1", says="natural actor-critic, normalised 0.3", slow=True),
+    "python3 -m benchmarks.few_samples --sets 200": Run("--sets 2", says="15 x 8", slow=True),
+    "python3 -m benchmarks.mixtures --pbdlib ~/pbdlib-python": NETWORK,
+    "python3 -m benchmarks.growth --picture growth.svg": Run(
         "--largest 5 --seconds 0.01", says="30 dimensions", leaves="growth.svg", slow=True
     ),
-    "python3 benchmarks/graph/loop.py": Run("--seconds 1 --layouts composed", says="composed", slow=True),
-    "python3 benchmarks/graph/large_bags.py --sizes 0.1 0.3 1 3 10": Run("--sizes 0.001 --commands check", says="0.01 GB", slow=True),
-    "python3 benchmarks/graph/side_by_side.py --graphs 1 2 4 8 12 20": Run("--graphs 1 --throws 1", says="1 of 1", slow=True),
-    "python3 benchmarks/skill/cores.py": Run("--runs 1 --throws 1 --jobs 1", says="100%", slow=True),
-    "python3 benchmarks/skill/lessons.py": Run("--repeats 1 --rows plan", says="plan of a throw"),
-    "python3 benchmarks/recording.py": Run("--messages 1000 --repeats 1", says="dart_skill"),
-    "python3 benchmarks/graph/recorder.py --seconds 60": Run("--seconds 1", says="messages in 1 s", slow=True),
+    "python3 -m benchmarks.graph.loop": Run("--seconds 1 --layouts composed", says="composed", slow=True),
+    "python3 -m benchmarks.graph.large_bags --sizes 0.1 0.3 1 3 10": Run("--sizes 0.001 --commands check", says="0.01 GB", slow=True),
+    "python3 -m benchmarks.graph.side_by_side --graphs 1 2 4 8 12 20": Run("--graphs 1 --throws 1", says="1 of 1", slow=True),
+    "python3 -m benchmarks.skill.cores": Run("--runs 1 --throws 1 --jobs 1", says="100%", slow=True),
+    "python3 -m benchmarks.skill.waits": Run("--only 501", says="asked 0.5 s"),
+    "python3 -m benchmarks.skill.lessons": Run("--repeats 1 --rows plan", says="plan of a throw"),
+    "python3 -m benchmarks.recording": Run("--messages 1000 --repeats 1", says="dart_skill"),
+    "python3 -m benchmarks.graph.recorder --seconds 60": Run("--seconds 1", says="messages in 1 s", slow=True),
     # Rerun
     "dart-skill view --install bags/throws": NETWORK,
     "dart-skill view bags/throws": VIEW,
