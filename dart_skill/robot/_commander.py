@@ -7,7 +7,6 @@ In EXECUTING a guide says what pulls the hand: the attractors (7.19) of a plan, 
 motions the joints are held. A limit that fires brings the arm to a damped stop and leaves its reason in `message`.
 """
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from enum import Enum
@@ -17,19 +16,19 @@ import scipy
 
 from dart_skill.configuration import node_parameters
 from dart_skill.constants import N_JOINTS, Grip
-from dart_skill.robot._command import REST_SPEED, ArmState, Command, Speed, all_finite, largest
+from dart_skill.robot._command import REST_SPEED, ArmState, Command, Speed
 from dart_skill.robot._description import WamDescription, wam_description
+from dart_skill.robot._drive import coasted, cut, with_swing
 from dart_skill.robot._guide import Guidance, Guide, PlanGuide
 from dart_skill.robot._impedance import (
     Impedance,
     JointServo,
     PoseGains,
     Reference,
-    attractor_acceleration,
     minimum_jerk,
     rotation_error,
-    tracking_acceleration,
 )
+from dart_skill.robot._joint_checks import are_finite, are_within, distance, farthest, largest
 from dart_skill.robot._model import ArmModel
 from dart_skill.robot._motion_plan import MotionPlan
 from dart_skill.robot._registration import Registration
@@ -149,12 +148,12 @@ class Commander:
         self._description = description or wam_description()
         share = self.settings.friction_compensation
         self._lower, self._upper = self._description.of_joints("lower"), self._description.of_joints("upper")
-        self._range = self._lower.tolist(), self._upper.tolist()
         self._loaded = Impedance(ArmModel(self._description, ball_in_hand=True), share)
         self._empty = Impedance(ArmModel(self._description, ball_in_hand=False), share)
-        self._servo = JointServo(self._empty)
+        self._model = ArmModel(self._description)  # in the state of the arm, not in that of an expected motion
+        self._servo = JointServo(Impedance(self._model, share))
         s = self.settings
-        self._safety = SafetyModule(s.limits, self._description)
+        self._safety = SafetyModule(s.limits, self._description, model=self._model)
         self._tracking = PoseGains.of(
             (s.tracking_stiffness, s.tracking_damping), (s.tracking_stiffness_rotation, s.tracking_damping_rotation)
         )
@@ -287,8 +286,9 @@ class Commander:
 
     def step(self, state: ArmState) -> Command:
         """The command that answers `state`. ValueError for a state that is not finite."""
-        if not (all_finite(state.position) and all_finite(state.velocity)):
+        if not are_finite(state.position, state.velocity):
             raise ValueError(f"joint state of {state.stamp_ns} ns is not finite: {state.position}, {state.velocity}")
+        self._model.at(state.position, state.velocity)
         self._refuse_jump(state)
         self._notice_gap(state)
         if self._requested is not None:
@@ -309,11 +309,14 @@ class Commander:
         return self._safety.limited(command, state.position)
 
     def _answer(self, state: ArmState) -> Command:
-        """That of the mode, with the level of speed that the mode needs."""
-        command = self._ANSWERS[self._mode](self, state)
-        if self._mode in CAREFUL or (self._mode == Mode.EXECUTING and self._guide.speed == Speed.CAREFUL):
-            return command
-        return Command(command.stamp_ns, command.wrench, command.joint_torque, command.grip, Speed.THROW)
+        return self._ANSWERS[self._mode](self, state)
+
+    def _command(self, state: ArmState, torque: np.ndarray, wrench: np.ndarray | None = None, grip: Grip = Grip.UNSPECIFIED) -> Command:
+        """The answer to a state, with the level of speed that the mode needs."""
+        if wrench is None:
+            wrench = np.zeros(6)
+        careful = self._mode in CAREFUL or (self._mode is Mode.EXECUTING and self._guide.speed == Speed.CAREFUL)
+        return Command(state.stamp_ns, wrench, torque, grip, Speed.CAREFUL if careful else Speed.THROW)
 
     # one method per mode
 
@@ -328,7 +331,7 @@ class Commander:
         return self._joint_command(state, self._hold, zero, zero)
 
     def _free(self, state: ArmState) -> Command:
-        return Command(state.stamp_ns)
+        return self._command(state, np.zeros(N_JOINTS))
 
     def _approaching(self, state: ArmState) -> Command:
         if self.time >= self._approach:
@@ -355,24 +358,25 @@ class Commander:
         return self._joint_command(state, self._guide.start_posture, zero, zero)
 
     def _executing(self, state: ArmState) -> Command:
-        hand = self._arm_now.model.hand_state(state.position, state.velocity)
+        hand = self._model.hand_state(state.position, state.velocity)
         now = self._guide.look(self.time, hand, state.stamp_ns)
         if now.over:
             self._enter(Mode.FOLLOWING_THROUGH, state)
             return self._following_through(state)
         self._carries = now.carries
-        self.reference, self.tracking_error = now.reference, math.dist(now.reference.position, hand.position)
+        self.reference, self.tracking_error = now.reference, distance(now.reference.position, hand.position)
         if reason := now.fault or self._limit_broken(state, now.off):
             self.stop(reason)
             return self._stopping(state)
         if self.settings.tracking == "joints":
             wrench, torque = self._follow(state, now)
         else:
-            acceleration = attractor_acceleration(now.reference, hand, now.gains)
-            if self.settings.tracking == "hand":
-                acceleration += tracking_acceleration(now.reference, hand, self._tracking)
+            tracking = self._tracking if self.settings.tracking == "hand" else None
+            acceleration = self._arm_now.pulled(state.position, state.velocity, now.reference, now.gains, tracking)
             wrench, torque = self._arm_now.act(state.position, state.velocity, acceleration, self._posture(state.position, now))
-        return Command(state.stamp_ns, self._cut(wrench), torque, self._told(now.grip, state))
+        limits = self.settings.limits
+        wrench = cut(wrench, limits.strongest_force, limits.strongest_moment)
+        return self._command(state, torque, wrench, self._told(now.grip, state))
 
     @property
     def _arm_now(self) -> Impedance:
@@ -380,9 +384,7 @@ class Commander:
 
     def _posture(self, position: np.ndarray, now: Guidance) -> np.ndarray:
         """What the free motion of the arm aims at (7,): the posture of the start, or of the plan, but for the joints that swing."""
-        posture = (self._guide.start_posture if now.posture is None else now.posture).copy()
-        posture[1:6:2] = position[1:6:2]
-        return posture
+        return with_swing(self._guide.start_posture if now.posture is None else now.posture, position)
 
     def _follow(self, state: ArmState, now: Guidance) -> tuple[np.ndarray, np.ndarray]:
         """Wrench (6,) and torque (7,) of the motion that (7.19) makes of the plan on the model of the arm, and a pull of the joints to it.
@@ -390,9 +392,7 @@ class Commander:
         The law acts on the model, where nothing is late or noisy; of the arm's own sensors only the joints' servo lives.
         """
         q, qd = self._expected_now(state)
-        hand = self._arm_now.model.hand_state(q, qd)
-        acceleration = attractor_acceleration(now.reference, hand, now.gains)
-        acceleration += tracking_acceleration(now.reference, hand, self._tracking)
+        acceleration = self._arm_now.pulled(q, qd, now.reference, now.gains, self._tracking)
         wrench, torque, qdd = self._arm_now.moved(q, qd, acceleration, self._posture(q, now))
         if self._guide.speed == Speed.CAREFUL and self._expected is not None:
             self._taken_out = self._servo.take_out(self._taken_out, state.position, q, self.time - self._expected[3])
@@ -404,8 +404,7 @@ class Commander:
         if self._expected is None:
             return state.position.copy(), np.zeros(N_JOINTS)
         q, qd, qdd, then = self._expected
-        step = self.time - then
-        return q + step * qd + 0.5 * step**2 * qdd, qd + step * qdd
+        return coasted(q, qd, qdd, self.time - then)
 
     def _following_through(self, state: ArmState) -> Command:
         return self._come_to_rest(state)
@@ -419,11 +418,11 @@ class Commander:
             self._enter(Mode.HOLDING, state)
             return self._holding(state)
         if self.settings.tracking != "joints":
-            return Command(state.stamp_ns, joint_torque=self._servo.damp(state.velocity), grip=self._still_told())
+            return self._command(state, self._servo.damp(state.velocity), grip=self._still_told())
         if self._braking is None:
             self._braking = state.position.copy(), state.velocity.copy()
         torque = self._servo.brake(state.position, state.velocity, *self._braking, self.time)
-        return Command(state.stamp_ns, joint_torque=torque, grip=self._still_told())
+        return self._command(state, torque, grip=self._still_told())
 
     _ANSWERS: Mapping[Mode, Callable[["Commander", ArmState], Command]] = {
         Mode.HOLDING: _holding,
@@ -444,9 +443,8 @@ class Commander:
         if last is None or not 0.0 <= (gap := (state.stamp_ns - last.stamp_ns) * 1e-9) <= self.settings.longest_gap:
             self._last = state
             return
-        jump = [abs(here - there) for here, there in zip(state.position.tolist(), last.position.tolist(), strict=True)]
-        if (most := max(jump)) > JUMP[0] + JUMP[1] * gap:
-            name = self._description.joints[jump.index(most)].name
+        if (most := farthest(state.position, last.position)) > JUMP[0] + JUMP[1] * gap:
+            name = self._description.joints[int(np.abs(state.position - last.position).argmax())].name
             raise ValueError(f"{name} jumped by {most:.2f} rad within {gap:.3f} s: that is another arm, or the message is damaged")
         self._last = state
 
@@ -469,8 +467,7 @@ class Commander:
         self._mode, self._entered_ns, self.time = mode, state.stamp_ns, 0.0
 
     def _joint_command(self, state: ArmState, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> Command:
-        torque = self._servo.torque(state.position, state.velocity, q, qd, qdd)
-        return Command(state.stamp_ns, joint_torque=torque)
+        return self._command(state, self._servo.torque(state.position, state.velocity, q, qd, qdd))
 
     def _still_told(self) -> Grip:
         """What every command says to the hand after the throw: the same as before, until the arm is at rest."""
@@ -483,19 +480,11 @@ class Commander:
         self._grip = grip
         return grip
 
-    def _cut(self, wrench: np.ndarray) -> np.ndarray:
-        force, moment = math.sqrt(wrench[:3] @ wrench[:3]), math.sqrt(wrench[3:] @ wrench[3:])
-        most_force, most_moment = self.settings.limits.strongest_force, self.settings.limits.strongest_moment
-        if force <= most_force and moment <= most_moment:
-            return wrench
-        return np.repeat([min(1.0, most_force / max(1e-9, force)), min(1.0, most_moment / max(1e-9, moment))], 3) * wrench
-
     def _limit_broken(self, state: ArmState, off: float) -> str:
-        limits, rows = self.settings.limits, zip(state.position.tolist(), *self._range, strict=True)
-        over = [max(at - upper, lower - at) for at, lower, upper in rows]
-        if (most := max(over)) > -limits.joint_margin:
-            j = over.index(most)
-            return f"j{j + 1} is at {state.position[j]:.3f} rad, closer than {limits.joint_margin} rad to the end of its range"
+        margin = self.settings.limits.joint_margin
+        if not are_within(state.position, self._lower, self._upper, margin):
+            j = int(np.maximum(state.position - self._upper, self._lower - state.position).argmax())
+            return f"j{j + 1} is at {state.position[j]:.3f} rad, closer than {margin} rad to the end of its range"
         if off > self.settings.farthest_error:
             return f"the hand is {off:.3f} m from the plan, farther than the limit of {self.settings.farthest_error} m"
         return ""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,8 +13,10 @@ import scipy
 from dart_skill.constants import Grip
 from dart_skill.robot._command import Speed
 from dart_skill.robot._impedance import PoseGains, Reference, rotation_error
+from dart_skill.robot._joint_checks import distance
 from dart_skill.robot._model import HandState
 from dart_skill.robot._motion_plan import Gains, GainsOverTime, GripEvent, MotionPlan, Pace
+from dart_skill.robot._plan_rows import PlanRows
 
 AS_SHOWN = 0.5
 """Rate of a plan's clock below which the hand is held back: the fingers do nothing then."""
@@ -78,7 +79,8 @@ class PlanGuide:
     def __init__(self, plan: MotionPlan, follow_time: float):
         self.plan, self.what, self.start_posture, self.speed = plan, plan.what, plan.start_posture, plan.speed
         self._references, self._fingers = References(plan), Fingers(plan.events, plan.carries)
-        self._last = min(plan.path.duration, plan.end + follow_time)
+        self._duration = plan.path.duration
+        self._last = min(self._duration, plan.end + follow_time)
         self._clock = Clock(plan.pace, plan.path.time, self._fingers) if plan.pace is not None else None
 
     def look(self, time: float, hand: HandState, stamp_ns: int) -> Guidance:
@@ -95,7 +97,7 @@ class PlanGuide:
             grip=grip,
             carries=carries,
             off=self._off(reference, hand) if time < self.plan.end else 0.0,
-            over=time > self._last or self._clock is not None and time >= self.plan.path.duration,
+            over=time > self._last or self._clock is not None and time >= self._duration,
             fault=self._fingers.fault,
             posture=self._references.posture_at(time),
         )
@@ -103,7 +105,7 @@ class PlanGuide:
     def _off(self, reference: Reference, hand: HandState) -> float:
         """From the point of the plan; where the hand may be late, from the path about that point."""
         if self._clock is None:
-            return math.dist(reference.position, hand.position)
+            return distance(reference.position, hand.position)
         off, way = hand.position - reference.position, reference.velocity[:3]
         return float(np.linalg.norm(off - (off @ way) * way / max(way @ way, STANDS**2)))
 
@@ -123,9 +125,13 @@ class Fingers:
 
     def at(self, time: float) -> tuple[Grip, bool]:
         """What they are told at a time on the clock [s], and whether the hand holds something then."""
-        told = [event for event in self._events if time >= event.time - EARLY]
-        done = [event for event in told if time > event.done]
-        return told[-1].grip if told else Grip.UNSPECIFIED, done[-1].grip == Grip.CLOSE if done else self._carries
+        grip, carries = Grip.UNSPECIFIED, self._carries
+        for event in self._events:
+            if time >= event.time - EARLY:
+                grip = event.grip
+                if time > event.done:
+                    carries = grip == Grip.CLOSE
+        return grip, carries
 
     def held(self, now: float, later: float, rate: float, step: float) -> float:
         """Where the clock gets in a step [s] that would lead it from now to later [s]: not past an event while the hand is held back.
@@ -175,40 +181,32 @@ class References:
         path = plan.path
         self._position_gains, self._orientation_gains = plan.position_gains, plan.orientation_gains
         self._constant = self._constant_gains()
-        self._time, self._posture = path.time.tolist(), plan.posture
-        self._linear = np.hstack([plan.attractor_position, path.position, path.velocity, path.acceleration])
+        self._posture = plan.posture
+        linear = np.hstack([plan.attractor_position, path.position, path.velocity, path.acceleration])
         turns = [scipy.spatial.transform.Rotation.from_quat(quaternion) for quaternion in (plan.attractor_quaternion, path.quaternion)]
-        self._rotation = np.stack([turn.as_matrix() for turn in turns], axis=1)  # (n, 2, 3, 3)
+        rotation = np.stack([turn.as_matrix() for turn in turns], axis=1)  # (n, 2, 3, 3)
         # To the second order in the small angle between two instants: R + s K R + s^2 / 2 K K R.
         angle = np.stack([(turn[1:] * turn[:-1].inv()).as_rotvec() for turn in turns], axis=1)
         skew = _skew(angle)
-        self._first = skew @ self._rotation[:-1]
-        self._second = 0.5 * skew @ self._first
-
-    def _place(self, time: float) -> tuple[int, float]:
-        """Index of the instant before, and the share of the way from there to the next one."""
-        k = min(max(bisect_right(self._time, time) - 1, 0), len(self._time) - 2)
-        return k, (time - self._time[k]) / (self._time[k + 1] - self._time[k])
+        first = skew @ rotation[:-1]
+        self._rows = PlanRows(path.time, linear, rotation, first, 0.5 * skew @ first)
 
     def at(self, time: float) -> Reference:
         """What the hand shall do at an instant of the plan [s]."""
-        k, share = self._place(time)
-        row = self._linear[k] + share * (self._linear[k + 1] - self._linear[k])
-        attractor, rotation = self._rotation[k] + share * (self._first[k] + share * self._second[k])
-        return Reference(row[:3], attractor, row[3:6], rotation, row[6:12], row[12:18])
+        return Reference(*self._rows.at(time))
 
     def gains_at(self, time: float) -> PoseGains:
         """How strongly the hand is pulled at an instant of the plan [s]."""
         if self._constant is not None:
             return self._constant
-        parts = [self._gains_at(gains, *self._place(time)) for gains in (self._position_gains, self._orientation_gains)]
+        parts = [self._gains_at(gains, *self._rows.place(time)) for gains in (self._position_gains, self._orientation_gains)]
         return PoseGains(*(_block_diagonal(position, orientation) for position, orientation in zip(*parts, strict=True)))
 
     def posture_at(self, time: float) -> np.ndarray | None:
         """What the arm's free motion aims at then (7,) [rad]; None where the plan does not say. time: on the clock of the plan [s]."""
         if self._posture is None:
             return None
-        k, share = self._place(time)
+        k, share = self._rows.place(time)
         return self._posture[k] + min(max(share, 0.0), 1.0) * (self._posture[k + 1] - self._posture[k])
 
     def _constant_gains(self) -> PoseGains | None:

@@ -7,13 +7,13 @@ the floor below the base axis.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from dart_skill.constants import N_JOINTS
 from dart_skill.extras import Absent
+from dart_skill.robot._arm_terms import ArmTerms
 from dart_skill.robot._description import WamDescription, wam_description
 
 try:
@@ -54,7 +54,18 @@ class ArmModel:
         self._model, self._hand = _build(self.description, ball_in_hand)
         self._data = self._model.createData()
         self._reflected = self.description.motors.reflected_inertia
+        self._terms: ArmTerms | None = None
         self._prepare_capsules()
+
+    def at(self, q: np.ndarray, qd: np.ndarray | None = None) -> ArmTerms:
+        """What the model says of a state, for who asks much of it; the numbers are those of the next state once that is asked for.
+
+        Without velocities, what depends on them is left out.
+        """
+        if self._terms is None:
+            self._terms = ArmTerms(pin, self._model, self._model.frames[self._hand].placement, self._reflected)
+        self._terms.take(q, qd)
+        return self._terms
 
     def hand_pose(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Position (3,) and rotation (3, 3) of the hand frame in the world."""
@@ -64,15 +75,13 @@ class ArmModel:
 
     def hand_state(self, q: np.ndarray, qd: np.ndarray) -> HandState:
         """Pose and velocity of the hand frame in world axes."""
-        position, rotation = self.hand_pose(q)
-        return HandState(position, rotation, self.jacobian(q) @ qd)
+        return HandState(*self.at(q, qd).hand())
 
     def hand_states(self, q: np.ndarray, qd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Position (k, 3), rotation (k, 3, 3) and velocity (k, 6) of the hand at angles q and speeds qd (k, 7), as of `hand_state`."""
         position, rotation, velocity = np.empty((len(q), 3)), np.empty((len(q), 3, 3)), np.empty((len(q), 6))
         for k in range(len(q)):
-            position[k], rotation[k] = self.hand_pose(q[k])
-            velocity[k] = self.jacobian(q[k]) @ qd[k]
+            position[k], rotation[k], velocity[k] = self.at(q[k], qd[k]).hand()
         return position, rotation, velocity
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
@@ -92,11 +101,8 @@ class ArmModel:
 
     def speeds(self, q: np.ndarray, qd: np.ndarray) -> tuple[list[float], float, float]:
         """Position (3,) of the hand in the world [m], and the speeds of hand and elbow [m/s]."""
-        pin.forwardKinematics(self._model, self._data, q, qd)
-        hand = pin.getFrameVelocity(self._model, self._data, self._hand, pin.LOCAL).linear.tolist()
-        elbow = pin.getVelocity(self._model, self._data, 4, pin.LOCAL).linear.tolist()
-        place = pin.updateFramePlacement(self._model, self._data, self._hand).translation.tolist()
-        return place, math.hypot(*hand), math.hypot(*elbow)
+        terms = self.at(q, qd)
+        return [float(at) for at in terms.position], terms.hand_speed, terms.elbow_speed
 
     def mass_matrix(self, q: np.ndarray, rotors: bool = True) -> np.ndarray:
         """Joint-space inertia (7, 7) [kg m^2], with the rotors' reflected inertia unless told otherwise."""

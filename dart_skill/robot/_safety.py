@@ -14,8 +14,10 @@ import numpy as np
 
 from dart_skill.checks import as_number, as_vector
 from dart_skill.configuration import limit_parameters
+from dart_skill.robot._arm_terms import ArmTerms
 from dart_skill.robot._command import Command, Speed
 from dart_skill.robot._description import WamDescription, wam_description
+from dart_skill.robot._joint_checks import Levels
 from dart_skill.robot._model import ArmModel
 
 
@@ -78,18 +80,21 @@ class SafetyModule:
     * limits: of the arm.
     * description: of the arm, default the WAM.
     * patience: every limit is multiplied by it, default 1.
+    * model: of the arm, whose state it looks at; None: one of its own. One that others ask about the same states saves time.
 
     Attributes: `warning`, what is near its limit now, and `fault`, what first passed it, which stays until `reset`; both empty if none.
     """
 
-    def __init__(self, limits: SafetyLimits, description: WamDescription | None = None, patience: float = 1.0):
+    def __init__(
+        self, limits: SafetyLimits, description: WamDescription | None = None, patience: float = 1.0, model: ArmModel | None = None
+    ):
         description = description or wam_description()
         self._limits, self._patience = limits, patience
-        self._model = ArmModel(description)
+        self._model = model or ArmModel(description)
         lower, upper = description.of_joints("lower"), description.of_joints("upper")
-        # Lists: for seven numbers Python's own arithmetic is faster than an array's, and this is done at every step.
         self._middle, self._half = (0.5 * (lower + upper)).tolist(), (0.5 * (upper - lower)).tolist()
-        self._strongest = (limits.torque_share * description.of_joints("peak_torque")).tolist()
+        strongest = limits.torque_share * description.of_joints("peak_torque")
+        self._strongest = strongest.tolist()
         self._fastest = {
             Speed.CAREFUL: (limits.careful_elbow, limits.careful_hand),
             Speed.THROW: (limits.fastest_elbow, limits.fastest_hand),
@@ -97,6 +102,8 @@ class SafetyModule:
         low, high = np.array(limits.workspace_low), np.array(limits.workspace_high)
         grown = 0.5 * (patience - 1.0) * (high - low)
         self._low, self._high = (low - grown).tolist(), (high + grown).tolist()
+        beyond = patience * limits.joint_overrun
+        self._levels = Levels(strongest, lower - beyond, upper + beyond, low - grown, high + grown)
         self.warning = self.fault = ""
 
     def reset(self) -> None:
@@ -107,7 +114,16 @@ class SafetyModule:
         """The fault after a state of the arm: angles (7,) [rad], speeds (7,) [rad/s], torque that is asked for (7,) [N m], speed level."""
         if self.fault:
             return self.fault
-        hand, hand_speed, elbow_speed = self._model.speeds(position, velocity)
+        terms = self._model.at(position, velocity)
+        if self._levels.are_far(terms, position, torque, *self._fastest[speed], self._limits.warning_share):
+            self.warning = ""
+        else:
+            self._judge(terms, position, torque, speed)
+        return self.fault
+
+    def _judge(self, terms: ArmTerms, position: np.ndarray, torque: np.ndarray, speed: Speed) -> None:
+        """What is near its limit or beyond it, in words."""
+        hand, hand_speed, elbow_speed = [float(at) for at in terms.position], terms.hand_speed, terms.elbow_speed
         torques = torque.tolist()
         fastest_elbow, fastest_hand = self._fastest[speed]
         torque_shares = [abs(one) / most for one, most in zip(torques, self._strongest, strict=True)]
@@ -124,16 +140,11 @@ class SafetyModule:
             self.warning, self.fault = said, said if worst > self._patience else ""
         else:
             self.warning = ""
-        return self.fault
 
     def limited(self, command: Command, position: np.ndarray) -> Command:
         """The command, weakened as a whole where it asks a joint for more than the limit on top of gravity compensation."""
-        torque = command.joint_torque
-        if any(command.wrench.tolist()):
-            torque = torque + self._model.jacobian(position).T @ command.wrench
-        held = zip(self._strongest, self._model.gravity_torque(position).tolist(), strict=True)
-        room = [max(0.0, most - abs(gravity)) for most, gravity in held]
-        share = min(free / max(abs(one), 1e-9) for free, one in zip(room, torque.tolist(), strict=True))
+        terms = self._model.at(position)
+        share = self._levels.share(terms, command.wrench, command.joint_torque)
         if share >= 1.0:
             return command
         return Command(command.stamp_ns, share * command.wrench, share * command.joint_torque, command.grip, command.speed)

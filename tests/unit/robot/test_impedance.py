@@ -216,9 +216,8 @@ def test_a_joint_that_stands_still_is_helped_where_it_is_driven_and_never_beyond
 @pytest.mark.parametrize(("roll", "offset"), [(2, 0.01), (4, 0.03)])
 def test_a_roll_that_friction_holds_in_spite_of_compensation_by_its_speed_follows_with_the_help_of_its_drive(model, roll, offset):
     left = []
-    for weak_drive in (np.inf, None):
-        impedance, actuation = Impedance(model), Actuation(WAM)
-        impedance._weak_drive = impedance._weak_drive if weak_drive is None else weak_drive
+    for settings in ({"weak_drive": np.inf}, {}):
+        impedance, actuation = Impedance(model, **settings), Actuation(WAM)
         q, qd = POSTURE.copy(), np.zeros(7)
         wanted = POSTURE + offset * np.eye(7)[roll]
         for _ in range(300):

@@ -1,0 +1,15 @@
+# Types of _plan_rows.py, for Cython.
+cimport cython
+
+cdef class PlanRows:
+    cdef double[::1] _time
+    cdef double[:, ::1] _linear, _rotation, _first, _second
+
+    @cython.locals(k=Py_ssize_t)
+    cpdef place(self, double time)
+
+    @cython.locals(k=Py_ssize_t, i=Py_ssize_t, share=double, row=double[::1], turns=double[::1])
+    cpdef at(self, double time)
+
+    @cython.locals(low=Py_ssize_t, high=Py_ssize_t, middle=Py_ssize_t)
+    cdef Py_ssize_t _before(self, double time) except -1
