@@ -14,6 +14,7 @@ cdef class ArmTerms:
     cdef readonly double[::1] q, qd, position, velocity, drift, coriolis, gravity
     cdef readonly double[:, ::1] rotation, jacobian, inertia
     cdef readonly double hand_speed, elbow_speed
+    cdef readonly bint are_finite
 
     cpdef take(self, const double[:] q, const double[:] qd)
 
@@ -33,7 +34,7 @@ cdef class ArmTerms:
     @cython.locals(i=Py_ssize_t, j=Py_ssize_t, k=Py_ssize_t, position=double[::1], column=double[::1])
     cdef _place_hand(self)
 
-    @cython.locals(i=Py_ssize_t, j=Py_ssize_t, twist=double[::1], velocity=double[::1])
+    @cython.locals(i=Py_ssize_t, j=Py_ssize_t, twist=double[::1], velocity=double[::1], total=double)
     cdef _move(self)
 
     @cython.locals(i=Py_ssize_t, j=Py_ssize_t, twist=double[::1], rate=double[::1], column=double[::1], drift=double[::1])

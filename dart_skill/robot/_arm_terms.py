@@ -31,7 +31,7 @@ class ArmTerms:
 
     Attributes, which the next state overwrites:
 
-    * q, qd: angles and speeds of the joints (7,) [rad], [rad/s].
+    * q, qd: angles and speeds of the joints (7,) [rad], [rad/s]; are_finite, whether all are.
     * position, rotation: of the hand (3,) [m] and (3, 3).
     * jacobian, velocity: of the hand (6, 7) and (6,), linear over angular [m/s, rad/s].
     * hand_speed, elbow_speed: [m/s].
@@ -60,6 +60,7 @@ class ArmTerms:
         self._has_speeds = self._has_gravity = self._has_inertia = self._has_coriolis = False
         self.position, self.rotation, self.jacobian = np.zeros(3), np.zeros((3, 3)), np.zeros((6, N_JOINTS))
         self.velocity, self.drift, self.hand_speed, self.elbow_speed = np.zeros(6), np.zeros(6), 0.0, 0.0
+        self.are_finite = False
         self.inertia, self.coriolis, self.gravity = np.zeros((N_JOINTS, N_JOINTS)), np.zeros(N_JOINTS), np.zeros(N_JOINTS)
 
     def take(self, q: np.ndarray, qd: np.ndarray | None) -> None:
@@ -147,10 +148,11 @@ class ArmTerms:
 
     def _move(self) -> None:
         """V, and from it the velocity of the hand and the speeds of hand and elbow."""
-        twist, velocity = self._twist, self.velocity
+        twist, velocity, total = self._twist, self.velocity, 0.0
         for i in range(6):
             twist[i] = 0.0
         for j in range(self.q.shape[0]):
+            total += self.q[j] + self.qd[j]
             for i in range(6):
                 twist[i] += self._twists[i, j] * self.qd[j]
             if j + 1 == self._up_to_elbow:
@@ -159,7 +161,7 @@ class ArmTerms:
                 self.elbow_speed = _length(velocity)
         _copy(twist, velocity)
         _add_cross(twist, 3, self.position, 0, velocity, 0)
-        self.hand_speed = _length(velocity)
+        self.hand_speed, self.are_finite = _length(velocity), math.isfinite(total)
 
     def _change(self) -> None:
         """A, and from it the drift of the hand."""

@@ -28,7 +28,7 @@ from dart_skill.robot._impedance import (
     minimum_jerk,
     rotation_error,
 )
-from dart_skill.robot._joint_checks import are_finite, are_within, distance, farthest, largest
+from dart_skill.robot._joint_checks import JointRange, distance, farthest, largest
 from dart_skill.robot._model import ArmModel
 from dart_skill.robot._motion_plan import MotionPlan
 from dart_skill.robot._registration import Registration
@@ -134,6 +134,7 @@ class Commander:
     """
 
     _guide: Guide  # of the last motion: only its modes ask for it
+    _posture_before: np.ndarray  # of the joints, before that motion
     _start: np.ndarray
     _goal: np.ndarray  # of the last motion to a posture
 
@@ -148,6 +149,7 @@ class Commander:
         self._description = description or wam_description()
         share = self.settings.friction_compensation
         self._lower, self._upper = self._description.of_joints("lower"), self._description.of_joints("upper")
+        self._range = JointRange(self._lower, self._upper)
         self._loaded = Impedance(ArmModel(self._description, ball_in_hand=True), share)
         self._empty = Impedance(ArmModel(self._description, ball_in_hand=False), share)
         self._model = ArmModel(self._description)  # in the state of the arm, not in that of an expected motion
@@ -208,8 +210,9 @@ class Commander:
     def _begin(self, guide: Guide, state: ArmState) -> None:
         self._requested = None
         self._guide, self._grip, self._carries, self._expected = guide, Grip.UNSPECIFIED, False, None
+        self._posture_before = np.array(guide.start_posture, dtype=float)
         self._taken_out = np.zeros(N_JOINTS)  # by the torques of a careful motion
-        self._begin_way(guide.start_posture, state)
+        self._begin_way(self._posture_before, state)
         self._enter(Mode.APPROACHING, state)
 
     def _begin_way(self, posture: np.ndarray, state: ArmState) -> None:
@@ -286,9 +289,8 @@ class Commander:
 
     def step(self, state: ArmState) -> Command:
         """The command that answers `state`. ValueError for a state that is not finite."""
-        if not are_finite(state.position, state.velocity):
+        if not self._model.at(state.position, state.velocity).are_finite:
             raise ValueError(f"joint state of {state.stamp_ns} ns is not finite: {state.position}, {state.velocity}")
-        self._model.at(state.position, state.velocity)
         self._refuse_jump(state)
         self._notice_gap(state)
         if self._requested is not None:
@@ -327,8 +329,7 @@ class Commander:
         self._found = True
         if self._hold is None:
             self._hold = state.position.copy()
-        zero = np.zeros(N_JOINTS)
-        return self._joint_command(state, self._hold, zero, zero)
+        return self._command(state, self._servo.hold(state.position, state.velocity, self._hold))
 
     def _free(self, state: ArmState) -> Command:
         return self._command(state, np.zeros(N_JOINTS))
@@ -338,7 +339,7 @@ class Commander:
             self._enter(Mode.SETTLING, state)
             self._quiet_ns = state.stamp_ns
             return self._settling(state)
-        return self._joint_command(state, *minimum_jerk(self._start, self._guide.start_posture, self._approach, self.time))
+        return self._joint_command(state, *minimum_jerk(self._start, self._posture_before, self._approach, self.time))
 
     def _moving(self, state: ArmState) -> Command:
         if self.time >= self._approach:
@@ -354,8 +355,7 @@ class Commander:
         if quiet >= self.settings.settle_time or self.time >= self.settings.settle_limit:
             self._enter(Mode.EXECUTING, state)
             return self._executing(state)
-        zero = np.zeros(N_JOINTS)
-        return self._joint_command(state, self._guide.start_posture, zero, zero)
+        return self._command(state, self._servo.hold(state.position, state.velocity, self._posture_before))
 
     def _executing(self, state: ArmState) -> Command:
         hand = self._model.hand_state(state.position, state.velocity)
@@ -384,7 +384,7 @@ class Commander:
 
     def _posture(self, position: np.ndarray, now: Guidance) -> np.ndarray:
         """What the free motion of the arm aims at (7,): the posture of the start, or of the plan, but for the joints that swing."""
-        return with_swing(self._guide.start_posture if now.posture is None else now.posture, position)
+        return with_swing(self._posture_before if now.posture is None else now.posture, position)
 
     def _follow(self, state: ArmState, now: Guidance) -> tuple[np.ndarray, np.ndarray]:
         """Wrench (6,) and torque (7,) of the motion that (7.19) makes of the plan on the model of the arm, and a pull of the joints to it.
@@ -482,7 +482,7 @@ class Commander:
 
     def _limit_broken(self, state: ArmState, off: float) -> str:
         margin = self.settings.limits.joint_margin
-        if not are_within(state.position, self._lower, self._upper, margin):
+        if not self._range.holds(state.position, margin):
             j = int(np.maximum(state.position - self._upper, self._lower - state.position).argmax())
             return f"j{j + 1} is at {state.position[j]:.3f} rad, closer than {margin} rad to the end of its range"
         if off > self.settings.farthest_error:

@@ -6,17 +6,20 @@ from dart_skill.small_matrices cimport eigen_into, factor_into, solve_into
 
 cpdef turn(const double[:, :] target, const double[:, :] rotation)
 
-@cython.locals(i=Py_ssize_t, acceleration=double[::1])
 cpdef pull(
     const double[:] position, const double[:, :] rotation, const double[:] velocity,
     const double[:] hand_position, const double[:, :] hand_rotation, const double[:] hand_velocity,
     const double[:] stiffness, const double[:] damping)
 
-cpdef pull_arm(
-    ArmTerms terms, const double[:] position, const double[:, :] rotation, const double[:] velocity,
-    const double[:] stiffness, const double[:] damping)
+@cython.locals(i=Py_ssize_t)
+cdef _add_pull(
+    const double[:] position, const double[:, :] rotation, const double[:] velocity,
+    const double[:] hand_position, const double[:, :] hand_rotation, const double[:] hand_velocity,
+    const double[:] stiffness, const double[:] damping, double[:] error, double[:] acceleration)
 
-cdef bint _is_pose(const double[:] position, const double[:, :] rotation, const double[:] velocity) noexcept
+cdef _check_pull(
+    const double[:] position, const double[:, :] rotation, const double[:] velocity, const double[:] stiffness,
+    const double[:] damping)
 
 @cython.locals(x=double, y=double, z=double, trace=double, sine=double, cosine=double, scale=double)
 cdef _turn(const double[:, :] target, const double[:, :] rotation, double[:] result, Py_ssize_t k)
@@ -31,6 +34,10 @@ cdef class Drive:
     cdef double _slow, _null_stiffness, _null_damping, _least_mobility
     cdef double[:, ::1] _lower, _halved, _mobility, _directions
     cdef double[::1] _mobile, _wanted, _disturbing, _wrench, _free, _null, _total
+
+    cpdef add_pull(
+        self, ArmTerms terms, const double[:] position, const double[:, :] rotation, const double[:] velocity,
+        const double[:] stiffness, const double[:] damping, double[:] acceleration)
 
     @cython.locals(j=Py_ssize_t, torque=double[::1])
     cpdef act(self, ArmTerms terms, const double[:] acceleration, const double[:] posture)

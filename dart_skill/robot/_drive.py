@@ -42,30 +42,39 @@ def pull(
 
     ValueError for other shapes.
     """
-    if not (_is_pose(position, rotation, velocity) and _is_pose(hand_position, hand_rotation, hand_velocity)):
-        raise ValueError(f"the hand is pulled to {np.shape(position)}, {np.shape(rotation)}, {np.shape(velocity)}: not (3,), (3, 3), (6,)")
-    if stiffness.shape[0] != 6 or damping.shape[0] != 6:
-        raise ValueError(f"stiffness has shape {np.shape(stiffness)} and damping {np.shape(damping)}, not (6,)")
-    result = np.empty(6)
-    acceleration = result
-    for i in range(3):
-        acceleration[i] = position[i] - hand_position[i]
-    _turn(rotation, hand_rotation, acceleration, 3)
-    for i in range(6):
-        acceleration[i] = stiffness[i] * acceleration[i] + damping[i] * (velocity[i] - hand_velocity[i])
+    _check_pull(position, rotation, velocity, stiffness, damping)
+    _check_pull(hand_position, hand_rotation, hand_velocity, stiffness, damping)
+    result = np.zeros(6)
+    _add_pull(position, rotation, velocity, hand_position, hand_rotation, hand_velocity, stiffness, damping, np.empty(6), result)
     return result
 
 
-def pull_arm(
-    terms: ArmTerms, position: np.ndarray, rotation: np.ndarray, velocity: np.ndarray, stiffness: np.ndarray, damping: np.ndarray
-) -> np.ndarray:
-    """The same for the hand of the arm in its state."""
-    return pull(position, rotation, velocity, terms.position, terms.rotation, terms.velocity, stiffness, damping)
+def _add_pull(
+    position: np.ndarray,
+    rotation: np.ndarray,
+    velocity: np.ndarray,
+    hand_position: np.ndarray,
+    hand_rotation: np.ndarray,
+    hand_velocity: np.ndarray,
+    stiffness: np.ndarray,
+    damping: np.ndarray,
+    error: np.ndarray,
+    acceleration: np.ndarray,
+) -> None:
+    """Add k (y - x) + d (v_y - v) to an acceleration (6,); y - x is left in `error` (6,)."""
+    for i in range(3):
+        error[i] = position[i] - hand_position[i]
+    _turn(rotation, hand_rotation, error, 3)
+    for i in range(6):
+        acceleration[i] += stiffness[i] * error[i] + damping[i] * (velocity[i] - hand_velocity[i])
 
 
-def _is_pose(position: np.ndarray, rotation: np.ndarray, velocity: np.ndarray) -> bool:
-    """Whether the shapes are those of a pose and its velocity."""
-    return position.shape[0] == 3 and rotation.shape[0] == 3 and rotation.shape[1] == 3 and velocity.shape[0] == 6
+def _check_pull(position: np.ndarray, rotation: np.ndarray, velocity: np.ndarray, stiffness: np.ndarray, damping: np.ndarray) -> None:
+    """ValueError unless the shapes are those of a pose with its velocity, and of gains."""
+    if position.shape[0] != 3 or rotation.shape[0] != 3 or rotation.shape[1] != 3 or velocity.shape[0] != 6:
+        raise ValueError(f"the pose has shapes {np.shape(position)}, {np.shape(rotation)}, {np.shape(velocity)}, not (3,), (3, 3), (6,)")
+    if stiffness.shape[0] != 6 or damping.shape[0] != 6:
+        raise ValueError(f"stiffness has shape {np.shape(stiffness)} and damping {np.shape(damping)}, not (6,)")
 
 
 def _turn(target: np.ndarray, rotation: np.ndarray, result: np.ndarray, k: int) -> None:
@@ -131,6 +140,22 @@ class Drive:
         self._mobility, self._directions, self._mobile = np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6)
         self._wanted, self._disturbing, self._wrench = np.zeros(6), np.zeros(6), np.zeros(6)
         self._free, self._null, self._total = np.zeros(N_JOINTS), np.zeros(N_JOINTS), np.zeros(N_JOINTS)
+
+    def add_pull(
+        self,
+        terms: ArmTerms,
+        position: np.ndarray,
+        rotation: np.ndarray,
+        velocity: np.ndarray,
+        stiffness: np.ndarray,
+        damping: np.ndarray,
+        acceleration: np.ndarray,
+    ) -> None:
+        """Add what spring and damper ask of the hand of the arm in its state, as of `pull`, to an acceleration (6,)."""
+        _check_pull(position, rotation, velocity, stiffness, damping)
+        _add_pull(
+            position, rotation, velocity, terms.position, terms.rotation, terms.velocity, stiffness, damping, self._wrench, acceleration
+        )
 
     def act(self, terms: ArmTerms, acceleration: np.ndarray, posture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Wrench (6,) and joint torque (7,) that accelerate the hand of the arm in its state; posture (7,) in the null space."""
@@ -243,7 +268,9 @@ class JointSpring:
         self._stiffness, self._damping, self._limit = stiffness, damping, limit
 
     def torque(self, q: np.ndarray, qd: np.ndarray, q_wanted: np.ndarray, qd_wanted: np.ndarray) -> np.ndarray:
-        """Torque (7,) [N m] from angles and speeds towards others, (7,) each."""
+        """Torque (7,) [N m] from angles and speeds towards others, (7,) each. ValueError for a posture of another shape."""
+        if q_wanted.shape[0] != self._limit.shape[0]:
+            raise ValueError(f"a posture of shape {np.shape(q_wanted)} is none of an arm with {N_JOINTS} joints")
         result = np.empty(N_JOINTS)
         torque = result
         for j in range(self._limit.shape[0]):

@@ -182,14 +182,14 @@ class References:
         self._position_gains, self._orientation_gains = plan.position_gains, plan.orientation_gains
         self._constant = self._constant_gains()
         self._posture = plan.posture
-        linear = np.hstack([plan.attractor_position, path.position, path.velocity, path.acceleration])
+        linear = np.hstack([plan.attractor_position, path.position, path.velocity, path.acceleration], dtype=float)
         turns = [scipy.spatial.transform.Rotation.from_quat(quaternion) for quaternion in (plan.attractor_quaternion, path.quaternion)]
         rotation = np.stack([turn.as_matrix() for turn in turns], axis=1)  # (n, 2, 3, 3)
         # To the second order in the small angle between two instants: R + s K R + s^2 / 2 K K R.
         angle = np.stack([(turn[1:] * turn[:-1].inv()).as_rotvec() for turn in turns], axis=1)
         skew = _skew(angle)
         first = skew @ rotation[:-1]
-        self._rows = PlanRows(path.time, linear, rotation, first, 0.5 * skew @ first)
+        self._rows = PlanRows(np.array(path.time, dtype=float), linear, rotation, first, 0.5 * skew @ first)
 
     def at(self, time: float) -> Reference:
         """What the hand shall do at an instant of the plan [s]."""

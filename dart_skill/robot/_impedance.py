@@ -9,14 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from dart_skill.constants import N_JOINTS
-from dart_skill.robot._drive import Drive, JointSpring, least_jerk, pull, pull_arm, turn
+from dart_skill.robot._drive import Drive, JointSpring, least_jerk, pull, turn
 from dart_skill.robot._model import ArmModel, HandState
 
 LENGTHS = np.array([1.0, 1.0, 1.0, 0.18, 0.18, 0.18])
 """Metres that a metre, or a radian, of the hand's motion counts for when directions are compared: 0.18 m from the wrist to the ball."""
 SLOW, WEAK = 0.02, 0.1
 """Speed of a joint [rad/s], and torque that drives it in parts of its Coulomb friction, that tell in which direction friction acts."""
-NO_TORQUE, AT_REST = np.zeros(N_JOINTS), np.zeros(6)
+NO_TORQUE, NO_SPEED, AT_REST = np.zeros(N_JOINTS), np.zeros(N_JOINTS), np.zeros(6)
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Reference:
 
 def rotation_error(target: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """Rotation vector (3,) in world axes that turns `rotation` (3, 3) into `target` (3, 3) [rad]."""
-    return turn(target, rotation)
+    return turn(np.asarray(target, dtype=float), np.asarray(rotation, dtype=float))
 
 
 def pose_error(position: np.ndarray, rotation: np.ndarray, hand: HandState) -> np.ndarray:
@@ -59,7 +59,7 @@ class PoseGains:
     @classmethod
     def of(cls, position: tuple[float, float], orientation: tuple[float, float]) -> "PoseGains":
         """From (stiffness, damping) of the position and of the orientation."""
-        return cls(*np.repeat([position, orientation], 3, axis=0).T)
+        return cls(*np.repeat(np.array([position, orientation], dtype=float), 3, axis=0).T.copy())
 
 
 class Impedance:
@@ -102,13 +102,14 @@ class Impedance:
 
         reference: what the hand shall do; gains: of the attractor; tracking: of a pull as of `tracking_acceleration` on top, or None.
         """
-        terms, r = self.model.at(q, qd), reference
+        terms, r, add = self.model.at(q, qd), reference, self._drive.add_pull
         if gains.stiffness.ndim == 2:
             acceleration = attractor_acceleration(reference, self.model.hand_state(q, qd), gains)
         else:
-            acceleration = pull_arm(terms, r.attractor_position, r.attractor_rotation, AT_REST, gains.stiffness, gains.damping)
+            acceleration = np.zeros(6)
+            add(terms, r.attractor_position, r.attractor_rotation, AT_REST, gains.stiffness, gains.damping, acceleration)
         if tracking is not None:
-            acceleration += pull_arm(terms, r.position, r.rotation, r.velocity, tracking.stiffness, tracking.damping)
+            add(terms, r.position, r.rotation, r.velocity, tracking.stiffness, tracking.damping, acceleration)
         return acceleration
 
     def act(self, q: np.ndarray, qd: np.ndarray, acceleration: np.ndarray, posture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -174,6 +175,10 @@ class JointServo:
             torque += self._impedance.model.at(q, qd).inertial_torque(qdd_wanted)
         return torque
 
+    def hold(self, q: np.ndarray, qd: np.ndarray, posture: np.ndarray) -> np.ndarray:
+        """Joint torque (7,) [N m] towards a posture at rest, gravity excluded."""
+        return self._holding.torque(q, qd, posture, NO_SPEED)
+
     def follow(self, q: np.ndarray, qd: np.ndarray, q_expected: np.ndarray, qd_expected: np.ndarray) -> np.ndarray:
         """Joint torque (7,) [N m] towards an expected motion whose torques are fed forward."""
         return self._following.torque(q, qd, q_expected, qd_expected)
@@ -203,4 +208,4 @@ def minimum_jerk(start: np.ndarray, end: np.ndarray, duration: float, time: floa
 
     duration: of the whole motion [s].
     """
-    return least_jerk(start, end, duration, time)
+    return least_jerk(np.asarray(start, dtype=float), np.asarray(end, dtype=float), duration, time)

@@ -10,16 +10,6 @@ import numpy as np
 from dart_skill.robot._arm_terms import ArmTerms
 
 
-def are_finite(first: np.ndarray, second: np.ndarray) -> bool:
-    """Whether all numbers of two arrays (n,) and (m,) are finite."""
-    total = 0.0
-    for i in range(first.shape[0]):
-        total += first[i]
-    for i in range(second.shape[0]):
-        total += second[i]
-    return math.isfinite(total)
-
-
 def largest(values: np.ndarray) -> float:
     """The largest of a few numbers (n,), either way."""
     most = 0.0
@@ -46,12 +36,21 @@ def distance(point: np.ndarray, other: np.ndarray) -> float:
     return math.sqrt(x * x + y * y + z * z)
 
 
-def are_within(values: np.ndarray, lower: np.ndarray, upper: np.ndarray, margin: float) -> bool:
-    """Whether numbers (n,) are farther than a margin from the ends of their ranges (n,)."""
-    for i in range(values.shape[0]):
-        if not (margin <= values[i] - lower[i] and margin <= upper[i] - values[i]):
-            return False
-    return True
+class JointRange:
+    """Ranges of the joints.
+
+    * lower, upper: ends of each (7,) [rad].
+    """
+
+    def __init__(self, lower: np.ndarray, upper: np.ndarray):
+        self._lower, self._upper = lower, upper
+
+    def holds(self, position: np.ndarray, margin: float) -> bool:
+        """Whether angles (7,) [rad] are no nearer than a margin to the ends of their ranges [rad]."""
+        for j in range(self._lower.shape[0]):
+            if not (margin <= position[j] - self._lower[j] and margin <= self._upper[j] - position[j]):
+                return False
+        return True
 
 
 class Levels:

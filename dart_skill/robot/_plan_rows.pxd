@@ -2,13 +2,15 @@
 cimport cython
 
 cdef class PlanRows:
-    cdef double[::1] _time
-    cdef double[:, ::1] _linear, _rotation, _first, _second
+    cdef const double[:] _time
+    cdef const double[:, :] _linear
+    cdef const double[:, :, :, :] _rotation, _first, _second
 
     @cython.locals(k=Py_ssize_t)
     cpdef place(self, double time)
 
-    @cython.locals(k=Py_ssize_t, i=Py_ssize_t, share=double, row=double[::1], turns=double[::1])
+    @cython.locals(
+        k=Py_ssize_t, m=Py_ssize_t, i=Py_ssize_t, j=Py_ssize_t, share=double, row=double[::1], turns=double[:, :, ::1])
     cpdef at(self, double time)
 
     @cython.locals(low=Py_ssize_t, high=Py_ssize_t, middle=Py_ssize_t)

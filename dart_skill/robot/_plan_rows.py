@@ -16,8 +16,7 @@ class PlanRows:
     """
 
     def __init__(self, time: np.ndarray, linear: np.ndarray, rotation: np.ndarray, first: np.ndarray, second: np.ndarray):
-        self._time, self._linear = np.ascontiguousarray(time, dtype=float), np.ascontiguousarray(linear)
-        self._rotation, self._first, self._second = (_flat(turns) for turns in (rotation, first, second))
+        self._time, self._linear, self._rotation, self._first, self._second = time, linear, rotation, first, second
 
     def place(self, time: float) -> tuple[int, float]:
         """Index of the instant before a time [s], and the share of the way from there to the next one; beyond the ends it goes on."""
@@ -29,10 +28,13 @@ class PlanRows:
         k = self._before(time)
         share = (time - self._time[k]) / (self._time[k + 1] - self._time[k])
         numbers, turned = np.empty(18), np.empty((2, 3, 3))
-        row, turns = numbers, turned.reshape(18)
+        row, turns = numbers, turned
         for i in range(18):
             row[i] = self._linear[k, i] + share * (self._linear[k + 1, i] - self._linear[k, i])
-            turns[i] = self._rotation[k, i] + share * (self._first[k, i] + share * self._second[k, i])
+        for m in range(2):
+            for i in range(3):
+                for j in range(3):
+                    turns[m, i, j] = self._rotation[k, m, i, j] + share * (self._first[k, m, i, j] + share * self._second[k, m, i, j])
         return numbers[:3], turned[0], numbers[3:6], turned[1], numbers[6:12], numbers[12:]
 
     def _before(self, time: float) -> int:
@@ -45,7 +47,3 @@ class PlanRows:
             else:
                 low = middle + 1
         return min(max(low - 1, 0), self._time.shape[0] - 2)
-
-
-def _flat(turns: np.ndarray) -> np.ndarray:
-    return np.ascontiguousarray(turns).reshape(len(turns), 18)

@@ -73,6 +73,13 @@ def test_a_state_of_another_arm_is_refused(q, qd):
         ArmModel().at(np.zeros(q), None if qd is None else np.zeros(qd))
 
 
+@pytest.mark.parametrize("odd", [np.nan, np.inf, -np.inf])
+def test_a_number_that_is_not_finite_is_found(odd):
+    model, still, strange = ArmModel(), np.zeros(7), np.where(np.arange(7) == 3, odd, 0.0)
+    assert model.at(still, still).are_finite
+    assert not model.at(still, strange).are_finite and not model.at(strange, still).are_finite and not model.at(strange, strange).are_finite
+
+
 def test_compiled_and_interpreted_have_the_same_bits():
     plain, model = interpreted("dart_skill.robot._arm_terms"), ArmModel(ball_in_hand=True)
     theirs = plain.ArmTerms(pin, model._model, model._model.frames[model._hand].placement, model.description.motors.reflected_inertia)

@@ -105,7 +105,7 @@ POSE = np.zeros(3), np.eye(3), np.zeros(6)
     ("ask", "why"),
     [
         (lambda: _drive.turn(np.eye(4), np.eye(3)), r"\(4, 4\)"),
-        (lambda: _drive.pull(np.zeros(2), *POSE[1:], *POSE, np.ones(6), np.ones(6)), "is pulled to"),
+        (lambda: _drive.pull(np.zeros(2), *POSE[1:], *POSE, np.ones(6), np.ones(6)), "the pose has shapes"),
         (lambda: _drive.pull(*POSE, *POSE, np.ones(3), np.ones(6)), "stiffness has shape"),
         (lambda: _drive.with_swing(np.zeros(6), np.zeros(7)), "a posture of shape"),
         (lambda: _drive.least_jerk(np.zeros(6), np.zeros(7), 1.0, 0.0), "is none"),
@@ -117,8 +117,25 @@ def test_arrays_of_other_shapes_are_refused(ask, why):
         ask()
 
 
+def pulled_by(drive, *pull):
+    acceleration = np.ones(6)
+    drive.add_pull(*pull, acceleration)
+    return acceleration - 1.0
+
+
+def test_the_hand_of_the_arm_is_pulled_as_any_hand():
+    rng, terms = np.random.default_rng(6), ArmModel().at(*np.random.default_rng(7).normal(size=(2, 7)))
+    target, gains = (rng.normal(size=3), Rotation.random(random_state=1).as_matrix(), rng.normal(size=6)), rng.uniform(1.0, 400.0, (2, 6))
+    position, rotation, velocity = terms.hand()
+    turn = (Rotation.from_matrix(target[1]) * Rotation.from_matrix(rotation).inv()).as_rotvec()
+    expected = gains[0] * np.append(target[0] - position, turn) + gains[1] * (target[2] - velocity)
+    np.testing.assert_allclose(_drive.pull(*target, position, rotation, velocity, *gains), expected, rtol=1e-12)
+    np.testing.assert_allclose(pulled_by(make(), terms, *target, *gains), expected, rtol=1e-11)
+
+
 def test_compiled_and_interpreted_have_the_same_bits():
     plain, rng, model = interpreted("dart_skill.robot._drive"), np.random.default_rng(5), ArmModel()
+    half_turn = np.diag([1.0, -1.0, -1.0])
     pair = make(), make(plain)
     springs = [module.JointSpring(JointServo.STIFFNESS, JointServo.DAMPING, JointServo.LIMIT) for module in (_drive, plain)]
     for q, qd, posture, acceleration in cases():
@@ -128,7 +145,8 @@ def test_compiled_and_interpreted_have_the_same_bits():
             [
                 *drive.act(terms, acceleration, posture), *drive.moved(terms, acceleration, posture), drive.friction(qd, q),
                 spring.torque(q, qd, posture, q), spring.brake(q, qd, posture, q, qd, 0.1, 0.12), spring.damp(qd),
-                module.pull_arm(terms, *target, *gains), module.turn(target[1], np.diag([1.0, -1.0, -1.0]) @ target[1]),
+                pulled_by(drive, terms, *target, *gains), module.pull(*target, *terms.hand(), *gains),
+                module.turn(target[1], half_turn @ target[1]),
                 *module.coasted(q, qd, posture, 0.002), module.with_swing(posture, q), module.cut(acceleration, 5.0, 5.0),
                 *module.least_jerk(q, posture, 0.7, 0.3),
             ]
