@@ -152,10 +152,10 @@ class Commander:
         self._range = JointRange(self._lower, self._upper)
         self._loaded = Impedance(ArmModel(self._description, ball_in_hand=True), share)
         self._empty = Impedance(ArmModel(self._description, ball_in_hand=False), share)
-        self._model = ArmModel(self._description)  # in the state of the arm, not in that of an expected motion
+        self._model = ArmModel(self._description)  # always in the state of the arm, not in that of an expected motion
         self._servo = JointServo(Impedance(self._model, share))
         s = self.settings
-        self._safety = SafetyModule(s.limits, self._description, model=self._model)
+        self._safety = SafetyModule(s.limits, self._description)
         self._tracking = PoseGains.of(
             (s.tracking_stiffness, s.tracking_damping), (s.tracking_stiffness_rotation, s.tracking_damping_rotation)
         )
@@ -169,7 +169,6 @@ class Commander:
         self._expected: tuple[np.ndarray, np.ndarray, np.ndarray, float] | None = None
         self._braking: tuple[np.ndarray, np.ndarray] | None = None
         self._entered_ns: int | None = 0
-        self._last_ns: int | None = None
         self._last: ArmState | None = None
         self.time, self.tracking_error = float("nan"), float("nan")
         self.reference: Reference | None = None
@@ -289,10 +288,10 @@ class Commander:
 
     def step(self, state: ArmState) -> Command:
         """The command that answers `state`. ValueError for a state that is not finite."""
-        if not self._model.at(state.position, state.velocity).are_finite:
+        terms = self._model.at(state.position, state.velocity)
+        if not terms.are_finite:
             raise ValueError(f"joint state of {state.stamp_ns} ns is not finite: {state.position}, {state.velocity}")
-        self._refuse_jump(state)
-        self._notice_gap(state)
+        self._compare_with_last(state)
         if self._requested is not None:
             self._begin(self._requested, state)
         if self._requested_move is not None:
@@ -304,11 +303,11 @@ class Commander:
             self._entered_ns = state.stamp_ns
         self.time = (state.stamp_ns - self._entered_ns) * 1e-9
         command = self._answer(state)
-        fault = self._safety.look(state.position, state.velocity, NO_TORQUE, command.speed)
+        fault = self._safety.look_at(terms, NO_TORQUE, command.speed)
         if fault and not self.stopped_by:
             self.stop(f"stopped: {fault}", until_reset=True)
             command = self._answer(state)
-        return self._safety.limited(command, state.position)
+        return self._safety.limited_at(terms, command)
 
     def _answer(self, state: ArmState) -> Command:
         return self._ANSWERS[self._mode](self, state)
@@ -437,23 +436,24 @@ class Commander:
 
     # helpers
 
-    def _refuse_jump(self, state: ArmState) -> None:
+    def _compare_with_last(self, state: ArmState) -> None:
+        """What the time and the way since the last state tell."""
+        if self._last is not None:
+            gap = (state.stamp_ns - self._last.stamp_ns) * 1e-9
+            if 0.0 <= gap <= self.settings.longest_gap:
+                self._refuse_jump(state, self._last, gap)
+            else:
+                self._bridge(gap)
+        self._last = state
+
+    def _refuse_jump(self, state: ArmState, last: ArmState, gap: float) -> None:
         """ValueError for a state that the arm cannot have come to from the last one; after a gap it may be anywhere."""
-        last = self._last
-        if last is None or not 0.0 <= (gap := (state.stamp_ns - last.stamp_ns) * 1e-9) <= self.settings.longest_gap:
-            self._last = state
-            return
         if (most := farthest(state.position, last.position)) > JUMP[0] + JUMP[1] * gap:
             name = self._description.joints[int(np.abs(state.position - last.position).argmax())].name
             raise ValueError(f"{name} jumped by {most:.2f} rad within {gap:.3f} s: that is another arm, or the message is damaged")
-        self._last = state
 
-    def _notice_gap(self, state: ArmState) -> None:
+    def _bridge(self, gap: float) -> None:
         """After a gap in the states, as when the world was reset, the arm is held where it is found; a free arm stays free."""
-        gap = 0.0 if self._last_ns is None else (state.stamp_ns - self._last_ns) * 1e-9
-        self._last_ns = state.stamp_ns
-        if 0.0 <= gap <= self.settings.longest_gap:
-            return
         if self._mode in UNDER_WAY:
             self.message = f"{_gone_by(gap)} during a {self.what}"
         if self._mode == Mode.MOVING:

@@ -23,8 +23,7 @@ cdef class Levels:
 
     @cython.locals(i=Py_ssize_t, j=Py_ssize_t)
     cpdef bint are_far(
-        self, ArmTerms terms, const double[:] position, const double[:] torque, double fastest_elbow, double fastest_hand,
-        double share) except? True
+        self, ArmTerms terms, const double[:] torque, double fastest_elbow, double fastest_hand, double share) except? True
 
     @cython.locals(i=Py_ssize_t, j=Py_ssize_t, least=double, asked=double, room=double)
     cpdef double share(self, ArmTerms terms, const double[:] wrench, const double[:] torque) except? -1.0

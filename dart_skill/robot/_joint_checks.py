@@ -64,13 +64,10 @@ class Levels:
     def __init__(self, strongest: np.ndarray, lower: np.ndarray, upper: np.ndarray, low: np.ndarray, high: np.ndarray):
         self._strongest, self._lower, self._upper, self._low, self._high = strongest, lower, upper, low, high
 
-    def are_far(
-        self, terms: ArmTerms, position: np.ndarray, torque: np.ndarray, fastest_elbow: float, fastest_hand: float, share: float
-    ) -> bool:
+    def are_far(self, terms: ArmTerms, torque: np.ndarray, fastest_elbow: float, fastest_hand: float, share: float) -> bool:
         """Whether nothing is beyond a limit, and no level beyond a share of it.
 
         * terms: of the state.
-        * position: angles (7,) [rad].
         * torque: that is asked for (7,) [N m].
         * fastest_elbow, fastest_hand: levels of the speeds [m/s].
         * share: of speeds and torques.
@@ -87,7 +84,7 @@ class Levels:
         for j in range(self._strongest.shape[0]):
             if not abs(torque[j]) <= share * self._strongest[j]:
                 return False
-            if not self._lower[j] <= position[j] <= self._upper[j]:
+            if not self._lower[j] <= terms.q[j] <= self._upper[j]:
                 return False
         return True
 

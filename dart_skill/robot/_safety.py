@@ -80,17 +80,14 @@ class SafetyModule:
     * limits: of the arm.
     * description: of the arm, default the WAM.
     * patience: every limit is multiplied by it, default 1.
-    * model: of the arm, whose state it looks at; None: one of its own. One that others ask about the same states saves time.
 
     Attributes: `warning`, what is near its limit now, and `fault`, what first passed it, which stays until `reset`; both empty if none.
     """
 
-    def __init__(
-        self, limits: SafetyLimits, description: WamDescription | None = None, patience: float = 1.0, model: ArmModel | None = None
-    ):
+    def __init__(self, limits: SafetyLimits, description: WamDescription | None = None, patience: float = 1.0):
         description = description or wam_description()
         self._limits, self._patience = limits, patience
-        self._model = model or ArmModel(description)
+        self._model = ArmModel(description)
         lower, upper = description.of_joints("lower"), description.of_joints("upper")
         self._middle, self._half = (0.5 * (lower + upper)).tolist(), (0.5 * (upper - lower)).tolist()
         strongest = limits.torque_share * description.of_joints("peak_torque")
@@ -112,17 +109,22 @@ class SafetyModule:
 
     def look(self, position: np.ndarray, velocity: np.ndarray, torque: np.ndarray, speed: Speed) -> str:
         """The fault after a state of the arm: angles (7,) [rad], speeds (7,) [rad/s], torque that is asked for (7,) [N m], speed level."""
+        return self.look_at(self._model.at(position, velocity), torque, speed)
+
+    def look_at(self, terms: ArmTerms, torque: np.ndarray, speed: Speed) -> str:
+        """The same for who has a model of the arm in that state. terms: of the model."""
         if self.fault:
             return self.fault
-        terms = self._model.at(position, velocity)
-        if self._levels.are_far(terms, position, torque, *self._fastest[speed], self._limits.warning_share):
+        fastest_elbow, fastest_hand = self._fastest[speed]
+        if self._levels.are_far(terms, torque, fastest_elbow, fastest_hand, self._limits.warning_share):
             self.warning = ""
         else:
-            self._judge(terms, position, torque, speed)
+            self._judge(terms, torque, speed)
         return self.fault
 
-    def _judge(self, terms: ArmTerms, position: np.ndarray, torque: np.ndarray, speed: Speed) -> None:
+    def _judge(self, terms: ArmTerms, torque: np.ndarray, speed: Speed) -> None:
         """What is near its limit or beyond it, in words."""
+        position = np.array(terms.q)
         hand, hand_speed, elbow_speed = [float(at) for at in terms.position], terms.hand_speed, terms.elbow_speed
         torques = torque.tolist()
         fastest_elbow, fastest_hand = self._fastest[speed]
@@ -143,7 +145,10 @@ class SafetyModule:
 
     def limited(self, command: Command, position: np.ndarray) -> Command:
         """The command, weakened as a whole where it asks a joint for more than the limit on top of gravity compensation."""
-        terms = self._model.at(position)
+        return self.limited_at(self._model.at(position), command)
+
+    def limited_at(self, terms: ArmTerms, command: Command) -> Command:
+        """The same for who has a model of the arm at that position. terms: of the model."""
         share = self._levels.share(terms, command.wrench, command.joint_torque)
         if share >= 1.0:
             return command

@@ -36,8 +36,8 @@ def test_a_level_that_is_passed_is_noticed_each_by_itself(module):
     terms = ArmModel().at(q, np.ones(7))
     hand, elbow = terms.hand_speed, terms.elbow_speed
 
-    def are_far(position=q, torque=still, elbow=1.01 * elbow, hand=1.01 * hand, share=1.0, levels=levels):
-        return levels.are_far(terms, position, torque, elbow, hand, share)
+    def are_far(torque=still, elbow=1.01 * elbow, hand=1.01 * hand, share=1.0, levels=levels):
+        return levels.are_far(terms, torque, elbow, hand, share)
 
     assert are_far()
     assert not are_far(elbow=0.99 * elbow) and not are_far(hand=0.99 * hand) and not are_far(share=0.98)
@@ -45,7 +45,11 @@ def test_a_level_that_is_passed_is_noticed_each_by_itself(module):
         for sign in (-1.0, 1.0):
             one = sign * (np.arange(7) == joint)
             assert are_far(torque=0.99 * STRONGEST * one) and not are_far(torque=1.01 * STRONGEST * one)
-            assert are_far(position=0.99 * END * one) and not are_far(position=1.01 * END * one)
+            for far in (True, False):
+                beside = q + (0.01 if far else -0.01)
+                ends = (-END, np.where(one, beside, END)) if sign > 0.0 else (np.where(one, -beside, -END), END)
+                mirrored = terms if sign > 0.0 else ArmModel().at(-q, np.zeros(7))
+                assert module.Levels(STRONGEST, *ends, -CORNER, CORNER).are_far(mirrored, still, 9.0, 9.0, 1.0) == far
         assert not are_far(torque=np.where(np.arange(7) == joint, np.nan, 0.0))
     for axis in range(3):
         beside = np.where(np.arange(3) == axis, np.array(terms.position) + 0.01, -CORNER)
@@ -67,7 +71,7 @@ def test_the_share_of_a_command_is_what_gravity_leaves(module):
 def test_arrays_of_other_shapes_are_refused(module):
     levels, terms = module.Levels(STRONGEST, -END, END, -CORNER, CORNER), ArmModel().at(np.zeros(7), np.zeros(7))
     with pytest.raises(ValueError, match="the torque has shape"):
-        levels.are_far(terms, np.zeros(7), np.zeros(6), 1.0, 1.0, 1.0)
+        levels.are_far(terms, np.zeros(6), 1.0, 1.0, 1.0)
     with pytest.raises(ValueError, match="the wrench has shape"):
         levels.share(terms, np.zeros(7), np.zeros(7))
     with pytest.raises(ValueError, match="give two points"):
