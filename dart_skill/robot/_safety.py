@@ -112,7 +112,7 @@ class SafetyModule:
         return self.look_at(self._model.at(position, velocity), torque, speed)
 
     def look_at(self, terms: ArmTerms, torque: np.ndarray, speed: Speed) -> str:
-        """The same for who has a model of the arm in that state. terms: of the model."""
+        """The same for who has a model of the arm in that state. terms: of the model; torque, speed: as of `look`."""
         if self.fault:
             return self.fault
         fastest_elbow, fastest_hand = self._fastest[speed]
@@ -148,7 +148,7 @@ class SafetyModule:
         return self.limited_at(self._model.at(position), command)
 
     def limited_at(self, terms: ArmTerms, command: Command) -> Command:
-        """The same for who has a model of the arm at that position. terms: of the model."""
+        """The same for who has a model of the arm at that position. terms: of the model; command: that is weakened."""
         share = self._levels.share(terms, command.wrench, command.joint_torque)
         if share >= 1.0:
             return command

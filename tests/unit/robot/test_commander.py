@@ -464,6 +464,12 @@ def test_a_state_that_is_not_finite_is_refused_and_changes_nothing(plan, field):
     assert commander.mode == twin.mode == Mode.EXECUTING
 
 
+@pytest.mark.parametrize("joints", [0, 6, 8])
+def test_a_state_of_an_arm_with_other_joints_is_refused(joints):
+    with pytest.raises(ValueError, match="the arm has 7 joints"):
+        Commander().step(ArmState(0, np.zeros(joints), np.zeros(joints)))
+
+
 # refusals
 
 
