@@ -246,7 +246,7 @@ class _Run:
         strength = self.settings.covariance_prior
         if not strength:
             return components
-        masses = [mass for products in sums.products for mass in products[..., 0, 0]]
+        masses = [mass for products in sums.products for mass in products[..., 0]]
         found = with_prior(Parameters(sums.mass, *sweep.from_white(components)), masses, strength)
         return sweep.to_white(found.means, found.covariances)
 

@@ -23,14 +23,15 @@ from typing import NamedTuple
 import numpy as np
 
 from dart_skill.mixture._gaussian import LOG_2PI, raise_to_floor, symmetric, upper_triangle
+from dart_skill.mixture._second_moments import write_coefficients, write_components
 
 SLICE = 4096
 EPSILON = float(np.finfo(float).eps)
 # The products of up to so many samples are kept between sweeps. For more, computing them again costs no more than reading them.
 KEPT = 4 * SLICE
 # Those that are kept are gone through in parts of at most so many numbers, which stay in the cache between the two matrix products of an
-# iteration: 600 kB, as processors of today have a megabyte and more of it for each core.
-PART = 75_000
+# iteration: 640 kB, as processors of today have a megabyte and more of it for each core.
+PART = 80_000
 # Largest error of a log density that is computed from products, and what share of the rise at which EM stops it may be, too.
 LARGEST_LOSS, LOSS_SHARE = 1e-10, 1e-4
 # A sample whose density, relative to the highest peak, is above this has lost nothing to underflow.
@@ -59,21 +60,16 @@ class Components(NamedTuple):
     @classmethod
     def of(cls, means: np.ndarray, covariances: np.ndarray) -> Components:
         whiteners = np.linalg.inv(np.linalg.cholesky(covariances))
-        return cls._of_affine(means, np.concatenate([-(whiteners @ means[..., None]), whiteners], axis=-1))
-
-    @classmethod
-    def of_second_moments(cls, moments: np.ndarray) -> Components:
-        """From the means (P, K, 1 + d, 1 + d) of the outer products of (1, z).
-
-        Their Cholesky factor is [[1, 0], [mean, L]], and the inverse of this [[1, 0], [-L^-1 mean, L^-1]].
-        """
-        return cls._of_affine(moments[..., 0, 1:], np.linalg.inv(np.linalg.cholesky(moments))[..., 1:, :])
-
-    @classmethod
-    def _of_affine(cls, means: np.ndarray, affine: np.ndarray) -> Components:
-        whiteners = affine[..., 1:]
+        affine = np.concatenate([-(whiteners @ means[..., None]), whiteners], axis=-1)
         log_volumes = 0.5 * means.shape[-1] * LOG_2PI - np.add.reduce(np.log(whiteners.diagonal(0, -2, -1)), -1)
         return cls(means, affine, log_volumes, np.einsum("pkij,pkij->pk", whiteners, whiteners))
+
+    @classmethod
+    def of_sums(cls, sums: np.ndarray, d: int) -> Components | None:
+        """From the sums (P, K, q) of count times the products of the entries of (1, z), z (d,); None if a covariance is singular."""
+        stack = sums.shape[:2]
+        found = cls(np.empty((*stack, d)), np.empty((*stack, d, 1 + d)), np.empty(stack), np.empty(stack))
+        return found if write_components(sums, *found) else None
 
     @property
     def whiteners(self) -> np.ndarray:
@@ -90,7 +86,8 @@ class Sums(NamedTuple):
     """What the M step needs.
 
     mass (K,): sum of the counts; log_density (n,), in the units of the blocks; for each `WhiteBlocks` an origin (P, K, d), or None for 0,
-    and products (P, K, 1 + d, 1 + d): the sum over the samples of count times the outer product of (1, z - origin).
+    and products (P, K, q): the sum over the samples of count times the products of the entries of (1, z - origin), the upper triangle by
+    rows.
     """
 
     mass: np.ndarray
@@ -118,8 +115,6 @@ class WhiteBlocks:
         self.steepest = float(np.square(self.inverse_root).sum((-2, -1)).max())
         self.upper, self.square = upper_triangle(1 + d)
         self.n_products = p * len(self.upper)
-        # Squares count half, mixed products twice half.
-        self.factors = np.where(self.upper % (2 + d) == 0, -0.5, -1.0)
 
     def _whiten(self, j: int, block: np.ndarray, weights: np.ndarray) -> None:
         seen, white = seen_rows(block), self.white[j]
@@ -140,10 +135,6 @@ class WhiteBlocks:
         self.sees_all[j], self.least_mass[j] = sees_all, DEAD_SHARE * weights.sum() / seen.sum()
         self.centre[j], self.root[j], self.inverse_root[j] = centre, root, inverse_root
         self.reach[j] = np.einsum("in,in->n", white, white).max()
-
-    def where_squares_are(self) -> np.ndarray:
-        """(P, 1 + d, 1 + d): for each product of two entries of (1, z) of a block, its place among the P q."""
-        return np.arange(0, self.n_products, len(self.upper))[:, None, None] + self.square
 
     def to_white(self, means: np.ndarray, covariances: np.ndarray) -> Components:
         """From means (P, K, d) and covariances (P, K, d, d) in the units of the blocks."""
@@ -169,14 +160,6 @@ class WhiteBlocks:
         """(P, K) log density of each component at its mean."""
         return -self.log_volume - components.log_volumes
 
-    def write_coefficients(self, components: Components, log_peaks: np.ndarray, out: np.ndarray) -> None:
-        """Write the coefficients of the products in the log density to out (K, P q)."""
-        precisions = components.affine.swapaxes(-1, -2) @ components.affine
-        p, k = log_peaks.shape
-        coefficients = out.reshape(k, p, -1).swapaxes(0, 1)
-        np.multiply(precisions.reshape(p, k, -1).take(self.upper, axis=2), self.factors, out=coefficients)
-        coefficients[..., 0] += log_peaks
-
     def highest(self, log_peaks: np.ndarray) -> np.ndarray:
         """(P, K) the largest log density of each component; 0 is that of a sample that the block does not see."""
         return log_peaks if self.all_see_all else np.where(self.sees_all, log_peaks, np.maximum(log_peaks, 0.0))
@@ -196,29 +179,22 @@ class WhiteBlocks:
 
         A component with almost no count in a block gets mean and covariance of all samples there.
         """
-        mass = products[..., :1, :1]
-        if min(mass.ravel().tolist()) < self.most_least_mass:
-            origin, moments = self._moments(origin, products)
-        else:
-            moments = products / mass
-        try:
-            components = Components.of_second_moments(moments)
-            if self._are_above_floor(components):
-                return components if origin is None else components.moved(origin)
-        except np.linalg.LinAlgError:
-            pass
-        if len(moments) == 1:
-            return self._raised(origin, moments)
-        alone = [slice(j, j + 1) for j in range(len(moments))]
+        if min(products[..., 0].ravel().tolist()) < self.most_least_mass:
+            origin, products = self._with_count(origin, products)
+        components = Components.of_sums(products, self.white.shape[1] - 1)
+        if components is not None and self._are_above_floor(components):
+            return components if origin is None else components.moved(origin)
+        if len(products) == 1:
+            return self._raised(origin, products)
+        alone = [slice(j, j + 1) for j in range(len(products))]
         found = [self._only(one).maximise(None if origin is None else origin[one], products[one]) for one in alone]
         return Components(*map(np.concatenate, zip(*found, strict=True)))
 
-    def _moments(self, origin: np.ndarray | None, products: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
-        """Origins, and means of the products of (1, z - origin), which are those of all samples where a component has almost no count."""
-        mass = products[..., 0, 0]
-        moments, unowned = products / np.maximum(mass, self.least_mass)[..., None, None], mass < self.least_mass
-        moments[unowned] = np.eye(moments.shape[-1])
-        return origin if origin is None else np.where(unowned[..., None], 0.0, origin), moments
+    def _with_count(self, origin: np.ndarray | None, products: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
+        """Origins and products, which are those of all samples, about zero, where a component has almost no count."""
+        unowned = (products[..., 0] < self.least_mass)[..., None]
+        of_all = np.equal(self.upper % len(self.square), self.upper // len(self.square))
+        return origin if origin is None else np.where(unowned, 0.0, origin), np.where(unowned, of_all, products)
 
     def _only(self, which: slice) -> WhiteBlocks:
         """Some of the blocks."""
@@ -227,8 +203,9 @@ class WhiteBlocks:
             setattr(few, name, getattr(self, name)[which])
         return few
 
-    def _raised(self, origin: np.ndarray | None, moments: np.ndarray) -> Components:
-        """Components of moments (P, K, 1 + d, 1 + d) about the origin, with eigenvalues that are raised to the floor."""
+    def _raised(self, origin: np.ndarray | None, products: np.ndarray) -> Components:
+        """Components of products about the origin, with eigenvalues that are raised to the floor."""
+        moments = (products / products[..., :1])[..., self.square]
         step, root = moments[..., 0, 1:], self.root
         covariances = moments[..., 1:, 1:] - step[..., :, None] * step[..., None, :]
         raised = raise_to_floor(symmetric(root @ covariances @ root.swapaxes(-1, -2)), self.floor)
@@ -258,7 +235,6 @@ class Sweep:
         # A row of ones comes first, for the priors: the products of a block are zero for samples that it does not see.
         edges = list(accumulate((one.n_products for one in self.blocks), initial=1))
         self.rows, self.n_rows = [slice(*pair) for pair in pairwise(edges)], edges[-1]
-        self.squares = [one.where_squares_are() + edge for one, edge in zip(self.blocks, edges, strict=False)]
         self.spans = _spans(len(weights), SLICE if len(weights) > KEPT else min(SLICE, PART // self.n_rows))
         self._scratch: np.ndarray | None = None
         self._kept = [self._products(span) for span in self.spans] if len(weights) <= KEPT else []
@@ -304,7 +280,7 @@ class Sweep:
         coefficients, highest = np.empty((len(log_priors), self.n_rows)), log_priors
         for blocks, one, rows in zip(self.blocks, components, self.rows, strict=True):
             log_peaks = blocks.log_peaks(one)
-            blocks.write_coefficients(one, log_peaks, coefficients[:, rows])
+            write_coefficients(one.affine, log_peaks, coefficients[:, rows])
             highest = sum(blocks.highest(log_peaks), highest)
         top = max(highest.tolist())
         np.subtract(log_priors, top, out=coefficients[:, 0])
@@ -325,8 +301,9 @@ class Sweep:
                 log_density[span] = to_counts(np.matmul(coefficients, products, out=counts), self.weights[span])
             total += counts @ products.T
         log_density += top
-        squares = [total.take(places, axis=1).swapaxes(0, 1) for places in self.squares]
-        return Sums(total[:, 0], log_density, [None] * len(self.blocks), squares)
+        parts = zip(self.blocks, self.rows, strict=True)
+        sums = [total[:, rows].reshape(len(total), len(blocks.white), -1).swapaxes(0, 1) for blocks, rows in parts]
+        return Sums(total[:, 0], log_density, [None] * len(self.blocks), sums)
 
     def _by_deviations(self, log_priors: np.ndarray, components: list[Components]) -> Sums:
         mass, log_density = np.zeros(len(log_priors)), np.empty(len(self.weights))
@@ -342,7 +319,8 @@ class Sweep:
             mass += counts.sum(1)
             for square, deviation in zip(squares, deviations, strict=True):
                 square += (deviation * counts[:, None, :]) @ deviation.swapaxes(-1, -2)
-        return Sums(mass, log_density, [one.means for one in components], squares)
+        sums = [square.reshape(*square.shape[:2], -1)[..., blocks.upper] for blocks, square in zip(self.blocks, squares, strict=True)]
+        return Sums(mass, log_density, [one.means for one in components], sums)
 
 
 def _spans(n: int, most: int) -> list[slice]:

@@ -285,7 +285,7 @@ def test_the_m_step_of_equally_wide_blocks_is_that_of_each():
     products = sweep(parameters.priors, sweep.to_white(parameters.means, parameters.covariances)).products[0]
     without_count, flat = products.copy(), products.copy()
     without_count[1, 2] *= 1e-12
-    flat[0, 1] = flat[0, 1, 0, 0] * np.diag([1.0, 1.0, 1e-14, 1.0])
+    flat[0, 1] = flat[0, 1, 0] * np.diag([1.0, 1.0, 1e-14, 1.0])[np.triu_indices(4)]
     for changed, origin in ((products, None), (without_count, None), (flat, None), (flat, rng.normal(size=(2, 3, 3)))):
         found = sweep.blocks[0].maximise(origin, changed)
         for j, alone in enumerate(each):
@@ -297,7 +297,7 @@ def test_the_m_step_of_equally_wide_blocks_is_that_of_each():
 def test_the_m_step_of_a_component_without_any_count_in_a_block_does_not_divide_by_zero():
     rng = np.random.default_rng(10)
     sweep = Sweep([rng.normal(size=(50, 2))] * 2, np.ones(50), FLOOR)
-    products = np.tile(20.0 * np.eye(3), (2, 2, 1, 1))
+    products = np.tile(20.0 * np.eye(3)[np.triu_indices(3)], (2, 2, 1))
     products[1, 0] = 0.0
     found = sweep.blocks[0].maximise(None, products)
     np.testing.assert_array_equal(found.means[1, 0], np.zeros(2))
