@@ -23,3 +23,6 @@ cdef bint _is_coupled(double[:, ::1] matrix, double[::1] values, Py_ssize_t i) n
     n=Py_ssize_t, k=Py_ssize_t, j=Py_ssize_t, beside=double, half=double, root=double, x=double, z=double, length=double, cosine=double,
     sine=double, first=double, second=double, both=double)
 cdef _chase(double[:, ::1] matrix, double[::1] values, double[:, ::1] directions, Py_ssize_t low, Py_ssize_t high)
+
+@cython.locals(n=Py_ssize_t, i=Py_ssize_t, j=Py_ssize_t, k=Py_ssize_t, rest=double)
+cpdef invert_into(const double[:, :] lower, double[:, :] inverse)

@@ -157,3 +157,21 @@ def _chase(matrix: np.ndarray, values: np.ndarray, directions: np.ndarray, low: 
             first, second = directions[k, j], directions[k + 1, j]
             directions[k, j] = cosine * first + sine * second
             directions[k + 1, j] = cosine * second - sine * first
+
+
+def invert_into(lower: np.ndarray, inverse: np.ndarray) -> None:
+    """Write the inverse of a lower triangle L (n, n), which is one, too.
+
+    * lower: (n, n); what is above the diagonal is not read.
+    * inverse: (n, n), is written, with zeros above the diagonal; not `lower` itself.
+    """
+    n = lower.shape[0]
+    for j in range(n):
+        for i in range(j):
+            inverse[i, j] = 0.0
+        inverse[j, j] = 1.0 / lower[j, j]
+        for i in range(j + 1, n):
+            rest = 0.0
+            for k in range(j, i):
+                rest -= lower[i, k] * inverse[k, j]
+            inverse[i, j] = rest / lower[i, i]

@@ -4,7 +4,7 @@ The covariance is sum_k h_k (S_k + (m_k - m)(m_k - m)'). It includes the spread 
 from differences, so that no digits are lost: from the deviations m_k - m, or, what is the same, from those of each pair,
 sum_(j<k) h_j h_k (m_j - m_k)(m_j - m_k)'. The responsibilities h_k are computed from log densities: far
 from the data they would otherwise be 0 / 0. There a query belongs to the component whose density falls most slowly.
-Queries lie along the last axis of the arrays and are processed in slices that fit into the cache.
+Queries are processed in slices that fit into the cache.
 """
 
 from __future__ import annotations
@@ -19,6 +19,15 @@ from dart_skill.checks import as_dims, as_finite, as_samples, require_near
 from dart_skill.mixture._expectation_maximisation import normalise_log
 from dart_skill.mixture._gaussian import LOG_2PI, cholesky, symmetric, upper_triangle
 from dart_skill.mixture._mixture import GaussianMixture
+from dart_skill.mixture._regression_terms import (
+    normalise,
+    write_conditionals,
+    write_lines,
+    write_logs,
+    write_pair_matrices,
+    write_pairs,
+    write_spread,
+)
 
 SLICE = 1024
 
@@ -26,16 +35,27 @@ SLICE = 1024
 class Conditionals(NamedTuple):
     """What K components say of o outputs, given i inputs.
 
-    * input_means (K, i, 1), whiteners (K, i, i): L^-1 of the covariances L L' of the inputs; log_volumes (K,): log det L.
-    * output_means (K, o, 1), slopes (K, o, i): the mean of the outputs is a line. within (K, o, o): their covariance.
+    * input_means (K, i), whiteners (K, i, i): L^-1 of the covariances L L' of the inputs; log_volumes (K,): log det L.
+    * lines (K, 1 + i, o): the outputs' mean at the inputs' mean, and its slopes; within (K, o, o): their covariance about it.
     """
 
     input_means: np.ndarray
     whiteners: np.ndarray
     log_volumes: np.ndarray
-    output_means: np.ndarray
-    slopes: np.ndarray
+    lines: np.ndarray
     within: np.ndarray
+
+    @classmethod
+    def of(cls, means: np.ndarray, covariances: np.ndarray, into: np.ndarray, out: np.ndarray) -> Conditionals:
+        """Of components with means (K, d) and covariances (K, d, d): the dimensions out (o,), given those of into (i,)."""
+        k, i, o = len(means), len(into), len(out)
+        parts = np.empty((k, i, i)), np.empty(k), np.empty((k, 1 + i, o)), np.empty((k, o, o))
+        try:
+            write_conditionals(means, covariances, into, out, *parts)
+        except ValueError:
+            cholesky(covariances[:, into[:, None], into], "covariance of the inputs of component")  # says which one, and how flat it is
+            raise
+        return cls(means.take(into, axis=1), *parts)
 
 
 class Regression:
@@ -53,24 +73,22 @@ class Regression:
 
     def __init__(self, mixture: GaussianMixture, input_dims: ArrayLike, output_dims: ArrayLike):
         into, out = _split(mixture.n_dims, input_dims, output_dims)
-        self._prepare(mixture.priors_, _conditionals(mixture.means_, mixture.covariances_, into, out))
-
-    def _prepare(self, priors: np.ndarray, components: Conditionals) -> None:
-        self._components = components
-        self.n_outputs, self.n_inputs = components.slopes.shape[1:]
-        self._times = _times(self.n_inputs)
-        log_volumes = components.log_volumes + 0.5 * self.n_inputs * LOG_2PI
-        self._constants = (np.log(priors) - log_volumes)[:, None]
+        self._components = components = Conditionals.of(mixture.means_, mixture.covariances_, into, out)
+        self.n_inputs, self.n_outputs = len(into), len(out)
+        self._constants = np.log(mixture.priors_) - components.log_volumes - 0.5 * self.n_inputs * LOG_2PI
         # The pairs of many components are more terms than the deviations of few outputs.
-        by_pairs = self.n_inputs == 1 and 3 * len(priors) * (len(priors) - 1) <= 2 * self.n_outputs * (self.n_outputs + 1)
-        self._moments: _MomentsByPairs | _MomentsByDeviations = (_MomentsByPairs if by_pairs else _MomentsByDeviations)(components)
+        k = len(self._constants)
+        by_pairs = self.n_inputs == 1 and 3 * k * (k - 1) <= 2 * self.n_outputs * (self.n_outputs + 1)
+        self._moments = (_MomentsByPairs if by_pairs else _Moments)(components)
 
     def __call__(self, inputs: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         inputs = self._checked(inputs)
         mean, covariance = np.empty((len(inputs), self.n_outputs)), np.empty((len(inputs), self.n_outputs, self.n_outputs))
         for start in range(0, len(inputs), SLICE):
             span = slice(start, start + SLICE)
-            self._moments(*self._shares(inputs[span], start), mean[span], covariance[span])
+            shares = self._shares(inputs[span], start)
+            self._moments.write_mean(inputs[span], shares, mean[span])
+            self._moments.write_covariance(inputs[span], shares, mean[span], covariance[span])
         return mean, covariance
 
     def mean(self, inputs: ArrayLike) -> np.ndarray:
@@ -79,160 +97,92 @@ class Regression:
         mean = np.empty((len(inputs), self.n_outputs))
         for start in range(0, len(inputs), SLICE):
             span = slice(start, start + SLICE)
-            self._moments(*self._shares(inputs[span], start), mean[span])
+            self._moments.write_mean(inputs[span], self._shares(inputs[span], start), mean[span])
         return mean
 
     def responsibilities(self, inputs: ArrayLike) -> np.ndarray:
         """h_k of (3.5): (n, K). inputs: (n, i)."""
-        return self._shares(self._checked(inputs))[0].T
+        return self._shares(self._checked(inputs))
 
     def log_density(self, inputs: ArrayLike) -> np.ndarray:
         """(n,) log density of the inputs alone: it is low for a query that is far from the demonstrations."""
-        logs, _, top = self._logs(self._checked(inputs))
-        return top + np.log(np.exp(logs - top).sum(0))
+        logs, top = self._logs(self._checked(inputs))
+        return top + np.log(np.exp(logs, out=logs).sum(1))
 
     def _checked(self, inputs: ArrayLike) -> np.ndarray:
         given = inputs if isinstance(inputs, np.ndarray) else as_finite(inputs, "inputs")
         return as_samples(given[:, None] if given.ndim == 1 and self.n_inputs == 1 else given, "inputs", self.n_inputs)
 
-    def _logs(self, inputs: np.ndarray, first_row: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Logs (K, n) of prior times density of the inputs (n, i), the inputs' deviations (K, i, n) from the components, and the largest
-        logs (n,).
-        """
-        deviations = inputs.T - self._components.input_means
-        with np.errstate(over="ignore", invalid="ignore"):
-            white = self._times(self._components.whiteners, deviations)
-            squares = np.square(white[:, 0], out=white[:, 0]) if self.n_inputs == 1 else np.einsum("kin,kin->kn", white, white)
-            squares *= 0.5
-            logs = np.subtract(self._constants, squares, out=squares)
-        top = np.maximum.reduce(logs, 0)
+    def _logs(self, inputs: np.ndarray, first_row: int = 0) -> tuple[np.ndarray, np.ndarray]:
+        """Logs (n, K) of prior times density of the inputs (n, i), relative to the largest of each input, and the largest logs (n,)."""
+        components, logs, top = self._components, np.empty((len(inputs), len(self._constants))), np.empty(len(inputs))
+        write_logs(inputs, components.input_means, components.whiteners, self._constants, logs, top)
         if not top[top.argmin()] > -np.inf:  # nor if it is not a number
             require_near(top, inputs, "inputs", first_row)
-        return logs, deviations, top
+        return logs, top
 
-    def _shares(self, inputs: np.ndarray, first_row: int = 0) -> tuple[np.ndarray, np.ndarray]:
-        """Responsibilities (K, n) of inputs (n, i), and the inputs' deviations (K, i, n) from the components."""
-        logs, deviations, top = self._logs(inputs, first_row)
-        logs -= top
-        shares = np.exp(logs, out=logs)
-        shares *= 1.0 / np.add.reduce(shares, 0)
-        return shares, deviations
+    def _shares(self, inputs: np.ndarray, first_row: int = 0) -> np.ndarray:
+        """Responsibilities (n, K) of inputs (n, i)."""
+        shares, _ = self._logs(inputs, first_row)
+        normalise(np.exp(shares, out=shares))
+        return shares
 
 
-class _MomentsByDeviations:
-    """Mean and covariance of the outputs from the deviations of the components' means, by (3.4) and (3.5)."""
+class _Moments:
+    """Mean and covariance of the outputs by (3.4) and (3.5), with the spread from the deviations of the components' means."""
 
     def __init__(self, components: Conditionals) -> None:
-        self._components = components
-        self._times = _times(components.slopes.shape[2])
+        self._input_means, self._lines, self._within = components.input_means, components.lines, components.within
+
+    def write_mean(self, inputs: np.ndarray, shares: np.ndarray, mean: np.ndarray) -> None:
+        """Write the mean (n, o) for inputs (n, i) and shares (n, K)."""
+        lines = self._lines.reshape(-1, mean.shape[1])
+        terms = np.empty((len(inputs), len(lines)))
+        write_lines(inputs, shares, self._input_means, terms)
+        np.matmul(terms, lines, out=mean)
+
+    def write_covariance(self, inputs: np.ndarray, shares: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> None:
+        """Write the total covariance (n, o, o) for inputs (n, i), shares (n, K) and their mean (n, o)."""
+        terms = np.empty((len(inputs), len(self._collector)))
+        write_spread(inputs, shares, self._input_means, self._lines, mean, terms)
+        np.matmul(terms, self._collector, out=covariance.reshape(len(inputs), -1))
 
     @cached_property
     def _collector(self) -> np.ndarray:
         """What makes the covariance of shares, and of the upper triangle of the spread between the components; a mean does without."""
-        within = self._components.within
-        return np.concatenate([within.reshape(len(within), -1), _unpacking(within.shape[1])])
-
-    def __call__(self, shares: np.ndarray, deviations: np.ndarray, mean: np.ndarray, covariance: np.ndarray | None = None) -> None:
-        """Write mean (n, o) and total covariance (n, o, o) for shares (K, n) and deviations (K, i, n) of the inputs."""
-        means = self._times(self._components.slopes, deviations)
-        means += self._components.output_means
-        centre = np.einsum("kn,kon->on", shares, means)
-        mean[:] = centre.T
-        if covariance is None:
-            return
-        means -= centre
-        means *= np.sqrt(shares)[:, None, :]
-        row, parts = len(shares), np.empty((len(self._collector), len(mean)))
-        parts[:row] = shares
-        for i in range(len(centre)):
-            np.einsum("kn,kon->on", means[:, i], means[:, i:], out=parts[row : row + len(centre) - i])
-            row += len(centre) - i
-        np.matmul(parts.T, self._collector, out=covariance.reshape(len(mean), -1))
+        return np.concatenate([self._within.reshape(len(self._within), -1), _unpacking(self._within.shape[1])])
 
 
-class _MomentsByPairs:
-    """The same for one input, where both are sums of shares, and of products of two shares, times powers of the input; their coefficients
-    depend on the mixture only.
+class _MomentsByPairs(_Moments):
+    """The same for one input. There the spread is a sum of products of two shares, times powers of the input; their coefficients depend on
+    the mixture only.
 
     A pair counts most in the middle between its centres. There its powers begin, so that none is large where it counts.
     """
 
-    def __init__(self, components: Conditionals) -> None:
-        self._components = components
-        # (K, 2, o): each component's mean of the outputs, and its slope
-        self._lines = np.concatenate([components.output_means.swapaxes(1, 2), components.slopes.swapaxes(1, 2)], axis=1)
+    def write_covariance(self, inputs: np.ndarray, shares: np.ndarray, _mean: np.ndarray, covariance: np.ndarray) -> None:
+        middles, collector = self._of_pairs
+        terms = np.empty((len(inputs), len(collector)))
+        write_pairs(inputs, shares, middles, terms)
+        np.matmul(terms, collector, out=covariance.reshape(len(inputs), -1))
 
     @cached_property
     def _of_pairs(self) -> tuple[np.ndarray, np.ndarray]:
-        """Middle (p, 1) of each pair; and coefficients (K + 3 p, o o) in the covariance of shares, and of the products of two shares times
+        """Middle (p,) of each pair; and coefficients (K + 3 p, o o) in the covariance of shares, and of the products of two shares times
         1, s and s s, with s from the middle.
         """
-        pairs, within = _pairs(len(self._lines)), self._components.within
-        one, other = self._lines.take(pairs, axis=0)
-        begin, end = self._components.input_means[:, 0].take(pairs, axis=0)
-        half = 0.5 * (end - begin)
-        apart = other - one
-        apart[:, 0] -= half * (one[:, 1] + other[:, 1])  # in the middle
-        squares = apart[:, :, None, :, None] * apart[:, None, :, None]
-        terms = np.concatenate([within, squares[:, 0, 0], squares[:, 0, 1] + squares[:, 1, 0], squares[:, 1, 1]])
-        return begin + half, terms.reshape(len(terms), -1)
-
-    def __call__(self, shares: np.ndarray, deviations: np.ndarray, mean: np.ndarray, covariance: np.ndarray | None = None) -> None:
-        """As of `_MomentsByDeviations`."""
-        k, n = shares.shape
-        lines = np.empty((k, 2, n))
-        lines[:, 0] = shares
-        np.multiply(shares, deviations[:, 0], out=lines[:, 1])
-        np.matmul(lines.reshape(2 * k, n).T, self._lines.reshape(2 * k, -1), out=mean)
-        if covariance is None:
-            return
-        middles, collector = self._of_pairs
-        terms = np.empty((len(collector), n))
-        terms[:k] = shares
-        constant, linear, square = terms[k:].reshape(3, -1, n)
-        s = deviations[0] + (self._components.input_means[0] - middles)
-        one, other = shares.take(_pairs(k), axis=0)
-        np.multiply(one, other, out=constant)
-        np.multiply(constant, s, out=linear)
-        np.multiply(linear, s, out=square)
-        np.matmul(terms.T, collector, out=covariance.reshape(n, -1))
-
-
-@lru_cache(maxsize=64)
-def _pairs(n: int) -> np.ndarray:
-    """Indices (2, p) of the first and of the second of each pair of n."""
-    return np.array(np.triu_indices(n, 1))
+        k, _, o = self._lines.shape
+        p = k * (k - 1) // 2
+        middles, collector = np.empty(p), np.empty((k + 3 * p, o, o))
+        collector[:k] = self._within
+        write_pair_matrices(self._input_means, self._lines, middles, collector[k:].reshape(3, p, o, o))
+        return middles, collector.reshape(len(collector), -1)
 
 
 @lru_cache(maxsize=64)
 def _unpacking(n_dims: int) -> np.ndarray:
     """Zeros and ones (q, d d) that make a symmetric matrix of its upper triangle: a product with them is faster than copying."""
     return np.equal.outer(np.arange(n_dims * (n_dims + 1) // 2), upper_triangle(n_dims)[1].ravel()).astype(float)
-
-
-def _conditionals(means: np.ndarray, covariances: np.ndarray, into: np.ndarray, out: np.ndarray) -> Conditionals:
-    """What components with means (K, d) and covariances (K, d, d) say of the dimensions out (o,), given those of into (i,)."""
-    i, order = len(into), np.concatenate([into, out])
-    means, covariances = means.take(order, axis=1)[..., None], covariances.take(order, axis=1).take(order, axis=2)
-    whiteners, log_volumes = _whiteners(covariances[:, :i, :i])
-    times = _times(i)
-    half = times(whiteners, covariances[:, :i, i:])
-    turned = half.swapaxes(1, 2)
-    within = covariances[:, i:, i:] - times(turned, half)
-    return Conditionals(means[:, :i], whiteners, log_volumes, means[:, i:], times(turned, whiteners), within)
-
-
-def _whiteners(covariances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """L^-1 (K, i, i) and log det L (K,) of the covariances L L' of the inputs."""
-    if covariances.shape[1] == 1 and min(covariances.ravel().tolist()) > 0:
-        return 1.0 / np.sqrt(covariances), 0.5 * np.log(covariances[:, 0, 0])
-    factors = cholesky(covariances, "covariance of the inputs of component")
-    return np.linalg.inv(factors), np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(1)
-
-
-def _times(n_inputs: int) -> np.ufunc:
-    """Product of stacks of matrices over the inputs: with one input it is one of numbers, which is quicker."""
-    return np.multiply if n_inputs == 1 else np.matmul
 
 
 def regress(mixture: GaussianMixture, inputs: ArrayLike, input_dims: ArrayLike, output_dims: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
@@ -277,4 +227,4 @@ def _split(n_dims: int, input_dims: ArrayLike, output_dims: ArrayLike) -> tuple[
     both = sorted(set(into.tolist()) & set(out.tolist()))
     if both:
         raise ValueError(f"dimensions {both} are both input and output; choose one")
-    return into, out
+    return into.astype(np.intp, copy=False), out.astype(np.intp, copy=False)

@@ -1,6 +1,7 @@
 # Types of _second_moments.py, for Cython.
 cimport cython
 from libc cimport math
+from dart_skill.small_matrices cimport invert_into
 
 cdef double LOG_2PI
 
@@ -15,7 +16,7 @@ cdef bint _factor_moments(const double[:] sums, double[::1] mean, double[:, ::1]
 @cython.locals(i=Py_ssize_t, total=double)
 cdef double _log_diagonal(double[:, ::1] lower) except? -1.0
 
-@cython.locals(d=Py_ssize_t, i=Py_ssize_t, j=Py_ssize_t, m=Py_ssize_t, squares=double, rest=double, entry=double)
+@cython.locals(d=Py_ssize_t, i=Py_ssize_t, j=Py_ssize_t, squares=double, total=double, entry=double)
 cdef double _write_affine(double[::1] mean, double[:, ::1] lower, double[:, ::1] affine) except? -1.0
 
 @cython.locals(

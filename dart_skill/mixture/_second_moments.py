@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from dart_skill.mixture._gaussian import LOG_2PI
+from dart_skill.small_matrices import invert_into
 
 
 def write_components(sums: np.ndarray, means: np.ndarray, affine: np.ndarray, log_volumes: np.ndarray, precisions: np.ndarray) -> bool:
@@ -63,23 +64,16 @@ def _log_diagonal(lower: np.ndarray) -> float:
 
 
 def _write_affine(mean: np.ndarray, lower: np.ndarray, affine: np.ndarray) -> float:
-    """Write [-L^-1 mean, L^-1] (d, 1 + d) of a lower triangle L (d, d), and return the sum of the squares of L^-1, column by column."""
+    """Write [-L^-1 mean, L^-1] (d, 1 + d) of a lower triangle L (d, d), and return the sum of the squares of L^-1."""
     d, squares = mean.shape[0], 0.0
+    invert_into(lower, affine[:, 1:])
     for i in range(d):
-        affine[i, 0] = 0.0
-    for j in range(d):
-        for i in range(j):
-            affine[i, 1 + j] = 0.0
-        for i in range(j, d):
-            rest = 0.0
-            if i == j:
-                rest = 1.0
-            for m in range(j, i):
-                rest -= lower[i, m] * affine[m, 1 + j]
-            entry = rest / lower[i, i]
-            affine[i, 1 + j] = entry
-            affine[i, 0] -= entry * mean[j]
+        total = 0.0
+        for j in range(i + 1):
+            entry = affine[i, 1 + j]
+            total += entry * mean[j]
             squares += entry * entry
+        affine[i, 0] = -total
     return squares
 
 

@@ -130,11 +130,6 @@ class Situation:
     b: np.ndarray
     seen: np.ndarray
 
-    @cached_property
-    def all_seen(self) -> bool:
-        """Whether all frames are there all the time."""
-        return bool(self.seen.all())
-
     @classmethod
     def of(cls, courses: Sequence[FrameCourse], n: int, n_features: int, n_dims: Sequence[int]) -> Situation:
         """The situation of P frames at n moments. Frame p must see n_dims[p] directions; at least one frame must be present."""
@@ -171,17 +166,12 @@ class Situation:
 
     def _invert(self, n_dims: Sequence[int]) -> None:
         """Enter the inverses of all frames, at once where all see all directions."""
-        if min(n_dims) == self.A.shape[-1] and self.all_seen:
+        if min(n_dims) == self.A.shape[-1] and self.seen.all():
             self.inverses[:] = np.linalg.inv(self.A)
             return
         for j, d in enumerate(n_dims):
             there = self.seen[:, j]
             self.inverses[there, j, :d] = invert(self.A[there, j, :, :d])
-
-    def middle(self, means: np.ndarray) -> np.ndarray:
-        """(n, K, m) local means (P, K, m) mapped to the world by each frame, averaged over the frames that are present."""
-        mapped = means @ self.A.swapaxes(-1, -2) + self.b[:, :, None]
-        return np.add.reduce(mapped, 1) / (len(means) if self.all_seen else self.seen.sum(1)[:, None, None])
 
 
 @dataclass(frozen=True, eq=False)

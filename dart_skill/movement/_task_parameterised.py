@@ -13,7 +13,6 @@ frame sees. A frame that is missing is no factor of the product, in learning as 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -37,9 +36,9 @@ from dart_skill.mixture import (
     normalise_log,
     regress_each,
     sliced_start,
-    symmetric,
     with_prior,
 )
+from dart_skill.movement._frame_products import FrameProducts
 from dart_skill.movement._frames import TaskFrame
 from dart_skill.movement._placement import FrameCourse, Frames, PartialFrame, Samples, Situation, TaskSamples, Weights
 from dart_skill.movement._saved import Arrays, SavedModel, array_of
@@ -49,8 +48,6 @@ __all__ = ["PartialFrame", "TaskParameterisedMixture"]
 STARTS = ("time", "kmeans")
 # A column of a frame counts as no narrower than this share of what world deviations could put there.
 LEAST_SHARE = 1e-2
-# A direction of the world counts as seen when the frames tell it apart from the others by this share at least.
-LEAST_PIVOT = 1e-12
 
 
 def as_sample_weights(weights: Weights, lengths: list[int]) -> np.ndarray:
@@ -172,7 +169,6 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
             d = mean.shape[1]
             self._padded_means[j, :, :d] = mean
             self._whiteners[j, :, :d, :d] = np.linalg.inv(cholesky(covariance, f"frame {j}: covariance of component"))
-        self._white_means = self._whiteners @ self._padded_means[..., None]
         alike = len({mean.shape[1] for mean in parameters.means}) == 1
         self.means_ = np.stack(parameters.means) if alike else parameters.means
         self.covariances_ = np.stack(parameters.covariances) if alike else parameters.covariances
@@ -376,27 +372,19 @@ class TaskParameterisedMixture(EMEstimator, SavedModel):
         return Situation.of(frames, n, self.n_dims, self._dims_of_frames)
 
     def _products(self, situation: Situation) -> tuple[np.ndarray, np.ndarray]:
-        """(7.21) at n moments: means (n, K, m) and covariances (n, K, m, m) in the world.
-
-        A frame with covariance L L' says that L^-1 C (x - b) has mean L^-1 mu and covariance one. What all frames say is one
-        least-squares problem in x - about, solved by QR, so that no condition number is squared.
-        """
-        about, m = situation.middle(self._padded_means), self.n_dims
-        (n, p), k = situation.seen.shape, about.shape[1]
-        # Those of a component lie together, whichever frame they are of.
-        equations = np.empty((n, k, p, m, m + 1)).swapaxes(1, 2)
-        rows = np.matmul(self._whiteners, situation.inverses[:, :, None], out=equations[..., :m])
-        right = rows @ (situation.b[:, :, None] - about[:, None])[..., None]
-        white_means = self._white_means if situation.all_seen else situation.seen[:, :, None, None, None] * self._white_means
-        np.add(right, white_means, out=equations[..., m:])
+        """(7.21) at n moments: means (n, K, m) and covariances (n, K, m, m) in the world."""
         if self.n_shared:
             _require_shared(situation, self.n_shared)
-            system = _shared_once(equations, situation.seen, self.n_shared)
-        else:
-            system = _triangle(equations)
-        root = np.linalg.inv(system[..., :m])
-        mean = about + (root @ system[..., m:])[..., 0]
-        return mean, symmetric(root @ root.swapaxes(-1, -2))
+        (n, _), (_, k, m) = situation.seen.shape, self._padded_means.shape
+        products, mean, covariance = (
+            FrameProducts(self._padded_means, self._whiteners, self.n_shared),
+            np.empty((n, k, m)),
+            np.empty((n, k, m, m)),
+        )
+        feature = products.write(situation.A, situation.inverses, situation.b, situation.seen.view(np.uint8), mean, covariance)
+        if feature < m:
+            raise ValueError(f"the task frames that are there do not tell feature {feature} of the world; give a frame that sees it")
+        return mean, covariance
 
 
 def _with_weight(samples: Samples, frames: Frames, weights: Weights) -> tuple[TaskSamples, np.ndarray]:
@@ -404,38 +392,6 @@ def _with_weight(samples: Samples, frames: Frames, weights: Weights) -> tuple[Ta
     taught = TaskSamples.of(samples, frames)
     weights = as_sample_weights(weights, taught.lengths)
     return taught.only(weights > 0), weights[weights > 0]
-
-
-def _triangle(equations: np.ndarray, first: int = 0) -> np.ndarray:
-    """Of the equations of all frames (n, P, K, r, c), the least-squares problem of each component, the rows (n, K, u, c) of QR that
-    determine its first u columns, the features of the world from `first` on: c less the right side and the features before them.
-    """
-    n, p, k, r, c = equations.shape
-    unknown = c - 1 - first
-    reflected, _ = np.linalg.qr(equations.swapaxes(1, 2).reshape(n, k, p * r, c), mode="raw")
-    triangle = np.where(_upper(unknown, c), reflected.swapaxes(-1, -2)[..., :unknown, :], 0.0)
-    _require_determined(triangle[..., :unknown], first)
-    return triangle
-
-
-@lru_cache(maxsize=64)
-def _upper(n_rows: int, n_columns: int) -> np.ndarray:
-    """Mask (n_rows, n_columns) of the diagonal and what is above it."""
-    return np.tri(n_columns, n_rows, dtype=bool).T
-
-
-def _shared_once(equations: np.ndarray, seen: np.ndarray, n_shared: int) -> np.ndarray:
-    """As many equations as features (n, K, m, m + 1): the first `n_shared` as one frame has them, the others from all frames given these.
-
-    Whiteners are lower triangles, so the first rows of a frame are of the shared features alone, and the others say what the rest is given
-    them. seen (n, P): which frames are there; equations: (n, P, K, m, m + 1) of them.
-    """
-    of_shared = equations[np.arange(len(seen)), seen.argmax(axis=1), :, :n_shared]
-    m = equations.shape[-1] - 1
-    outputs_first = [*range(n_shared, m), *range(n_shared), m]
-    given = np.empty((*of_shared.shape[:2], m - n_shared, m + 1))
-    given[..., outputs_first] = _triangle(equations[..., n_shared:, outputs_first], n_shared)
-    return np.concatenate([of_shared, given], axis=-2)
 
 
 def _require_shared(situation: Situation, n_shared: int) -> None:
@@ -448,14 +404,3 @@ def _require_shared(situation: Situation, n_shared: int) -> None:
         raise ValueError(
             f"a task frame changes one of the first {n_shared} features, which all shall pass through; take a smaller n_shared"
         )
-
-
-def _require_determined(triangle: np.ndarray, first: int = 0) -> None:
-    """ValueError unless the columns of upper triangles (..., u, u), one per feature of the world from `first` on, are independent."""
-    squares = np.square(triangle.diagonal(0, -2, -1))
-    if squares.min() > LEAST_PIVOT**2 * np.vdot(triangle, triangle):  # all columns together settle it in practice
-        return
-    found = squares > LEAST_PIVOT**2 * np.einsum("...ij,...ij->...j", triangle, triangle)
-    if not found.all():
-        feature = first + int(np.argwhere(~found)[:, -1].min())
-        raise ValueError(f"the task frames that are there do not tell feature {feature} of the world; give a frame that sees it")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dart_skill import small_matrices
-from dart_skill.small_matrices import eigen_into, factor_into, solve_into, solve_positive_definite
+from dart_skill.small_matrices import eigen_into, factor_into, invert_into, solve_into, solve_positive_definite
 from tests.interpreted import interpreted
 
 
@@ -28,6 +28,16 @@ def test_the_factor_is_that_of_lapack_and_may_take_the_matrix_s_place(n):
     factor_into(matrix, matrix)
     np.testing.assert_allclose(apart, expected, atol=1e-12)
     np.testing.assert_array_equal(np.tril(matrix), apart)
+
+
+@pytest.mark.parametrize("n", [1, 3, 7])
+def test_the_inverse_of_a_triangle_is_that_of_lapack(n):
+    lower, inverse = np.tril(np.random.default_rng(n).uniform(1.0, 2.0, (n, n))), np.full((n, n), np.nan)
+    invert_into(lower + np.triu(np.full((n, n), 9.0), 1), inverse)
+    np.testing.assert_allclose(inverse, np.linalg.inv(lower), rtol=1e-9, atol=1e-12)
+    plain = np.full((n, n), np.nan)
+    interpreted("dart_skill.small_matrices").invert_into(lower, plain)
+    np.testing.assert_array_equal(inverse, plain)
 
 
 def test_what_is_above_the_diagonal_is_not_read():
