@@ -200,6 +200,7 @@ class _Run:
 
     def __init__(self, blocks: list[np.ndarray], weights: np.ndarray, settings: Settings, n_components: int) -> None:
         self.blocks, self.weights, self.settings = blocks, weights, settings
+        self.sweep = Sweep(blocks, weights, settings.covariance_floor, settings.tolerance)
         self.revivals_left, self.least_mass = n_components, DEAD_SHARE * weights.mean()
 
     def dead(self, mass: np.ndarray) -> np.ndarray:
@@ -218,11 +219,22 @@ class _Run:
         found, strength = maximisation(self.blocks, counts, floor), self.settings.covariance_prior
         return with_prior(found, masses_of(self.blocks, counts), strength) if strength else found
 
-    def iterate(self, parameters: Parameters) -> Fit:
+    def begin(self, responsibilities: np.ndarray) -> tuple[np.ndarray, list[Components]]:
+        """Priors and components of the first M step: by the sweep, unless a component is dead, or too narrow for its sums."""
+        sums = self.sweep.sums_of(responsibilities * self.weights[:, None])
+        if min(sums.mass.tolist()) >= self.least_mass:
+            components = self._maximise(self.sweep, sums)
+            if self.sweep.is_exact_by_products(components):
+                return sums.mass / sums.mass.sum(), components
+        return self.at(self.update(responsibilities, np.zeros(len(self.weights))))
+
+    def at(self, parameters: Parameters) -> tuple[np.ndarray, list[Components]]:
+        """Priors and components of given parameters."""
+        return parameters.priors, self.sweep.to_white(parameters.means, parameters.covariances)
+
+    def iterate(self, priors: np.ndarray, components: list[Components]) -> Fit:
         """EM until the mean log-likelihood stops changing."""
-        sweep = Sweep(self.blocks, self.weights, self.settings.covariance_floor, self.settings.tolerance)
-        share = self.weights / self.weights.sum()
-        priors, components = parameters.priors, sweep.to_white(parameters.means, parameters.covariances)
+        sweep, share = self.sweep, self.weights / self.weights.sum()
         previous, last = -np.inf, self.settings.max_iterations
         for iteration in range(1, last + 1):
             sums = sweep(priors, components)
@@ -235,8 +247,7 @@ class _Run:
                 # A revived component needs further iterations, so in the last one it is dropped instead.
                 self.revivals_left *= iteration < last
                 parameters = self.update(*expectation(self.blocks, Parameters(priors, *sweep.from_white(components))))
-                previous, priors = -np.inf, parameters.priors
-                components = sweep.to_white(parameters.means, parameters.covariances)
+                previous, (priors, components) = -np.inf, self.at(parameters)
         likelihood = float(share @ sweep(priors, components).log_density)
         return Fit(Parameters(priors, *sweep.from_white(components)), likelihood, last, False, self._log_prior(sweep, components))
 
@@ -311,12 +322,12 @@ def expectation_maximisation(
     scales = [column_scales(block, weights, least) for block, least in zip(blocks, least_scales, strict=True)]
     standard = [(block - centre) / scale for block, (centre, scale) in zip(blocks, scales, strict=True)]
     if isinstance(start, Parameters):
-        run, parameters = _Run(standard, weights, settings, start.n_components), _standardised(start, scales, settings.covariance_floor)
+        run = _Run(standard, weights, settings, start.n_components)
+        fit = run.iterate(*run.at(_standardised(start, scales, settings.covariance_floor)))
     else:
         responsibilities = start(standard, weights)
         run = _Run(standard, weights, settings, responsibilities.shape[1])
-        parameters = run.update(responsibilities, np.zeros(len(weights)))
-    fit = run.iterate(parameters)
+        fit = run.iterate(*run.begin(responsibilities))
     log_volume = sum(
         np.average(seen_rows(block), weights=weights) * np.log(scale).sum() for block, (_, scale) in zip(blocks, scales, strict=True)
     )

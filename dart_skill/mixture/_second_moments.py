@@ -77,17 +77,27 @@ def _write_affine(mean: np.ndarray, lower: np.ndarray, affine: np.ndarray) -> fl
     return squares
 
 
-def write_coefficients(affine: np.ndarray, log_peaks: np.ndarray, coefficients: np.ndarray) -> None:
-    """Write the coefficients of the products of (1, z) in the log densities: those of -|A (1, z)|^2 / 2 + log peak.
+def write_coefficients(
+    affine: np.ndarray,
+    log_volumes: np.ndarray,
+    log_volumes_of_blocks: np.ndarray,
+    least_peaks: np.ndarray,
+    highest: np.ndarray,
+    coefficients: np.ndarray,
+) -> None:
+    """Write the coefficients of the products of (1, z) in the log densities: those of log peak - |A (1, z)|^2 / 2.
 
-    * affine: A (P, K, d, 1 + d) of each component, as `write_components` writes it.
-    * log_peaks: (P, K) log densities at the means.
-    * coefficients: (K, P q), are written. Squares count half, mixed products twice half.
+    * affine, log_volumes: A (P, K, d, 1 + d) and (P, K), as `write_components` writes them.
+    * log_volumes_of_blocks, least_peaks: (P,), as of `WhiteBlocks`.
+    * highest: (K,), to which the peaks of all blocks are added, or their least ones.
+    * coefficients: (K, P q) or more rows, are written. Squares count half, mixed products twice half.
     """
     d = affine.shape[2]
     for k in range(affine.shape[1]):
         place = 0
         for p in range(affine.shape[0]):
+            log_peak = -log_volumes_of_blocks[p] - log_volumes[p, k]
+            highest[k] += max(log_peak, least_peaks[p])
             first = place
             for i in range(1 + d):
                 for j in range(i, 1 + d):
@@ -99,4 +109,4 @@ def write_coefficients(affine: np.ndarray, log_peaks: np.ndarray, coefficients: 
                         total *= 0.5
                     coefficients[k, place] = -total
                     place += 1
-            coefficients[k, first] += log_peaks[p, k]
+            coefficients[k, first] += log_peak

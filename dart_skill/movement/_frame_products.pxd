@@ -5,6 +5,11 @@ from dart_skill.small_matrices cimport invert_into
 
 cdef double LEAST_PIVOT
 
+@cython.locals(n=Py_ssize_t, s=Py_ssize_t, i=Py_ssize_t, j=Py_ssize_t, total=double, offset=double[::1])
+cpdef write_seen(
+    const double[:, :] world, const double[:, :, :] inverses, const double[:, :] b, const Py_ssize_t[:] place, double[:, ::1] columns
+)
+
 cdef class FrameProducts:
     cdef const double[:, :, :] _means
     cdef const double[:, :, :, :] _whiteners

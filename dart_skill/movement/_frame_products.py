@@ -1,4 +1,4 @@
-"""Products of the Gaussians that task frames see, mapped into the world: (7.21), for each moment and component.
+"""What task frames see of samples; and products of the Gaussians that they see, mapped into the world: (7.21).
 
 A frame (A, b) whose Gaussian has the mean mu and the covariance L L' says of a point x of the world that L^-1 A^-1 (x - b) has
 the mean L^-1 mu and the covariance one. What all frames say is one least-squares problem in x - about, where `about` is the middle of
@@ -14,6 +14,27 @@ from dart_skill.small_matrices import invert_into
 
 # A direction of the world counts as seen when the frames tell it apart from the others by this share at least.
 LEAST_PIVOT = 1e-12
+
+
+def write_seen(world: np.ndarray, inverses: np.ndarray, b: np.ndarray, place: np.ndarray, columns: np.ndarray) -> None:
+    """Write samples as a frame sees them, A^-1 (x - b).
+
+    * world: (n, m), the samples.
+    * inverses, b: A^-1 (s, d, m) and (s, m) of its places.
+    * place: (n,), which of these it has, -1 where it is missing.
+    * columns: (d, n), are written, but where it is missing.
+    """
+    offset = np.empty(world.shape[1])
+    for n in range(world.shape[0]):
+        s = place[n]
+        if s >= 0:
+            for j in range(offset.shape[0]):
+                offset[j] = world[n, j] - b[s, j]
+            for i in range(columns.shape[0]):
+                total = 0.0
+                for j in range(offset.shape[0]):
+                    total += inverses[s, i, j] * offset[j]
+                columns[i, n] = total
 
 
 class FrameProducts:

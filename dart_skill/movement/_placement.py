@@ -9,16 +9,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_learnable, as_samples, as_vector
+from dart_skill.movement._frame_products import write_seen
 from dart_skill.movement._frames import TaskFrame
-
-# A frame with so many samples for each of its places is at rest during demonstrations.
-AT_REST = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,24 +94,15 @@ class Placement:
 
     def see(self, world: np.ndarray) -> np.ndarray:
         """World samples (n, m) as the frame sees them (n, d), nan where it is missing."""
-        block = np.full((len(world), self.n_dims), np.nan)
-        if len(world) < AT_REST * len(self.A):
-            seen = self.seen
-            place = self.place[seen]
-            block[seen] = np.einsum("nij,nj->ni", self.inverses[place], world[seen] - self.b[place])
-            return block
-        # A frame at rest is told once, not for each of its samples: that would be more numbers than all samples are.
-        edges = np.flatnonzero(np.diff(self.place, prepend=-2, append=-2)).tolist()
-        for first, stop in pairwise(edges):
-            place = self.place[first]
-            if place >= 0:
-                np.einsum("ij,nj->ni", self.inverses[place], world[first:stop] - self.b[place], out=block[first:stop])
-        return block
+        # By columns, as EM goes through them.
+        columns = np.full((self.n_dims, len(world)), np.nan)
+        write_seen(world, self.inverses, self.b, self.place, columns)
+        return columns.T
 
     def see_variance(self, variance: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """Variances (d,) in the frame from variances (m,) of independent columns in the world, the mean over samples with weights (n,)."""
         shares = np.bincount(self.place[self.seen], weights[self.seen], len(self.A))
-        return np.average(np.square(self.inverses) @ variance, 0, shares)
+        return shares @ (np.square(self.inverses) @ variance) / shares.sum()
 
 
 @dataclass(frozen=True, eq=False)

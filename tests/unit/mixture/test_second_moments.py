@@ -23,11 +23,11 @@ def components_by(module, sums, d):
     return module.write_components(sums, *found), found
 
 
-def coefficients_by(module, affine, log_peaks):
+def coefficients_by(module, affine, log_volumes, of_blocks, least_peaks):
     p, k, d, _ = affine.shape
-    coefficients = np.empty((k, p * (1 + d) * (2 + d) // 2))
-    module.write_coefficients(affine, log_peaks, coefficients)
-    return coefficients
+    coefficients, highest = np.empty((k, p * (1 + d) * (2 + d) // 2)), np.ones(k)
+    module.write_coefficients(affine, log_volumes, of_blocks, least_peaks, highest, coefficients)
+    return coefficients, highest
 
 
 @pytest.mark.parametrize(("n_blocks", "n_components", "d"), [(1, 1, 1), (2, 3, 2), (1, 3, 6), (2, 2, 9)])
@@ -48,13 +48,15 @@ def test_components_are_those_of_the_means_and_covariances(n_blocks, n_component
 
 def test_coefficients_make_the_log_density_of_products():
     rng, d = np.random.default_rng(1), 4
-    _, (_, affine, _, _) = components_by(_second_moments, sums_of(rng, 2, 3, d)[1], d)
-    log_peaks, points = rng.normal(size=(2, 3)), np.concatenate([np.ones((2, 7, 1)), rng.normal(size=(2, 7, d))], axis=2)
+    _, (_, affine, log_volumes, _) = components_by(_second_moments, sums_of(rng, 2, 3, d)[1], d)
+    of_blocks, points = rng.normal(size=2), np.concatenate([np.ones((2, 7, 1)), rng.normal(size=(2, 7, d))], axis=2)
     products = (points[..., :, None] * points[..., None, :])[(..., *np.triu_indices(1 + d))]
     white = np.einsum("pkij,pnj->pkni", affine, points)
+    log_peaks = -of_blocks[:, None] - log_volumes
     expected = (log_peaks[..., None] - 0.5 * np.square(white).sum(-1)).sum(0)
-    found = coefficients_by(_second_moments, affine, log_peaks) @ np.concatenate(list(products), axis=1).T
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-10)
+    coefficients, highest = coefficients_by(_second_moments, affine, log_volumes, of_blocks, np.array([-np.inf, 0.0]))
+    np.testing.assert_allclose(coefficients @ np.concatenate(list(products), axis=1).T, expected, rtol=1e-9, atol=1e-10)
+    np.testing.assert_allclose(highest, 1.0 + log_peaks[0] + np.maximum(log_peaks[1], 0.0), rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize("module", [_second_moments, PLAIN])
@@ -70,5 +72,6 @@ def test_compiled_and_interpreted_have_the_same_bits():
         (_, found), (_, plain) = components_by(_second_moments, sums, d), components_by(PLAIN, sums, d)
         for one, other in zip(found, plain, strict=True):
             np.testing.assert_array_equal(one, other)
-        both = [coefficients_by(module, found[1], found[2]) for module in (_second_moments, PLAIN)]
-        np.testing.assert_array_equal(*both)
+        arguments = found[1], found[2], np.array([0.3, -2.0]), np.array([0.0, -np.inf])
+        for one, other in zip(coefficients_by(_second_moments, *arguments), coefficients_by(PLAIN, *arguments), strict=True):
+            np.testing.assert_array_equal(one, other)

@@ -205,6 +205,25 @@ def test_sums_over_the_samples_are_those_of_numpy_to_the_last_bit(n_components, 
     np.testing.assert_array_equal(_over_samples(counts[:, counts.sum(0) > 0]), counts[:, counts.sum(0) > 0].sum(0))
 
 
+@pytest.mark.parametrize("case", ["clusters", "collinear", "one narrow component", "dead component"])
+def test_the_first_step_is_the_plain_one(case):
+    """Also where sums of products would lose digits, or a component has almost no count."""
+    rng = np.random.default_rng(12)
+    samples = standardised(cases()["clusters" if case == "dead component" else case])
+    shares, weights = responsibilities_of_neighbours(rng, samples, 3), rng.random(700) + 0.1
+    if case == "one narrow component":
+        shares = np.repeat(np.eye(2), [400, 300], axis=0)
+    if case == "dead component":
+        shares[:, 2] = 0.0
+    blocks, settings = [samples, samples[:, :2]], Settings(FLOOR, 0.0, 50)
+    run = _Run(blocks, weights, settings, shares.shape[1])
+    priors, components = run.begin(shares)
+    found = Parameters(priors, *run.sweep.from_white(components))
+    expected = _Run(blocks, weights, settings, shares.shape[1]).update(shares, np.zeros(700))
+    nothing = np.zeros(1)
+    assert largest_difference((nothing, found), (nothing, expected)) < LARGEST_LOSS + least_rounding(expected)
+
+
 def test_fifty_iterations_stay_with_the_plain_ones():
     rng = np.random.default_rng(5)
     samples, weights = standardised(cases()["clusters"]), rng.random(700) + 0.1
@@ -212,7 +231,8 @@ def test_fifty_iterations_stay_with_the_plain_ones():
     plain = start
     for _ in range(50):
         plain = plain_iteration([samples], weights, plain)[1]
-    fit = _Run([samples], weights, Settings(FLOOR, 0.0, 50), 4).iterate(start)
+    run = _Run([samples], weights, Settings(FLOOR, 0.0, 50), 4)
+    fit = run.iterate(*run.at(start))
     assert fit.n_iterations == 50
     log_density = expectation([samples], plain)[1]
     assert largest_difference((log_density, fit.parameters), (log_density, plain)) < 1e-9

@@ -1,4 +1,4 @@
-"""Products of Gaussians in task frames beside sums of precisions, and beside conditional distributions."""
+"""What task frames see beside NumPy's matrices; products of Gaussians beside sums of precisions, and conditional distributions."""
 
 import numpy as np
 import pytest
@@ -38,6 +38,19 @@ def in_the_world(means, covariances, situation, n, k):
     there = np.flatnonzero(seen[n])
     mapped = [(A[n, p] @ means[p, k] + b[n, p], A[n, p] @ covariances[p, k] @ A[n, p].T) for p in there]
     return [np.stack(values) for values in zip(*mapped, strict=True)]
+
+
+@pytest.mark.parametrize("d", [1, 3, 4])
+def test_a_sample_is_seen_from_its_place_and_stays_as_it_is_where_there_is_none(d):
+    rng = np.random.default_rng(d)
+    world, inverses, b, place = rng.normal(size=(9, 4)), rng.normal(size=(3, d, 4)), rng.normal(size=(3, 4)), np.arange(9) % 4 - 1
+    columns, plain = np.full((d, 9), 7.0), np.full((d, 9), 7.0)
+    _frame_products.write_seen(world, inverses, b, place, columns)
+    PLAIN.write_seen(world, inverses, b, place, plain)
+    for n, s in enumerate(place):
+        expected = np.full(d, 7.0) if s < 0 else inverses[s] @ (world[n] - b[s])
+        np.testing.assert_allclose(columns[:, n], expected, rtol=1e-12, atol=1e-13)
+    np.testing.assert_array_equal(columns, plain)
 
 
 @pytest.mark.parametrize(("n_frames", "m"), [(1, 1), (1, 4), (2, 3), (3, 6)])

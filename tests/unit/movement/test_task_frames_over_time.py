@@ -321,7 +321,7 @@ def test_a_partial_frame_without_independent_columns_is_refused(matrix):
 
 @pytest.mark.parametrize("n_seen", [2, 3, 5])
 def test_samples_of_a_frame_at_rest_are_seen_as_those_of_one_that_is_given_for_each(n_seen):
-    """To the last bit, though the first are seen demonstration by demonstration."""
+    """To the last bit."""
     rng = np.random.default_rng(n_seen)
     world, lengths = rng.normal(size=(150, 5)), [70, 30, 50]
     matrices, offsets = rng.normal(size=(2, 5, n_seen)), rng.normal(size=(2, 5))
