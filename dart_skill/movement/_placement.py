@@ -229,20 +229,22 @@ def _as_placements(frames: Frames, lengths: list[int], n_features: int, n_dims: 
 
 def _as_placement(j: int, courses: list[FrameCourse], lengths: list[int], n_features: int, n_dims: int | None) -> Placement:
     frames: list[Frame] = []
-    place: list[np.ndarray] = []
+    places: list[int] = []
+    repeats: list[int] = []
     for i, (course, length) in enumerate(zip(courses, lengths, strict=True)):
         course = _as_frames(course, length, f"task frame {j} of demonstration {i}", n_features)
-        if len(course) == 1:
-            place.append(np.full(length, -1 if course[0] is None else len(frames)))
-        else:
-            there = np.array([frame is not None for frame in course])
-            place.append(np.where(there, len(frames) + np.cumsum(there) - 1, -1))
-        frames += [frame for frame in course if frame is not None]
+        repeats += [length] if len(course) == 1 else [1] * length
+        for frame in course:
+            if frame is None:
+                places.append(-1)
+            else:
+                places.append(len(frames))
+                frames.append(frame)
     found = {frame.n_dims for frame in frames} | ({n_dims} if n_dims else set()) or {n_features}
     _require_dims(j, found)
     matrices = np.reshape([frame.A for frame in frames], (len(frames), n_features, *found))
     offsets = np.reshape([frame.b for frame in frames], (len(frames), n_features))
-    return Placement(matrices, offsets, np.concatenate(place))
+    return Placement(matrices, offsets, np.repeat(places, repeats))
 
 
 def _require_count(frames: Sequence[FrameCourse], n_frames: int, name: str) -> None:
