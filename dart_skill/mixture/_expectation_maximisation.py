@@ -328,9 +328,8 @@ def expectation_maximisation(
         responsibilities = start(standard, weights)
         run = _Run(standard, weights, settings, responsibilities.shape[1])
         fit = run.iterate(*run.begin(responsibilities))
-    log_volume = sum(
-        np.average(seen_rows(block), weights=weights) * np.log(scale).sum() for block, (_, scale) in zip(blocks, scales, strict=True)
-    )
+    mass = weights.sum()
+    log_volume = sum(weights.dot(seen_rows(block)) / mass * np.log(scale).sum() for block, (_, scale) in zip(blocks, scales, strict=True))
     return replace(fit, parameters=in_units(fit.parameters, scales), log_likelihood=fit.log_likelihood - float(log_volume))
 
 

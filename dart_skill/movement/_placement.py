@@ -101,7 +101,8 @@ class Placement:
 
     def see_variance(self, variance: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """Variances (d,) in the frame from variances (m,) of independent columns in the world, the mean over samples with weights (n,)."""
-        shares = np.bincount(self.place[self.seen], weights[self.seen], len(self.A))
+        # The first is of samples that the frame does not see.
+        shares = np.bincount(self.place + 1, weights, 1 + len(self.A))[1:]
         return shares @ (np.square(self.inverses) @ variance) / shares.sum()
 
 
