@@ -106,6 +106,7 @@ def of_the_workspace() -> dict:
 RULES = {"language_level": 3, "boundscheck": False, "wraparound": False, "cdivision": True, "initializedcheck": False}
 RULES |= {"annotation_typing": False}
 FLAGS = ["-O2", "-g0", "-ffp-contract=off", "-fno-math-errno"] if os.name == "posix" else []
+CYTHONIZED = "build/cython"
 COMMANDS_THAT_COMPILE = {"build_ext", "build", "develop", "install", "bdist_wheel", "editable_wheel"}
 
 
@@ -118,9 +119,24 @@ def compiled_modules() -> list:
     except ImportError:
         print(f"{PACKAGE}: Cython is missing, so nothing is compiled: the arm and lessons take several times as long", file=sys.stderr)
         return []
-    sources = sorted(path.with_suffix(".py") for path in Path(PACKAGE).rglob("*.pxd"))
-    modules = [Extension(".".join(path.with_suffix("").parts), [str(path)], extra_compile_args=FLAGS, optional=True) for path in sources]
-    return cythonize(modules, build_dir="build/cython", compiler_directives=RULES, nthreads=os.cpu_count() or 1, quiet=True)
+    sources = {".".join(path.with_suffix("").parts): path.with_suffix(".py") for path in sorted(Path(PACKAGE).rglob("*.pxd"))}
+    modules = [Extension(name, [str(path)], extra_compile_args=FLAGS, optional=True) for name, path in sources.items()]
+    options = {"build_dir": CYTHONIZED, "compiler_directives": RULES, "nthreads": os.cpu_count() or 1, "quiet": True}
+    if shared := code_of_arrays():
+        return [shared, *cythonize(modules, shared_utility_qualified_name=shared.name, **options)]
+    return cythonize(modules, **options)
+
+
+def code_of_arrays() -> Extension | None:
+    """What all compiled modules need of arrays, which takes longer to compile than most of them; before Cython 3.1 it is in each of them."""
+    import Cython
+
+    if tuple(int(part) for part in Cython.__version__.split(".")[:2]) < (3, 1):
+        return None
+    source = Path(CYTHONIZED, "_arrays.c")
+    source.parent.mkdir(parents=True, exist_ok=True)
+    subprocess.run([sys.executable, "-m", "cython", f"--generate-shared={source}"], check=True)
+    return Extension(f"{PACKAGE}._arrays", [str(source)], extra_compile_args=FLAGS, optional=True)
 
 
 MESSAGES = "dart_skill_msgs"

@@ -2,7 +2,7 @@
 cimport cython
 from libc cimport math
 from dart_skill.robot._arm_terms cimport ArmTerms
-from dart_skill.small_matrices cimport eigen_into, factor_into, solve_into
+from dart_skill.small_matrices cimport factor_into, solve_into
 
 cpdef turn(const double[:, :] target, const double[:, :] rotation)
 
@@ -32,7 +32,8 @@ cdef double _product(const double[:, :] target, Py_ssize_t i, const double[:, :]
 cdef class Drive:
     cdef const double[:] _lengths, _coulomb, _viscous, _weak
     cdef double _slow, _null_stiffness, _null_damping, _least_mobility
-    cdef double[:, ::1] _lower, _halved, _mobility, _directions
+    cdef double[:, ::1] _lower, _halved, _directions
+    cdef object _mobility
     cdef double[::1] _mobile, _wanted, _disturbing, _wrench, _free, _null, _total
 
     cpdef add_pull(
@@ -54,7 +55,8 @@ cdef class Drive:
     cdef _shape(self, ArmTerms terms, const double[:] acceleration, const double[:] posture)
 
     @cython.locals(
-        i=Py_ssize_t, j=Py_ssize_t, k=Py_ssize_t, n=Py_ssize_t, rest=double, total=double, lower=double[:, ::1], halved=double[:, ::1])
+        i=Py_ssize_t, j=Py_ssize_t, k=Py_ssize_t, n=Py_ssize_t, rest=double, total=double, lower=double[:, ::1], halved=double[:, ::1],
+        mobility=double[:, ::1])
     cdef _find_directions(self, double[:, ::1] jacobian, double[:, ::1] inertia)
 
     @cython.locals(

@@ -9,10 +9,11 @@ It is asked at every step of the arm. So it is compiled (docs/development.md): _
 import math
 
 import numpy as np
+import scipy
 
 from dart_skill.constants import N_JOINTS
 from dart_skill.robot._arm_terms import ArmTerms
-from dart_skill.small_matrices import eigen_into, factor_into, solve_into
+from dart_skill.small_matrices import factor_into, solve_into
 
 
 def turn(target: np.ndarray, rotation: np.ndarray) -> np.ndarray:
@@ -217,7 +218,7 @@ class Drive:
 
     def _find_directions(self, jacobian: np.ndarray, inertia: np.ndarray) -> None:
         """Eigenvectors of the mobility X X' with X = J L'^-1 and M = L L', a radian counting for its length."""
-        lower, halved, n = self._lower, self._halved, self._free.shape[0]
+        lower, halved, mobility, n = self._lower, self._halved, self._mobility, self._free.shape[0]
         factor_into(inertia, lower)
         for i in range(6):
             for j in range(n):
@@ -229,8 +230,9 @@ class Drive:
                 total = 0.0
                 for k in range(n):
                     total += halved[i, k] * halved[j, k]
-                self._mobility[i, j] = self._mobility[j, i] = total
-        eigen_into(self._mobility, self._mobile, self._directions)
+                mobility[i, j] = mobility[j, i] = total
+        self._mobile, columns, _ = scipy.linalg.lapack.dsyev(self._mobility)
+        self._directions = columns.T
 
     def _as_wrench(self, acceleration: np.ndarray) -> None:
         """Replace an acceleration (6,) of the hand by the wrench (6,) that gives it to the hand where that is mobile enough."""

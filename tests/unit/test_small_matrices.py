@@ -1,10 +1,10 @@
-"""Linear equations and eigenvalues of a handful of unknowns, beside LAPACK's."""
+"""Linear equations with a handful of unknowns, beside LAPACK's."""
 
 import numpy as np
 import pytest
 
 from dart_skill import small_matrices
-from dart_skill.small_matrices import eigen_into, factor_into, invert_into, solve_into, solve_positive_definite
+from dart_skill.small_matrices import factor_into, invert_into, solve_into, solve_positive_definite
 from tests.interpreted import interpreted
 
 
@@ -57,43 +57,6 @@ def test_the_solution_may_take_the_place_of_the_right_side():
     np.testing.assert_array_equal(right, expected)
 
 
-def eigen(matrix, into=eigen_into):
-    values, directions = np.empty(len(matrix)), np.empty(matrix.shape)
-    into(matrix.copy(), values, directions)
-    return values, directions
-
-
-def symmetric(n, rng):
-    matrix = rng.standard_normal((n, n))
-    return matrix + matrix.T
-
-
-@pytest.mark.parametrize("n", [1, 2, 3, 6, 12])
-def test_eigenvalues_and_directions_are_those_of_lapack(n):
-    rng = np.random.default_rng(n)
-    for matrix in (symmetric(n, rng), positive_definite(n, rng)):
-        values, directions = eigen(matrix)
-        np.testing.assert_allclose(np.sort(values), np.linalg.eigvalsh(matrix), atol=1e-13 * np.abs(matrix).sum())
-        np.testing.assert_allclose(directions @ directions.T, np.eye(n), atol=1e-14 * n)
-        np.testing.assert_allclose(directions.T * values @ directions, matrix, atol=1e-13 * np.abs(matrix).sum())
-
-
-DIAGONAL = np.diag([3.0, -1.0, 2.0, 3.0])
-ONE_DIRECTION = np.outer([1.0, 2.0, 3.0, 0.0], [1.0, 2.0, 3.0, 0.0])
-
-
-@pytest.mark.parametrize("matrix", [np.zeros((4, 4)), np.eye(4), DIAGONAL, ONE_DIRECTION, np.ones((4, 4)), 1e-100 * ONE_DIRECTION])
-def test_equal_eigenvalues_and_those_of_zero_are_found_too(matrix):
-    values, directions = eigen(matrix)
-    np.testing.assert_allclose(np.sort(values), np.linalg.eigvalsh(matrix), atol=1e-15 * np.abs(matrix).sum())
-    np.testing.assert_allclose(directions @ directions.T, np.eye(4), atol=1e-14)
-    np.testing.assert_allclose(directions.T * values @ directions, matrix, atol=1e-15 * np.abs(matrix).sum())
-
-
-def test_of_a_matrix_that_is_not_finite_no_eigenvalues_are_looked_for_forever():
-    assert np.isnan(eigen(np.full((4, 4), np.nan))[0]).any()
-
-
 @pytest.mark.parametrize("module", [small_matrices, interpreted("dart_skill.small_matrices")])
 @pytest.mark.parametrize(("matrix", "pivot"), [([[1.0, 0.0], [2.0, 1.0]], 1), ([[0.0]], 0), ([[np.nan]], 0)])
 def test_a_matrix_that_is_not_positive_definite_is_refused(module, matrix, pivot):
@@ -106,6 +69,3 @@ def test_compiled_and_interpreted_have_the_same_bits():
     for n in (1, 4, 7):
         matrix, right = positive_definite(n, rng), rng.standard_normal(n)
         np.testing.assert_array_equal(solve_positive_definite(matrix, right), plain.solve_positive_definite(matrix, right))
-        matrix = symmetric(n, rng)
-        for ours, theirs in zip(eigen(matrix), eigen(matrix, plain.eigen_into), strict=True):
-            np.testing.assert_array_equal(ours, theirs)

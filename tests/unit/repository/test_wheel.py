@@ -100,7 +100,7 @@ def test_the_wheel_has_the_library_its_parameters_and_messages_and_one_command(w
     assert config | messages | {"dart_skill/py.typed", "dart_skill/msg_schemas/package.xml"} <= names
     assert not [name for name in names if name.startswith(("dart_skill_nodes", "nodes", "tests")) or ".data/" in name]
     typed = {path.relative_to(ROOT).with_suffix("").as_posix() for path in (ROOT / "dart_skill").rglob("*.pxd")}
-    assert typed == {name.split(".")[0] for name in names if name.endswith(tuple(EXTENSION_SUFFIXES))}
+    assert typed == {"dart_skill/_arrays"} ^ {name.split(".")[0] for name in names if name.endswith(tuple(EXTENSION_SUFFIXES))}
     assert re.findall(r"^([\w-]+) = ", commands, re.MULTILINE) == ["dart-skill"]
 
 
