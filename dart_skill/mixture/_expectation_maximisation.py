@@ -200,7 +200,7 @@ class _Run:
 
     def __init__(self, blocks: list[np.ndarray], weights: np.ndarray, settings: Settings, n_components: int) -> None:
         self.blocks, self.weights, self.settings = blocks, weights, settings
-        self.sweep = Sweep(blocks, weights, settings.covariance_floor, settings.tolerance)
+        self.sweep = Sweep(blocks, weights, settings.covariance_floor, settings.tolerance, n_components)
         self.revivals_left, self.least_mass = n_components, DEAD_SHARE * weights.mean()
 
     def dead(self, mass: np.ndarray) -> np.ndarray:

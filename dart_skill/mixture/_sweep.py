@@ -29,9 +29,9 @@ SLICE = 4096
 EPSILON = float(np.finfo(float).eps)
 # The products of up to so many samples are kept between sweeps. For more, computing them again costs no more than reading them.
 KEPT = 4 * SLICE
-# Those that are kept are gone through in parts of at most so many numbers, which stay in the cache between the two matrix products of an
-# iteration: 1.3 MB, of which processors of today have a megabyte or more for each core. Half of it takes a tenth longer in two frames.
-PART = 160_000
+# Those that are kept are gone through in parts of at most so many numbers, 1.3 MB, of which processors of today have a megabyte or more
+# for each core; or of half of it for many components: up to a million multiplications OpenBLAS has a quicker way.
+PART, QUICK = 160_000, 1_000_000
 # Largest error of a log density that is computed from products, and what share of the rise at which EM stops it may be, too.
 LARGEST_LOSS, LOSS_SHARE = 1e-10, 1e-4
 # A sample whose density, relative to the highest peak, is above this has lost nothing to underflow.
@@ -223,16 +223,18 @@ class WhiteBlocks:
 
 class Sweep:
     """All samples, prepared for iterations of EM: blocks (n, d_p), weights (n,); floor: least variance of a component; tolerance: the rise
-    of the mean log-likelihood at which EM stops. Equally wide blocks that follow each other are gone through at once.
+    of the mean log-likelihood at which EM stops; n_components: about so many there will be. Equally wide blocks that follow each other are
+    gone through at once.
     """
 
-    def __init__(self, blocks: list[np.ndarray], weights: np.ndarray, floor: float, tolerance: float = 0.0):
+    def __init__(self, blocks: list[np.ndarray], weights: np.ndarray, floor: float, tolerance: float = 0.0, n_components: int = 1):
         self.weights, self.largest_loss = weights, max(LARGEST_LOSS, LOSS_SHARE * tolerance)
         self.blocks = [WhiteBlocks(list(alike), weights, floor) for _, alike in groupby(blocks, key=lambda block: block.shape[1])]
         # A row of ones comes first, for the priors: the products of a block are zero for samples that it does not see.
         edges = list(accumulate((one.n_products for one in self.blocks), initial=1))
         self.rows, self.n_rows = [slice(*pair) for pair in pairwise(edges)], edges[-1]
-        self.spans = _spans(len(weights), SLICE if len(weights) > KEPT else min(SLICE, PART // self.n_rows))
+        part = PART if _quick_number(n_components) * PART <= QUICK else PART // 2
+        self.spans = _spans(len(weights), SLICE if len(weights) > KEPT else min(SLICE, part // self.n_rows))
         self._scratch: np.ndarray | None = None
         self._kept = [self._products(span) for span in self.spans] if len(weights) <= KEPT else []
         if not self._kept:
