@@ -128,7 +128,7 @@ def compiled_modules() -> list:
 
 
 def code_of_arrays() -> Extension | None:
-    """What all compiled modules need of arrays, which takes longer to compile than most of them; before Cython 3.1 it is in each of them."""
+    """What all compiled modules need of arrays, which takes longer to compile than most of them; Cython before 3.1 has it in each."""
     import Cython
 
     if tuple(int(part) for part in Cython.__version__.split(".")[:2]) < (3, 1):
