@@ -36,6 +36,7 @@ from dart_skill.robot import (
 from dart_skill.simulation._basket import Basket, basket_urdf
 from dart_skill.simulation._board import Board
 from dart_skill.simulation._bullet import BulletClient, connect, pybullet
+from dart_skill.simulation._drive import Drive, in_joints, is_zero, read_joints
 from dart_skill.simulation._transmission import Encoders, Transmission
 
 HAND_LINK_INDEX = N_JOINTS
@@ -221,6 +222,7 @@ class Plant:
         self._safety = SafetyModule(s.limits, self.description, s.limits.patience) if s.limits else None
         stiffness = np.array(s.joint_stiffness)
         self._transmission = Transmission(stiffness, self._reflected, self._actuation) if s.elastic else None
+        self._joints = Drive(self._actuation, self._reflected, 1.0 - s.gravity_error, s.step, self._transmission)
         real = self._as_built()
         self._urdf = _unseen(write_urdf(real))
         self._empty_arm = self._nominal_arm if real is self.description else _DynamicsOnly(real, ball_in_hand=False)
@@ -278,7 +280,7 @@ class Plant:
             self._safety.reset()
         if self._transmission is not None:
             start = np.array(self.settings.start_posture)
-            self._transmission.rest(start, self._loaded_arm.bias(list(start), ZEROS))
+            self._transmission.rest(start, np.array(self._loaded_arm.bias(start.tolist(), ZEROS)))
         self._observe()
         return self.state
 
@@ -390,31 +392,29 @@ class Plant:
         return self._commands.pop(0)
 
     def _drive(self, command: Command, push: Command | None) -> None:
-        q, seen = self._q, self._seen_q
+        q, seen, nominal = self._q, self._seen_q, self._nominal_arm
         motors = self._velocity if self._transmission is None else self._transmission.velocity
-        asked = command.joint_torque + self._in_joints(self._nominal_arm, seen, command.wrench)
-        asked += (1.0 - self.settings.gravity_error) * self._nominal_arm.bias(seen, ZEROS)
+        pull = self._in_joints(nominal, seen, command.wrench)
+        asked = self._joints.asked(np.asarray(command.joint_torque, dtype=float), pull, nominal.bias(seen, ZEROS))
         watched = NO_TORQUE if isinstance(command, Braking) else asked
         faulty = self._safety is not None and self._safety.look(self._seen_position, self._seen_velocity, watched, command.speed)
         self._effort = self._actuation.braking(motors) if faulty else self._actuation.deliverable(asked, motors)
-        outside = 0.0 if push is None else push.joint_torque + self._in_joints(self._empty_arm, q, push.wrench)
+        outside = None if push is None else self._from_outside(push)
         arm = self._loaded_arm if self._held is not None else self._empty_arm
         inertia, bias = arm.inertia(q), arm.bias(q, self._qd)
-        acceleration = self._acceleration(inertia, outside, bias)
-        torque = inertia.dot(acceleration) + bias
-        self._world.setJointMotorControlArray(self._arm, JOINTS, pybullet.TORQUE_CONTROL, forces=torque.tolist())
+        forces = self._joints.torque(inertia, bias, self._effort, outside, self._position, self._velocity)
+        self._world.setJointMotorControlArray(self._arm, JOINTS, pybullet.TORQUE_CONTROL, forces=forces)
 
-    def _acceleration(self, inertia: np.ndarray, outside: np.ndarray | float, bias: np.ndarray) -> np.ndarray:
-        """Of the joints (7,) in this step, under the motors' effort and what acts from outside."""
-        velocity, step = self._velocity, self.settings.step
-        if self._transmission is not None:
-            return self._transmission.advance(self._position, velocity, inertia, self._effort, outside - bias, step)
-        return self._actuation.acceleration(inertia + self._reflected, self._effort + outside - bias, velocity, step)
+    def _from_outside(self, push: Command) -> np.ndarray:
+        """What a person does to the joints (7,) [N m]."""
+        pull = self._in_joints(self._empty_arm, self._q, push.wrench)
+        return np.asarray(push.joint_torque if pull is None else push.joint_torque + pull, dtype=float)
 
     @staticmethod
-    def _in_joints(arm: "_DynamicsOnly", q: list[float], wrench: np.ndarray) -> np.ndarray | float:
-        """A wrench at the hand as joint torques (7,); nothing for none, which spares the Jacobian of an arm that is held."""
-        return arm.jacobian(q).T @ wrench if any(wrench.tolist()) else 0.0
+    def _in_joints(arm: "_DynamicsOnly", q: list[float], wrench: np.ndarray) -> np.ndarray | None:
+        """A wrench at the hand as joint torques (7,); None for none, which spares the Jacobian of an arm that is held."""
+        wrench = np.asarray(wrench, dtype=float)
+        return None if is_zero(wrench) else in_joints(arm.jacobian(q), wrench)
 
     # the hand and the ball
 
@@ -538,8 +538,7 @@ class Plant:
     def _observe(self) -> None:
         """Read the joints; where hand and ball are is read when somebody asks."""
         joints = self._world.getJointStates(self._arm, JOINTS)
-        self._q, self._qd = [joint[0] for joint in joints], [joint[1] for joint in joints]
-        self._position, self._velocity = np.array(self._q), np.array(self._qd)
+        self._q, self._qd, self._position, self._velocity = read_joints(joints)
         self._read_encoders()
         self._seen_hand = self._seen_loose = None
 
@@ -643,7 +642,10 @@ class Plant:
 
 
 class _DynamicsOnly:
-    """A copy of the arm that is never stepped: PyBullet's inverse dynamics, mass matrix and Jacobian, with or without the ball."""
+    """A copy of the arm that is never stepped: PyBullet's inverse dynamics, mass matrix and Jacobian, with or without the ball.
+
+    All of them are tuples, as PyBullet gives them.
+    """
 
     def __init__(self, description: WamDescription, ball_in_hand: bool):
         self.client = connect()
@@ -651,17 +653,18 @@ class _DynamicsOnly:
         urdf = write_urdf(description, ball_in_hand, shapes=False)
         self._body = _load_arm(self.client, urdf, description.mount_height)
 
-    def inertia(self, q: list[float]) -> np.ndarray:
-        return np.array(self.client.calculateMassMatrix(self._body, q))
+    def inertia(self, q: list[float]) -> tuple:
+        """Joint-space inertia (7, 7) without rotors."""
+        return self.client.calculateMassMatrix(self._body, q)
 
-    def bias(self, q: list[float], qd: list[float]) -> np.ndarray:
+    def bias(self, q: list[float], qd: list[float]) -> tuple:
         """Torque at zero acceleration (7,): gravity and Coriolis terms."""
-        return np.array(self.client.calculateInverseDynamics(self._body, q, qd, ZEROS))
+        return self.client.calculateInverseDynamics(self._body, q, qd, ZEROS)
 
-    def jacobian(self, q: list[float]) -> np.ndarray:
+    def jacobian(self, q: list[float]) -> tuple:
         """Linear over angular velocity of the hand frame's origin (6, 7)."""
         linear, angular = self.client.calculateJacobian(self._body, HAND_LINK_INDEX, [0, 0, 0], q, ZEROS, ZEROS)
-        return np.array(linear + angular)
+        return linear + angular
 
 
 def _load_arm(client: BulletClient, urdf: str, mount_height: float, turn: float = 0.0) -> int:

@@ -1,12 +1,17 @@
-"""Cables that give: motor and link of a joint are two inertias with a spring between them, and encoders sit on the motor."""
+"""Cables that give: motor and link of a joint are two inertias with a spring between them, and encoders sit on the motor.
+
+A step of the arm asks them. So they are compiled (docs/development.md): _transmission.pxd beside it has the types.
+"""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
-from scipy.linalg.lapack import dposv
 
 from dart_skill.constants import N_JOINTS
 from dart_skill.robot import Actuation
+from dart_skill.small_matrices import factor_into, solve_into
 
 SUBSTEPS = 5
 """Of a control period of 2 ms: a wrist on its spring swings at some 100 Hz."""
@@ -23,38 +28,65 @@ class Transmission:
     * stiffness: (7,) [N m/rad], all positive.
     * reflected: (7, 7) [kg m^2].
     * actuation: whose friction acts on the motors.
+
+    Attributes: position, velocity, of the motors (7,) [rad], [rad/s].
     """
 
     def __init__(self, stiffness: np.ndarray, reflected: np.ndarray, actuation: Actuation):
-        self._stiffness, self._reflected, self._actuation = np.asarray(stiffness, dtype=float), reflected, actuation
-        self._damping = 2.0 * DAMPING_RATIO * np.sqrt(self._stiffness * np.diag(reflected))
+        self._stiffness, self._reflected = np.array(stiffness, dtype=float), np.array(reflected, dtype=float)
+        self._actuation = actuation
+        self._damping = 2.0 * DAMPING_RATIO * np.sqrt(np.asarray(stiffness, dtype=float) * np.diag(reflected))
         self.position, self.velocity = np.zeros(N_JOINTS), np.zeros(N_JOINTS)
+        self._link, self._speeds = np.zeros(N_JOINTS), np.zeros(2 * N_JOINTS)
+        self._motor_speeds = self._speeds[N_JOINTS:]
+        self._system, self._momentum = np.zeros((2 * N_JOINTS, 2 * N_JOINTS)), np.zeros(2 * N_JOINTS)
 
     def rest(self, q: np.ndarray, load: np.ndarray) -> None:
         """Motors at rest that carry a load (7,) [N m] on links at q (7,) [rad]."""
-        self.position, self.velocity = q + load / self._stiffness, np.zeros(N_JOINTS)
+        self.position, self.velocity = q + load / np.asarray(self._stiffness), np.zeros(N_JOINTS)
 
     def advance(
         self, q: np.ndarray, velocity: np.ndarray, inertia: np.ndarray, effort: np.ndarray, outside: np.ndarray, step: float
     ) -> np.ndarray:
         """Mean acceleration (7,) of the links over a step [s] in which motors give `effort` and the world `outside`, net of the bias."""
-        h, link, reached = step / SUBSTEPS, q, velocity
-        coupling = h * (h * self._stiffness + self._damping)
-        system = np.zeros((2 * N_JOINTS, 2 * N_JOINTS))
-        joints = np.arange(N_JOINTS)
+        position, mean = np.array(self.position), np.empty(N_JOINTS)
+        theta, acceleration, link, speeds = position, mean, self._link, self._speeds
+        n, motors, h = N_JOINTS, self.velocity, step / SUBSTEPS
+        for j in range(n):
+            link[j] = q[j]
+            speeds[j] = velocity[j]
+            speeds[n + j] = motors[j]
         for _ in range(SUBSTEPS):
-            spring = h * self._stiffness * (self.position - link)
-            system[:N_JOINTS, :N_JOINTS], system[N_JOINTS:, N_JOINTS:] = inertia, self._reflected
-            system[joints, joints] += coupling
-            system[N_JOINTS + joints, N_JOINTS + joints] += coupling + h * self._actuation.damping(self.velocity)
-            system[joints, N_JOINTS + joints] = system[N_JOINTS + joints, joints] = -coupling
-            momentum = np.concatenate([inertia @ reached + spring + h * outside, self._reflected @ self.velocity - spring + h * effort])
-            speeds = dposv(system, momentum)[1]
-            reached = speeds[:N_JOINTS]
-            self.velocity = speeds[N_JOINTS:]
-            link = link + h * reached
-            self.position = self.position + h * self.velocity
-        return (reached - velocity) / step
+            self._set_up(inertia, effort, outside, theta, h)
+            factor_into(self._system, self._system)
+            solve_into(self._system, self._momentum, speeds)
+            for j in range(n):
+                link[j] += h * speeds[j]
+                theta[j] += h * speeds[n + j]
+        for j in range(n):
+            acceleration[j] = (speeds[j] - velocity[j]) / step
+        self.position, self.velocity = position, self._motor_speeds.copy()
+        return mean
+
+    def _set_up(self, inertia: np.ndarray, effort: np.ndarray, outside: np.ndarray, theta: np.ndarray, h: float) -> None:
+        """The equations of an implicit Euler step: system (14, 14) times speeds, of links over motors, is momentum (14,)."""
+        n, system, momentum, speeds = N_JOINTS, self._system, self._momentum, self._speeds
+        damping = self._actuation.damping(self._motor_speeds)
+        for i in range(n):
+            spring = h * self._stiffness[i] * (theta[i] - self._link[i])
+            coupling = h * (h * self._stiffness[i] + self._damping[i])
+            of_link = of_motor = 0.0
+            for j in range(n):
+                system[i, j] = inertia[i, j]
+                system[n + i, n + j] = self._reflected[i, j]
+                system[n + i, j] = 0.0
+                of_link += inertia[i, j] * speeds[j]
+                of_motor += self._reflected[i, j] * speeds[n + j]
+            system[i, i] += coupling
+            system[n + i, n + i] += coupling + h * damping[i]
+            system[n + i, i] = -coupling
+            momentum[i] = of_link + spring + h * outside[i]
+            momentum[n + i] = of_motor - spring + h * effort[i]
 
 
 class Encoders:
@@ -67,27 +99,30 @@ class Encoders:
     """
 
     def __init__(self, offset: np.ndarray, resolution: float, speed_filter: float, step: float):
-        self._offset, self._resolution = np.asarray(offset, dtype=float), resolution
-        self._gain = 1.0 - np.exp(-speed_filter * step) if speed_filter else 0.0
-        self._step = step
-        self._exact = not (self._offset.any() or resolution or speed_filter)
-        self._last: np.ndarray | None = None
-        self._speed = np.zeros(N_JOINTS)
+        self._offset, self._resolution, self._step = np.array(offset, dtype=float), resolution, step
+        self._gain = 1.0 - math.exp(-speed_filter * step)
+        self._exact = not (np.any(offset) or resolution or speed_filter)
+        self._last, self._speed = np.zeros(N_JOINTS), np.zeros(N_JOINTS)
+        self._has_read = False
 
     def reset(self) -> None:
         """The arm is somewhere else, at rest."""
-        self._last, self._speed = None, np.zeros(N_JOINTS)
+        self._has_read = False
+        for j in range(N_JOINTS):
+            self._speed[j] = 0.0
 
     def read(self, position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Angles and speeds (7,) as reported, once a step."""
         if self._exact:
             return position, velocity
-        seen = position + self._offset
-        if self._resolution:
-            seen = self._resolution * np.round(seen / self._resolution)
-        if not self._gain:
-            return seen, velocity
-        if self._last is not None:
-            self._speed = self._speed + self._gain * ((seen - self._last) / self._step - self._speed)
-        self._last = seen
-        return seen, self._speed
+        seen = np.empty(N_JOINTS)
+        angles, true, last, speed = seen, position, self._last, self._speed
+        for j in range(N_JOINTS):
+            angles[j] = true[j] + self._offset[j]
+            if self._resolution:
+                angles[j] = self._resolution * math.floor(angles[j] / self._resolution + 0.5)
+            if self._has_read:
+                speed[j] += self._gain * ((angles[j] - last[j]) / self._step - speed[j])
+            last[j] = angles[j]
+        self._has_read = True
+        return seen, np.array(speed) if self._gain else velocity

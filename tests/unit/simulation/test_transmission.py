@@ -10,6 +10,7 @@ from dart_skill.configuration import node_parameters
 from dart_skill.robot import Actuation, ArmModel, Command, Grip, wam_description
 from dart_skill.simulation import Plant, PlantSettings
 from dart_skill.simulation._transmission import DAMPING_RATIO, Encoders, Transmission
+from tests.interpreted import interpreted
 
 STEP = 0.002
 STIFFNESS = np.array([9000.0, 9000.0, 5000.0, 3000.0, 800.0, 800.0, 200.0])
@@ -64,6 +65,26 @@ def test_motors_at_rest_carry_their_load():
     np.testing.assert_allclose(STIFFNESS * (transmission.position - q), load)
 
 
+def test_a_part_of_a_step_is_an_implicit_euler_step_for_motors_and_links_at_once():
+    """Without friction: the linear system of both, by NumPy."""
+    rng = np.random.default_rng(0)
+    transmission, parts = Transmission(STIFFNESS, REFLECTED, FRICTIONLESS), 5
+    load, effort, push, q, v = rng.normal(size=(5, 7))
+    transmission.rest(q, load)
+    h, damping = STEP / parts, np.diag(2.0 * DAMPING_RATIO * np.sqrt(STIFFNESS * np.diag(REFLECTED)))
+    between = h * (h * np.diag(STIFFNESS) + damping)
+    system = np.block([[INERTIA + between, -between], [-between, REFLECTED + between]])
+    links, motors, speeds = q, transmission.position, np.concatenate([v, np.zeros(7)])
+    for _ in range(parts):
+        spring = h * STIFFNESS * (motors - links)
+        momentum = np.concatenate([INERTIA @ speeds[:7] + spring + h * push, REFLECTED @ speeds[7:] - spring + h * effort])
+        speeds = np.linalg.solve(system, momentum)
+        links, motors = links + h * speeds[:7], motors + h * speeds[7:]
+    np.testing.assert_allclose(transmission.advance(q, v, INERTIA, effort, push, STEP), (speeds[:7] - v) / STEP, rtol=1e-8)
+    np.testing.assert_allclose(transmission.position, motors, rtol=1e-12)
+    np.testing.assert_allclose(transmission.velocity, speeds[7:], rtol=1e-10)
+
+
 def test_an_elastic_arm_gives_way_by_torque_over_stiffness(plants):
     """Held by its motors, it hangs lower than its encoders say by what its weight stretches the cables."""
     plant = plants(joint_stiffness=tuple(STIFFNESS), gravity_error=0.0)
@@ -98,6 +119,32 @@ def test_encoders_step_and_shift_angles_and_filter_speeds():
     smooth = Encoders(np.zeros(7), 0.0, 180.0, STEP)
     speeds = [smooth.read(np.full(7, 0.4 * STEP * k), np.full(7, 0.4))[1][0] for k in range(10)]
     np.testing.assert_allclose(speeds[1:], 0.4 * (1.0 - np.exp(-180.0 * STEP * np.arange(1, 10))))
+
+
+def test_exact_encoders_say_what_is_and_a_reset_begins_anew():
+    position, velocity = np.full(7, 0.1), np.full(7, 0.2)
+    seen = Encoders(np.zeros(7), 0.0, 0.0, STEP).read(position, velocity)
+    assert seen[0] is position and seen[1] is velocity
+    encoders = Encoders(np.zeros(7), 1e-3, 180.0, STEP)
+    first = encoders.read(position, velocity)
+    encoders.read(position + 0.05, velocity)
+    encoders.reset()
+    np.testing.assert_array_equal(encoders.read(position, velocity), first)
+    assert not first[1].any(), "an arm at rest"
+
+
+def test_compiled_and_interpreted_have_the_same_bits():
+    plain, rng = interpreted("dart_skill.simulation._transmission"), np.random.default_rng(0)
+    kinds, actuation = (Transmission, plain.Transmission), Actuation(wam_description())
+    pair = [kind(STIFFNESS, REFLECTED, actuation) for kind in kinds]
+    readers = [kind(0.01 * STIFFNESS / 9000.0, 1e-4, 180.0, STEP) for kind in (Encoders, plain.Encoders)]
+    for one in pair:
+        one.rest(np.zeros(7), STIFFNESS * 1e-3)
+    for _ in range(20):
+        effort, push, q, v = rng.normal(size=(4, 7))
+        np.testing.assert_array_equal(*(one.advance(q, v, INERTIA, effort, push, STEP) for one in pair))
+        np.testing.assert_array_equal(*(np.concatenate([one.position, one.velocity]) for one in pair))
+        np.testing.assert_array_equal(*(np.concatenate(one.read(q, v)) for one in readers))
 
 
 def test_a_command_acts_as_many_periods_later(plants):
