@@ -10,6 +10,7 @@ The module knows no robot: the arm is a set of capsules, given with every frame.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
@@ -18,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dart_skill.quaternions import from_vectors, product, rotate
+from dart_skill.simulation._lines_of_sight import LinesOfSight
 
 
 @dataclass(frozen=True)
@@ -141,8 +143,6 @@ class MotionCaptureConfig:
 
 Pose = tuple[np.ndarray, np.ndarray]
 """Position (3,) and quaternion (4,) x, y, z, w."""
-Walls = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""Centres of the rims (f, 3), radii (f,) and depths (f,) of the baskets of f frames."""
 
 
 @dataclass(frozen=True)
@@ -213,7 +213,7 @@ class MotionCapture:
             config = MotionCaptureConfig.from_parameters(config)
         self.config = config
         self.seed = int(seed)
-        self._view = _View(config.cameras, config.clearance)
+        self._view = _lines_of_sight(config)
         rng = np.random.default_rng([self.seed])
         self._offsets = _calibration_offsets(config, rng)
         self._turns = _body_turns(config, rng)
@@ -253,9 +253,9 @@ class MotionCapture:
             return []
         position, quaternion = _check_poses(present, [[frame.bodies[name] for name in present] for frame in frames])
         ends, radii = _check_capsules([frame.capsules for frame in frames])
-        counts = self._view.count(position, ends, radii, _walls(frames))
+        counts = self._view.count(position, ends, radii, _walls(frames), self.config.min_cameras)
         rows = np.array([self.config.bodies.index(name) for name in present])
-        tracked = (counts >= self.config.min_cameras) & ~draws.dropped[:, rows]
+        tracked = (counts == self.config.min_cameras) & ~draws.dropped[:, rows]
         position, quaternion = self._measure(rows, position, quaternion, draws.noise[:, rows])
         stamps, late = [int(frame.stamp_ns) for frame in frames], round(1e9 * self.config.stamp_delay)
         return [
@@ -359,70 +359,11 @@ class _Draws:
     latency_ns: list[int]  # n_frames
 
 
-class _View:
-    """Lines of sight of all cameras at once."""
-
-    def __init__(self, cameras: Sequence[Camera], clearance: float) -> None:
-        self.position = np.stack([camera.position for camera in cameras])
-        self.range = np.array([camera.range for camera in cameras])
-        self.clearance = clearance
-        right, down, forward = np.stack([camera.axes for camera in cameras], axis=1)
-        wide, high = (tangent[:, None] * forward for tangent in np.tan([camera.half_angles for camera in cameras]).T)
-        sides = np.stack([wide - right, wide + right, high - down, high + down])
-        self.sides = sides.reshape(-1, 3).T  # normals of the four sides of each field of view, inwards: (3, 4 * cameras)
-        self.behind_sides = np.einsum("sci,ci->sc", sides, self.position)
-
-    def count(self, points: np.ndarray, ends: np.ndarray, radii: np.ndarray, walls: Walls | None) -> np.ndarray:
-        """Cameras (f, n) that see each point (f, n, 3), past the capsules and the basket of its frame."""
-        ray = points[:, :, None] - self.position  # (f, n, cameras, 3)
-        distance = np.sqrt(np.einsum("fnci,fnci->fnc", ray, ray))
-        inside = (points @ self.sides).reshape(*points.shape[:2], 4, -1) >= self.behind_sides
-        seen = inside.all(axis=2) & (distance > 0.0) & (distance <= self.range)
-        # A line of sight ends `clearance` before the body, so that neither its holder nor itself hides it.
-        shorten = np.maximum(0.0, 1.0 - self.clearance / np.maximum(distance, 1e-9))
-        seen &= ~_hidden_by_capsules(self.position, shorten[..., None] * ray, ends, radii)
-        if walls is not None:
-            seen &= ~_hidden_by_walls(self.position, ray, *(part[:, None, None] for part in walls))
-        return seen.sum(axis=-1)
-
-
-def _hidden_by_capsules(start: np.ndarray, ray: np.ndarray, ends: np.ndarray, radii: np.ndarray) -> np.ndarray:
-    """Whether segments start + s ray, s in [0, 1], pass through a capsule of their frame: (f, n, k).
-
-    start (k, 3), ray (f, n, k, 3), ends (f, c, 2, 3), radii (f, c). Every product below is (f, n, k, c) or broadcasts to it.
-    """
-    axis = ends[:, :, 1] - ends[:, :, 0]  # (f, c, 3)
-    offset = start[:, None] - ends[:, None, :, 0]  # (f, k, c, 3)
-    length, thick = np.einsum("fnki,fnki->fnk", ray, ray)[..., None], np.einsum("fci,fci->fc", axis, axis)[:, None, None]
-    along, across = ray @ axis.swapaxes(1, 2)[:, None], np.einsum("fkci,fci->fkc", offset, axis)[:, None]
-    behind = (offset @ ray.transpose(0, 2, 3, 1)).transpose(0, 3, 1, 2)
-    # Closest points of two segments: minimise over the ray, clamp, over the axis, clamp, over the ray again.
-    det = length * thick - along**2
-    s = _unit_interval((along * across - behind * thick) * (det > 1e-12), np.maximum(det, 1e-12))
-    t = _unit_interval(along * s + across, np.maximum(thick, 1e-12))
-    s = _unit_interval(along * t - behind, np.maximum(length, 1e-12))
-    apart = np.einsum("fkci,fkci->fkc", offset, offset)[:, None]
-    gap = apart + s * (s * length + 2.0 * behind) + t * (t * thick - 2.0 * (across + s * along))  # |offset + s ray - t axis|^2
-    return (gap < radii[:, None, None] ** 2).any(axis=-1)
-
-
-def _unit_interval(numerator: np.ndarray, denominator: np.ndarray) -> np.ndarray:
-    return np.minimum(np.maximum(numerator / denominator, 0.0), 1.0)
-
-
-def _hidden_by_walls(start: np.ndarray, ray: np.ndarray, rim: np.ndarray, radius: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """Whether segments start + ray (..., 3) pass through the side of a cylinder below its rim: (..., 3), (...), (...)."""
-    offset, flat = start[..., :2] - rim[..., :2], ray[..., :2]
-    a = np.maximum(np.einsum("...i,...i->...", flat, flat), 1e-12)
-    b = np.einsum("...i,...i->...", offset, flat)
-    c = np.einsum("...i,...i->...", offset, offset) - radius**2
-    discriminant = b**2 - a * c  # negative: the line misses the cylinder
-    root = np.sqrt(np.maximum(discriminant, 0.0))
-    crossings = (np.stack([-root, root]) - b) / a
-    height = start[..., 2] + crossings * ray[..., 2]
-    low, high = rim[..., 2] - depth, rim[..., 2] - 1e-9
-    through = (crossings > 0.0) & (crossings < 1.0) & (height > low) & (height < high)
-    return through.any(axis=0) & (discriminant >= 0.0)
+def _lines_of_sight(config: MotionCaptureConfig) -> LinesOfSight:
+    position, axes, half_angles, ranges = (
+        np.array([getattr(camera, name) for camera in config.cameras]) for name in ("position", "axes", "half_angles", "range")
+    )
+    return LinesOfSight(position, axes, half_angles, ranges, config.clearance)
 
 
 def _calibration_offsets(config: MotionCaptureConfig, rng: np.random.Generator) -> np.ndarray:
@@ -463,8 +404,9 @@ def _check_poses(names: Sequence[str], poses: Sequence[Sequence[Pose]]) -> tuple
                 raise ValueError(f"position of {name} must be a finite (3,) array, got {position}")
             if np.shape(quaternion) != (4,):
                 raise ValueError(f"quaternion of {name} must be a finite (4,) array, got {quaternion}")
-    position = np.array([[position for position, _ in frame] for frame in poses], dtype=float)
-    quaternion = np.array([[quaternion for _, quaternion in frame] for frame in poses], dtype=float)
+    shape = len(poses), len(names), -1
+    position = np.concatenate([position for frame in poses for position, _ in frame], dtype=float).reshape(shape)
+    quaternion = np.concatenate([quaternion for frame in poses for _, quaternion in frame], dtype=float).reshape(shape)
     norm = np.sqrt(np.einsum("fni,fni->fn", quaternion, quaternion))
     wrong = ~(np.isfinite(position).all(axis=-1) & (np.abs(norm - 1.0) <= 1e-3))
     if wrong.any():
@@ -487,20 +429,19 @@ def _check_capsules(capsules: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[
     return ends, radii
 
 
-def _walls(frames: Sequence[Frame]) -> Walls | None:
-    """Centres of the rims (f, 3), radii (f,) and depths (f,) of the frames' baskets; None if there are none."""
+def _walls(frames: Sequence[Frame]) -> np.ndarray | None:
+    """Centre of the rim, radius and depth of each frame's basket (f, 5); None if there are none."""
     baskets = [frame.basket for frame in frames if frame.basket is not None]
     if not baskets:
         return None
     if len(baskets) < len(frames):
         raise ValueError("frames with and without a basket: observe them one by one")
-    rims = np.array([basket.rim for basket in baskets])
-    return rims, np.array([basket.radius for basket in baskets]), np.array([basket.depth for basket in baskets])
+    return np.array([[*basket.rim.tolist(), basket.radius, basket.depth] for basket in baskets])
 
 
 def _vector(name: str, value: ArrayLike, size: int) -> np.ndarray:
     value = np.asarray(value, dtype=float)
-    if value.shape != (size,) or not np.all(np.isfinite(value)):
+    if value.shape != (size,) or not all(map(math.isfinite, value.tolist())):
         raise ValueError(f"{name} must be a finite ({size},) vector, got {value}")
     return value
 

@@ -32,7 +32,8 @@ def run(system, n_frames, episode=0, bodies=None, **occluders):
 def visible_cameras(system, points, capsules=NO_CAPSULES, basket=None):
     """How many cameras see each of the points (n, 3): integers (n,)."""
     ends, radii = _check_capsules([capsules])
-    return system._view.count(np.asarray(points, dtype=float)[None], ends, radii, _walls([Frame(0, {}, capsules, basket)]))[0]
+    walls, cameras = _walls([Frame(0, {}, capsules, basket)]), len(system.config.cameras)
+    return system._view.count(np.asarray(points, dtype=float)[None], ends, radii, walls, cameras)[0]
 
 
 def in_front_of(camera, distance, right=0.0, down=0.0):
