@@ -15,7 +15,7 @@ from dart_skill.robot import ArmState, Command, Commander, CommanderSettings, Gr
 from dart_skill.session._arm import parameters_of_arm
 from dart_skill.session._session_bag import SessionBag
 from dart_skill.simulation import (
-    ArmShape,
+    ArmGeometry,
     BasketWalls,
     Board,
     Frame,
@@ -93,7 +93,7 @@ class Session:
         self.teacher = Teacher(seed, swing, person, game=self._game)
         limits = commander or CommanderSettings.configured()
         self.commander = Commander(limits, self.plant.description_of_load)
-        self._shape = ArmShape()
+        self._geometry = ArmGeometry()
         self._exposed: list[PlantState] = []
         self._log, self._keep, self._bag = ThrowLog(skill=skill), keep_states, bag
         self._frame_steps = round(1e9 / self.capture.config.rate / self.plant.settings.step_ns)
@@ -226,7 +226,7 @@ class Session:
             aimed_at: (state.basket, np.array([0.0, 0.0, 0.0, 1.0])),
         }
         basket, board, number = self.plant.settings.basket, self.plant.settings.board, state.step // self._frame_steps
-        capsules = self._shape.capsules(state.position, self.plant.settings.base_turn)
+        capsules = self._geometry.capsules(state.position, self.plant.settings.base_turn)
         if board is None:
             return Frame(state.stamp_ns, bodies, capsules, BasketWalls(state.basket, basket.radius, basket.depth), number)
         ends, radii = (np.concatenate(parts) for parts in zip(capsules, board.capsules, strict=True))

@@ -10,7 +10,7 @@ import numpy as np
 
 from dart_skill.robot import Command, Commander, CommanderSettings, Grip
 from dart_skill.session._session_bag import SessionBag
-from dart_skill.simulation import ArmShape, Conveyor, Frame, LatencyQueue, MotionCapture, Workbench
+from dart_skill.simulation import ArmGeometry, Conveyor, Frame, LatencyQueue, MotionCapture, Workbench
 from dart_skill.skill.observe import ThrowLog
 from dart_skill.skill.protocol import HAND, Skill, TaskDemonstration, TaskOutcome, Told, Track
 
@@ -63,7 +63,7 @@ class SkillSession:
         self.skill, self.plant, self._bag = skill, plant, bag
         self._capture = MotionCapture({**of("mock_optitrack"), "bodies": (HAND, *skill.bodies)}, seed)
         self.commander = Commander(CommanderSettings.from_parameters(of("commander")), self.plant.description)
-        self._shape = ArmShape()
+        self._geometry = ArmGeometry()
         self._frame_steps = round(1e9 / self._capture.config.rate / self.plant.settings.step_ns)
         self._sees: Sees | None = None
 
@@ -116,7 +116,7 @@ class SkillSession:
 
     def _frame(self) -> Frame:
         plant = self.plant
-        capsules = self._shape.capsules(np.array(plant.joint_position), plant.settings.base_turn)
+        capsules = self._geometry.capsules(np.array(plant.joint_position), plant.settings.base_turn)
         return Frame(plant.state_stamp_ns, plant.bodies, capsules, number=plant.step_count // self._frame_steps)
 
     def _deliver(self) -> None:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from dart_skill.lazy import on_first_use
 
 if TYPE_CHECKING:
-    from dart_skill.simulation._arm_shape import ArmShape
+    from dart_skill.simulation._arm_geometry import ArmGeometry
     from dart_skill.simulation._basket import Basket
     from dart_skill.simulation._board import Board
     from dart_skill.simulation._bullet import connect
@@ -26,7 +26,7 @@ else:
     __getattr__, __dir__ = on_first_use(
         __name__,
         {
-            "_arm_shape": "ArmShape",
+            "_arm_geometry": "ArmGeometry",
             "_basket": "Basket",
             "_board": "Board",
             "_bullet": "connect",
@@ -47,7 +47,7 @@ else:
     )
 
 __all__ = [
-    "ArmShape",
+    "ArmGeometry",
     "Basket",
     "BasketWalls",
     "Belt",

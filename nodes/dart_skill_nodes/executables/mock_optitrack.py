@@ -17,7 +17,7 @@ from rosgraph_msgs.msg import Clock
 from dart_skill.checks import as_place
 from dart_skill.configuration import limit_parameters, node_parameters, world_parameters
 from dart_skill.robot import Transform
-from dart_skill.simulation import ArmShape, BasketWalls, Board, LatencyQueue, MotionCapture, PlantSettings
+from dart_skill.simulation import ArmGeometry, BasketWalls, Board, LatencyQueue, MotionCapture, PlantSettings
 from dart_skill.skill.protocol import HAND, skill_type
 from dart_skill.world import THROW
 from dart_skill_nodes.comms import conversions
@@ -129,7 +129,7 @@ class MockOptitrack(GuardedLifecycleNode):
         except (ValueError, KeyError) as error:
             self.get_logger().error(f"not configured: {error}")
             return TransitionCallbackReturn.FAILURE
-        self._shape = ArmShape()
+        self._geometry = ArmGeometry()
         names, qos = self._capture.config.bodies, POSES[self.get_parameter("reliability").value]
         self._publishers_of = {n: self.create_publisher(PoseStamped, pose_topic(self._name_of[n]), qos) for n in names}
         self._published, self._lost, self._newest = dict.fromkeys(names, 0), dict.fromkeys(names, 0), dict.fromkeys(names, 0)
@@ -173,7 +173,7 @@ class MockOptitrack(GuardedLifecycleNode):
             self._newest = dict.fromkeys(self._newest, 0)
         self._frame_ns = ns
         bodies = {name: truth.bodies[name] for name in self._capture.config.bodies if name in truth.bodies}
-        capsules = self._beside_a_board(truth.bodies, self._shape.capsules(truth.joint_position, truth.base_turn))
+        capsules = self._beside_a_board(truth.bodies, self._geometry.capsules(truth.joint_position, truth.base_turn))
         samples = self._capture.observe(ns, truth.episode, bodies, capsules, self._walls(truth.bodies), truth.step * STEP_NS // frame_ns)
         for name in set(self._lost) - {sample.name for sample in samples}:
             self._lost[name] += 1

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dart_skill.experiments.reach import Reached, drawn, run_seed, table, teach
-from dart_skill.robot import Mode
+from dart_skill.robot import ArmModel, Mode
 from dart_skill.session import BeltSession, ReachingPerson
 from dart_skill.simulation import Belt, Holder
 from dart_skill.skill.execute import BodyMotion
@@ -64,7 +64,7 @@ def test_a_hand_that_is_held_waits_and_does_not_hurry_after_the_cup(taught):
 
 
 def hand_velocity(plant):
-    return plant.state.velocity @ np.array(plant._empty_arm.jacobian(plant.joint_position))[:3].T
+    return ArmModel().jacobian(np.array(plant.joint_position))[:3] @ plant.state.velocity
 
 
 @pytest.mark.slow

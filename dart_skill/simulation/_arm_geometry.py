@@ -1,6 +1,6 @@
-"""The arm as capsules in the world: what of it hides bodies from cameras.
+"""Where the links of the arm are, from the joints of its URDF: what of it hides bodies from cameras, and what a wrench does to its joints.
 
-Every frame of the cameras asks it. So it is compiled (docs/development.md): _arm_shape.pxd beside it has the types.
+It is asked at every step of the arm. So it is compiled (docs/development.md): _arm_geometry.pxd beside it has the types.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from dart_skill.constants import N_JOINTS
 from dart_skill.robot import WamDescription, fixed_transforms, wam_description
 
 
-class ArmShape:
-    """Kinematics from the frames of the URDF's joints: each stands at `xyz`, rolled about x, in that of its parent, and turns about z.
+class ArmGeometry:
+    """Frames in the world: that of a joint stands at `xyz`, rolled about x, in the frame before it, and turns about its own z axis.
 
     * description: of the arm, default the WAM.
     """
@@ -40,6 +40,27 @@ class ArmShape:
             raise ValueError(f"position = {position}: give {N_JOINTS} joint angles [rad]")
         self._place_frames(angles, base_turn)
         return self._ends(), self._radii
+
+    def in_joints(self, position: np.ndarray, wrench: np.ndarray) -> np.ndarray | None:
+        """A wrench at the hand as torques of the joints, J' wrench (7,) [N m]; None for none, which spares the kinematics.
+
+        About the axis z of a joint at p, force f and moment m at the hand turn with z . (m + (hand - p) x f).
+
+        * position: angles (7,) [rad].
+        * wrench: (6,), force [N] over moment [N m], world axes.
+        """
+        if is_zero(wrench):
+            return None
+        self._place_frames(position, 0.0)
+        n, axes, origin = position.shape[0], self._axes, self._origin
+        result = np.empty(n)
+        torque = result
+        for k in range(1, n + 1):
+            x, y, z = origin[n + 1, 0] - origin[k, 0], origin[n + 1, 1] - origin[k, 1], origin[n + 1, 2] - origin[k, 2]
+            torque[k - 1] = axes[k, 0, 2] * (wrench[3] + y * wrench[2] - z * wrench[1])
+            torque[k - 1] += axes[k, 1, 2] * (wrench[4] + z * wrench[0] - x * wrench[2])
+            torque[k - 1] += axes[k, 2, 2] * (wrench[5] + x * wrench[1] - y * wrench[0])
+        return result
 
     def _place_frames(self, angles: np.ndarray, base_turn: float) -> None:
         """Origins and axes, as columns, of all frames in the world: base, joints, hand."""
@@ -83,3 +104,11 @@ class ArmShape:
                     for j in range(3):
                         ends[c, end, i] += self._axes[k, i, j] * self._local[c, end, j]
         return result
+
+
+def is_zero(values: np.ndarray) -> bool:
+    """Whether all numbers (n,) are 0."""
+    for i in range(values.shape[0]):
+        if values[i] != 0.0:
+            return False
+    return True

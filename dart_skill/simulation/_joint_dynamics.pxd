@@ -1,17 +1,11 @@
-# Types of _drive.py, for Cython.
+# Types of _joint_dynamics.py, for Cython.
 cimport cython
 from dart_skill.simulation._transmission cimport Transmission
 
 @cython.locals(i=Py_ssize_t, joint=tuple, angles=double[::1], speeds=double[::1])
 cpdef read_joints(tuple joints)
 
-@cython.locals(i=Py_ssize_t)
-cpdef bint is_zero(const double[:] values)
-
-@cython.locals(i=Py_ssize_t, j=Py_ssize_t, n=Py_ssize_t, row=tuple, torque=double[::1])
-cpdef in_joints(tuple jacobian, const double[:] wrench)
-
-cdef class Drive:
+cdef class JointDynamics:
     cdef object _actuation, _reflected, _inertia, _with_rotors, _net
     cdef Transmission _transmission
     cdef double _gravity, _step

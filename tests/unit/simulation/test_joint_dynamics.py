@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from dart_skill.robot import Actuation, wam_description
-from dart_skill.simulation import _drive
-from dart_skill.simulation._drive import Drive, in_joints, is_zero, read_joints
+from dart_skill.simulation import _joint_dynamics
+from dart_skill.simulation._joint_dynamics import JointDynamics, read_joints
 from dart_skill.simulation._transmission import Transmission
 from tests.interpreted import interpreted
 
@@ -39,21 +39,11 @@ def test_joints_are_read_as_lists_and_as_arrays(rng):
     np.testing.assert_array_equal(np.stack([position, velocity], axis=1), states)
 
 
-def test_a_wrench_in_the_joints_is_that_of_the_transposed_jacobian(rng):
-    jacobian, wrench = rng.normal(size=(6, 7)), rng.normal(size=6)
-    np.testing.assert_allclose(in_joints(as_tuples(jacobian), wrench), jacobian.T @ wrench, atol=1e-14)
-
-
-@pytest.mark.parametrize(("values", "zero"), [([0.0, 0.0], True), ([-0.0], True), ([0.0, 1e-300], False), ([np.nan], False), ([], True)])
-def test_zero_is_zero_and_nothing_else(values, zero):
-    assert is_zero(np.array(values)) == zero
-
-
 def test_motors_are_asked_for_what_the_command_says_and_for_their_share_of_gravity(rng):
     torque, pull, gravity = rng.normal(size=(3, 7))
-    drive = Drive(Actuation(WAM), REFLECTED, 0.95, STEP)
-    np.testing.assert_allclose(drive.asked(torque, None, as_tuples(gravity)), torque + 0.95 * gravity, atol=1e-15)
-    np.testing.assert_allclose(drive.asked(torque, pull, as_tuples(gravity)), torque + pull + 0.95 * gravity, atol=1e-15)
+    joints = JointDynamics(Actuation(WAM), REFLECTED, 0.95, STEP)
+    np.testing.assert_allclose(joints.asked(torque, None, as_tuples(gravity)), torque + 0.95 * gravity, atol=1e-15)
+    np.testing.assert_allclose(joints.asked(torque, pull, as_tuples(gravity)), torque + pull + 0.95 * gravity, atol=1e-15)
 
 
 def moved(inertia, bias, torque):
@@ -64,8 +54,8 @@ def moved(inertia, bias, torque):
 @pytest.mark.parametrize("pushed", [False, True])
 def test_the_arm_without_rotors_is_moved_as_one_with_rotors(rng, inertia, pushed):
     bias, effort, push, q, v = rng.normal(size=(5, 7))
-    drive = Drive(Actuation(WAM, friction_scale=0.0), REFLECTED, 1.0, STEP)
-    torque = drive.torque(as_tuples(inertia), as_tuples(bias), effort, push if pushed else None, q, v)
+    joints = JointDynamics(Actuation(WAM, friction_scale=0.0), REFLECTED, 1.0, STEP)
+    torque = joints.torque(as_tuples(inertia), as_tuples(bias), effort, push if pushed else None, q, v)
     expected = np.linalg.solve(inertia + REFLECTED, effort + (push if pushed else 0.0) - bias)
     np.testing.assert_allclose(moved(inertia, bias, torque), expected, rtol=1e-9)
 
@@ -79,22 +69,20 @@ def test_friction_and_cables_are_those_of_the_arm(rng, inertia):
     rigid = actuation.acceleration(inertia + REFLECTED, effort + push - bias, v, STEP)
     elastic = same_cables.advance(q, v, inertia, effort, push - bias, STEP)
     for transmission, expected in ((None, rigid), (cables, elastic)):
-        drive = Drive(actuation, REFLECTED, 1.0, STEP, transmission)
-        torque = drive.torque(as_tuples(inertia), as_tuples(bias), effort, push, q, v)
+        joints = JointDynamics(actuation, REFLECTED, 1.0, STEP, transmission)
+        torque = joints.torque(as_tuples(inertia), as_tuples(bias), effort, push, q, v)
         np.testing.assert_allclose(moved(inertia, bias, torque), expected, rtol=1e-9)
     np.testing.assert_array_equal(cables.position, same_cables.position)
 
 
 def test_compiled_and_interpreted_have_the_same_bits(rng, inertia):
-    plain = interpreted("dart_skill.simulation._drive")
+    plain = interpreted("dart_skill.simulation._joint_dynamics")
     bias, effort, push, pull, q, v = rng.normal(size=(6, 7))
-    jacobian, wrench = as_tuples(rng.normal(size=(6, 7))), rng.normal(size=6)
-    np.testing.assert_array_equal(in_joints(jacobian, wrench), plain.in_joints(jacobian, wrench))
     actuation = Actuation(WAM)
     for elastic in (False, True):
         pair = [
-            module.Drive(actuation, REFLECTED, 0.95, STEP, Transmission(STIFFNESS, REFLECTED, actuation) if elastic else None)
-            for module in (_drive, plain)
+            module.JointDynamics(actuation, REFLECTED, 0.95, STEP, Transmission(STIFFNESS, REFLECTED, actuation) if elastic else None)
+            for module in (_joint_dynamics, plain)
         ]
         ours, theirs = (one.torque(as_tuples(inertia), as_tuples(bias), effort, push, q, v) for one in pair)
         assert ours == theirs

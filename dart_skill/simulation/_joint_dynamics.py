@@ -3,8 +3,8 @@
 PyBullet has no field for the inertia of rotors. So the acceleration that the arm with rotors and friction has is computed first, and then
 the torque that gives it to PyBullet's arm without them (inverse dynamics): torque = M acceleration + bias.
 
-It is asked at every step of the arm. So it is compiled (docs/development.md): _drive.pxd beside it has the types. It takes tuples, as
-PyBullet gives them, and gives lists, as PyBullet takes them.
+It is asked at every step of the arm. So it is compiled (docs/development.md): _joint_dynamics.pxd beside it has the types. It takes
+tuples, as PyBullet gives them, and gives lists, as PyBullet takes them.
 """
 
 from __future__ import annotations
@@ -32,30 +32,7 @@ def read_joints(joints: tuple) -> tuple[list[float], list[float], np.ndarray, np
     return [joint[0] for joint in joints], [joint[1] for joint in joints], position, velocity
 
 
-def is_zero(values: np.ndarray) -> bool:
-    """Whether all numbers (n,) are 0."""
-    for i in range(values.shape[0]):
-        if values[i] != 0.0:
-            return False
-    return True
-
-
-def in_joints(jacobian: tuple, wrench: np.ndarray) -> np.ndarray:
-    """A wrench at the hand as torques of the joints, J' wrench (7,) [N m].
-
-    * jacobian: (6, 7), linear over angular.
-    * wrench: (6,) [N], [N m].
-    """
-    result, n = np.zeros(N_JOINTS), N_JOINTS
-    torque = result
-    for i in range(6):
-        row = jacobian[i]
-        for j in range(n):
-            torque[j] += row[j] * wrench[i]
-    return result
-
-
-class Drive:
+class JointDynamics:
     """The joints with their rotors and friction, step by step.
 
     * actuation: whose friction acts on the joints.

@@ -1,8 +1,8 @@
-# Types of _arm_shape.py, for Cython.
+# Types of _arm_geometry.py, for Cython.
 cimport cython
 from libc cimport math
 
-cdef class ArmShape:
+cdef class ArmGeometry:
     cdef const double[:, :] _steps, _roll
     cdef const double[:, :, :] _local
     cdef const Py_ssize_t[:] _frame_of
@@ -25,3 +25,11 @@ cdef class ArmShape:
     cdef _ends(self)
 
     cpdef capsules(self, position, double base_turn=*)
+
+    @cython.locals(
+        n=Py_ssize_t, k=Py_ssize_t, axes=double[:, :, ::1], origin=double[:, ::1], torque=double[::1], x=double, y=double, z=double
+    )
+    cpdef in_joints(self, const double[:] position, const double[:] wrench)
+
+@cython.locals(i=Py_ssize_t)
+cpdef bint is_zero(const double[:] values)
