@@ -37,13 +37,11 @@ from dart_skill.simulation._arm_geometry import ArmGeometry
 from dart_skill.simulation._basket import Basket, basket_urdf
 from dart_skill.simulation._board import Board
 from dart_skill.simulation._bullet import BulletClient, connect, pybullet
-from dart_skill.simulation._joint_dynamics import JointDynamics, read_joints
+from dart_skill.simulation._joint_dynamics import JointDynamics
+from dart_skill.simulation._joints import JOINTS, ZEROS, DynamicsOnly, Joints
 from dart_skill.simulation._transmission import Encoders, Transmission
 
 HAND_LINK_INDEX = N_JOINTS
-JOINTS = list(range(N_JOINTS))
-ZEROS = [0.0] * N_JOINTS
-NO_TORQUE = np.zeros(N_JOINTS)
 OF_EACH_JOINT = ("start_posture", "mass_scale", "joint_stiffness", "joint_offset")
 """Settings with a number for each joint."""
 NO_PARAMETERS = ("step_ns", "reset_ns", "hand_clearance", "basket", "board", "limits")
@@ -201,9 +199,8 @@ class Plant:
         self.settings = settings or PlantSettings()
         self.description = description or wam_description()
         self._seed = seed
-        self._reflected = self.description.motors.reflected_inertia
         self._world = connect()
-        self._nominal_arm = _DynamicsOnly(self.description, ball_in_hand=False)
+        self._nominal_arm = _dynamics(self.description, ball_in_hand=False)
         self._geometry = ArmGeometry(self.description)
         self._build_arm()
         self._basket = self._place_of_target()
@@ -219,19 +216,21 @@ class Plant:
     def _build_arm(self) -> None:
         """What the settings make of the arm: its motors, encoders and cables, and its dynamics with and without the ball."""
         s = self.settings
-        self._actuation = Actuation(self.description, s.friction_scale, s.motor_scale, s.stiction)
-        self._encoders = Encoders(np.array(s.joint_offset), s.encoder_step, s.speed_filter, s.step)
+        actuation = Actuation(self.description, s.friction_scale, s.motor_scale, s.stiction)
+        encoders = Encoders(np.array(s.joint_offset), s.encoder_step, s.speed_filter, s.step)
         self._safety = SafetyModule(s.limits, self.description, s.limits.patience) if s.limits else None
         stiffness = np.array(s.joint_stiffness)
-        self._transmission = Transmission(stiffness, self._reflected, self._actuation) if s.elastic else None
-        self._joints = JointDynamics(self._actuation, self._reflected, 1.0 - s.gravity_error, s.step, self._transmission)
+        reflected = self.description.motors.reflected_inertia
+        cables = Transmission(stiffness, reflected, actuation) if s.elastic else None
+        dynamics = JointDynamics(actuation, reflected, 1.0 - s.gravity_error, s.step, cables)
+        self._joints = Joints(self._geometry, dynamics, self._nominal_arm, actuation, encoders, cables, self._safety)
         real = self._as_built()
         self._urdf = _unseen(write_urdf(real))
         self._basket_urdf: str | None = None  # made when the first world is built
-        self._empty_arm = self._nominal_arm if real is self.description else _DynamicsOnly(real, ball_in_hand=False)
+        self._empty_arm = self._nominal_arm if real is self.description else _dynamics(real, ball_in_hand=False)
         ball, scale = self._projectile, s.ball_mass_scale
         loaded = replace(real, ball=replace(ball, mass=scale * ball.mass, inertia=scale * ball.inertia))
-        self._loaded_arm = _DynamicsOnly(loaded, ball_in_hand=True)
+        self._loaded_arm = _dynamics(loaded, ball_in_hand=True)
 
     def _as_built(self) -> WamDescription:
         """The description with the masses that the links really have."""
@@ -276,15 +275,9 @@ class Plant:
         self._scatter = np.random.default_rng([self._seed, self._episode, 1])
         self._build_world()
         self._fill_hand()
-        self._effort = np.zeros(N_JOINTS)
         self._commands: list[Command] = []
-        self._encoders.reset()
-        if self._safety is not None:
-            self._safety.reset()
-        if self._transmission is not None:
-            start = np.array(self.settings.start_posture)
-            self._transmission.rest(start, np.array(self._loaded_arm.bias(start.tolist(), ZEROS)))
-        self._observe()
+        self._joints.begin(self._world, self._arm, np.array(self.settings.start_posture), self._loaded_arm)
+        self._seen_hand = self._seen_loose = None
         return self.state
 
     def change(self, settings: PlantSettings) -> None:
@@ -395,23 +388,8 @@ class Plant:
         return self._commands.pop(0)
 
     def _drive(self, command: Command, push: Command | None) -> None:
-        q, seen, nominal = self._q, self._seen_q, self._nominal_arm
-        motors = self._velocity if self._transmission is None else self._transmission.velocity
-        pull = self._geometry.in_joints(self._seen_position, np.asarray(command.wrench, dtype=float))
-        asked = self._joints.asked(np.asarray(command.joint_torque, dtype=float), pull, nominal.bias(seen, ZEROS))
-        watched = NO_TORQUE if isinstance(command, Braking) else asked
-        faulty = self._safety is not None and self._safety.look(self._seen_position, self._seen_velocity, watched, command.speed)
-        self._effort = self._actuation.braking(motors) if faulty else self._actuation.deliverable(asked, motors)
-        outside = None if push is None else self._from_outside(push)
         arm = self._loaded_arm if self._held is not None else self._empty_arm
-        inertia, bias = arm.inertia(q), arm.bias(q, self._qd)
-        forces = self._joints.torque(inertia, bias, self._effort, outside, self._position, self._velocity)
-        self._world.setJointMotorControlArray(self._arm, JOINTS, pybullet.TORQUE_CONTROL, forces=forces)
-
-    def _from_outside(self, push: Command) -> np.ndarray:
-        """What a person does to the joints (7,) [N m]."""
-        pull = self._geometry.in_joints(self._position, np.asarray(push.wrench, dtype=float))
-        return np.asarray(push.joint_torque if pull is None else push.joint_torque + pull, dtype=float)
+        self._joints.drive(command, push, isinstance(command, Braking), arm)
 
     # the hand and the ball
 
@@ -429,7 +407,7 @@ class Plant:
 
     def braking(self) -> Command:
         """The command of an arm whose controller is silent: motors shorted, a damped stop, as Barrett's safety system does it."""
-        return Braking(self._stamp_ns, joint_torque=self._actuation.braking(self._velocity), speed=Speed.THROW)
+        return Braking(self._stamp_ns, joint_torque=self._joints.braking(), speed=Speed.THROW)
 
     def open_hand(self) -> None:
         """Begin to open the hand, as a command with Grip.OPEN does."""
@@ -459,8 +437,9 @@ class Plant:
         """Drag; and half the gravity in the first free step, which makes PyBullet's Euler steps a leapfrog, exact for a parabola."""
         if self._held is not None or self._stuck:
             return
-        velocity = np.array(self._loose.velocity)
-        force = (self._drag * math.sqrt(velocity @ velocity) * velocity).tolist()
+        x, y, z = self._loose.velocity
+        drag = self._drag * math.sqrt(x * x + y * y + z * z)
+        force = [drag * x, drag * y, drag * z]
         if self._just_freed:
             force[2] += 0.5 * self._ball_mass * self.description.gravity
         self._world.applyExternalForce(self._ball, -1, force, self._loose.position, pybullet.WORLD_FRAME)
@@ -536,9 +515,7 @@ class Plant:
 
     def _observe(self) -> None:
         """Read the joints; where hand and ball are is read when somebody asks."""
-        joints = self._world.getJointStates(self._arm, JOINTS)
-        self._q, self._qd, self._position, self._velocity = read_joints(joints)
-        self._read_encoders()
+        self._joints.read()
         self._seen_hand = self._seen_loose = None
 
     @property
@@ -559,14 +536,6 @@ class Plant:
     def _look_at_loose(self) -> LooseState:
         position, quaternion = self._world.getBasePositionAndOrientation(self._ball)
         return LooseState(position, quaternion, self._world.getBaseVelocity(self._ball)[0])
-
-    def _read_encoders(self) -> None:
-        motors = self._transmission
-        at = (self._position, self._velocity) if motors is None else (motors.position, motors.velocity)
-        self._seen_position, self._seen_velocity = self._encoders.read(*at)
-        exact = self._seen_position is self._position
-        self._seen_q = self._q if exact else self._seen_position.tolist()
-        self._seen_qd = self._qd if self._seen_velocity is self._velocity else self._seen_velocity.tolist()
 
     @property
     def fault(self) -> str:
@@ -591,17 +560,17 @@ class Plant:
     @property
     def joint_position(self) -> list[float]:
         """Joint angles now, as the encoders report them [rad]."""
-        return self._seen_q
+        return self._joints.seen_angles
 
     @property
     def joint_velocity(self) -> list[float]:
         """Joint velocities now, as the driver reports them [rad/s]."""
-        return self._seen_qd
+        return self._joints.seen_speeds
 
     @property
     def joint_effort(self) -> np.ndarray:
         """Torque that reached the joints in the last step (7,) [N m]."""
-        return self._effort
+        return self._joints.effort
 
     @property
     def hand_position(self) -> np.ndarray:
@@ -616,7 +585,7 @@ class Plant:
     @property
     def arm_state(self) -> ArmState:
         """The part of the present state that the arm's own sensors tell."""
-        return ArmState(self._stamp_ns, self._seen_position, self._seen_velocity)
+        return ArmState(self._stamp_ns, self._joints.seen_position, self._joints.seen_velocity)
 
     @property
     def state(self) -> PlantState:
@@ -626,9 +595,9 @@ class Plant:
             stamp_ns=self._stamp_ns,
             episode=self._episode,
             step=self._step_count,
-            position=self._position,
-            velocity=self._velocity,
-            effort=self._effort,
+            position=self._joints.position,
+            velocity=self._joints.velocity,
+            effort=self._joints.effort,
             hand_position=self.hand_position,
             hand_quaternion=self.hand_quaternion,
             ball_position=ball,
@@ -640,25 +609,11 @@ class Plant:
         )
 
 
-class _DynamicsOnly:
-    """A copy of the arm that is never stepped: PyBullet's inverse dynamics and mass matrix, with or without the ball.
-
-    Both are tuples, as PyBullet gives them.
-    """
-
-    def __init__(self, description: WamDescription, ball_in_hand: bool):
-        self.client = connect()
-        self.client.setGravity(0, 0, -description.gravity)
-        urdf = write_urdf(description, ball_in_hand, shapes=False)
-        self._body = _load_arm(self.client, urdf, description.mount_height)
-
-    def inertia(self, q: list[float]) -> tuple:
-        """Joint-space inertia (7, 7) without rotors."""
-        return self.client.calculateMassMatrix(self._body, q)
-
-    def bias(self, q: list[float], qd: list[float]) -> tuple:
-        """Torque at zero acceleration (7,): gravity and Coriolis terms."""
-        return self.client.calculateInverseDynamics(self._body, q, qd, ZEROS)
+def _dynamics(description: WamDescription, ball_in_hand: bool) -> DynamicsOnly:
+    """Of a copy of the arm that is never stepped, with or without the ball."""
+    client = connect()
+    client.setGravity(0, 0, -description.gravity)
+    return DynamicsOnly(client, _load_arm(client, write_urdf(description, ball_in_hand, shapes=False), description.mount_height))
 
 
 def _load_arm(client: BulletClient, urdf: str, mount_height: float, turn: float = 0.0) -> int:
