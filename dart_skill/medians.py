@@ -12,6 +12,14 @@ def median(values: np.ndarray) -> float:
     return float(ordered[middle]) if len(ordered) % 2 else 0.5 * float(ordered[middle - 1] + ordered[middle])
 
 
+def row_medians(values: np.ndarray) -> np.ndarray:
+    """Median of each row (n,) of its numbers that are not NaN, of which there is one at least, as `numpy.nanmedian`. values: (n, m)."""
+    ordered = np.sort(values, axis=1)  # NaN comes last
+    count = values.shape[1] - np.isnan(values).sum(axis=1)
+    rows = np.arange(len(values))
+    return 0.5 * (ordered[rows, (count - 1) // 2] + ordered[rows, count // 2])
+
+
 def quantile(values: np.ndarray, share: float) -> float:
     """The number that a share of all of at least one finite numbers does not exceed, as `numpy.quantile`: linear between neighbours.
 
