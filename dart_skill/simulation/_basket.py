@@ -31,7 +31,7 @@ class Basket:
 
     def holds(self, point: np.ndarray, position: np.ndarray) -> bool:
         """Whether the point (3,) is inside the walls and below the rim of a basket at position (3,)."""
-        x, y, z = (float(a) - float(b) for a, b in zip(point, position, strict=True))
+        x, y, z = np.subtract(point, position).tolist()
         return x * x + y * y < self.radius**2 and -self.depth - self.wall < z < 0.0
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -162,8 +162,7 @@ class BasketWalls:
             raise ValueError(f"basket: radius {self.radius} and depth {self.depth} must be positive")
 
 
-@dataclass(frozen=True)
-class Sample:
+class Sample(NamedTuple):
     """A reported pose.
 
     * name: of the body.
