@@ -4,7 +4,7 @@ PyBullet has no field for the inertia of rotors. So the acceleration that the ar
 the torque that gives it to PyBullet's arm without them (inverse dynamics): torque = M acceleration + bias.
 
 It is asked at every step of the arm. So it is compiled (docs/development.md): _joint_dynamics.pxd beside it has the types. It takes
-tuples, as PyBullet gives them, and gives lists, as PyBullet takes them.
+angles as PyBullet gives them, and gives torques as PyBullet takes them: tuples and lists.
 """
 
 from __future__ import annotations
@@ -45,10 +45,10 @@ class JointDynamics:
     def __init__(self, actuation: Actuation, reflected: np.ndarray, gravity: float, step: float, transmission: Transmission | None = None):
         self._actuation, self._transmission = actuation, transmission
         self._reflected, self._gravity, self._step = np.array(reflected, dtype=float), gravity, step
-        self._inertia, self._with_rotors = np.zeros((N_JOINTS, N_JOINTS)), np.zeros((N_JOINTS, N_JOINTS))
+        self._with_rotors = np.zeros((N_JOINTS, N_JOINTS))
         self._net = np.zeros(N_JOINTS)
 
-    def asked(self, joint_torque: np.ndarray, pull: np.ndarray | None, gravity: tuple) -> np.ndarray:
+    def asked(self, joint_torque: np.ndarray, pull: np.ndarray | None, gravity: np.ndarray) -> np.ndarray:
         """What motors are asked for (7,) [N m]: by the controller, and by the arm's own gravity compensation.
 
         * joint_torque: of the command (7,) [N m].
@@ -65,29 +65,34 @@ class JointDynamics:
         return result
 
     def torque(
-        self, masses: tuple, bias: tuple, effort: np.ndarray, outside: np.ndarray | None, position: np.ndarray, velocity: np.ndarray
+        self,
+        inertia: np.ndarray,
+        bias: np.ndarray,
+        effort: np.ndarray,
+        outside: np.ndarray | None,
+        position: np.ndarray,
+        velocity: np.ndarray,
     ) -> list[float]:
         """The torque (7,) [N m] with which PyBullet's arm without rotors and friction moves in a step as the arm with them does.
 
-        * masses: joint-space inertia without rotors (7, 7) [kg m^2].
+        * inertia: of the joints without rotors (7, 7) [kg m^2].
         * bias: torque at zero acceleration (7,): gravity and Coriolis terms [N m].
         * effort: of the motors (7,) [N m].
         * outside: what acts on the links beside it (7,) [N m]; None for nothing.
         * position, velocity: of the joints (7,) [rad], [rad/s].
         """
-        inertia, with_rotors, reflected, net, n = self._inertia, self._with_rotors, self._reflected, self._net, N_JOINTS
+        with_rotors, reflected, net, n = self._with_rotors, self._reflected, self._net, N_JOINTS
+        masses, held = inertia, bias
         push: Any = effort
         given: Any = outside
         for i in range(n):
-            row = masses[i]
             for j in range(n):
-                inertia[i, j] = row[j]
-                with_rotors[i, j] = inertia[i, j] + reflected[i, j]
-            net[i] = -bias[i]
+                with_rotors[i, j] = masses[i, j] + reflected[i, j]
+            net[i] = -held[i]
             if outside is not None:
                 net[i] += given[i]
         if self._transmission is not None:
-            reached = self._transmission.advance(position, velocity, self._inertia, effort, self._net, self._step)
+            reached = self._transmission.advance(position, velocity, inertia, effort, self._net, self._step)
         else:
             for i in range(n):
                 net[i] += push[i]
@@ -95,8 +100,8 @@ class JointDynamics:
         acceleration = reached
         forces = []
         for i in range(n):
-            torque = bias[i]
+            torque = held[i]
             for j in range(n):
-                torque += inertia[i, j] * acceleration[j]
+                torque += masses[i, j] * acceleration[j]
             forces.append(torque)
         return forces

@@ -1,32 +1,23 @@
 # Types of _joints.py, for Cython.
 cimport cython
-from dart_skill.simulation._arm_geometry cimport ArmGeometry
+from dart_skill.simulation._arm_geometry cimport ArmDynamics
 from dart_skill.simulation._joint_dynamics cimport JointDynamics, read_joints
 from dart_skill.simulation._transmission cimport Encoders, Transmission
-
-cdef class DynamicsOnly:
-    cdef readonly object client
-    cdef object _body, _mass_matrix, _inverse_dynamics
-
-    cpdef inertia(self, list q)
-
-    cpdef bias(self, list q, list qd)
 
 cdef class Joints:
     cdef readonly list angles, speeds, seen_angles, seen_speeds
     cdef readonly object position, velocity, seen_position, seen_velocity, effort
-    cdef ArmGeometry _geometry
     cdef JointDynamics _dynamics
-    cdef DynamicsOnly _nominal
+    cdef ArmDynamics _nominal
     cdef Encoders _encoders
     cdef Transmission _transmission
-    cdef object _actuation, _safety, _arm, _read, _set, _mode, _still, _all, _no_torque
+    cdef object _actuation, _safety, _arm, _read, _set, _mode, _all, _no_torque
 
-    cpdef begin(self, world, arm, start, DynamicsOnly carried)
+    cpdef begin(self, world, arm, start, ArmDynamics carried)
 
     cpdef read(self)
 
-    cpdef drive(self, command, push, bint brakes, DynamicsOnly arm)
+    cpdef drive(self, command, push, bint brakes, ArmDynamics arm)
 
     cdef bint _is_stopped(self, torque, speed) except -1
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from dart_skill.constants import N_JOINTS
 from dart_skill.robot import Actuation, Command, SafetyModule, Speed
-from dart_skill.simulation._arm_geometry import ArmGeometry
+from dart_skill.simulation._arm_geometry import ArmDynamics
 from dart_skill.simulation._bullet import BulletClient, pybullet
 from dart_skill.simulation._joint_dynamics import JointDynamics, read_joints
 from dart_skill.simulation._transmission import Encoders, Transmission
@@ -21,32 +21,11 @@ ZEROS = [0.0] * N_JOINTS
 JOINTS = list(range(N_JOINTS))
 
 
-class DynamicsOnly:
-    """An arm that is never stepped: PyBullet's inverse dynamics and mass matrix, as the tuples that it gives.
-
-    * client: physics server of its own.
-    * body: the arm there.
-    """
-
-    def __init__(self, client: BulletClient, body: int):
-        self.client, self._body = client, body
-        self._mass_matrix, self._inverse_dynamics = client.calculateMassMatrix, client.calculateInverseDynamics
-
-    def inertia(self, q: list[float]) -> tuple:
-        """Joint-space inertia without rotors (7, 7) [kg m^2] at angles q (7,) [rad]."""
-        return self._mass_matrix(self._body, q)
-
-    def bias(self, q: list[float], qd: list[float]) -> tuple:
-        """Torque at zero acceleration (7,), gravity and Coriolis terms [N m], at angles q [rad] and speeds qd (7,) [rad/s]."""
-        return self._inverse_dynamics(self._body, q, qd, ZEROS)
-
-
 class Joints:
     """Driven by `drive`, read by `read`, in the world of `begin`.
 
-    * geometry: of the arm.
-    * dynamics: of its joints.
     * nominal: the arm as its gravity compensation knows it.
+    * dynamics: of its joints.
     * actuation: of its motors.
     * encoders: on the motors, which are those of `transmission` where cables give.
     * transmission: None where cables are rigid.
@@ -58,20 +37,19 @@ class Joints:
 
     def __init__(
         self,
-        geometry: ArmGeometry,
+        nominal: ArmDynamics,
         dynamics: JointDynamics,
-        nominal: DynamicsOnly,
         actuation: Actuation,
         encoders: Encoders,
         transmission: Transmission | None = None,
         safety: SafetyModule | None = None,
     ):
-        self._geometry, self._dynamics, self._nominal, self._actuation = geometry, dynamics, nominal, actuation
+        self._nominal, self._dynamics, self._actuation = nominal, dynamics, actuation
         self._encoders, self._transmission, self._safety = encoders, transmission, safety
-        self._all, self._still, self._no_torque = JOINTS, ZEROS, np.zeros(N_JOINTS)
+        self._all, self._no_torque = JOINTS, np.zeros(N_JOINTS)
         self._mode = pybullet.TORQUE_CONTROL
 
-    def begin(self, world: BulletClient, arm: int, start: np.ndarray, carried: DynamicsOnly) -> None:
+    def begin(self, world: BulletClient, arm: int, start: np.ndarray, carried: ArmDynamics) -> None:
         """The arm stands at rest in a new world.
 
         * world: with the arm.
@@ -85,7 +63,7 @@ class Joints:
         if self._safety is not None:
             self._safety.reset()
         if self._transmission is not None:
-            self._transmission.rest(start, np.array(carried.bias(start.tolist(), ZEROS)))
+            self._transmission.rest(start, carried.gravity_torque(start))
         self.read()
 
     def read(self) -> None:
@@ -96,7 +74,7 @@ class Joints:
         self.seen_angles = self.angles if self.seen_position is self.position else self.seen_position.tolist()
         self.seen_speeds = self.speeds if self.seen_velocity is self.velocity else self.seen_velocity.tolist()
 
-    def drive(self, command: Command, push: Command | None, brakes: bool, arm: DynamicsOnly) -> None:
+    def drive(self, command: Command, push: Command | None, brakes: bool, arm: ArmDynamics) -> None:
         """Set the torques for one step.
 
         * command: of the controller.
@@ -104,8 +82,8 @@ class Joints:
         * brakes: whether the command is the arm's own braking, for which its safety module does not ask.
         * arm: as it is built, with what is in its hand.
         """
-        pull = self._geometry.in_joints(self.seen_position, np.asarray(command.wrench, dtype=float))
-        gravity = self._nominal.bias(self.seen_angles, self._still)
+        pull = self._nominal.in_joints(self.seen_position, np.asarray(command.wrench, dtype=float))
+        gravity = self._nominal.gravity_torque(self.seen_position)
         asked = self._dynamics.asked(np.asarray(command.joint_torque, dtype=float), pull, gravity)
         motors = self.velocity if self._transmission is None else self._transmission.velocity
         if self._is_stopped(self._no_torque if brakes else asked, command.speed):
@@ -113,7 +91,7 @@ class Joints:
         else:
             self.effort = self._actuation.deliverable(asked, motors)
         outside = None if push is None else self._from_outside(push)
-        inertia, bias = arm.inertia(self.angles), arm.bias(self.angles, self.speeds)
+        inertia, bias = arm.terms(self.position, self.velocity)
         forces = self._dynamics.torque(inertia, bias, self.effort, outside, self.position, self.velocity)
         self._set(self._arm, self._all, self._mode, forces=forces)
 
@@ -125,7 +103,7 @@ class Joints:
 
     def _from_outside(self, push: Command) -> np.ndarray:
         """What a person does to the joints (7,) [N m]."""
-        pull = self._geometry.in_joints(self.position, np.asarray(push.wrench, dtype=float))
+        pull = self._nominal.in_joints(self.position, np.asarray(push.wrench, dtype=float))
         return np.asarray(push.joint_torque if pull is None else push.joint_torque + pull, dtype=float)
 
     def braking(self) -> np.ndarray:

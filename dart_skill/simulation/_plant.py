@@ -2,7 +2,7 @@
 
 The plant is honest: it has the torque and speed limits of the motors, rotor inertia, friction, a gravity compensation with an error, a hand
 that takes time to open, and a ball with drag (docs/sources.md has the numbers). PyBullet has no field for rotor inertia, so the step
-computes the acceleration that the arm with rotors would have and asks PyBullet for the torque that gives it.
+computes the acceleration that the arm with rotors would have, and applies the torque that gives it to PyBullet's arm.
 """
 
 import math
@@ -33,12 +33,12 @@ from dart_skill.robot import (
     wam_description,
     write_urdf,
 )
-from dart_skill.simulation._arm_geometry import ArmGeometry
+from dart_skill.simulation._arm_geometry import ArmDynamics
 from dart_skill.simulation._basket import Basket, basket_urdf
 from dart_skill.simulation._board import Board
 from dart_skill.simulation._bullet import BulletClient, connect, pybullet
 from dart_skill.simulation._joint_dynamics import JointDynamics
-from dart_skill.simulation._joints import JOINTS, ZEROS, DynamicsOnly, Joints
+from dart_skill.simulation._joints import JOINTS, ZEROS, Joints
 from dart_skill.simulation._transmission import Encoders, Transmission
 
 HAND_LINK_INDEX = N_JOINTS
@@ -200,8 +200,7 @@ class Plant:
         self.description = description or wam_description()
         self._seed = seed
         self._world = connect()
-        self._nominal_arm = _dynamics(self.description, ball_in_hand=False)
-        self._geometry = ArmGeometry(self.description)
+        self._nominal_arm = ArmDynamics(self.description)
         self._build_arm()
         self._basket = self._place_of_target()
         self._changed: PlantSettings | None = None
@@ -223,14 +222,14 @@ class Plant:
         reflected = self.description.motors.reflected_inertia
         cables = Transmission(stiffness, reflected, actuation) if s.elastic else None
         dynamics = JointDynamics(actuation, reflected, 1.0 - s.gravity_error, s.step, cables)
-        self._joints = Joints(self._geometry, dynamics, self._nominal_arm, actuation, encoders, cables, self._safety)
+        self._joints = Joints(self._nominal_arm, dynamics, actuation, encoders, cables, self._safety)
         real = self._as_built()
         self._urdf = _unseen(write_urdf(real))
         self._basket_urdf: str | None = None  # made when the first world is built
-        self._empty_arm = self._nominal_arm if real is self.description else _dynamics(real, ball_in_hand=False)
+        self._empty_arm = self._nominal_arm if real is self.description else ArmDynamics(real)
         ball, scale = self._projectile, s.ball_mass_scale
         loaded = replace(real, ball=replace(ball, mass=scale * ball.mass, inertia=scale * ball.inertia))
-        self._loaded_arm = _dynamics(loaded, ball_in_hand=True)
+        self._loaded_arm = ArmDynamics(loaded, ball_in_hand=True)
 
     def _as_built(self) -> WamDescription:
         """The description with the masses that the links really have."""
@@ -256,8 +255,7 @@ class Plant:
 
     def close(self) -> None:
         """Disconnect from PyBullet."""
-        for client in {self._world, self._nominal_arm.client, self._empty_arm.client, self._loaded_arm.client}:
-            client.disconnect()
+        self._world.disconnect()
 
     def reset(self, basket: np.ndarray | None = None) -> PlantState:
         """Arm at rest in its start posture, ball in the hand; the world is built anew, time goes on. A board stays where it hangs.
@@ -296,9 +294,6 @@ class Plant:
             return
         self.settings = self._changed
         self._changed = None
-        self._loaded_arm.client.disconnect()
-        if self._empty_arm is not self._nominal_arm:
-            self._empty_arm.client.disconnect()
         self._build_arm()
 
     @property
@@ -607,13 +602,6 @@ class Plant:
             basket=self._basket,
             ball_in_basket=self._stuck if self.settings.board is not None else self.settings.basket.holds(ball, self._basket),
         )
-
-
-def _dynamics(description: WamDescription, ball_in_hand: bool) -> DynamicsOnly:
-    """Of a copy of the arm that is never stepped, with or without the ball."""
-    client = connect()
-    client.setGravity(0, 0, -description.gravity)
-    return DynamicsOnly(client, _load_arm(client, write_urdf(description, ball_in_hand, shapes=False), description.mount_height))
 
 
 def _load_arm(client: BulletClient, urdf: str, mount_height: float, turn: float = 0.0) -> int:

@@ -15,11 +15,6 @@ STEP = 0.002
 STIFFNESS = np.array([9000.0, 9000.0, 5000.0, 3000.0, 800.0, 800.0, 200.0])
 
 
-def as_tuples(array):
-    """An array as PyBullet gives it."""
-    return tuple(map(as_tuples, array)) if array.ndim > 1 else tuple(array.tolist())
-
-
 @pytest.fixture
 def rng():
     return np.random.default_rng(0)
@@ -42,8 +37,8 @@ def test_joints_are_read_as_lists_and_as_arrays(rng):
 def test_motors_are_asked_for_what_the_command_says_and_for_their_share_of_gravity(rng):
     torque, pull, gravity = rng.normal(size=(3, 7))
     joints = JointDynamics(Actuation(WAM), REFLECTED, 0.95, STEP)
-    np.testing.assert_allclose(joints.asked(torque, None, as_tuples(gravity)), torque + 0.95 * gravity, atol=1e-15)
-    np.testing.assert_allclose(joints.asked(torque, pull, as_tuples(gravity)), torque + pull + 0.95 * gravity, atol=1e-15)
+    np.testing.assert_allclose(joints.asked(torque, None, gravity), torque + 0.95 * gravity, atol=1e-15)
+    np.testing.assert_allclose(joints.asked(torque, pull, gravity), torque + pull + 0.95 * gravity, atol=1e-15)
 
 
 def moved(inertia, bias, torque):
@@ -55,7 +50,7 @@ def moved(inertia, bias, torque):
 def test_the_arm_without_rotors_is_moved_as_one_with_rotors(rng, inertia, pushed):
     bias, effort, push, q, v = rng.normal(size=(5, 7))
     joints = JointDynamics(Actuation(WAM, friction_scale=0.0), REFLECTED, 1.0, STEP)
-    torque = joints.torque(as_tuples(inertia), as_tuples(bias), effort, push if pushed else None, q, v)
+    torque = joints.torque(inertia, bias, effort, push if pushed else None, q, v)
     expected = np.linalg.solve(inertia + REFLECTED, effort + (push if pushed else 0.0) - bias)
     np.testing.assert_allclose(moved(inertia, bias, torque), expected, rtol=1e-9)
 
@@ -70,7 +65,7 @@ def test_friction_and_cables_are_those_of_the_arm(rng, inertia):
     elastic = same_cables.advance(q, v, inertia, effort, push - bias, STEP)
     for transmission, expected in ((None, rigid), (cables, elastic)):
         joints = JointDynamics(actuation, REFLECTED, 1.0, STEP, transmission)
-        torque = joints.torque(as_tuples(inertia), as_tuples(bias), effort, push, q, v)
+        torque = joints.torque(inertia, bias, effort, push, q, v)
         np.testing.assert_allclose(moved(inertia, bias, torque), expected, rtol=1e-9)
     np.testing.assert_array_equal(cables.position, same_cables.position)
 
@@ -84,7 +79,7 @@ def test_compiled_and_interpreted_have_the_same_bits(rng, inertia):
             module.JointDynamics(actuation, REFLECTED, 0.95, STEP, Transmission(STIFFNESS, REFLECTED, actuation) if elastic else None)
             for module in (_joint_dynamics, plain)
         ]
-        ours, theirs = (one.torque(as_tuples(inertia), as_tuples(bias), effort, push, q, v) for one in pair)
+        ours, theirs = (one.torque(inertia, bias, effort, push, q, v) for one in pair)
         assert ours == theirs
-        ours, theirs = (one.asked(effort, pull, as_tuples(bias)) for one in pair)
+        ours, theirs = (one.asked(effort, pull, bias) for one in pair)
         np.testing.assert_array_equal(ours, theirs)
