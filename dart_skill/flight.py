@@ -2,14 +2,14 @@
 
     dv/dt = (0, 0, -g) - k |v| v,    k = rho Cd A / (2 m)
 
-Everything is vectorised over throws and instants. The equation is integrated with classical Runge-Kutta steps in which drag
+Everything takes any number of throws and instants. The equation is integrated with classical Runge-Kutta steps in which drag
 takes no more than a hundredth of the speed, and of at most 100 ms: for a tennis ball the result is exact to a micrometre after 1.2 s.
+The loops over flights are in `flight_steps`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import cached_property
 
@@ -17,11 +17,10 @@ import numpy as np
 
 from dart_skill.checks import check_samples
 from dart_skill.constants import AIR_DENSITY, GRAVITY
+from dart_skill.flight_steps import cross, fit, fit_together, fly, lines
 from dart_skill.world import the_world
 
-MAX_STEP, MAX_LOSS = 0.1, 0.01  # of an integration step: its length [s], and the share of the speed that drag takes in it
-PROBE = 1e-4  # difference of state with which the sensitivity of a flight is found [m, m/s]
-PROBES = PROBE * np.eye(4, 3, -1)  # of the velocity: none, and one along each axis
+UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -114,12 +113,14 @@ class FlightFit:
             return np.stack([self.position, self.velocity])
         if not math.isfinite(time):
             raise ValueError(f"time of a flight is {time}: it must be finite")
-        return np.stack(_integrate(self.position, self.velocity, np.float64(time - self.time), self.ball))
+        states = fly(self.position[None], self.velocity[None], np.array([[time - self.time]]), self.ball.drag, self.ball.gravity)
+        return np.concatenate(states)[:, 0]
 
 
 def acceleration(velocity: np.ndarray, ball: Ball = TENNIS_BALL) -> np.ndarray:
     """Acceleration (..., 3) [m/s^2] of a ball that flies with `velocity` (..., 3)."""
-    return _acceleration(np.asarray(velocity).T, ball.drag, ball.gravity).T
+    velocity = np.asarray(velocity, dtype=float)
+    return -ball.drag * np.linalg.norm(velocity, axis=-1, keepdims=True) * velocity - ball.gravity * UP
 
 
 def flight(position: np.ndarray, velocity: np.ndarray, times: np.ndarray, ball: Ball = TENNIS_BALL) -> tuple[np.ndarray, np.ndarray]:
@@ -131,8 +132,10 @@ def flight(position: np.ndarray, velocity: np.ndarray, times: np.ndarray, ball: 
     times = np.asarray(times, dtype=float)
     if times.ndim != 1 or not np.isfinite(times).all():
         raise ValueError(f"times of a flight must be a finite (n,) array, got shape {times.shape}: {times}")
-    duration = times.reshape(times.shape + (1,) * (position.ndim - 1))
-    return _integrate(position[None], velocity[None], duration, ball)
+    starts, speeds = position.reshape(-1, 3), velocity.reshape(-1, 3)
+    points, rates = fly(starts, speeds, np.broadcast_to(times, (len(starts), len(times))), ball.drag, ball.gravity)
+    shape = times.shape + position.shape
+    return np.ascontiguousarray(points.swapaxes(0, 1)).reshape(shape), np.ascontiguousarray(rates.swapaxes(0, 1)).reshape(shape)
 
 
 def landing(position: np.ndarray, velocity: np.ndarray, plane_z: float | np.ndarray, ball: Ball = TENNIS_BALL) -> Landing:
@@ -146,7 +149,7 @@ def landing(position: np.ndarray, velocity: np.ndarray, plane_z: float | np.ndar
     with np.errstate(invalid="ignore"):
         root = np.sqrt(velocity[..., 2] ** 2 + 2.0 * ball.gravity * (position[..., 2] - plane_z))
     time = (velocity[..., 2] + root) / ball.gravity
-    return _crossing(position, velocity, time, lambda point: point[..., 2] - plane_z, lambda speed: speed[..., 2], ball)
+    return _crossing(position, velocity, time, UP, plane_z, ball)
 
 
 def crossing(position: np.ndarray, velocity: np.ndarray, normal: np.ndarray, offset: float, ball: Ball = TENNIS_BALL) -> Landing:
@@ -162,39 +165,19 @@ def crossing(position: np.ndarray, velocity: np.ndarray, normal: np.ndarray, off
     approach = velocity @ normal
     with np.errstate(divide="ignore", invalid="ignore"):
         time = np.where(approach > 0.0, (offset - position @ normal) / approach, np.nan)
-    return _crossing(position, velocity, time, lambda point: offset - point @ normal, lambda speed: -(speed @ normal), ball)
+    return _crossing(position, velocity, time, -normal, np.asarray(-offset), ball)
 
 
-def _crossing(
-    position: np.ndarray,
-    velocity: np.ndarray,
-    time: np.ndarray,
-    before: Callable[[np.ndarray], np.ndarray],
-    rate: Callable[[np.ndarray], np.ndarray],
-    ball: Ball,
-) -> Landing:
-    """Newton's iteration on how far a ball is before a plane, which changes at a rate, from the time (...) of the flight in vacuum."""
-    possible = time >= 0.0
-    time = np.where(possible, time, 0.0)
-    point, speed = _integrate(position, velocity, time, ball)
-    missing, approach = before(point), rate(speed)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for _ in range(12):
-            step = np.where(approach < 0.0, missing / -approach, MAX_STEP)
-            step = np.where(possible, np.minimum(np.maximum(step, -0.1), 0.1), 0.0)
-            if (np.abs(step) < 1e-12).all():
-                break
-            point, speed = _steps(point, speed, step, 1, ball)
-            missing, approach = before(point), rate(speed)
-            time = time + step
-    crossed = possible & (np.abs(missing) < 1e-6) & (approach < 0.0) & (time >= 0.0)
-    if crossed.all():
-        return Landing(point, speed, time)
-    return Landing(
-        np.where(crossed[..., None], point, np.nan),
-        np.where(crossed[..., None], speed, np.nan),
-        np.where(crossed, time, np.nan),
-    )
+def _crossing(position: np.ndarray, velocity: np.ndarray, time: np.ndarray, normal: np.ndarray, offset: np.ndarray, ball: Ball) -> Landing:
+    """Where balls (..., 3) cross planes normal . p = offset (...) against their normal; time (...) is that of the flight in vacuum."""
+    shape = time.shape
+    if position.shape[:-1] != shape:
+        position, velocity = np.broadcast_to(position, (*shape, 3)), np.broadcast_to(velocity, (*shape, 3))
+    if offset.shape != shape:
+        offset = np.broadcast_to(offset, shape)
+    starts, speeds = position.reshape(-1, 3), velocity.reshape(-1, 3)
+    points, rates, times = cross(starts, speeds, time.reshape(-1), normal, offset.reshape(-1), ball.drag, ball.gravity)
+    return Landing(points.reshape(*shape, 3), rates.reshape(*shape, 3), times.reshape(shape))
 
 
 def fit_flight(
@@ -227,65 +210,12 @@ def fit_flights(
     repetition shrinks the error by about k |v| t (a tenth). A single flight, which may be long, is fitted with its
     sensitivity to the state instead, drag included: one or two repetitions.
     """
-    if first is None or len(time) > 1:
-        solve = _lines(time)
-        fall = np.zeros_like(position)
-        fall[..., 2] = -0.5 * ball.gravity * time**2
-    state = solve @ (position - fall) if first is None else first  # (w, 2, 3)
+    state = lines(time, position, ball.gravity) if first is None else first
     if len(time) == 1:
-        state, misfit = _fit_with_sensitivity(state, time, position, ball, accuracy)
-        return state[:, 0], state[:, 1], misfit
-    for _ in range(30):
-        misfit = position - _predicted(state, time, ball)
-        change = solve @ misfit
-        state = state + change
-        if np.max(np.abs(change[:, 0]) + np.max(np.abs(time)) * np.abs(change[:, 1])) < accuracy:
-            break
-    return state[:, 0], state[:, 1], np.linalg.norm(misfit, axis=-1)
-
-
-def _fit_with_sensitivity(
-    state: np.ndarray, time: np.ndarray, position: np.ndarray, ball: Ball, accuracy: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """State (1, 2, 3) and misfits (1, n) of a single flight: the method of Gauss and Newton with one sensitivity for all repetitions.
-
-    A change of the state by c leaves an error of about k t c^2: where that is small enough, the flight moves as its sensitivity says.
-    """
-    predicted, sensitivity = _sensitivity(state[0], time[0], ball)
-    orthonormal, triangle = np.linalg.qr(sensitivity)
-    bent = ball.drag * np.max(np.abs(time))
-    for _ in range(30):
-        misfit = (position - predicted).ravel()
-        change = np.linalg.solve(triangle, orthonormal.T @ misfit)
-        state = state + change.reshape(1, 2, 3)
-        if bent * np.max(change**2) < accuracy:
-            break
-        predicted = _predicted(state, time, ball)
-    left = misfit - sensitivity @ change
-    return state, np.linalg.norm(left.reshape(position.shape), axis=-1)
-
-
-def _lines(time: np.ndarray) -> np.ndarray:
-    """What makes of n samples at times (w, n) the value at 0 and the slope of the line that fits them best (w, 2, n)."""
-    mean = time.mean(axis=1, keepdims=True)
-    slope = (time - mean) / np.square(time - mean).sum(axis=1, keepdims=True)
-    return np.stack([1.0 / time.shape[1] - mean * slope, slope], axis=1)
-
-
-def _predicted(state: np.ndarray, time: np.ndarray, ball: Ball) -> np.ndarray:
-    """Positions (w, n, 3) of flights with states (w, 2, 3) at times (w, n)."""
-    return _integrate(state[:, None, 0], state[:, None, 1], time, ball)[0]
-
-
-def _sensitivity(state: np.ndarray, time: np.ndarray, ball: Ball) -> tuple[np.ndarray, np.ndarray]:
-    """Positions (n, 3) at times (n,) of the flight with the state (2, 3), and their derivative (3 n, 6) by the state."""
-    probes = np.repeat(state[None], 4, axis=0)
-    probes[:, 1] += PROBES
-    positions = _predicted(probes, time[None], ball)
-    derivative = np.empty((len(time), 3, 6))
-    derivative[:, :, :3] = np.eye(3)  # a flight that begins elsewhere is the same flight there
-    derivative[:, :, 3:] = np.moveaxis((positions[1:] - positions[0]) / PROBE, 0, 2)
-    return positions[0], derivative.reshape(-1, 6)
+        found, distances = fit(time[0], position[0], state[0], ball.drag, ball.gravity, accuracy)
+        return found[:1], found[1:], distances[None]
+    found, distances = fit_together(time, position, state, ball.drag, ball.gravity, accuracy)
+    return found[:, 0], found[:, 1], distances
 
 
 def _states(position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -298,87 +228,3 @@ def _states(position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.
     if position.shape != velocity.shape:
         raise ValueError(f"position {position.shape} and velocity {velocity.shape} of a ball differ in shape")
     return position, velocity
-
-
-def _integrate(position: np.ndarray, velocity: np.ndarray, time: np.ndarray, ball: Ball) -> tuple[np.ndarray, np.ndarray]:
-    """States (..., 3) over times (...), broadcast against each other: as many equal steps as the longest of them needs."""
-    fastest = math.hypot(*velocity.ravel().tolist()) if velocity.size == 3 else math.sqrt(_squared(velocity).max(initial=0.0))
-    longest_step = min(MAX_STEP, MAX_LOSS / max(ball.drag * fastest, 1e-12))
-    n_steps = max(1, math.ceil(np.abs(time).max(initial=0.0) / longest_step))
-    return _steps(position, velocity, time / n_steps, n_steps, ball)
-
-
-def _squared(vectors: np.ndarray) -> np.ndarray:
-    """Squares (...) of the lengths of vectors (..., 3)."""
-    return np.einsum("...i,...i->...", vectors, vectors)
-
-
-def _steps(position: np.ndarray, velocity: np.ndarray, step: np.ndarray, n_steps: int, ball: Ball) -> tuple[np.ndarray, np.ndarray]:
-    """States (..., 3) after n_steps steps of lengths (...), broadcast against each other.
-
-    In between, the axes are reversed: numpy is twice as fast on three long rows as on many rows of three.
-    """
-    if velocity.size == 3 and step.size == 1:
-        return _steps_of_one(position, velocity, step, n_steps, ball)
-    position, velocity, step = np.ascontiguousarray(position.T), np.ascontiguousarray(velocity.T), step.T
-    if step.ndim > 1:  # in full, as an inner loop over a few numbers is slow
-        step = np.ascontiguousarray(np.broadcast_to(step, np.broadcast_shapes(step.shape, velocity.shape[1:])))
-    half, sixth = 0.5 * step, step / 6.0
-    for _ in range(n_steps):
-        position, velocity = _runge_kutta(position, velocity, step, half, sixth, ball.drag, ball.gravity)
-    return np.ascontiguousarray(position.T), np.ascontiguousarray(velocity.T)
-
-
-def _runge_kutta(
-    position: np.ndarray, velocity: np.ndarray, step: np.ndarray, half: np.ndarray, sixth: np.ndarray, drag: float, gravity: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """One step (...), given with its half and sixth, of states (3, ...)."""
-    a1 = _acceleration(velocity, drag, gravity)
-    a2 = _acceleration(_moved(velocity, half, a1), drag, gravity)
-    a3 = _acceleration(_moved(velocity, half, a2), drag, gravity)
-    a4 = _acceleration(_moved(velocity, step, a3), drag, gravity)
-    a2 += a3
-    position = _moved(position, step, _moved(velocity, sixth, a1 + a2))
-    a2 *= 2.0
-    a2 += a1
-    a2 += a4
-    return position, _moved(velocity, sixth, a2)
-
-
-def _moved(start: np.ndarray, step: np.ndarray, rate: np.ndarray) -> np.ndarray:
-    """Where a start (3, ...) comes to at a rate (3, ...) in steps (...)."""
-    moved = step * rate
-    return np.add(moved, start, out=moved)
-
-
-def _acceleration(velocity: np.ndarray, drag: float, gravity: float) -> np.ndarray:
-    """Of a velocity (3, ...)."""
-    result = velocity * velocity
-    speed = result[0] + result[1]
-    speed += result[2]
-    speed = np.sqrt(speed)
-    speed *= -drag
-    np.multiply(speed, velocity, out=result)
-    result[2] -= gravity
-    return result
-
-
-def _steps_of_one(position: np.ndarray, velocity: np.ndarray, step: np.ndarray, n_steps: int, ball: Ball) -> tuple[np.ndarray, np.ndarray]:
-    """The same, to the last bit, of one ball in plain numbers: a tenth of the time, since each call of NumPy takes as long as a step."""
-    shape = (*(1,) * max(velocity.ndim - 1, step.ndim), 3)
-    p, v, h, drag, gravity = position.ravel().tolist(), velocity.ravel().tolist(), step.item(), -ball.drag, ball.gravity
-    half, sixth = 0.5 * h, h / 6.0
-
-    def pulled(x: float, y: float, z: float) -> tuple[float, float, float]:
-        braked = math.sqrt(x * x + y * y + z * z) * drag
-        return braked * x, braked * y, braked * z - gravity
-
-    for _ in range(n_steps):
-        a1 = pulled(*v)
-        a2 = pulled(*[u + half * a for u, a in zip(v, a1, strict=True)])
-        a3 = pulled(*[u + half * a for u, a in zip(v, a2, strict=True)])
-        a4 = pulled(*[u + h * a for u, a in zip(v, a3, strict=True)])
-        middle = [b + c for b, c in zip(a2, a3, strict=True)]
-        p = [x + h * (u + sixth * (a + m)) for x, u, a, m in zip(p, v, a1, middle, strict=True)]
-        v = [u + sixth * (a + 2.0 * m + b) for u, a, m, b in zip(v, a1, middle, a4, strict=True)]
-    return np.array(p).reshape(shape), np.array(v).reshape(shape)

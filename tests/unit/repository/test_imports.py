@@ -19,6 +19,7 @@ LAYERS = (
         "configuration",
         "extras",
         "files",
+        "flight_steps",
         "hyper_parameters",
         "lazy",
         "medians",
