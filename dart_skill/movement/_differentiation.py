@@ -17,12 +17,15 @@ from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_finite, as_samples
 from dart_skill.medians import median
+from dart_skill.movement._contrasts import contrasts
 from dart_skill.movement._time import as_stamps
 
 DEGREE = 5
 MIN_SAMPLES = 8
 # The risk is evaluated in windows of so many samples; the cost is cubic in this number and linear in the number of windows.
 RISK_WINDOW = 300
+# Median of the absolute value of a normal variable of unit variance.
+NORMAL_MEDIAN = 0.6744897501960817
 # Stamps, in units of their mean interval, are rounded to so many decimals: the rest is rounding of the clock.
 DECIMALS = 10
 # lambda in units of the mean sample interval, per unit of noise variance.
@@ -94,30 +97,20 @@ def _noise_levels(time: np.ndarray, samples: np.ndarray, noise: ArrayLike | None
     return np.broadcast_to(level, n_dims), groups
 
 
-def estimate_noise(time: ArrayLike, samples: ArrayLike) -> np.ndarray:
-    """Standard deviation of the noise in samples (n, d) at stamps (n,), one for all columns: a 0-d array.
+def estimate_noise(time: ArrayLike, samples: ArrayLike, *, apart: bool = False) -> np.ndarray:
+    """Standard deviation of the noise in samples (n, d) at stamps (n,): one for all columns, a 0-d array, or one for each, (d,).
 
     It comes from combinations of seven neighbours that are zero on polynomials of degree 5 (divided differences, scaled to
     unit norm): these contain only noise. Their median absolute value is not disturbed by a few bad samples.
+
+    * time: [s].
+    * samples: in any unit.
+    * apart: whether each column has a noise of its own.
     """
     samples = as_samples(samples, "samples")
     time = as_stamps(time, len(samples), MIN_SAMPLES)
-    windows = np.lib.stride_tricks.sliding_window_view(samples, 7, axis=0)
-    return np.asarray(median(np.abs(np.einsum("nj,ndj->nd", _contrasts(time.tobytes()), windows))) / 0.6744897501960817)
-
-
-@lru_cache(maxsize=8)
-def _contrasts(stamps: bytes) -> np.ndarray:
-    """Those combinations (n - 6, 7), which the columns of one recording share."""
-    all_stamps = np.frombuffer(stamps)
-    n = len(all_stamps) - 6
-    windows = np.stack([all_stamps[k : k + n] for k in range(7)])  # time last: NumPy is slow on many rows of seven
-    gaps = windows[:, None] - windows + np.eye(7)[:, :, None]
-    contrast = 1.0 / (gaps / (windows[-1] - windows[0])).prod(axis=1)
-    contrast = np.ascontiguousarray(contrast.T)
-    contrast /= np.linalg.norm(contrast, axis=1, keepdims=True)
-    contrast.flags.writeable = False
-    return contrast
+    noise = contrasts(time, samples)
+    return np.array([median(column) for column in noise] if apart else median(noise)) / NORMAL_MEDIAN
 
 
 class _Smoother:

@@ -11,9 +11,9 @@ def as_stamps(time: ArrayLike, n_samples: int | None = None, minimum: int = 1) -
     time = as_vector(time, "time", n_samples)
     if len(time) < minimum:
         raise ValueError(f"time holds {len(time)} stamps; at least {minimum} are needed")
-    steps = np.diff(time)
-    if len(steps) and steps.min() <= 0:
-        first = int(np.argmax(steps <= 0))
+    later = time[1:] > time[:-1]
+    if not later.all():
+        first = int(np.argmin(later))
         raise ValueError(
             f"time must increase, but goes from {time[first]} to {time[first + 1]} at index {first}; "
             "sort the samples and drop repeated stamps"

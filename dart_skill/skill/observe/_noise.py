@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from dart_skill.medians import quantile
 from dart_skill.movement import estimate_noise
+from dart_skill.skill.observe._speeds import repeats, usual_speeds
 
 LEAST = 2e-5
 """No camera system repeats a body at rest to less [m]: docs/sources.md."""
@@ -25,29 +26,25 @@ def position_noise(time: ArrayLike, position: ArrayLike) -> float:
     time, position = fresh(np.asarray(time, dtype=float), np.asarray(position, dtype=float))
     if len(time) < ENOUGH:
         return LEAST
-    step = _median_of_five(np.linalg.norm(np.diff(position, axis=0), axis=1) / np.diff(time))
-    moves = np.append(step > SHARE * quantile(step, 0.99), False)
+    step = usual_speeds(time, position)
+    moves = np.zeros(len(time), dtype=bool)
+    moves[:-1] = step > SHARE * quantile(step, 0.99)
     levels = [float(estimate_noise(time, position))]
     if np.count_nonzero(moves) >= ENOUGH:
         levels.append(float(estimate_noise(time[moves], position[moves])))
     return max(LEAST, *levels)
 
 
-def _median_of_five(values: np.ndarray) -> np.ndarray:
-    """For each of the values (n,) the median of it and the two before and after; those of the ends are repeated."""
-    longer = np.concatenate([values[:1], values[:1], values, values[-1:], values[-1:]])
-    return np.sort([longer[k : k + len(values)] for k in range(5)], axis=0)[2]
-
-
 def column_noise(time: ArrayLike, columns: ArrayLike) -> np.ndarray:
     """Standard deviation of each column of samples (n,) [s], (n, d): (d,), in the columns' units; at least 1e-6. time: (n,) [s]."""
     time, columns = fresh(np.asarray(time, dtype=float), np.asarray(columns, dtype=float))
-    return np.maximum([float(estimate_noise(time, column[:, None])) for column in columns.T], 1e-6)
+    return np.maximum(estimate_noise(time, columns, apart=True), 1e-6)
 
 
 def fresh(time: np.ndarray, samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The samples (n,), (n, d) that are not the same as the one before."""
-    if len(samples) == 0:
+    if not repeats(samples):
         return time, samples
-    kept = np.append(True, (samples[1:] != samples[:-1]).any(axis=1))
-    return (time, samples) if kept.all() else (time[kept], samples[kept])
+    kept = np.ones(len(samples), dtype=bool)
+    kept[1:] = (samples[1:] != samples[:-1]).any(axis=1)
+    return time[kept], samples[kept]

@@ -6,6 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from dart_skill.skill.observe import column_noise, find_flight, fit_release, judge_flight, position_noise
 from dart_skill.skill.observe._free_flight import _grow
+from dart_skill.skill.observe._speeds import repeats, usual_speeds
+from tests.interpreted import interpreted
 from tests.unit.skill.test_outcome import GRIP, ORIGIN, Throw, basket_at
 
 NOISES = [2e-5, 1e-4, 3e-4, 1e-3, 2e-3, 5e-3]
@@ -124,3 +126,18 @@ def test_a_flight_that_grows_over_outliers_never_shrinks_to_a_few_samples():
     near[[14, 15]] = True
     near[[0, 1, 2, 3, 4, 5, 6, 26, 27, 28, 29, 30, 31, 32]] = True
     np.testing.assert_array_equal(_grow(near, samples), samples)
+
+
+def test_a_usual_speed_is_the_median_of_five():
+    time, position = seen(Throw(6), 1e-3)[0]
+    speeds = np.linalg.norm(np.diff(position, axis=0), axis=1) / np.diff(time)
+    longer = np.pad(speeds, 2, mode="edge")
+    np.testing.assert_allclose(usual_speeds(time, position), [np.median(longer[k : k + 5]) for k in range(len(speeds))], rtol=1e-12)
+
+
+def test_compiled_and_interpreted_have_the_same_bits():
+    plain = interpreted("dart_skill.skill.observe._speeds")
+    time, position = seen(Throw(6), 1e-3)[0]
+    np.testing.assert_array_equal(usual_speeds(time, position), plain.usual_speeds(time, position))
+    for samples, repeated in ((position, False), (np.repeat(position, 2, axis=0), True), (position[:1], False)):
+        assert repeats(samples) == plain.repeats(samples) == repeated
