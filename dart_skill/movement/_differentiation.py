@@ -68,7 +68,7 @@ def smooth_derivatives(
     smoother = _smoother_at(stamps)
     basis = smoother.basis
     # The quadratic trend is fitted separately: with a large penalty the system is ill-conditioned and would disturb it.
-    trend = quadratic_trend(stamps, samples)
+    trend = smoother.trend(samples)
     coefficients = basis.fit(basis.sums(trend), 0.0)
     rest = samples - trend
     risk = smoother.risk(rest / np.where(levels > 0, levels, 1.0)) if levels.any() else None
@@ -118,6 +118,11 @@ class _Smoother:
 
     def __init__(self, stamps: np.ndarray):
         self.basis = _QuinticBasis(stamps)
+        self._trends = _quadratics(stamps)
+
+    def trend(self, samples: np.ndarray) -> np.ndarray:
+        """Values (n, d) of the quadratic polynomials that fit samples (n, d) best; the penalty does not act on them."""
+        return self._trends @ (self._trends.T @ samples)
 
     @cached_property
     def _windows(self) -> list[_RiskWindow]:
@@ -163,12 +168,6 @@ class _RiskWindow:
         """Residual sum of squares plus twice the trace of the smoother, up to constants: (n_penalties, d)."""
         projected = self._project @ (samples - self._trends @ (self._trends.T @ samples))
         return np.square(1.0 - self._kept) @ np.square(projected) + 2.0 * self._kept.sum(axis=1)[:, None]
-
-
-def quadratic_trend(stamps: np.ndarray, samples: np.ndarray) -> np.ndarray:
-    """Values (n, d) of the quadratic polynomials that fit samples (n, d) best; the penalty does not act on them."""
-    orthonormal = _quadratics(stamps)
-    return orthonormal @ (orthonormal.T @ samples)
 
 
 def _quadratics(stamps: np.ndarray) -> np.ndarray:

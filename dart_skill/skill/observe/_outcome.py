@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.polynomial import polynomial
 from numpy.typing import ArrayLike
 
 from dart_skill.checks import check_samples
@@ -13,9 +13,9 @@ from dart_skill.flight import TENNIS_BALL, Ball, FlightFit, fit_flight, landing
 from dart_skill.skill.observe._free_flight import FreeFlight, find_flight, fit_about_the_middle, followed, tolerance
 from dart_skill.skill.observe._grip import grip_path, seen_grip
 from dart_skill.skill.observe._noise import position_noise
+from dart_skill.skill.observe._parting import parting
 from dart_skill.surface import RIMS, BoardFace, Surface
 
-CALIBRATION = 1e-3  # what grip and ball may be apart at the release, by the errors of both bodies' markers [m]
 TAIL = 6  # samples that tell how a ball moved when it was last seen
 MAX_UNSEEN = 0.15  # longest time that a flight is extrapolated beyond its last sample [s]
 SIDE = 4  # samples of the hand that are needed before the release, and after it
@@ -190,50 +190,16 @@ def _parting(fit: FlightFit, hand_time: np.ndarray, grip: np.ndarray, near: floa
     around = np.abs(hand_time - near) <= window
     time = (hand_time[around] - near) / window  # in -1 to 1: keeps the powers of time comparable
     difference = fit.at(hand_time[around])[0] - grip[around]
-    best, deviation, coefficients = _parting_of_polynomial(time, difference, DEGREE)
+    best, deviation, distance = parting(time, difference, DEGREE)
     # A hand without its ball moves on with another acceleration; where both move alike, that shifts the instant by milliseconds.
-    other = _parting_of_polynomial(time, difference, DEGREE + 1)[0] if judged else best
-    uncertainty = window * np.hypot(deviation, other - best)
-    distance = np.linalg.norm(polynomial.polyval(best, coefficients))
-    return float(near + best * window), float(uncertainty), float(distance)
+    other = parting(time, difference, DEGREE + 1)[0] if judged else best
+    return float(near + best * window), float(window * math.hypot(deviation, other - best)), distance
 
 
 def _hand_window(time: np.ndarray) -> float:
     """Half the length [s] of a window about time 0 that holds enough samples on either side: wider where the hand was hidden."""
     sides = (-time[time < 0.0][::-1], time[time > 0.0])
     return max([HAND_WINDOW, *(side[SIDE - 1] if len(side) >= SIDE else np.inf for side in sides)])
-
-
-def _parting_of_polynomial(time: np.ndarray, difference: np.ndarray, degree: int) -> tuple[float, float, np.ndarray]:
-    """Where a polynomial of a degree through the differences (n, 3) at times (n,) is slowest, its deviation, and the coefficients."""
-    powers = polynomial.polyvander(time, degree)
-    inverse = np.linalg.solve(powers.T @ powers, powers.T)
-    coefficients = inverse @ difference
-    best = _slowest(coefficients, time[0], time[-1])
-    return best, _root_deviation(coefficients, difference - powers @ coefficients, inverse, best), coefficients
-
-
-def _slowest(coefficients: np.ndarray, first: float, last: float) -> float:
-    """Where in [first, last] the curve (degree + 1, 3) has the least speed, of the places where it is nearest to the origin: after the
-    release the hand may for a while move as the ball does, millimetres away from it.
-    """
-    rates = coefficients[1:] * np.arange(1, len(coefficients))[:, None]
-    squared = sum((np.convolve(rate, rate) for rate in rates.T), np.zeros(()))
-    roots = polynomial.polyroots(squared[1:] * np.arange(1, len(squared)))
-    candidates = np.minimum(np.maximum(np.append(roots[np.abs(roots.imag) < 1e-6].real, 0.0), first), last)
-    powers = candidates[:, None] ** np.arange(len(squared))
-    distances = np.linalg.norm(powers[:, : len(coefficients)] @ coefficients, axis=1)
-    near = distances < distances.min() + CALIBRATION
-    return candidates[near][np.argmin(powers[near] @ squared)]
-
-
-def _root_deviation(coefficients: np.ndarray, misfit: np.ndarray, inverse: np.ndarray, root: float) -> float:
-    """Deviation of a root of the derivative: that of the derivative, over the second derivative."""
-    freedom = (len(misfit) - len(coefficients)) * misfit.shape[1]
-    sigma = np.sqrt(np.sum(misfit**2) / max(freedom, 1))
-    order = np.arange(1, len(coefficients))
-    slope = np.linalg.norm((order[1:] * order[:-1] * root ** (order[:-1] - 1.0)) @ coefficients[2:])
-    return sigma * np.linalg.norm((order * root ** (order - 1.0)) @ inverse[1:]) / max(slope, 1e-12)
 
 
 def _check_rim(rim: ArrayLike, radius: float) -> np.ndarray:

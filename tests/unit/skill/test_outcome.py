@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from dart_skill.flight import TENNIS_BALL, flight, landing
 from dart_skill.skill.observe import find_flight, fit_release, judge_flight
-from dart_skill.skill.observe._outcome import _slowest
+from dart_skill.skill.observe._parting import parting
 
 GRIP = np.array([0.0, 0.0, 0.1135])
 SIGMA = 1e-4
@@ -267,4 +267,6 @@ def test_of_two_instants_at_which_hand_and_ball_move_alike_the_one_where_they_to
     curve[:, 0] = way
     curve[1:3, 1] = 1e-4 * np.array([0.5, -0.5])  # a little speed that vanishes at 0.5
     assert np.linalg.norm(np.polynomial.polynomial.polyval(0.5, curve)) == pytest.approx(0.0027, abs=1e-4)
-    assert _slowest(curve, -1.0, 1.0) == pytest.approx(-0.3, abs=0.05)
+    time = np.linspace(-1.0, 1.0, 33)
+    difference = np.polynomial.polynomial.polyval(time, curve).T
+    assert parting(time, difference, len(curve) - 1)[0] == pytest.approx(-0.3, abs=0.05)
