@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 from dart_skill.checks import as_finite, as_samples
 from dart_skill.movement._time import as_stamps
 from dart_skill.quaternions import CONJUGATE, product
+from dart_skill.rotations import hand_angles, least_length, turned, unwrap
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -34,10 +35,11 @@ def normalise(quaternions: ArrayLike) -> np.ndarray:
 
 def _unit(quaternions: np.ndarray) -> np.ndarray:
     """The same of finite rows (n, 4)."""
-    lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
-    if lengths.min() < 1e-6:
+    unit = np.empty_like(quaternions)
+    if least_length(quaternions, unit) < 1e-6:
+        lengths = np.linalg.norm(quaternions, axis=1)
         raise ValueError(f"quaternion {int(lengths.argmin())} has length {lengths.min():.3g}; it says no orientation")
-    return quaternions / lengths
+    return unit
 
 
 def make_continuous(quaternions: ArrayLike) -> np.ndarray:
@@ -70,8 +72,14 @@ def conjugate(quaternions: ArrayLike) -> np.ndarray:
 
 
 def rotate(quaternions: ArrayLike, vectors: ArrayLike) -> np.ndarray:
-    """Vectors (n, 3) rotated by quaternions (n, 4); one of them may have one row for all rows of the other."""
-    return _rotation(normalise(quaternions)).apply(as_samples(vectors, "vectors", 3))
+    """Vectors (n, 3) rotated by quaternions (n, 4); one of them may have one row for all rows of the other.
+
+    ValueError if these are not equally many.
+    """
+    quaternions, vectors = normalise(quaternions), as_samples(vectors, "vectors", 3)
+    if len(quaternions) != len(vectors) and 1 not in (len(quaternions), len(vectors)):
+        raise ValueError(f"cannot rotate {len(vectors)} vectors by {len(quaternions)} quaternions; give equally many, or one")
+    return turned(quaternions, vectors)
 
 
 def to_matrices(quaternions: ArrayLike) -> np.ndarray:
@@ -130,15 +138,10 @@ def angles_from_quaternions(quaternions: ArrayLike, alpha_near: float = np.pi / 
     pointing backwards and below the horizontal (alpha up to 270 degrees). Near |beta| = 90 degrees alpha and roll are
     ill-defined. quaternions: (n, 4).
     """
-    x, y, z, w = normalise(quaternions).T
-    ahead = np.stack([x * z + w * y, y * z - w * x, 0.5 - x * x - y * y], axis=1)  # half the hand's z axis
-    side = np.stack([x * y - w * z, 0.5 - x * x - z * z, y * z + w * x], axis=1)  # half its y axis
-    alpha, beta = pointing_angles(ahead).T
-    # With roll = 0 the y axis would be `left`; roll turns it towards `up`, see R above.
-    left = np.stack([-np.sin(beta) * np.cos(alpha), np.cos(beta), -np.sin(beta) * np.sin(alpha)], axis=1)
-    up = np.stack([-np.sin(alpha), np.zeros_like(alpha), np.cos(alpha)], axis=1)
-    roll = np.arctan2(np.einsum("ni,ni->n", side, up), np.einsum("ni,ni->n", side, left))
-    return np.stack([_unwrap_near(alpha, alpha_near), beta, _unwrap_near(roll, roll_near)], axis=1)
+    angles = hand_angles(normalise(quaternions))
+    unwrap(angles[:, 0], alpha_near)
+    unwrap(angles[:, 2], roll_near)
+    return angles
 
 
 def quaternions_from_angles(angles: ArrayLike) -> np.ndarray:
@@ -156,12 +159,6 @@ def quaternions_from_angles(angles: ArrayLike) -> np.ndarray:
 
 def _rotation(quaternions: np.ndarray) -> Rotation:
     return scipy.spatial.transform.Rotation.from_quat(quaternions)
-
-
-def _unwrap_near(angles: np.ndarray, near: float) -> np.ndarray:
-    # Nearly always there is no jump, and looking is quicker than `unwrap`.
-    angles = angles + 0.0 if (np.abs(np.diff(angles)) < np.pi).all() else np.unwrap(angles)
-    return angles - 2.0 * np.pi * np.round((angles[0] - near) / (2.0 * np.pi))
 
 
 def angular_velocity(time: ArrayLike, quaternions: ArrayLike) -> np.ndarray:

@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from dart_skill.checks import as_finite, check_unit_quaternions, to_the_nanosecond
 from dart_skill.robot._model import ArmModel
 from dart_skill.robot._registration import Registration
+from dart_skill.rotations import of_matrices
 
 POSITION, ANGLE = 0.004, 0.01
 """How far the arm's kinematics is off at one instant while somebody pushes it [m], [rad]: neighbouring instants are off alike."""
@@ -59,8 +60,7 @@ class Sightings:
         model: of the arm.
         """
         place, rotation, velocity = model.hand_states(joints, speeds)
-        turn = Rotation.from_matrix(rotation).as_quat() if len(rotation) else np.empty((0, 4))
-        return cls(position, quaternion, place, turn, velocity)
+        return cls(position, quaternion, place, of_matrices(rotation), velocity)
 
     @classmethod
     def together(cls, parts: Sequence[Sightings]) -> Sightings:

@@ -25,6 +25,7 @@ LAYERS = (
         "medians",
         "palette",
         "quaternions",
+        "rotations",
         "second_process",
         "small_matrices",
     },

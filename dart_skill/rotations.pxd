@@ -1,0 +1,25 @@
+# Types of rotations.py, for Cython.
+cimport cython
+from libc cimport math
+
+@cython.locals(i=Py_ssize_t, k=Py_ssize_t, least=double, length=double, x=double, y=double, z=double, w=double)
+cpdef double least_length(const double[:, :] quaternions, double[:, :] unit) except? -1.0
+
+@cython.locals(n_quaternions=Py_ssize_t, n_vectors=Py_ssize_t, n=Py_ssize_t, i=Py_ssize_t, q=Py_ssize_t, v=Py_ssize_t,
+               result=double[:, ::1], x=double, y=double, z=double, w=double, a=double, b=double, c=double, p=double, r=double,
+               s=double)
+cpdef turned(const double[:, :] quaternions, const double[:, :] vectors)
+
+@cython.locals(i=Py_ssize_t, angles=double[:, ::1], x=double, y=double, z=double, w=double, ahead_x=double, ahead_y=double,
+               ahead_z=double, side_x=double, side_y=double, side_z=double, across=double, length=double, cos_alpha=double,
+               sin_alpha=double, cos_beta=double, sin_beta=double, left=double, up=double)
+cpdef hand_angles(const double[:, :] quaternions)
+
+@cython.locals(i=Py_ssize_t, half=double, turn=double, last=double, added=double, jump=double)
+cpdef unwrap(double[:] angles, double near)
+
+@cython.locals(i=Py_ssize_t, result=double[:, ::1])
+cpdef of_matrices(const double[:, :, :] matrices)
+
+@cython.locals(i=Py_ssize_t, j=Py_ssize_t, k=Py_ssize_t, trace=double, largest=double)
+cdef _of_matrix(const double[:, :] matrix, double[::1] quaternion)
