@@ -18,9 +18,9 @@ from matplotlib.axis import XAxis, YAxis
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.layout_engine import LayoutEngine
-from matplotlib.textpath import text_to_path
 from matplotlib.transforms import Affine2D, ScaledTranslation
 
+from dart_skill.figures._texts import text_size
 from dart_skill.figures._ticks import seen_ticks
 
 LINE = 1.2
@@ -220,8 +220,7 @@ def _height(text: str, size: Any) -> float:
 @lru_cache(maxsize=4096)
 def _width(text: str, size: float, family: tuple[str, ...]) -> float:
     """Of a line of text [points]."""
-    width, _, _ = text_to_path.get_text_width_height_descent(text, FontProperties(family=list(family), size=size), False)
-    return float(width)
+    return text_size(text, FontProperties(family=list(family), size=size))[0]
 
 
 def wrapped(text: str, width: float, size: float, family: tuple[str, ...]) -> str:

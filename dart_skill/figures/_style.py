@@ -18,6 +18,7 @@ from matplotlib.patches import Circle, Ellipse, Rectangle
 
 from dart_skill import palette
 from dart_skill.figures._layout import ColourBar, PanelLayout, legend_height
+from dart_skill.figures._texts import write_svg
 from dart_skill.figures._ticks import light_ticks
 from dart_skill.files import new_file
 from dart_skill.palette import hexadecimal
@@ -155,7 +156,7 @@ def svg_text(figure: Figure) -> str:
     with house_style(), io.StringIO() as text:
         _settle(figure)
         with light_ticks(_LAID_OUT.get(figure, ())):
-            figure.savefig(text, format="svg", metadata={"Date": None, "Creator": "dart_skill"})
+            write_svg(figure, text, {"Date": None, "Creator": "dart_skill"})
         return text.getvalue()
 
 

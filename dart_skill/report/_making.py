@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from functools import partial
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from dart_skill.report._seen import Seen, seen_throws
@@ -33,9 +34,14 @@ def make_page(
     from dart_skill.report._replay_of_run import begin_replay
     from dart_skill.report._run import read_run
 
-    run = read_run(bag, about, results, seen)
+    def seen_then() -> Seen:
+        """What was seen, when it is wanted: matplotlib is imported while the streams are read."""
+        import_module("dart_skill.report._pictures")
+        return seen()
+
+    run = read_run(bag, about, results, seen_then)
     replay = begin_replay(run, begin)
-    from dart_skill.report._page import page_of  # with it matplotlib, while the replay is being made
+    from dart_skill.report._page import page_of
     from dart_skill.report._pictures import drawn_pictures
 
     drawn = []

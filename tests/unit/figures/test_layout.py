@@ -11,7 +11,7 @@ from matplotlib.colors import Normalize
 
 from dart_skill.figures import house_style, legend_below, letter_panels, panels, svg_text
 from dart_skill.figures._layout import wrapped
-from dart_skill.figures._style import colour_bar
+from dart_skill.figures._style import _LAID_OUT, colour_bar
 from dart_skill.figures._ticks import light_ticks
 
 FAMILY = ("DejaVu Sans",)
@@ -150,3 +150,14 @@ def test_what_is_special_about_an_axis_is_left_to_matplotlib():
     with light_ticks([first, second]):
         shown = [axis.get_visible() for one in (first, second) for axis in (one.xaxis, one.yaxis)]
     assert shown == [False, True, True, True], "a logarithmic scale, a grid, and labels that are turned"
+
+
+def test_a_file_is_that_which_matplotlib_writes():
+    figure, _ = drawn(False)
+    ours = svg_text(figure)
+    again, _ = drawn(False)
+    svg_text(again)
+    with house_style(), io.StringIO() as text, light_ticks(_LAID_OUT[again]):
+        again.savefig(text, format="svg", metadata={"Date": None, "Creator": "dart_skill"})
+        assert text.getvalue() == ours
+    assert figure.dpi == again.dpi
