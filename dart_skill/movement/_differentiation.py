@@ -12,15 +12,15 @@ from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_finite, as_samples
 from dart_skill.medians import median
+from dart_skill.movement import _quintic
 from dart_skill.movement._contrasts import contrasts
 from dart_skill.movement._time import as_stamps
 
-DEGREE = 5
+DEGREE = _quintic.DEGREE
 MIN_SAMPLES = 8
 # The risk is evaluated in windows of so many samples; the cost is cubic in this number and linear in the number of windows.
 RISK_WINDOW = 300
@@ -159,9 +159,12 @@ class _RiskWindow:
     """The smoother for one window of stamps, in the basis in which it is diagonal."""
 
     def __init__(self, basis: _QuinticBasis):
-        values, vectors = scipy.linalg.eigh(_lower(basis.roughness), _lower(basis.gram), check_finite=False)
+        # In these coordinates B'B is the identity, and the roughness diagonal.
+        back = np.linalg.inv(np.linalg.cholesky(_lower(basis.gram)))
+        roughness = _lower(basis.roughness)
+        values, vectors = np.linalg.eigh(back @ (roughness + np.tril(roughness, -1).T) @ back.T)
         self._trends = _quadratics(basis.stamps)
-        self._project = (basis.design @ vectors).T
+        self._project = _quintic.combined(basis.first, basis.design, back.T @ vectors).T
         self._kept = 1.0 / (1.0 + 10.0 ** LOG_PENALTIES[:, None] * np.maximum(values, 0.0))
 
     def risk(self, samples: np.ndarray) -> np.ndarray:
@@ -173,16 +176,6 @@ class _RiskWindow:
 def _quadratics(stamps: np.ndarray) -> np.ndarray:
     """Orthonormal quadratic polynomials (n, 3) at stamps (n,)."""
     return np.linalg.qr(np.polynomial.legendre.legvander(2.0 * (stamps - stamps[0]) / (stamps[-1] - stamps[0]) - 1.0, 2))[0]
-
-
-def _sum_of_squares(first: np.ndarray, rows: np.ndarray, n: int) -> np.ndarray:
-    """Bands (DEGREE + 1, n), from the main diagonal down, of the matrix that is the sum of r r' over vectors r of length n.
-
-    Each r is zero but for DEGREE + 1 entries, rows (p, DEGREE + 1), that begin at the index first (p,).
-    """
-    column, row = np.triu_indices(DEGREE + 1)
-    places = (row - column) * n + first[:, None] + column
-    return np.bincount(places.ravel(), (rows[:, column] * rows[:, row]).ravel(), (DEGREE + 1) * n).reshape(DEGREE + 1, n)
 
 
 def _lower(bands: np.ndarray) -> np.ndarray:
@@ -197,7 +190,8 @@ def _lower(bands: np.ndarray) -> np.ndarray:
 class _QuinticBasis:
     """B-splines of degree 5 with a knot at every second stamp.
 
-    design: matrix B at the stamps; gram, roughness: bands of B'B and of the integral of the squared third derivative.
+    first, design: of the B-splines that are not zero at the stamps the first, (n,), and the values (n, DEGREE + 1), the matrix B; gram,
+    roughness: bands of B'B and of the integral of the squared third derivative.
     """
 
     def __init__(self, stamps: np.ndarray):
@@ -205,21 +199,14 @@ class _QuinticBasis:
         inner = stamps[2:-2:2] if len(stamps) >= 12 else stamps[:0]
         self.knots = np.concatenate([np.repeat(stamps[0], DEGREE + 1), inner, np.repeat(stamps[-1], DEGREE + 1)])
         self.n_functions = len(self.knots) - DEGREE - 1
-        self.design = scipy.interpolate.BSpline.design_matrix(stamps, self.knots, DEGREE)
-        self._transposed = self.design.T
-        self.gram = _sum_of_squares(*self._values(stamps, 0), self.n_functions)
+        self.first, self.design = self._values(stamps, 0)
+        self.gram = _quintic.sum_of_squares(self.first, self.design, self.n_functions)
         self.roughness = self._roughness()
 
     def _values(self, points: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray]:
-        """At points (p,): index (p,) of the first B-spline that is not zero there, and a derivative (p, DEGREE + 1) of these splines.
-
-        At each point DEGREE + 1 successive splines are not zero. So splines that are DEGREE + 1 apart can share one column
-        of coefficients, and one evaluation gives all values.
-        """
+        """At points (p,): index (p,) of the first B-spline that is not zero there, and a derivative (p, DEGREE + 1) of these splines."""
         first = np.clip(np.searchsorted(self.knots, points, "right") - 1, DEGREE, self.n_functions - 1) - DEGREE
-        columns = np.eye(DEGREE + 1)[np.arange(self.n_functions) % (DEGREE + 1)]
-        places = (first[:, None] + np.arange(DEGREE + 1)) % (DEGREE + 1)
-        return first, np.take_along_axis(self.evaluate(columns, points, order), places, axis=1)
+        return first, _quintic.values(self.knots, first, points, order)
 
     def _roughness(self) -> np.ndarray:
         """integral B'''(t) B'''(t)' dt; three Gauss points are exact for the product of two quadratics."""
@@ -228,23 +215,19 @@ class _QuinticBasis:
         half = 0.5 * np.diff(breaks)[:, None]
         points = (0.5 * (breaks[1:] + breaks[:-1])[:, None] + half * nodes).ravel()
         first, values = self._values(points, 3)
-        return _sum_of_squares(first, values * np.sqrt(half * weights).reshape(-1, 1), self.n_functions)
+        return _quintic.sum_of_squares(first, values * np.sqrt(half * weights).reshape(-1, 1), self.n_functions)
 
     def sums(self, samples: np.ndarray) -> np.ndarray:
         """B'x (m, d) of samples x (n, d): all that a fit needs of them."""
-        return self._transposed @ samples
+        return _quintic.sums(self.first, self.design, samples, self.n_functions)
 
     def fit(self, sums: np.ndarray, penalty: float) -> np.ndarray:
-        """Coefficients (m, d) of the penalised least squares fit to samples with these sums (m, d).
-
-        It is `scipy.linalg.solveh_banded` without its checks, which take longer.
-        """
-        bands = self.gram + penalty * self.roughness if penalty else self.gram
-        _, solution, failed = scipy.linalg.lapack.dpbsv(bands, sums, lower=1)
-        if failed:
-            raise ValueError(f"the stamps do not determine the smoothing spline (dpbsv: {failed}); drop stamps that nearly repeat")
-        return solution
+        """Coefficients (m, d) of the penalised least squares fit to samples with these sums (m, d)."""
+        try:
+            return _quintic.solve(self.gram + penalty * self.roughness if penalty else self.gram, sums)
+        except ValueError as error:
+            raise ValueError(f"the stamps do not determine the smoothing spline ({error}); drop stamps that nearly repeat") from error
 
     def evaluate(self, coefficients: np.ndarray, stamps: np.ndarray, order: int) -> np.ndarray:
         """Derivative of the given order (n, d) at stamps (n,)."""
-        return scipy.interpolate.BSpline.construct_fast(self.knots, coefficients, DEGREE)(stamps, order)
+        return _quintic.combined(*self._values(stamps, order), coefficients)

@@ -13,19 +13,14 @@ Quaternions are rows x, y, z, w; angles are in radians.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_finite, as_samples
 from dart_skill.movement._time import as_stamps
-from dart_skill.quaternions import CONJUGATE, product
-from dart_skill.rotations import hand_angles, least_length, turned, unwrap
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
+from dart_skill.quaternions import CONJUGATE, product, to_vectors
+from dart_skill.quaternions import matrices as matrices_of
+from dart_skill.rotations import hand_angles, least_length, of_matrices, turned, unwrap
 
 
 def normalise(quaternions: ArrayLike) -> np.ndarray:
@@ -84,7 +79,7 @@ def rotate(quaternions: ArrayLike, vectors: ArrayLike) -> np.ndarray:
 
 def to_matrices(quaternions: ArrayLike) -> np.ndarray:
     """Rotation matrices (n, 3, 3). quaternions: (n, 4)."""
-    return _rotation(normalise(quaternions)).as_matrix()
+    return matrices_of(normalise(quaternions))
 
 
 def from_matrices(matrices: ArrayLike) -> np.ndarray:
@@ -99,7 +94,7 @@ def from_matrices(matrices: ArrayLike) -> np.ndarray:
     wrong = (error > 1e-6) | (np.linalg.det(matrices) < 0)
     if wrong.any():
         raise ValueError(f"matrix {int(wrong.argmax())} is not a rotation (orthogonal with determinant 1)")
-    return make_continuous(scipy.spatial.transform.Rotation.from_matrix(matrices).as_quat())
+    return make_continuous(of_matrices(matrices))
 
 
 def turn_about_z(quaternions: ArrayLike, angle: float) -> np.ndarray:
@@ -157,10 +152,6 @@ def quaternions_from_angles(angles: ArrayLike) -> np.ndarray:
     return _continuous(np.sqrt(0.5) * np.stack([x - z, w + y, z + x, w - y], axis=1))
 
 
-def _rotation(quaternions: np.ndarray) -> Rotation:
-    return scipy.spatial.transform.Rotation.from_quat(quaternions)
-
-
 def angular_velocity(time: ArrayLike, quaternions: ArrayLike) -> np.ndarray:
     """Angular velocity (n, 3) [rad/s] of orientations (n, 4) at increasing stamps (n,) [s], in the frame of the orientations.
 
@@ -169,8 +160,7 @@ def angular_velocity(time: ArrayLike, quaternions: ArrayLike) -> np.ndarray:
     """
     quaternions = normalise(quaternions)
     time = as_stamps(time, len(quaternions), 2)
-    hand = _rotation(quaternions)
-    rates = (hand[1:] * hand[:-1].inv()).as_rotvec() / np.diff(time)[:, None]
+    rates = to_vectors(product(quaternions[1:], quaternions[:-1] * CONJUGATE)) / np.diff(time)[:, None]
     if len(rates) == 1:
         return np.repeat(rates, 2, axis=0)
     middles = 0.5 * (time[1:] + time[:-1])

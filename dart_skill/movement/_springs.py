@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_covariances, as_finite, as_number, as_samples, as_vector
@@ -124,6 +123,8 @@ class SpringMixture:
         """Motion (n, d) of a unit mass at stamps (n,) [s], from the state (d,) at the first one; integrated by an explicit Runge-Kutta
         method of order 8 (DOP853 of scipy). position0, velocity0: the state at the first stamp.
         """
+        from scipy.integrate import solve_ivp  # a lesson of throws needs none, and would wait for it
+
         stamps, d = as_stamps(time, minimum=2), self.centres.shape[1]
         start = np.concatenate([as_vector(position0, "position0", d), as_vector(velocity0, "velocity0", d)])
 
@@ -133,7 +134,7 @@ class SpringMixture:
 
         ends = (float(stamps[0]), float(stamps[-1]))
         step = float(np.sqrt(self.timing.covariances_.min()))  # no spring is stepped over
-        solved = scipy.integrate.solve_ivp(slope, ends, start, "DOP853", t_eval=stamps, rtol=TOLERANCE, atol=TOLERANCE, max_step=step)
+        solved = solve_ivp(slope, ends, start, "DOP853", t_eval=stamps, rtol=TOLERANCE, atol=TOLERANCE, max_step=step)
         position, velocity = solved.y[:d].T, solved.y[d:].T
         return Motion(position, velocity, self.acceleration(stamps, position, velocity))
 

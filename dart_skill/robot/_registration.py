@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy
+
+from dart_skill.quaternions import CONJUGATE, matrices, product, rotate
 
 if TYPE_CHECKING:
     from dart_skill.robot._motion_plan import HandPath
@@ -51,33 +52,32 @@ class Registration:
         return (self.turn, self.shift, self.hand_turn, self.hand_shift) == (SAME, ZERO, SAME, ZERO)
 
     @cached_property
-    def _back(self) -> Any:
-        """From the world of the cameras to that of the arm, as SciPy turns vectors."""
-        return scipy.spatial.transform.Rotation.from_quat(self.turn).inv()
+    def _back(self) -> np.ndarray:
+        """From the world of the cameras to that of the arm, a unit quaternion (4,)."""
+        return scaled(np.array(self.turn)) * CONJUGATE
 
     @cached_property
-    def _hand_back(self) -> Any:
-        """From the tracked body to the hand."""
-        return scipy.spatial.transform.Rotation.from_quat(self.hand_turn).inv()
+    def _hand_back(self) -> np.ndarray:
+        """From the tracked body to the hand, a unit quaternion (4,)."""
+        return scaled(np.array(self.hand_turn)) * CONJUGATE
 
     @property
     def axes(self) -> np.ndarray:
         """Rotation (3, 3) from the axes of the cameras' world to those of the arm's."""
-        return self._back.as_matrix()
+        return matrices(self._back)
 
     def poses(self, position: np.ndarray, quaternion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What the arm says of hands that the cameras see at (n, 3), (n, 4). position, quaternion: as the cameras see them."""
         if self.is_none:
             return position, quaternion
-        rotation = self._back * scipy.spatial.transform.Rotation.from_quat(quaternion) * self._hand_back
-        return self._back.apply(position - np.array(self.shift)) - rotation.apply(self.hand_shift), rotation.as_quat()
+        turned = scaled(product(product(self._back, quaternion), self._hand_back))
+        return rotate(self._back, position - np.array(self.shift)) - rotate(turned, np.array(self.hand_shift)), turned
 
     def of_body(self, position: np.ndarray, quaternion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Where a body other than the hand that the cameras see at a pose (3,), (4,) is in the world of the arm."""
         if self.is_none:
             return position, quaternion
-        turned = self._back * scipy.spatial.transform.Rotation.from_quat(quaternion)
-        return self._back.apply(position - np.array(self.shift)), turned.as_quat()
+        return rotate(self._back, position - np.array(self.shift)), scaled(product(self._back, quaternion))
 
     def path(self, path: HandPath) -> HandPath:
         """A path that the cameras shall see, as the arm's kinematics has it."""
@@ -85,8 +85,13 @@ class Registration:
             return path
         back = self._back
         position, quaternion = self.poses(path.position, path.quaternion)
-        arm = scipy.spatial.transform.Rotation.from_quat(quaternion).apply(self.hand_shift)
-        (v, w), (a, alpha) = ([back.apply(part) for part in (rates[:, :3], rates[:, 3:])] for rates in (path.velocity, path.acceleration))
+        arm = rotate(quaternion, np.array(self.hand_shift))
+        (v, w), (a, alpha) = ([rotate(back, part) for part in (rates[:, :3], rates[:, 3:])] for rates in (path.velocity, path.acceleration))
         velocity = np.hstack([v - np.cross(w, arm), w])
         acceleration = np.hstack([a - np.cross(alpha, arm) - np.cross(w, np.cross(w, arm)), alpha])
         return replace(path, position=position, quaternion=quaternion, velocity=velocity, acceleration=acceleration)
+
+
+def scaled(quaternions: np.ndarray) -> np.ndarray:
+    """Quaternions (..., 4) scaled to length 1."""
+    return quaternions / np.linalg.norm(quaternions, axis=-1, keepdims=True)

@@ -1,9 +1,9 @@
 """Learned things as shapes, for viewers and figures."""
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from dart_skill.mixture import GaussianMixture
+from dart_skill.rotations import of_matrices
 
 
 def component_ellipsoids(
@@ -21,5 +21,5 @@ def component_ellipsoids(
         values, vectors = np.linalg.eigh(covariance)
         vectors[:, 2] *= np.sign(np.linalg.det(vectors))
         size = 2 * deviations * np.sqrt(np.maximum(values, 0.0))
-        shapes.append((mean, Rotation.from_matrix(vectors).as_quat(), size))
+        shapes.append((mean, of_matrices(vectors[None])[0], size))
     return shapes

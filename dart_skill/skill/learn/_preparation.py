@@ -11,10 +11,10 @@ from functools import lru_cache
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from dart_skill.constants import N_JOINTS
 from dart_skill.movement import angles_from_quaternions, attractor_from_motion, smooth_derivatives, turn_about_z, turn_matrix
+from dart_skill.quaternions import from_vectors, product, rotate
 from dart_skill.recording import Demonstration
 from dart_skill.robot import ArmModel, Registration, Sightings, fit_registration, measure_registration, wam_description
 from dart_skill.skill.learn._configuration import SkillConfiguration
@@ -228,10 +228,10 @@ def _as_seen(registration: Registration, both: Sightings) -> tuple[np.ndarray, n
     """Where the cameras would see the hand by the arm's joints, (n, 3) and (n, 4), with a registration."""
     if registration.is_none and not registration.delay:
         return both.arm_position, both.arm_quaternion
-    base, hand = Rotation.from_quat(registration.turn), Rotation.from_quat(registration.hand_turn)
-    arm = Rotation.from_rotvec(-registration.delay * both.arm_velocity[:, 3:]) * Rotation.from_quat(both.arm_quaternion)
-    lever = both.arm_position - registration.delay * both.arm_velocity[:, :3] + arm.apply(registration.hand_shift)
-    return base.apply(lever) + np.array(registration.shift), (base * arm * hand).as_quat()
+    base, hand, shift, hand_shift = map(np.array, (registration.turn, registration.hand_turn, registration.shift, registration.hand_shift))
+    arm = product(from_vectors(-registration.delay * both.arm_velocity[:, 3:]), both.arm_quaternion)
+    lever = both.arm_position - registration.delay * both.arm_velocity[:, :3] + rotate(arm, hand_shift)
+    return rotate(base, lever) + shift, product(product(base, arm), hand)
 
 
 @lru_cache(maxsize=1)

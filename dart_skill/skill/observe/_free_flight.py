@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy
 
 from dart_skill.flight import TENNIS_BALL, Ball, FlightFit, fit_flight, fit_flights
 from dart_skill.medians import median
@@ -89,12 +88,14 @@ def _of_another_ball(time: np.ndarray, position: np.ndarray, fit: FlightFit) -> 
     """The flight with the drag that explains it best, up to four times the ball's, if it explains it much better: nobody may have said
     that it is another ball.
     """
+    from scipy.optimize import minimize_scalar  # a ball that was expected needs none
+
     ball = fit.ball
 
     def misfit(scale: float) -> float:
         return fit_flight(time, position, replace(ball, drag_coefficient=scale * ball.drag_coefficient)).residual
 
-    best = scipy.optimize.minimize_scalar(misfit, bounds=(0.0, 4.0), method="bounded", options={"xatol": 0.01})
+    best = minimize_scalar(misfit, bounds=(0.0, 4.0), method="bounded", options={"xatol": 0.01})
     if best.fun > BETTER * fit.residual:
         return fit
     return fit_about_the_middle(time, position, replace(ball, drag_coefficient=float(best.x) * ball.drag_coefficient), fit)

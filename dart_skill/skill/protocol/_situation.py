@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import scipy
 
 from dart_skill.checks import as_vector
 from dart_skill.constants import UNTURNED
@@ -68,5 +67,7 @@ class Situation:
 
 
 def _turn(pose: Pose) -> Any:
-    """As SciPy turns vectors; it is loaded on first use, for the most that know of situations turn nothing."""
-    return scipy.spatial.transform.Rotation.from_quat(pose.quaternion)
+    """As SciPy turns vectors."""
+    from scipy.spatial.transform import Rotation  # most that know of situations turn nothing
+
+    return Rotation.from_quat(pose.quaternion)

@@ -76,7 +76,6 @@ QUATERNIONS = re.compile(r"def _?(rotate|multiply|hamilton)\w*\(|\w+ \* \w+ - x\
 WITH_QUATERNIONS = {
     "dart_skill/quaternions.py": "the one place",
     "dart_skill/movement/_orientation.py": "checks what a caller of the library gives",
-    "dart_skill/robot/_registration_fit.py": "in SciPy's order of additions, which registrations depend on to the last bit",
 }
 
 

@@ -19,7 +19,6 @@ from dart_skill.robot import (
     measure_registration,
     save_registration,
 )
-from dart_skill.robot._registration_fit import _composed
 
 MODEL = ArmModel()
 MIDDLE = np.array([0.0, -0.9, 0.0, 0.8, 0.0, -0.35, 0.0])
@@ -204,9 +203,3 @@ def test_gains_over_time_turn_with_the_arm(plan):
     gains = seen.motion.as_the_arm_has_it().position_gains
     np.testing.assert_allclose(gains.stiffness[0], np.diag([100.0, 500.0, 100.0]), atol=1e-9)
     np.testing.assert_allclose(gains.damping[0], np.diag([20.0, 40.0, 20.0]), atol=1e-9)
-
-
-@pytest.mark.parametrize("shapes", [((40,), (40,)), ((), (40,)), ((40,), ()), ((), ())], ids=str)
-def test_rotations_are_composed_as_scipy_does(shapes):
-    first, second = (Rotation.from_quat(np.random.default_rng(k).normal(size=(*shape, 4))) for k, shape in enumerate(shapes))
-    np.testing.assert_allclose(_composed(first, second).as_quat(), (first * second).as_quat(), rtol=0, atol=1e-15)
