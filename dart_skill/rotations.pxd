@@ -23,3 +23,15 @@ cpdef of_matrices(const double[:, :, :] matrices)
 
 @cython.locals(i=Py_ssize_t, j=Py_ssize_t, k=Py_ssize_t, trace=double, largest=double)
 cdef _of_matrix(const double[:, :] matrix, double[::1] quaternion)
+
+@cython.locals(k=Py_ssize_t, half=double, share=double)
+cpdef quaternion_into(const double[:] vector, double[::1] quaternion)
+
+@cython.locals(x=double, y=double, z=double, w=double, length=double, sign=double, share=double)
+cpdef vector_into(const double[:] quaternion, double[::1] vector)
+
+@cython.locals(a=double, b=double, c=double, d=double, x=double, y=double, z=double, w=double)
+cpdef product_into(const double[:] left, const double[:] right, double[::1] result)
+
+@cython.locals(x=double, y=double, z=double, w=double)
+cpdef matrix_into(const double[:] quaternion, double[:, ::1] matrix)

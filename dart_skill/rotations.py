@@ -98,6 +98,59 @@ def of_matrices(matrices: np.ndarray) -> np.ndarray:
     return found
 
 
+def quaternion_into(vector: np.ndarray, quaternion: np.ndarray) -> None:
+    """Write the quaternion of a rotation vector.
+
+    * vector: (3,) [rad].
+    * quaternion: (4,), is written.
+    """
+    half = 0.5 * math.sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2])
+    share = 0.5 * math.sin(half) / half if half > 1e-20 else 0.5
+    for k in range(3):
+        quaternion[k] = share * vector[k]
+    quaternion[3] = math.cos(half)
+
+
+def vector_into(quaternion: np.ndarray, vector: np.ndarray) -> None:
+    """Write the rotation vector of a unit quaternion, at most half a turn long.
+
+    * quaternion: (4,).
+    * vector: (3,) [rad], is written.
+    """
+    x, y, z, w = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
+    length = math.sqrt(x * x + y * y + z * z)
+    sign = -1.0 if w < 0.0 else 1.0
+    share = sign * (2.0 * math.atan2(length, abs(w)) / length if length > 1e-9 else 2.0)
+    vector[0], vector[1], vector[2] = share * x, share * y, share * z
+
+
+def product_into(left: np.ndarray, right: np.ndarray, result: np.ndarray) -> None:
+    """Write the Hamilton product: the rotation by `right`, then by `left`.
+
+    * left, right: (4,).
+    * result: (4,), is written, and is neither of them.
+    """
+    a, b, c, d = left[0], left[1], left[2], left[3]
+    x, y, z, w = right[0], right[1], right[2], right[3]
+    result[0] = d * x + a * w + b * z - c * y
+    result[1] = d * y - a * z + b * w + c * x
+    result[2] = d * z + a * y - b * x + c * w
+    result[3] = d * w - a * x - b * y - c * z
+
+
+def matrix_into(quaternion: np.ndarray, matrix: np.ndarray) -> None:
+    """Write the rotation matrix of a unit quaternion.
+
+    * quaternion: (4,).
+    * matrix: (3, 3), is written.
+    """
+    x, y, z, w = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
+    matrix[0, 0], matrix[1, 1], matrix[2, 2] = 1.0 - 2.0 * (y * y + z * z), 1.0 - 2.0 * (x * x + z * z), 1.0 - 2.0 * (x * x + y * y)
+    matrix[0, 1], matrix[1, 0] = 2.0 * (x * y - z * w), 2.0 * (x * y + z * w)
+    matrix[0, 2], matrix[2, 0] = 2.0 * (x * z + y * w), 2.0 * (x * z - y * w)
+    matrix[1, 2], matrix[2, 1] = 2.0 * (y * z - x * w), 2.0 * (y * z + x * w)
+
+
 def _of_matrix(matrix: np.ndarray, quaternion: np.ndarray) -> None:
     """Write a quaternion (4,) of any length with the rotation of a matrix (3, 3): from the largest of its numbers (Shepperd, 1978)."""
     trace = matrix[0, 0] + matrix[1, 1] + matrix[2, 2]

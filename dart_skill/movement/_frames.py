@@ -58,6 +58,15 @@ class TaskFrame:
         """A frame with the same axes at another origin (m,). ValueError for one that is none."""
         return self._made(self.A, as_vector(origin, "origin", len(self.A)))
 
+    def with_input(self, column: int) -> TaskFrame:
+        """The frame with one more input, which passes through. column: where it stands, in front of the column that was there."""
+        m, n = column, self.n_dims + 1
+        A, b = np.zeros((n, n)), np.zeros(n)
+        A[:m, :m], A[:m, m + 1 :], A[m + 1 :, :m], A[m + 1 :, m + 1 :] = self.A[:m, :m], self.A[:m, m:], self.A[m:, :m], self.A[m:, m:]
+        A[m, m] = 1.0
+        b[:m], b[m + 1 :] = self.b[:m], self.b[m:]
+        return self._made(A, b)
+
     def to_frame(self, points: ArrayLike) -> np.ndarray:
         """Points (n, m) of the world in local coordinates of this frame."""
         return np.linalg.solve(self.A, (as_samples(points, "points", self.n_dims) - self.b).T).T
@@ -99,10 +108,10 @@ class MovingFrame:
 
 
 def _frame(axes: np.ndarray, position: np.ndarray, angles: np.ndarray) -> TaskFrame:
-    """Frame that leaves time as it is, has the axes (3, 3) at `position` (3,), and adds `angles` to the angle columns."""
+    """Frame that leaves time as it is, has the axes (3, 3), a rotation, at `position` (3,), and adds `angles` to the angle columns."""
     matrix = np.eye(4 + len(angles))
     matrix[1:4, 1:4] = axes
-    return TaskFrame(matrix, np.concatenate([[0.0], position, angles]))
+    return TaskFrame._made(matrix, np.concatenate([[0.0], position, angles]))  # turns are invertible
 
 
 def turn_matrix(azimuth: float) -> np.ndarray:

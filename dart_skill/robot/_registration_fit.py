@@ -16,6 +16,7 @@ from dart_skill.checks import as_finite, check_unit_quaternions, to_the_nanoseco
 from dart_skill.quaternions import CONJUGATE, from_vectors, matrices, product, rotate, to_vectors
 from dart_skill.robot._model import ArmModel
 from dart_skill.robot._registration import Registration, scaled
+from dart_skill.robot._registration_rows import linearised
 from dart_skill.rotations import of_matrices
 
 POSITION, ANGLE = 0.004, 0.01
@@ -238,26 +239,14 @@ def _gauss_newton(seen: Sightings, centre: np.ndarray, spread: np.ndarray, noise
     unknown = centre.copy()
     for _ in range(rounds):
         off, twist, rows, turned = _linearised(seen, unknown)
-        design = np.concatenate([rows.reshape(-1, 13) / noise[0], turned.reshape(-1, 13) / noise[1], np.diag(1.0 / spread)])
-        left = np.concatenate([off.ravel() / noise[0], twist.ravel() / noise[1], (centre - unknown) / spread])
-        unknown = unknown + np.linalg.lstsq(design, left, rcond=None)[0]
+        design = np.concatenate([rows.reshape(-1, 13) / noise[0], turned.reshape(-1, 13) / noise[1]]) * spread
+        left = np.concatenate([off.ravel() / noise[0], twist.ravel() / noise[1]])
+        # Normal equations in parts of the prior's deviations: an error of a step by rounding is made up for by the next one.
+        gradient = design.T @ left + (centre - unknown) / spread
+        unknown = unknown + spread * np.linalg.solve(design.T @ design + np.eye(13), gradient)
     return unknown
 
 
 def _linearised(seen: Sightings, unknown: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """What is left of positions (n, 3) and rotations (n, 3), and the first derivatives (n, 3, 13) of both."""
-    turn, shift, hand_turn, hand_shift, delay = np.split(unknown, [3, 6, 9, 12])
-    base = from_vectors(turn)
-    arm = product(from_vectors(-delay * seen.arm_velocity[:, 3:]), seen.arm_quaternion)
-    lever = seen.arm_position - delay * seen.arm_velocity[:, :3] + rotate(arm, hand_shift)
-    off = seen.position - rotate(base, lever) - shift
-    expected = product(product(base, arm), from_vectors(hand_turn))
-    twist = to_vectors(product(seen.quaternion, expected * CONJUGATE))
-    n, eye = len(off), np.broadcast_to(np.eye(3), (len(off), 3, 3))
-    zero, axes, velocity = np.zeros((n, 3, 3)), matrices(arm), seen.arm_velocity
-    x, y, z = lever.T
-    o = np.zeros(n)
-    across = np.moveaxis(np.array([[o, z, -y], [-z, o, x], [y, -x, o]]), 2, 0)  # d (w x lever) / d w
-    rows = np.concatenate([across, eye, zero, axes, -velocity[:, :3, None]], axis=2)
-    turned = np.concatenate([eye, zero, axes, zero, -velocity[:, 3:, None]], axis=2)
-    return off, twist, rows, turned
+    return linearised(seen.position, seen.quaternion, seen.arm_position, seen.arm_quaternion, seen.arm_velocity, unknown)

@@ -54,6 +54,23 @@ def test_quaternions_of_matrices_have_the_same_rotation(quaternions):
         np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1.0, atol=1e-15)
 
 
+def test_one_rotation_is_written_as_a_vector_a_quaternion_or_a_matrix(quaternions):
+    vector, quaternion, matrix = np.empty(3), np.empty(4), np.empty((3, 3))
+    for k, turn in enumerate(Rotation.from_quat(quaternions)):
+        rotations.vector_into(quaternions[k], vector)
+        np.testing.assert_allclose(vector, turn.as_rotvec(), atol=1e-14)
+        rotations.quaternion_into(vector, quaternion)
+        np.testing.assert_allclose(np.abs(quaternion @ quaternions[k]), 1.0, atol=1e-14)
+        rotations.matrix_into(quaternions[k], matrix)
+        np.testing.assert_allclose(matrix, turn.as_matrix(), atol=1e-14)
+        rotations.product_into(quaternions[k], quaternions[0], quaternion)
+        np.testing.assert_allclose(quaternion, (turn * Rotation.from_quat(quaternions[0])).as_quat(), atol=1e-14)
+    rotations.quaternion_into(np.zeros(3), quaternion)
+    np.testing.assert_array_equal(quaternion, [0.0, 0.0, 0.0, 1.0])
+    rotations.vector_into(quaternion, vector)
+    np.testing.assert_array_equal(vector, 0.0)
+
+
 def test_compiled_and_interpreted_have_the_same_bits(quaternions):
     def all_of(module):
         yield module.turned(quaternions, quaternions[:, :3])
@@ -62,6 +79,13 @@ def test_compiled_and_interpreted_have_the_same_bits(quaternions):
         yield angles.copy()
         module.unwrap(angles[:, 2], 7.0)
         yield angles
+        vector, quaternion, matrix = np.empty(3), np.empty(4), np.empty((3, 3))
+        module.vector_into(quaternions[3], vector)
+        module.quaternion_into(vector, quaternion)
+        module.matrix_into(quaternions[5], matrix)
+        yield from (vector, quaternion.copy(), matrix)
+        module.product_into(quaternions[1], quaternions[2], quaternion)
+        yield quaternion
         unit = np.empty((40, 4))
         yield module.least_length(3.0 * quaternions, unit)
         yield unit

@@ -20,24 +20,16 @@ def frames_for(task: np.ndarray, start: np.ndarray, configuration: SkillConfigur
         return _turned_frames(task, configuration)
     first = base_frame() if configuration.frames == "thesis" else start_frame(start)
     frames = [first, target_frame(task, pointing_at(task, start))]
-    return [_with_distance(frame) for frame in frames] if configuration.distance_input else frames
+    return [frame.with_input(1) for frame in frames] if configuration.distance_input else frames
 
 
 def _turned_frames(task: np.ndarray, configuration: SkillConfiguration) -> list[TaskFrame]:
     """`azimuth_frame` and, if the configuration has it, `azimuth_target_frame` of a task (3,), which have the same axes."""
     base = azimuth_frame(azimuth_of(task))
     if configuration.distance_input:
-        base = _with_distance(base)
+        base = base.with_input(1)  # after time
     if configuration.frames == "azimuth":
         return [base]
     origin, first = np.zeros(base.n_dims), 1 + configuration.distance_input
     origin[first : first + 3] = task
     return [base, base.at(origin)]
-
-
-def _with_distance(frame: TaskFrame) -> TaskFrame:
-    """The frame with one more input after time, the distance of the target, which passes through."""
-    passed = np.arange(frame.n_dims + 1) != 1
-    A, b = np.eye(frame.n_dims + 1), np.zeros(frame.n_dims + 1)
-    A[np.ix_(passed, passed)], b[passed] = frame.A, frame.b
-    return TaskFrame(A, b)
