@@ -15,6 +15,10 @@ cpdef turned(const double[:, :] quaternions, const double[:, :] vectors)
                sin_alpha=double, cos_beta=double, sin_beta=double, left=double, up=double)
 cpdef hand_angles(const double[:, :] quaternions)
 
+@cython.locals(i=Py_ssize_t, half_root=double, result=double[:, ::1], sa=double, ca=double, sb=double, cb=double, sr=double,
+               cr=double, a=double, b=double, c=double, d=double, x=double, y=double, z=double, w=double)
+cpdef of_hand_angles(const double[:, :] angles)
+
 @cython.locals(i=Py_ssize_t, half=double, turn=double, last=double, added=double, jump=double)
 cpdef unwrap(double[:] angles, double near)
 

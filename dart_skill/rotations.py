@@ -69,6 +69,27 @@ def hand_angles(quaternions: np.ndarray) -> np.ndarray:
     return found
 
 
+def of_hand_angles(angles: np.ndarray) -> np.ndarray:
+    """Unit quaternions (n, 4) of angles alpha, beta, roll: neighbours have a non-negative dot product.
+
+    * angles: (n, 3) [rad], as of `hand_angles`.
+    """
+    found, half_root = np.empty((angles.shape[0], 4)), math.sqrt(0.5)
+    result = found
+    for i in range(result.shape[0]):
+        sa, ca = math.sin(0.5 * angles[i, 0]), math.cos(0.5 * angles[i, 0])
+        sb, cb = math.sin(0.5 * angles[i, 1]), math.cos(0.5 * angles[i, 1])
+        sr, cr = math.sin(0.5 * angles[i, 2]), math.cos(0.5 * angles[i, 2])
+        # R_y(-alpha) R_z(beta), then R_x(roll), then R_y(90 degrees), each as a quaternion.
+        a, b, c, d = -sa * sb, -sa * cb, ca * sb, ca * cb
+        x, y, z, w = d * sr + a * cr, b * cr + c * sr, c * cr - b * sr, d * cr - a * sr
+        a, b, c, d = half_root * (x - z), half_root * (w + y), half_root * (z + x), half_root * (w - y)
+        if i > 0 and a * result[i - 1, 0] + b * result[i - 1, 1] + c * result[i - 1, 2] + d * result[i - 1, 3] < 0.0:
+            a, b, c, d = -a, -b, -c, -d
+        result[i, 0], result[i, 1], result[i, 2], result[i, 3] = a, b, c, d
+    return found
+
+
 def unwrap(angles: np.ndarray, near: float) -> None:
     """Add full turns to angles, so that they have no jumps and the first is within half a turn of `near`.
 

@@ -20,7 +20,7 @@ from dart_skill.checks import as_finite, as_samples
 from dart_skill.movement._time import as_stamps
 from dart_skill.quaternions import CONJUGATE, product, to_vectors
 from dart_skill.quaternions import matrices as matrices_of
-from dart_skill.rotations import hand_angles, least_length, of_matrices, turned, unwrap
+from dart_skill.rotations import hand_angles, least_length, of_hand_angles, of_matrices, turned, unwrap
 
 
 def normalise(quaternions: ArrayLike) -> np.ndarray:
@@ -144,12 +144,7 @@ def quaternions_from_angles(angles: ArrayLike) -> np.ndarray:
 
     angles: alpha, beta, roll.
     """
-    half = 0.5 * as_samples(angles, "angles", 3).T
-    (sa, sb, sr), (ca, cb, cr) = np.sin(half), np.cos(half)
-    # R_y(-alpha) R_z(beta), then R_x(roll), then R_y(90 deg), each as a quaternion.
-    x, y, z, w = -sa * sb, -sa * cb, ca * sb, ca * cb
-    x, y, z, w = w * sr + x * cr, y * cr + z * sr, z * cr - y * sr, w * cr - x * sr
-    return _continuous(np.sqrt(0.5) * np.stack([x - z, w + y, z + x, w - y], axis=1))
+    return of_hand_angles(as_samples(angles, "angles", 3))
 
 
 def angular_velocity(time: ArrayLike, quaternions: ArrayLike) -> np.ndarray:

@@ -37,6 +37,14 @@ def test_angles_are_those_of_the_rotation_they_make_up(quaternions):
     assert np.abs(angles).max() <= np.pi
 
 
+def test_quaternions_of_angles_are_those_whose_angles_these_are():
+    angles = np.cumsum(np.random.default_rng(4).uniform(-0.4, 0.4, (60, 3)), axis=0) * [1.0, 0.2, 1.0]
+    found = rotations.of_hand_angles(angles)
+    np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1.0, atol=1e-14)
+    assert (np.einsum("ni,ni->n", found[1:], found[:-1]) > 0.0).all()
+    np.testing.assert_allclose(np.exp(1j * rotations.hand_angles(found)), np.exp(1j * angles), atol=1e-12)
+
+
 @pytest.mark.parametrize("turns", [-3, 0, 2])
 def test_jumps_are_taken_out_as_by_numpy(turns):
     smooth = np.cumsum(np.random.default_rng(3).uniform(-2.5, 2.5, 200))
@@ -74,6 +82,7 @@ def test_one_rotation_is_written_as_a_vector_a_quaternion_or_a_matrix(quaternion
 def test_compiled_and_interpreted_have_the_same_bits(quaternions):
     def all_of(module):
         yield module.turned(quaternions, quaternions[:, :3])
+        yield module.of_hand_angles(quaternions[:, :3])
         yield module.of_matrices(Rotation.from_quat(quaternions).as_matrix())
         angles = module.hand_angles(quaternions)
         yield angles.copy()
