@@ -31,7 +31,7 @@ DARTS, IN_PROCESS = "darts", "in-process"
 DEMONSTRATIONS, OWN_DARTS = 8, 75
 """Of another skill, and own darts, where nobody says how many."""
 LEFT_OUT = "in process: no nodes run, so there are no logs of them"
-REPORT = ("scipy.interpolate", "dart_skill.report:write_report", "dart_skill.report:write_skill_report", "dart_skill.view:Scene")
+REPORT = ("dart_skill.report:write_report", "dart_skill.report:write_skill_report", "dart_skill.view:Scene")
 """What the report at the end is made with."""
 DIFFERS = "a person and the cameras look at the bodies for another moment than on the graph: trials differ from those there"
 
