@@ -20,6 +20,13 @@ def row_medians(values: np.ndarray) -> np.ndarray:
     return 0.5 * (ordered[rows, (count - 1) // 2] + ordered[rows, count // 2])
 
 
+def column_medians(values: np.ndarray) -> np.ndarray:
+    """Medians (d,) of the columns of at least one row of finite numbers (n, d), as `numpy.median`. values: the rows."""
+    ordered = np.sort(values, axis=0)
+    middle = len(ordered) // 2
+    return ordered[middle] if len(ordered) % 2 else 0.5 * (ordered[middle - 1] + ordered[middle])
+
+
 def quantile(values: np.ndarray, share: float) -> float:
     """The number that a share of all of at least one finite numbers does not exceed, as `numpy.quantile`: linear between neighbours.
 

@@ -13,6 +13,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from dart_skill.constants import N_JOINTS
+from dart_skill.medians import column_medians
 from dart_skill.movement import angles_from_quaternions, attractor_from_motion, smooth_derivatives, turn_about_z, turn_matrix
 from dart_skill.quaternions import from_vectors, product, rotate
 from dart_skill.recording import Demonstration
@@ -38,6 +39,8 @@ SOONEST, LATEST = -0.005, 0.3
 (docs/sources.md), so that they are well away from a ball after the later time [s]. What is seen beyond is something else: clocks that
 disagree, or a button that was pressed for another reason.
 """
+AGREED = Registration()
+"""Of cameras and arm that agree."""
 OUTSIDE = 1.0
 """A motion begins and ends within what was recorded of the hand, or not longer before or after [s]."""
 OFF_POSITION, OFF_ANGLE = 0.015, 0.08
@@ -201,7 +204,7 @@ def _prepare(demonstration: Demonstration, reading: _Reading) -> PreparedThrow:
 def _check_joints(both: Sightings) -> None:
     """ValueError for joints that move the hand otherwise than the cameras saw it: in another order or unit, or of another arm."""
     # One after the other: the second is long to find, and seldom needed.
-    if len(both) < 3 or _explains(Registration(), both) or _explains(fit_registration([both]), both):
+    if len(both) < 3 or _explains(AGREED, both) or _explains(fit_registration([both]), both):
         return
     off = measure_registration(both)
     if off.position_error > OFF_POSITION or off.angle_error > OFF_ANGLE:
@@ -254,7 +257,7 @@ def _start_pose(demonstration: Demonstration, azimuth: float, angles: np.ndarray
     d = demonstration
     at_rest = _or_first(d.hand_time <= d.motion_start - 0.05)
     position = d.hand_position[at_rest] @ turn_matrix(azimuth)
-    return np.median(np.hstack([position, angles[at_rest]]), axis=0)
+    return column_medians(np.hstack([position, angles[at_rest]]))
 
 
 def _start_posture(demonstration: Demonstration, azimuth: float) -> np.ndarray:
@@ -262,7 +265,7 @@ def _start_posture(demonstration: Demonstration, azimuth: float) -> np.ndarray:
     d = demonstration
     if not len(d.joint_time):
         return np.full(N_JOINTS, np.nan)
-    posture = np.median(d.joint_position[_or_first(d.joint_time <= d.motion_start)], axis=0)
+    posture = column_medians(d.joint_position[_or_first(d.joint_time <= d.motion_start)])
     posture[0] -= azimuth
     return posture
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dart_skill.checks import check_samples, check_unit_quaternions
-from dart_skill.medians import median
+from dart_skill.medians import column_medians
 from dart_skill.movement import rotate
 
 HELD = (0.8, 0.05)
@@ -46,10 +46,18 @@ def seen_grip(
     held = (time > released - HELD[0]) & (time < released - HELD[1]) & _seen(ball[0], time)
     if np.sum(held) < ENOUGH:
         return nominal
-    there = np.column_stack([np.interp(time[held], ball[0], axis) for axis in ball[1].T])
+    there = rows_at(time[held], *ball)
     inverse = quaternion[held] * [-1.0, -1.0, -1.0, 1.0]
-    grip = np.array([median(axis) for axis in rotate(inverse, there - position[held]).T])
+    grip = column_medians(rotate(inverse, there - position[held]))
     return grip if np.linalg.norm(grip - nominal) < farthest else nominal
+
+
+def rows_at(when: np.ndarray, stamps: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Rows (m, d) at instants (m,), linear between rows (n, d) at increasing stamps (n,), n >= 2, of which none is earlier or later."""
+    after = np.clip(np.searchsorted(stamps, when), 1, len(stamps) - 1)
+    before = after - 1
+    share = (when - stamps[before]) / (stamps[after] - stamps[before])
+    return rows[before] + share[:, None] * (rows[after] - rows[before])
 
 
 def _seen(stamps: np.ndarray, time: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from dart_skill.checks import check_samples
 from dart_skill.flight import TENNIS_BALL, Ball, FlightFit, fit_flight, landing
+from dart_skill.movement import rotate
 from dart_skill.skill.observe._free_flight import FreeFlight, find_flight, fit_about_the_middle, followed, tolerance
 from dart_skill.skill.observe._grip import grip_path, seen_grip
 from dart_skill.skill.observe._noise import position_noise
@@ -133,7 +134,7 @@ def fit_release(
     near = _nearest_approach(fit, hand_time, grip)
     hand = (hand_time, np.asarray(hand_position, dtype=float), np.asarray(hand_quaternion, dtype=float))
     seen = seen_grip((ball_time, ball_position), hand, near, np.asarray(grip_offset, dtype=float), ball.radius)
-    grip = grip_path(*hand, seen)[1]
+    grip = hand[1] + rotate(hand[2], seen[None])
     for last in (False, True):
         time, uncertainty, distance = _parting(fit, hand_time, grip, near, last)
         fitted, kept = kept, free.samples[ball_time[free.samples] >= time]

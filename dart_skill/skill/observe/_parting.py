@@ -7,14 +7,13 @@ A polynomial through the difference tells the instant, and how well the samples 
 import math
 
 import numpy as np
-from numpy.polynomial import polynomial
 
 from dart_skill.small_matrices import factor_into, solve_into
 
 CALIBRATION = 1e-3
 """What grip and ball may be apart at the release, by the errors of both bodies' markers [m]."""
-REAL = 1e-6
-"""A root with a smaller imaginary part is real."""
+MOST_STEPS, CLOSE = 200, 4e-16
+"""Of the search for a root: how many there are, and which is the last, as a share of the root."""
 
 
 def parting(time: np.ndarray, difference: np.ndarray, degree: int) -> tuple[float, float, float]:
@@ -28,9 +27,12 @@ def parting(time: np.ndarray, difference: np.ndarray, degree: int) -> tuple[floa
     """
     n, m = time.shape[0], degree + 1
     factor, curve, squared = np.zeros((m, m)), np.empty((m, 3)), np.zeros(2 * degree - 1)
+    rate, roots = np.empty(2 * degree - 2), np.empty(2 * degree - 2)
     _fit(time, difference, factor, curve)
     _square_speed(curve, squared)
-    best = _slowest(curve, squared, _real_roots(squared[1:] * np.arange(1, len(squared))), time[0], time[n - 1])
+    for i in range(1, 2 * degree - 1):
+        rate[i - 1] = i * squared[i]
+    best = _slowest(curve, squared, roots[: _real_roots(rate, roots)], time[0], time[n - 1])
     return best, _deviation(time, difference, factor, curve, best), math.sqrt(_square_distance(curve, best))
 
 
@@ -60,10 +62,53 @@ def _square_speed(curve: np.ndarray, squared: np.ndarray) -> None:
                 squared[i + j - 2] += i * curve[i, k] * (j * curve[j, k])
 
 
-def _real_roots(coefficients: np.ndarray) -> np.ndarray:
-    """Real roots of a polynomial with coefficients (m,), from the constant on."""
-    roots = polynomial.polyroots(coefficients)
-    return roots.real[np.abs(roots.imag) < REAL]
+def _real_roots(coefficients: np.ndarray, roots: np.ndarray) -> int:
+    """Write the real roots of a polynomial with coefficients (m,), from the constant on, in order (m,); returns how many there are.
+
+    Between two neighbouring roots of its derivative there is one at most. So the roots of its highest derivatives are found first.
+    """
+    degree, count = coefficients.shape[0] - 1, 0
+    while degree > 0 and coefficients[degree] == 0.0:
+        degree -= 1
+    derivative, edges, bound = np.empty(degree + 1), np.empty(degree + 2), 1.0
+    for i in range(degree):
+        bound = max(bound, 1.0 + abs(coefficients[i] / coefficients[degree]))
+    for order in range(degree - 1, -1, -1):
+        n = degree - order
+        for i in range(n + 1):
+            derivative[i] = coefficients[i + order]
+            for factor in range(i + 1, i + order + 1):
+                derivative[i] *= factor
+        edges[0], edges[count + 1] = -bound, bound
+        for i in range(count):
+            edges[i + 1] = roots[i]
+        pieces, count = count + 1, 0
+        for i in range(pieces):
+            if _value(derivative[: n + 1], edges[i]) * _value(derivative[: n + 1], edges[i + 1]) < 0.0:
+                roots[count] = _root_between(derivative[: n + 1], edges[i], edges[i + 1])
+                count += 1
+    return count
+
+
+def _root_between(coefficients: np.ndarray, low: float, high: float) -> float:
+    """The root of a polynomial between two places at which its signs differ: Newton's method, kept in between by bisection."""
+    rises, place = _value(coefficients, low) < 0.0, 0.5 * (low + high)
+    for _ in range(MOST_STEPS):
+        value = slope = 0.0
+        for i in range(coefficients.shape[0] - 1, -1, -1):
+            slope = slope * place + value
+            value = value * place + coefficients[i]
+        if (value < 0.0) == rises:
+            low = place
+        else:
+            high = place
+        after = place - value / slope if slope != 0.0 else low
+        if not low < after < high:
+            after = 0.5 * (low + high)
+        if abs(after - place) <= CLOSE * (1.0 + abs(place)):
+            return after
+        place = after
+    return place
 
 
 def _slowest(curve: np.ndarray, squared: np.ndarray, extremes: np.ndarray, first: float, last: float) -> float:

@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from dart_skill.robot import ArmModel, Sightings
+from dart_skill.skill.observe._grip import rows_at
 
 INSTANTS = 24
 """Of a demonstration at which the two are compared."""
@@ -36,8 +37,8 @@ def sightings(demonstration: Recorded, model: ArmModel) -> Sightings:
         return Sightings(*(np.empty((0, n)) for n in (3, 4, 3, 4, 6)))
     both = np.flatnonzero((d.hand_time >= d.joint_time[0]) & (d.hand_time <= d.joint_time[-1]))
     chosen = both[np.unique(np.linspace(0, len(both) - 1, min(INSTANTS, len(both))).round().astype(int))]
-    q, qd = (
-        np.column_stack([np.interp(d.hand_time[chosen], d.joint_time, column) for column in columns.T])
-        for columns in (d.joint_position, d.joint_velocity)
-    )
+    if len(d.joint_time) > 1:
+        q, qd = (rows_at(d.hand_time[chosen], d.joint_time, rows) for rows in (d.joint_position, d.joint_velocity))
+    else:
+        q, qd = (np.repeat(rows, len(chosen), axis=0) for rows in (d.joint_position, d.joint_velocity))
     return Sightings.of_joints(model, q, qd, d.hand_position[chosen], d.hand_quaternion[chosen])
