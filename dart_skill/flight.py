@@ -133,9 +133,10 @@ def flight(position: np.ndarray, velocity: np.ndarray, times: np.ndarray, ball: 
     if times.ndim != 1 or not np.isfinite(times).all():
         raise ValueError(f"times of a flight must be a finite (n,) array, got shape {times.shape}: {times}")
     starts, speeds = position.reshape(-1, 3), velocity.reshape(-1, 3)
-    points, rates = fly(starts, speeds, np.broadcast_to(times, (len(starts), len(times))), ball.drag, ball.gravity)
+    each = times[None] if len(starts) == 1 else np.broadcast_to(times, (len(starts), len(times)))
+    points, rates = fly(starts, speeds, each, ball.drag, ball.gravity)
     shape = times.shape + position.shape
-    return np.ascontiguousarray(points.swapaxes(0, 1)).reshape(shape), np.ascontiguousarray(rates.swapaxes(0, 1)).reshape(shape)
+    return points.swapaxes(0, 1).reshape(shape), rates.swapaxes(0, 1).reshape(shape)
 
 
 def landing(position: np.ndarray, velocity: np.ndarray, plane_z: float | np.ndarray, ball: Ball = TENNIS_BALL) -> Landing:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dart_skill.medians import median, quantile, row_medians
+from dart_skill.medians import column_medians, median, quantile, row_medians
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 10, 119, 360])
@@ -21,3 +21,9 @@ def test_medians_of_rows_leave_out_what_is_no_number(n):
     values = np.where(rng.random((300, n)) < 0.3, np.nan, rng.normal(size=(300, n)))
     values[:, 0] = rng.normal(size=300)
     np.testing.assert_array_equal(row_medians(values), np.nanmedian(values, axis=1))
+
+
+@pytest.mark.parametrize("n", [1, 2, 5, 10, 101])
+def test_medians_of_columns_are_those_of_numpy_to_the_last_bit(n):
+    rows = np.random.default_rng(n).normal(size=(n, 6))
+    np.testing.assert_array_equal(column_medians(rows), np.median(rows, axis=0))

@@ -6,6 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from dart_skill.skill.observe import column_noise, find_flight, fit_release, judge_flight, position_noise
 from dart_skill.skill.observe._free_flight import _grow
+from dart_skill.skill.observe._grip import rows_at
 from dart_skill.skill.observe._speeds import repeats, usual_speeds
 from tests.interpreted import interpreted
 from tests.unit.skill.test_outcome import GRIP, ORIGIN, Throw, basket_at
@@ -141,3 +142,12 @@ def test_compiled_and_interpreted_have_the_same_bits():
     np.testing.assert_array_equal(usual_speeds(time, position), plain.usual_speeds(time, position))
     for samples, repeated in ((position, False), (np.repeat(position, 2, axis=0), True), (position[:1], False)):
         assert repeats(samples) == plain.repeats(samples) == repeated
+
+
+def test_rows_between_samples_are_those_of_numpy():
+    rng = np.random.default_rng(8)
+    stamps, rows = np.cumsum(rng.uniform(0.01, 0.1, 20)), rng.standard_normal((20, 3))
+    when = np.concatenate([stamps, rng.uniform(stamps[0], stamps[-1], 50)])
+    np.testing.assert_allclose(
+        rows_at(when, stamps, rows), np.stack([np.interp(when, stamps, column) for column in rows.T], axis=1), atol=1e-14
+    )
