@@ -160,11 +160,11 @@ class _RiskWindow:
 
     def __init__(self, basis: _QuinticBasis):
         # In these coordinates B'B is the identity, and the roughness diagonal.
-        back = np.linalg.inv(np.linalg.cholesky(_lower(basis.gram)))
-        roughness = _lower(basis.roughness)
-        values, vectors = np.linalg.eigh(back @ (roughness + np.tril(roughness, -1).T) @ back.T)
+        factor, roughness = _quintic.factor(basis.gram), _lower(basis.roughness)
+        half = _quintic.forward(factor, roughness + np.tril(roughness, -1).T)
+        values, vectors = np.linalg.eigh(_quintic.forward(factor, half.T))
         self._trends = _quadratics(basis.stamps)
-        self._project = _quintic.combined(basis.first, basis.design, back.T @ vectors).T
+        self._project = _quintic.combined(basis.first, basis.design, _quintic.backward(factor, vectors)).T
         self._kept = 1.0 / (1.0 + 10.0 ** LOG_PENALTIES[:, None] * np.maximum(values, 0.0))
 
     def risk(self, samples: np.ndarray) -> np.ndarray:

@@ -17,12 +17,16 @@ cpdef sums(const Py_ssize_t[:] first, const double[:, :] rows, const double[:, :
 @cython.locals(p=Py_ssize_t, k=Py_ssize_t, dim=Py_ssize_t, result=double[:, ::1])
 cpdef combined(const Py_ssize_t[:] first, const double[:, :] rows, const double[:, :] coefficients)
 
-@cython.locals(n=Py_ssize_t, n_dims=Py_ssize_t, i=Py_ssize_t, k=Py_ssize_t, dim=Py_ssize_t, solution=double[:, ::1],
-               lower=double[:, ::1])
 cpdef solve(const double[:, :] bands, const double[:, :] right)
 
-@cython.locals(n=Py_ssize_t, j=Py_ssize_t, k=Py_ssize_t, below=Py_ssize_t, rest=double)
-cdef _factor(const double[:, :] bands, double[:, ::1] lower)
+@cython.locals(n=Py_ssize_t, j=Py_ssize_t, k=Py_ssize_t, below=Py_ssize_t, rest=double, lower=double[:, ::1])
+cpdef factor(const double[:, :] bands)
+
+@cython.locals(n=Py_ssize_t, n_dims=Py_ssize_t, i=Py_ssize_t, k=Py_ssize_t, dim=Py_ssize_t, solution=double[:, ::1])
+cpdef forward(const double[:, :] lower, const double[:, :] right)
+
+@cython.locals(n=Py_ssize_t, n_dims=Py_ssize_t, i=Py_ssize_t, k=Py_ssize_t, dim=Py_ssize_t, solution=double[:, ::1])
+cpdef backward(const double[:, :] lower, const double[:, :] right)
 
 @cython.locals(q=Py_ssize_t, r=Py_ssize_t, saved=double, before=double, after=double, share=double)
 cdef _of_degree(const double[:] knots, Py_ssize_t span, double point, Py_ssize_t degree, double[::1] found)

@@ -87,30 +87,19 @@ def solve(bands: np.ndarray, right: np.ndarray) -> np.ndarray:
 
     ValueError if A is not positive definite.
     """
-    n, n_dims = bands.shape[1], right.shape[1]
-    found, factor = np.empty((n, n_dims)), np.empty((WIDTH, n))
-    solution, lower = found, factor
-    _factor(bands, lower)
-    for i in range(n):
-        for dim in range(n_dims):
-            solution[i, dim] = right[i, dim]
-        for k in range(1, min(WIDTH, i + 1)):
-            for dim in range(n_dims):
-                solution[i, dim] -= lower[k, i - k] * solution[i - k, dim]
-        for dim in range(n_dims):
-            solution[i, dim] /= lower[0, i]
-    for i in range(n - 1, -1, -1):
-        for k in range(1, min(WIDTH, n - i)):
-            for dim in range(n_dims):
-                solution[i, dim] -= lower[k, i] * solution[i + k, dim]
-        for dim in range(n_dims):
-            solution[i, dim] /= lower[0, i]
-    return found
+    lower = factor(bands)
+    return backward(lower, forward(lower, right))
 
 
-def _factor(bands: np.ndarray, lower: np.ndarray) -> None:
-    """Write the bands (6, n) of Cholesky's factor."""
-    n = bands.shape[1]
+def factor(bands: np.ndarray) -> np.ndarray:
+    """Bands (6, n) of Cholesky's factor L.
+
+    * bands: as of `solve`.
+
+    ValueError if the matrix is not positive definite.
+    """
+    n, found = bands.shape[1], np.zeros((WIDTH, bands.shape[1]))
+    lower = found
     for j in range(n):
         for below in range(min(WIDTH, n - j)):
             rest = bands[below, j]
@@ -122,6 +111,47 @@ def _factor(bands: np.ndarray, lower: np.ndarray) -> None:
                 lower[0, j] = math.sqrt(rest)
             else:
                 raise ValueError(f"not positive definite: its pivot {j} is {rest:g}")
+    return found
+
+
+def forward(lower: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """The solution (n, d) of L x = right.
+
+    * lower: bands (6, n) of L, as `factor` gives them.
+    * right: (n, d).
+    """
+    n, n_dims = lower.shape[1], right.shape[1]
+    found = np.empty((n, n_dims))
+    solution = found
+    for i in range(n):
+        for dim in range(n_dims):
+            solution[i, dim] = right[i, dim]
+        for k in range(1, min(WIDTH, i + 1)):
+            for dim in range(n_dims):
+                solution[i, dim] -= lower[k, i - k] * solution[i - k, dim]
+        for dim in range(n_dims):
+            solution[i, dim] /= lower[0, i]
+    return found
+
+
+def backward(lower: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """The solution (n, d) of L' x = right.
+
+    * lower: bands (6, n) of L, as `factor` gives them.
+    * right: (n, d).
+    """
+    n, n_dims = lower.shape[1], right.shape[1]
+    found = np.empty((n, n_dims))
+    solution = found
+    for i in range(n - 1, -1, -1):
+        for dim in range(n_dims):
+            solution[i, dim] = right[i, dim]
+        for k in range(1, min(WIDTH, n - i)):
+            for dim in range(n_dims):
+                solution[i, dim] -= lower[k, i] * solution[i + k, dim]
+        for dim in range(n_dims):
+            solution[i, dim] /= lower[0, i]
+    return found
 
 
 def _of_degree(knots: np.ndarray, span: int, point: float, degree: int, found: np.ndarray) -> None:

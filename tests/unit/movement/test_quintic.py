@@ -59,7 +59,7 @@ def test_compiled_and_interpreted_have_the_same_bits():
             yield module.values(KNOTS, FIRST, POINTS, order)
         rows = module.values(KNOTS, FIRST, POINTS, 0)
         bands, sums = module.sum_of_squares(FIRST, rows, N), module.sums(FIRST, rows, samples, N)
-        yield from (bands, sums, module.solve(bands, sums), module.combined(FIRST, rows, sums))
+        yield from (bands, sums, module.factor(bands), module.solve(bands, sums), module.combined(FIRST, rows, sums))
 
     for ours, plain in zip(all_of(_quintic), all_of(interpreted("dart_skill.movement._quintic")), strict=True):
         np.testing.assert_array_equal(ours, plain)
