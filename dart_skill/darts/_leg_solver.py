@@ -64,6 +64,10 @@ class Everywhere:
         """Index (m,) of the aims in those columns of means."""
         return chosen
 
+    def aim(self, darts: int, remaining: int, chosen: int) -> int:
+        """The same of a single state."""
+        return chosen
+
 
 class Nearby:
     """In each state only some of the aims may be chosen. near (3, start + 1, n): which, by the darts left less one, and what remains.
@@ -103,6 +107,11 @@ class Nearby:
         """As of Everywhere."""
         part = int(remaining[0] >= safe_from(darts))
         return self._lists[darts - 1][part][remaining - part * safe_from(darts), chosen]
+
+    def aim(self, darts: int, remaining: int, chosen: int) -> int:
+        """As of Everywhere."""
+        part = int(remaining >= safe_from(darts))
+        return int(self._lists[darts - 1][part][remaining - part * safe_from(darts), chosen])
 
 
 def safe_from(darts: int) -> int:
@@ -205,6 +214,11 @@ class _Leg:
         chosen, rows = costs.argmin(axis=1), np.arange(len(costs))
         return costs[rows, chosen], self.choice.aims(darts, low + rows, chosen)
 
+    def best_of(self, darts: int, score: int, costs: np.ndarray) -> tuple[float, int]:
+        """The least of costs (n,) for a single score, and its aim."""
+        chosen = int(costs.argmin())
+        return float(costs[chosen]), self.choice.aim(darts, score, chosen)
+
 
 class _SafeTurn:
     """The turn from a score from which no three darts can bust: only misses lead back to it."""
@@ -214,24 +228,23 @@ class _SafeTurn:
         after = np.stack([leg.expected, *leg.safe])[:, leg.left[score]]
         after[:, 0] = 0.0  # of a miss, which is the first result
         missed = np.eye(1, len(POINTS))
-        self._costs = [leg.dart + leg.choice.means(darts, score, row[None]) for darts, row in enumerate(after, start=1)]
-        self._misses = [leg.choice.means(darts, score, missed) for darts in (1, 2, 3)]
+        self._costs = [leg.dart + leg.choice.means(darts, score, row[None])[0] for darts, row in enumerate(after, start=1)]
+        self._misses = [leg.choice.means(darts, score, missed)[0] for darts in (1, 2, 3)]
 
     def value(self, guess: float) -> tuple[float, float]:
         """W_3(s) and its derivative, if V(s) is a guess."""
         leg, score, slope = self._leg, self.score, 1.0
         for darts, (costs, miss) in enumerate(zip(self._costs, self._misses, strict=True), start=1):
-            (guess,), (aim,) = leg.best(darts, score, costs + guess * miss)
+            guess, aim = leg.best_of(darts, score, costs + guess * miss)
             slope *= leg.choice.results[aim, 0]
             leg.choices[3 - darts][score, 0] = aim
-        return float(guess), float(slope)
+        return guess, float(slope)
 
     def safe(self, darts: int) -> tuple[float, int]:
         """W_k of the score in a turn that starts higher, and its aim: a miss leads to what is known now."""
         leg, score = self._leg, self.score
         after = (leg.expected, leg.safe[0])[darts - 1][score]
-        (value,), (aim,) = leg.best(darts, score, self._costs[darts - 1] + after * self._misses[darts - 1])
-        return float(value), int(aim)
+        return leg.best_of(darts, score, self._costs[darts - 1] + after * self._misses[darts - 1])
 
 
 class _Turn:
@@ -260,7 +273,7 @@ class _Turn:
         """W_1 of the scores that can remain, and its derivative."""
         leg, score, last = self._leg, self.score, self._last
         after, slopes, table = self._known(1), np.zeros(score + 1), leg.choices[2][score]
-        (after[score],), (table[0],) = leg.best(1, score, leg.dart + self._cost + guess * self._slope)
+        after[score], table[0] = leg.best_of(1, score, leg.dart + (self._cost + guess * self._slope)[0])
         slopes[score] = leg.choice.results[table[0]] @ (leg.bust[score] | (leg.left[score] == score))
         if last.start < last.stop:
             remaining = np.arange(last.start, last.stop)
@@ -281,8 +294,7 @@ class _Turn:
         """W_k of the score in a turn that starts higher, and its aim."""
         leg, score = self._leg, self.score
         after = (leg.expected, leg.safe[0])[darts - 1][leg.left[score]]
-        (value,), (aim,) = leg.best(darts, score, leg.dart + leg.choice.means(darts, score, after[None]))
-        return float(value), int(aim)
+        return leg.best_of(darts, score, leg.dart + leg.choice.means(darts, score, after[None])[0])
 
     def _known(self, darts: int) -> np.ndarray:
         """W_k of all scores from which no dart can bust."""
