@@ -33,7 +33,7 @@ NODES = (
     "composed",
 )
 COMMAND = f"dart-skill = {PACKAGE}.cli:main"
-LIBRARY_DATA = ["py.typed", "*.pxd", "*/*.pxd"]
+LIBRARY_DATA = ["py.typed", "*.pxd", "*/*.pxd", "*/*/*.pxd"]
 IN_THE_WHEEL = {"config": ["**/*"], "msg_schemas": ["package.xml", "msg/*", "srv/*", "action/*"]}
 """Folders beside the library that the wheel takes into it, and which of their files."""
 

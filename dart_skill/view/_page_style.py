@@ -23,7 +23,8 @@ STYLE = (
 .ds-swatch { font-size: 0.8em; line-height: 1.5; break-inside: avoid; color: var(--ds-ink); }
 .ds-swatch span { display: inline-block; width: 0.8em; height: 0.8em; margin-right: 0.5em; outline: 1px solid #8888; }
 .mantine-ScrollArea-content div:has(.ds-says) { overflow: visible !important; min-width: 0; grid-template-columns: minmax(0, 1fr); }
-.mantine-ScrollArea-content div:has(+ div + div .ds-says) { position: sticky; top: 0; z-index: 5; background: var(--mantine-color-body); }
+.mantine-ScrollArea-content div:has(> div > .ds-says) > div:first-child {
+  position: sticky; top: 0; z-index: 5; background: var(--mantine-color-body); }
 @media (prefers-color-scheme: dark) {
   :root[data-mantine-color-scheme] {
     --ds-ink: #e6e6e6; --ds-quiet: #a8adb3; --ds-alarm: #ff9a52; color-scheme: dark;

@@ -78,6 +78,7 @@ class Not:
     reason: str
 
 
+COMPILES = Not("compiles into the checkout, beside tests that use it; `make setup` does the same")
 MAKE = Not("sets a workspace up first, or runs for minutes; what it starts has tests of its own, and the target is looked up")
 TESTS = Not("is about the tests themselves")
 FLAME = Elsewhere("unit/repository/test_draw_flame.py::test_a_box_is_as_wide_as_its_share_of_the_samples_and_has_the_colour_of_its_node")
@@ -119,6 +120,7 @@ TYPED = {
     "python3 tools/draw_flame.py build/flame.txt docs/flame.svg": FLAME,
     # set up
     "make setup": MAKE,
+    "python3 setup.py build_ext --inplace": COMPILES,
     "make setup PYTHON=python3.12": MAKE,
     "make clean": MAKE,
     "make demo": MAKE,

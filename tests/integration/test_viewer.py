@@ -299,10 +299,20 @@ def _stop_stays_in_sight(page):
     seen = (
         "(() => {document.querySelectorAll('.mantine-Notification-closeButton').forEach(button => button.click());"
         "document.querySelectorAll('.mantine-ScrollArea-viewport').forEach(part => part.scrollTop = 1000);"
-        "const b = [...document.querySelectorAll('button')].find(b => b.innerText.trim() === 'Stop'); if (!b) return false;"
+        "const b = [...document.querySelectorAll('button')].find(b => b.innerText.trim() === 'Stop'); if (!b) return 'no such button';"
         "const r = b.getBoundingClientRect(); const top = document.elementFromPoint(r.x + r.width / 2, r.y + r.height / 2);"
-        "return b.contains(top) && r.right <= innerWidth})()"
+        "if (r.right > innerWidth) return 'it ends at ' + r.right; if (b.contains(top)) return '';"
+        "return 'at ' + r.x + ', ' + r.y + ' there is ' + (top ? top.outerHTML.slice(0, 500) : 'nothing')})()"
     )
     for width, height in ((1280, 500), (360, 740)):
         page.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 500)
-        page._wait(lambda: page.run(seen), 90.0, f"Stop in a window {width} pixels wide")
+        there = ["not looked at"]
+
+        def in_sight(there=there):
+            there[0] = page.run(seen)
+            return not there[0]
+
+        try:
+            page._wait(in_sight, 30.0, f"Stop in a window {width} pixels wide")
+        except AssertionError as error:
+            raise AssertionError(f"{error}: {there[0]}") from error

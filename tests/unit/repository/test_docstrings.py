@@ -139,7 +139,7 @@ def test_each_parameter_of_a_class_stands_in_a_list():
     found = []
     for name, thing, text in PUBLIC:
         known = fields.documented(thing).parameters if inspect.isclass(thing) else ()
-        heads = (re.match(r"((?:\w+(?:, )?)+): ", line) for line in text.splitlines())
+        heads = (re.match(r"(\w+(?:, \w+)*): ", line) for line in text.splitlines())
         found += [f"{name}: {head[0]}" for head in heads if head and set(head[1].split(", ")) <= set(known)]
     assert not found, "\n".join(found)
 

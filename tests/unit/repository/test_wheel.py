@@ -10,6 +10,7 @@ import re
 import shutil
 import subprocess
 import sys
+import sysconfig
 import zipfile
 from functools import cache
 from importlib.machinery import EXTENSION_SUFFIXES
@@ -75,6 +76,17 @@ def test_the_wheel_and_the_workspace_want_the_same_versions():
 # --- the wheel ---
 
 
+def _keep_compiled(source):
+    """What set-up compiled from the same sources with the same setup.py is newer than they are, and not compiled again."""
+    if (cythonized := ROOT / "build" / "dart_skill" / "build" / "cython").is_dir():
+        shutil.copytree(cythonized, source / "build" / "cython")
+    built = source / "build" / f"lib.{sysconfig.get_platform()}-{sys.implementation.cache_tag}"
+    for module in (ROOT / "dart_skill").rglob("*.so"):
+        place = built / module.relative_to(ROOT)
+        place.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(module, place)
+
+
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory):
     """The wheel, built from a copy: setuptools leaves its work beside the sources."""
@@ -85,6 +97,7 @@ def wheel(tmp_path_factory):
             shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__", "*.so"))
         else:
             shutil.copy(ROOT / name, source)
+    _keep_compiled(source)
     pip = [sys.executable, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check", "--no-deps", "--no-build-isolation"]
     done = subprocess.run([*pip, "--wheel-dir", str(output), str(source)], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

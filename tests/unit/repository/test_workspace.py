@@ -240,8 +240,8 @@ def test_everything_that_is_installed_exists(setup_arguments):
     assert [file for file in files if not (ROOT / file).is_file()] == []
     assert setup_arguments["package_dir"] == {"dart_skill_nodes": "nodes/dart_skill_nodes"}
     # without it nobody's type checker looks at the hints
-    assert setup_arguments["package_data"] == {"dart_skill": ["py.typed", "*.pxd", "*/*.pxd"]}
-    assert {len(path.relative_to(ROOT / "dart_skill").parts) for path in (ROOT / "dart_skill").rglob("*.pxd")} <= {1, 2}
+    assert setup_arguments["package_data"] == {"dart_skill": ["py.typed", "*.pxd", "*/*.pxd", "*/*/*.pxd"]}
+    assert {len(path.relative_to(ROOT / "dart_skill").parts) for path in (ROOT / "dart_skill").rglob("*.pxd")} <= {1, 2, 3}
     assert (ROOT / "dart_skill" / "py.typed").is_file()
     folders = {path.parent.relative_to(ROOT) for path in (ROOT / "dart_skill").rglob("*.py")}
     folders |= {path.parent.relative_to(ROOT / "nodes") for path in (ROOT / "nodes").rglob("*.py")}
