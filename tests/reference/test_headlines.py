@@ -56,6 +56,6 @@ def test_the_ideal_arm_throws_as_readme_says():
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [2000])
 def test_an_arm_of_the_fleet_throws_as_readme_says(seed):
-    inside, of, median, p90 = claimed("fleet.*?# of # throws end in the basket, with a median error of # cm and # cm at 90 %")
+    inside, of, median, p90 = claimed("fleet.*?# of # throws hit, with a median error of # cm and # cm at 90 %")
     errors = errors_of(seed, "fleet")
     assert inside / of > 0.95 and np.median(errors) < 1.5 * median and np.mean(errors < 1.1 * p90) >= 0.7, errors
