@@ -88,3 +88,10 @@ def test_commands_without_a_number_are_obeyed_only_where_nobody_else_commands(wo
     world.there["second"] = "commander"
     obeyed.look()
     assert not obeyed.accepts(0)
+
+
+def test_one_that_went_since_the_last_look_is_forgotten_too(world, obeyed):
+    world.there = {}
+    obeyed.forget()
+    world.there = {"second": "hands"}
+    assert obeyed.accepts(2)

@@ -31,6 +31,7 @@ class ObeyedPublisher:
 
     def forget(self) -> None:
         """Obey the next publisher, if the last one has gone: a client decided to go on with another one."""
+        self.look()  # it may have gone since the last look
         if not self._gid or self._gone:
             self._name = ""
 
