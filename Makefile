@@ -80,14 +80,12 @@ benchmark: .venv-benchmark/installed
 	@$(BENCHMARK_PYTHON) -m pip install --quiet --disable-pip-version-check -r requirements/benchmark.txt
 	@touch $@
 
-# DASK=--dask where requirements/optional.txt is installed.
 SIZES ?= 0.1 0.3 1 3 10
-DASK ?=
 
 growth: setup
 	@mkdir -p build/growth
 	@$(ENV) && python3 -m benchmarks.growth --picture docs/growth.svg
-	@$(ENV) && python3 -m benchmarks.skill.cores $(DASK) --results build/growth/cores.json
+	@$(ENV) && python3 -m benchmarks.skill.cores --results build/growth/cores.json
 	@$(ENV) && python3 -m benchmarks.graph.side_by_side --graphs 1 2 4 8 12 20 --results build/growth/graphs.json
 	@$(ENV) && python3 -m benchmarks.graph.large_bags --sizes $(SIZES) --results build/growth/bags.json
 	@$(ENV) && python3 tools/draw_growth.py build/growth docs/growth_graphs.svg

@@ -106,7 +106,9 @@ def of_the_workspace() -> dict:
 RULES = {"language_level": 3, "boundscheck": False, "wraparound": False, "cdivision": True, "initializedcheck": False}
 RULES |= {"annotation_typing": False}
 FLAGS = ["-O2", "-g0", "-ffp-contract=off", "-fno-math-errno"] if os.name == "posix" else []
-CYTHONIZED = "build/cython"
+# colcon runs this file through a link, in a folder of its own; what lies beside the sources is compiled once for it and for a call by hand
+BUILT = Path(__file__).resolve().parent / "build"
+CYTHONIZED = BUILT / "cython"
 COMMANDS_THAT_COMPILE = {"build_ext", "build", "develop", "install", "bdist_wheel", "editable_wheel"}
 
 
@@ -120,8 +122,9 @@ def compiled_modules() -> list:
         print(f"{PACKAGE}: Cython is missing, so nothing is compiled: the arm and lessons take several times as long", file=sys.stderr)
         return []
     sources = {".".join(path.with_suffix("").parts): path.with_suffix(".py") for path in sorted(Path(PACKAGE).rglob("*.pxd"))}
-    modules = [Extension(name, [str(path)], extra_compile_args=FLAGS, optional=True) for name, path in sources.items()]
-    options = {"build_dir": CYTHONIZED, "compiler_directives": RULES, "nthreads": os.cpu_count() or 1, "quiet": True}
+    modules = [extension(name, path) for name, path in sources.items()]
+    force = any(is_older(file) for file in CYTHONIZED.rglob("*.c"))
+    options = {"build_dir": str(CYTHONIZED), "compiler_directives": RULES, "nthreads": os.cpu_count() or 1, "quiet": True, "force": force}
     if shared := code_of_arrays():
         return [shared, *cythonize(modules, shared_utility_qualified_name=shared.name, **options)]
     return cythonize(modules, **options)
@@ -133,10 +136,28 @@ def code_of_arrays() -> Extension | None:
 
     if tuple(int(part) for part in Cython.__version__.split(".")[:2]) < (3, 1):
         return None
-    source = Path(CYTHONIZED, "_arrays.c")
-    source.parent.mkdir(parents=True, exist_ok=True)
-    subprocess.run([sys.executable, "-m", "cython", f"--generate-shared={source}"], check=True)
-    return Extension(f"{PACKAGE}._arrays", [str(source)], extra_compile_args=FLAGS, optional=True)
+    source = CYTHONIZED / "_arrays.c"
+    if not source.is_file() or is_older(source):
+        source.parent.mkdir(parents=True, exist_ok=True)
+        subprocess.run([sys.executable, "-m", "cython", f"--generate-shared={source}"], check=True)
+    return extension(f"{PACKAGE}._arrays", source)
+
+
+def how_to_compile() -> dict:
+    """Options of the command build_ext."""
+    options = {"parallel": os.cpu_count() or 1}
+    if {"develop", "--inplace"} & set(sys.argv):
+        options |= {"build_lib": str(BUILT / "compiled"), "build_temp": str(BUILT / "objects")}
+    return options
+
+
+def is_older(file: Path) -> bool:
+    """Whether a file was made before the last change of this one."""
+    return file.stat().st_mtime < Path(__file__).stat().st_mtime
+
+
+def extension(name: str, source: Path) -> Extension:
+    return Extension(name, [str(source)], extra_compile_args=FLAGS, optional=True, depends=["setup.py"])
 
 
 MESSAGES = "dart_skill_msgs"
@@ -207,6 +228,6 @@ setup(
     tests_require=["pytest"],
     zip_safe=False,
     ext_modules=compiled_modules(),
-    options={"build_ext": {"parallel": os.cpu_count() or 1}},
+    options={"build_ext": how_to_compile()},
     **(of_a_wheel() if MAKES_A_WHEEL else of_the_workspace()),
 )

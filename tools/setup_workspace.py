@@ -23,7 +23,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -314,11 +314,18 @@ class Step(NamedTuple):
     def is_done(self) -> bool:
         return self.stamp.is_file() and self.stamp.read_text() == self.wanted
 
+    def begin(self) -> None:
+        self.stamp.unlink(missing_ok=True)
+
+    def end(self) -> None:
+        self.stamp.parent.mkdir(parents=True, exist_ok=True)
+        self.stamp.write_text(self.wanted)
+
     def bring_up_to_date(self, workspace: Workspace) -> None:
         """Does the work unless it is done, and says how long it took."""
         if self.is_done():
             return
-        self.stamp.unlink(missing_ok=True)
+        self.begin()
         print(f"set-up: {self.title} ...", end="", flush=True)
         start = time.monotonic()
         try:
@@ -327,7 +334,7 @@ class Step(NamedTuple):
             print(flush=True)
             raise
         print(f" {time.monotonic() - start:.0f} s", flush=True)
-        self.stamp.write_text(self.wanted)
+        self.end()
 
 
 def run(command: list[str], environment: dict[str, str]) -> None:
@@ -452,45 +459,63 @@ def make_environment(work: Workspace) -> None:
 
 
 def install_packages(work: Workspace) -> None:
-    """Installs with pip what the environment does not have yet; what comes with the wheels of ROS as it was locked, and nothing else."""
-    pip = [work.python, "-m", "pip", "install", "--progress-bar", "off", "--no-input", "--disable-pip-version-check"]
+    """Installs what the environment does not have yet; what comes with the wheels of ROS as it was locked, and nothing else."""
     if work.ros is None:
-        # The lock is complete. Left to resolve, pip looks at a release that came out later first, and stops: it has no hash.
-        locked = [*pip, "--require-hashes", "--no-deps", "--no-compile", "-r"]
-        with tempfile.TemporaryDirectory() as folder:
-            run_side_by_side([[*locked, str(part)] for part in parts_of_lock(Path(folder))], work.environment)
-        compile_packages(work)
+        install_locked(work)
         rewrite_include_paths(work)
         write_prefix_scripts()
     else:
         missing, numpy = missing_requirements(work)
         # the messages of this ROS were compiled for its numpy, and do not load with another major version
         pinned = [f"numpy=={numpy}"] if numpy else []
-        run([*pip, "-r", str(REQUIREMENTS / "build.txt"), *missing, *pinned], work.environment)
+        run([*pip(work), "-r", str(REQUIREMENTS / "build.txt"), *missing, *pinned], work.environment)
     STAND_IN.parent.mkdir(exist_ok=True)
     STAND_IN.unlink(missing_ok=True)
     STAND_IN.symlink_to(ROOT / "tools" / "ros2_stand_in.py")
 
 
-PARTS = 2
+def pip(work: Workspace) -> list[str]:
+    return [work.python, "-m", "pip", "install", "--progress-bar", "off", "--no-input", "--disable-pip-version-check"]
 
 
-def parts_of_lock(folder: Path) -> list[Path]:
-    """The lock in several files: pip downloads and unpacks one package after the other, on one core."""
+# The lock is complete. Left to resolve, pip looks at a release that came out later first, and stops: it has no hash.
+AS_LOCKED = ("--require-hashes", "--no-deps")
+FIRST = ("cython", "setuptools", "uv")  # what installs the others, and compiles meanwhile
+
+
+def install_locked(work: Workspace) -> None:
+    """The lock: by uv, which takes a quarter of pip's processor time; modules are compiled while it waits for downloads."""
+    settings = subprocess.check_output([work.python, "-m", "pip", "config", "list"], env=work.environment, text=True)
+    if OWN_INDEX.search(settings) is None:
+        with tempfile.TemporaryDirectory() as folder:
+            first = Path(folder, "first.txt")
+            first.write_text(part_of_lock(FIRST))
+            run([*pip(work), *AS_LOCKED, "-r", str(first)], work.environment)
+        modules = modules_step(work)
+        modules.begin()
+        forget_modules_without_types()
+        environment = dict(work.environment)
+        if found := CERTIFICATES.search(settings):
+            environment.setdefault("SSL_CERT_FILE", found[1])
+        by_uv = [str(VENV / "bin/uv"), "pip", "install", "--no-progress", "--python", work.python, *AS_LOCKED, "-r", str(LOCK)]
+        try:
+            run_side_by_side([by_uv, compile_command(work)], environment)
+            modules.end()
+            return
+        except SetupError as error:
+            print(f" {error}; pip tries the same ...", end="", flush=True)
+    run([*pip(work), *AS_LOCKED, "--no-compile", "-r", str(LOCK)], work.environment)
+
+
+OWN_INDEX = re.compile(r"\.(index-url|no-index|proxy|client-cert|trusted-host)=")
+"""Settings with which pip asks another index, or in another way: uv does not read them."""
+CERTIFICATES = re.compile(r"\.cert='(.*)'")
+
+
+def part_of_lock(names: Sequence[str]) -> str:
+    """The lines of some packages, with their hashes."""
     packages = re.split(r"(?m)^(?=[A-Za-z0-9])", LOCK.read_text())[1:]
-    files = [folder / f"lock_{number}.txt" for number in range(PARTS)]
-    for number, file in enumerate(files):
-        file.write_text("".join(packages[number::PARTS]))
-    return files
-
-
-def compile_packages(work: Workspace) -> None:
-    """Byte code of all packages, on all cores, where pip uses one; that of their own tests, which nobody runs, is left out."""
-    folder = work.ask("import sysconfig; print(sysconfig.get_path('purelib'))").strip()
-    # A few packages hold a file for another version of Python, so a file that does not compile is no failure here, and none of pip's.
-    subprocess.run(
-        [work.python, "-m", "compileall", "-q", "-q", "-j", "0", "-x", r"[/\\]tests?[/\\]", folder], env=work.environment, check=False
-    )
+    return "".join(package for package in packages if re.split("[=<>!~ ;]", package, maxsplit=1)[0] in names)
 
 
 def requirement_files(work: Workspace) -> list[Path]:
@@ -560,6 +585,7 @@ def rewrite_include_paths(work: Workspace) -> None:
         mended = re.sub(foreign + r"/site-packages/numpy/_?core/include", numpy_include, text)
         mended = re.sub(foreign + r"/include/python3\.\d+", python_include, mended)
         if mended != text:
+            file.unlink()  # it may be one with that in the cache of uv
             file.write_text(mended, encoding="utf-8", errors="surrogateescape")
 
 
@@ -592,33 +618,27 @@ TELL = ("--event-handlers", "console_direct+", "console_cohesion-")  # colcon ha
 TF_MESSAGES = "tools/interfaces/tf2_msgs"  # of geometry2, which has no wheels
 
 
-def build(work: Workspace, package: str, *options: str) -> None:
-    """Builds one package with the Python of the environment, which so gets into the #! lines."""
-    for folder in (ROOT / "build" / package, INSTALL / package):
-        shutil.rmtree(folder, ignore_errors=True)
+def build(work: Workspace, packages: Sequence[str], *options: str) -> None:
+    """Builds packages, side by side, with the Python of the environment, which so gets into the #! lines."""
+    for package in packages:
+        for folder in (ROOT / "build" / package, INSTALL / package):
+            shutil.rmtree(folder, ignore_errors=True)
     colcon = [work.python, "-c", "from colcon_core.command import main; raise SystemExit(main())"]
-    selection = ["--base-paths", ".", "msg_schemas", TF_MESSAGES, "--packages-select", package]
+    selection = ["--base-paths", ".", "msg_schemas", TF_MESSAGES, "--packages-select", *packages]
     # colcon's own limit on the load average leaves one job at a time on two cores
     environment = {**work.environment, "MAKEFLAGS": f"-j{os.cpu_count() or 1}"}
     run([*colcon, "--log-base", "log", "build", "--symlink-install", *TELL, *selection, *options], environment)
 
 
-def typed_modules() -> list[Path]:
-    """The types of the modules of the library that are compiled."""
-    return sorted((ROOT / "dart_skill").rglob("*.pxd"))
-
-
-def compiled_modules() -> list[Path]:
-    """What was made of them: a linked installation has it beside the sources."""
-    return sorted((ROOT / "dart_skill").rglob("*.so"))
-
-
 def build_interfaces(work: Workspace) -> None:
     generator = ["-GNinja"] if shutil.which("ninja", path=work.environment["PATH"]) else []
     arguments = [f"-DPython3_EXECUTABLE={work.python}", "-DBUILD_TESTING=OFF", *generator]
-    build(work, "dart_skill_msgs", "--cmake-args", *arguments)
+    if work.ros is None:
+        arguments.append("-DWITHOUT_CPP=ON")  # the wheels have no client library of C++
+    packages = ["dart_skill_msgs"]
     if not has_tf_messages(work):
-        build(work, "tf2_msgs", "--cmake-args", *arguments)
+        packages.append("tf2_msgs")
+    build(work, packages, "--cmake-args", *arguments)
 
 
 def has_tf_messages(work: Workspace) -> bool:
@@ -626,12 +646,33 @@ def has_tf_messages(work: Workspace) -> bool:
     return work.ros is not None and bool(work.ask("import importlib.util as u; print('there' if u.find_spec('tf2_msgs') else '')"))
 
 
-def build_package(work: Workspace) -> None:
-    for module in compiled_modules():
-        module.unlink()
-    build(work, "dart_skill")
+def typed_modules() -> list[Path]:
+    """The types of the modules of the library that are compiled."""
+    return sorted((ROOT / "dart_skill").rglob("*.pxd"))
+
+
+def compile_command(work: Workspace) -> list[str]:
+    return [work.python, "setup.py", "--quiet", "build_ext", "--inplace"]
+
+
+def compile_modules(work: Workspace) -> None:
+    """Compiles the modules of the library that have types beside them; the results lie beside the sources."""
+    forget_modules_without_types()
+    run(compile_command(work), work.environment)
     if left := [types for types in typed_modules() if not any(types.parent.glob(f"{types.stem}.*.so"))]:
         raise SetupError(f"{left[0].with_suffix('.py').relative_to(ROOT)} was not compiled: {LOG.relative_to(ROOT)} says why")
+
+
+def forget_modules_without_types() -> None:
+    """Python would load what was compiled once, and not the source that is compiled no more."""
+    for module in (ROOT / "dart_skill").rglob("*.so"):
+        name = module.name.split(".")[0]
+        if name != "_arrays" and not module.with_name(f"{name}.pxd").is_file():
+            module.unlink()
+
+
+def build_package(work: Workspace) -> None:
+    build(work, ["dart_skill"])
     if list(INSTALL.glob("dart_skill/lib/python*/site-packages/dart_skill")):
         culprit = work.ask("import setuptools; print(setuptools.__version__, 'in', setuptools.__path__[0])")
         raise SetupError(f"sources were copied instead of linked, due to setuptools {culprit.strip()}")
@@ -658,9 +699,13 @@ def write_command() -> None:
 
 
 def verify(work: Workspace) -> None:
-    """Loads, in the environment as users get it, everything that was compiled somewhere else."""
+    """Loads, in the environment as users get it, everything that was compiled somewhere else, and what graph and reports are made of.
+
+    What is imported gets its byte code: nobody waits for it when the first arm is started.
+    """
     modules = "rclpy, tf2_msgs.msg, dart_skill_msgs.msg, dart_skill_msgs.srv, dart_skill_msgs.action, pybullet, pinocchio"
-    script = f"import {modules}; rclpy.init(); rclpy.shutdown()"
+    users = "dart_skill_nodes.executables.composed, dart_skill_nodes.executables.skill_learner, matplotlib.pyplot, viser"
+    script = f"import {modules}, {users}; rclpy.init(); rclpy.shutdown()"
     command = ["bash", "-c", '. tools/env.sh && exec python3 -c "$1"', "bash", script]
     run(command, without_workspace(dict(os.environ)))
 
@@ -697,15 +742,23 @@ def plan(work: Workspace) -> list[Step]:
     tools = [REQUIREMENTS / name for name in ("ros-pypi.txt", "build.txt")]
     interfaces = digest(recipe, *tools, ROOT / "msg_schemas", ROOT / TF_MESSAGES)
     setup_files = [ROOT / name for name in ("package.xml", "setup.py", "setup.cfg")]
-    compiled = [file for types in typed_modules() for file in (types, types.with_suffix(".py"))]
-    package = digest(recipe, REQUIREMENTS / "build.txt", *setup_files, *compiled, install_layout())
+    modules = modules_step(work)
+    package = digest(recipe, REQUIREMENTS / "build.txt", *setup_files, install_layout())
     return [
         Step("Python environment", ORIGIN, origin, make_environment),
         Step("Python packages", VENV / ".packages", packages, install_packages),
         Step("messages, services and actions", INSTALL / ".dart_skill_msgs", interfaces, build_interfaces),
+        modules,
         Step("the package", INSTALL / ".dart_skill", package, build_package),
-        Step("check", INSTALL / ".checked", digest(packages, interfaces, package), verify),
+        Step("check", INSTALL / ".checked", digest(packages, interfaces, modules.wanted, package), verify),
     ]
+
+
+def modules_step(work: Workspace) -> Step:
+    """A step of its own: it is done beside another one at first, and alone where a module has changed."""
+    compiled = [file for types in typed_modules() for file in (types, types.with_suffix(".py"))]
+    wanted = digest(json.dumps(origin_of(work)), REQUIREMENTS / "build.txt", ROOT / "setup.py", *compiled)
+    return Step("compiled modules", INSTALL / ".modules", wanted, compile_modules)
 
 
 def set_up(named: str) -> None:

@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
 """Experiments on 1 to N cores, and on a Dask cluster of several worker processes: how much of them is used.
 
-    python3 -m benchmarks.skill.cores --dask
+    python3 -m benchmarks.skill.cores
 
 The runs are those of `dart-skill experiment throws`, a seed each: five demonstrations and as many throws. The efficiency on n processes is
 T1 / (n Tn), n no larger than the number of cores; times are by the clock, with the start of the processes and their imports. Where other
 programs use the same cores, it says more of them than of this one. `free` is what it would be without them: the share of the time of all
 processes in which runs were under way, times the processor time that the runs take one after the other, divided by what they take side by
-side. A scheduler and its workers are started before the clock is; the processes of the workers import on their first run. For --dask:
-pip install -r requirements/optional.txt.
+side. A cluster is there before an experiment is: its scheduler and workers are started, and each worker carries out a first run, in which
+it imports, before the clock is started. `first` is what these first runs take by the clock.
 """
 
 import argparse
@@ -64,7 +64,7 @@ def measure(runs: int, throws: int, processes: int, scheduler: str = "") -> tupl
     return time.monotonic() - begun, [found[index] for index in range(runs)]
 
 
-def report(kind: str, processes: int, clock: float, runs: list[Run], alone: tuple[float, list[Run]]) -> dict:
+def report(kind: str, processes: int, clock: float, runs: list[Run], alone: tuple[float, list[Run]], first: float | None = None) -> dict:
     """A row, printed and returned; the script ends if the results are others than those of one process."""
     if [one.throws for one in runs] != [one.throws for one in alone[1]]:
         raise SystemExit(f"{kind} with {processes} processes gives other results than one process")
@@ -74,11 +74,20 @@ def report(kind: str, processes: int, clock: float, runs: list[Run], alone: tupl
     free = sum(one.lasted for one in runs) / (processes * clock) * used_alone / used
     missed = "" if efficiency >= ASKED else f"   asked: {ASKED:.0%}"
     numbers = f"{clock:8.1f} s{used / len(runs):13.2f} s{efficiency:12.0%}{free:9.0%}"
-    print(f"{kind:<11}{processes:>10}{numbers}{missed}", flush=True)
+    before = "" if first is None else f"   first: {first:.1f} s"
+    print(f"{kind:<11}{processes:>10}{numbers}{before}{missed}", flush=True)
     if processes > 1 or kind == "--scheduler":
         work, beside = f"efficiency of {processes} processes, {kind}", f"one process {alone[0]:.1f} s"
         tell(work, f"{clock:.1f} s, {efficiency:.0%}", beside, alone[0] / clock, f"{ASKED:.0%}", efficiency >= ASKED)
-    return {"kind": kind, "processes": processes, "clock": clock, "run": used / len(runs), "efficiency": efficiency, "free": free}
+    return {
+        "kind": kind,
+        "processes": processes,
+        "clock": clock,
+        "run": used / len(runs),
+        "efficiency": efficiency,
+        "free": free,
+        "first": first,
+    }
 
 
 def main() -> None:
@@ -87,7 +96,7 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=12, help="seeds 0 to N - 1 (default 12)")
     parser.add_argument("--throws", type=int, default=5, help="of each run (default 5)")
     parser.add_argument("--jobs", type=int, nargs="+", default=list(range(1, CORES + 1)), metavar="N", help="default: 1 to all cores")
-    parser.add_argument("--dask", action="store_true", help="on a cluster of 1, 2 and 4 worker processes, too")
+    parser.add_argument("--workers", type=int, nargs="*", default=[1, 2, 4], metavar="N", help="of Dask clusters; none leaves them out")
     parser.add_argument("--results", type=Path, metavar="FILE", help="write the numbers there, as JSON")
     options = parser.parse_args()
     print(f"{CORES} cores, {options.runs} runs, load {os.getloadavg()[0]:.1f}")
@@ -97,9 +106,10 @@ def main() -> None:
     for jobs in options.jobs:
         if jobs > 1:
             found.append(report("--jobs", jobs, *measure(options.runs, options.throws, jobs), alone))
-    for workers in (1, 2, 4) if options.dask else ():
+    for workers in options.workers:
         with cluster(workers) as address:
-            found.append(report("--scheduler", workers, *measure(options.runs, options.throws, 0, address), alone))
+            first, _ = measure(workers, options.throws, 0, address)
+            found.append(report("--scheduler", workers, *measure(options.runs, options.throws, 0, address), alone, first))
     if options.results:
         options.results.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
 

@@ -187,23 +187,79 @@ def test_the_lock_holds_all_that_its_packages_need():
                 assert requirement.specifier.contains(installed[name].version, prereleases=True), f"{distribution.name} needs {text}"
 
 
-def test_locked_packages_are_not_resolved_anew(tmp_path, monkeypatch):
-    commands, read = [], []
+@pytest.fixture
+def installing(tmp_path, monkeypatch):
+    """Carries out the installation of the lock without running anything; what would run, and what the files that are named there hold."""
+    commands, fails = [], set()
 
-    def note(some, _):
-        commands.extend(some)
-        read.extend(Path(one[-1]).read_text() for one in some)
+    def note(some, environment):
+        texts = ["".join(Path(name).read_text() for name in one if name.endswith(".txt")) for one in some]
+        commands.extend(zip(some, texts, [environment] * len(some), strict=True))
+        if any(name in Path(one[0]).name for one in some for name in fails):
+            raise workspace.SetupError("the package index cannot be reached")
+
+    def install(settings="", failing=()):
+        fails.update(failing)
+        monkeypatch.setattr(subprocess, "check_output", lambda *_, **__: settings)
+        work = workspace.Workspace(None, workspace.Interpreter(Path(sys.executable), sys.version_info[:2]))
+        workspace.install_packages(work)
+        return commands, workspace.modules_step(work)
 
     monkeypatch.setattr(workspace, "run_side_by_side", note)
-    monkeypatch.setattr(workspace, "compile_packages", lambda _: None)
     monkeypatch.setattr(workspace, "rewrite_include_paths", lambda _: None)
     monkeypatch.setattr(workspace, "write_prefix_scripts", lambda: None)
+    monkeypatch.setattr(workspace, "forget_modules_without_types", lambda: None)
+    monkeypatch.setattr(workspace, "INSTALL", tmp_path / "install")
     monkeypatch.setattr(workspace, "STAND_IN", tmp_path / "stand_in" / "ros2")
-    workspace.install_packages(workspace.Workspace(None, workspace.probe(sys.executable)))
-    assert len(commands) == 2 and all({"--require-hashes", "--no-deps"} <= set(command) for command in commands)
-    locked = [line for line in workspace.LOCK.read_text().splitlines() if not line.startswith("#")]
-    assert sorted("".join(read).splitlines()) == sorted(locked), "each package is in one of the files, with its hashes"
-    assert all(re.match("[a-z]", text) for text in read)
+    return install
+
+
+def test_locked_packages_are_not_resolved_anew_and_modules_are_compiled_meanwhile(installing):
+    commands, modules = installing(settings="global.cert='/etc/certificates.crt'\nglobal.extra-index-url='file:///more'\n")
+    (_, first, _), (uv, locked, environment), (compiling, _, _) = commands
+    assert {"--require-hashes", "--no-deps"} <= set(commands[0][0]) & set(uv)
+    assert sorted(re.findall(r"(?m)^[\w-]+", first)) == ["cython", "setuptools", "setuptools", "uv"], (
+        "one setuptools for each range of Pythons"
+    )
+    assert first.count("--hash") > 10 and locked == workspace.LOCK.read_text()
+    assert "build_ext" in compiling and modules.is_done()
+    assert environment["SSL_CERT_FILE"] == os.environ.get("SSL_CERT_FILE", "/etc/certificates.crt")
+
+
+@pytest.mark.parametrize("setting", ["global.index-url='https://here/simple'", ":env:.no-index='1'", "user.proxy='here:3128'"])
+def test_an_index_or_proxy_of_pip_is_used_by_pip_alone(installing, setting):
+    commands, modules = installing(settings=setting)
+    assert [command[1:4] for command, _, _ in commands] == [["-m", "pip", "install"]]
+    assert commands[0][1] == workspace.LOCK.read_text() and {"--require-hashes", "--no-deps"} <= set(commands[0][0])
+    assert not modules.is_done()
+
+
+def test_where_uv_fails_pip_tries(installing, capsys):
+    commands, modules = installing(failing=["uv"])
+    assert [Path(command[0]).name for command, _, _ in commands] == ["python3", "uv", "python3", "python3"]
+    assert commands[-1][1] == workspace.LOCK.read_text() and not modules.is_done()
+    assert "cannot be reached; pip tries the same" in capsys.readouterr().out
+
+
+def test_a_file_that_is_changed_is_not_changed_in_the_cache_that_holds_it_too(tmp_path, monkeypatch):
+    cached, file = tmp_path / "cached", tmp_path / "share/some.cmake"
+    file.parent.mkdir()
+    cached.write_text("/opt/python/cp311-cp311/include/python3.11")
+    file.hardlink_to(cached)
+    monkeypatch.setattr(workspace, "VENV", tmp_path)
+    monkeypatch.setattr(workspace.Workspace, "ask", lambda *_: "/here/include\n/here/numpy\n")
+    workspace.rewrite_include_paths(workspace.Workspace(None, workspace.Interpreter(Path(sys.executable), (3, 11))))
+    assert file.read_text() == "/here/include" and cached.read_text().startswith("/opt/python")
+
+
+def test_what_was_compiled_of_a_module_without_types_is_taken_away(tmp_path, monkeypatch):
+    folder = tmp_path / "dart_skill" / "robot"
+    folder.mkdir(parents=True)
+    for name in ("kept.pxd", "kept.cpython-311-x86_64-linux-gnu.so", "former.cpython-311-x86_64-linux-gnu.so", "_arrays.cpython-311.so"):
+        (folder / name).touch()
+    monkeypatch.setattr(workspace, "ROOT", tmp_path)
+    workspace.forget_modules_without_types()
+    assert sorted(path.name.split(".")[0] for path in folder.glob("*.so")) == ["_arrays", "kept"]
 
 
 def test_over_an_installed_ros_what_is_not_there_or_too_old_is_installed(tmp_path, monkeypatch):
@@ -222,16 +278,6 @@ def test_of_commands_side_by_side_one_that_fails_ends_the_others(tmp_path, monke
         workspace.run_side_by_side([["sleep", "600"], ["sh", "-c", "echo No space left on device; exit 1"]], dict(os.environ))
     workspace.run_side_by_side([["true"], ["sh", "-c", f"touch {tmp_path}/done"]], dict(os.environ))
     assert (tmp_path / "done").exists()
-
-
-def test_packages_get_byte_code_but_not_for_their_tests_nor_for_another_python(tmp_path, monkeypatch):
-    for name, text in (("package/module.py", "a = 1"), ("package/tests/test_module.py", "a = 1"), ("package/later.py", "a = ) 1")):
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_text(text)
-    monkeypatch.setattr(workspace.Workspace, "ask", lambda *_: f"{tmp_path}\n")
-    monkeypatch.setattr(workspace.Workspace, "python", sys.executable)  # a checkout in somebody else's workspace has no .venv
-    workspace.compile_packages(workspace.Workspace(None, workspace.probe(sys.executable)))
-    assert [path.name.split(".")[0] for path in tmp_path.rglob("*.pyc")] == ["module"]
 
 
 def test_everything_that_is_installed_exists(setup_arguments):
