@@ -60,6 +60,14 @@ class Everywhere:
         """Means (m, n) over the results of a dart of values (m, 57), for the remaining scores low, low + 1, ... with these darts left."""
         return values @ self._transposed
 
+    def means_at(self, darts: int, remaining: int, values: np.ndarray) -> np.ndarray:
+        """The same of several values (m, 57) of the results in a single state, (m, n)."""
+        return values @ self._transposed
+
+    def turn(self, remaining: int, values: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """Means (n,) of values (3, 57) in a state with one, two and three darts left, and the chances (n,) of a miss, the first result."""
+        return list(values @ self._transposed), [self._transposed[0]] * 3
+
     def aims(self, darts: int, remaining: np.ndarray, chosen: np.ndarray) -> np.ndarray:
         """Index (m,) of the aims in those columns of means."""
         return chosen
@@ -86,6 +94,20 @@ class Nearby:
         part = int(low >= safe_from(darts))
         first = low - part * safe_from(darts)
         return np.matmul(self._blocks[darts - 1][part][first : first + len(values)], values[..., None])[..., 0]
+
+    def means_at(self, darts: int, remaining: int, values: np.ndarray) -> np.ndarray:
+        """As of Everywhere, (m, k)."""
+        return values @ self._block_at(darts, remaining).T
+
+    def turn(self, remaining: int, values: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """As of Everywhere, (k,) each."""
+        blocks = [self._block_at(darts, remaining) for darts in (1, 2, 3)]
+        return [block @ row for block, row in zip(blocks, values, strict=True)], [block[:, 0] for block in blocks]
+
+    def _block_at(self, darts: int, remaining: int) -> np.ndarray:
+        """Probabilities of the results (k, 57) of the aims that may be chosen in a state."""
+        part = int(remaining >= safe_from(darts))
+        return self._blocks[darts - 1][part][remaining - part * safe_from(darts)]
 
     def allowed(self, darts: int, remaining: int) -> np.ndarray:
         """Index (k,) of the aims that may be chosen in a state."""
@@ -182,32 +204,38 @@ def _root(turn: _Turn | _SafeTurn, guess: float, costs: Costs) -> float:
 
 
 class _Leg:
-    """What is known of lower scores."""
+    """What is known of lower scores.
+
+    left, bust (start + 1, 57): as of after_dart. ends (start + 1, 57): the same in one, -1 for a bust: an index of values by score whose
+    last one is that of a bust. known (3, start + 1): V, and W_1 and W_2 in a turn from a higher score where no dart can bust.
+    """
 
     def __init__(self, choice: Everywhere | Nearby, start: int, dart: float):
         self.dart, self.choice = dart, choice
         self.left, self.bust = after_dart(np.arange(start + 1))
-        self.expected = np.full(start + 1, np.nan)
+        self.ends = np.where(self.bust, -1, self.left)
+        self.known = np.full((3, start + 1), np.nan)
+        self.expected, self.safe = self.known[0], self.known[1:]
         self.expected[0] = 0.0
         first, second, last = (np.full((start + 1, 1 + LARGEST_SCORE * used), -1) for used in range(3))
         self.choices = first, second, last
         # with the last dart of a turn from a higher score: chances of a bust, and costs without it
         self.bust_chance = choice.means(1, 0, self.bust[:SAFE].astype(float))
         self.last_cost = np.full_like(self.bust_chance, np.inf)
-        # with one dart and with two in a turn from a higher score, where none can bust
-        self.safe, self.safe_aim = np.full((2, start + 1), np.nan), np.full((2, start + 1), -1)
+        self.safe_aim = np.full((2, start + 1), -1)
 
     def keep(self, score: int, turn: _Turn | _SafeTurn) -> None:
         """V of this score is known now: what turns from higher scores need of it, and those aims of this turn that do not depend on V."""
         if score < SAFE:
             known = np.where(self.bust[score], 0.0, self.expected[self.left[score]])
-            self.last_cost[score] = self.dart + self.choice.means(1, score, known[None])[0]
+            self.last_cost[score] = self.dart + self.choice.means_at(1, score, known[None])[0]
         for darts in (1, 2):
             lowest = safe_from(darts)
             if score >= lowest:
                 self.safe[darts - 1, score], self.safe_aim[darts - 1, score] = turn.safe(darts)
-            scores = np.arange(max(lowest, score - LARGEST_SCORE * (3 - darts)), score)
-            self.choices[3 - darts][score, score - scores] = self.safe_aim[darts - 1, scores]
+            low = max(lowest, score - LARGEST_SCORE * (3 - darts))
+            if low < score:
+                self.choices[3 - darts][score, 1 : score - low + 1] = self.safe_aim[darts - 1, low:score][::-1]
 
     def best(self, darts: int, low: int, costs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The least of costs (m, n) for the scores low, low + 1, ..., and its aim, (m,) each."""
@@ -225,11 +253,10 @@ class _SafeTurn:
 
     def __init__(self, leg: _Leg, score: int):
         self._leg, self.score = leg, score
-        after = np.stack([leg.expected, *leg.safe])[:, leg.left[score]]
+        after = leg.known.take(leg.left[score], axis=1)
         after[:, 0] = 0.0  # of a miss, which is the first result
-        missed = np.eye(1, len(POINTS))
-        self._costs = [leg.dart + leg.choice.means(darts, score, row[None])[0] for darts, row in enumerate(after, start=1)]
-        self._misses = [leg.choice.means(darts, score, missed)[0] for darts in (1, 2, 3)]
+        means, self._misses = leg.choice.turn(score, after)
+        self._costs = [leg.dart + mean for mean in means]
 
     def value(self, guess: float) -> tuple[float, float]:
         """W_3(s) and its derivative, if V(s) is a guess."""
@@ -242,9 +269,8 @@ class _SafeTurn:
 
     def safe(self, darts: int) -> tuple[float, int]:
         """W_k of the score in a turn that starts higher, and its aim: a miss leads to what is known now."""
-        leg, score = self._leg, self.score
-        after = (leg.expected, leg.safe[0])[darts - 1][score]
-        return leg.best_of(darts, score, self._costs[darts - 1] + after * self._misses[darts - 1])
+        after = float(self._leg.known[darts - 1, self.score])
+        return self._leg.best_of(darts, self.score, self._costs[darts - 1] + after * self._misses[darts - 1])
 
 
 class _Turn:
@@ -255,49 +281,50 @@ class _Turn:
         self._last = slice(max(2, score - 2 * LARGEST_SCORE), min(SAFE, score))
         lower = max(2, score - LARGEST_SCORE), min(safe_from(2), score)
         self._second = [part for part in (lower, (score, score + 1)) if part[0] < part[1]]
-        after = np.where(leg.bust[score], 0.0, np.where(leg.left[score] < score, leg.expected[leg.left[score]], 0.0))
-        back = leg.bust[score] | (leg.left[score] == score)
-        self._cost, self._slope = leg.choice.means(1, score, after[None]), leg.choice.means(1, score, back[None].astype(float))
+        if score < safe_from(2):  # then they follow each other
+            self._second = [(lower[0], score + 1)]
+        self._back = leg.bust[score] | (leg.left[score] == score)
+        after = np.where(self._back, 0.0, leg.expected[leg.left[score]])
+        self._cost, self._slope = leg.choice.means_at(1, score, np.stack([after, self._back]))
 
     def value(self, guess: float) -> tuple[float, float]:
         """W_3(s) and its derivative, if V(s) is a guess."""
         score = self.score
         after, slopes = self._after_last(guess)
-        two, slopes_of_two = self._known(2), np.zeros(score + 1)
+        two, slopes_of_two = self._known(2, guess)
         for low, end in self._second:
-            two[low:end], slopes_of_two[low:end] = self._darts(low, end, 2, after, slopes, guess)
-        value, slope = self._darts(score, score + 1, 3, two, slopes_of_two, guess)
+            two[low:end], slopes_of_two[low:end] = self._darts(low, end, 2, after, slopes)
+        value, slope = self._darts(score, score + 1, 3, two, slopes_of_two)
         return float(value[0]), float(slope[0])
 
     def _after_last(self, guess: float) -> tuple[np.ndarray, np.ndarray]:
-        """W_1 of the scores that can remain, and its derivative."""
+        """W_1 of the scores that can remain, and its derivative; the last ones after a bust."""
         leg, score, last = self._leg, self.score, self._last
-        after, slopes, table = self._known(1), np.zeros(score + 1), leg.choices[2][score]
-        after[score], table[0] = leg.best_of(1, score, leg.dart + (self._cost + guess * self._slope)[0])
-        slopes[score] = leg.choice.results[table[0]] @ (leg.bust[score] | (leg.left[score] == score))
+        (after, slopes), table = self._known(1, guess), leg.choices[2][score]
+        after[score], table[0] = leg.best_of(1, score, leg.dart + (self._cost + guess * self._slope))
+        slopes[score] = leg.choice.results[table[0]] @ self._back
         if last.start < last.stop:
-            remaining = np.arange(last.start, last.stop)
             after[last], aims = leg.best(1, last.start, leg.last_cost[last] + guess * leg.bust_chance[last])
-            slopes[last] = np.einsum("ko,ko->k", leg.choice.results[aims], leg.bust[last])
-            table[score - remaining] = aims
+            slopes[last] = np.einsum("ko,ko->k", leg.choice.results.take(aims, axis=0), leg.bust[last])
+            table[score - last.stop + 1 : score - last.start + 1] = aims[::-1]
         return after, slopes
 
-    def _darts(self, low: int, end: int, darts: int, after: np.ndarray, slopes: np.ndarray, guess: float) -> tuple[np.ndarray, np.ndarray]:
+    def _darts(self, low: int, end: int, darts: int, after: np.ndarray, slopes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """W_k of the scores from low to before end, and its derivative, from those of one dart less."""
-        leg, score = self._leg, self.score
-        left, bust = leg.left[low:end], leg.bust[low:end]
-        value, aims = leg.best(darts, low, leg.dart + leg.choice.means(darts, low, np.where(bust, guess, after[left])))
-        leg.choices[3 - darts][score, score - np.arange(low, end)] = aims
-        return value, np.einsum("ko,ko->k", leg.choice.results[aims], np.where(bust, 1.0, slopes[left]))
+        leg, score, ends = self._leg, self.score, self._leg.ends[low:end]
+        value, aims = leg.best(darts, low, leg.dart + leg.choice.means(darts, low, after.take(ends)))
+        leg.choices[3 - darts][score, score - end + 1 : score - low + 1] = aims[::-1]
+        return value, np.einsum("ko,ko->k", leg.choice.results.take(aims, axis=0), slopes.take(ends))
 
     def safe(self, darts: int) -> tuple[float, int]:
         """W_k of the score in a turn that starts higher, and its aim."""
         leg, score = self._leg, self.score
-        after = (leg.expected, leg.safe[0])[darts - 1][leg.left[score]]
-        return leg.best_of(darts, score, leg.dart + leg.choice.means(darts, score, after[None])[0])
+        after = leg.known[darts - 1].take(leg.left[score])
+        return leg.best_of(darts, score, leg.dart + leg.choice.means_at(darts, score, after[None])[0])
 
-    def _known(self, darts: int) -> np.ndarray:
-        """W_k of all scores from which no dart can bust."""
-        value = self._leg.safe[darts - 1, : self.score + 1].copy()
-        value[0] = 0.0
-        return value
+    def _known(self, darts: int, guess: float) -> tuple[np.ndarray, np.ndarray]:
+        """W_k of all scores from which no dart can bust, and of a bust, and its derivative."""
+        value, slopes = np.empty(self.score + 2), np.zeros(self.score + 2)
+        value[:-1] = self._leg.safe[darts - 1, : self.score + 1]
+        value[0], value[-1], slopes[-1] = 0.0, guess, 1.0
+        return value, slopes
