@@ -20,10 +20,9 @@ cdef double _log_diagonal(double[:, ::1] lower) except? -1.0
 cdef double _write_affine(double[::1] mean, double[:, ::1] lower, double[:, ::1] affine) except? -1.0
 
 @cython.locals(
-    d=Py_ssize_t, k=Py_ssize_t, p=Py_ssize_t, i=Py_ssize_t, j=Py_ssize_t, m=Py_ssize_t, first=Py_ssize_t, place=Py_ssize_t, total=double,
-    log_peak=double
+    d=Py_ssize_t, k=Py_ssize_t, p=Py_ssize_t, i=Py_ssize_t, j=Py_ssize_t, m=Py_ssize_t, place=Py_ssize_t, total=double, log_peak=double
 )
 cpdef write_coefficients(
     const double[:, :, :, :] affine, const double[:, :] log_volumes, const double[:] log_volumes_of_blocks, const double[:] least_peaks,
-    double[:] highest, double[:, :] coefficients
+    double[:] highest, const Py_ssize_t[:, :] columns, double[:, :] coefficients
 )

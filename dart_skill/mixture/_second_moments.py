@@ -83,22 +83,23 @@ def write_coefficients(
     log_volumes_of_blocks: np.ndarray,
     least_peaks: np.ndarray,
     highest: np.ndarray,
+    columns: np.ndarray,
     coefficients: np.ndarray,
 ) -> None:
-    """Write the coefficients of the products of (1, z) in the log densities: those of log peak - |A (1, z)|^2 / 2.
+    """Add the coefficients of the products of (1, z) in the log densities: those of log peak - |A (1, z)|^2 / 2.
 
     * affine, log_volumes: A (P, K, d, 1 + d) and (P, K), as `write_components` writes them.
     * log_volumes_of_blocks, least_peaks: (P,), as of `WhiteBlocks`.
     * highest: (K,), to which the peaks of all blocks are added, or their least ones.
-    * coefficients: (K, P q) or more rows, are written. Squares count half, mixed products twice half.
+    * columns: (P, q), of each product in the coefficients; blocks may have some in common.
+    * coefficients: (K, n) or more rows, to which these are added. Squares count half, mixed products twice half.
     """
     d = affine.shape[2]
     for k in range(affine.shape[1]):
-        place = 0
         for p in range(affine.shape[0]):
+            place = 0
             log_peak = -log_volumes_of_blocks[p] - log_volumes[p, k]
             highest[k] += max(log_peak, least_peaks[p])
-            first = place
             for i in range(1 + d):
                 for j in range(i, 1 + d):
                     total = 0.0
@@ -107,6 +108,6 @@ def write_coefficients(
                         total += affine[p, k, m, i] * affine[p, k, m, j]
                     if i == j:
                         total *= 0.5
-                    coefficients[k, place] = -total
+                    coefficients[k, columns[p, place]] -= total
                     place += 1
-            coefficients[k, first] += log_peak
+            coefficients[k, columns[p, 0]] += log_peak

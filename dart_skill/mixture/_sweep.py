@@ -11,6 +11,10 @@ and it adds nothing to the density and the sums of this block.
 Squares about a common origin lose digits if a component is narrow compared to the range of the samples. White
 coordinates keep this loss small. If a bound of the loss is too large, the sweep uses the deviations from each mean
 instead. This costs more and is as accurate as the plain form.
+
+Equally wide blocks often begin with columns that are the same in all of them, or are turned and shifted alike in all samples, as time is.
+White coordinates are told from the first column on (Cholesky), so that such columns have the same ones in all blocks. Their products are
+stored once.
 """
 
 from __future__ import annotations
@@ -36,6 +40,8 @@ PART, QUICK = 160_000, 1_000_000
 LARGEST_LOSS, LOSS_SHARE = 1e-10, 1e-4
 # A sample whose density, relative to the highest peak, is above this has lost nothing to underflow.
 LEAST_DENSITY, LEAST_LOG = 1e-250, -690.0
+# White coordinates, which are about one, that differ by no more are the same: the rest is rounding.
+ALIKE = 1e-12
 # A component is dead if its count is below this share of the weight of one sample.
 DEAD_SHARE = 1e-3
 
@@ -115,7 +121,10 @@ class WhiteBlocks:
         self.most_least_mass = float(self.least_mass.max())
         self.steepest = float(np.square(self.inverse_root).sum((-2, -1)).max())
         self.upper, self.square = upper_triangle(1 + d)
-        self.n_products = p * len(self.upper)
+        # Of (1, z) so many entries come first that are the same in all blocks. Products of two of them are stored for the first block only.
+        self.n_alike = _n_alike(self.white)
+        self.columns = self._columns()
+        self.n_products = int(self.columns.max()) + 1
 
     def _whiten(self, j: int, block: np.ndarray, weights: np.ndarray) -> None:
         seen, white = seen_rows(block), self.white[j]
@@ -146,16 +155,25 @@ class WhiteBlocks:
         lower = self.root @ np.linalg.inv(components.whiteners)
         return components.means @ self.root[:, 0].swapaxes(-1, -2) + self.centre, lower @ lower.swapaxes(-1, -2)
 
+    def _columns(self) -> np.ndarray:
+        """Where the products (P, q) of each block, the upper triangle by rows, are among all that are stored."""
+        blocks, second = np.arange(len(self.white)), np.triu_indices(len(self.square))[1]
+        own = (blocks[:, None] == 0) | (second >= self.n_alike)
+        stored = np.cumsum(own).reshape(own.shape) - 1
+        return np.where(own, stored, stored[0])
+
     def write_products(self, span: slice, out: np.ndarray) -> None:
-        """Write the products of the entries of (1, z) of the samples in span to out (P q, m), of each block the upper triangle by rows."""
+        """Write the products of the entries of (1, z) of the samples in span to out (n_products, m), where `columns` says."""
         row = 0
-        for white in self.white[..., span]:
-            n_rows = len(white)
-            out[row : row + n_rows] = white
-            row += n_rows
-            for i in range(1, n_rows):
-                np.multiply(white[i], white[i:], out=out[row : row + n_rows - i])
-                row += n_rows - i
+        for j, white in enumerate(self.white[..., span]):
+            n_rows, known = len(white), self.n_alike if j else 0
+            for i in range(n_rows):
+                n = n_rows - max(i, known)
+                if i:
+                    np.multiply(white[i], white[n_rows - n :], out=out[row : row + n])
+                else:
+                    out[row : row + n] = white[known:]
+                row += n
 
     def log_peaks(self, components: Components) -> np.ndarray:
         """(P, K) log density of each component at its mean."""
@@ -289,7 +307,8 @@ class Sweep:
         """
         coefficients, highest = np.zeros((_quick_number(len(log_priors)), self.n_rows)), log_priors.copy()
         for blocks, one, rows in zip(self.blocks, components, self.rows, strict=True):
-            write_coefficients(one.affine, one.log_volumes, blocks.log_volume, blocks.least_peaks, highest, coefficients[:, rows])
+            peaks = blocks.log_volume, blocks.least_peaks
+            write_coefficients(one.affine, one.log_volumes, *peaks, highest, blocks.columns, coefficients[:, rows])
         top = max(highest.tolist())
         coefficients[: len(log_priors), 0] = log_priors - top
         return coefficients, top
@@ -320,7 +339,7 @@ class Sweep:
     def _sums(self, total: np.ndarray, log_density: np.ndarray) -> Sums:
         """From sums (K, 1 + q) of counts times products."""
         parts = zip(self.blocks, self.rows, strict=True)
-        sums = [total[:, rows].reshape(len(total), len(blocks.white), -1).swapaxes(0, 1) for blocks, rows in parts]
+        sums = [total[:, rows].take(blocks.columns, axis=1).swapaxes(0, 1) for blocks, rows in parts]
         return Sums(total[:, 0], log_density, [None] * len(self.blocks), sums)
 
     def _by_deviations(self, log_priors: np.ndarray, components: list[Components]) -> Sums:
@@ -339,6 +358,14 @@ class Sweep:
                 square += (deviation * counts[:, None, :]) @ deviation.swapaxes(-1, -2)
         sums = [square.reshape(*square.shape[:2], -1)[..., blocks.upper] for blocks, square in zip(self.blocks, squares, strict=True)]
         return Sums(mass, log_density, [one.means for one in components], sums)
+
+
+def _n_alike(white: np.ndarray) -> int:
+    """How many of the first rows of white coordinates (P, 1 + d, n) are the same in all blocks; 0 for a single one."""
+    if len(white) == 1:
+        return 0
+    differ = np.abs(white[1:] - white[0]).max(axis=(0, 2)) > ALIKE
+    return int(differ.argmax()) if differ.any() else len(differ)
 
 
 def _spans(n: int, most: int) -> list[slice]:

@@ -25,8 +25,9 @@ def components_by(module, sums, d):
 
 def coefficients_by(module, affine, log_volumes, of_blocks, least_peaks):
     p, k, d, _ = affine.shape
-    coefficients, highest = np.empty((k, p * (1 + d) * (2 + d) // 2)), np.ones(k)
-    module.write_coefficients(affine, log_volumes, of_blocks, least_peaks, highest, coefficients)
+    columns = np.arange(p * (1 + d) * (2 + d) // 2).reshape(p, -1)
+    coefficients, highest = np.zeros((k, columns.size)), np.ones(k)
+    module.write_coefficients(affine, log_volumes, of_blocks, least_peaks, highest, columns, coefficients)
     return coefficients, highest
 
 

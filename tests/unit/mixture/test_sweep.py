@@ -322,3 +322,26 @@ def test_the_m_step_of_a_component_without_any_count_in_a_block_does_not_divide_
     found = sweep.blocks[0].maximise(None, products)
     np.testing.assert_array_equal(found.means[1, 0], np.zeros(2))
     np.testing.assert_allclose(found.whiteners[1, 0], np.eye(2), atol=1e-12)
+
+
+def test_products_that_blocks_have_in_common_are_stored_once():
+    """Those of columns that are the same, or are sums of earlier columns; the results are those of blocks that share nothing."""
+    rng = np.random.default_rng(11)
+    first = rng.normal(size=(400, 4))
+    second = np.column_stack([first[:, 0], first[:, 1] - 3.0 * first[:, 0] + 2.0, rng.normal(size=(400, 2))])
+    weights = rng.random(400)
+    sweep = Sweep([first, second], weights, FLOOR)
+    assert (sweep.blocks[0].n_alike, sweep.n_rows) == (3, 1 + 15 + 15 - 6)
+    shares = responsibilities_of_neighbours(rng, first, 3)
+    found = one_iteration([first, second], weights, maximisation([first, second], shares, FLOOR))
+    expected = plain_iteration([first, second], weights, maximisation([first, second], shares, FLOOR))
+    assert largest_difference(found, expected) < 1e-10
+
+
+def test_blocks_that_do_not_see_the_same_samples_have_no_products_in_common():
+    rng = np.random.default_rng(12)
+    first = rng.normal(size=(100, 3))
+    second = first.copy()
+    second[:10] = np.nan
+    assert Sweep([first, second], np.ones(100), FLOOR).blocks[0].n_alike == 0
+    assert Sweep([first, first], np.ones(100), FLOOR).n_rows == 1 + 10
