@@ -39,8 +39,10 @@ class Rims:
 
     def coordinates(self, points: np.ndarray) -> np.ndarray:
         """Reach and azimuth (..., 2) of points (..., 3)."""
-        x, y = points[..., 0], points[..., 1]
-        return np.stack([np.hypot(x, y), np.arctan2(y, x)], axis=-1)
+        found, x, y = np.empty((*points.shape[:-1], 2)), points[..., 0], points[..., 1]
+        np.hypot(x, y, out=found[..., 0])
+        np.arctan2(y, x, out=found[..., 1])
+        return found
 
     def point(self, coordinates: np.ndarray, target: np.ndarray) -> np.ndarray:
         """The point (3,) with coordinates (2,) on the surface of a target (3,)."""

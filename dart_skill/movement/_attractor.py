@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_finite, as_number, as_samples, as_vector
 from dart_skill.movement._differentiation import Motion
+from dart_skill.movement._recursion import respond
 
 TERMS = 18
 """Of the power series of an exponential: the rest is below rounding."""
@@ -116,21 +117,6 @@ def _exponential(matrix: np.ndarray) -> np.ndarray:
 
 def _respond(attractor: np.ndarray, step: float, start: np.ndarray, stiffness: float, damping: float) -> tuple[np.ndarray, np.ndarray]:
     """Position and velocity (n, d) for one pair of gains, from start (2, d)."""
-    transition, now, later = discretise(step, stiffness, damping)
-    units = np.array([1.0, np.sqrt(stiffness)])[:, None]
-    forcing = np.multiply.outer(now, attractor[:-1]) + np.multiply.outer(later, attractor[1:])
-    state = recur(transition, np.concatenate([(start / units)[:, None], forcing], axis=1))
-    return state[0], units[1] * state[1]
-
-
-def recur(transition: np.ndarray, forcing: np.ndarray) -> np.ndarray:
-    """s (2, n, d) with s[:, k] = F s[:, k - 1] + forcing[:, k], in log2(n) passes.
-
-    After pass j each s[:, k] is the sum over the last 2^j forcings.
-    """
-    state, reach = forcing.copy(), 1
-    while reach < state.shape[1]:
-        before = state[:, :-reach]
-        state[:, reach:] += (transition @ before.reshape(2, -1)).reshape(before.shape)
-        transition, reach = transition @ transition, 2 * reach
-    return state
+    unit = np.sqrt(stiffness)
+    position, velocity = respond(*discretise(step, stiffness, damping), attractor, start / np.array([[1.0], [unit]]))
+    return position, unit * velocity

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dart_skill.movement._attractor import recur
+from dart_skill.movement._recursion import recur
 
 
 class Steps(NamedTuple):

@@ -7,7 +7,9 @@ to first order, at the same place if the hand opens a little early or late.
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,22 +28,32 @@ def hits_along(position: np.ndarray, quaternion: np.ndarray, velocity: np.ndarra
     return game.surface.crossing(position + arm, speed, target, game.projectile).position
 
 
+def hit_at(time: np.ndarray, hits: np.ndarray, when: float) -> np.ndarray:
+    """Where a ball comes down (3,) that leaves the hand at an instant, if those that leave it at steps of time (n,) do at hits (n, 3)."""
+    k = int(nearest_step(time, when))
+    before, here, after = time[k - 1 : k + 2].tolist()
+    return _weights(before, here, after, when) @ hits[k - 1 : k + 2]
+
+
 def weights_at(time: np.ndarray, k: np.ndarray | int, when: np.ndarray | float) -> np.ndarray:
     """Weights (..., 3) of the steps k - 1, k and k + 1 of time (n,) in the parabola through them, at instants (...)."""
-    before, here, after = time[k - 1], time[k], time[k + 1]
-    return np.stack(
+    return np.moveaxis(_weights(time[k - 1], time[k], time[k + 1], when), 0, -1)
+
+
+def _weights(before: Any, here: Any, after: Any, when: Any) -> np.ndarray:
+    """Weights (3, ...) of three instants (...) in the parabola through them."""
+    return np.array(
         [
             (when - here) * (when - after) / ((before - here) * (before - after)),
             (when - before) * (when - after) / ((here - before) * (here - after)),
             (when - before) * (when - here) / ((after - before) * (after - here)),
-        ],
-        axis=-1,
+        ]
     )
 
 
 def nearest_step(time: np.ndarray, when: np.ndarray | float) -> np.ndarray:
     """The step of time (n,), but for the first and the last, that is nearest to instants (...)."""
-    return np.clip(np.searchsorted(0.5 * (time[1:] + time[:-1]), when), 1, len(time) - 2)
+    return np.searchsorted(0.5 * (time[1:] + time[:-1]), when).clip(1, len(time) - 2)
 
 
 def landing_if_late(plan: ThrowPlan, late: ArrayLike, game: Game = BASKETS) -> np.ndarray:
@@ -61,14 +73,14 @@ def farthest(reach: np.ndarray) -> tuple[int, float]:
     """Where a reach (n,), nan where there is none, is largest: its step, but for the first and the last, and how many steps, at most one,
     the top of the parabola through its neighbours comes after it.
     """
-    reach = np.nan_to_num(reach, nan=-np.inf)
-    k = int(np.clip(reach.argmax(), 1, len(reach) - 2))
-    before, here, after = reach[k - 1 : k + 2]
-    if not np.isfinite(before + here + after):
+    reach = np.where(np.isnan(reach), -np.inf, reach)
+    k = min(max(int(reach.argmax()), 1), len(reach) - 2)
+    before, here, after = reach[k - 1 : k + 2].tolist()
+    if not math.isfinite(before + here + after):
         return k, 0.0
     bend = before + after - 2.0 * here
-    top = 0.5 * (before - after) / bend if bend < 0.0 else np.sign(after - before)
-    return k, float(np.clip(top, -1.0, 1.0))
+    top = 0.5 * (before - after) / bend if bend < 0.0 else float(np.sign(after - before))
+    return k, min(max(top, -1.0), 1.0)
 
 
 def stretched_at(time: np.ndarray, position: np.ndarray) -> float:

@@ -42,12 +42,13 @@ from dart_skill.movement import (
     turn_matrix,
 )
 from dart_skill.recording import Demonstration
-from dart_skill.robot import Gains, GainsOverTime, Pace, ThrowPlan, fit_registration
+from dart_skill.robot import Gains, GainsOverTime, Pace, ThrowPlan, fit_registration, wam_description
+from dart_skill.skill.learn._ball_path import ball_states
 from dart_skill.skill.learn._configuration import DEFAULT, SkillConfiguration
 from dart_skill.skill.learn._course import Course
 from dart_skill.skill.learn._first_aim import LEAST_SPAN, FirstAim
 from dart_skill.skill.learn._preparation import PreparedThrow, prepare
-from dart_skill.skill.learn._release import certainly_within, farthest, hits_along, nearest_step, stretched_at, weights_at
+from dart_skill.skill.learn._release import certainly_within, farthest, hit_at, stretched_at
 from dart_skill.skill.learn._task_frames import frames_for
 
 LEAST_DEMONSTRATIONS = 2
@@ -358,10 +359,11 @@ class ThrowingSkill:
         """The throw for a task parameter (3,)."""
         course = self._course(task, model or self.model_for(task))
         near = self._around_release(course)
-        hits = hits_along(near.position[:, :3], near.hand_quaternion, near.hand_velocity, task, self.configuration.game)
+        game, centre = self.configuration.game, wam_description().hand.ball_centre
+        states = ball_states(near.position, near.velocity, near.azimuth, near.roll, centre)
+        hits = game.surface.crossing(*states, task, game.projectile).position
         release = self.release if self.configuration.release == "shown" else self._farthest_release(near, hits)
-        k = nearest_step(near.time, release)
-        landing = weights_at(near.time, k, release) @ hits[k - 1 : k + 2]
+        landing = hit_at(near.time, hits, release)
         if not np.isfinite(landing).all():
             where = f"the plane of the {self._surface.what} at {task[2]:.2f} m"
             raise Unreachable(f"the plan for {course.azimuth:.2f} rad never comes down on {where}")
