@@ -18,6 +18,7 @@ import numpy as np
 from dart_skill.checks import check_samples
 from dart_skill.constants import AIR_DENSITY, GRAVITY
 from dart_skill.flight_steps import cross, fit, fit_together, fly, lines
+from dart_skill.flight_steps import may_fly as steps_may_fly
 from dart_skill.world import the_world
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -217,6 +218,16 @@ def fit_flights(
         return found[:1], found[1:], distances[None]
     found, distances = fit_together(time, position, state, ball.drag, ball.gravity, accuracy)
     return found[:, 0], found[:, 1], distances
+
+
+def may_fly(time: np.ndarray, position: np.ndarray, tolerance: float, ball: Ball = TENNIS_BALL) -> tuple[np.ndarray, np.ndarray]:
+    """Whether w series of n samples each may be within a tolerance [m] of flights, (w,), and the flights in vacuum that fit them best,
+    (w, 2, 3): for all but those that cannot be, `fit_flights` may begin with these, as it does by itself.
+
+    time (w, n) [s], position (w, n, 3) [m], trusted to be valid, the first time of each is 0.
+    """
+    states = lines(time, position, ball.gravity)
+    return steps_may_fly(time, position, states, ball.drag, ball.gravity, tolerance), states
 
 
 def _states(position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

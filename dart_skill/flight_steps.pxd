@@ -22,6 +22,11 @@ cpdef fit(const double[:] time, const double[:, :] position, const double[:, :] 
                lifted=double[:, ::1])
 cpdef lines(const double[:, :] time, const double[:, :, :] position, double gravity)
 
+@cython.locals(n_flights=Py_ssize_t, n=Py_ssize_t, i=Py_ssize_t, j=Py_ssize_t, may=cython.uchar[::1], last=double, squares=double,
+               x=double, y=double, z=double, across=double, rise=double, fall=double, fastest=double, bound=double)
+cpdef may_fly(const double[:, :] time, const double[:, :, :] position, const double[:, :, :] states, double drag, double gravity,
+              double tolerance)
+
 @cython.locals(n_flights=Py_ssize_t, n=Py_ssize_t, i=Py_ssize_t, j=Py_ssize_t, k=Py_ssize_t, longest=double, largest=double,
                state=double[:, :, ::1], away=double[:, ::1], change=double[:, ::1], left=double[:, ::1], speeds=double[:, ::1],
                step=double[::1])

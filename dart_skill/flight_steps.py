@@ -125,6 +125,36 @@ def lines(time: np.ndarray, position: np.ndarray, gravity: float) -> np.ndarray:
     return states
 
 
+def may_fly(time: np.ndarray, position: np.ndarray, states: np.ndarray, drag: float, gravity: float, tolerance: float) -> np.ndarray:
+    """Whether (w,) n samples each may be within a tolerance of a flight, as far as the flights in vacuum that fit them best tell.
+
+    Drag, k |v|^2, moves a ball off a flight in vacuum with the same ends by at most k |v|^2 T^2 / 8. The flight in vacuum that fits best is
+    off the samples by no more than that one, root mean square: by this and the tolerance. |v| is below the sum of the speeds at both ends.
+
+    * time: (w, n) [s], beginning with 0.
+    * position: (w, n, 3) [m].
+    * states: (w, 2, 3), as of `lines`.
+    * drag, gravity: [1/m], [m/s^2].
+    * tolerance: [m].
+    """
+    n_flights, n = time.shape[0], time.shape[1]
+    found = np.zeros(n_flights, dtype=np.uint8)
+    may = found
+    for i in range(n_flights):
+        last, squares = time[i, n - 1], 0.0
+        for j in range(n):
+            x = position[i, j, 0] - states[i, 0, 0] - states[i, 1, 0] * time[i, j]
+            y = position[i, j, 1] - states[i, 0, 1] - states[i, 1, 1] * time[i, j]
+            z = position[i, j, 2] - states[i, 0, 2] - states[i, 1, 2] * time[i, j] + 0.5 * gravity * time[i, j] * time[i, j]
+            squares += x * x + y * y + z * z
+        across = states[i, 1, 0] * states[i, 1, 0] + states[i, 1, 1] * states[i, 1, 1]
+        rise, fall = states[i, 1, 2], states[i, 1, 2] - gravity * last
+        fastest = math.sqrt(across + rise * rise) + math.sqrt(across + fall * fall)
+        bound = tolerance + drag * fastest * fastest * last * last / 8.0
+        may[i] = squares <= n * bound * bound
+    return found.astype(bool)
+
+
 def fit_together(
     time: np.ndarray, position: np.ndarray, first: np.ndarray, drag: float, gravity: float, accuracy: float
 ) -> tuple[np.ndarray, np.ndarray]:

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
+from functools import lru_cache
 from itertools import accumulate, groupby, pairwise
 from typing import NamedTuple
 
@@ -123,8 +124,8 @@ class WhiteBlocks:
         self.upper, self.square = upper_triangle(1 + d)
         # Of (1, z) so many entries come first that are the same in all blocks. Products of two of them are stored for the first block only.
         self.n_alike = _n_alike(self.white)
-        self.columns = self._columns()
-        self.n_products = int(self.columns.max()) + 1
+        self.columns = _columns(p, 1 + d, self.n_alike)
+        self.n_products = int(self.columns[-1, -1]) + 1
 
     def _whiten(self, j: int, block: np.ndarray, weights: np.ndarray) -> None:
         seen, white = seen_rows(block), self.white[j]
@@ -154,13 +155,6 @@ class WhiteBlocks:
     def from_white(self, components: Components) -> tuple[np.ndarray, np.ndarray]:
         lower = self.root @ np.linalg.inv(components.whiteners)
         return components.means @ self.root[:, 0].swapaxes(-1, -2) + self.centre, lower @ lower.swapaxes(-1, -2)
-
-    def _columns(self) -> np.ndarray:
-        """Where the products (P, q) of each block, the upper triangle by rows, are among all that are stored."""
-        blocks, second = np.arange(len(self.white)), np.triu_indices(len(self.square))[1]
-        own = (blocks[:, None] == 0) | (second >= self.n_alike)
-        stored = np.cumsum(own).reshape(own.shape) - 1
-        return np.where(own, stored, stored[0])
 
     def write_products(self, span: slice, out: np.ndarray) -> None:
         """Write the products of the entries of (1, z) of the samples in span to out (n_products, m), where `columns` says."""
@@ -364,8 +358,20 @@ def _n_alike(white: np.ndarray) -> int:
     """How many of the first rows of white coordinates (P, 1 + d, n) are the same in all blocks; 0 for a single one."""
     if len(white) == 1:
         return 0
-    differ = np.abs(white[1:] - white[0]).max(axis=(0, 2)) > ALIKE
-    return int(differ.argmax()) if differ.any() else len(differ)
+    for i, row in enumerate(white[0]):
+        if np.abs(white[1:, i] - row).max() > ALIKE:
+            return i
+    return len(white[0])
+
+
+@lru_cache(maxsize=64)
+def _columns(n_blocks: int, side: int, n_alike: int) -> np.ndarray:
+    """Where the products (P, q) of the entries of each (1, z), the upper triangle (side, side) by rows, are among all that are stored."""
+    own = (np.arange(n_blocks)[:, None] == 0) | (np.triu_indices(side)[1] >= n_alike)
+    stored = np.cumsum(own).reshape(own.shape) - 1
+    columns = np.where(own, stored, stored[0])
+    columns.flags.writeable = False
+    return columns
 
 
 def _spans(n: int, most: int) -> list[slice]:

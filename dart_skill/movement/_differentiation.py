@@ -69,14 +69,16 @@ def smooth_derivatives(
     basis = smoother.basis
     # The quadratic trend is fitted separately: with a large penalty the system is ill-conditioned and would disturb it.
     trend = smoother.trend(samples)
-    coefficients = basis.fit(basis.sums(trend), 0.0)
-    rest = samples - trend
-    risk = smoother.risk(rest / np.where(levels > 0, levels, 1.0)) if levels.any() else None
-    sums = basis.sums(rest)
-    for group in groups:
-        penalty = _best_penalty(risk[:, group]) if risk is not None and levels[group[0]] > 0 else 0.0
-        coefficients[:, group] += basis.fit(sums[:, group], penalty)
-    return Motion(*(basis.evaluate(coefficients, (at - time[0]) / interval, order) / interval**order for order in range(3)))
+    rest, penalties = samples - trend, np.zeros(samples.shape[1])
+    if levels.any():
+        risk = smoother.risk(rest / np.where(levels > 0, levels, 1.0))
+        for group in groups:
+            if levels[group.start] > 0:
+                penalties[group] = _best_penalty(risk[:, group])
+    coefficients = basis.fit(basis.sums(trend), 0.0) + basis.fit(basis.sums(rest), penalties)
+    points = (at - time[0]) / interval
+    first = basis.first_at(points)
+    return Motion(*(basis.evaluate(coefficients, points, order, first) / interval**order for order in range(3)))
 
 
 def _within(at: np.ndarray, time: np.ndarray) -> np.ndarray:
@@ -87,13 +89,13 @@ def _within(at: np.ndarray, time: np.ndarray) -> np.ndarray:
     return np.clip(at, time[0], time[-1])
 
 
-def _noise_levels(time: np.ndarray, samples: np.ndarray, noise: ArrayLike | None) -> tuple[np.ndarray, list[np.ndarray]]:
+def _noise_levels(time: np.ndarray, samples: np.ndarray, noise: ArrayLike | None) -> tuple[np.ndarray, list[slice]]:
     """Noise per column (d,) and the groups of columns that share one penalty."""
     n_dims = samples.shape[1]
     level = estimate_noise(time, samples) if noise is None else as_finite(noise, "noise")
     if level.shape not in ((), (n_dims,)) or level.min() < 0:
         raise ValueError(f"noise must be one number or one per column ({n_dims}), not negative, got {level.tolist()}")
-    groups = [np.arange(n_dims)] if level.ndim == 0 else [np.array([dim]) for dim in range(n_dims)]
+    groups = [slice(0, n_dims)] if level.ndim == 0 else [slice(dim, dim + 1) for dim in range(n_dims)]
     return np.broadcast_to(level, n_dims), groups
 
 
@@ -133,7 +135,7 @@ class _Smoother:
     def risk(self, samples: np.ndarray) -> np.ndarray:
         """Estimated risk (n_penalties, d) of samples (n, d) with noise of standard deviation 1, up to a constant."""
         parts = np.array_split(samples, len(self._windows))
-        return sum((window.risk(part) for window, part in zip(self._windows, parts, strict=True)), np.zeros(()))
+        return np.sum([window.risk(part) for window, part in zip(self._windows, parts, strict=True)], axis=0)
 
 
 def _smoother_at(stamps: np.ndarray) -> _Smoother:
@@ -165,12 +167,13 @@ class _RiskWindow:
         values, vectors = np.linalg.eigh(_quintic.forward(factor, half.T))
         self._trends = _quadratics(basis.stamps)
         self._project = _quintic.combined(basis.first, basis.design, _quintic.backward(factor, vectors)).T
-        self._kept = 1.0 / (1.0 + 10.0 ** LOG_PENALTIES[:, None] * np.maximum(values, 0.0))
+        kept = 1.0 / (1.0 + 10.0 ** LOG_PENALTIES[:, None] * np.maximum(values, 0.0))
+        self._left, self._trace = np.square(1.0 - kept), kept.sum(axis=1)[:, None]
 
     def risk(self, samples: np.ndarray) -> np.ndarray:
         """Residual sum of squares plus twice the trace of the smoother, up to constants: (n_penalties, d)."""
         projected = self._project @ (samples - self._trends @ (self._trends.T @ samples))
-        return np.square(1.0 - self._kept) @ np.square(projected) + 2.0 * self._kept.sum(axis=1)[:, None]
+        return self._left @ np.square(projected) + 2.0 * self._trace
 
 
 def _quadratics(stamps: np.ndarray) -> np.ndarray:
@@ -199,14 +202,15 @@ class _QuinticBasis:
         inner = stamps[2:-2:2] if len(stamps) >= 12 else stamps[:0]
         self.knots = np.concatenate([np.repeat(stamps[0], DEGREE + 1), inner, np.repeat(stamps[-1], DEGREE + 1)])
         self.n_functions = len(self.knots) - DEGREE - 1
-        self.first, self.design = self._values(stamps, 0)
+        self.first = self.first_at(stamps)
+        self.design = _quintic.values(self.knots, self.first, stamps, 0)
         self.gram = _quintic.sum_of_squares(self.first, self.design, self.n_functions)
         self.roughness = self._roughness()
 
-    def _values(self, points: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray]:
-        """At points (p,): index (p,) of the first B-spline that is not zero there, and a derivative (p, DEGREE + 1) of these splines."""
-        first = np.clip(np.searchsorted(self.knots, points, "right") - 1, DEGREE, self.n_functions - 1) - DEGREE
-        return first, _quintic.values(self.knots, first, points, order)
+    def first_at(self, points: np.ndarray) -> np.ndarray:
+        """Index (p,) of the first B-spline that is not zero at points (p,)."""
+        spans = np.searchsorted(self.knots, points, "right") - (DEGREE + 1)
+        return np.minimum(np.maximum(spans, 0), self.n_functions - DEGREE - 1)  # of integers, clip takes five times as long
 
     def _roughness(self) -> np.ndarray:
         """integral B'''(t) B'''(t)' dt; three Gauss points are exact for the product of two quadratics."""
@@ -214,20 +218,24 @@ class _QuinticBasis:
         nodes, weights = GAUSS_POINTS
         half = 0.5 * np.diff(breaks)[:, None]
         points = (0.5 * (breaks[1:] + breaks[:-1])[:, None] + half * nodes).ravel()
-        first, values = self._values(points, 3)
+        first = self.first_at(points)
+        values = _quintic.values(self.knots, first, points, 3)
         return _quintic.sum_of_squares(first, values * np.sqrt(half * weights).reshape(-1, 1), self.n_functions)
 
     def sums(self, samples: np.ndarray) -> np.ndarray:
         """B'x (m, d) of samples x (n, d): all that a fit needs of them."""
         return _quintic.sums(self.first, self.design, samples, self.n_functions)
 
-    def fit(self, sums: np.ndarray, penalty: float) -> np.ndarray:
-        """Coefficients (m, d) of the penalised least squares fit to samples with these sums (m, d)."""
+    def fit(self, sums: np.ndarray, penalty: float | np.ndarray) -> np.ndarray:
+        """Coefficients (m, d) of the penalised least squares fit to samples with these sums (m, d). penalty: one, or (d,)."""
         try:
+            if isinstance(penalty, np.ndarray):
+                return _quintic.solve_penalised(self.gram, self.roughness, penalty, sums)
             return _quintic.solve(self.gram + penalty * self.roughness if penalty else self.gram, sums)
         except ValueError as error:
             raise ValueError(f"the stamps do not determine the smoothing spline ({error}); drop stamps that nearly repeat") from error
 
-    def evaluate(self, coefficients: np.ndarray, stamps: np.ndarray, order: int) -> np.ndarray:
-        """Derivative of the given order (n, d) at stamps (n,)."""
-        return _quintic.combined(*self._values(stamps, order), coefficients)
+    def evaluate(self, coefficients: np.ndarray, stamps: np.ndarray, order: int, first: np.ndarray | None = None) -> np.ndarray:
+        """Derivative of the given order (n, d) at stamps (n,). first: what `first_at` says of these, if it is known."""
+        first = self.first_at(stamps) if first is None else first
+        return _quintic.combined(first, _quintic.values(self.knots, first, stamps, order), coefficients)

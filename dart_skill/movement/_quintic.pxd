@@ -19,6 +19,10 @@ cpdef combined(const Py_ssize_t[:] first, const double[:, :] rows, const double[
 
 cpdef solve(const double[:, :] bands, const double[:, :] right)
 
+@cython.locals(n=Py_ssize_t, n_dims=Py_ssize_t, dim=Py_ssize_t, end=Py_ssize_t, column=Py_ssize_t, below=Py_ssize_t, i=Py_ssize_t,
+               solution=double[:, ::1], total=double[:, ::1], alike=double[:, ::1])
+cpdef solve_penalised(const double[:, :] bands, const double[:, :] roughness, const double[:] penalties, const double[:, :] right)
+
 @cython.locals(n=Py_ssize_t, j=Py_ssize_t, k=Py_ssize_t, below=Py_ssize_t, rest=double, lower=double[:, ::1])
 cpdef factor(const double[:, :] bands)
 

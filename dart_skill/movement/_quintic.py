@@ -91,6 +91,34 @@ def solve(bands: np.ndarray, right: np.ndarray) -> np.ndarray:
     return backward(lower, forward(lower, right))
 
 
+def solve_penalised(bands: np.ndarray, roughness: np.ndarray, penalties: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """The solutions (n, d) of (A + penalty R) x = right, where each column has a penalty of its own.
+
+    * bands, roughness: (6, n), of A and R, as of `solve`.
+    * penalties: (d,).
+    * right: (n, d).
+
+    ValueError if one of these matrices is not positive definite.
+    """
+    n, n_dims = right.shape[0], right.shape[1]
+    found, summed = np.empty((n, n_dims)), np.empty((WIDTH, n))
+    solution, total = found, summed
+    dim = 0
+    while dim < n_dims:
+        for below in range(WIDTH):
+            for i in range(n):
+                total[below, i] = bands[below, i] + penalties[dim] * roughness[below, i]
+        end = dim + 1
+        while end < n_dims and penalties[end] == penalties[dim]:
+            end += 1
+        alike = solve(summed, right[:, dim:end])
+        for i in range(n):
+            for column in range(dim, end):
+                solution[i, column] = alike[i, column - dim]
+        dim = end
+    return found
+
+
 def factor(bands: np.ndarray) -> np.ndarray:
     """Bands (6, n) of Cholesky's factor L.
 

@@ -66,6 +66,23 @@ def test_lines_are_those_of_polyfit_without_gravity(throws):
         np.testing.assert_allclose([slope, value], np.polyfit(time, sample, 1), atol=1e-10)
 
 
+@pytest.mark.parametrize("scale", [0.1, 1.0, 3.0])
+def test_samples_that_fly_within_a_tolerance_may_fly(throws, scale):
+    rng, (starts, speeds) = np.random.default_rng(3), throws
+    times = np.sort(rng.uniform(0.0, 0.2, (5, 12)), axis=1)
+    times -= times[:, :1]
+    flown = flight_steps.fly(starts, scale * speeds, times, DRAG, GRAVITY)[0]
+    off = rng.standard_normal((5, 12, 3))
+    samples = flown + 1e-3 * off / np.linalg.norm(off, axis=2, keepdims=True)
+    assert flight_steps.may_fly(times, samples, flight_steps.lines(times, samples, GRAVITY), DRAG, GRAVITY, 1.0001e-3).all()
+
+
+def test_what_rests_or_moves_evenly_for_long_cannot_fly(throws):
+    times = np.tile(np.linspace(0.0, 0.1, 11), (5, 1))
+    samples = throws[0][:, None] + times[..., None] * np.linspace(0.0, 2.0, 5)[:, None, None]
+    assert not flight_steps.may_fly(times, samples, flight_steps.lines(times, samples, GRAVITY), DRAG, GRAVITY, 1e-3).any()
+
+
 def test_a_ball_that_never_crosses_a_plane_has_no_crossing(throws):
     begin = np.array([0.5, np.nan, -1.0, 0.5, 0.5])
     points, speeds, times = flight_steps.cross(*throws, begin, np.array([0.0, 0.0, 1.0]), np.array([1, 1, 1, 9, 1.0]), DRAG, GRAVITY)
@@ -84,6 +101,7 @@ def test_compiled_and_interpreted_have_the_same_bits(throws):
         yield from module.fly(*throws, times, DRAG, GRAVITY)
         yield from module.cross(*throws, np.full(5, 0.4), np.array([-0.8, -0.6, 0.0]), np.full(5, -2.0), DRAG, GRAVITY)
         yield module.lines(times, samples, GRAVITY)
+        yield module.may_fly(times, samples, first, DRAG, GRAVITY, 1e-3)
         yield from module.fit(times[0], samples[0], first[0], DRAG, GRAVITY, 1e-8)
         yield from module.fit_together(times, samples, first, DRAG, GRAVITY, 1e-8)
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dart_skill.flight import TENNIS_BALL, Ball, FlightFit, fit_flight, fit_flights
+from dart_skill.flight import TENNIS_BALL, Ball, FlightFit, fit_flight, fit_flights, may_fly
 from dart_skill.medians import median
 from dart_skill.skill.observe._noise import position_noise
 
@@ -41,10 +41,10 @@ class FreeFlight:
 def find_flight(time: np.ndarray, position: np.ndarray, ball: Ball = TENNIS_BALL, noise: float | None = None) -> FreeFlight | None:
     """The first free flight in samples (n,) [s], (n, 3) [m], or None.
 
-    Every window of some samples is fitted; runs of windows that fly freely are candidates. The first one that is at least half as long as
-    the longest is refitted and grown over its neighbours, skipping up to two outliers. A flight that is not this ball's is fitted with a
-    drag of its own: `fit.ball` says which. noise: standard deviation of a coordinate [m]; default None: told from the samples. time,
-    position: the samples.
+    Every window of some samples is fitted, unless it is clearly no flight; runs of windows that fly freely are candidates. The first one
+    that is at least half as long as the longest is refitted and grown over its neighbours, skipping up to two outliers. A flight that is
+    not this ball's is fitted with a drag of its own: `fit.ball` says which. noise: standard deviation of a coordinate [m]; default None:
+    told from the samples. time, position: the samples.
     """
     noise = position_noise(time, position) if noise is None else noise
     runs = _flying_runs(time, position, ball, noise)
@@ -117,12 +117,16 @@ def _flying_runs(time: np.ndarray, position: np.ndarray, ball: Ball, noise: floa
     size = _window(time, noise)
     if len(time) < size:
         return []
-    windows = np.lib.stride_tricks.sliding_window_view(time, size)
-    points = np.moveaxis(np.lib.stride_tricks.sliding_window_view(position, size, axis=0), -1, 1)
-    flying = windows[:, -1] - windows[:, 0] < MAX_WINDOW
+    flying = time[size - 1 :] - time[: len(time) - size + 1] < MAX_WINDOW
     if not flying.any():
         return []
-    start, velocity, misfit = fit_flights(windows[flying] - windows[flying, :1], points[flying], ball, accuracy=ROUGHLY)
+    windows = np.flatnonzero(flying)[:, None] + np.arange(size)
+    since, points = time[windows] - time[windows[:, :1]], position[windows]
+    kept, states = may_fly(since, points, tolerance(noise), ball)
+    if not kept.any():
+        return []
+    flying[flying] = kept
+    start, velocity, misfit = fit_flights(since[kept], points[kept], ball, states[kept], ROUGHLY)
     at = np.cumsum(flying) - 1  # of a window that was fitted, its place among these
     flying[flying] = np.max(misfit, axis=1) < tolerance(noise)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flying.astype(int), [0]])))

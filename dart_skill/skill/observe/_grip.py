@@ -54,7 +54,7 @@ def seen_grip(
 
 def rows_at(when: np.ndarray, stamps: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Rows (m, d) at instants (m,), linear between rows (n, d) at increasing stamps (n,), n >= 2, of which none is earlier or later."""
-    after = np.clip(np.searchsorted(stamps, when), 1, len(stamps) - 1)
+    after = _later(stamps, when)
     before = after - 1
     share = (when - stamps[before]) / (stamps[after] - stamps[before])
     return rows[before] + share[:, None] * (rows[after] - rows[before])
@@ -62,5 +62,10 @@ def rows_at(when: np.ndarray, stamps: np.ndarray, rows: np.ndarray) -> np.ndarra
 
 def _seen(stamps: np.ndarray, time: np.ndarray) -> np.ndarray:
     """Whether there are samples shortly before and shortly after instants (m,)."""
-    after = np.clip(np.searchsorted(stamps, time), 1, len(stamps) - 1)
+    after = _later(stamps, time)
     return (stamps[after] - stamps[after - 1] < FRAME) & (stamps[after - 1] <= time) & (time <= stamps[after])
+
+
+def _later(stamps: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """The first of increasing stamps (n,), but for the very first, that is not before instants (m,); else the last."""
+    return np.minimum(np.maximum(np.searchsorted(stamps, time), 1), len(stamps) - 1)  # of integers, clip takes five times as long

@@ -36,7 +36,7 @@ def sightings(demonstration: Recorded, model: ArmModel) -> Sightings:
     if not len(d.joint_time):
         return Sightings(*(np.empty((0, n)) for n in (3, 4, 3, 4, 6)))
     both = np.flatnonzero((d.hand_time >= d.joint_time[0]) & (d.hand_time <= d.joint_time[-1]))
-    chosen = both[np.unique(np.linspace(0, len(both) - 1, min(INSTANTS, len(both))).round().astype(int))]
+    chosen = both[np.linspace(0, len(both) - 1, min(INSTANTS, len(both))).round().astype(int)]
     if len(d.joint_time) > 1:
         q, qd = (rows_at(d.hand_time[chosen], d.joint_time, rows) for rows in (d.joint_position, d.joint_velocity))
     else:

@@ -40,6 +40,16 @@ def test_banded_equations_are_solved_as_by_scipy(n):
     np.testing.assert_allclose(_quintic.solve(bands, right), solveh_banded(bands[: min(6, n)], right, lower=True), atol=1e-13)
 
 
+def test_columns_with_penalties_of_their_own_are_solved_as_one_by_one():
+    rng = np.random.default_rng(5)
+    bands, roughness, right = rng.uniform(-1.0, 1.0, (6, 20)), rng.uniform(-0.1, 0.1, (6, 20)), rng.standard_normal((20, 4))
+    bands[0] += 12.0
+    penalties = np.array([0.0, 2.0, 2.0, 0.5])
+    expected = [_quintic.solve(bands + penalty * roughness, right[:, dim : dim + 1])[:, 0] for dim, penalty in enumerate(penalties)]
+    for module in (_quintic, interpreted("dart_skill.movement._quintic")):
+        np.testing.assert_array_equal(module.solve_penalised(bands, roughness, penalties, right), np.transpose(expected))
+
+
 def test_equations_that_are_not_positive_definite_are_refused():
     with pytest.raises(ValueError, match="its pivot 0 is 0"):
         _quintic.solve(np.zeros((6, 8)), np.ones((8, 1)))
