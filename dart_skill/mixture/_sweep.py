@@ -46,6 +46,10 @@ ALIKE = 1e-12
 # A component is dead if its count is below this share of the weight of one sample.
 DEAD_SHARE = 1e-3
 
+# glibc gives the memory of an array above a threshold back to the system, and gets the next one page by page: a tenth of the time of a fit.
+# The threshold grows to the size of the largest array that was freed (mallopt(3), M_MMAP_THRESHOLD), here to 4 MB that nobody touches.
+np.empty(4 << 20, np.uint8)
+
 
 def seen_rows(block: np.ndarray) -> np.ndarray:
     """(n,) whether a block (n, d) sees each sample; it does not see those whose rows are nan."""
