@@ -29,7 +29,7 @@ BED_NAMES = ("DB", "SB", *(f"{letter}{number}" for letter in _RINGS for number i
 BED_SCORES = np.concatenate([[50, 25], SECTORS, 3 * SECTORS, SECTORS, 2 * SECTORS, [0]])
 BED_IS_DOUBLE = np.array([name == "DB" or name.startswith("D") for name in BED_NAMES])
 BED_SCORES.flags.writeable = BED_IS_DOUBLE.flags.writeable = False
-POSSIBLE_SCORES = tuple(int(score) for score in np.unique(BED_SCORES))
+POSSIBLE_SCORES = tuple(sorted({int(score) for score in BED_SCORES}))
 HIGHEST_CHECKOUT = 170
 """The largest score that one turn can finish, with a double as its last dart: T20, T20, DB."""
 

@@ -12,10 +12,10 @@ from dataclasses import dataclass, fields, replace
 from enum import Enum
 
 import numpy as np
-import scipy
 
 from dart_skill.configuration import node_parameters
 from dart_skill.constants import N_JOINTS, Grip
+from dart_skill.quaternions import CONJUGATE, product, to_vectors
 from dart_skill.robot._command import REST_SPEED, ArmState, Command, Speed
 from dart_skill.robot._description import WamDescription, wam_description
 from dart_skill.robot._drive import coasted, cut, with_swing
@@ -31,6 +31,7 @@ from dart_skill.robot._impedance import (
 from dart_skill.robot._joint_checks import JointRange, distance, farthest, largest
 from dart_skill.robot._model import ArmModel
 from dart_skill.robot._motion_plan import MotionPlan
+from dart_skill.robot._plan_turns import matrices, unit
 from dart_skill.robot._registration import Registration
 from dart_skill.robot._safety import SafetyLimits, SafetyModule
 
@@ -510,10 +511,9 @@ def agreed(own: Registration, measured: Registration | None, position: np.ndarra
         return own
     if own.is_none:
         return measured
-    rotation = scipy.spatial.transform.Rotation
     (at, hand), (there, other) = (one.poses(position, quaternion) for one in (own, measured))
     offset = float(np.linalg.norm(at - there, axis=1).max())
-    turn = float((rotation.from_quat(hand) * rotation.from_quat(other).inv()).magnitude().max())
+    turn = float(np.linalg.norm(to_vectors(product(hand, other * CONJUGATE)), axis=1).max())
     if offset > LARGEST_CONTRADICTION[0] or turn > LARGEST_CONTRADICTION[1]:
         raise PlanRefused(
             f"the plan has the hand {offset:.3f} m and {turn:.2f} rad from where the registration file does: were cameras, base or body "
@@ -544,7 +544,7 @@ def check_plan(plan: MotionPlan, settings: CommanderSettings, description: WamDe
     model = ArmModel(description)
     position, rotation = model.hand_pose(plan.start_posture)
     offset = float(np.linalg.norm(position - plan.path.position[0]))
-    turn = float(np.linalg.norm(rotation_error(scipy.spatial.transform.Rotation.from_quat(plan.path.quaternion[0]).as_matrix(), rotation)))
+    turn = float(np.linalg.norm(rotation_error(matrices(unit(plan.path.quaternion[:1]))[0], rotation)))
     if offset > 0.05 or turn > 0.3:
         raise PlanRefused(f"the start posture holds the hand {offset:.3f} m and {turn:.2f} rad from where the path begins")
 

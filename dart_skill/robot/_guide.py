@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
-import scipy
 
 from dart_skill.constants import Grip
 from dart_skill.robot._command import Speed
@@ -17,6 +16,7 @@ from dart_skill.robot._joint_checks import distance
 from dart_skill.robot._model import HandState
 from dart_skill.robot._motion_plan import Gains, GainsOverTime, GripEvent, MotionPlan, Pace
 from dart_skill.robot._plan_rows import PlanRows
+from dart_skill.robot._plan_turns import matrices, turns_between, unit
 
 AS_SHOWN = 0.5
 """Rate of a plan's clock below which the hand is held back: the fingers do nothing then."""
@@ -183,10 +183,10 @@ class References:
         self._constant = self._constant_gains()
         self._posture = plan.posture
         linear = np.hstack([plan.attractor_position, path.position, path.velocity, path.acceleration], dtype=float)
-        turns = [scipy.spatial.transform.Rotation.from_quat(quaternion) for quaternion in (plan.attractor_quaternion, path.quaternion)]
-        rotation = np.stack([turn.as_matrix() for turn in turns], axis=1)  # (n, 2, 3, 3)
+        turns = [unit(quaternion) for quaternion in (plan.attractor_quaternion, path.quaternion)]
+        rotation = np.stack([matrices(turn) for turn in turns], axis=1)  # (n, 2, 3, 3)
         # To the second order in the small angle between two instants: R + s K R + s^2 / 2 K K R.
-        angle = np.stack([(turn[1:] * turn[:-1].inv()).as_rotvec() for turn in turns], axis=1)
+        angle = np.stack([turns_between(turn) for turn in turns], axis=1)
         skew = _skew(angle)
         first = skew @ rotation[:-1]
         self._rows = PlanRows(np.array(path.time, dtype=float), linear, rotation, first, 0.5 * skew @ first)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 from dart_skill.checks import check_unit_quaternions
 from dart_skill.robot import ArmState, Command, Grip
@@ -63,6 +62,8 @@ class PulledHand(Guiding):
 
     def begin(self, state: ArmState) -> None:
         """Take hold of the hand where it is now."""
+        from scipy.spatial.transform import Rotation  # a teacher of throws has such a hand, too, and never begins
+
         self._begin_guiding(state)
         hand = self._model.hand_state(state.position, state.velocity)
         self._place, self._turned, self._grip = hand.position, Rotation.from_matrix(hand.rotation), Grip.UNSPECIFIED
@@ -72,6 +73,8 @@ class PulledHand(Guiding):
 
     def pull(self, position: ArrayLike, quaternion: ArrayLike) -> None:
         """The pointer is there now: position (3,) [m], quaternion (4,). ValueError while nobody guides, or for what is no pose."""
+        from scipy.spatial.transform import Rotation
+
         self._need_hold("pulled")
         place = np.asarray(position, dtype=float)
         if place.shape != (3,) or not np.isfinite(place).all():
@@ -106,6 +109,8 @@ class PulledHand(Guiding):
 
     def _follow(self, time: float) -> None:
         """Where the hand shall be moves towards the pointer: critically damped, and no faster than a person would."""
+        from scipy.spatial.transform import Rotation
+
         p, dt = self.pulling, self._step
         self._velocity = _no_longer(
             self._velocity + dt * p.quick * (p.quick * (self._pointer - self._place) - 2.0 * self._velocity), p.fastest
@@ -116,6 +121,8 @@ class PulledHand(Guiding):
         self._now = time
 
     def _wanted(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        from scipy.spatial.transform import Rotation
+
         ahead = time - self._now
         return self._place + ahead * self._velocity, (Rotation.from_rotvec(ahead * self._spin) * self._turned).as_matrix()
 

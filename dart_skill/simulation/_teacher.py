@@ -13,10 +13,10 @@ from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
 from dart_skill.constants import N_JOINTS
 from dart_skill.robot import ArmModel, ArmState, Command, Grip, minimum_jerk, rotation_error
+from dart_skill.roots import root
 from dart_skill.surface import BASKETS, RIMS, Game
 
 NO_MOMENT = np.zeros(3)
@@ -269,7 +269,7 @@ class Teacher:
         if miss(low) > 0 or miss(high) < 0:
             nearest, farthest = miss(low) + reach, miss(high) + reach
             raise ValueError(f"{out_of_reach}: place it between {nearest:.2f} and {surface.far(farthest)}")
-        speed = brentq(miss, low, high, xtol=1e-4)
+        speed = root(miss, low, high, 1e-4)
         if abs(miss(speed)) > 0.05:
             raise ValueError(f"{out_of_reach}: place it lower or farther away")
         return speed

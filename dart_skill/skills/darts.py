@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dart_skill.darts import ModelBasedAgent, place_of, score
+from dart_skill.darts import place_of, score
 from dart_skill.robot import DART, WamDescription
 from dart_skill.skill.improve import CorrectionSettings
 from dart_skill.skill.learn import SkillConfiguration
@@ -20,6 +21,9 @@ from dart_skill.skill.protocol import Situation, SkillSettings, Solid
 from dart_skill.skills.throw import Throw
 from dart_skill.surface import BOARD_DIAMETER, BoardFace, Game, game_at
 from dart_skill.world import THROWN, the_world
+
+if TYPE_CHECKING:
+    from dart_skill.darts import ModelBasedAgent
 
 AIM = ("right", "up")
 """Numbers of a situation: where the dart shall hit, from the bull, as the thrower sees the board [m]."""
@@ -156,6 +160,8 @@ class Darts(Throw):
 
     def agent(self) -> ModelBasedAgent:
         """Who chooses what to aim at, by the spread of the own darts (6.1)."""
+        from dart_skill.darts import ModelBasedAgent  # a graph that throws at baskets has a coach that knows of darts, too
+
         s = self.settings
         return ModelBasedAgent(learns_from="hits", window=s.window, least=s.least, every=s.every)
 

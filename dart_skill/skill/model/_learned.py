@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from dart_skill.checks import to_the_nanosecond
 from dart_skill.mixture import GaussianMixture
@@ -139,6 +138,8 @@ class LearnedSkill(Shown):
             )
             for vector, columns in VECTORS.items()
         )
+        from scipy.spatial.transform import Rotation  # whoever learns or carries out throws needs none
+
         turn = Rotation.from_matrix(orientations(np.hstack([x_axis.position, z_axis.position])))
         spin = angular_velocity(clock, turn.as_quat())
         growth = np.gradient(spin, clock, axis=0)

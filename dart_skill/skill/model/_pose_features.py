@@ -9,7 +9,6 @@ rotation.
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from dart_skill.movement import TaskFrame, TaskParameterisedMixture
 from dart_skill.skill.protocol import Pose
@@ -24,6 +23,8 @@ SHORTEST = 0.2
 
 def pose_features(position: np.ndarray, quaternion: np.ndarray) -> np.ndarray:
     """Position [m], x axis and z axis of hands (n, 9), from positions (n, 3) and quaternions (n, 4)."""
+    from scipy.spatial.transform import Rotation  # whoever learns or carries out throws needs none
+
     axes = Rotation.from_quat(quaternion).as_matrix()
     return np.hstack([position, axes[:, :, 0], axes[:, :, 2]])
 

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from dart_skill.checks import to_the_nanosecond
 from dart_skill.robot import ArmModel, Grip, GripEvent, fit_registration
@@ -121,4 +120,6 @@ def _in_words(told: Sequence[Grip]) -> str:
 
 
 def _mean_orientation(quaternions: Sequence[np.ndarray]) -> np.ndarray:
+    from scipy.spatial.transform import Rotation  # whoever learns or carries out throws needs none
+
     return Rotation.from_quat(np.array(quaternions)).mean().as_quat()

@@ -17,10 +17,10 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from rclpy.action import CancelResponse, GoalResponse
-from scipy.spatial.transform import Rotation
 from std_srvs.srv import SetBool, Trigger
 
 from dart_skill.robot import ArmState, Commander, CommanderSettings, Grip, Mode, MotionPlan, PlanRefused, load_registration, wam_description
+from dart_skill.rotations import of_matrices
 from dart_skill.skill.execute import ReactiveGuide
 from dart_skill.skill.model import Policy
 from dart_skill.skill.observe import ARRIVAL_NS
@@ -362,7 +362,7 @@ class CommanderNode(GuardedNode):
         message, reference = PoseStamped(), self._commander.reference
         message.header.frame_id = self.p["frame_id"]
         conversions.set_stamp(message.header.stamp, state.stamp_ns)
-        orientation = Rotation.from_matrix(reference.attractor_rotation).as_quat()
+        orientation = of_matrices(reference.attractor_rotation[None])[0]
         conversions.set_pose(message.pose, reference.attractor_position, orientation)
         self._attractor.publish(message)
 

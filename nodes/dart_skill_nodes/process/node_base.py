@@ -142,6 +142,8 @@ def run(
     with exchanging() as exchange:
         try:
             nodes = _started(make_nodes, args, program)
+            gc.freeze()  # what was imported stays: no later search for garbage looks through it
+            gc.enable()
             executor = make_executor()
             for node in nodes:
                 be_alive(node)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from dart_skill_msgs.msg import Outcome, Situation
@@ -10,8 +10,10 @@ from dart_skill_msgs.msg import Outcome, Situation
 from dart_skill.regions import Region
 from dart_skill.skill.improve import Curriculum
 from dart_skill.skill.protocol import Skill
-from dart_skill.skills.darts import Darts
 from dart_skill_nodes.comms import conversions
+
+if TYPE_CHECKING:
+    from dart_skill.skills.darts import Darts
 
 
 class Choosing(Protocol):

@@ -9,8 +9,7 @@ from dart_skill_msgs.msg import Outcome, Situation
 from geometry_msgs.msg import PoseStamped
 
 from dart_skill.robot import ArmState, Command, Grip
-from dart_skill.session import ReachingPerson
-from dart_skill.simulation import Carrier, Person, Phase, PulledHand, Swing, Teacher
+from dart_skill.simulation import Person, Phase, PulledHand, Swing, Teacher
 from dart_skill.skill.protocol import Skill
 from dart_skill.skills.throw import Throw
 from dart_skill_nodes.comms import conversions
@@ -103,6 +102,8 @@ class CarryShowing(_AtOneGlance):
     looks = True
 
     def __init__(self, skill: Skill, p: dict[str, Any]):
+        from dart_skill.simulation import Carrier  # with rotations of SciPy, which a teacher of throws does without
+
         self._skill, self._carrier, self._carries = skill, Carrier(p["seed"], person=Person.from_parameters(p)), False
 
     @property
@@ -135,6 +136,8 @@ class ReachShowing:
     looks = watches = True
 
     def __init__(self, skill: Skill, p: dict[str, Any]):
+        from dart_skill.session import ReachingPerson
+
         self._person, self._reaches = ReachingPerson(p["seed"], Person.from_parameters(p), skill.moves), False
 
     @property

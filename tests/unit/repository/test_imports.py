@@ -25,6 +25,7 @@ LAYERS = (
         "medians",
         "palette",
         "quaternions",
+        "roots",
         "rotations",
         "second_process",
         "small_matrices",
@@ -197,6 +198,14 @@ def test_a_lesson_of_throws_needs_no_part_of_scipy():
         f"skill = learn(list(read_demonstrations({str(BAGS / 'demonstrations')!r}))); skill.plan(skill.throws[0].task); "
         f"print(*sorted(set(sys.modules) & set({heavy})))"
     )
+    assert subprocess.run([sys.executable, "-c", shown], capture_output=True, text=True, check=True).stdout.split() == []
+
+
+@pytest.mark.parametrize("module", ["composed", "skill_learner"])
+def test_the_graph_of_throws_starts_without_the_parts_of_scipy(module):
+    """They took a third of a second of each process, before which nobody could give a lesson."""
+    heavy = ("scipy.linalg", "scipy.spatial", "scipy.special", "scipy.optimize", "scipy.sparse", "numpy.ma", "dart_skill.session")
+    shown = f"import sys, dart_skill_nodes.executables.{module}; print(*sorted(set(sys.modules) & set({heavy})))"
     assert subprocess.run([sys.executable, "-c", shown], capture_output=True, text=True, check=True).stdout.split() == []
 
 
