@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from dart_skill.cli.uncollected import uncollected
 from dart_skill.extras import need
 from dart_skill.files import new_file
-from dart_skill.second_process import Begin, load, second_process
+from dart_skill.second_process import Begin, called, load, second_process
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -45,10 +45,8 @@ def _report(options: argparse.Namespace) -> int:
     need("matplotlib")
     bag = options.bag / "bag" if (options.bag / "bag" / "metadata.yaml").is_file() else options.bag
     with second_process() as begin:
+        seen = begin(called, "dart_skill.report:seen_throws", bag)  # while this process imports what it learns with
         begin(load, BESIDE)
-        from dart_skill.report import seen_throws
-
-        seen = begin(seen_throws, bag)  # while this process imports what it learns with
         from dart_skill.recording import SKILL, skill_of
         from dart_skill.skill.learn import configuration
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from dart_skill.recording import BagError
-from dart_skill.second_process import load, second_process
+from dart_skill.second_process import called, load, second_process
 
 CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 needs_two_cores = pytest.mark.skipif(CORES < 2, reason="one core")
@@ -80,6 +80,28 @@ def test_a_process_that_ends_by_itself_is_told():
             ended()
         with pytest.raises(OSError, match="ended with status -9"):
             begin(doubled, np.ones(1_000_000))
+
+
+@needs_two_cores
+@pytest.mark.parametrize("threads", [0, 1])
+def test_it_is_a_copy_of_a_process_without_threads_and_else_a_new_one(threads):
+    script = (
+        "import sys, threading, time; from dart_skill.second_process import called, second_process; sys.marked = True\n"
+        f"for _ in range({threads}): threading.Thread(target=time.sleep, args=(3.0,), daemon=True).start()\n"
+        "with second_process() as begin: print(begin(called, 'builtins:eval', \"hasattr(__import__('sys'), 'marked')\")())"
+    )
+    said = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
+    assert said.strip() == str(not threads)
+
+
+@needs_two_cores
+def test_a_small_question_waits_for_no_answer():
+    with second_process() as begin:
+        begin(called, "builtins:abs", -1)()
+        begun = time.monotonic()
+        slow, quick = begin(time.sleep, 2.0), begin(called, "builtins:abs", -3)
+        assert time.monotonic() - begun < 1.5
+        assert quick() == 3 and slow() is None
 
 
 def test_with_one_core_this_process_does_it(monkeypatch):
