@@ -49,15 +49,25 @@ LOOK = {
     "svg.hashsalt": "dart_skill",
 }
 
+_in_force = False
+"""Whether they are set already: to set them takes as long as a few panels."""
 _LAID_OUT: WeakKeyDictionary[Figure, list[Axes]] = WeakKeyDictionary()
 """Panels of the figures that are laid out once and for all, whose ticks may be drawn light."""
 
 
 @contextmanager
 def house_style() -> Iterator[None]:
-    """The settings of this module instead of the user's, for as long as the block runs."""
-    with matplotlib.style.context(["default", LOOK]):
+    """The settings of this module instead of the user's, for as long as the block runs. A block within one changes nothing."""
+    global _in_force
+    if _in_force:
         yield
+        return
+    with matplotlib.style.context(["default", LOOK]):
+        _in_force = True
+        try:
+            yield
+        finally:
+            _in_force = False
 
 
 def quantity_colours() -> LinearSegmentedColormap:

@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_learnable, as_number, as_weights
@@ -100,9 +99,11 @@ def automatic_bandwidth(points: ArrayLike, weights: ArrayLike | None = None) -> 
 
 
 def _bandwidth(distances: np.ndarray, weights: np.ndarray, n_dims: int) -> float:
+    from scipy.special import gammaincinv  # most who learn a mixture count no groups
+
     near = _quantiles(distances, weights, NEAR)
     reach = _quantiles(near[None], weights, ALMOST_ALL)[0]
-    quantile = np.sqrt(2.0 * scipy.special.gammaincinv(n_dims / 2.0, ALMOST_ALL))  # of chi with n_dims degrees of freedom
+    quantile = np.sqrt(2.0 * gammaincinv(n_dims / 2.0, ALMOST_ALL))  # of chi with n_dims degrees of freedom
     if reach == 0.0:
         # Most points have 5 % of all weight at distance zero: take the least distance between different points instead.
         reach = distances[distances > 0].min() if distances.any() else quantile
