@@ -64,23 +64,25 @@ def _demo(options: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     job = _InProcess() if options.layout == IN_PROCESS else _on_graph(parser)
     if options.skill != THROW:
         return _demo_of_skill(options, parser, job)
-    from dart_skill.session import table
-
     _check_run(options, parser)
     with second_process() as begin:
         summary = job.carried_out(partial(job.run, meanwhile=partial(_get_ready, begin)), options, "the demo")
         if summary is None:
             return 1
+        from dart_skill.session import table  # not before the nodes start, who are waited for
+
         print(json.dumps(summary.to_json(), indent=1) if options.json else table(summary))
         return _leave_behind(summary, options, partial(_throwing_report, summary, options, parser, begin))
 
 
 def _get_ready(begin: Begin) -> None:
-    """For the report, before anybody waits for it. begin: of a second process, which makes half of it."""
+    """For the report, before anybody waits for it. begin: of a second process, which makes half of it. One after the other: the arm, with
+    which a person waits for the first throw, needs a core for itself.
+    """
     from dart_skill.report import BESIDE
 
-    begin(load, (*BESIDE, "dart_skill.report:pictures"))
     load(REPORT)
+    begin(load, (*BESIDE, "dart_skill.report:pictures"))
 
 
 def _check_model(options: argparse.Namespace, parser: argparse.ArgumentParser) -> None:

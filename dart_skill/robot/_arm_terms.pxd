@@ -3,7 +3,7 @@ cimport cython
 from libc cimport math
 
 cdef class ArmTerms:
-    cdef object _kinematics, _weight, _inertia, _bias, _data, _angles, _speeds
+    cdef object _kinematics, _weight, _inertia, _bias, _of_elbow, _data, _angles, _speeds
     cdef double[::1, :] _twists, _turned  # column by column, as Eigen has them
     cdef double[:, :] _upper
     cdef double[::1] _biased, _weighed, _wrist, _elbow
@@ -27,6 +27,11 @@ cdef class ArmTerms:
 
     @cython.locals(i=Py_ssize_t, j=Py_ssize_t, at=double[::1], turned=double[:, ::1])
     cpdef hand(self)
+
+    @cython.locals(at=double[::1])
+    cpdef elbow(self)
+
+    cpdef elbow_jacobian(self)
 
     @cython.locals(i=Py_ssize_t, j=Py_ssize_t, torque=double[::1])
     cpdef inertial_torque(self, const double[:] acceleration)

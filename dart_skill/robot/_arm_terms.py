@@ -48,6 +48,7 @@ class ArmTerms:
         self._weight = partial(pinocchio.computeGeneralizedGravity, model, data)
         self._inertia = partial(pinocchio.crba, model, data)
         self._bias = partial(pinocchio.nonLinearEffects, weightless, data)
+        self._of_elbow = partial(pinocchio.getJointJacobian, model, data, ELBOW, pinocchio.LOCAL_WORLD_ALIGNED)
         # Views of Pinocchio's own numbers, which each of its passes writes anew.
         self._twists, self._upper, self._biased, self._weighed = data.J, data.M, data.nle, data.g
         wrist, elbow = data.oMi[N_JOINTS], data.oMi[ELBOW]
@@ -117,6 +118,17 @@ class ArmTerms:
             for j in range(3):
                 turned[i, j] = self.rotation[i, j]
         return position, rotation, velocity
+
+    def elbow(self) -> np.ndarray:
+        """Position (3,) of the elbow [m], as an array that stays."""
+        position = np.empty(3)
+        at = position
+        _copy(self._elbow, at)
+        return position
+
+    def elbow_jacobian(self) -> np.ndarray:
+        """Linear velocity of the elbow for the speeds of the joints (3, 7)."""
+        return self._of_elbow()[:3]
 
     def inertial_torque(self, acceleration: np.ndarray) -> np.ndarray:
         """Torque (7,) [N m] that gives the joints an acceleration (7,) [rad/s^2], but for gravity and Coriolis terms."""

@@ -95,9 +95,8 @@ class ArmModel:
 
     def elbow(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Position (3,) of the elbow in the world and its linear Jacobian (3, 7)."""
-        pin.computeJointJacobians(self._model, self._data, q)
-        jacobian = pin.getJointJacobian(self._model, self._data, 4, pin.LOCAL_WORLD_ALIGNED)
-        return self._data.oMi[4].translation.copy(), jacobian[:3]
+        terms = self.at(q)
+        return terms.elbow(), terms.elbow_jacobian()
 
     def speeds(self, q: np.ndarray, qd: np.ndarray) -> tuple[list[float], float, float]:
         """Position (3,) of the hand in the world [m], and the speeds of hand and elbow [m/s]."""

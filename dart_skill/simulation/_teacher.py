@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from dart_skill.constants import N_JOINTS
-from dart_skill.robot import ArmModel, ArmState, Command, Grip, minimum_jerk, rotation_error
+from dart_skill.robot import ArmModel, ArmState, Command, Grip, HandState, minimum_jerk, rotation_error
 from dart_skill.roots import root
 from dart_skill.surface import BASKETS, RIMS, Game
 
@@ -208,9 +208,9 @@ class Teacher:
         time = (state.stamp_ns - self._started_ns) * 1e-9
         self._phase = self._phase_at(time)
         q, qd = self._wanted(time)
-        wrench = self._push_hand(state, q, qd) + self._tremor()
-        elbow = self._push_elbow(state, q)
-        return Command(state.stamp_ns, wrench, elbow, self._button(time))
+        hand, elbow = self._model.hand_state(q, qd), self._model.at(q).elbow()  # one after the other, as the model keeps one state
+        wrench = self._push_hand(state, hand) + self._tremor()
+        return Command(state.stamp_ns, wrench, self._push_elbow(state, elbow, float(q[0])), self._button(time))
 
     # the swing in mind
 
@@ -302,8 +302,8 @@ class Teacher:
 
     # the hands
 
-    def _push_hand(self, state: ArmState, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
-        wanted, actual = self._model.hand_state(q, qd), self._model.hand_state(state.position, state.velocity)
+    def _push_hand(self, state: ArmState, wanted: HandState) -> np.ndarray:
+        actual = self._model.hand_state(state.position, state.velocity)
         (k, d), (kr, dr) = self.person.firm_hand, self.person.firm_wrist
         force = k * (wanted.position + self._wander(state.stamp_ns) - actual.position) + d * (wanted.linear - actual.linear)
         twist = kr * rotation_error(wanted.rotation, actual.rotation) + dr * (wanted.angular - actual.angular)
@@ -317,13 +317,12 @@ class Teacher:
         share = come - min(max((since - motion.to_release) / motion.follow_through, 0.0), 1.0)
         return motion.offset * share**2 * (3 - 2 * share)
 
-    def _push_elbow(self, state: ArmState, q: np.ndarray) -> np.ndarray:
+    def _push_elbow(self, state: ArmState, wanted: np.ndarray, azimuth: float) -> np.ndarray:
         """The other hand keeps the elbow in the plane of the throw: force at the elbow as joint torque (7,)."""
         k, d = self.person.firm_elbow
-        wanted, _ = self._model.elbow(q)
         actual, jacobian = self._model.elbow(state.position)
         force = k * (wanted - actual) - d * (jacobian @ state.velocity)
-        across = np.array([-np.sin(q[0]), np.cos(q[0]), 0.0])
+        across = np.array([-math.sin(azimuth), math.cos(azimuth), 0.0])
         return jacobian.T @ (_at_most(force @ across * across, self.person.strongest_push))
 
     def _tremor(self) -> np.ndarray:

@@ -70,8 +70,9 @@ class OnTerminal:
 
     @property
     def second(self):
-        """Its second process (`dart_skill.second_process`); 0: there is none."""
-        return next((pid for pid, what in self.others.items() if "spawn_main" in what), 0)
+        """Its second process (`dart_skill.second_process`), a copy or a new interpreter; 0: there is none."""
+        own = Path(f"/proc/{self.pid}/cmdline").read_text()
+        return next((pid for pid, what in self.others.items() if "spawn_main" in what or what == own), 0)
 
     @property
     def others(self):

@@ -38,6 +38,7 @@ def _started(graph: Graph, options: argparse.Namespace, skill: str = "") -> "Gra
     start = partial(graph.start_all, options.layout, options.seed, options.output / "bag", extra, skill)
     if alone := has_own_domain():
         start()
+    import dart_skill.session  # noqa: F401  the job needs it next
     from dart_skill_nodes.client.graph_client import GraphClient
 
     client = GraphClient(graph.dead)

@@ -91,3 +91,15 @@ def test_compiled_and_interpreted_have_the_same_bits():
         for one, other in zip(ours.hand(), theirs.hand(), strict=True):
             np.testing.assert_array_equal(one, other)
         np.testing.assert_array_equal(ours.inertial_torque(qd), theirs.inertial_torque(qd))
+
+
+def test_the_elbow_is_where_pinocchio_has_it_and_stays_what_it_was():
+    model = ArmModel()
+    data, kept = model._model.createData(), []
+    for q, qd in states(5, seed=3):
+        terms = model.at(q, qd)
+        kept.append((terms.elbow(), terms.elbow_jacobian(), q))
+    for position, jacobian, q in kept:
+        pin.computeJointJacobians(model._model, data, q)
+        np.testing.assert_array_equal(position, data.oMi[4].translation)
+        np.testing.assert_array_equal(jacobian, pin.getJointJacobian(model._model, data, 4, pin.LOCAL_WORLD_ALIGNED)[:3])
