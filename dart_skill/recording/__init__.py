@@ -17,6 +17,7 @@ if TYPE_CHECKING:
         TopicInfo,
         definition,
         deserialize,
+        encoded,
         is_stamped,
         message,
         qos_yaml,
@@ -52,8 +53,8 @@ else:
         {
             "_upgrade": "Upgrade upgrade",
             "bags": (
-                "BagError BagReader BagWriter GraphBag TopicInfo definition deserialize is_stamped message qos_yaml "
-                "serialize type_hash types_for typestore"
+                "BagError BagReader BagWriter GraphBag TopicInfo definition deserialize encoded is_stamped message "
+                "qos_yaml serialize type_hash types_for typestore"
             ),
             "demonstration": (
                 "DEMONSTRATION_TOPIC DEMONSTRATION_TYPE SKILL Demonstration arm_rows demonstration_from_message "
@@ -91,6 +92,7 @@ __all__ = [
     "demonstration_id",
     "demonstration_message",
     "deserialize",
+    "encoded",
     "duration_content",
     "fill_demonstration_message",
     "filled",

@@ -21,9 +21,9 @@ from dart_skill.recording.bags import (
     TopicInfo,
     definition,
     deserialize,
+    encoded,
     is_stamped,
     qos_yaml,
-    serialize,
     type_hash,
     types_for,
 )
@@ -130,7 +130,7 @@ def _way(types: Typestore, topic: TopicInfo) -> _Way:
 
 def _demonstration(then: Typestore, now: Typestore, data: bytes) -> bytes:
     one = demonstration_from_message(deserialize(then, DEMONSTRATION_TYPE, data))
-    return serialize(now, DEMONSTRATION_TYPE, demonstration_message(now, one))
+    return encoded(now, DEMONSTRATION_TYPE, demonstration_message(now, one))
 
 
 def _stamp_ns(data: bytes) -> int:

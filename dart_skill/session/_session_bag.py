@@ -17,9 +17,9 @@ from dart_skill.recording import (
     definition,
     demonstration_id,
     demonstration_message,
+    encoded,
     message,
     qos_yaml,
-    serialize,
     type_hash,
     typestore,
 )
@@ -93,7 +93,7 @@ class SessionBag:
         return kept
 
     def _demonstrate(self, content: Any, now_ns: int) -> None:
-        self._waiting.append((now_ns, DEMONSTRATION_TOPIC, now_ns, serialize(self._types, DEMONSTRATION_TYPE, content)))
+        self._waiting.append((now_ns, DEMONSTRATION_TOPIC, now_ns, encoded(self._types, DEMONSTRATION_TYPE, content)))
 
     def end_of_movement(self) -> None:
         """Write what was told since the last one, in the order of time."""

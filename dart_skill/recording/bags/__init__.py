@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from dart_skill.recording.bags.messages import (
         definition,
         deserialize,
+        encoded,
         header_content,
         interface_folder,
         is_stamped,
@@ -38,8 +39,8 @@ else:
             "columns": "columns_of",
             "description": "describe",
             "messages": (
-                "definition deserialize header_content interface_folder is_stamped message pose_content serialize "
-                "stamp_content type_hash types_for typestore vector_content"
+                "definition deserialize encoded header_content interface_folder is_stamped message pose_content "
+                "serialize stamp_content type_hash types_for typestore vector_content"
             ),
             "playback": "CLOCK_TOPIC CLOCK_TYPE Due Pace Playback Selection clock_message",
             "reader": "BagError BagMessage BagReader GraphBag TopicInfo",
@@ -71,6 +72,7 @@ __all__ = [
     "definition",
     "describe",
     "deserialize",
+    "encoded",
     "header_content",
     "interface_folder",
     "is_stamped",

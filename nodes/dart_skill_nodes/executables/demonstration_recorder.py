@@ -24,7 +24,7 @@ from dart_skill.recording import (
     Demonstration,
     LogTime,
     Marks,
-    serialize,
+    encoded,
     types_for,
 )
 from dart_skill.robot import ArmState
@@ -343,7 +343,7 @@ class DemonstrationRecorder(BagKeeper):
         if DEMONSTRATIONS in self._topics:
             # Not by serialize_message: Fast DDS's size estimate leaves stray bytes behind empty sequences.
             types = types_for(DEMONSTRATION_TYPE)
-            content = serialize(types, DEMONSTRATION_TYPE, self._observer.recorded(types, one))
+            content = encoded(types, DEMONSTRATION_TYPE, self._observer.recorded(types, one))
             self._bag.write(DEMONSTRATIONS, self._time.now_ns, until, content)
         self._bag.flush()
         try:
