@@ -17,6 +17,7 @@ import numpy as np
 from dart_skill.constants import N_JOINTS
 from dart_skill.robot import ArmModel, ArmState, Command, Grip, HandState, minimum_jerk, rotation_error
 from dart_skill.roots import root
+from dart_skill.simulation._hold import Hold, Quintic
 from dart_skill.surface import BASKETS, RIMS, Game
 
 NO_MOMENT = np.zeros(3)
@@ -99,23 +100,6 @@ class Phase(Enum):
     WATCHING = "watching"
 
 
-class _Quintic:
-    """The quintic with given ends and no acceleration there; its coefficients stay the same while it is followed."""
-
-    def __init__(self, start: np.ndarray, start_rate: np.ndarray, end: np.ndarray, end_rate: np.ndarray, duration: float):
-        v0, v1, way = start_rate * duration, end_rate * duration, end - start
-        self._duration, self._start, self._v0 = duration, start, v0
-        self._c3, self._c4, self._c5 = 10 * way - 6 * v0 - 4 * v1, -15 * way + 8 * v0 + 7 * v1, 6 * way - 3 * v0 - 3 * v1
-        self._d3, self._d4 = 3 * self._c3, 4 * self._c4
-
-    def at(self, time: float) -> tuple[np.ndarray, np.ndarray]:
-        """Position and velocity, so long after its start [s]."""
-        s = time / self._duration
-        position = self._start + s * (self._v0 + s**2 * (self._c3 + s * (self._c4 + s * self._c5)))
-        velocity = (self._v0 + s**2 * (self._d3 + s * (self._d4 + s * 5 * self._c5))) / self._duration
-        return position, velocity
-
-
 @dataclass
 class _Motion:
     """A swing worked out in joint angles, with the instants of its phases since the beginning of the guidance [s]."""
@@ -132,15 +116,15 @@ class _Motion:
     offset: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
     @cached_property
-    def swing(self) -> _Quintic:
+    def swing(self) -> Quintic:
         """From the cocked posture to the release."""
-        return _Quintic(self.cocked, np.zeros(N_JOINTS), self.release, self.rates, self.to_release)
+        return Quintic(self.cocked, np.zeros(N_JOINTS), self.release, self.rates, self.to_release)
 
     @cached_property
-    def follow(self) -> _Quintic:
+    def follow(self) -> Quintic:
         """From the release to rest."""
         end = self.release + 0.5 * self.follow_through * self.rates
-        return _Quintic(self.release, self.rates, end, np.zeros(N_JOINTS), self.follow_through)
+        return Quintic(self.release, self.rates, end, np.zeros(N_JOINTS), self.follow_through)
 
 
 class Teacher:
@@ -159,6 +143,7 @@ class Teacher:
 
     def __init__(self, seed: int = 0, swing: Swing | None = None, person: Person | None = None, step: float = 0.002, game: Game = BASKETS):
         self.swing, self.person, self._step, self._game = swing or Swing(), person or Person(), step, game
+        self._hold = Hold(*self.person.firm_hand, *self.person.firm_wrist)
         self._model = ArmModel(ball_in_hand=True)
         self._seed, self._throws = seed, 0
         self._phase = Phase.IDLE
@@ -304,10 +289,11 @@ class Teacher:
 
     def _push_hand(self, state: ArmState, wanted: HandState) -> np.ndarray:
         actual = self._model.hand_state(state.position, state.velocity)
-        (k, d), (kr, dr) = self.person.firm_hand, self.person.firm_wrist
-        force = k * (wanted.position + self._wander(state.stamp_ns) - actual.position) + d * (wanted.linear - actual.linear)
-        twist = kr * rotation_error(wanted.rotation, actual.rotation) + dr * (wanted.angular - actual.angular)
-        return np.concatenate([_at_most(force, self.person.strongest_push), _at_most(twist, self.person.strongest_twist)])
+        error, stray = rotation_error(wanted.rotation, actual.rotation), self._wander(state.stamp_ns)
+        wrench = self._hold.pull(wanted.position, wanted.velocity, stray, actual.position, actual.velocity, error)
+        for part, strongest in ((wrench[:3], self.person.strongest_push), (wrench[3:], self.person.strongest_twist)):
+            part[:] = _at_most(part, strongest)
+        return wrench
 
     def _wander(self, stamp_ns: int) -> np.ndarray:
         """How far the hand strays from the path in mind: grows smoothly through the swing, the most around the release (3,) [m]."""

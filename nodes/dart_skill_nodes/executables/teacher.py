@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 
-import numpy as np
 from builtin_interfaces.msg import Time
 from dart_skill_msgs.action import Teach
 from dart_skill_msgs.msg import Situation, WamCommand
@@ -126,7 +125,7 @@ class TeacherNode(GuardedNode):
             self._showing.see(*one)
         if state.stamp_ns != self._last_ns:
             self._notice_a_jump(state.stamp_ns)
-            self._last_ns, self._speed = state.stamp_ns, float(np.abs(state.velocity).max())
+            self._last_ns, self._speed = state.stamp_ns, max(map(abs, state.velocity.tolist()))
             self._time.goes_on()
             self._written = self._writer.write(self._try_to_push(state))
         self._wrench.publish(self._written)
