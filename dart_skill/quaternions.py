@@ -21,6 +21,14 @@ NEXT, LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
 """Of a coordinate the one after it, and the one before it."""
 
 
+def unit(quaternions: np.ndarray) -> np.ndarray:
+    """Quaternions (..., 4) with length 1.
+
+    * quaternions: (..., 4), none of them zero.
+    """
+    return quaternions / np.linalg.norm(quaternions, axis=-1, keepdims=True)
+
+
 def product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Hamilton products (..., 4): the rotation by `right`, then by `left`; leading shapes are broadcast.
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from dart_skill.configuration import node_parameters
 from dart_skill.constants import N_JOINTS, Grip
-from dart_skill.quaternions import CONJUGATE, product, to_vectors
+from dart_skill.quaternions import CONJUGATE, matrices, product, to_vectors, unit
 from dart_skill.robot._command import REST_SPEED, ArmState, Command, Speed
 from dart_skill.robot._description import WamDescription, wam_description
 from dart_skill.robot._drive import coasted, cut, with_swing
@@ -31,7 +31,6 @@ from dart_skill.robot._impedance import (
 from dart_skill.robot._joint_checks import JointRange, distance, farthest, largest
 from dart_skill.robot._model import ArmModel
 from dart_skill.robot._motion_plan import MotionPlan
-from dart_skill.robot._plan_turns import matrices, unit
 from dart_skill.robot._registration import Registration
 from dart_skill.robot._safety import SafetyLimits, SafetyModule
 
@@ -544,7 +543,7 @@ def check_plan(plan: MotionPlan, settings: CommanderSettings, description: WamDe
     model = ArmModel(description)
     position, rotation = model.hand_pose(plan.start_posture)
     offset = float(np.linalg.norm(position - plan.path.position[0]))
-    turn = float(np.linalg.norm(rotation_error(matrices(unit(plan.path.quaternion[:1]))[0], rotation)))
+    turn = float(np.linalg.norm(rotation_error(matrices(unit(plan.path.quaternion[0])), rotation)))
     if offset > 0.05 or turn > 0.3:
         raise PlanRefused(f"the start posture holds the hand {offset:.3f} m and {turn:.2f} rad from where the path begins")
 

@@ -10,13 +10,13 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from dart_skill.constants import Grip
+from dart_skill.quaternions import CONJUGATE, matrices, product, to_vectors, unit
 from dart_skill.robot._command import Speed
 from dart_skill.robot._impedance import PoseGains, Reference, rotation_error
 from dart_skill.robot._joint_checks import distance
 from dart_skill.robot._model import HandState
 from dart_skill.robot._motion_plan import Gains, GainsOverTime, GripEvent, MotionPlan, Pace
 from dart_skill.robot._plan_rows import PlanRows
-from dart_skill.robot._plan_turns import matrices, turns_between, unit
 
 AS_SHOWN = 0.5
 """Rate of a plan's clock below which the hand is held back: the fingers do nothing then."""
@@ -186,7 +186,7 @@ class References:
         turns = [unit(quaternion) for quaternion in (plan.attractor_quaternion, path.quaternion)]
         rotation = np.stack([matrices(turn) for turn in turns], axis=1)  # (n, 2, 3, 3)
         # To the second order in the small angle between two instants: R + s K R + s^2 / 2 K K R.
-        angle = np.stack([turns_between(turn) for turn in turns], axis=1)
+        angle = np.stack([to_vectors(product(turn[1:], CONJUGATE * turn[:-1])) for turn in turns], axis=1)
         skew = _skew(angle)
         first = skew @ rotation[:-1]
         self._rows = PlanRows(np.array(path.time, dtype=float), linear, rotation, first, 0.5 * skew @ first)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dart_skill.quaternions import CONJUGATE, matrices, product, rotate
+from dart_skill.quaternions import CONJUGATE, matrices, product, rotate, unit
 
 if TYPE_CHECKING:
     from dart_skill.robot._motion_plan import HandPath
@@ -54,12 +54,12 @@ class Registration:
     @cached_property
     def _back(self) -> np.ndarray:
         """From the world of the cameras to that of the arm, a unit quaternion (4,)."""
-        return scaled(np.array(self.turn)) * CONJUGATE
+        return unit(np.array(self.turn)) * CONJUGATE
 
     @cached_property
     def _hand_back(self) -> np.ndarray:
         """From the tracked body to the hand, a unit quaternion (4,)."""
-        return scaled(np.array(self.hand_turn)) * CONJUGATE
+        return unit(np.array(self.hand_turn)) * CONJUGATE
 
     @property
     def axes(self) -> np.ndarray:
@@ -70,14 +70,14 @@ class Registration:
         """What the arm says of hands that the cameras see at (n, 3), (n, 4). position, quaternion: as the cameras see them."""
         if self.is_none:
             return position, quaternion
-        turned = scaled(product(product(self._back, quaternion), self._hand_back))
+        turned = unit(product(product(self._back, quaternion), self._hand_back))
         return rotate(self._back, position - np.array(self.shift)) - rotate(turned, np.array(self.hand_shift)), turned
 
     def of_body(self, position: np.ndarray, quaternion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Where a body other than the hand that the cameras see at a pose (3,), (4,) is in the world of the arm."""
         if self.is_none:
             return position, quaternion
-        return rotate(self._back, position - np.array(self.shift)), scaled(product(self._back, quaternion))
+        return rotate(self._back, position - np.array(self.shift)), unit(product(self._back, quaternion))
 
     def path(self, path: HandPath) -> HandPath:
         """A path that the cameras shall see, as the arm's kinematics has it."""
@@ -90,8 +90,3 @@ class Registration:
         velocity = np.hstack([v - np.cross(w, arm), w])
         acceleration = np.hstack([a - np.cross(alpha, arm) - np.cross(w, np.cross(w, arm)), alpha])
         return replace(path, position=position, quaternion=quaternion, velocity=velocity, acceleration=acceleration)
-
-
-def scaled(quaternions: np.ndarray) -> np.ndarray:
-    """Quaternions (..., 4) scaled to length 1."""
-    return quaternions / np.linalg.norm(quaternions, axis=-1, keepdims=True)

@@ -13,9 +13,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from dart_skill.checks import as_finite, check_unit_quaternions, to_the_nanosecond
-from dart_skill.quaternions import CONJUGATE, from_vectors, matrices, product, rotate, to_vectors
+from dart_skill.quaternions import CONJUGATE, from_vectors, matrices, product, rotate, to_vectors, unit
 from dart_skill.robot._model import ArmModel
-from dart_skill.robot._registration import Registration, scaled
+from dart_skill.robot._registration import Registration
 from dart_skill.robot._registration_rows import linearised
 from dart_skill.rotations import of_matrices
 
@@ -181,7 +181,7 @@ def _centre(expected: Registration) -> np.ndarray:
 
 def _first_guess(seen: Sightings) -> Registration:
     """Turns that explain the orientations, and the shifts that go with them; where nothing tells, the smallest."""
-    camera, arm = scaled(seen.quaternion), scaled(seen.arm_quaternion)
+    camera, arm = unit(seen.quaternion), unit(seen.arm_quaternion)
     # The turns from posture to posture are the same seen in two worlds: X takes the axes of one to those of the other.
     first, second = np.array(_pairs(len(seen))).T
     seen_axes, arm_axes = (to_vectors(product(one[first], one[second] * CONJUGATE)) for one in (camera, arm))
@@ -211,7 +211,7 @@ def _best_turn(products: np.ndarray) -> np.ndarray:
 
 def _as_expected(seen: Sightings, expected: Registration) -> Sightings:
     """Sightings in a world in which, if the expected registration is right, nothing is turned or shifted but the body from the hand."""
-    base, hand = scaled(np.array(expected.turn)) * CONJUGATE, scaled(np.array(expected.hand_turn)) * CONJUGATE
+    base, hand = unit(np.array(expected.turn)) * CONJUGATE, unit(np.array(expected.hand_turn)) * CONJUGATE
     camera = product(product(base, seen.quaternion), hand)
     position = rotate(base, seen.position - np.array(expected.shift))
     return Sightings(position, camera, seen.arm_position, seen.arm_quaternion, seen.arm_velocity)
@@ -220,10 +220,10 @@ def _as_expected(seen: Sightings, expected: Registration) -> Sightings:
 def _after(expected: Registration, unknown: np.ndarray) -> Registration:
     """The expected registration with deviations (13,) that were found in its world."""
     turn, shift, hand_turn, hand_shift = np.split(unknown[:12], 4)
-    base = scaled(np.array(expected.turn))
-    hand = scaled(product(from_vectors(hand_turn), np.array(expected.hand_turn)))
+    base = unit(np.array(expected.turn))
+    hand = unit(product(from_vectors(hand_turn), np.array(expected.hand_turn)))
     moved = rotate(base, shift) + np.array(expected.shift)
-    turned = scaled(product(base, from_vectors(turn)))
+    turned = unit(product(base, from_vectors(turn)))
     return Registration(tuple(turned), tuple(moved), tuple(hand), tuple(hand_shift), to_the_nanosecond(float(unknown[12])))
 
 

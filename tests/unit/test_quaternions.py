@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dart_skill.quaternions import CONJUGATE, from_vectors, matrices, product, rotate, rotate_one, to_vectors
+from dart_skill.quaternions import CONJUGATE, from_vectors, matrices, product, rotate, rotate_one, to_vectors, unit
 from tests.unit.movement.pose.random_poses import apart, orientations
 
 
@@ -30,6 +30,7 @@ def vectors(rng):
 
 def test_products_are_those_of_scipy(left, right):
     assert apart(product(left, right), (Rotation.from_quat(left) * Rotation.from_quat(right)).as_quat()) < 1e-14
+    np.testing.assert_allclose(unit(3.0 * left), left, atol=1e-15)
     np.testing.assert_allclose(product(left, left * CONJUGATE), np.tile([0.0, 0.0, 0.0, 1.0], (150, 1)), atol=1e-15)
 
 
