@@ -8,6 +8,7 @@ import re
 import sys
 import textwrap
 from collections import Counter
+from functools import cache
 
 from tests.paths import DOCS
 
@@ -106,7 +107,10 @@ def _is_of(value, module: str, name: str) -> bool:
     return not name.startswith("_") and getattr(value, "__module__", None) == module
 
 
-PUBLIC = list(public())
+@cache
+def all_public():
+    """The same with what `fields` knows of each, once for all tests, and not before the first."""
+    return [(name, thing, fields.documented(thing), text) for name, thing, text in public()]
 
 
 MOVED = ("raises", "return", "returns", "parameters", "attributes", "attribute", "and", "or")
@@ -118,8 +122,8 @@ def words_of(text: str) -> Counter:
 
 
 def test_no_word_of_a_docstring_is_lost_and_none_is_shown_twice():
-    for name, thing, text in PUBLIC:
-        prose, parts = fields.split(fields.documented(thing), text.splitlines())
+    for name, _, known, text in all_public():
+        prose, parts = fields.split(known, text.splitlines())
         kept = [line for block in prose for line in block]
         kept += [words for part in parts for words in (part.words, *itertools.chain(*part.names))]
         told, written = words_of(" ".join(kept)), words_of(text)
@@ -128,7 +132,7 @@ def test_no_word_of_a_docstring_is_lost_and_none_is_shown_twice():
 
 def test_every_parameter_has_words():
     """In its docstring, in that of a base class, in one that it names, or in `fields.COMMON` for a name that means the same everywhere."""
-    told = [(name, fields.documented(thing), text.splitlines()) for name, thing, text in PUBLIC]
+    told = [(name, known, text.splitlines()) for name, _, known, text in all_public()]
     without = [f"{name}: {one}" for name, known, lines in told for one in sorted(fields.without_words(known, lines) - fields.COMMON.keys())]
     assert len(told) > 1000 and sum(len(known.parameters) for _, known, _ in told) > 3000
     assert not without, f"{len(without)} parameters without words:\n" + "\n".join(without)
@@ -137,35 +141,35 @@ def test_every_parameter_has_words():
 def test_each_parameter_of_a_class_stands_in_a_list():
     """`* name: ...`, or `* name, other: ...` where one text is of several; not `name: ...` without the mark of an item."""
     found = []
-    for name, thing, text in PUBLIC:
-        known = fields.documented(thing).parameters if inspect.isclass(thing) else ()
+    for name, thing, known, text in all_public():
+        parameters = set(known.parameters) if inspect.isclass(thing) else set()
         heads = (re.match(r"(\w+(?:, \w+)*): ", line) for line in text.splitlines())
-        found += [f"{name}: {head[0]}" for head in heads if head and set(head[1].split(", ")) <= set(known)]
+        found += [f"{name}: {head[0]}" for head in heads if head and set(head[1].split(", ")) <= parameters]
     assert not found, "\n".join(found)
 
 
 def test_nothing_is_said_twice_of_a_parameter():
-    for name, thing, text in PUBLIC:
-        parts = fields.split(fields.documented(thing), text.splitlines())[1]
+    for name, _, known, text in all_public():
+        parts = fields.split(known, text.splitlines())[1]
         said = Counter((one, part.words.rstrip(".")) for part in parts for one, _ in part.names)
         assert not (twice := [one for one in said if said[one] > 1]), f"{name}: {twice}"
 
 
 def test_common_words_are_for_names_of_which_a_docstring_may_say_nothing():
-    unsaid = {one for _, thing, text in PUBLIC for one in fields.without_words(fields.documented(thing), text.splitlines())}
+    unsaid = {one for _, _, known, text in all_public() for one in fields.without_words(known, text.splitlines())}
     assert fields.COMMON.keys() <= unsaid, f"no parameter needs {fields.COMMON.keys() - unsaid}"
 
 
-def raised(thing) -> set[str]:
+def raised(thing, known) -> set[str]:
     """Exceptions that the body of a function raises itself, by name."""
     body = ast.parse(textwrap.dedent(inspect.getsource(inspect.unwrap(thing))))
     calls = [node.exc.func for node in ast.walk(body) if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call)]
     names = {ast.unparse(call).rsplit(".", 1)[-1] for call in calls}
-    return {name for name in names if fields.documented(thing).is_error(name)}
+    return {name for name in names if known.is_error(name)}
 
 
 def test_errors_that_a_function_raises_are_named_in_its_docstring():
-    unnamed = [(name, raised(thing), text) for name, thing, text in PUBLIC if not inspect.isclass(thing)]
+    unnamed = [(name, raised(thing, known), text) for name, thing, known, text in all_public() if not inspect.isclass(thing)]
     assert sum(bool(errors) for _, errors, _ in unnamed) > 150
     missing = [f"{name}: {error}" for name, errors, text in unnamed for error in sorted(errors) if not re.search(rf"\b{error}\b", text)]
     assert not missing, "errors that no docstring names:\n" + "\n".join(missing)

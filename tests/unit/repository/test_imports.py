@@ -9,6 +9,7 @@ from functools import cache
 import pytest
 
 from tests.paths import BAGS, ROOT
+from tests.unit.repository.import_lines import imports
 
 SOURCES = {"dart_skill": ROOT / "dart_skill", "dart_skill_nodes": ROOT / "nodes" / "dart_skill_nodes"}
 LAYERS = (
@@ -61,8 +62,8 @@ def sources(package):
 
 @cache
 def modules(package):
-    """Module name -> names that it imports, of every module of a package. No syntax tree is kept: all would fill 100 MB."""
-    return {module: list(imported(ast.parse(path.read_text(encoding="utf-8")))) for module, path in sources(package)}
+    """Module name -> names that it imports, of every module of a package."""
+    return {module: list(imported(imports(path.read_text(encoding="utf-8")))) for module, path in sources(package)}
 
 
 def imported(tree):

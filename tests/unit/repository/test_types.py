@@ -1,57 +1,29 @@
-"""mypy finds wrong calls of the library, with the settings of pyproject.toml, and has nothing to say about right ones."""
+"""mypy finds wrong calls of the library, with the settings of pyproject.toml, and has nothing to say about right ones.
 
-import importlib.util
+The calls are those of typed_calls.py. mypy reads it in the same run as the library (`make test`): a run of its own would read the library
+once more, which takes half a minute of a core.
+"""
+
 import re
-import subprocess
-import sys
-
-import pytest
 
 from tests.paths import ROOT
 
-pytestmark = pytest.mark.skipif(
-    importlib.util.find_spec("mypy") is None, reason="mypy is not installed here: pip install -r requirements/test.txt, or make setup"
-)
-
-IMPORTS = """\
-import numpy as np
-from dart_skill.darts import Spread, best_aim
-from dart_skill.flight import fit_flight, landing
-from dart_skill.mixture import GaussianMixture
-from dart_skill.policy_search import PoWER
-from dart_skill.session import Session
-"""
-RIGHT = """\
-place: np.ndarray = landing(np.zeros(3), np.ones(3), -1.0).position
-mixture: GaussianMixture = GaussianMixture(2).fit([[0.0], [1.0]], rng=np.random.default_rng(0))
-search: PoWER = PoWER.load("search.json")
-score: float = best_aim(Spread.isotropic(10.0)).expected_score
-"""
-WRONG = {
-    'landing("high", np.ones(3), 0.0)': "arg-type",  # a str for an array
-    "fit_flight(np.zeros(3))": "call-arg",  # a missing argument
-    "GaussianMixture(n_parts=2)": "call-arg",  # an argument that there is not
-    'GaussianMixture("two")': "arg-type",
-    "Spread.isotropic([10.0])": "arg-type",
-    "Session(seed=1).throw(np.zeros(3))": "arg-type",  # a target for a plan
-    "best_aim(10.0).expected_scores": "attr-defined",
-    "print(PoWER(np.zeros(2), 1.0, rng=np.random.default_rng(0)).best_trial.number)": "union-attr",  # there may be none
-}
+CALLS = "tests.unit.repository.typed_calls"
 
 
-def errors_of(folder, lines):
-    """Codes of the errors that mypy finds in some lines after the imports, by the number of the line."""
-    file = folder / "calls.py"
-    file.write_text(IMPORTS + "\n".join(lines) + "\n")
-    command = [sys.executable, "-m", "mypy", "--hide-error-context", "--no-error-summary", str(file)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode in (0, 1), done.stdout + done.stderr
-    found = re.findall(r"calls\.py:(\d+): error: .*\[([\w-]+)\]", done.stdout)
-    assert bool(found) == bool(done.returncode), done.stdout
-    return {int(line) - IMPORTS.count("\n") - 1: code for line, code in found}
+def settings(path, heading):
+    """The lines of a part of a file of settings."""
+    return path.read_text().split(f"{heading}\n")[1].split("\n\n")[0].splitlines()
 
 
-def test_wrong_calls_are_found_and_right_ones_pass(tmp_path):
-    right = RIGHT.splitlines()
-    wrong = dict(enumerate(WRONG.values(), start=len(right)))
-    assert errors_of(tmp_path, [*right, *WRONG]) == wrong
+def test_mypy_reads_the_calls_with_the_library_and_says_if_one_is_not_as_wrong_as_it_should_be():
+    lines = settings(ROOT / "pyproject.toml", "[tool.mypy]")
+    assert {'packages = ["dart_skill"]', f'modules = ["{CALLS}"]', "warn_unused_ignores = true"} <= set(lines)
+    assert "python3 -m mypy >" in (ROOT / "Makefile").read_text()
+
+
+def test_every_wrong_call_names_the_error_that_is_to_be_found():
+    right, wrong = (ROOT / f"{CALLS.replace('.', '/')}.py").read_text().split("# --- right ---")[1].split("# --- wrong ---")
+    assert "ignore" not in right and len(right.split("\n\n")[1].splitlines()) == 4
+    calls = wrong.strip().splitlines()
+    assert len(calls) == 8 and all(re.search(r"\)  # type: ignore\[[a-z]+-[a-z]+\]", call) for call in calls), calls

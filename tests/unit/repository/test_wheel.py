@@ -30,11 +30,17 @@ SMALL_DEMO = ("demo", "--layout", "in-process", "--demonstrations", "3", "--thro
 
 
 @cache
-def declared(extra=""):
-    """Requirements of the wheel, those of an extra, or of the core."""
+def arguments_of_setup():
+    """What setup.py hands to setuptools for the wheel, asked of one process for all extras."""
     script = "import json, runpy, setuptools, sys\nsys.argv = ['setup.py', 'dist_info']\n"
     script += "setuptools.setup = lambda **arguments: print(json.dumps(arguments))\nrunpy.run_path('setup.py')"
-    arguments = json.loads(subprocess.check_output([sys.executable, "-c", script], cwd=ROOT, text=True))
+    return json.loads(subprocess.check_output([sys.executable, "-c", script], cwd=ROOT, text=True))
+
+
+@cache
+def declared(extra=""):
+    """Requirements of the wheel, those of an extra, or of the core."""
+    arguments = arguments_of_setup()
     texts = arguments["extras_require"][extra] if extra else arguments["install_requires"]
     return tuple(Requirement(text) for text in texts)
 
@@ -76,10 +82,16 @@ def test_the_wheel_and_the_workspace_want_the_same_versions():
 # --- the wheel ---
 
 
+def newest(folder):
+    """When the last file of a folder was written."""
+    return max(path.stat().st_mtime for path in folder.rglob("*.c"))
+
+
 def _keep_compiled(source):
     """What set-up compiled from the same sources with the same setup.py is newer than they are, and not compiled again."""
-    if (cythonized := ROOT / "build" / "dart_skill" / "build" / "cython").is_dir():
-        shutil.copytree(cythonized, source / "build" / "cython")
+    places = [ROOT / "build" / "dart_skill" / "build" / "cython", ROOT / "build" / "cython"]  # of `make setup`, and of a build by hand
+    if there := [place for place in places if place.is_dir()]:
+        shutil.copytree(max(there, key=newest), source / "build" / "cython")
     built = source / "build" / f"lib.{sysconfig.get_platform()}-{sys.implementation.cache_tag}"
     for module in (ROOT / "dart_skill").rglob("*.so"):
         place = built / module.relative_to(ROOT)

@@ -15,7 +15,7 @@ MADE_BY_A_TOOL = "reference.md"
 PAGES = [ROOT / "README.md", *(page for page in sorted((ROOT / "docs").glob("*.md")) if page.name != MADE_BY_A_TOOL)]
 LONGEST_PARAGRAPH, LONGEST_LINE = 250, 120
 ITEM = re.compile(r" *([*+-]|\d+\.) ")
-CITED = re.compile(r"[\w./*-]*\w\.(?:md|yaml)\b|\bwam_facts\b|\bfacts \d|\(facts\)|\berrata\b")
+CITED = re.compile(r"(?<![\w./*-])[\w./*-]*\w\.(?:md|yaml)\b|\bwam_facts\b|\bfacts \d|\(facts\)|\berrata\b")
 """A name that ends as a page or a parameter file does, and the notes that were cited without an ending."""
 OF_THE_USER = {"thursday.yaml", "cameras.yaml", "mapping.yaml", "demonstrations_csv/mapping.yaml"}
 """Files of the user's own in examples."""
@@ -60,7 +60,7 @@ def test_lines_of_prose_are_wrapped(page):
 # --- citations ---
 
 
-MODULE = re.compile(r"[\w./*-]*\w\.py\b")
+MODULE = re.compile(r"(?<![\w./*-])[\w./*-]*\w\.py\b")
 """A name of a module, which a page must spell as it is called today."""
 
 
@@ -108,8 +108,9 @@ def cited_by_the_code() -> dict[str, list[str]]:
     for folder in ("dart_skill", "nodes", "launch", "tools", "tests", "benchmarks", "docs"):
         for path in sorted((ROOT / folder).rglob("*.py")):
             source = path.read_text(encoding="utf-8")
-            cites = path != Path(__file__) and CITED.search(source)
-            names = missing(comments_and_docstrings(source)) if cites else set()
+            if path == Path(__file__) or not missing(source):
+                continue  # most modules: what they say of themselves is a part of all that they say
+            names = missing(comments_and_docstrings(source))
             for name in names:
                 found.setdefault(name, []).append(path.relative_to(ROOT).as_posix())
     return found
