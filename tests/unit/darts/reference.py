@@ -44,24 +44,30 @@ def score_probabilities(aim, covariance, scores):
 
 def leg(sigma, highest, spacing, dart, turn):
     """Expected cost (highest + 1,) to finish from each score, by bisection of V(s) = turn + W_3(s); spacing: of the aims [mm]."""
-    chance = _chances(sigma, spacing)
+    scores, double, chance = _alike(_chances(sigma, spacing), highest)
     value = np.zeros(highest + 1)
 
     def turn_from(score, guess):
         after = value.copy()
         after[score] = guess
+        remaining = np.arange(2, score + 1)
+        left = remaining[:, None] - scores
+        bust = (left < 0) | (left == 1) | ((left == 0) & ~double)
         for _ in range(3):
-            now = np.zeros(highest + 1)
-            for remaining in range(2, score + 1):
-                left = remaining - BED_SCORES
-                bust = (left < 0) | (left == 1) | ((left == 0) & ~BED_IS_DOUBLE)
-                now[remaining] = dart + (chance @ np.where(bust, guess, after[np.maximum(left, 0)])).min()
-            after = now
+            outcomes = np.where(bust, guess, after[np.maximum(left, 0)])
+            after = np.zeros(highest + 1)
+            after[remaining] = dart + (outcomes @ chance).min(axis=1)
         return turn + after[score]
 
     for score in range(2, highest + 1):
         value[score] = brentq(lambda guess, score=score: turn_from(score, guess) - guess, 0.5, 1e5, rtol=1e-8)
     return value
+
+
+def _alike(chances, highest):
+    """Scores (k,) and doubles (k,) of the kinds of beds that differ from so many remaining on, and the chance (k, n) of each kind."""
+    kinds, which = np.unique(np.stack([np.minimum(BED_SCORES, highest + 1), BED_IS_DOUBLE]), axis=1, return_inverse=True)
+    return kinds[0], kinds[1].astype(bool), np.eye(kinds.shape[1])[which.ravel()].T @ chances.T
 
 
 @lru_cache(maxsize=2)

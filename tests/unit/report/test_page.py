@@ -91,23 +91,28 @@ def test_the_same_run_gives_the_same_bytes():
     assert page_of(run, pictures(run)) == page_text("throws")
 
 
-def test_a_page_of_two_processes_has_the_bytes_of_one():
+@pytest.fixture(scope="module")
+def second():
+    """Another process, which imports what figures need only once for these tests."""
     with second_process() as begin:
-        _, page = make_page(BAGS / "throws", ABOUT, begin=begin)
+        yield begin
+
+
+def test_a_page_of_two_processes_has_the_bytes_of_one(second):
+    _, page = make_page(BAGS / "throws", ABOUT, begin=second)
     assert page == page_text("throws")
 
 
-def test_figures_that_a_second_process_writes_have_the_bytes_of_one(tmp_path, monkeypatch):
+def test_figures_that_a_second_process_writes_have_the_bytes_of_one(second, tmp_path, monkeypatch):
     run = run_of("throws")
     monkeypatch.setattr("dart_skill.report._making.seen_throws", "nothing is read")
     monkeypatch.setattr("dart_skill.report._run.read_run", lambda *_: run)
     monkeypatch.setattr("dart_skill.report._page._replay", lambda run, replay_of: (None, "not now"))
     written = {}
-    with second_process() as second:
-        for name, begin in (("one", partial), ("two", second)):
-            ask = lambda function, *arguments, begin=begin: begin(function, *arguments) if callable(function) else partial(list)  # noqa: E731
-            paths = write_page(BAGS / "throws", tmp_path / name / "page.html", figures=tmp_path / name, begin=ask)
-            written[name] = {path.name: path.read_bytes() for path in paths}
+    for name, begin in (("one", partial), ("two", second)):
+        ask = lambda function, *arguments, begin=begin: begin(function, *arguments) if callable(function) else partial(list)  # noqa: E731
+        paths = write_page(BAGS / "throws", tmp_path / name / "page.html", figures=tmp_path / name, begin=ask)
+        written[name] = {path.name: path.read_bytes() for path in paths}
     assert set(written["one"]) == {"page.html", *(f"{one}.{kind}" for one in DRAWN for kind in ("svg", "png"))}
     assert [name for name, content in written["one"].items() if written["two"][name] != content] == []
 
