@@ -108,7 +108,7 @@ def wheel(tmp_path_factory):
         if (ROOT / name).is_dir():
             shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__", "*.so"))
         else:
-            shutil.copy(ROOT / name, source)
+            shutil.copy2(ROOT / name, source)  # as old as it is: what is older than setup.py is compiled anew
     _keep_compiled(source)
     pip = [sys.executable, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check", "--no-deps", "--no-build-isolation"]
     done = subprocess.run([*pip, "--wheel-dir", str(output), str(source)], capture_output=True, text=True)
