@@ -129,6 +129,19 @@ def starting_warm():
         yield
 
 
+def nodes_of(pid: int) -> dict[int, str]:
+    """Names of the forked nodes that a process has started, and that have not ended, by the numbers of their processes."""
+    found = {}
+    for file in Path(_address()).parent.glob("[0-9]*"):
+        try:
+            starter, module = file.read_text().split()
+        except (OSError, ValueError):  # it has ended meanwhile, or begins only now
+            continue
+        if int(starter) == pid:
+            found[int(file.name)] = module.removeprefix(NODE)
+    return found
+
+
 def _exactly(line: socket.socket, n: int) -> bytes:
     body = b""
     while len(body) < n:
@@ -214,6 +227,7 @@ class Server:
         self._lines[pid] = line
         if STARTER in request["environment"]:
             self._ends_with.add(pid)
+            Path(self._folder, str(pid)).write_text(f"{request['environment'][STARTER]} {request['module']}")
         self._ready.register(line, selectors.EVENT_READ, pid)
         return None
 
@@ -242,6 +256,7 @@ class Server:
                 return
             line = self._lines.pop(pid)
             self._ends_with.discard(pid)
+            Path(self._folder, str(pid)).unlink(missing_ok=True)
             self._doomed.pop(pid, None)
             self._drop(line)
             try:

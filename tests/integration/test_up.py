@@ -16,14 +16,15 @@ from dart_skill.session import learn_from_bag
 from dart_skill_nodes.process.graph_processes import LAYOUTS, NODES, SIMULATED
 from dart_skill_nodes.process.signals import ENDS_WITH
 from tests.paths import BAGS
+from tests.warm import nodes_of
 
 BAG = BAGS / "demonstrations"
 PATIENCE = 200.0
 
 
 def children(pid):
-    """Processes that were started by a process, whether it still runs or not."""
-    mark, found = f"{ENDS_WITH}={pid}".encode(), []
+    """Processes that were started by a process, whether it still runs or not; a forked one has not the environment that it was given."""
+    mark, found = f"{ENDS_WITH}={pid}".encode(), [*nodes_of(pid)]
     for folder in Path("/proc").glob("[0-9]*"):
         try:
             if mark in (folder / "environ").read_bytes().split(b"\0"):
@@ -42,11 +43,12 @@ def until(condition, what):
 
 @pytest.fixture
 def start(tmp_path):
-    """Starts `dart-skill up`; its events come line by line. Whatever is left after the test is killed."""
+    """Starts `dart-skill up`; its events come line by line. Whatever is left after the test is killed. warm: all that starts is forked."""
     started = []
 
-    def begin(*arguments):
-        command = [sys.executable, "-m", "dart_skill.cli", "up", "--json", "--output", str(tmp_path / f"up_{len(started)}"), *arguments]
+    def begin(*arguments, warm=True):
+        program = ["dart-skill"] if warm else [sys.executable, "-m", "dart_skill.cli"]
+        command = [*program, "up", "--json", "--output", str(tmp_path / f"up_{len(started)}"), *arguments]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         started.append(process)
         return process
@@ -133,7 +135,7 @@ def test_without_a_graph_the_verbs_say_how_to_start_it(verb):
 def test_a_node_that_ends_is_named_and_ends_the_rest(start):
     process = start("--layout", "hardware")
     events_until(process, "up")
-    victim = next(pid for pid in children(process.pid) if b"commander" in (Path("/proc") / str(pid) / "cmdline").read_bytes())
+    (victim,) = [pid for pid, name in nodes_of(process.pid).items() if name == "commander"]
     os.kill(victim, signal.SIGKILL)
     _, complaint = process.communicate(timeout=PATIENCE)
     assert process.returncode == 1 and "commander ended with status -9" in complaint and "Traceback" not in complaint
@@ -141,7 +143,7 @@ def test_a_node_that_ends_is_named_and_ends_the_rest(start):
 
 
 def test_nodes_end_with_whoever_started_them_and_a_second_graph_is_refused(start):
-    first = start()
+    first = start(warm=False)
     events_until(first, "up")
     second = start()
     _, complaint = second.communicate(timeout=PATIENCE)
