@@ -1,14 +1,18 @@
 """Keeps the ROS graphs of test runs apart: from the network, and from every other run on this machine; and what all tests share."""
 
+import contextlib
 import gc
+import importlib
 import itertools
 import os
 import signal
 import socket
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
+from tests.paths import ROOT
 from tests.warm import start_warm_process, starting_warm
 
 # The same examples in every run; HYPOTHESIS_PROFILE=explore looks for new ones, and HYPOTHESIS_PROFILE=long for many of them.
@@ -69,17 +73,31 @@ def pytest_configure(config):
 
 
 @pytest.hookimpl(hookwrapper=True)
-def pytest_collection():
+def pytest_collection(session):
     """What is imported and collected stays: to look for garbage among it again and again took a third of the time of collecting."""
     gc.disable()
+    if hasattr(session.config, "workerinput"):
+        _import_in_turns(session.config)
     yield
     gc.freeze()
     gc.set_threshold(10_000, 10, 5)  # a seventh of the time of tests that make many objects went there
     gc.enable()
 
 
+def _import_in_turns(config):
+    """Import the modules of tests, each worker from another one on: what one of them has compiled the others find."""
+    places = [ROOT / argument.split("::")[0] for argument in config.args]
+    files = [file for place in places for file in (sorted(place.rglob("test_*.py")) if place.is_dir() else [place])]
+    first = len(files) * WORKER // config.workerinput["workercount"]
+    for file in files[first:] + files[:first]:
+        with contextlib.suppress(Exception, pytest.skip.Exception):  # collecting tells what is wrong with a module
+            importlib.import_module(".".join(Path(os.path.relpath(file, ROOT)).with_suffix("").parts))
+
+
 BETWEEN = 3
 """Files of unit tests between two of other tests."""
+LONG = ("skill/test_reactive_guide.py", "skill/test_reactive_skill.py", "view/test_page.py", "view/test_rerun.py")
+"""Files of unit tests that would come last, and take long: one worker would work on when the others have ended."""
 
 
 def pytest_collection_modifyitems(config, items):
@@ -89,7 +107,8 @@ def pytest_collection_modifyitems(config, items):
     files: dict[str, list[pytest.Item]] = {}
     for item in items:
         files.setdefault(item.nodeid.split("::")[0], []).append(item)
-    computing = iter([tests for file, tests in files.items() if file.startswith("tests/unit/")])
+    unit = [file for file in files if file.startswith("tests/unit/")]
+    computing = iter([files[file] for file in sorted(unit, key=lambda file: not file.endswith(LONG))])
     waiting = [tests for file, tests in files.items() if not file.startswith("tests/unit/")]
     mixed = [one for tests in waiting for one in (tests, *itertools.islice(computing, BETWEEN))]
     items[:] = [item for tests in (*mixed, *computing) for item in tests]
