@@ -15,7 +15,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from benchmarks.rows import tell
@@ -64,11 +64,11 @@ def demo_seconds() -> tuple[float, float]:
         return time.monotonic() - begun, first
 
 
-def leg_seconds() -> float:
+def leg_seconds(spreads: Sequence[float] = SPREADS) -> float:
     """The slowest of some legs of 501."""
     taken = []
     for objective in ("darts", "turns"):
-        for spread in SPREADS:
+        for spread in spreads:
             begun = time.process_time()
             solve_leg(spread, objective=objective)
             taken.append(time.process_time() - begun)
@@ -87,8 +87,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repeats", type=int, default=5, help="reports (default 5)")
     parser.add_argument("--only", choices=("report", "demo", "501"), help="one of them")
+    parser.add_argument("--spreads", type=float, nargs="+", default=SPREADS, help="of the throwers of 501 [mm]")
     options = parser.parse_args()
-    works: dict[str, Callable[[], float]] = {"501": leg_seconds, "report": lambda: report_seconds(options.repeats)}
+    works: dict[str, Callable[[], float]] = {"501": lambda: leg_seconds(options.spreads), "report": lambda: report_seconds(options.repeats)}
     for what, work in works.items():
         if options.only in (None, what):
             say(what, work())

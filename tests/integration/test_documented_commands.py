@@ -338,7 +338,7 @@ TYPED = {
     "python3 -m benchmarks.graph.large_bags --sizes 0.1 0.3 1 3 10": Run("--sizes 0.001 --commands check", says="0.01 GB", slow=True),
     "python3 -m benchmarks.graph.side_by_side --graphs 1 2 4 8 12 20": Run("--graphs 1 --throws 1", says="1 of 1", slow=True),
     "python3 -m benchmarks.skill.cores": Run("--runs 1 --throws 1 --jobs 1 --workers", says="100%", slow=True),
-    "python3 -m benchmarks.skill.waits": Run("--only 501", says="asked 0.5 s"),
+    "python3 -m benchmarks.skill.waits": Run("--only 501 --spreads 60", says="asked 0.5 s"),
     "python3 -m benchmarks.skill.lessons": Run("--repeats 1 --rows plan", says="plan of a throw"),
     "python3 -m benchmarks.recording": Run("--messages 1000 --repeats 1", says="dart_skill"),
     "python3 -m benchmarks.graph.recorder --seconds 60": Run("--seconds 1", says="messages in 1 s", slow=True),
