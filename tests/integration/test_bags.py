@@ -29,8 +29,8 @@ from tests.texts import TEXT, write_texts
 
 TARGET = np.array([1.9, -0.1, 0.4])
 POSES = [f"/vrpn_mocap/{body}/pose" for body in ("hand", "ball", "basket")]
-STATES = 2000
-"""That are recorded of each topic at least: four seconds."""
+STATES = 1000
+"""That are recorded of each topic at least: two seconds."""
 STEPPED = {"/joint_states": 2_000_000, "/wam/command": 2_000_000, "/wam/tool_pose": 2_000_000} | dict.fromkeys(POSES, 10_000_000)
 
 
@@ -156,7 +156,7 @@ def test_the_clock_of_a_bag_is_played_and_made_where_it_has_none(recorded, make_
     for clock, period_ns in (("/clock", 2_000_000), ("nothing", 40_000_000)):
         graph, client = make_graph(None)
         listener = Listener(client, ["/clock"])
-        wanted = {"topics": f"[/vrpn_mocap/.*,{clock}]", "duration": 4.0, "loop": True, "clock_rate": 25.0, "awaited": "[/clock]"}
+        wanted = {"topics": f"[/vrpn_mocap/.*,{clock}]", "duration": 2.0, "loop": True, "clock_rate": 25.0, "awaited": "[/clock]"}
         graph.start("bag_player", {"bag": str(recorded), **wanted})
         # The clock is best effort: nobody repeats what was said before the listener's side of the discovery was over.
         wait_for(client, lambda listener=listener: listener.count >= 30, what="30 ticks")

@@ -27,7 +27,7 @@ from tests.integration.conftest import Diagnoses, Joints, begin_slow_throw, teac
 
 SHOWN = targets_for(0, 2, 2)[0]
 TARGET = (SHOWN[0] + SHOWN[1]) / 2
-LONGEST = 2.0
+LONGEST = 1.0
 """That a test watches the world for [s, simulated]: a world that runs on while nobody looks only costs."""
 RESTING = 0.1
 """Joint speed below which an arm is held, not thrown with [rad/s]."""

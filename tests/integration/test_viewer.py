@@ -25,7 +25,7 @@ from dart_skill_nodes.comms import conversions
 from dart_skill_nodes.comms.latest_messages import poses_of
 from dart_skill_nodes.comms.markers import ellipsoids
 from dart_skill_nodes.process.node_base import make_executor
-from tests.integration.browser import Page, needs_chromium, project
+from tests.integration.browser import SMALL, Page, needs_chromium, project
 from tests.integration.conftest import teach_and_learn, wait_for
 from tests.view_client import PageClient
 
@@ -88,7 +88,7 @@ def address_of(graph, client):
 @pytest.fixture(scope="module")
 def live(make_shared_graph):
     """The graph with a viewer: the coach, the truth, and the address of the page. A browser needs the cores on which a world would run."""
-    graph, client = make_shared_graph(extra={"wam_simulator": {"rest_after": 0.5}})
+    graph, client = make_shared_graph(extra={"composed": {"rest_after": 0.5}})
     truth = Truth()
     try:
         graph.start("viewer", {"port": 0})
@@ -208,7 +208,7 @@ def test_spheres_of_markers_are_grouped_by_namespace_and_the_rest_is_left_out():
 def share_of(picture, points, like, reach=4):
     """Share of points of the world (n, 3) within `reach` pixels of which the picture has a colour for which `like` holds."""
     found = []
-    for column, row in np.round(project(points, EYE, LOOK_AT)).astype(int):
+    for column, row in np.round(project(points, EYE, LOOK_AT, SMALL)).astype(int):
         window = picture[max(row - reach, 0) : row + reach + 1, max(column - reach, 0) : column + reach + 1].reshape(-1, 3)
         found.append(bool(np.any(like(window.astype(int)))))
     return float(np.mean(found))
@@ -235,7 +235,7 @@ def front_of(basket):
 @needs_chromium
 def test_in_a_browser_the_basket_is_dragged_and_a_click_throws(taught, tmp_path):
     client, truth, url = taught
-    with Page(tmp_path / "browser", url) as page:
+    with Page(tmp_path / "browser", url, SMALL) as page:
         wait_for(client, lambda: page.button("Throw"), 90.0, "the page")
         begin = truth.basket.copy()
         pause = client.node.create_client(SetBool, "/simulation/pause")
@@ -258,7 +258,7 @@ def test_in_a_browser_the_basket_is_dragged_and_a_click_throws(taught, tmp_path)
         wanted = begin * [1.1, 1.1, 1.0]
         for _ in range(5):  # a page that is late on a busy machine lets go too early: whoever drags does it again
             now, grip = truth.basket.copy(), front_of(truth.basket)[3]
-            page.drag(*project(np.array([grip, grip + wanted - now]), EYE, LOOK_AT))
+            page.drag(*project(np.array([grip, grip + wanted - now]), EYE, LOOK_AT, SMALL))
             if _comes(client, lambda: np.linalg.norm(truth.basket - wanted) < 0.02):
                 break
         assert np.linalg.norm(truth.basket - wanted) < 0.02, f"a basket dragged from {begin} to {wanted} is at {truth.basket}"
