@@ -352,12 +352,14 @@ def test_an_interpreter_that_lacks_something_is_named_when_there_is_no_other(tmp
         workspace.choose([], workspace.PREFERRED)
 
 
-def test_interpreters_are_looked_for_on_the_path_and_in_pyenv_best_version_first(tmp_path, monkeypatch):
+def test_interpreters_are_looked_for_in_the_system_on_the_path_and_in_pyenv_best_version_first(tmp_path, monkeypatch):
     on_path = [fake_python(tmp_path / "bin" / f"python3.{minor}", (3, minor)) for minor in (97, 98)]
     in_pyenv = fake_python(tmp_path / "root/versions/3.98.4/bin/python3.98", (3, 98))
     write_executable(tmp_path / "bin/pyenv", f"#!/bin/sh\necho {tmp_path}/root\n")
+    of_system = fake_python(tmp_path / "system/python3.98", (3, 98))
     monkeypatch.setenv("PATH", f"{tmp_path}/bin")
-    assert list(workspace.interpreter_paths([(3, 98), (3, 97)])) == [on_path[1], in_pyenv, on_path[0]]
+    monkeypatch.setattr(workspace, "SYSTEM", tmp_path / "system")
+    assert list(workspace.interpreter_paths([(3, 98), (3, 97)])) == [of_system, on_path[1], in_pyenv, on_path[0]]
 
 
 def test_a_named_interpreter_must_have_a_version_that_is_supported(tmp_path):
