@@ -100,8 +100,18 @@ LONG = ("skill/test_reactive_guide.py", "skill/test_reactive_skill.py", "view/te
 """Files of unit tests that would come last, and take long: one worker would work on when the others have ended."""
 
 
+LONGEST, LONGEST_SLOW = 300, 1800
+"""A test that takes longer [s] has failed, and its worker is ended: two clients of one process once waited for each other within Fast DDS."""
+
+
 def pytest_collection_modifyitems(config, items):
-    """Workers get files that compute between those that wait for nodes, so that no core waits; the last ones are short."""
+    """No test takes for ever. Workers get files that compute between those that wait for nodes, so that no core waits; the last ones are
+    short.
+    """
+    if config.pluginmanager.hasplugin("timeout"):
+        for item in items:
+            longest = LONGEST_SLOW if item.get_closest_marker("slow") else LONGEST
+            item.add_marker(pytest.mark.timeout(longest, method="thread"))
     if not hasattr(config, "workerinput"):
         return
     files: dict[str, list[pytest.Item]] = {}

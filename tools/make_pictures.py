@@ -83,7 +83,7 @@ def film_throws(folder: Path) -> Path:
     scene = Scene(server)
     server.initial_camera.position, server.initial_camera.look_at = EYE, LOOK_AT
     scene.show_demonstrations(run.shown)
-    with Page(folder, f"http://127.0.0.1:{server.get_port()}"):
+    with Page(folder, f"http://127.0.0.1:{server.get_port()}", few_frames=False):
         film = Film(_wait(lambda: next(iter(server.get_clients().values()), None), "the page"))
         for throw in run.own[:FILMED]:
             scene.show_gaussians("gaussians", *map(np.array, zip(*component_ellipsoids(_mixture(run, throw)), strict=True)))
@@ -124,7 +124,7 @@ def _picture(folder: Path, url: str, client: GraphClient, path: Path, arrange: C
 
     arrange: called when the page is there.
     """
-    with Page(folder, url, LIVE) as page:
+    with Page(folder, url, LIVE, few_frames=False) as page:
         _wait(lambda: page.button("Stop"), "the page", client.spin)
         arrange()
         page.settle(meanwhile=client.spin)
@@ -186,7 +186,7 @@ def show_report(folder: Path) -> Path:
     practice = ["practice", "--change", "base_turned", "--output", str(folder / "practice"), "--json"]
     said = subprocess.run([sys.executable, "-m", "dart_skill.cli", *practice], check=True, capture_output=True, text=True).stdout
     assert json.loads(said)
-    with Page(folder, (folder / "practice" / "report.html").as_uri()) as page:
+    with Page(folder, (folder / "practice" / "report.html").as_uri(), few_frames=False) as page:
         page.call("Emulation.setDeviceMetricsOverride", width=1050, height=1430, deviceScaleFactor=0.8, mobile=False)
         _wait(lambda: "What was run" in page.text(), "the page")
         time.sleep(10.0)  # the replay has no word for having begun

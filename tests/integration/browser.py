@@ -29,6 +29,12 @@ SIZE, SMALL = (1280, 800), (1120, 560)
 """Of a page [pixels]. Without a graphics card a large one takes several seconds of a core for a second of movement. The panel takes 320
 of the width: what is beside the middle must not be under it.
 """
+FEW_FRAMES = """(() => {
+  const frame = window.requestAnimationFrame.bind(window);
+  window.requestAnimationFrame = (draw) => setTimeout(() => frame(draw), 100);
+  window.cancelAnimationFrame = (timer) => clearTimeout(timer);
+})()"""
+"""A page draws ten times in a second at most: without a graphics card each picture takes a tenth of a second of a core."""
 STILL = 2e-3
 """Share of pixels that may differ between two pictures of a page that stands still."""
 CORRECTIONS = 6
@@ -71,7 +77,7 @@ def _differ(one, other):
 class Page:
     """One page of a browser of its own; a context manager that leaves no process behind."""
 
-    def __init__(self, folder, url, size=SIZE):
+    def __init__(self, folder, url, size=SIZE, few_frames=True):
         from websockets.sync.client import connect
 
         self._folder, self._number = Path(folder), 0
@@ -94,6 +100,8 @@ class Page:
                 self.call(f"{domain}.enable")
             width, height = self.size = size
             self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+            if few_frames:
+                self.call("Page.addScriptToEvaluateOnNewDocument", source=FEW_FRAMES)
             self.call("Page.navigate", url=url)
         except BaseException:
             self.close()
