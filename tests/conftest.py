@@ -101,7 +101,7 @@ LONG = ("skill/test_reactive_guide.py", "skill/test_reactive_skill.py", "view/te
 
 
 LONGEST, LONGEST_SLOW = 300, 1800
-"""A test that takes longer [s] has failed, and its worker is ended: two clients of one process once waited for each other within Fast DDS."""
+"""A test that takes longer [s] has failed, and its worker is ended: two clients of one process once waited for each other in Fast DDS."""
 
 
 def pytest_collection_modifyitems(config, items):

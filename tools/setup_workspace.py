@@ -784,7 +784,7 @@ def set_up(named: str) -> None:
     if not steps[0].is_done():
         check_machine(needs_wheels=ros is None)
         size = "downloads 0.8 GB and takes 2.8 GB" if ros is None else "downloads what this ROS lacks"
-        print(f"set-up: the first one takes two to five minutes, {size}; later ones take seconds", flush=True)
+        print(f"set-up: the first one takes one to five minutes, {size}; later ones take seconds", flush=True)
     for step in steps:
         step.bring_up_to_date(work)
 
