@@ -18,7 +18,8 @@ from dart_skill.checks import as_finite, as_number, as_vector
 from dart_skill.movement._demonstrations import Demonstration
 from dart_skill.movement._differentiation import Motion
 from dart_skill.movement._forcing import REGRESSIONS, Kernels, normalised, regress_jointly, transformation
-from dart_skill.movement._runge_kutta import Steps, divide, integrate
+from dart_skill.movement._recursion import one_step
+from dart_skill.movement._runge_kutta import Steps, divide, gains_of_equal_steps, integrate
 from dart_skill.movement._saved import Arrays, SavedModel, array_of
 from dart_skill.movement._time import as_stamps
 
@@ -284,6 +285,10 @@ class Primitive(SavedModel):
         start = state.wanted.start
         if push is not None:
             drive = drive + state.wanted.duration**2 * push
+        if len(drive) == 3 and isinstance(steps.length, float):
+            gains = gains_of_equal_steps(steps.length, self.stiffness, self._damping)
+            position, slope = np.asarray(state.position, dtype=float), state.velocity / state.pace
+            return one_step(*gains, self.stiffness, self._damping, position, slope, start, drive)
         begin = np.array([state.position - start, state.velocity / state.pace])
         position, slope = integrate(steps, self.stiffness, self._damping, begin, drive)
         curvature = drive[:: 2 * steps.per_node] - self.stiffness * position - self._damping * slope

@@ -8,3 +8,8 @@ cpdef recur(const double[:, :] transition, const double[:, :, :] forcing)
                before=double, here=double)
 cpdef respond(const double[:, :] transition, const double[:] now, const double[:] later, const double[:, :] attractor,
               const double[:, :] start)
+
+@cython.locals(n_dims=Py_ssize_t, dim=Py_ssize_t, place=double[:, ::1], rate=double[:, ::1], curvature=double[:, ::1], x=double, v=double,
+               y=double, w=double, first=double, middle=double, last=double)
+cpdef one_step(const double[:, :] transition, const double[:, :] kicks, double stiffness, double damping, const double[:] position,
+               const double[:] slope, const double[:] start, const double[:, :] drive)

@@ -68,7 +68,7 @@ def step_gains(length: float | np.ndarray, stiffness: float, damping: float) -> 
 
 
 # Online execution needs the same step length again and again.
-_gains_of_equal_steps = lru_cache(maxsize=64)(step_gains)
+gains_of_equal_steps = lru_cache(maxsize=64)(step_gains)
 
 
 def integrate(steps: Steps, stiffness: float, damping: float, state: np.ndarray, drive: np.ndarray) -> np.ndarray:
@@ -77,7 +77,7 @@ def integrate(steps: Steps, stiffness: float, damping: float, state: np.ndarray,
     state (2, d): position and velocity at the first node; drive (2 m + 1, d): at the stages.
     """
     if isinstance(steps.length, float):
-        states = _integrate_equal(_gains_of_equal_steps(steps.length, stiffness, damping), state, drive)
+        states = _integrate_equal(gains_of_equal_steps(steps.length, stiffness, damping), state, drive)
     else:
         states = _integrate_unequal(step_gains(steps.length, stiffness, damping), state, drive)
     return states[:, :: steps.per_node]
@@ -86,9 +86,6 @@ def integrate(steps: Steps, stiffness: float, damping: float, state: np.ndarray,
 def _integrate_equal(gains: StepGains, state: np.ndarray, drive: np.ndarray) -> np.ndarray:
     states = np.empty((2, len(drive) // 2 + 1, drive.shape[1]))
     states[:, 0] = state
-    if len(drive) == 3:
-        states[:, 1] = gains.transition.dot(state) + gains.kicks.dot(drive)  # for so few numbers dot takes half the time of @
-        return states
     states[:, 1:] = _kicks(gains, drive)
     return recur(gains.transition, states)
 
