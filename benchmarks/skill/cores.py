@@ -93,7 +93,7 @@ def report(kind: str, processes: int, clock: float, runs: list[Run], alone: tupl
 def main() -> None:
     """Entry point."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=int, default=12, help="seeds 0 to N - 1 (default 12)")
+    parser.add_argument("--runs", type=int, default=24, help="seeds 0 to N - 1 (default 24)")
     parser.add_argument("--throws", type=int, default=5, help="of each run (default 5)")
     parser.add_argument("--jobs", type=int, nargs="+", default=list(range(1, CORES + 1)), metavar="N", help="default: 1 to all cores")
     parser.add_argument("--workers", type=int, nargs="*", default=[1, 2, 4], metavar="N", help="of Dask clusters; none leaves them out")
