@@ -62,6 +62,11 @@ def process_of(task):
     return os.getpid()
 
 
+def variable(name):
+    """Of the environment in which a run is carried out."""
+    return os.environ.get(name)
+
+
 @pytest.fixture(scope="module")
 def real_cluster():
     distributed = pytest.importorskip("distributed", reason="pip install -r requirements/test.txt, or make setup")
@@ -76,7 +81,7 @@ def test_runs_of_a_worker_are_carried_out_in_processes_of_its_threads_that_stay(
     again = set(dict(run_all(process_of, ["e", "f", "g", "h"], scheduler=address)).values())
     assert len(first | again) <= 2 and not {worker, os.getpid()} & (first | again)
     assert dict(run_all(lambda number: number + 1, [1], scheduler=address)) == {0: 2}, "a function that no module has"
-    assert dict(run_all(os.environ.get, ["MALLOC_TRIM_THRESHOLD_"], scheduler=address)) == {0: None}, "else a run takes a tenth longer"
+    assert dict(run_all(variable, ["MALLOC_TRIM_THRESHOLD_"], scheduler=address)) == {0: None}, "else a run takes a tenth longer"
 
 
 def test_what_a_run_on_a_worker_raises_is_raised_here_and_one_that_ends_its_process_is_named(real_cluster):
