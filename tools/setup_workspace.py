@@ -508,7 +508,8 @@ def install_locked(work: Workspace) -> None:
         by_uv = [str(VENV / "bin/uv"), "pip", "install", "--no-progress", "--python", work.python, *AS_LOCKED, "-r", str(LOCK)]
         try:
             run_side_by_side([by_uv, compile_command(work)], environment)
-            modules.end()
+            if not stale_modules():
+                modules.end()  # else the step of its own compiles once more, and says what is wrong
             return
         except SetupError as error:
             print(f" {error}; pip tries the same ...", end="", flush=True)
@@ -667,8 +668,18 @@ def compile_modules(work: Workspace) -> None:
     """Compiles the modules of the library that have types beside them; the results lie beside the sources."""
     forget_modules_without_types()
     run(compile_command(work), work.environment)
-    if left := [types for types in typed_modules() if not any(types.parent.glob(f"{types.stem}.*.so"))]:
-        raise SetupError(f"{left[0].with_suffix('.py').relative_to(ROOT)} was not compiled: {LOG.relative_to(ROOT)} says why")
+    if left := stale_modules():
+        raise SetupError(f"{left[0].relative_to(ROOT)} was not compiled: {LOG.relative_to(ROOT)} says why")
+
+
+def stale_modules() -> list[Path]:
+    """Sources with types beside them of which nothing newer was compiled: to the compiler a module that fails is no failure."""
+    return [types.with_suffix(".py") for types in typed_modules() if not is_compiled(types)]
+
+
+def is_compiled(types: Path) -> bool:
+    changed = max(file.stat().st_mtime for file in (types, types.with_suffix(".py")))
+    return any(made.stat().st_mtime >= changed for made in types.parent.glob(f"{types.stem}.*.so"))
 
 
 def forget_modules_without_types() -> None:

@@ -210,6 +210,7 @@ def installing(tmp_path, monkeypatch):
     monkeypatch.setattr(workspace, "rewrite_include_paths", lambda _: None)
     monkeypatch.setattr(workspace, "write_prefix_scripts", lambda: None)
     monkeypatch.setattr(workspace, "forget_modules_without_types", lambda: None)
+    monkeypatch.setattr(workspace, "stale_modules", list)
     monkeypatch.setattr(workspace, "INSTALL", tmp_path / "install")
     monkeypatch.setattr(workspace, "STAND_IN", tmp_path / "stand_in" / "ros2")
     return install
@@ -225,6 +226,29 @@ def test_locked_packages_are_not_resolved_anew_and_modules_are_compiled_meanwhil
     assert first.count("--hash") > 10 and locked == workspace.LOCK.read_text()
     assert "build_ext" in compiling and modules.is_done()
     assert environment["SSL_CERT_FILE"] == os.environ.get("SSL_CERT_FILE", "/etc/certificates.crt")
+
+
+def test_a_module_that_was_not_compiled_meanwhile_is_compiled_in_a_step_of_its_own(installing, monkeypatch):
+    monkeypatch.setattr(workspace, "stale_modules", lambda: [workspace.ROOT / "dart_skill" / "rotations.py"])
+    _, modules = installing()
+    assert not modules.is_done()
+    monkeypatch.setattr(workspace, "run", lambda *_: None)
+    with pytest.raises(workspace.SetupError, match=r"dart_skill/rotations\.py was not compiled: .* says why"):
+        modules.work(workspace.Workspace(None, workspace.Interpreter(Path(sys.executable), sys.version_info[:2])))
+
+
+def test_what_was_compiled_before_a_change_is_stale(tmp_path, monkeypatch):
+    folder = tmp_path / "dart_skill"
+    folder.mkdir()
+    for name, age in (("kept", 0), ("changed", 2), ("failed", None)):
+        for suffix in (".py", ".pxd"):
+            (folder / f"{name}{suffix}").touch()
+        if age is not None:
+            made = folder / f"{name}.cpython-311.so"
+            made.touch()
+            os.utime(made, (made.stat().st_atime, made.stat().st_mtime - age))
+    monkeypatch.setattr(workspace, "ROOT", tmp_path)
+    assert [path.name for path in workspace.stale_modules()] == ["changed.py", "failed.py"]
 
 
 @pytest.mark.parametrize("setting", ["global.index-url='https://here/simple'", ":env:.no-index='1'", "user.proxy='here:3128'"])
