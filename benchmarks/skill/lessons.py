@@ -61,11 +61,11 @@ def median_ms(task: Callable, repeats: int, make: Callable) -> float:
 
 
 def command_ms(arguments: list[str], repeats: int, **environment: str) -> float:
-    """Least processor time of the command dart-skill, which is run once before; it must not fail. {} in an argument counts the runs."""
+    """Least processor time of the command dart-skill, which is run once before; it must not fail."""
     taken, kept = [], {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
-    for run in range(repeats + 1):
+    for _ in range(repeats + 1):
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        command = [sys.executable, "-m", "dart_skill.cli", *(argument.format(run) for argument in arguments)]
+        command = [sys.executable, "-m", "dart_skill.cli", *arguments]
         subprocess.run(command, env=kept | environment, stdout=subprocess.DEVNULL, check=True, close_fds=False)
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         taken.append(after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime)

@@ -75,7 +75,7 @@ def smooth_derivatives(
         for group in groups:
             if levels[group.start] > 0:
                 penalties[group] = _best_penalty(risk[:, group])
-    coefficients = basis.fit(basis.sums(trend), 0.0) + basis.fit(basis.sums(rest), penalties)
+    coefficients = basis.fit(basis.sums(trend), np.zeros_like(penalties)) + basis.fit(basis.sums(rest), penalties)
     points = (at - time[0]) / interval
     first = basis.first_at(points)
     return Motion(*(basis.evaluate(coefficients, points, order, first) / interval**order for order in range(3)))
@@ -226,16 +226,13 @@ class _QuinticBasis:
         """B'x (m, d) of samples x (n, d): all that a fit needs of them."""
         return _quintic.sums(self.first, self.design, samples, self.n_functions)
 
-    def fit(self, sums: np.ndarray, penalty: float | np.ndarray) -> np.ndarray:
-        """Coefficients (m, d) of the penalised least squares fit to samples with these sums (m, d). penalty: one, or (d,)."""
+    def fit(self, sums: np.ndarray, penalties: np.ndarray) -> np.ndarray:
+        """Coefficients (m, d) of the penalised least squares fit, with penalties (d,), to samples with these sums (m, d)."""
         try:
-            if isinstance(penalty, np.ndarray):
-                return _quintic.solve_penalised(self.gram, self.roughness, penalty, sums)
-            return _quintic.solve(self.gram + penalty * self.roughness if penalty else self.gram, sums)
+            return _quintic.solve_penalised(self.gram, self.roughness, penalties, sums)
         except ValueError as error:
             raise ValueError(f"the stamps do not determine the smoothing spline ({error}); drop stamps that nearly repeat") from error
 
-    def evaluate(self, coefficients: np.ndarray, stamps: np.ndarray, order: int, first: np.ndarray | None = None) -> np.ndarray:
-        """Derivative of the given order (n, d) at stamps (n,). first: what `first_at` says of these, if it is known."""
-        first = self.first_at(stamps) if first is None else first
+    def evaluate(self, coefficients: np.ndarray, stamps: np.ndarray, order: int, first: np.ndarray) -> np.ndarray:
+        """Derivative of the given order (n, d) at stamps (n,). first: what `first_at` says of these."""
         return _quintic.combined(first, _quintic.values(self.knots, first, stamps, order), coefficients)
