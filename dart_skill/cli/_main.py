@@ -3,6 +3,7 @@
 """
 
 import argparse
+import atexit
 import os
 import signal
 import sys
@@ -33,6 +34,8 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         if _completion.is_asked():
             return _completion.answer(_parser())
+        if arguments is None:
+            atexit.register(_keep_status)  # before packages register what must be done earlier
         words = sys.argv[1:] if arguments is None else arguments
         parser = _parser(words)
         options, unknown = parser.parse_known_args(words)
@@ -44,6 +47,7 @@ def main(arguments: list[str] | None = None) -> int:
             return status
     except KeyboardInterrupt:
         print("dart-skill: stopped", file=sys.stderr)
+        _stopped.set()
         return 128 + signal.SIGINT
     except BrokenPipeError:  # `dart-skill ... | head`: nobody reads on, and the interpreter would complain about it at its end
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -54,6 +58,20 @@ def main(arguments: list[str] | None = None) -> int:
     except (ValueError, OSError) as error:
         print(f"dart-skill: {in_a_line(str(error) or type(error).__name__)}", file=sys.stderr)
         return 1
+
+
+_stopped = threading.Event()
+"""By Ctrl-C."""
+
+
+def _keep_status() -> None:
+    """Python would send itself a Ctrl-C at its end, in place of its status, if the one that came met it in a text that it carried out, as
+    dataclasses do while packages load.
+    """
+    if _stopped.is_set():
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(128 + signal.SIGINT)
 
 
 @contextmanager
