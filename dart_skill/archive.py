@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import zipfile
-from typing import BinaryIO
+from collections.abc import Iterable, Mapping
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -27,6 +28,28 @@ def read_arrays(file: BinaryIO) -> dict[str, np.ndarray]:
     file.seek(0)
     with np.load(file, allow_pickle=False) as loaded:
         return dict(loaded)
+
+
+def write_arrays(file: BinaryIO, content: Mapping[str, Any]) -> None:
+    """Write what `read_arrays` reads, compressed; ValueError for more than it would read. file: open for writing bytes."""
+    size = sum(np.asarray(value).nbytes for value in content.values())
+    if size > LARGEST:
+        raise ValueError(f"{size} bytes are more than the {LARGEST} that a model may have: learn from fewer demonstrations")
+    np.savez_compressed(file, **content)
+
+
+def numbered(rows: Iterable[Mapping[str, Any]]) -> dict[str, np.ndarray]:
+    """Many of one kind in one archive: each by its number and name."""
+    return {f"{k:04d}.{name}": np.asarray(value) for k, row in enumerate(rows) for name, value in row.items()}
+
+
+def in_order(content: Mapping[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
+    """What `numbered` put together, apart again, in its order; ValueError for a name without a number."""
+    rows: dict[int, dict[str, np.ndarray]] = {}
+    for name, value in content.items():
+        number, _, rest = name.partition(".")
+        rows.setdefault(int(number), {})[rest] = value
+    return [rows[k] for k in sorted(rows)]
 
 
 def _check_size(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from dart_skill.cli import graph_verbs
 from dart_skill.cli.run_options import add_configuration, add_namespace
+from dart_skill.constants import REMEMBERED
 from dart_skill.world import THROW
 
 if TYPE_CHECKING:
@@ -45,6 +46,12 @@ def add_to(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("--with-throws", action="store_true", help="learn from misses and from the arm's own throws, too")
     text = "leave this demonstration out; may be given several times (those that were dropped are left out anyway)"
     parser.add_argument("--without", metavar="ID", action="append", default=[], help=text)
+    parser.add_argument(
+        "--remember",
+        type=int,
+        metavar="N",
+        help=f"learn from at most so many throws of a bag, those that cover the region best (default {REMEMBERED}; 0: all)",
+    )
     add_configuration(parser, "default; on a graph that of its learner")
     parser.add_argument("--at-least", type=int, metavar="N", help="without BAG: wait for so many demonstrations")
     add_namespace(parser)
@@ -77,6 +84,7 @@ def _learn(options: argparse.Namespace) -> int:
     mapping = load_mapping(options.mapping) if options.mapping else None
     raw = not options.demonstrations_topic
     wanted = {"raw": raw, "with_throws": options.with_throws, "without": options.without}
+    wanted["remember"] = REMEMBERED if options.remember is None else options.remember
     skill, report = learn_from_bag(options.bag, mapping, options.configuration or "default", **wanted)
     save_model(output, list(report.learned_from), skill.skill.configuration)
     print(json.dumps(_as_json(skill, report, output), indent=1) if options.json else _as_text(skill, report, output))
@@ -95,6 +103,7 @@ def _learn_dataset(options: argparse.Namespace, output: Path) -> int:
     from dart_skill.skill.learn import save_model
 
     of_bags = {"--mapping": options.mapping, "--demonstrations-topic": options.demonstrations_topic, "--with-throws": options.with_throws}
+    of_bags["--remember"] = options.remember is not None
     if given := [name for name, value in of_bags.items() if value]:
         raise ValueError(f"{given[0]} is for bags: {options.bag} is a dataset of LeRobot, whose episodes are the demonstrations")
     dataset = open_dataset(options.bag)
@@ -115,7 +124,8 @@ def _learn_skill(options: argparse.Namespace, skill: Skill, output: Path, datase
     if isinstance(skill, Throw):
         return _learn_other_throws(options, skill, output, dataset)
     name = skill.name
-    for option, given in {"--with-throws": options.with_throws, "--configuration": options.configuration}.items():
+    of_throws = {"--with-throws": options.with_throws, "--configuration": options.configuration, "--remember": options.remember is not None}
+    for option, given in of_throws.items():
         if given:
             raise ValueError(f"{option} is for throws: {options.bag} is of the skill '{name}'")
     if dataset is None:
@@ -137,8 +147,9 @@ def _learn_other_throws(options: argparse.Namespace, skill: Throw, output: Path,
     from dart_skill.session import learn_other_throws_from_dataset, learn_throws_from_bag
     from dart_skill.skill.learn import save_model
 
-    if options.with_throws:
-        raise ValueError(f"--with-throws is for throws at baskets: {options.bag} is of the skill '{skill.name}'")
+    for option, given in {"--with-throws": options.with_throws, "--remember": options.remember is not None}.items():
+        if given:
+            raise ValueError(f"{option} is for throws at baskets: {options.bag} is of the skill '{skill.name}'")
     name = options.configuration or "default"
     if dataset is None:
         practice, left_out = learn_throws_from_bag(options.bag, skill, name, options.without)
@@ -162,6 +173,7 @@ def _refuse_what_needs_a_bag(options: argparse.Namespace) -> None:
         "--raw": options.raw,
         "--demonstrations-topic": options.demonstrations_topic,
         "--with-throws": options.with_throws,
+        "--remember": options.remember is not None,
     }
     for name, given in of_bags.items():
         if given:
@@ -194,9 +206,8 @@ def _next(skill: str, model: Path) -> list[str]:
 def _throw_line(number: int, throw: FoundThrow) -> str:
     who = "guided" if throw.taught else "own"
     place, name = "", f"throw {number}"
-    if throw.demonstration is not None:
-        name = throw.demonstration.id
-        x, y, z = throw.demonstration.target
+    if throw.shown is not None:
+        name, (x, y, z) = throw.shown
         place = f", basket at ({x:.2f}, {y:.2f}, {z:.2f})"
     landed = ""
     if throw.outcome is not None and throw.outcome.landing_seen:
@@ -223,12 +234,12 @@ def _as_json(skill: PractisingSkill, report: LearnReport, output: Path) -> dict:
 
 
 def _throw_json(throw: FoundThrow) -> dict:
-    outcome, one = throw.outcome, throw.demonstration
+    outcome, (name, target) = throw.outcome, throw.shown or (None, None)
     return {
         "stamp_ns": throw.stamp_ns,
-        "id": None if one is None else one.id,
+        "id": name,
         "taught": throw.taught,
-        "target": None if one is None else one.target.tolist(),
+        "target": None if target is None else target.tolist(),
         "in_basket": None if outcome is None else bool(outcome.in_basket),
         "landing_error": float(outcome.landing_error) if outcome is not None and outcome.landing_seen else None,
         "left_out": throw.reason or None,

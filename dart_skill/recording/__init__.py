@@ -35,6 +35,7 @@ if TYPE_CHECKING:
         demonstration_from_message,
         demonstration_message,
         duration_content,
+        each_demonstration,
         fill_demonstration_message,
         filled,
         named,
@@ -58,8 +59,8 @@ else:
             ),
             "demonstration": (
                 "DEMONSTRATION_TOPIC DEMONSTRATION_TYPE SKILL Demonstration arm_rows demonstration_from_message "
-                "demonstration_message duration_content fill_demonstration_message filled named pose_rows "
-                "read_demonstrations skill_of stamp_ns times_after"
+                "demonstration_message duration_content each_demonstration fill_demonstration_message filled named "
+                "pose_rows read_demonstrations skill_of stamp_ns times_after"
             ),
             "grip_signal": "OLDER_COMMAND GripSignal Opening completed_command read_command",
             "log_time": "LogTime",
@@ -94,6 +95,7 @@ __all__ = [
     "deserialize",
     "encoded",
     "duration_content",
+    "each_demonstration",
     "fill_demonstration_message",
     "filled",
     "is_stamped",

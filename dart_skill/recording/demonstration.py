@@ -7,7 +7,7 @@ well as on those that are decoded without ROS.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -235,13 +235,19 @@ def skill_of(bag_path: str | os.PathLike) -> str:
 
 def read_demonstrations(bag_path: str | os.PathLike, topic: str = DEMONSTRATION_TOPIC) -> list[Demonstration]:
     """Demonstrations of a bag in the order of recording; BagError if it has none or they are not valid. topic: of the demonstrations."""
+    return list(each_demonstration(bag_path, topic))
+
+
+def each_demonstration(bag_path: str | os.PathLike, topic: str = DEMONSTRATION_TOPIC) -> Iterator[Demonstration]:
+    """As `read_demonstrations`, one after the other."""
     with GraphBag(bag_path) as bag:
         if topic not in bag.topics:
             raise BagError(f"{bag_path}: no topic {topic}, only {sorted(bag.topics)}: was it recorded?")
         if bag.topics[topic].type_name != DEMONSTRATION_TYPE:
             raise BagError(f"{bag_path}: {topic} has type {bag.topics[topic].type_name}, not {DEMONSTRATION_TYPE}")
         try:
-            return [demonstration_from_message(item.data) for item in bag.messages([topic])]
+            for item in bag.messages([topic]):
+                yield demonstration_from_message(item.data)
         except BagError:
             raise
         except (ValueError, AttributeError) as error:

@@ -8,16 +8,19 @@ learned from too, as what they are: throws at where the ball came down (8.2).
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dart_skill.constants import REMEMBERED
 from dart_skill.movement import VelocityThreshold
-from dart_skill.recording import Demonstration, check_known, read_demonstrations, read_dropped
+from dart_skill.recording import Demonstration, check_known, each_demonstration, read_dropped
 from dart_skill.recording.imports import Fault, RecordingMapping, ThrowRecording, read_in_parts, read_recording
 from dart_skill.session._finding import found_in
+from dart_skill.session._throw_memory import ThrowMemory
 from dart_skill.skill.learn import LEAST_DEMONSTRATIONS, SkillConfiguration, prepare
 from dart_skill.skill.learn import configuration as configuration_of
 from dart_skill.skill.observe import THRESHOLDS, FoundThrow
@@ -60,21 +63,25 @@ def learn_from_bag(
     without: Sequence[str] = (),
     method: str = "residual",
     thresholds: VelocityThreshold = THRESHOLDS,
+    remember: int = REMEMBERED,
 ) -> tuple[PractisingSkill, LearnReport]:
     """The skill that a recording teaches, as the learner node would learn it, and what was found.
 
     mapping: where everything is, for recordings that are not ours. raw: from the streams; else from the topic /demonstrations, as the
     recorder cut them. with_throws: also from misses and from the arm's own throws. without: ids of throws that are left out, besides the
-    demonstrations that were dropped while they were recorded. ValueError if there is too little to learn from.
+    demonstrations that were dropped while they were recorded. remember: how many are learned from at most, so that neither memory nor
+    model grow with the recording (`ThrowMemory`); 0 for all. ValueError if there is too little to learn from.
     """
     chosen = configuration_of(configuration)
+    unwanted, memory = _unwanted(path, mapping, without), ThrowMemory(remember, chosen)
     report, has_joints = LearnReport(os.path.basename(os.fspath(path)), raw), True
     if raw:
-        report, has_joints = _throws_in_parts(read_in_parts(path, mapping), report, chosen, with_throws, thresholds)
+        judged = partial(_judged, chosen=chosen, with_throws=with_throws, unwanted=unwanted)
+        report, has_joints = _throws_in_parts(read_in_parts(path, mapping), report, thresholds, judged, memory)
     else:
-        shown = [FoundThrow(_instant(one), True, one) for one in read_demonstrations(path)]
-        report = replace(report, throws=tuple(shown))
-    report = _without_dropped(report, path, mapping, without)
+        memory.take(_unless(FoundThrow(_instant(one), True, one), unwanted) for one in each_demonstration(path))
+        report = replace(report, throws=tuple(memory.throws))
+    _check_without(report, without)
     if len(report.learned_from) < LEAST_DEMONSTRATIONS:
         raise ValueError(_too_few(report, has_joints))
     from dart_skill.skill.improve import PractisingSkill  # who only looks for throws does not practise
@@ -94,16 +101,22 @@ def throws_in_bag(
 
     As `learn_from_bag`.
     """
-    recording = read_recording(path, mapping)
-    report, _ = _throws_in_parts([recording], LearnReport(recording.source, True), chosen, with_throws, THRESHOLDS)
-    return _without_dropped(report, path, mapping, without), recording
+    recording, unwanted = read_recording(path, mapping), _unwanted(path, mapping, without)
+    judged = partial(_judged, chosen=chosen, with_throws=with_throws, unwanted=unwanted)
+    report, _ = _throws_in_parts([recording], LearnReport(recording.source, True), THRESHOLDS, judged, ThrowMemory(0, chosen))
+    _check_without(report, without)
+    return report, recording
 
 
 def _throws_in_parts(
-    parts: Iterable[ThrowRecording], report: LearnReport, chosen: SkillConfiguration, with_throws: bool, thresholds: VelocityThreshold
+    parts: Iterable[ThrowRecording],
+    report: LearnReport,
+    thresholds: VelocityThreshold,
+    judged: Callable[[FoundThrow], FoundThrow],
+    memory: ThrowMemory,
 ) -> tuple[LearnReport, bool]:
     """A report with what was found in the parts of a recording, and whether the arm's joints were recorded. A part is forgotten when the
-    next one is read: what grows with a recording is what was found in it.
+    next one is read: what grows with a recording is what is remembered of it.
     """
     faults: list[Fault] = []
     source, has_joints = report.source, False
@@ -115,27 +128,28 @@ def _throws_in_parts(
             source, has_joints = part.source, has_joints or part.joints is not None
             yield part
 
-    throws = tuple(_judged(throw, with_throws, chosen) for throw in found_in(seen(), thresholds))
-    return replace(report, source=source, throws=throws, faults=tuple(faults)), has_joints
+    memory.take(map(judged, found_in(seen(), thresholds)))
+    return replace(report, source=source, throws=tuple(memory.throws), faults=tuple(faults)), has_joints
 
 
-def _without_dropped(report: LearnReport, path: str | os.PathLike, mapping: RecordingMapping | None, without: Sequence[str]) -> LearnReport:
-    """The report with the reasons why throws are not learned from that somebody did not want."""
-    check_known(without, [throw.demonstration.id for throw in report.throws if throw.demonstration is not None], report.source)
-    dropped = set() if mapping else read_dropped(path)
-    return replace(report, throws=tuple(_unless_dropped(throw, dropped, without) for throw in report.throws))
+def _unwanted(path: str | os.PathLike, mapping: RecordingMapping | None, without: Sequence[str]) -> dict[str, str]:
+    """Reasons why somebody did not want demonstrations, by their ids."""
+    dropped = () if mapping else read_dropped(path)
+    return {**dict.fromkeys(dropped, "dropped while it was recorded"), **dict.fromkeys(without, "as asked")}
 
 
-def _unless_dropped(throw: FoundThrow, dropped: Collection[str], without: Collection[str]) -> FoundThrow:
+def _unless(throw: FoundThrow, unwanted: Mapping[str, str]) -> FoundThrow:
     """The throw with the reason why somebody did not want it, if so."""
     if throw.demonstration is None or throw.reason:
         return throw
-    if throw.demonstration.id in without:
-        return replace(throw, reason="as asked")
-    return replace(throw, reason="dropped while it was recorded") if throw.demonstration.id in dropped else throw
+    return replace(throw, reason=unwanted.get(throw.demonstration.id, ""))
 
 
-def _judged(throw: FoundThrow, with_throws: bool, chosen: SkillConfiguration) -> FoundThrow:
+def _check_without(report: LearnReport, without: Sequence[str]) -> None:
+    check_known(without, [throw.shown[0] for throw in report.throws if throw.shown is not None], report.source)
+
+
+def _judged(throw: FoundThrow, chosen: SkillConfiguration, with_throws: bool, unwanted: Mapping[str, str]) -> FoundThrow:
     """The throw with the reason why it is not learned from, if there is one."""
     one, outcome, reason = throw.demonstration, throw.outcome, ""
     if throw.reason or one is None or outcome is None:
@@ -148,7 +162,7 @@ def _judged(throw: FoundThrow, with_throws: bool, chosen: SkillConfiguration) ->
             prepare(one, chosen)
         except ValueError as error:
             reason = str(error)
-    return replace(throw, reason=reason)
+    return _unless(replace(throw, reason=reason), unwanted)
 
 
 def _too_few(report: LearnReport, has_joints: bool) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from dart_skill.movement import Fit, check_alignment, find_patterns, turn_matrix
 from dart_skill.recording import Demonstration
-from dart_skill.skill.learn import DEFAULT, PreparedThrow, SkillConfiguration, ThrowingSkill, learn_prepared, prepare
+from dart_skill.skill.learn import DEFAULT, Crowd, PreparedThrow, SkillConfiguration, ThrowingSkill, learn_prepared, prepare
 
 FORGETTING = ("oldest", "crowded")
 LEAST_TO_COMPARE = 4
@@ -179,9 +179,4 @@ class Practice:
 
     def _most_crowded(self, memory: list[Demonstration]) -> int:
         """Index of the older of the two whose tasks are nearest to each other."""
-        tasks = np.array([self._prepared[one.id].task[:2] for one in memory])
-        if len(tasks) < 2:
-            return 0
-        apart = np.linalg.norm(tasks[:, None] - tasks, axis=2)
-        apart[np.tril_indices(len(tasks))] = np.inf
-        return int(np.unravel_index(np.argmin(apart), apart.shape)[0])
+        return Crowd(np.array([self._prepared[one.id].task for one in memory])).most_crowded()

@@ -1,6 +1,7 @@
 """From demonstrations to a skill, and from a skill to the plan of a throw."""
 
 from dart_skill.skill.learn._configuration import CONFIGURATIONS, DEFAULT, LADDER, SkillConfiguration, changed, configuration
+from dart_skill.skill.learn._crowd import Crowd
 from dart_skill.skill.learn._ellipsoids import component_ellipsoids
 from dart_skill.skill.learn._model_file import SavedModel, load_model, save_model
 from dart_skill.skill.learn._preparation import PreparedThrow, prepare
@@ -14,6 +15,7 @@ __all__ = [
     "DEFAULT",
     "LADDER",
     "LEAST_DEMONSTRATIONS",
+    "Crowd",
     "PreparedThrow",
     "SavedModel",
     "SkillConfiguration",

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dart_skill.archive import read_arrays
+from dart_skill.archive import in_order, numbered, read_arrays, write_arrays
 from dart_skill.files import new_file, open_file
 from dart_skill.recording import SKILL, Demonstration
 from dart_skill.robot import KnownRegistration, Registration
@@ -50,7 +50,7 @@ def save_model(
     """Write a model to `path`, which must not exist; the folder must. It is there whole, or not at all.
 
     practised (n, 6): `Correction.throws`. found: what practice has found besides, `PractisingSkill.state`; default None: nothing.
-    FileNotFoundError if there is no such folder.
+    FileNotFoundError if there is no such folder, ValueError if the demonstrations are more than a model may have.
     """
     path = Path(path)
     if not path.parent.is_dir():
@@ -59,10 +59,9 @@ def save_model(
     content["practised"] = np.asarray(practised, dtype=float)
     if found is not None:
         content["found"] = np.array(json.dumps(found, allow_nan=False))
-    for k, demonstration in enumerate(demonstrations):
-        content |= {f"{k:04d}.{name}": np.array(getattr(demonstration, name)) for name in _fields_of(demonstration)}
+    content |= numbered({name: getattr(one, name) for name in _fields_of(one)} for one in demonstrations)
     with new_file(path) as file:
-        np.savez_compressed(file, **content)
+        write_arrays(file, content)
 
 
 def load_model(path: str | Path) -> SavedModel:
@@ -78,7 +77,7 @@ def load_model(path: str | Path) -> SavedModel:
             configuration = _configuration({**OLDER, **json.loads(str(content.pop("configuration")))})
             practised = _practised(content.pop("practised", NO_THROWS))
             found = _found(content.pop("found", None))
-            demonstrations = [_demonstration(content, k) for k in sorted({name.split(".")[0] for name in content})]
+            demonstrations = [_demonstration(values) for values in in_order(content)]
         except Exception as error:  # zip, zlib, JSON and NumPy each have their own for bytes that they do not expect
             raise ValueError(f"{path} is not a model file of dart_skill: {error or type(error).__name__}") from error
     return SavedModel(demonstrations, configuration, practised, found)
@@ -131,9 +130,9 @@ def _fields_of(demonstration: Demonstration) -> list[str]:
     return [f.name for f in fields(Demonstration) if f.name != "skill" or demonstration.skill != SKILL]
 
 
-def _demonstration(content: dict[str, np.ndarray], key: str) -> Demonstration:
-    values = {f.name: content[f"{key}.{f.name}"] for f in fields(Demonstration) if f.name != "skill"}
-    values["skill"] = content.get(f"{key}.skill", np.array(SKILL))
+def _demonstration(content: dict[str, np.ndarray]) -> Demonstration:
+    values: dict[str, Any] = {f.name: content[f.name] for f in fields(Demonstration) if f.name != "skill"}
+    values["skill"] = content.get("skill", SKILL)
     kinds = {"id": str, "frame_id": str, "stamp_ns": int, "skill": str}
     plain = {name: kind(values[name]) for name, kind in kinds.items()}
     names = tuple(str(name) for name in values["joint_names"])

@@ -108,7 +108,7 @@ class PreparedThrow:
 
     def between(self, first: float, last: float) -> PreparedThrow:
         """The same throw with only the samples from `first` to `last` [s]."""
-        kept = (self.time >= first) & (self.time <= last)
+        kept = slice(int(np.searchsorted(self.time, first)), int(np.searchsorted(self.time, last, side="right")))
         return replace(self, time=self.time[kept], motion=self.motion[kept], velocity=self.velocity[kept], attractor=self.attractor[kept])
 
 

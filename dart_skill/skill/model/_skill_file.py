@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from dart_skill.archive import read_arrays
+from dart_skill.archive import in_order, numbered, read_arrays, write_arrays
 from dart_skill.files import new_file, open_file
 from dart_skill.robot import Grip
 from dart_skill.skill.model._learning import AnySkill, learn
@@ -44,17 +44,16 @@ def changed_skill(skill: K, parameters: dict[str, Any]) -> tuple[K, str]:
 def save_skill_model(path: str | Path, learned: AnySkill) -> None:
     """Write a model to `path`, which must not exist; the folder must. It is there whole, or not at all.
 
-    learned: the skill. FileNotFoundError if there is no such folder.
+    learned: the skill. FileNotFoundError if there is no such folder, ValueError if its demonstrations are more than a model may have.
     """
     path = Path(path)
     if not path.parent.is_dir():
         raise FileNotFoundError(f"there is no folder {path.parent} to save a model in")
     about = {"skill": learned.skill.name, "settings": asdict(learned.skill.settings)}
     content: dict[str, Any] = {"format": np.array(FORMAT), "about": np.array(json.dumps(about)), "misses": learned.misses}
-    for k, one in enumerate(learned.demonstrations):
-        content |= {f"{k:04d}.{name}": value for name, value in _arrays_of(one).items()}
+    content |= numbered(map(_arrays_of, learned.demonstrations))
     with new_file(path) as file:
-        np.savez_compressed(file, **content)
+        write_arrays(file, content)
 
 
 def load_skill_model(path: str | Path, skill: Skill) -> AnySkill:
@@ -65,7 +64,7 @@ def load_skill_model(path: str | Path, skill: Skill) -> AnySkill:
             if str(content.pop("format")) != FORMAT:
                 raise ValueError(f"its format is not '{FORMAT}'")
             about, misses = json.loads(str(content.pop("about"))), content.pop("misses")
-            demonstrations = [_demonstration(content, key) for key in sorted({name.split(".")[0] for name in content})]
+            demonstrations = [_demonstration(own) for own in in_order(content)]
         except Exception as error:  # zip, zlib, JSON and NumPy each have their own for bytes that they do not expect
             raise ValueError(f"{path} is not a model file of a skill: {error or type(error).__name__}") from error
     if about["skill"] != skill.name:
@@ -83,8 +82,7 @@ def _arrays_of(one: TaskDemonstration) -> dict[str, Any]:
     return {"id": np.array(one.id), "stamp_ns": np.array(one.stamp_ns), "told": told, **joints, **tracks}
 
 
-def _demonstration(content: dict[str, np.ndarray], key: str) -> TaskDemonstration:
-    own = {name.removeprefix(f"{key}."): value for name, value in content.items() if name.startswith(f"{key}.")}
+def _demonstration(own: dict[str, np.ndarray]) -> TaskDemonstration:
     roles = dict.fromkeys(name.split(".")[1] for name in own if name.startswith("track."))
     return TaskDemonstration(
         id=str(own["id"]),

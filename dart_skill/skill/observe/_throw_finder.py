@@ -25,6 +25,7 @@ class FoundThrow:
     * taught: a person guided it.
     * demonstration, outcome: None if it could not be cut out.
     * reason: why it is not learned from, empty if it is.
+    * was: id and target (3,) [m] of a demonstration that was forgotten; None of one that is there.
     """
 
     stamp_ns: int
@@ -32,6 +33,16 @@ class FoundThrow:
     demonstration: Demonstration | None = None
     outcome: Outcome | None = None
     reason: str = ""
+    was: tuple[str, np.ndarray] | None = None
+
+    @property
+    def shown(self) -> tuple[str, np.ndarray] | None:
+        """Id and target (3,) [m] of its demonstration, also of one that was forgotten; None if it was not cut out."""
+        return self.was if self.demonstration is None else (self.demonstration.id, self.demonstration.target)
+
+    def forgotten(self, reason: str) -> FoundThrow:
+        """The throw without what was recorded of it. reason: why that is forgotten."""
+        return replace(self, demonstration=None, was=self.shown, reason=reason)
 
     @property
     def shows(self) -> bool:

@@ -18,8 +18,9 @@ from dart_skill.recording.imports.mapping import OWN, PoseSource, parse_mapping
 from dart_skill.recording.imports.throw_recording import convert, read_recording
 from dart_skill.robot import same_plan
 from dart_skill.session import find_throws, learn_from_bag
+from dart_skill.session._throw_memory import ThrowMemory
 from dart_skill.skill.improve import PractisingSkill
-from dart_skill.skill.learn import load_model
+from dart_skill.skill.learn import DEFAULT, load_model
 from dart_skill.skill.observe import ThrowFinder, ThrowLog
 from dart_skill.skill.observe._throw_finder import MEMORY_NS
 from tests.paths import ROOT
@@ -145,6 +146,37 @@ def test_a_demonstration_can_be_left_out_by_its_id(recorded_session, shown, tmp_
     assert [one.id for one in load_model(tmp_path / "model.npz")[0]] == [shown[0].id, shown[2].id]
     with pytest.raises(ValueError, match=f"no demonstration 'demonstration_3': there are .*{shown[0].id}"):
         run([recorded_session[0], *way, "--without", "demonstration_3", "--output", tmp_path / "other.npz"])
+
+
+@pytest.mark.parametrize("raw", [True, False], ids=["found", "published"])
+def test_what_is_remembered_of_a_long_recording_covers_its_region(recorded_session, shown, tmp_path, capsys, raw):
+    """Of three only two: of the two that are nearest to each other the older one goes, and the model is that of the others."""
+    tasks = [one.target for one in shown]
+    pairs = [(np.linalg.norm(tasks[i] - tasks[k]), i) for i in range(3) for k in range(i + 1, 3)]
+    gone = min(pairs)[1]
+    way, output = [] if raw else ["--demonstrations-topic"], tmp_path / "model.npz"
+    assert run([recorded_session[0], *way, "--remember", "2", "--output", output, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["learned_from"] == [one.id for k, one in enumerate(shown) if k != gone]
+    assert [one["id"] for one in told["throws"]][:3] == [one.id for one in shown], "nothing is lost of what was found"
+    forgotten = told["throws"][gone]
+    np.testing.assert_allclose(forgotten["target"], tasks[gone])
+    assert forgotten["left_out"] == "forgotten, as the older of the two nearest to each other of more than 2 (--remember)"
+    others = PractisingSkill([one for k, one in enumerate(shown) if k != gone])
+    assert told["model_id"] == others.skill.model_id
+    assert run([recorded_session[0], *way, "--remember", "0", "--output", tmp_path / "all.npz", "--json"]) == 0
+    assert len(json.loads(capsys.readouterr().out)["learned_from"]) == 3
+
+
+def test_throws_of_the_arm_itself_are_forgotten_before_those_that_were_shown(recorded_session, shown):
+    _, report = learn_from_bag(recorded_session[0], with_throws=True, remember=3)
+    assert len(report.learned_from) == 3 and [throw.taught for throw in report.throws if throw.reason] == [True]
+    own = [throw for throw in report.throws if not throw.taught]
+    memory = ThrowMemory(2, DEFAULT)
+    memory.take([*own, replace(own[0], stamp_ns=own[0].stamp_ns + 1), *[throw for throw in report.throws if throw.demonstration][:1]])
+    assert [bool(throw.reason) for throw in memory.throws] == [True, False, False]
+    with pytest.raises(ValueError, match="-1 demonstrations cannot be remembered: give a positive number, or 0 for all"):
+        learn_from_bag(recorded_session[0], remember=-1)
 
 
 def test_the_arms_own_throws_are_learned_from_if_asked(recorded_session):

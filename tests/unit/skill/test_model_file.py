@@ -251,3 +251,16 @@ def test_a_model_file_holds_plain_arrays_only(saved):
 def test_a_file_that_is_not_there_is_not_found(tmp_path):
     with pytest.raises(FileNotFoundError):
         load_model(tmp_path / "nothing.npz")
+
+
+def test_more_than_a_model_may_have_is_refused_before_anything_is_written(tmp_path, demonstrations, monkeypatch):
+    monkeypatch.setattr(archive, "LARGEST", 100_000)
+    with pytest.raises(ValueError, match="more than the 100000 that a model may have: learn from fewer demonstrations"):
+        save_model(tmp_path / "throw.npz", demonstrations, DEFAULT)
+    assert not list(tmp_path.iterdir())
+
+
+def test_demonstrations_keep_their_order_however_many_there_are():
+    """Their names have four digits, as far as these go."""
+    rows = [{"id": np.array(k)} for k in range(10_003)]
+    assert [int(row["id"]) for row in archive.in_order(archive.numbered(rows))] == list(range(10_003))

@@ -95,10 +95,10 @@ def test_a_trial_that_cannot_be_read_is_kept_out_with_the_reason(demonstrations,
     assert len(practice.demonstrations) == len(demonstrations)
 
 
-def filled(demonstrations, **settings):
+def filled(demonstrations, trials=5, **settings):
     """Four shown, the rest tried one by one; practice and what each trial pushed out."""
     practice = Practice(demonstrations[:4], DEFAULT, PracticeSettings(largest_deviation=1e3, **settings))
-    return practice, [practice.add(trial_like(demonstrations[k % 4], f"trial_{k}")).forgotten for k in range(5)]
+    return practice, [practice.add(trial_like(demonstrations[k % 4], f"trial_{k}")).forgotten for k in range(trials)]
 
 
 def test_a_full_memory_forgets_the_oldest_trial_and_no_demonstration(demonstrations):
@@ -119,6 +119,18 @@ def test_crowded_forgetting_keeps_the_region_covered(demonstrations):
     for name, one in (("far_1", far), ("near", near), ("far_2", far)):
         assert not practice.add(trial_like(one, name)).forgotten
     assert practice.add(trial_like(far, "far_3")).forgotten == ("far_1",), "there were two more of its kind"
+
+
+def test_darts_that_meet_the_board_above_each_other_are_no_crowd(demonstrations, monkeypatch):
+    """The place of a task has three coordinates: those of a board differ in the second and third."""
+    heights = {"trial_0": 0.0, "trial_1": 0.5, "trial_2": 0.6}
+
+    def prepared(one, configuration):
+        return replace(prepare(one, configuration), task=np.array([2.37, 0.0, heights.get(one.id, 9.0)]))
+
+    monkeypatch.setattr("dart_skill.skill.improve._practice.prepare", prepared)
+    practice, forgotten = filled(demonstrations, capacity=6, forget="crowded", trials=3)
+    assert forgotten == [(), (), ("trial_1",)]
 
 
 def test_without_a_limit_nothing_is_forgotten(demonstrations):
