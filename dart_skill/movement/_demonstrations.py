@@ -161,10 +161,11 @@ def complete(
 def _noise_matters(time: np.ndarray, position: np.ndarray, acceleration: np.ndarray) -> bool:
     """Whether the noise, estimated from sixth differences, would be visible in the acceleration."""
     contrast = np.diff(position - position[0], 6, axis=0)
-    level = np.median(np.abs(contrast)) / (0.6745 * np.sqrt(924.0))
     interval = (time[-1] - time[0]) / (len(time) - 1)
     # Differencing a sample twice with seven points multiplies independent noise by about 3.3 per interval squared.
-    return 3.3 * level / interval**2 > NOISE_SHARE * np.sqrt(np.mean(np.square(acceleration)))
+    visible = NOISE_SHARE * np.sqrt(np.mean(np.square(acceleration))) * interval**2 / 3.3
+    # The noise is the median of the sizes, in units of that of normal noise: whether it is larger, a count says in a fraction of the time.
+    return 2 * np.count_nonzero(np.abs(contrast) > 0.6745 * np.sqrt(924.0) * visible) > contrast.size
 
 
 def difference(time: np.ndarray, samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from dart_skill.checks import as_count, as_number
 from dart_skill.movement._demonstrations import Demonstration, as_demonstrations, shares
-from dart_skill.movement._forcing import REGRESSIONS, GaussianKernels
+from dart_skill.movement._forcing import REGRESSIONS, gaussian_kernels
 from dart_skill.movement._goal_path import BlendAttractor, blend
 from dart_skill.movement._primitive import Execution, Primitive, PrimitiveState
 
@@ -58,7 +58,7 @@ class DiscretePrimitive(Primitive):
             raise ValueError(f"goal_path must be 'smooth' or 'fixed', got {goal_path!r}")
         if regression not in (*REGRESSIONS, "path"):
             raise ValueError(f"regression must be one of {[*REGRESSIONS, 'path']}, got {regression!r}")
-        super().__init__(GaussianKernels(n_basis, decay), n_basis, stiffness, "joint" if regression == "path" else regression)
+        super().__init__(gaussian_kernels(n_basis, decay), n_basis, stiffness, "joint" if regression == "path" else regression)
         self.regression = regression
         self.canonical_decay, self.phase_scaled, self.goal_path = decay, phase_scaled, goal_path
         self._smooth_path = BlendAttractor(self.stiffness, self._damping)

@@ -5,6 +5,8 @@ Progress s is time in units of the duration (or period): s = 0 at the start, 1 a
 (7.6) has a closed form: z = exp(-decay s) solves z' = -tau decay z, and the angle 2 pi s solves z' = tau omega.
 """
 
+from functools import lru_cache
+
 import numpy as np
 
 # Value of a kernel at its neighbour's centre.
@@ -22,7 +24,7 @@ class GaussianKernels:
         self.centres = np.exp(-decay * np.linspace(0.0, 1.0, n_basis))
         spacing = -np.diff(self.centres)
         self.widths = np.append(spacing, spacing[-1]) / np.sqrt(-np.log(OVERLAP))
-        self.neighbours = np.diff(np.eye(n_basis), axis=0)
+        self.tie, self.penalty = _ties(np.diff(np.eye(n_basis), axis=0))
         # -(z - c)^2 / h^2 in powers of z, so that all exponents are one matrix product.
         self._exponents = np.stack([-np.square(self.centres), 2.0 * self.centres, -np.ones(n_basis)]) / self.widths**2
 
@@ -49,7 +51,7 @@ class PeriodicKernels:
     def __init__(self, n_basis: int):
         self.centres = 2.0 * np.pi * np.arange(n_basis) / n_basis
         self.widths = np.full(n_basis, 2.0 * np.sin(np.pi / n_basis) / np.sqrt(-np.log(OVERLAP)))
-        self.neighbours = np.eye(n_basis) - np.roll(np.eye(n_basis), 1, axis=0)
+        self.tie, self.penalty = _ties(np.eye(n_basis) - np.roll(np.eye(n_basis), 1, axis=0))
         # Coefficients of cos(z - c) - 1 with respect to 1, cos z and sin z.
         self._exponents = np.stack([-np.ones(n_basis), np.cos(self.centres), np.sin(self.centres)]) * (2.0 / self.widths**2)
 
@@ -65,6 +67,18 @@ class PeriodicKernels:
 
 
 Kernels = GaussianKernels | PeriodicKernels
+
+
+@lru_cache(maxsize=64)
+def gaussian_kernels(n_basis: int, decay: float) -> GaussianKernels:
+    """The same for all primitives that have these, as they never change: making them takes a tenth of the time of learning."""
+    return GaussianKernels(n_basis, decay)
+
+
+def _ties(neighbours: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The matrix of the squares of differences (m, n_basis), and the penalties of the joint regression, both (n_basis, n_basis)."""
+    tie = neighbours.T @ neighbours
+    return tie, NEIGHBOUR_PENALTY * tie + SIZE_PENALTY * np.eye(len(tie))
 
 
 def _rows(second: np.ndarray, third: np.ndarray) -> np.ndarray:
@@ -85,7 +99,7 @@ def transformation(raw: np.ndarray, weights: np.ndarray) -> np.ndarray:
     return (raw @ weights) / raw.sum(axis=1, keepdims=True)
 
 
-def regress_locally(psi: np.ndarray, gate: np.ndarray, target: np.ndarray, weights: np.ndarray, neighbours: np.ndarray) -> np.ndarray:
+def regress_locally(psi: np.ndarray, gate: np.ndarray, target: np.ndarray, weights: np.ndarray, kernels: Kernels) -> np.ndarray:
     """(7.13): each kernel by itself fits gate * theta to the targets (n, d).
 
     The samples are weighted by psi and by their own weights (n,). The weight of a kernel that no sample reaches is
@@ -97,12 +111,12 @@ def regress_locally(psi: np.ndarray, gate: np.ndarray, target: np.ndarray, weigh
     theta = np.zeros((psi.shape[1], target.shape[1]))
     theta[reached] = (weighted.T @ target)[reached] / evidence[reached, None]
     if not reached.all():
-        tie = neighbours.T @ neighbours
+        tie = kernels.tie
         theta[~reached] = np.linalg.lstsq(tie[~reached][:, ~reached], -tie[~reached][:, reached] @ theta[reached], rcond=None)[0]
     return theta
 
 
-def regress_jointly(psi: np.ndarray, gate: np.ndarray, target: np.ndarray, weights: np.ndarray, neighbours: np.ndarray) -> np.ndarray:
+def regress_jointly(psi: np.ndarray, gate: np.ndarray, target: np.ndarray, weights: np.ndarray, kernels: Kernels) -> np.ndarray:
     """All kernels together fit (7.10) to the targets (n, d), by weighted least squares.
 
     (7.13) fits each kernel as if it were alone, although neighbours overlap and add up. That is the first Jacobi step
@@ -112,8 +126,7 @@ def regress_jointly(psi: np.ndarray, gate: np.ndarray, target: np.ndarray, weigh
     share = np.sqrt(weights)
     features = np.multiply(psi, (share * gate)[:, None], out=psi)
     normal = features.T @ features
-    scale = normal.sum() / len(normal)
-    normal += scale * (NEIGHBOUR_PENALTY * (neighbours.T @ neighbours) + SIZE_PENALTY * np.eye(len(normal)))
+    normal += normal.sum() / len(normal) * kernels.penalty
     return np.linalg.solve(normal, features.T @ (share[:, None] * target))
 
 

@@ -207,7 +207,7 @@ class Primitive(SavedModel):
         weights = np.concatenate([demo.weights for demo in demonstrations])
         psi = normalised(self._kernels.raw(progress))
         regress = REGRESSIONS.get(self.regression, regress_jointly)
-        self.weights_ = regress(psi, self._gate(progress), target, weights, self._kernels.neighbours)
+        self.weights_ = regress(psi, self._gate(progress), target, weights, self._kernels)
 
     def _reference(self, demonstration: Demonstration, start: np.ndarray, goal: np.ndarray, duration: float) -> np.ndarray:
         """f_ref (n, d) of (7.12), with A = 1: the drive that the spring-damper needs to move as demonstrated."""
