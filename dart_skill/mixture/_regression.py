@@ -88,7 +88,7 @@ class Regression:
             span = slice(start, start + SLICE)
             shares = self._shares(inputs[span], start)
             self._moments.write_mean(inputs[span], shares, mean[span])
-            self._moments.write_covariance(inputs[span], shares, mean[span], covariance[span])
+            self._moments.write_covariance(inputs[span], shares, covariance[span])
         return mean, covariance
 
     def mean(self, inputs: ArrayLike) -> np.ndarray:
@@ -141,10 +141,10 @@ class _Moments:
         write_lines(inputs, shares, self._input_means, terms)
         np.matmul(terms, lines, out=mean)
 
-    def write_covariance(self, inputs: np.ndarray, shares: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> None:
-        """Write the total covariance (n, o, o) for inputs (n, i), shares (n, K) and their mean (n, o)."""
+    def write_covariance(self, inputs: np.ndarray, shares: np.ndarray, covariance: np.ndarray) -> None:
+        """Write the total covariance (n, o, o) for inputs (n, i) and shares (n, K)."""
         terms = np.empty((len(inputs), len(self._collector)))
-        write_spread(inputs, shares, self._input_means, self._lines, mean, terms)
+        write_spread(inputs, shares, self._input_means, self._lines, terms)
         np.matmul(terms, self._collector, out=covariance.reshape(len(inputs), -1))
 
     @cached_property
@@ -160,7 +160,7 @@ class _MomentsByPairs(_Moments):
     A pair counts most in the middle between its centres. There its powers begin, so that none is large where it counts.
     """
 
-    def write_covariance(self, inputs: np.ndarray, shares: np.ndarray, _mean: np.ndarray, covariance: np.ndarray) -> None:
+    def write_covariance(self, inputs: np.ndarray, shares: np.ndarray, covariance: np.ndarray) -> None:
         middles, collector = self._of_pairs
         terms = np.empty((len(inputs), len(collector)))
         write_pairs(inputs, shares, middles, terms)

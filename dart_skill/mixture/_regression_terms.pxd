@@ -47,9 +47,9 @@ cpdef write_pairs(const double[:, :] inputs, const double[:, ::1] shares, const 
 
 @cython.locals(
     n_components=Py_ssize_t, n_outputs=Py_ssize_t, n=Py_ssize_t, k=Py_ssize_t, a=Py_ssize_t, b=Py_ssize_t, i=Py_ssize_t, place=Py_ssize_t,
-    offset=double, share=double, weighted=double, deviation=double[::1], spread=double[::1]
+    first=Py_ssize_t, offset=double, its=double, share=double, weighted=double, apart=double[:, ::1], mean=double[::1], spread=double[::1]
 )
 cpdef write_spread(
     const double[:, :] inputs, const double[:, ::1] shares, const double[:, ::1] input_means, const double[:, :, ::1] lines,
-    const double[:, ::1] mean, double[:, ::1] terms
+    double[:, ::1] terms
 )

@@ -169,33 +169,42 @@ def write_pairs(inputs: np.ndarray, shares: np.ndarray, middles: np.ndarray, ter
                 place += 1
 
 
-def write_spread(
-    inputs: np.ndarray, shares: np.ndarray, input_means: np.ndarray, lines: np.ndarray, mean: np.ndarray, terms: np.ndarray
-) -> None:
+def write_spread(inputs: np.ndarray, shares: np.ndarray, input_means: np.ndarray, lines: np.ndarray, terms: np.ndarray) -> None:
     """Write the terms of the covariance (3.5) with any number of inputs: shares, and the spread between the components.
+
+    Means of the outputs are told from that of the component with the largest share. Far away there is no other, and nothing is left: of
+    means that are told from zero, rounding would be left.
 
     * inputs, shares, input_means: as of `write_lines`.
     * lines: (K, 1 + i, o), outputs of each component at its inputs' mean, and their slopes.
-    * mean: (n, o), of the outputs.
     * terms: (n, K + q), are written; q = o (o + 1) / 2, the upper triangle by rows.
     """
-    n_components, n_outputs = shares.shape[1], mean.shape[1]
-    deviation, spread = np.empty(n_outputs), np.empty(terms.shape[1] - n_components)
+    n_components, n_outputs = shares.shape[1], lines.shape[2]
+    apart, mean, spread = np.empty((n_components, n_outputs)), np.empty(n_outputs), np.empty(terms.shape[1] - n_components)
     for n in range(shares.shape[0]):
+        first = 0
+        for k in range(1, n_components):
+            if shares[n, k] > shares[n, first]:
+                first = k
+        for a in range(n_outputs):
+            mean[a] = 0.0
         for place in range(spread.shape[0]):
             spread[place] = 0.0
         for k in range(n_components):
             for a in range(n_outputs):
-                deviation[a] = lines[k, 0, a] - mean[n, a]
+                apart[k, a] = lines[k, 0, a] - lines[first, 0, a]
             for i in range(inputs.shape[1]):
-                offset = inputs[n, i] - input_means[k, i]
+                offset, its = inputs[n, i] - input_means[k, i], inputs[n, i] - input_means[first, i]
                 for a in range(n_outputs):
-                    deviation[a] += lines[k, 1 + i, a] * offset
+                    apart[k, a] += lines[k, 1 + i, a] * offset - lines[first, 1 + i, a] * its
+            for a in range(n_outputs):
+                mean[a] += shares[n, k] * apart[k, a]
+        for k in range(n_components):
             share, place = shares[n, k], 0
             for a in range(n_outputs):
-                weighted = share * deviation[a]
+                weighted = share * (apart[k, a] - mean[a])
                 for b in range(a, n_outputs):
-                    spread[place] += weighted * deviation[b]
+                    spread[place] += weighted * (apart[k, b] - mean[b])
                     place += 1
             terms[n, k] = share
         for place in range(spread.shape[0]):

@@ -141,6 +141,22 @@ def test_a_query_however_far_has_an_answer_or_is_refused(distance, seed, forward
     assert np.isfinite(covariance).all()
 
 
+@pytest.mark.parametrize("n_inputs", [1, 2])
+def test_the_covariance_far_away_is_that_of_one_component_at_any_distance(n_inputs):
+    """Also where a mean of the outputs has fewer digits than the covariance: of (3.5) nothing is left but one component."""
+    rng = np.random.default_rng(0)
+    means, factors = rng.normal(size=(6, n_inputs + 2)), rng.normal(size=(6, n_inputs + 2, n_inputs + 2))
+    covariances = factors @ factors.swapaxes(1, 2) + np.eye(n_inputs + 2)
+    covariances[0] *= 10.0
+    mixture = GaussianMixture.from_parameters(np.full(6, 1 / 6), means, covariances)
+    inputs, outputs = np.arange(n_inputs), [n_inputs, n_inputs + 1]
+    slow, cross = covariances[0][:n_inputs, :n_inputs], covariances[0][n_inputs:, :n_inputs]
+    conditional = covariances[0][n_inputs:, n_inputs:] - cross @ np.linalg.solve(slow, cross.T)
+    for exponent in range(10, 60):
+        query = np.full((1, n_inputs), 2.0**exponent)
+        np.testing.assert_allclose(regress(mixture, query, inputs, outputs)[1][0], conditional, rtol=1e-9)
+
+
 # what no mixture can be made of
 
 
