@@ -31,7 +31,10 @@ def read_arrays(file: BinaryIO) -> dict[str, np.ndarray]:
 
 
 def write_arrays(file: BinaryIO, content: Mapping[str, Any]) -> None:
-    """Write what `read_arrays` reads, compressed; ValueError for more than it would read. file: open for writing bytes."""
+    """Write what `read_arrays` reads, compressed; ValueError for more than it would read.
+
+    file: open for writing bytes; content: arrays by their names.
+    """
     size = sum(np.asarray(value).nbytes for value in content.values())
     if size > LARGEST:
         raise ValueError(f"{size} bytes are more than the {LARGEST} that a model may have: learn from fewer demonstrations")
@@ -39,12 +42,12 @@ def write_arrays(file: BinaryIO, content: Mapping[str, Any]) -> None:
 
 
 def numbered(rows: Iterable[Mapping[str, Any]]) -> dict[str, np.ndarray]:
-    """Many of one kind in one archive: each by its number and name."""
+    """Many of one kind in one archive: each by its number and name. rows: the arrays of each, by their names."""
     return {f"{k:04d}.{name}": np.asarray(value) for k, row in enumerate(rows) for name, value in row.items()}
 
 
 def in_order(content: Mapping[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
-    """What `numbered` put together, apart again, in its order; ValueError for a name without a number."""
+    """What `numbered` put together, apart again, in its order. content: that alone; ValueError for a name without a number."""
     rows: dict[int, dict[str, np.ndarray]] = {}
     for name, value in content.items():
         number, _, rest = name.partition(".")

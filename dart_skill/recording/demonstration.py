@@ -239,7 +239,7 @@ def read_demonstrations(bag_path: str | os.PathLike, topic: str = DEMONSTRATION_
 
 
 def each_demonstration(bag_path: str | os.PathLike, topic: str = DEMONSTRATION_TOPIC) -> Iterator[Demonstration]:
-    """As `read_demonstrations`, one after the other."""
+    """As `read_demonstrations`, one after the other, with its BagError. bag_path, topic: the same."""
     with GraphBag(bag_path) as bag:
         if topic not in bag.topics:
             raise BagError(f"{bag_path}: no topic {topic}, only {sorted(bag.topics)}: was it recorded?")

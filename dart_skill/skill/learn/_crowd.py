@@ -8,7 +8,7 @@ NOBODY = np.empty((0, 3))
 class Crowd:
     """Points that come and go, oldest first. A point costs work and memory in proportion to how many there are.
 
-    points: (n, 3), those at the beginning; default none.
+    * points: (n, 3), those at the beginning; default none.
     """
 
     def __init__(self, points: np.ndarray = NOBODY):
@@ -20,12 +20,12 @@ class Crowd:
         return len(self._points)
 
     def add(self, point: np.ndarray) -> None:
-        """The newest point (3,)."""
+        """The newest one comes. point: (3,)."""
         self._nearest = np.append(np.minimum(self._nearest, np.linalg.norm(self._points - point, axis=1)), np.inf)
         self._points = np.vstack([self._points, point])
 
     def remove(self, index: int) -> None:
-        """The point at an index goes; those after it move up."""
+        """A point goes, and those after it move up. index: of the point."""
         apart = np.linalg.norm(self._points[:index] - self._points[index], axis=1)
         alone = np.flatnonzero(apart <= self._nearest[:index])
         self._points, self._nearest = np.delete(self._points, index, axis=0), np.delete(self._nearest, index)
