@@ -29,6 +29,7 @@ NODES = {
     "wam_simulator.py": ("simulator", palette.SKY),
     "mock_optitrack.py": ("cameras", palette.GREEN),
     "commander.py": ("commander", palette.ORANGE),
+    "teacher.py": ("teacher", palette.VERMILION),
     "recorder.py": ("recorders", palette.PURPLE),
     "bag_sink.py": ("recorders", palette.PURPLE),
 }
@@ -109,7 +110,8 @@ def drawn(found: list[Box]) -> Figure:
     axes.set_xlim(0.0, 1.0)
     axes.set_ylim(0.0, deepest + 1.0)
     axes.axis("off")
-    figure.legend(handles=key_of(found), loc="lower center", ncols=5, frameon=False, fontsize=8.5)
+    key = key_of(found)
+    figure.legend(handles=key, loc="lower center", ncols=len(key), frameon=False, fontsize=8, columnspacing=1.2)
     return figure
 
 
