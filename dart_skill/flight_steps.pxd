@@ -14,7 +14,7 @@ cpdef cross(const double[:, :] position, const double[:, :] velocity, const doub
             const double[:] offset, double drag, double gravity)
 
 @cython.locals(n=Py_ssize_t, i=Py_ssize_t, k=Py_ssize_t, longest=double, largest=double, state=double[:, ::1], change=double[::1],
-               away=double[::1], points=double[:, ::1], speeds=double[:, ::1], step=double[::1], instants=double[:, ::1],
+               away=double[::1], points=double[:, ::1],
                directions=double[:, ::1], triangle=double[:, ::1], left=double[::1])
 cpdef fit(const double[:] time, const double[:, :] position, const double[:, :] first, double drag, double gravity, double accuracy)
 
@@ -38,8 +38,16 @@ cdef _line(const double[:] time, double[:, ::1] samples, double[:, ::1] line)
 
 cdef double _length(double[:, ::1] vectors, Py_ssize_t i) except? -1.0
 
-@cython.locals(i=Py_ssize_t, j=Py_ssize_t, fastest=double, longest=double, longest_step=double)
+@cython.locals(i=Py_ssize_t, j=Py_ssize_t, longest=double)
 cdef Py_ssize_t _needed(const double[:, :] velocity, const double[:, :] time, double drag) except? -1
+
+@cython.locals(i=Py_ssize_t, fastest=double)
+cdef double _longest_step(const double[:, :] velocity, double drag) except? -1.0
+
+@cython.locals(n_flights=Py_ssize_t, n=Py_ssize_t, first=Py_ssize_t, way=Py_ssize_t, i=Py_ssize_t, j=Py_ssize_t, k=Py_ssize_t,
+               n_steps=Py_ssize_t, place=double[:, ::1], speed=double[:, ::1], step=double[::1], longest_step=double, now=double)
+cdef _follow(const double[:, :] position, const double[:, :] velocity, const double[:] time, double drag, double gravity,
+             double[:, ::1] points)
 
 @cython.locals(i=Py_ssize_t, j=Py_ssize_t, k=Py_ssize_t, row=Py_ssize_t, n_steps=Py_ssize_t)
 cdef _predict(const double[:, :] position, const double[:, :] velocity, const double[:, :] time, double drag, double gravity,
@@ -59,8 +67,8 @@ cdef bint _crosses(double[:, ::1] place, double[:, ::1] speed, double[::1] insta
 cdef double _along(const double[:] normal, double[:, ::1] vector) except? -1.0
 
 @cython.locals(n=Py_ssize_t, i=Py_ssize_t, j=Py_ssize_t, k=Py_ssize_t, axis=Py_ssize_t, starts=double[:, ::1],
-               velocities=double[:, ::1], times=double[:, ::1], probed=double[:, ::1], ends=double[:, ::1])
-cdef _sensitivity(double[:, ::1] state, double[:, ::1] time, double drag, double gravity, double[:, ::1] points,
+               velocities=double[:, ::1], probed=double[:, ::1])
+cdef _sensitivity(double[:, ::1] state, const double[:] time, double drag, double gravity, double[:, ::1] points,
                   double[:, ::1] directions)
 
 @cython.locals(m=Py_ssize_t, n=Py_ssize_t, k=Py_ssize_t, i=Py_ssize_t, other=Py_ssize_t, total=double, length=double)

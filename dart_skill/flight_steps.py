@@ -70,7 +70,7 @@ def fit(
     The method of Gauss and Newton with one sensitivity for all repetitions. A change of the state by c leaves an error of about k t c^2:
     where that is small enough, the flight moves as its sensitivity says.
 
-    * time: (n,) [s].
+    * time: (n,), increasing [s].
     * position: (n, 3) [m].
     * first: position and velocity (2, 3) to begin with.
     * drag, gravity: [1/m], [m/s^2].
@@ -79,15 +79,11 @@ def fit(
     n = time.shape[0]
     found, distances, change = np.empty((2, 3)), np.empty(n), np.empty(6)
     state, away, left = found, distances, np.empty(3 * n)
-    points, speeds, step, instants = np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.empty((1, n))
-    directions, triangle = np.empty((6, 3 * n)), np.empty((6, 6))
-    longest = 0.0
+    points, directions, triangle = np.empty((n, 3)), np.empty((6, 3 * n)), np.empty((6, 6))
+    longest = max(abs(time[0]), abs(time[n - 1]))
     for k in range(6):
         state[k // 3, k % 3] = first[k // 3, k % 3]
-    for i in range(n):
-        instants[0, i] = time[i]
-        longest = max(longest, abs(time[i]))
-    _sensitivity(state, instants, drag, gravity, points, directions)
+    _sensitivity(state, time, drag, gravity, points, directions)
     _orthonormalise(directions, triangle)
     for _ in range(MOST_REPETITIONS):
         for i in range(n):
@@ -100,7 +96,7 @@ def fit(
             largest = max(largest, change[k] * change[k])
         if drag * longest * largest < accuracy:
             break
-        _predict(state[:1], state[1:], instants, drag, gravity, points, speeds, step)
+        _follow(state[:1], state[1:], time, drag, gravity, points)
     for i in range(n):
         away[i] = math.sqrt(left[3 * i] * left[3 * i] + left[3 * i + 1] * left[3 * i + 1] + left[3 * i + 2] * left[3 * i + 2])
     return found, distances
@@ -221,14 +217,19 @@ def _length(vectors: np.ndarray, i: int) -> float:
 
 def _needed(velocity: np.ndarray, time: np.ndarray, drag: float) -> int:
     """How many steps flights with velocities (w, 3) need for times (w, n)."""
-    fastest = longest = 0.0
-    for i in range(velocity.shape[0]):
-        fastest = max(fastest, velocity[i, 0] * velocity[i, 0] + velocity[i, 1] * velocity[i, 1] + velocity[i, 2] * velocity[i, 2])
+    longest = 0.0
     for i in range(time.shape[0]):
         for j in range(time.shape[1]):
             longest = max(longest, abs(time[i, j]))
-    longest_step = min(MAX_STEP, MAX_LOSS / max(drag * math.sqrt(fastest), 1e-12))
-    return max(1, int(math.ceil(longest / longest_step)))
+    return max(1, int(math.ceil(longest / _longest_step(velocity, drag))))
+
+
+def _longest_step(velocity: np.ndarray, drag: float) -> float:
+    """Longest step [s] of flights with velocities (w, 3)."""
+    fastest = 0.0
+    for i in range(velocity.shape[0]):
+        fastest = max(fastest, velocity[i, 0] * velocity[i, 0] + velocity[i, 1] * velocity[i, 1] + velocity[i, 2] * velocity[i, 2])
+    return min(MAX_STEP, MAX_LOSS / max(drag * math.sqrt(fastest), 1e-12))
 
 
 def _predict(
@@ -251,6 +252,31 @@ def _predict(
                 speeds[row, k] = velocity[i, k]
             row += 1
     _advance(points, speeds, step, n_steps, drag, gravity)
+
+
+def _follow(position: np.ndarray, velocity: np.ndarray, time: np.ndarray, drag: float, gravity: float, points: np.ndarray) -> None:
+    """Write where w flights are at increasing times (n,), flight by flight (w n, 3): from each time to the next, from 0 on and back."""
+    n_flights, n = position.shape[0], time.shape[0]
+    place, speed, step = np.empty((n_flights, 3)), np.empty((n_flights, 3)), np.empty(n_flights)
+    longest_step, first = _longest_step(velocity, drag), 0
+    while first < n and time[first] < 0.0:
+        first += 1
+    for way in range(-1, 2, 2):
+        for i in range(n_flights):
+            for k in range(3):
+                place[i, k] = position[i, k]
+                speed[i, k] = velocity[i, k]
+        now, j = 0.0, first if way > 0 else first - 1
+        while 0 <= j < n:
+            n_steps = max(1, int(math.ceil(abs(time[j] - now) / longest_step)))
+            for i in range(n_flights):
+                step[i] = (time[j] - now) / n_steps
+            _advance(place, speed, step, n_steps, drag, gravity)
+            for i in range(n_flights):
+                for k in range(3):
+                    points[i * n + j, k] = place[i, k]
+            now = time[j]
+            j += way
 
 
 def _advance(points: np.ndarray, speeds: np.ndarray, step: np.ndarray, n_steps: int, drag: float, gravity: float) -> None:
@@ -306,17 +332,14 @@ def _along(normal: np.ndarray, vector: np.ndarray) -> float:
 
 
 def _sensitivity(state: np.ndarray, time: np.ndarray, drag: float, gravity: float, points: np.ndarray, directions: np.ndarray) -> None:
-    """Write positions (n, 3) at times (1, n) of the flight with a state (2, 3), and their derivatives (6, 3 n) by the state."""
-    n = time.shape[1]
-    starts, velocities, times = np.empty((4, 3)), np.empty((4, 3)), np.empty((4, n))
+    """Write positions (n, 3) at increasing times (n,) of the flight with a state (2, 3), and their derivatives (6, 3 n) by the state."""
+    n = time.shape[0]
+    starts, velocities, probed = np.empty((4, 3)), np.empty((4, 3)), np.empty((4 * n, 3))
     for i in range(4):  # the flight itself, and one that is faster along each axis
         for k in range(3):
             starts[i, k] = state[0, k]
             velocities[i, k] = state[1, k] + (PROBE if i == k + 1 else 0.0)
-        for j in range(n):
-            times[i, j] = time[0, j]
-    probed, ends = np.empty((4 * n, 3)), np.empty((4 * n, 3))
-    _predict(starts, velocities, times, drag, gravity, probed, ends, np.empty(4 * n))
+    _follow(starts, velocities, time, drag, gravity, probed)
     for j in range(n):
         for k in range(3):
             points[j, k] = probed[j, k]
