@@ -5,8 +5,8 @@
 
 A bag repeats the streams of bags/demonstrations with later stamps, 13 demonstrations every 68 s of its clock: poses of three bodies, joint
 states, commands, transforms, demonstrations, in one file. Each command runs in a process of its own. Memory is the most that was resident
-at a time, with pages of files. `learn` remembers as many demonstrations as it does by itself. For `recover` the end of the
-file is cut off, with a part of its last chunk.
+at a time, with pages of files. `learn` remembers as many demonstrations as it does by itself. For `recover` the end of the file is cut
+off, with a part of its last chunk.
 """
 
 import argparse

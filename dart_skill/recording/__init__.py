@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     )
     from dart_skill.recording.grip_signal import OLDER_COMMAND, GripSignal, Opening, completed_command, read_command
     from dart_skill.recording.log_time import LogTime
-    from dart_skill.recording.marks import MARK_TOPIC, MARK_TYPE, Marks, check_known, demonstration_id, read_dropped
+    from dart_skill.recording.marks import AS_ASKED, MARK_TOPIC, MARK_TYPE, Marks, check_known, demonstration_id, read_dropped, unwanted
 else:
     __getattr__, __dir__ = on_first_use(
         __name__,
@@ -64,11 +64,12 @@ else:
             ),
             "grip_signal": "OLDER_COMMAND GripSignal Opening completed_command read_command",
             "log_time": "LogTime",
-            "marks": "MARK_TOPIC MARK_TYPE Marks check_known demonstration_id read_dropped",
+            "marks": "AS_ASKED MARK_TOPIC MARK_TYPE Marks check_known demonstration_id read_dropped unwanted",
         },
     )
 
 __all__ = [
+    "AS_ASKED",
     "DEMONSTRATION_TOPIC",
     "DEMONSTRATION_TYPE",
     "SKILL",
@@ -114,5 +115,6 @@ __all__ = [
     "type_hash",
     "types_for",
     "typestore",
+    "unwanted",
     "upgrade",
 ]

@@ -14,6 +14,8 @@ from dart_skill.recording.bags import BagError, GraphBag
 from dart_skill.recording.demonstration import stamp_ns
 from dart_skill.world import MARK_TOPIC
 
+AS_ASKED = "as asked"
+"""The reason why a demonstration is left out that somebody named."""
 MARK_TYPE = "dart_skill_msgs/msg/DemonstrationMark"
 
 
@@ -56,6 +58,14 @@ def read_dropped(bag_path: str | os.PathLike) -> set[str]:
         for item in bag.messages([MARK_TOPIC]):
             marks.take(item.data)
     return marks.dropped
+
+
+def unwanted(bag_path: str | os.PathLike, without: Iterable[str]) -> dict[str, str]:
+    """By its id, the reason why a demonstration of a bag is left out: it was dropped, or somebody asks for that now.
+
+    without: ids that somebody names. BagError if the marks are of another type.
+    """
+    return {**dict.fromkeys(read_dropped(bag_path), "dropped while it was recorded"), **dict.fromkeys(without, AS_ASKED)}
 
 
 def check_known(ids: Iterable[str], known: Collection[str], where: str) -> None:

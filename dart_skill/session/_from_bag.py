@@ -17,7 +17,7 @@ import numpy as np
 
 from dart_skill.constants import REMEMBERED
 from dart_skill.movement import VelocityThreshold
-from dart_skill.recording import Demonstration, check_known, each_demonstration, read_dropped
+from dart_skill.recording import AS_ASKED, Demonstration, check_known, each_demonstration, unwanted
 from dart_skill.recording.imports import Fault, RecordingMapping, ThrowRecording, read_in_parts, read_recording
 from dart_skill.session._finding import found_in
 from dart_skill.session._throw_memory import ThrowMemory
@@ -73,13 +73,13 @@ def learn_from_bag(
     model grow with the recording (`ThrowMemory`); 0 for all. ValueError if there is too little to learn from.
     """
     chosen = configuration_of(configuration)
-    unwanted, memory = _unwanted(path, mapping, without), ThrowMemory(remember, chosen)
+    reasons, memory = _reasons(path, mapping, without), ThrowMemory(remember, chosen)
     report, has_joints = LearnReport(os.path.basename(os.fspath(path)), raw), True
     if raw:
-        judged = partial(_judged, chosen=chosen, with_throws=with_throws, unwanted=unwanted)
+        judged = partial(_judged, chosen=chosen, with_throws=with_throws, reasons=reasons)
         report, has_joints = _throws_in_parts(read_in_parts(path, mapping), report, thresholds, judged, memory)
     else:
-        memory.take(_unless(FoundThrow(_instant(one), True, one), unwanted) for one in each_demonstration(path))
+        memory.take(_unless(FoundThrow(_instant(one), True, one), reasons) for one in each_demonstration(path))
         report = replace(report, throws=tuple(memory.throws))
     _check_without(report, without)
     if len(report.learned_from) < LEAST_DEMONSTRATIONS:
@@ -101,8 +101,8 @@ def throws_in_bag(
 
     As `learn_from_bag`.
     """
-    recording, unwanted = read_recording(path, mapping), _unwanted(path, mapping, without)
-    judged = partial(_judged, chosen=chosen, with_throws=with_throws, unwanted=unwanted)
+    recording, reasons = read_recording(path, mapping), _reasons(path, mapping, without)
+    judged = partial(_judged, chosen=chosen, with_throws=with_throws, reasons=reasons)
     report, _ = _throws_in_parts([recording], LearnReport(recording.source, True), THRESHOLDS, judged, ThrowMemory(0, chosen))
     _check_without(report, without)
     return report, recording
@@ -132,24 +132,23 @@ def _throws_in_parts(
     return replace(report, source=source, throws=tuple(memory.throws), faults=tuple(faults)), has_joints
 
 
-def _unwanted(path: str | os.PathLike, mapping: RecordingMapping | None, without: Sequence[str]) -> dict[str, str]:
-    """Reasons why somebody did not want demonstrations, by their ids."""
-    dropped = () if mapping else read_dropped(path)
-    return {**dict.fromkeys(dropped, "dropped while it was recorded"), **dict.fromkeys(without, "as asked")}
+def _reasons(path: str | os.PathLike, mapping: RecordingMapping | None, without: Sequence[str]) -> dict[str, str]:
+    """As `unwanted`; recordings that are not ours have no marks."""
+    return dict.fromkeys(without, AS_ASKED) if mapping else unwanted(path, without)
 
 
-def _unless(throw: FoundThrow, unwanted: Mapping[str, str]) -> FoundThrow:
+def _unless(throw: FoundThrow, reasons: Mapping[str, str]) -> FoundThrow:
     """The throw with the reason why somebody did not want it, if so."""
     if throw.demonstration is None or throw.reason:
         return throw
-    return replace(throw, reason=unwanted.get(throw.demonstration.id, ""))
+    return replace(throw, reason=reasons.get(throw.demonstration.id, ""))
 
 
 def _check_without(report: LearnReport, without: Sequence[str]) -> None:
     check_known(without, [throw.shown[0] for throw in report.throws if throw.shown is not None], report.source)
 
 
-def _judged(throw: FoundThrow, chosen: SkillConfiguration, with_throws: bool, unwanted: Mapping[str, str]) -> FoundThrow:
+def _judged(throw: FoundThrow, chosen: SkillConfiguration, with_throws: bool, reasons: Mapping[str, str]) -> FoundThrow:
     """The throw with the reason why it is not learned from, if there is one."""
     one, outcome, reason = throw.demonstration, throw.outcome, ""
     if throw.reason or one is None or outcome is None:
@@ -162,7 +161,7 @@ def _judged(throw: FoundThrow, chosen: SkillConfiguration, with_throws: bool, un
             prepare(one, chosen)
         except ValueError as error:
             reason = str(error)
-    return _unless(replace(throw, reason=reason), unwanted)
+    return _unless(replace(throw, reason=reason), reasons)
 
 
 def _too_few(report: LearnReport, has_joints: bool) -> str:

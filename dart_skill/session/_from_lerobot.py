@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dart_skill.recording import Demonstration, check_known
+from dart_skill.recording import AS_ASKED, Demonstration, check_known
 from dart_skill.recording.lerobot import Episode, LeRobotDataset, changes_at, read_dataset
 from dart_skill.robot import Grip
 from dart_skill.session._from_bag import LearnReport
@@ -62,7 +62,7 @@ def learn_other_throws_from_dataset(
     shown, left_out = [], {}
     for episode in dataset.episodes:
         if _id(episode) in without:
-            left_out[_id(episode)] = "as asked"
+            left_out[_id(episode)] = AS_ASKED
             continue
         try:
             shown.append(throw_in_episode(dataset, episode, skill)[0])
@@ -80,7 +80,7 @@ def learn_skill_from_dataset(dataset: LeRobotDataset, skill: Skill, without: Col
         learned, unfit = learn_usable(skill, [one for one in shown if one.id not in without])
     except ValueError as error:
         raise ValueError(f"{dataset.path}: {error}") from error
-    return learned, {**dict.fromkeys(without, "as asked"), **unfit}
+    return learned, {**dict.fromkeys(without, AS_ASKED), **unfit}
 
 
 def open_dataset(path: str | os.PathLike) -> LeRobotDataset:
@@ -132,7 +132,7 @@ def _found(dataset: LeRobotDataset, episode: Episode, skill: Throw, chosen: Skil
     outcome, _ = judged(log, one.target, the_world().basket_radius, opened, int(_stamps(episode)[-1]))
     throw = FoundThrow(opened, True, one, outcome)
     if one.id in without:
-        return replace(throw, reason="as asked")
+        return replace(throw, reason=AS_ASKED)
     try:
         prepare(one, chosen)
     except ValueError as error:

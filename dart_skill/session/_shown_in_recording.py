@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dart_skill.constants import NS_PER_S
-from dart_skill.recording import Demonstration, GraphBag, check_known, read_demonstrations, read_dropped, skill_of, stamp_ns
+from dart_skill.recording import Demonstration, GraphBag, check_known, read_demonstrations, skill_of, stamp_ns, unwanted
 from dart_skill.recording.imports import RecordingMapping, ThrowRecording
 from dart_skill.robot import Grip
 from dart_skill.session._from_bag import explained, throws_in_bag
@@ -108,7 +108,7 @@ def _published(path: str | os.PathLike, skill: Skill, without: Sequence[str]) ->
     found: Sequence[Demonstration | TaskDemonstration]
     found = read_demonstrations(path) if isinstance(skill, Throw) else read_task_demonstrations(path, skill)
     check_known(without, [one.id for one in found], str(path))
-    reasons = {**dict.fromkeys(read_dropped(path), "dropped while it was recorded"), **dict.fromkeys(without, "as asked")}
+    reasons = unwanted(path, without)
     kept = [one for one in found if one.id not in reasons]
     shown = [_of_throw(one) if isinstance(one, Demonstration) else _of_movement(one) for one in kept]
     return shown, {one.id: reasons[one.id] for one in found if one.id in reasons}

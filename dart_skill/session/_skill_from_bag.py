@@ -6,7 +6,7 @@ import os
 from collections.abc import Collection, Sequence
 from typing import Any
 
-from dart_skill.recording import check_known, read_demonstrations, read_dropped
+from dart_skill.recording import check_known, read_demonstrations, unwanted
 from dart_skill.skill.improve import Practice
 from dart_skill.skill.learn import configuration
 from dart_skill.skill.model import AnySkill, learn_usable
@@ -46,5 +46,5 @@ def learn_throws_from_bag(
 def _left_out(path: str | os.PathLike, shown: Sequence[Any], without: Collection[str]) -> dict[str, str]:
     """By its id, why a demonstration is left out."""
     check_known(without, [one.id for one in shown], str(path))
-    reasons = {**dict.fromkeys(read_dropped(path), "dropped while it was recorded"), **dict.fromkeys(without, "as asked")}
+    reasons = unwanted(path, without)
     return {one.id: reasons[one.id] for one in shown if one.id in reasons}
