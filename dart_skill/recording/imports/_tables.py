@@ -16,39 +16,40 @@ from typing import NamedTuple
 import numpy as np
 
 from dart_skill.constants import UNTURNED
-from dart_skill.recording.imports.mapping import QUATERNION_ORDERS, TIME_UNITS, Table
+from dart_skill.recording.imports.mapping import TIME_UNITS, Table
 
 MOTIVE_LENGTHS = {"meters": 1.0, "centimeters": 1e-2, "millimeters": 1e-3}
 _MOTIVE_COLUMNS = [("Position", axis) for axis in "XYZ"] + [("Rotation", axis) for axis in "XYZW"]
 
 
-def read_table(folder: Path, table: Table) -> dict[str, np.ndarray]:
-    """Columns of a CSV file by name: `time` (n,) as int64 nanoseconds, the others (n, k) as numbers, nan where a cell is empty."""
+def read_table(folder: Path, table: Table, unit: str = "s") -> dict[str, np.ndarray]:
+    """Columns of a CSV file by name: `time` (n,) as int64 nanoseconds, the others (n, k) as numbers, nan where a cell is empty.
+
+    unit: of the times, of TIME_UNITS.
+    """
     file, n_header = _CsvFile(folder, table.file, table.delimiter), table.header_lines
     if len(file.lines) <= n_header:
         raise file.error(f"{len(file.lines)} lines, of which {n_header} are the header: there are no numbers")
     names = [name.strip() for name in file.lines[n_header - 1].cells] if n_header else []
     lines = file.lines[n_header:]
     places = {key: [file.place(column, names) for column in columns] for key, columns in table.columns.items()}
-    time = file.times(lines, places.pop("time")[0], table.time)
+    time = file.times(lines, places.pop("time")[0], unit)
     return {"time": time, **{key: file.numbers(lines, columns) for key, columns in places.items()}}
 
 
-def read_pose_table(folder: Path, table: Table, order: str, scale: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Stamps (n,) [ns], positions (n, 3) [m], quaternions (n, 4) x, y, z, w of the rows in which the body was seen.
+def read_pose_table(folder: Path, table: Table, unit: str = "s") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Stamps (n,) [ns], positions (n, 3) and quaternions (n, 4) of the rows in which the body was seen, as they stand in the table.
 
-    order: in which the columns of the quaternion are named.
-    scale: a unit of length of the table [m].
+    unit: of the times, of TIME_UNITS.
     """
-    columns = read_table(folder, table)
+    columns = read_table(folder, table, unit)
     quaternion = columns["quaternion"]
     if quaternion.shape[1] == 0:
         quaternion = np.tile(UNTURNED, (len(columns["time"]), 1))
         seen = ~np.isnan(columns["position"]).all(axis=1)
     else:
-        quaternion = quaternion[:, QUATERNION_ORDERS[order]]
         seen = ~np.isnan(np.hstack([columns["position"], quaternion])).all(axis=1)
-    return columns["time"][seen], scale * columns["position"][seen], quaternion[seen]
+    return columns["time"][seen], columns["position"][seen], quaternion[seen]
 
 
 def read_motive(folder: Path, file: str, body: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

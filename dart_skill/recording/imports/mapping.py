@@ -15,17 +15,50 @@ import numpy as np
 import yaml
 
 from dart_skill.constants import N_JOINTS, UNTURNED
-from dart_skill.recording.imports.pose_stream import UP_AXES, RigidTransform
+from dart_skill.recording.imports.pose_stream import AS_OURS, UP_AXES, Axes, RigidTransform, axes_matrix
 from dart_skill.world import ROLES, the_world
 
 TIME_UNITS = {"s": 1e9, "ms": 1e6, "us": 1e3, "ns": 1.0}
-LENGTH_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+"""Nanoseconds of each unit of time."""
+TIME_SOURCES = ("stamp", "log")
+"""What tells the time of a message: its own stamp, or when it was recorded."""
+REGULAR = "regular"
+"""The word for samples that are evenly spaced, whatever their stamps say."""
+LENGTH_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
+"""Metres of each unit of length."""
+ANGLE_UNITS = {"rad": 1.0, "deg": np.pi / 180.0}
+"""Radians of each unit of angle."""
 QUATERNION_ORDERS = {"xyzw": (0, 1, 2, 3), "wxyz": (1, 2, 3, 0)}
-"""For each order, where x, y, z, w stand in it."""
+"""Places of x, y, z, w in each order."""
 
 
 class MappingError(ValueError):
     """A mapping that cannot be read; the message names the place in the file."""
+
+
+@dataclass(frozen=True)
+class Clock:
+    """How the time of a sample follows from what was recorded.
+
+    * source: one of TIME_SOURCES; a table has its column of times instead.
+    * unit: of what is recorded as seconds, of TIME_UNITS.
+    * is_regular: whether samples are evenly spaced, whatever their stamps say.
+    * shift_ns: added to every stamp [ns].
+    * drift: added to every stamp, as a share of the time since the first one.
+    """
+
+    source: str = "stamp"
+    unit: str = "s"
+    is_regular: bool = False
+    shift_ns: int = 0
+    drift: float = 0.0
+
+    def corrected(self, stamp_ns: np.ndarray) -> np.ndarray:
+        """Stamps (n,) [ns] with shift and drift. stamp_ns: as they were recorded (n,) [ns]."""
+        stamps = np.asarray(stamp_ns, dtype=np.int64)
+        if self.drift and len(stamps):
+            stamps = stamps + np.rint(self.drift * (stamps - stamps[0])).astype(np.int64)
+        return stamps + self.shift_ns
 
 
 @dataclass(frozen=True)
@@ -34,14 +67,12 @@ class Table:
 
     * file: its name, in the folder of the recording.
     * columns: names or numbers (from 1) of its columns by what they hold.
-    * time: a unit of TIME_UNITS.
     * delimiter: between columns.
     * header_lines: how many stand before the numbers; the last of them names the columns.
     """
 
     file: str
     columns: Mapping[str, tuple]
-    time: str = "s"
     delimiter: str = ","
     header_lines: int = 1
 
@@ -55,12 +86,13 @@ class PoseSource:
     * motive: file of a Motive export; body: the name of the body there.
     * fixed: a position that never changes (3,) [m].
     * frame: header.frame_id that the messages must have, "" for any.
-    * up: axis that points up, of UP_AXES, default "z".
-    * length: unit of lengths, of LENGTH_UNITS, default "m".
-    * order: of the numbers of a quaternion, of QUATERNION_ORDERS, default "xyzw".
-    * world: from the recorded axes, once z is up, to ours.
+    * axes: where our axes x, y, z point in the recorded ones, as ("x", "-z", "y").
+    * length: unit of lengths, of LENGTH_UNITS.
+    * order: of the numbers of a quaternion, of QUATERNION_ORDERS.
+    * is_inverse: whether quaternions turn the axes of the world into those of the body, instead of the other way.
+    * world: from the recorded axes, once they point like ours, to ours.
     * offset: the frame that we mean, in the axes of the tracked body.
-    * shift_ns: added to stamps [ns].
+    * clock: how stamps are read.
     """
 
     topic: str = ""
@@ -70,18 +102,19 @@ class PoseSource:
     body: str = ""
     fixed: tuple[float, ...] = ()
     frame: str = ""
-    up: str = "z"
+    axes: Axes = AS_OURS
     length: str = "m"
     order: str = "xyzw"
+    is_inverse: bool = False
     world: RigidTransform = field(default_factory=RigidTransform)
     offset: RigidTransform = field(default_factory=RigidTransform)
-    shift_ns: int = 0
+    clock: Clock = field(default_factory=Clock)
 
     @property
     def is_plain(self) -> bool:
-        """Whether the poses are in our axes and units already."""
+        """Whether the poses are in our axes already."""
         moved = any(t.position.any() or t.quaternion[:3].any() for t in (self.world, self.offset))
-        return self.up == "z" and self.length == "m" and not moved
+        return self.axes == AS_OURS and not self.is_inverse and not moved
 
 
 @dataclass(frozen=True)
@@ -89,13 +122,19 @@ class SignalSource:
     """Where joint states or commands come from: a topic or a table.
 
     * names: of the seven joints in their order; empty: those of config/wam.yaml where they are there, else as recorded.
-    * shift_ns: added to stamps.
+    * angle: unit of the positions, of ANGLE_UNITS.
+    * signs: 1 or -1 for each joint that turns the other way; empty for none.
+    * zeros: what each joint of the arm says where the recording says 0 [rad]; empty for zeros.
+    * clock: how stamps are read.
     """
 
     topic: str = ""
     table: Table | None = None
     names: tuple[str, ...] = ()
-    shift_ns: int = 0
+    angle: str = "rad"
+    signs: tuple[float, ...] = ()
+    zeros: tuple[float, ...] = ()
+    clock: Clock = field(default_factory=Clock)
 
 
 @dataclass(frozen=True)
@@ -210,10 +249,46 @@ def _is_number(value: Any) -> bool:
 def _axes(section: _Section, default: PoseSource | None = None) -> PoseSource:
     default = default or PoseSource()
     return PoseSource(
-        up=section.choice("up", default.up, UP_AXES),
+        axes=_pointing(section, default.axes),
         length=section.choice("length", default.length, LENGTH_UNITS),
+        order=section.choice("order", default.order, QUATERNION_ORDERS),
+        is_inverse=section.take("inverse", default.is_inverse, lambda value: isinstance(value, bool), "true or false"),
         world=_rigid(section, "transform", default.world),
+        clock=_clock(section, default.clock),
+    )
+
+
+def _pointing(section: _Section, default: Axes) -> Axes:
+    """Where our axes point in the recorded ones, from `up` or `xyz`."""
+    if not section.has("xyz"):
+        up = section.choice("up", "", UP_AXES)
+        return UP_AXES[up] if up else default
+    if section.has("up"):
+        raise MappingError(f"{section.place}: give up or xyz, not both")
+
+    def check(value: Any) -> bool:
+        return isinstance(value, list) and axes_matrix(tuple(map(str, value))) is not None
+
+    x, y, z = map(str, section.take("xyz", [], check, "where our x, y, z point in the recorded axes, as [x, -z, y]"))
+    return x, y, z
+
+
+def _clock(section: _Section, default: Clock | None = None) -> Clock:
+    default = default or Clock()
+    known = (*TIME_SOURCES, REGULAR, *TIME_UNITS)
+
+    def check(value: Any) -> bool:
+        words = value if isinstance(value, list) else [value]
+        return all(isinstance(one, str) and one in known for one in words)
+
+    value = section.take("time", [], check, f"one or several of {', '.join(known)}")
+    words = value if isinstance(value, list) else [value]
+    return Clock(
+        source=next((one for one in words if one in TIME_SOURCES), default.source),
+        unit=next((one for one in words if one in TIME_UNITS), default.unit),
+        is_regular=default.is_regular or REGULAR in words,
         shift_ns=round(1e9 * section.number("time_shift", 1e-9 * default.shift_ns)),
+        drift=section.number("time_drift", default.drift),
     )
 
 
@@ -254,7 +329,6 @@ def _pose_source(section: _Section, axes: PoseSource) -> PoseSource:
         where = {"motive": section.text("motive"), "body": section.text("body", section.place.rsplit(": ", 1)[1])}
     else:
         where["table"] = _table(section, {"time": (1,), "position": (3,), "quaternion": (4, 0)})
-        where["order"] = section.choice("order", "xyzw", QUATERNION_ORDERS)
     offset = _rigid(section, "offset", RigidTransform())
     section.nothing_else()
     return replace(own, **where, offset=offset)
@@ -264,16 +338,25 @@ def _signal_source(section: _Section, name: str) -> SignalSource:
     is_table = section.has("csv")
     if section.has("topic") == is_table:
         raise MappingError(f"{section.place}: give either topic or csv")
-    shift_ns = round(1e9 * section.number("time_shift", 0.0))
-    names: tuple[str, ...] = ()
+    clock = _clock(section)
     wanted: dict[str, tuple[int, ...]] = {"time": (1,)}
+    joints: dict[str, Any] = {}
     if name == "joints":
-        names = tuple(section.take("names", (), _are_joints, f"the names of {N_JOINTS} joints"))
         wanted |= {"position": (N_JOINTS,), "velocity": (N_JOINTS, 0)}
+        joints = {
+            "names": tuple(section.take("names", (), _are_joints, f"the names of {N_JOINTS} joints")),
+            "angle": section.choice("angle", "rad", ANGLE_UNITS),
+            "signs": tuple(section.take("signs", (), _are_signs, f"1 or -1 for each of {N_JOINTS} joints")),
+            "zeros": section.vector("zeros", N_JOINTS, ()),
+        }
     table = _table(section, wanted) if is_table else None
     topic = "" if is_table else section.text("topic")
     section.nothing_else()
-    return SignalSource(topic, table, names, shift_ns)
+    return SignalSource(topic, table, clock=clock, **joints)
+
+
+def _are_signs(value: Any) -> bool:
+    return isinstance(value, list) and len(value) == N_JOINTS and all(_is_number(one) and abs(one) == 1 for one in value)
 
 
 def _are_joints(value: Any) -> bool:
@@ -285,7 +368,6 @@ def _table(section: _Section, wanted: Mapping[str, tuple[int, ...]]) -> Table:
     file = section.text("csv")
     delimiter = section.take("delimiter", ",", lambda value: isinstance(value, str) and len(value) == 1, "one character")
     lines = section.take("header_lines", 1, lambda value: isinstance(value, int) and not isinstance(value, bool) and value >= 0, "a number")
-    unit = section.choice("time", "s", TIME_UNITS)
     part = section.section("columns")
     if part is None:
         raise MappingError(f"{section.place}: columns are missing: name those of {', '.join(wanted)}")
@@ -293,7 +375,7 @@ def _table(section: _Section, wanted: Mapping[str, tuple[int, ...]]) -> Table:
     part.nothing_else()
     if lines == 0 and (words := [c for group in columns.values() for c in group if isinstance(c, str)]):
         raise MappingError(f"{part.place}: column '{words[0]}' has a name, but header_lines is 0: give numbers, the first column is 1")
-    return Table(file, columns, unit, delimiter, lines)
+    return Table(file, columns, delimiter, lines)
 
 
 def _columns(section: _Section, name: str, sizes: tuple[int, ...]) -> tuple:

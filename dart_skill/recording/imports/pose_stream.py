@@ -1,20 +1,37 @@
 """Poses of one tracked body over time, and what it takes to bring them from a laboratory's axes into ours.
 
-Motive's axes (x right, y up, z towards the viewer) become Z-up by a quarter turn about x, (x, y, z) -> (x, -z, y): positions and
-orientations are turned alike, and the body's own axes stay where they were fixed to it.
+Motive's axes (x right, y up, z towards the viewer) become Z-up by a quarter turn about x, (x, y, z) -> (x, -z, y).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import TypeAlias
 
 import numpy as np
 
 from dart_skill.constants import UNTURNED
 from dart_skill.world import the_world
 
-UP_AXES = {"z": UNTURNED, "y": (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))}
-"""Quaternion that turns axes with this one up into axes with z up."""
+Axes: TypeAlias = tuple[str, str, str]
+"""Where our axes x, y, z point in other axes: each is x, y or z, with a minus where it points the other way."""
+AS_OURS: Axes = ("x", "y", "z")
+"""Axes that point like ours."""
+UP_AXES: dict[str, Axes] = {"z": AS_OURS, "y": ("x", "-z", "y"), "x": ("y", "z", "x")}
+"""Where our axes point in axes of which this one is up."""
+_MIRROR = np.diag([1.0, 1.0, -1.0])
+
+
+def axes_matrix(axes: Sequence[str]) -> np.ndarray | None:
+    """The matrix (3, 3) that takes vectors of other axes into ours, None unless these are three different axes.
+
+    * axes: as `Axes`.
+    """
+    if sorted(one.lstrip("-+") for one in axes) != ["x", "y", "z"] or any(len(one) > 2 for one in axes):
+        return None
+    signs = [-1.0 if one.startswith("-") else 1.0 for one in axes]
+    return np.array([np.where(np.array(AS_OURS) == one[-1], sign, 0.0) for one, sign in zip(axes, signs, strict=True)])
 
 
 @dataclass(frozen=True)
@@ -72,21 +89,36 @@ class PoseStream:
         return replace(self, stamp_ns=self.stamp_ns[index], position=self.position[index], quaternion=self.quaternion[index])
 
 
-def transformed(stream: PoseStream, world: RigidTransform, offset: RigidTransform | None = None) -> PoseStream:
-    """The poses in other axes. Norms of quaternions stay as they were: they tell faults.
+def transformed(
+    stream: PoseStream, world: RigidTransform, offset: RigidTransform | None = None, axes: Axes = AS_OURS, is_inverse: bool = False
+) -> PoseStream:
+    """The poses in our axes. Norms of quaternions stay as they were, for they tell faults.
 
-    world: takes the old axes into the new ones.
-    offset: our body's frame in the axes of the tracked body.
+    Orientations are turned as positions are: the body keeps its own axes. Of a body in left-handed axes the z axis is mirrored, too.
+
+    * world: takes axes that point like ours into ours.
+    * offset: our body's frame in the axes of the tracked body.
+    * axes: where ours point in those of the stream.
+    * is_inverse: whether the quaternions are those of the inverse rotation.
     """
     from scipy.spatial.transform import Rotation  # our own bags need none
 
-    turn, norm = Rotation.from_quat(world.quaternion), np.linalg.norm(stream.quaternion, axis=1, keepdims=True)
-    position = turn.apply(stream.position) + world.position
-    turned = turn * Rotation.from_quat(np.where(norm == 0.0, turn.inv().as_quat(), stream.quaternion))  # without one: that of the new axes
+    matrix = axes_matrix(axes)
+    assert matrix is not None  # as it was checked when the mapping was read
+    turn = Rotation.from_quat(world.quaternion)
+    position = turn.apply(stream.position @ matrix.T) + world.position
+    norm = np.linalg.norm(stream.quaternion, axis=1, keepdims=True)
+    known = np.isfinite(norm[:, 0]) & (norm[:, 0] > 0.0)
+    recorded = Rotation.from_quat(np.where(known[:, None], stream.quaternion, UNTURNED))
+    recorded = recorded.inv() if is_inverse else recorded
+    mirror = _MIRROR if np.linalg.det(matrix) < 0.0 else np.eye(3)
+    turned = (turn * Rotation.from_matrix(matrix @ recorded.as_matrix() @ mirror)).as_matrix()
+    turned = Rotation.from_matrix(np.where(known[:, None, None], turned, np.eye(3)))
     if offset is not None:
         position = position + turned.apply(offset.position)
         turned = turned * Rotation.from_quat(offset.quaternion)
-    return replace(stream, position=position, quaternion=norm * turned.as_quat())
+    quaternion = np.where(known[:, None], norm * turned.as_quat(), stream.quaternion)
+    return replace(stream, position=position, quaternion=quaternion)
 
 
 def with_continuous_signs(stream: PoseStream) -> PoseStream:

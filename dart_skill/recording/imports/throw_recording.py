@@ -35,9 +35,17 @@ from dart_skill.recording.bags import (
 )
 from dart_skill.recording.grip_signal import GUIDED_NS, GripSignal, Opening, read_commands
 from dart_skill.recording.imports._tables import read_motive, read_pose_table, read_table
-from dart_skill.recording.imports.mapping import LENGTH_UNITS, OWN, PoseSource, RecordingMapping, SignalSource
+from dart_skill.recording.imports.mapping import (
+    ANGLE_UNITS,
+    LENGTH_UNITS,
+    OWN,
+    QUATERNION_ORDERS,
+    PoseSource,
+    RecordingMapping,
+    SignalSource,
+)
 from dart_skill.recording.imports.pose_faults import Fault, repair
-from dart_skill.recording.imports.pose_stream import UP_AXES, PoseStream, RigidTransform, transformed, with_continuous_signs
+from dart_skill.recording.imports.pose_stream import PoseStream, transformed, with_continuous_signs
 from dart_skill.world import joint_names, the_world
 
 POSE_TYPES = ("PoseStamped", "PoseWithCovarianceStamped", "PointStamped", "TransformStamped", "Odometry", "TFMessage")
@@ -371,19 +379,18 @@ def _signal(messages: list[BagMessage], name: str, bag: BagReader, signal: _Sign
 
 
 def _body(role: str, where: PoseSource, taken: dict, folder: Path, frame: str) -> PoseStream:
+    scale, order = LENGTH_UNITS[where.length], QUATERNION_ORDERS[where.order]
     if where.topic:
         poses = taken[role]
         rows = np.array(poses.rows, dtype=float).reshape(-1, 7)
-        stamps, position, quaternion = np.array(poses.stamps, dtype=np.int64), LENGTH_UNITS[where.length] * rows[:, :3], rows[:, 3:]
+        stamps, position, quaternion = np.array(poses.stamps, dtype=np.int64), rows[:, :3], rows[:, 3:]
     elif where.table is not None:
-        stamps, position, quaternion = read_pose_table(folder, where.table, where.order, LENGTH_UNITS[where.length])
+        stamps, position, quaternion = read_pose_table(folder, where.table, where.clock.unit)
     else:
         stamps, position, quaternion = read_motive(folder, where.motive, where.body)
-    stream = PoseStream(role, stamps + where.shift_ns, position, quaternion, frame)
-    if where.is_plain:
-        return stream
-    up = RigidTransform(quaternion=np.array(UP_AXES[where.up]))
-    return transformed(transformed(stream, up), where.world, where.offset)
+        scale, order = 1.0, QUATERNION_ORDERS["xyzw"]  # as the file itself says
+    stream = PoseStream(role, where.clock.corrected(stamps), scale * position, quaternion[:, order], frame)
+    return stream if where.is_plain else transformed(stream, where.world, where.offset, where.axes, where.is_inverse)
 
 
 def _resting(role: str, position: tuple, stamps: np.ndarray, frame: str) -> PoseStream:
@@ -395,7 +402,7 @@ def _joints(where: SignalSource | None, states: _States | None, folder: Path) ->
     if where is None:
         return None
     if where.table is not None:
-        columns = read_table(folder, where.table)
+        columns = read_table(folder, where.table, where.clock.unit)
         seen = np.isfinite(columns["position"]).all(axis=1)
         stamps, position, velocity = columns["time"][seen], columns["position"][seen], columns["velocity"][seen]
         names = where.names
@@ -408,9 +415,19 @@ def _joints(where: SignalSource | None, states: _States | None, folder: Path) ->
         names = where.names or tuple(known)
         position = _joint_columns(states.position, "position", where, known)
         velocity = _joint_columns(states.velocity, "velocity", where, known)
+    stamps = where.clock.corrected(stamps)
+    position, velocity = _in_our_angles(position, where, True), _in_our_angles(velocity, where, False)
     if not velocity.size and len(stamps) > 1:
         velocity = np.gradient(position, 1e-9 * (stamps - stamps[0]), axis=0)
-    return JointStream(stamps + where.shift_ns, position, velocity.reshape(-1, N_JOINTS), names)
+    return JointStream(stamps, position, velocity.reshape(-1, N_JOINTS), names)
+
+
+def _in_our_angles(values: np.ndarray, where: SignalSource, has_zero: bool) -> np.ndarray:
+    """Positions or velocities (n, 7) of the joints in radians, as our arm counts them; zeros count for positions."""
+    if not values.size:
+        return values
+    signs = np.array(where.signs) if where.signs else 1.0
+    return ANGLE_UNITS[where.angle] * signs * values + (np.array(where.zeros) if has_zero and where.zeros else 0.0)
 
 
 def _joint_columns(rows: list | np.ndarray, field: str, where: SignalSource, known: list[str]) -> np.ndarray:
@@ -442,11 +459,11 @@ def _openings(mapping: RecordingMapping, taken: dict, folder: Path) -> tuple[Ope
         signal = taken[name] if where.topic else None
         stamps = signal.openings if signal else []
         if signal is None and where.table is not None:
-            stamps = read_table(folder, where.table)["time"].tolist()
+            stamps = read_table(folder, where.table, where.clock.unit)["time"].tolist()
         if name == "teacher" and signal:
-            pushes, pushed_late = signal, where.shift_ns
+            pushes, pushed_late = signal, where.clock.shift_ns
         for stamp in stamps:
-            stamp = int(stamp) + where.shift_ns
+            stamp = int(stamp) + where.clock.shift_ns
             found.append(Opening(stamp, name == "teacher" or pushes.pushed_before(stamp - pushed_late)))
     return tuple(sorted(found, key=lambda opening: opening.stamp_ns))
 

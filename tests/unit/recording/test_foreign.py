@@ -1,6 +1,7 @@
 """Recordings from elsewhere: whatever its topics, files, axes and units are called, the same poses come out."""
 
 import json
+from itertools import permutations, product
 
 import numpy as np
 import pytest
@@ -219,6 +220,21 @@ def test_joints_are_taken_by_their_names(tmp_path, types, poses):
         read_recording(bag, parse_mapping({**topics(), "joints": {"topic": "/lab/joints", "names": [*names[:6], "elbow"]}}))
 
 
+def test_joints_are_counted_as_our_arm_counts_them(tmp_path, types, poses):
+    signs, zeros = np.array([1, -1, 1, 1, -1, 1, 1]), 0.1 * np.arange(7)
+    angles = np.linspace(0.0, 1.0, N)[:, None] + np.arange(7)
+    recorded = np.rad2deg(signs * (angles - zeros))
+    states = [
+        ("/lab/joints", "sensor_msgs/msg/JointState", int(stamp), joint_state(stamp, [f"j{k}" for k in range(7)], row, signs * 180.0))
+        for stamp, row in zip(STAMPS, recorded, strict=True)
+    ]
+    bag = write_bag(tmp_path / "bag", types, pose_messages(KINDS[0], poses) + states)
+    where = {"topic": "/lab/joints", "angle": "deg", "signs": signs.tolist(), "zeros": zeros.tolist()}
+    joints = read_recording(bag, parse_mapping({**topics(), "joints": where})).joints
+    np.testing.assert_allclose(joints.position, angles, atol=1e-14)
+    np.testing.assert_allclose(joints.velocity, np.pi, rtol=1e-14)
+
+
 @pytest.mark.parametrize("kind", ["std_msgs/msg/Bool", "std_msgs/msg/Empty", "dart_skill_msgs/msg/WamCommand"])
 def test_buttons_of_every_type(tmp_path, types, poses, kind):
     pressed, released = int(STAMPS[50]), int(STAMPS[60])
@@ -396,6 +412,37 @@ def test_poses_are_turned_and_moved_as_rotations_do_and_faulty_norms_stay_what_t
     np.testing.assert_allclose(moved.position[~seen], world.apply(position[~seen]) + p + q, atol=1e-12)
 
 
+SIGNED_AXES = [
+    [s + a for s, a in zip(signs, order, strict=True)] for order in permutations("xyz") for signs in product(("", "-"), repeat=3)
+]
+
+
+@pytest.mark.parametrize("xyz", SIGNED_AXES, ids="".join)
+def test_poses_in_axes_that_point_anywhere_become_ours(tmp_path, types, poses, xyz):
+    """All 24 right-handed axes, in which the body keeps its own, and the 24 left-handed ones, in which its z axis is mirrored."""
+    matrix = np.array([[(-1.0 if one[0] == "-" else 1.0) * (one[-1] == axis) for axis in "xyz"] for one in xyz])
+    mirror = np.diag([1.0, 1.0, np.linalg.det(matrix)])
+    lab = {
+        role: (p @ matrix, Rotation.from_matrix(matrix.T @ Rotation.from_quat(q).as_matrix() @ mirror).as_quat())
+        for role, (p, q) in poses.items()
+    }
+    bag = write_bag(tmp_path / "bag", types, pose_messages(KINDS[0], lab))
+    assert_poses(read_recording(bag, parse_mapping({"axes": {"xyz": xyz}, **topics()})), poses)
+
+
+def test_the_order_and_the_direction_of_quaternions_can_be_told(tmp_path, types, poses):
+    lab = {role: (p, np.roll(q * [-1.0, -1.0, -1.0, 1.0], 1, axis=1)) for role, (p, q) in poses.items()}
+    bag = write_bag(tmp_path / "bag", types, pose_messages(KINDS[0], lab))
+    assert_poses(read_recording(bag, parse_mapping({"axes": {"order": "wxyz", "inverse": True}, **topics()})), poses)
+
+
+def test_a_clock_that_runs_fast_can_be_told(tmp_path, types, poses):
+    bag = write_bag(tmp_path / "bag", types, pose_messages(KINDS[0], poses))
+    recording = read_recording(bag, parse_mapping({"axes": {"time_drift": -1e-3, "time_shift": 1.0}, **topics()}))
+    slower = STAMPS + 1_000_000_000 - ((STAMPS - STAMPS[0]) / 1000).astype(int)
+    np.testing.assert_array_equal(recording.bodies["hand"].stamp_ns, slower)
+
+
 def test_signs_are_made_continuous():
     turns = Rotation.from_rotvec(np.linspace(0.0, 12.0, 100)[:, None] * [1.0, 0.0, 0.0]).as_quat()
     stream = PoseStream("hand", np.arange(100), np.zeros((100, 3)), np.where(np.arange(100) % 3, 1.0, -1.0)[:, None] * turns)
@@ -417,7 +464,10 @@ def test_the_example_names_every_key():
 
 WRONG = [
     ("hand", {"topic": "/h", "colour": 1}, "hand: unknown key 'colour'; known are .*topic"),
-    ("axes", {"up": "x"}, "axes: up is 'x'; give one of z, y"),
+    ("axes", {"up": "w"}, "axes: up is 'w'; give one of z, y, x"),
+    ("axes", {"xyz": ["x", "y", "-y"]}, r"axes: xyz is .*; give where our x, y, z point in the recorded axes, as \[x, -z, y\]"),
+    ("axes", {"xyz": ["x", "y", "z"], "up": "y"}, "axes: give up or xyz, not both"),
+    ("axes", {"inverse": "yes"}, "axes: inverse is 'yes'; give true or false"),
     ("axes", {"length": "inch"}, "axes: length is 'inch'; give one of m, cm, mm"),
     ("axes", {"transform": {"position": [1, 2]}}, r"axes: transform: position is \[1, 2\]; give a list of 3 numbers"),
     ("axes", {"transform": {"quaternion": [1, 1, 1, 1]}}, "axes: transform: quaternion is .*norm 1"),
@@ -433,11 +483,17 @@ WRONG = [
         "column 't' has a name, but header_lines is 0",
     ),
     ("hand", {"csv": "h.csv", "delimiter": "::", "columns": {}}, "delimiter is '::'; give one character"),
-    ("hand", {"csv": "h.csv", "columns": {"time": 1, "position": [1, 2, 3]}, "time": "min"}, "time is 'min'; give one of s, ms"),
+    (
+        "hand",
+        {"csv": "h.csv", "columns": {"time": 1, "position": [1, 2, 3]}, "time": "min"},
+        "time is 'min'; give one or several of stamp, log, regular, s, ms",
+    ),
     ("hand", {"topic": 5}, "hand: topic is 5; give a text"),
     ("hand", "h.csv", "hand: need keys and values, got 'h.csv'"),
     ("joints", {"topic": "/j", "csv": "j.csv"}, "joints: give either topic or csv"),
     ("joints", {"topic": "/j", "names": ["a", "b"]}, "joints: names is .*; give the names of 7 joints"),
+    ("joints", {"topic": "/j", "signs": [1, 1, 1, 2, 1, 1, 1]}, "joints: signs is .*; give 1 or -1 for each of 7 joints"),
+    ("joints", {"topic": "/j", "angle": "grad"}, "joints: angle is 'grad'; give one of rad, deg"),
     ("button", {"topic": "/b"}, "unknown key 'button'; known are axes, hand, ball, basket, joints, teacher, command, frame"),
     ("frame", 3, "frame is 3; give a text"),
 ]

@@ -15,6 +15,7 @@ from dart_skill.cli import main
 from dart_skill.cli.learn import _file_for, add_to
 from dart_skill.recording import MARK_TOPIC, MARK_TYPE, BagReader, BagWriter, Opening, definition, qos_yaml, serialize, types_for, typestore
 from dart_skill.recording.imports.mapping import OWN, PoseSource, parse_mapping
+from dart_skill.recording.imports.pose_stream import UP_AXES
 from dart_skill.recording.imports.throw_recording import convert, read_recording
 from dart_skill.robot import same_plan
 from dart_skill.session import find_throws, learn_from_bag
@@ -209,7 +210,7 @@ def test_bodies_with_exchanged_names_teach_the_same(recorded_session, expected):
 
 
 def test_axes_that_are_wrong_say_where_to_look(recorded_session):
-    flat = replace(OWN, bodies={role: replace(where, up="y") for role, where in OWN.bodies.items()}, teacher=None, command=None)
+    flat = replace(OWN, bodies={role: replace(where, axes=UP_AXES["y"]) for role, where in OWN.bodies.items()}, teacher=None, command=None)
     with pytest.raises(ValueError, match="0 demonstrations among 0 throws.*roles, up axis, units"):
         learn_from_bag(recorded_session[0], flat)
 
