@@ -15,7 +15,20 @@ from dart_skill.recording.mcap.records import (
     parse_header,
     read_summary,
 )
-from dart_skill.recording.mcap.walk import LARGEST_UNPACKED, USUAL_RATIO, Damage, Record, crc_of, mapped, read_definitions, walk
+from dart_skill.recording.mcap.walk import (
+    LARGEST_UNPACKED,
+    USUAL_RATIO,
+    Damage,
+    Record,
+    Unpacked,
+    belongs,
+    crc_of,
+    definitions_in,
+    extents,
+    mapped,
+    read_definitions,
+    walk,
+)
 
 if TYPE_CHECKING:
     from dart_skill.recording.mcap.writer import CHUNK_SIZE, McapChannel, McapFile
@@ -39,7 +52,11 @@ __all__ = [
     "Record",
     "Summary",
     "USUAL_RATIO",
+    "Unpacked",
+    "belongs",
     "crc_of",
+    "definitions_in",
+    "extents",
     "in_time_order",
     "mapped",
     "messages_of",
