@@ -38,6 +38,10 @@ class Decoder:
                 self._patterns[type_name] = pattern_of(self._types, type_name, payloads[last])
         return found if type_name in self._proved else [True] * len(payloads)
 
+    def fits(self, type_name: str, payloads: Sequence[bytes]) -> bool:
+        """Whether the definition of a type is known, and all payloads are messages of it."""
+        return type_name in self._types.fielddefs and all(self._is_one(type_name, payload) for payload in payloads)
+
     def _is_one(self, type_name: str, payload: bytes) -> bool:
         try:
             deserialize(self._types, type_name, payload)

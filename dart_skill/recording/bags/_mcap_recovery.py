@@ -17,6 +17,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema
 
 from dart_skill.recording.bags._decodable import Decoder
+from dart_skill.recording.bags._installed_types import installed_definition, schema_of, type_of_hash
 from dart_skill.recording.bags._metadata import RECORD_NAME, parse_qos, parse_record
 from dart_skill.recording.bags._recovered_bag import OWN_LIBRARY, RecoveredBag
 from dart_skill.recording.mcap import (
@@ -28,12 +29,12 @@ from dart_skill.recording.mcap import (
     Message,
     Record,
     Summary,
+    all_definitions,
     belongs,
     crc_of,
     definitions_in,
     extents,
     parse_header,
-    read_definitions,
     read_summary,
     walk,
 )
@@ -46,6 +47,8 @@ PACKED_MESSAGE = b"\x28\xb5\x2f\xfd"
 """With what zstd begins, and no CDR: rosbag2 compressed the message by itself."""
 LARGEST_MESSAGE = 2**28
 """Of a message that was compressed by itself, unpacked [bytes]."""
+ROS_ENCODINGS = ("ros2msg", "ros2idl")
+"""Of definitions, as rosbag2 writes them."""
 LAST_TIME_NS = 2**63 - 1
 """ROS has no later time [ns]."""
 
@@ -53,22 +56,27 @@ LAST_TIME_NS = 2**63 - 1
 def recover_mcap(bag: RecoveredBag, name: str, data: memoryview) -> None:
     """Take all that can be read of a file into the new bag. name: of the file; data: its bytes."""
     bag.n_bytes += len(data)
-    places = extents(data)
-    done: dict[tuple[int, int], tuple[int, int]] = {}  # where the first of a length and CRC stands
-    before: _FileRecovery | None = None
-    for number, (begin, end) in enumerate(places):
-        part = data[begin:end]
-        if len(places) > 1:
-            mark = (end - begin, crc_of(part, end - begin))
-            if mark in done and part == data[slice(*done[mark])]:
-                bag.note(f"{name}: bytes {begin} to {end} are those of {done[mark][0]} to {done[mark][1]} again: taken once")
-                continue
-            done[mark] = (begin, end)
-        one = _FileRecovery(bag, name, part, begin, number, before)
-        one.run()
-        if len(places) > 1:
-            bag.note(f"{name} is several files in one: bytes {begin} to {end} hold {one.count} messages{one.where}")
-        before = one
+    parts: list[_FileRecovery] = []
+    for number, (begin, end) in enumerate(extents(data)):
+        parts.append(_FileRecovery(bag, name, data[begin:end], begin, number, parts[-1] if parts else None))
+    for part in parts:
+        part.is_one_of_several = len(parts) > 1
+    for part in sorted(parts, key=lambda part: part.summary is None):  # of what stands there twice that counts which is whole
+        part.run()
+    if len(parts) > 1:
+        _tell_parts(bag, name, parts)
+
+
+def _tell_parts(bag: RecoveredBag, name: str, parts: list[_FileRecovery]) -> None:
+    """Tell what belongs to which of several files in one."""
+    bag.note(f"{name} is {len(parts)} files in one:")
+    known: list[_FileRecovery] = []
+    for part in parts:
+        same = next((one for one in known if one.data == part.data), None)
+        again = f", which are those of {same.begin} to {same.end} again, byte for byte" if same is not None else ""
+        where = f", now in {part.out.path.name}" if part.out is not None else ""
+        bag.note(f"bytes {part.begin} to {part.end} hold {part.count} messages{where}{again}")
+        known.append(part)
 
 
 class _FileRecovery:
@@ -81,10 +89,12 @@ class _FileRecovery:
 
     def __init__(self, bag: RecoveredBag, name: str, data: memoryview, begin: int, number: int, before: _FileRecovery | None):
         self.bag, self.name, self.data, self.begin, self.number = bag, name, data, begin, number
-        self.count = 0
+        self.end = begin + len(data)
+        self.count, self.is_one_of_several = 0, False
         self.out: McapFile | None = None
         self.summary: Summary | None = None
         self.written: dict[int, McapChannel | None] = {}
+        self.topics: set[str] = set()  # that it has in the new bag
         self.kept: Counter[int] = Counter()
         self.lost: Counter[int] = Counter()
         self.unknown_channels: Counter[int] = Counter()
@@ -94,13 +104,15 @@ class _FileRecovery:
         self.repeated: list[int] = []  # where chunks stand again
         self.found_at: set[int] = set()  # where chunks stand that the summary names
         self.last: list[Message] | None = None  # of the chunk before, as long as its message indexes come
+        self.kept_marks: set[int] = set()  # of messages of a channel in a chunk
+        self.claims: list[tuple[int, tuple[int, int, int]]] = []  # places of chunks that were left out, and what their indexes say
         self.n_wrong_indexes = self.n_foreign = 0
         self.in_summary, self.verified = False, False
         self.bad_chunk: int | None = None  # which of the bag's places it is, if the chunk before was left out
         self.n_places_before = len(bag.places)
         profile = self._read_ends()
         self.chunk_places = {chunk.chunk_start_offset for chunk in self.summary.chunks} if self.summary is not None else set()
-        self.schemas, self.channels = read_definitions(data, self.summary)
+        self._read_definitions()
         self._inherit(before)
         self.profile = "ros2" if self.channels and all(one.message_encoding == "cdr" for one in self.channels.values()) else profile
         if profile != self.profile:
@@ -127,6 +139,40 @@ class _FileRecovery:
             pass
         return profile
 
+    def _read_definitions(self) -> None:
+        """Take schemas and channels; of those for which no CRC vouches, such as make sense."""
+        found = all_definitions(self.data, self.summary)
+        self.schemas, self.channels = found.best()
+        for (kind, number), records in found.others.items():
+            if kind is Schema and (kind, number) not in found.vouched:
+                self.schemas[number] = self._sensible([one for one in records if isinstance(one, Schema)])
+        for channel in self.channels.values():
+            if channel.schema_id and channel.schema_id not in self.schemas and (lost := self._lost_schema(channel)) is not None:
+                self.schemas[channel.schema_id] = lost
+
+    def _sensible(self, schemas: list[Schema]) -> Schema:
+        """The first of several for one number that can be parsed, or that which is installed here."""
+        for one in schemas:
+            if one.encoding not in ROS_ENCODINGS or one.name not in Decoder([one]).unknown:
+                return one
+        text = installed_definition(schemas[0].name)
+        if not text:
+            return schemas[0]
+        self.bag.repairs.append(f"{self.name}: the definition of {schemas[0].name} is damaged: that which is installed here is in its place")
+        return schema_of(schemas[0].name, "ros2msg", text, schemas[0].id)
+
+    def _lost_schema(self, channel: Channel) -> Schema | None:
+        """The definition of a topic whose record is lost, if the hash of its type or metadata.yaml tell which it is."""
+        told = self.bag.told_topics.get(channel.topic, {})
+        digest = channel.metadata.get("topic_type_hash") or told.get("type_description_hash", "")
+        name = type_of_hash(digest) or told.get("type", "")
+        text = installed_definition(name) if name else ""
+        if not text:
+            return None
+        where = f"{self.name}: the definition of topic {channel.topic} is lost"
+        self.bag.repairs.append(f"{where}: that of {name}, which is installed here, is in its place")
+        return schema_of(name, "ros2msg", text, channel.schema_id)
+
     def _inherit(self, before: _FileRecovery | None) -> None:
         """What only the file before this one in the same file defines: it may be the same recording, and the head of this one lost."""
         self.own = set(self.channels)
@@ -137,15 +183,9 @@ class _FileRecovery:
             if self.schemas.get(channel.schema_id) == before.schemas.get(channel.schema_id):
                 self.channels.setdefault(number, channel)
 
-    @property
-    def where(self) -> str:
-        """In which file of the new bag its messages are."""
-        return f", now in {self.out.path.name}" if self.out is not None else ""
-
     def run(self) -> None:
         self.bag.unpacked.before = self.begin
-        for topic in self.bag.topics.values() if self.number else ():
-            topic.begin_anew()
+        self.counted = self.counted and not self.is_one_of_several  # whether they are one recording or several, nobody knows
         for found in walk(self.data, self.summary, self.bag.unpacked):
             if isinstance(found, Damage):
                 self._damage(found)
@@ -206,14 +246,23 @@ class _FileRecovery:
             self.bad_chunk = len(self.bag.places) - 1
             return
         self.found_at.add(found.offset)
-        mark = hash((chunk.start_ns, chunk.end_ns, chunk.size, chunk.crc or crc32(chunk.records), len(messages)))
-        if mark in self.bag.chunks_before or (mark in self.chunks and found.offset not in self.chunk_places):
+        mark = hash((chunk.start_ns, chunk.end_ns, chunk.size, chunk.crc or crc32(chunk.records)))
+        if found.offset not in self.chunk_places and (mark in self.chunks or mark in self.bag.chunks_before):
             self.repeated.append(self.begin + found.offset)
             self.kept.update(message.channel for message in messages)
             return
         self.chunks.add(mark)
+        if self.summary is None:
+            self._mark_kept(messages)
         self._messages(messages, bool(chunk.crc))
         self.last = messages
+
+    def _mark_kept(self, messages: list[Message]) -> None:
+        """Remember what the index of a chunk would say: another place may have it, too, with nothing else."""
+        times: dict[int, list[tuple[int, int]]] = {}
+        for message in messages:
+            times.setdefault(message.channel, []).append((message.log_time_ns, message.place))
+        self.kept_marks |= {_mark(channel, entries)[0] for channel, entries in times.items()}
 
     def _define(self, raw: bytes, chunk: Chunk) -> None:
         """Definitions in a chunk with a CRC count from there on: a number may mean another topic than before."""
@@ -262,7 +311,7 @@ class _FileRecovery:
             schema = self.schemas.get(channel.schema_id) if channel is not None and channel.message_encoding == "cdr" else None
             if channel is not None and schema is not None:
                 payloads = [messages[index].data for index in its]
-                good = self.decoder.decodable(schema.name, [_plain(payload) for payload in payloads])
+                good = self.decoder.decodable(schema.name, [plain_message(payload) for payload in payloads])
                 bad |= {index for index, is_good in zip(its, good, strict=True) if not is_good}
         for index in bad:
             channel = self.channels.get(messages[index].channel)
@@ -271,7 +320,7 @@ class _FileRecovery:
 
     def _unpacked(self, data: bytes, topic: str) -> bytes:
         self.bag.note(f"messages of {topic} were compressed one by one (zstd): they are not any more")
-        return _plain(data)
+        return plain_message(data)
 
     def _follow(self, name: str, sequence: int, verified: bool) -> None:
         """Our own writer counts each topic's messages from 0."""
@@ -308,11 +357,12 @@ class _FileRecovery:
             schema = Schema(id=record.schema_id, name=told_type, encoding="", data=b"")
         number = self._write_schema(out, schema) if schema is not None else 0
         type_name, type_hash = schema.name if schema is not None else told_type, record.metadata.get("topic_type_hash", told_hash)
-        self.bag.topic(record.topic, type_name, _qos(record), type_hash, record.message_encoding)
+        name = self.bag.free_name(record.topic, type_name, self.topics)
+        self.bag.topic(name, type_name, _qos(record), type_hash, record.message_encoding)
         if record.message_encoding != "cdr":
             encoding = record.message_encoding
             self.bag.note(f"topic {record.topic} is encoded as '{encoding}', not as cdr: its messages are kept as they are, to be read raw")
-        return out.add_channel(record.topic, record.message_encoding, number, record.metadata, _number(record.id, out.channels))
+        return out.add_channel(name, record.message_encoding, number, record.metadata, _number(record.id, out.channels))
 
     def _write_schema(self, out: McapFile, schema: Schema) -> int:
         """Its number in the new file."""
@@ -346,9 +396,7 @@ class _FileRecovery:
         """The index of a chunk that was left out tells what was in it; that of another one is compared with it."""
         channel, entries = found.message_index()
         if self.bad_chunk is not None:
-            self.lost[channel] += len(entries)
-            place = self.bag.places[self.bad_chunk]
-            self.bag.places[self.bad_chunk] = replace(place, messages=(place.messages or 0) + len(entries))
+            self.claims.append((self.bad_chunk, _mark(channel, entries)))
         elif self.last is not None:
             content = [(message.log_time_ns, message.place) for message in self.last if message.channel == channel]
             self.n_wrong_indexes += entries != content and sorted(entries) != sorted(content)
@@ -362,7 +410,8 @@ class _FileRecovery:
         is_index = self.in_summary or (kind == Opcode.MESSAGE_INDEX and self._is_as_long_as_it_says(damage))
         is_chunk = not is_index and (kind == Opcode.CHUNK or damage.offset in self.chunk_places)
         size = damage.end - damage.offset
-        holds_none = is_index or (size < SMALLEST_MESSAGE and damage.end < len(self.data)) or self._is_empty_end(damage)
+        is_magic = damage.offset == 0 and damage.end == 8 and self.data[8:9] == b"\x01"
+        holds_none = is_index or is_magic or self._is_empty_end(damage)
         reason, messages = damage.reason, 0 if holds_none else None
         if damage.rest is not None:
             count = self._messages(list(damage.rest.messages_of_part()), False)
@@ -403,8 +452,17 @@ class _FileRecovery:
             if wrong - lost:
                 tell(f"{self.name}: the summary names {len(wrong - lost)} chunks that are not where it says: made anew")
 
+    def _count_claims(self) -> None:
+        """What the indexes of chunks say that were left out, if the same is not in the new bag from another place."""
+        for index, (mark, channel, count) in self.claims:
+            place, known = self.bag.places[index], mark in self.kept_marks
+            self.kept_marks.add(mark)
+            self.bag.places[index] = replace(place, messages=(place.messages or 0) + (0 if known else count))
+            self.lost[channel] += 0 if known else count
+
     def _count_lost(self) -> None:
         """What this file is known to have lost, by topic."""
+        self._count_claims()
         if self.unknown_channels:
             count = sum(self.unknown_channels.values())
             self._lose(0, 0, f"messages of channels {sorted(self.unknown_channels)}, which no record of the file defines", count)
@@ -424,14 +482,19 @@ class _FileRecovery:
                 self.bag.topics[channel.record.topic].lost += count
 
 
+def _mark(channel: int, entries: list[tuple[int, int]]) -> tuple[int, int, int]:
+    """What tells the messages of a channel in a chunk from others; the channel; and how many they are."""
+    return hash((channel, *sorted(entries))), channel, len(entries)
+
+
 def _number(wanted: int, taken: Iterable[int]) -> int:
     """The number of a schema or channel in the new file: its old one, or the next that is free."""
     taken = set(taken)
     return wanted if wanted not in taken else next(number for number in range(1, 2**16) if number not in taken)
 
 
-def _plain(data: bytes) -> bytes:
-    """A message that was compressed by itself; as it is if it cannot be unpacked."""
+def plain_message(data: bytes) -> bytes:
+    """A message that was compressed by itself; as it is if it was not, or cannot be unpacked. data: its bytes."""
     if data[:4] == PACKED_MESSAGE:
         with suppress(zstandard.ZstdError):
             size = zstandard.frame_content_size(data)

@@ -21,6 +21,8 @@ from dart_skill.recording.bags.reader import BagError
 from dart_skill.recording.mcap import McapFile, Unpacked
 
 OWN_LIBRARY = "dart_skill"
+MOST_REASONS = 3
+"""That are told of a bag of which nothing is left."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +106,6 @@ class RecoveredTopic:
 
     * kept, lost: messages; lost: as the statistics and indexes of the files tell.
     * first, top, counted: sequence numbers from the first to the highest that a recorder which counts wrote, and messages since.
-    * gaps: messages of recordings before, which are missing in those numbers.
     """
 
     type_name: str
@@ -116,16 +117,11 @@ class RecoveredTopic:
     first: int | None = None
     top: int = -1
     counted: int = 0
-    gaps: int = 0
 
     @property
     def missing(self) -> int:
         """Messages that are missing in the numbers."""
-        return self.gaps + (0 if self.first is None else max(0, self.top + 1 - self.first - self.counted))
-
-    def begin_anew(self) -> None:
-        """Another recording follows, which counts from 0."""
-        self.gaps, self.first, self.top, self.counted = self.missing, None, -1, 0
+        return 0 if self.first is None else max(0, self.top + 1 - self.first - self.counted)
 
 
 class RecoveredBag:
@@ -170,6 +166,20 @@ class RecoveredBag:
                 known.type_name, known.qos, known.type_hash, known.encoding = type_name, qos, type_hash, encoding
         return known
 
+    def free_name(self, name: str, type_name: str, own: set[str]) -> str:
+        """The name of a topic in the new bag: another one where it was that of another type in a file before.
+
+        own: names of topics that the same file had already, under any type; this one is added.
+        """
+        known = self.topics.get(name)
+        free = name
+        if known is not None and known.type_name != type_name and name not in own:
+            names = (f"{name}_{number}" for number in range(2, 2**16))
+            free = next(one for one in names if one not in self.topics or self.topics[one].type_name == type_name)
+            self.note(f"topic {name} has type {known.type_name} before and {type_name} here, which is in the new bag as {free}")
+        own.add(free)
+        return free
+
     def note(self, text: str) -> None:
         """Tell something, once."""
         if text not in self.notes:
@@ -186,7 +196,9 @@ class RecoveredBag:
     def finish(self) -> Recovery:
         """Close all files, now that it is known what they are to tell. BagError if there is nothing in them."""
         if not any(file.channels for file in self.files) and not self.n_attachments:
-            reasons = "; ".join(f"{place.file}: {place.reason}" for place in self.places) or "it has no topics"
+            told = [f"{place.file}: {place.reason}" for place in self.places[:MOST_REASONS]] or ["it has no topics"]
+            more = len(self.places) - MOST_REASONS
+            reasons = "; ".join(told) + (f"; and {more} places more" if more > 0 else "")
             raise BagError(f"{self.path}: there is nothing to recover: {reasons}")
         for file in self.files:
             file.end_chunk()

@@ -66,7 +66,7 @@ class Pages:
         told = struct.unpack_from(">I", data, 28)[0] if self._has_header else 0
         self.n_there = max(len(data) // self.size, max(self._frames, default=0))
         self.n_pages = max(self.n_there, told if told < 2 * self.n_there + 2**20 else 0)
-        self.broken = 0
+        self.broken = self._left = 0  # the second: bytes that rows may have in all, for a chain of pages may go round
 
     @property
     def _has_header(self) -> bool:
@@ -105,6 +105,7 @@ class Pages:
     def rows(self, without: set[int]) -> Iterator[Row]:
         """All rows on leaves. without: numbers of pages that are not looked at."""
         self.broken = held = 0
+        self._left = 4 * (len(self._data) + len(self._log)) + 2**20
         for number in range(1, self.n_there + 1):
             held = give_back(self._data, held, min(number * self.size, len(self._data))) if len(self._data) else 0
             page = self.page(number)
@@ -139,8 +140,9 @@ class Pages:
     def _row(self, page: memoryview, place: int) -> Row:
         size, place = _varint(page, place)
         number, place = _varint(page, place)
-        if size > LARGEST_ROW:
-            raise BrokenRow("larger than any row")
+        self._left -= size
+        if size > LARGEST_ROW or self._left < 0:
+            raise BrokenRow("larger than any row, or than what is left of the file")
         return Row(number if number < 2**63 else number - 2**64, _values(self._payload(page, place, size)))
 
     def _payload(self, page: memoryview, place: int, size: int) -> bytes:

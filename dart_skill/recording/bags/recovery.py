@@ -130,13 +130,16 @@ def _take_plain(bag: RecoveredBag, file: Path, named: Path, data: memoryview, sc
     if copied is None:
         _take_bytes(bag, file, named.name, data, scratch)
         return
-    mended = as_it_was(copied, data, scratch / "as_it_was")
+    mended = as_it_was(copied, data, scratch)
     if mended is None:
-        _refuse(bag, named, len(data), f"{copied.text}: fetch it again in binary mode")
+        _refuse(bag, named, len(data), f"{copied.text}, which cannot be undone: fetch it again in binary mode")
         return
-    with mapped(scratch / "as_it_was") as again:
-        bag.note(f"{named.name}: {copied.text}; {mended}; what follows is said of its {len(again)} bytes as they were")
-        _take_bytes(bag, scratch / "as_it_was", named.name, again, scratch)
+    path, done, is_all = mended
+    with mapped(path) as again:
+        bag.note(f"{named.name}: {copied.text}; {done}; what follows is said of its {len(again)} bytes as they were")
+        if not is_all:
+            bag.note(f"{named.name}: fetch it again in binary mode if it is still to be had: then nothing is lost")
+        _take_bytes(bag, path, named.name, again, scratch)
 
 
 def _refuse(bag: RecoveredBag, file: Path, size: int, reason: str) -> None:

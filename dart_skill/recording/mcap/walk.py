@@ -11,7 +11,7 @@ import re
 from bisect import bisect_right
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from zlib import crc32
@@ -261,6 +261,33 @@ def _zeros(data: memoryview, begin: int, end: int) -> str:
     return f", with a block of {found.end() - found.start()} zero bytes, which the disk never stored or a copy left out"
 
 
+@dataclass
+class Definitions:
+    """What the records of a file define, by kind and number.
+
+    * vouched: by a CRC; the first of each number, however often writers repeat it.
+    * others: all that differ, in order.
+    """
+
+    vouched: dict[tuple[type, int], Schema | Channel] = field(default_factory=dict)
+    others: dict[tuple[type, int], list[Schema | Channel]] = field(default_factory=dict)
+
+    def take(self, record: Schema | Channel, is_vouched: bool) -> None:
+        """Add a definition. is_vouched: whether a CRC does."""
+        key = (type(record), record.id)
+        if is_vouched:
+            self.vouched.setdefault(key, record)
+        elif record not in self.others.setdefault(key, []):
+            self.others[key].append(record)
+
+    def best(self) -> tuple[dict[int, Schema], dict[int, Channel]]:
+        """Schemas and channels by number: those that are vouched for, and else the first."""
+        first = {key: records[0] for key, records in self.others.items()}
+        best = list((first | self.vouched).values())[::-1]
+        schemas = {record.id: record for record in best if isinstance(record, Schema)}
+        return schemas, {record.id: record for record in best if isinstance(record, Channel)}
+
+
 def read_definitions(data: memoryview, summary: Summary | None = None) -> tuple[dict[int, Schema], dict[int, Channel]]:
     """Schemas and channels of a file by number: best those of the summary, then those in chunks with a CRC, then the others.
 
@@ -268,8 +295,16 @@ def read_definitions(data: memoryview, summary: Summary | None = None) -> tuple[
     """
     if summary is not None and summary.has_crc and summary.channels:
         return summary.schemas, summary.channels
-    vouched: dict[tuple[type, int], Schema | Channel] = {}  # the first of each number, however often writers repeat it
-    others: dict[tuple[type, int], Schema | Channel] = {}
+    return all_definitions(data, summary).best()
+
+
+def all_definitions(data: memoryview, summary: Summary | None = None) -> Definitions:
+    """All that a file defines. data: its bytes; summary: as for `walk`."""
+    found = Definitions()
+    if summary is not None and summary.has_crc and summary.channels:
+        for record in (*summary.schemas.values(), *summary.channels.values()):
+            found.take(record, True)
+        return found
     for item in walk(data, summary):
         if isinstance(item, Damage):
             continue
@@ -277,16 +312,14 @@ def read_definitions(data: memoryview, summary: Summary | None = None) -> tuple[
             chunk = item.chunk()
             with suppress(DamagedError):
                 for one in definitions_in(chunk.unpack(), chunk.most_records):
-                    (vouched if chunk.crc else others).setdefault((type(one), one.id), one)
+                    found.take(one, bool(chunk.crc))
         elif item.opcode in (Opcode.SCHEMA, Opcode.CHANNEL) and isinstance(record := item.parsed(), Schema | Channel):
-            others.setdefault((type(record), record.id), record)
-    best = list((others | vouched).values())[::-1]
-    schemas = {record.id: record for record in best if isinstance(record, Schema)}
-    return schemas, {record.id: record for record in best if isinstance(record, Channel)}
+            found.take(record, False)
+    return found
 
 
 def definitions_in(raw: bytes, most: int) -> Iterator[Schema | Channel]:
-    """Of a chunk's records, which are not more than `most`; DamagedError."""
+    """Schemas and channels of a chunk; DamagedError. raw: its records; most: as there may be of them."""
     for opcode, begin, end in records_of(raw, most=most):
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
             definition = parse(opcode, raw[begin:end])
