@@ -98,7 +98,7 @@ class _FileRecovery:
         self.kept: Counter[int] = Counter()
         self.lost: Counter[int] = Counter()
         self.unknown_channels: Counter[int] = Counter()
-        self.undecodable: Counter[str] = Counter()
+        self.undecodable: Counter[int] = Counter()  # by channel
         self.loose: list[Message] = []  # outside chunks, not judged yet
         self.chunks: set[int] = set()  # marks of those so far
         self.repeated: list[int] = []  # where chunks stand again
@@ -284,7 +284,7 @@ class _FileRecovery:
         for message in messages:
             channel = self._channel(message.channel)
             if channel is None:
-                self.unknown_channels[message.channel] += 1
+                (self.unknown_channels if verified else self.undecodable)[message.channel] += 1
                 continue
             data = message.data
             if data[:4] == PACKED_MESSAGE and channel.record.message_encoding == "cdr":
@@ -313,9 +313,7 @@ class _FileRecovery:
                 payloads = [messages[index].data for index in its]
                 good = self.decoder.decodable(schema.name, [plain_message(payload) for payload in payloads])
                 bad |= {index for index, is_good in zip(its, good, strict=True) if not is_good}
-        for index in bad:
-            channel = self.channels.get(messages[index].channel)
-            self.undecodable[channel.topic if channel is not None else f"channel {messages[index].channel}"] += 1
+        self.undecodable.update(messages[index].channel for index in bad)
         return [message for index, message in enumerate(messages) if index not in bad] if bad else messages
 
     def _unpacked(self, data: bytes, topic: str) -> bytes:
@@ -466,8 +464,9 @@ class _FileRecovery:
         if self.unknown_channels:
             count = sum(self.unknown_channels.values())
             self._lose(0, 0, f"messages of channels {sorted(self.unknown_channels)}, which no record of the file defines", count)
-        for topic, count in self.undecodable.items():
-            self._lose(0, 0, f"messages of {topic} for which no CRC vouches, and which cannot be decoded", count)
+        for number, count in self.undecodable.items():
+            topic = self.channels[number].topic if number in self.channels else f"the unknown channel {number}"
+            self._lose(0, 0, f"{count} records on {topic} for which no CRC vouches are no messages of its type, and are left out", None)
         statistics = self.summary.statistics if self.summary is not None and self.summary.has_crc else None
         if statistics is None:
             self.bag.is_exact = False

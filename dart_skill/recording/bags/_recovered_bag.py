@@ -146,15 +146,21 @@ class RecoveredBag:
         self.ros_distro = told.get("ros_distro") or ""
         self.unverified = self.lost_chunks = self.n_attachments = self.n_bytes = self.n_not_looked_at = 0
         self.is_exact = True
+        self.told_topics: dict[str, dict] = {}
+        self.hear_of_topics(told)
         items = told.get("topics_with_message_count") or []
-        self.told_topics = {item.get("topic_metadata", {}).get("name"): item.get("topic_metadata", {}) for item in items}
-        self.told_counts = {item.get("topic_metadata", {}).get("name"): item.get("message_count", 0) for item in items}
+        self.told_counts = {item["topic_metadata"]["name"]: item.get("message_count") or 0 for item in items}
 
     def new_file(self, profile: str) -> McapFile:
         """Begin the next file."""
         path = self.output / f"{self.output.name}_{len(self.files)}.mcap"
         self.files.append(McapFile(path, profile=profile, library=OWN_LIBRARY))
         return self.files[-1]
+
+    def hear_of_topics(self, metadata: dict) -> None:
+        """Know what metadata say of topics, from a file or in it; what was known before counts more."""
+        for item in metadata.get("topics_with_message_count") or []:
+            self.told_topics.setdefault(item["topic_metadata"]["name"], item["topic_metadata"])
 
     def topic(self, name: str, type_name: str, qos: list, type_hash: str, encoding: str) -> RecoveredTopic:
         """The topic of a name; of several types under one name the metadata tell the one that is encoded as ROS 2 does."""

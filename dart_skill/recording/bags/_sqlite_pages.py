@@ -56,6 +56,8 @@ class Pages:
     * n_pages: that there should be.
     * n_there: that are there.
     * broken: rows of which a part is missing.
+    * has_more_than_told: whether there are pages behind those that the header tells of.
+    * log_rest: bytes at the end of the log that are no page.
     """
 
     def __init__(self, data: memoryview, log: memoryview | None = None):
@@ -66,6 +68,8 @@ class Pages:
         told = struct.unpack_from(">I", data, 28)[0] if self._has_header else 0
         self.n_there = max(len(data) // self.size, max(self._frames, default=0))
         self.n_pages = max(self.n_there, told if told < 2 * self.n_there + 2**20 else 0)
+        self.has_more_than_told = 0 < told < len(data) // self.size
+        self.log_rest = max(0, len(self._log) - _WAL_HEAD) % (_FRAME_HEAD + self.size)
         self.broken = self._left = 0  # the second: bytes that rows may have in all, for a chain of pages may go round
 
     @property

@@ -105,15 +105,16 @@ def recover_sqlite(bag: RecoveredBag, name: str, file: Path, data: memoryview, s
     with ExitStack() as stack:
         log = next((stack.enter_context(mapped(side)) for side in side_files(file) if side.name.endswith("-wal")), None)
         is_whole = _take_by_sqlite(one, file, scratch)
-        if not is_whole or any(side.name.endswith("-journal") for side in side_files(file)):
-            _take_from_pages(one, Pages(data, log), is_whole)
+        pages = Pages(data, log)
+        if not is_whole or side_files(file) or pages.has_more_than_told:
+            _take_from_pages(one, pages, is_whole)
     one.finish()
 
 
 def _take_by_sqlite(one: _FileRecovery, file: Path, scratch: Path) -> bool:
     """Take what SQLite reads, if it finds nothing wrong; returns whether it did."""
     beside, before = side_files(file), one.bag.unverified
-    if not file.stat().st_size:
+    if not file.is_file() or not file.stat().st_size:
         return False  # SQLite would throw the log away
     path = copy_with_side_files(file, scratch) if beside else file
     try:
@@ -156,8 +157,10 @@ def _take_from_pages(one: _FileRecovery, pages: Pages, is_whole: bool) -> None:
     one.define(tables)
     count = one.take(_messages_of(pages.rows(unused)))
     if is_whole:
-        if count:
-            bag.note(f"{one.name}: {count} messages more are on its pages, of what its recorder had not completed when it was killed")
+        if count or pages.log_rest:
+            rest = f", and {pages.log_rest} bytes at the end of its log are no whole page" if pages.log_rest else ""
+            more = f"{count} messages more were on its pages, of what its recorder did not complete, or of a log that is damaged{rest}"
+            bag.lose(one.name, 0, 0, more, None)
         return
     bag.note(f"{one.name}: it was read page by page: {pages.n_there} pages of {pages.size} bytes gave {count} messages")
     missing, zeroed = max(0, pages.n_pages - pages.n_there), pages.zeroed()
@@ -227,6 +230,7 @@ class _FileRecovery:
         self.decoder = Decoder([schema_of(name, *found) for name, found in self.texts.items()])
         if tables.metadata:
             metadata = parse_record({RECORD_KEY: tables.metadata})
+            self.bag.hear_of_topics(metadata)
             self.bag.custom_data |= metadata.get("custom_data") or {}
             self.bag.ros_distro = metadata.get("ros_distro") or self.bag.ros_distro
         self.bag.ros_distro = self.bag.ros_distro or tables.distro
@@ -251,6 +255,21 @@ class _FileRecovery:
             self.texts[name] = ("ros2msg", text)
             self.decoder = Decoder([schema_of(name, *found) for name, found in self.texts.items()])
 
+    def _lost_topic(self, number: int, payloads: list[bytes]) -> _Topic | None:
+        """The topic of messages whose row is lost: the only one that the metadata name, which has no row, and whose type they are."""
+        there = {topic.name for topic in self.tables.topics.values()}
+        found = []
+        for name, told in self.bag.told_topics.items():
+            text = self._definition(type_name := str(told.get("type", "")))
+            if name not in there and text is not None and Decoder([schema_of(type_name, *text)]).fits(type_name, payloads):
+                found.append(_Topic(name, type_name, str(told.get("serialization_format") or "cdr"), "", ""))
+        if len(found) != 1:
+            return None
+        self.repair(f"the row of topic {found[0].name} is lost: metadata.yaml names it, and its messages are of its type")
+        self.tables.topics[number] = found[0]
+        self.define(self.tables)
+        return found[0]
+
     def take(self, messages: Iterable[_Message]) -> int:
         """Take messages that were not taken yet; returns how many."""
         count, together = 0, []
@@ -268,11 +287,11 @@ class _FileRecovery:
             places.setdefault(message.topic, []).append(index)
         good: set[int] = set()
         for number, its in places.items():
-            topic = self.tables.topics.get(number)
+            payloads = [plain_message(messages[index].data) for index in its]
+            topic = self.tables.topics.get(number) or self._lost_topic(number, payloads)
             if topic is None:
                 self.unknown[number] += len(its)
                 continue
-            payloads = [plain_message(messages[index].data) for index in its]
             if number not in self.channels and topic.encoding == "cdr":
                 self._settle(topic, payloads)
             is_good = self.decoder.decodable(topic.type_name, payloads) if topic.encoding == "cdr" else [True] * len(its)
@@ -323,7 +342,7 @@ class _FileRecovery:
         """Tell what could not be taken; topics without messages are kept, too."""
         for number in self.tables.topics:
             self._channel(number)
-        if self.unknown:
-            self.bag.lose(self.name, 0, 0, f"messages of topics {sorted(self.unknown)}, which no row names", self.unknown.total())
+        if count := self.unknown.total():
+            self.bag.lose(self.name, 0, 0, f"{count} messages of topics {sorted(self.unknown)}, which no row names", count)
         for topic, count in self.undecodable.items():
-            self.bag.lose(self.name, 0, 0, f"messages of {topic} that cannot be decoded", count)
+            self.bag.lose(self.name, 0, 0, f"{count} rows on {topic} are no messages of its type, and are left out", None)

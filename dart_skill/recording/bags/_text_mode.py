@@ -88,12 +88,13 @@ def _by_all_bytes(data: memoryview) -> Copied | None:
     if not (is_mcap or bytes(data[:15]) == b"SQLite format 3") or (is_mcap and _is_whole(data)):
         return None
     part = bytes(data[:LOOKED_AT])
-    if part.count(b"\n") >= ENOUGH and part.count(b"\n") == part.count(b"\r\n"):
+    ends = part.count(b"\n")
+    if ends >= ENOUGH and ends == part.count(b"\r\n") and (is_mcap or len(data) % 512):
         return Copied(b"\x89", b"\r\n", _said(["a carriage return was put before each line feed that had none"]), is_mcap)
     high = len(re.findall(rb"[\x80-\xff]", part))
     if not is_mcap and len(data) >= 4096 and high == 0:
         return Copied(b"\x09", b"\r\n", _said([_HIGH[b"\x09"]]), is_mcap)
-    if not is_mcap and high >= ENOUGH and high == 3 * part.count(b"\xef\xbf\xbd"):
+    if not is_mcap and ENOUGH <= high <= 3.1 * part.count(b"\xef\xbf\xbd"):
         return Copied(b"\xef\xbf\xbd", b"\r\n", _said([_HIGH[b"\xef\xbf\xbd"]]), is_mcap)
     return None
 

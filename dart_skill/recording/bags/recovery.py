@@ -62,7 +62,8 @@ def _input(path: Path) -> tuple[list[Path], dict]:
         require_file(path)
         files, told = [path], {}
     else:
-        files = sorted((file for file in path.iterdir() if _is_for_messages(file)), key=part_number)
+        there = {file.with_name(file.name.removesuffix("-wal")) for file in path.iterdir()}  # also where only the log of it is left
+        files = sorted((file for file in there if _is_for_messages(file)), key=part_number)
         try:
             told = read_metadata_file(path)
             named = named_files(path, told)
@@ -98,6 +99,10 @@ def _log_beside(file: Path) -> bool:
 
 def _take(bag: RecoveredBag, file: Path, scratch: Path) -> None:
     """Recover one file into the new bag. scratch: a folder for what is made on the way."""
+    if not file.is_file() and _log_beside(file):
+        bag.lose(file.name, 0, 0, "the file is missing, only its write-ahead log is there", None)
+        recover_sqlite(bag, file.name, file, memoryview(b""), scratch)
+        return
     if not file.is_file() or (file.stat().st_size == 0 and not _log_beside(file)):
         reason = "the file is empty (0 bytes)" if file.is_file() else "the file is missing"
         bag.lose(file.name, 0, 0, reason, None)
