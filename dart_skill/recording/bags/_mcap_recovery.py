@@ -59,10 +59,12 @@ def recover_mcap(bag: RecoveredBag, name: str, data: memoryview) -> None:
     parts: list[_FileRecovery] = []
     for number, (begin, end) in enumerate(extents(data)):
         parts.append(_FileRecovery(bag, name, data[begin:end], begin, number, parts[-1] if parts else None))
+    marks: set[int] = set()  # of what stands there twice that counts which is in a whole file
+    for part in parts if any(part.summary is None for part in parts) else ():
+        marks |= part.marks() if part.summary is not None else set()
     for part in parts:
         part.is_one_of_several = len(parts) > 1
-    for part in sorted(parts, key=lambda part: part.summary is None):  # of what stands there twice that counts which is whole
-        part.run()
+        part.run(marks)
     if len(parts) > 1:
         _tell_parts(bag, name, parts)
 
@@ -109,7 +111,6 @@ class _FileRecovery:
         self.n_wrong_indexes = self.n_foreign = 0
         self.in_summary, self.verified = False, False
         self.bad_chunk: int | None = None  # which of the bag's places it is, if the chunk before was left out
-        self.n_places_before = len(bag.places)
         profile = self._read_ends()
         self.chunk_places = {chunk.chunk_start_offset for chunk in self.summary.chunks} if self.summary is not None else set()
         self._read_definitions()
@@ -183,7 +184,14 @@ class _FileRecovery:
             if self.schemas.get(channel.schema_id) == before.schemas.get(channel.schema_id):
                 self.channels.setdefault(number, channel)
 
-    def run(self) -> None:
+    def marks(self) -> set[int]:
+        """What tells its chunks from others."""
+        return {_chunk_mark(found.chunk()) for found in walk(self.data, self.summary) if isinstance(found, Record) and found.opcode == Opcode.CHUNK}
+
+    def run(self, marks: set[int]) -> None:
+        """Take all that there is. marks: of chunks that other files in the same file have."""
+        self.marks_elsewhere = marks | self.bag.chunks_before
+        self.n_places_before = len(self.bag.places)
         self.bag.unpacked.before = self.begin
         self.counted = self.counted and not self.is_one_of_several  # whether they are one recording or several, nobody knows
         for found in walk(self.data, self.summary, self.bag.unpacked):
@@ -246,8 +254,8 @@ class _FileRecovery:
             self.bad_chunk = len(self.bag.places) - 1
             return
         self.found_at.add(found.offset)
-        mark = hash((chunk.start_ns, chunk.end_ns, chunk.size, chunk.crc or crc32(chunk.records)))
-        if found.offset not in self.chunk_places and (mark in self.chunks or mark in self.bag.chunks_before):
+        mark = _chunk_mark(chunk)
+        if found.offset not in self.chunk_places and (mark in self.chunks or mark in self.marks_elsewhere):
             self.repeated.append(self.begin + found.offset)
             self.kept.update(message.channel for message in messages)
             return
@@ -479,6 +487,11 @@ class _FileRecovery:
             channel = self.written.get(number)
             if channel is not None:
                 self.bag.topics[channel.record.topic].lost += count
+
+
+def _chunk_mark(chunk: Chunk) -> int:
+    """What tells a chunk from others."""
+    return hash((chunk.start_ns, chunk.end_ns, chunk.size, chunk.crc or crc32(chunk.records)))
 
 
 def _mark(channel: int, entries: list[tuple[int, int]]) -> tuple[int, int, int]:

@@ -44,8 +44,6 @@ LARGEST_UNPACKED, USUAL_RATIO = 2**30, 1000
 """All that is packed in a file may be so many bytes, or so many times as large as the file: more is a bomb, which takes hours to read."""
 _ZERO_BLOCK = re.compile(rb"\x00{256,}")
 """No writer compresses to such a one: it is a block that was not stored when the power failed, or that a copy left out."""
-_UNCHECKED = frozenset({Opcode.CHUNK, Opcode.MESSAGE, *range(0x80, 0x100)})
-"""Opcodes of records that can be of any length: what follows them tells whether theirs is right."""
 READ_AT_ONCE = 2**24
 """Of a file that is gone through, so many bytes stay in memory [bytes]."""
 
@@ -171,7 +169,7 @@ def walk(data: memoryview, summary: Summary | None = None, unpacked: Unpacked | 
     while place < size:
         held = give_back(data, held, place)
         found = _record_at(data, place)
-        if isinstance(found, Record) and found.opcode in _UNCHECKED and not _is_followed(data, found):
+        if isinstance(found, Record) and found.opcode != Opcode.FOOTER and not _is_followed(data, found):
             inner = _next_record(data, place + 1, known, found.end)
             found = Damage(place, inner, "its length is damaged, or its end is missing") if inner < found.end else found
         elif isinstance(found, Damage):
@@ -406,12 +404,13 @@ def _is_followed(data: memoryview, record: Record) -> bool:
     """Whether another record, the magic or the end comes after a record, or its CRC says that it is whole."""
     if record.end == len(data) or bytes(data[record.end : record.end + len(MAGIC)]) == MAGIC or _begins(data, record.end):
         return True
-    chunk = record.chunk() if record.opcode == Opcode.CHUNK else None
-    if chunk is None or not chunk.crc:
-        return False
     with suppress(DamagedError):
-        chunk.unpack()
-        return True
+        if record.opcode == Opcode.ATTACHMENT:
+            record.parsed()
+            return True
+        if record.opcode == Opcode.CHUNK and (chunk := record.chunk()).crc:
+            chunk.unpack()
+            return True
     return False
 
 
