@@ -112,7 +112,7 @@ class _FileRecovery:
         self.in_summary, self.verified = False, False
         self.bad_chunk: int | None = None  # which of the bag's places it is, if the chunk before was left out
         profile = self._read_ends()
-        self.chunk_places = {chunk.chunk_start_offset for chunk in self.summary.chunks} if self.summary is not None else set()
+        self.chunk_places: set[int] = {chunk.chunk_start_offset for chunk in self.summary.chunks} if self.summary is not None else set()
         self._read_definitions()
         self._inherit(before)
         self.profile = "ros2" if self.channels and all(one.message_encoding == "cdr" for one in self.channels.values()) else profile
@@ -159,7 +159,8 @@ class _FileRecovery:
         text = installed_definition(schemas[0].name)
         if not text:
             return schemas[0]
-        self.bag.repairs.append(f"{self.name}: the definition of {schemas[0].name} is damaged: that which is installed here is in its place")
+        damaged = f"{self.name}: the definition of {schemas[0].name} is damaged"
+        self.bag.repairs.append(f"{damaged}: that which is installed here is in its place")
         return schema_of(schemas[0].name, "ros2msg", text, schemas[0].id)
 
     def _lost_schema(self, channel: Channel) -> Schema | None:
@@ -186,7 +187,8 @@ class _FileRecovery:
 
     def marks(self) -> set[int]:
         """What tells its chunks from others."""
-        return {_chunk_mark(found.chunk()) for found in walk(self.data, self.summary) if isinstance(found, Record) and found.opcode == Opcode.CHUNK}
+        found = (one for one in walk(self.data, self.summary) if isinstance(one, Record) and one.opcode == Opcode.CHUNK)
+        return {_chunk_mark(one.chunk()) for one in found}
 
     def run(self, marks: set[int]) -> None:
         """Take all that there is. marks: of chunks that other files in the same file have."""
@@ -416,7 +418,7 @@ class _FileRecovery:
         is_index = self.in_summary or (kind == Opcode.MESSAGE_INDEX and self._is_as_long_as_it_says(damage))
         is_chunk = not is_index and (kind == Opcode.CHUNK or damage.offset in self.chunk_places)
         size = damage.end - damage.offset
-        is_magic = damage.offset == 0 and damage.end == 8 and self.data[8:9] == b"\x01"
+        is_magic = damage.offset == 0 and damage.end == 8 and self.data[8] == Opcode.HEADER
         holds_none = is_index or is_magic or self._is_empty_end(damage)
         reason, messages = damage.reason, 0 if holds_none else None
         if damage.rest is not None:
@@ -452,7 +454,7 @@ class _FileRecovery:
         if self.n_wrong_indexes:
             tell(f"{self.name}: {self.n_wrong_indexes} message indexes do not say where the messages of their chunk are: made anew")
         if self.n_foreign:
-            tell(f"{self.name}: {self.n_foreign} numbers of topics or types change their meaning in it, each counts from where it is defined")
+            tell(f"{self.name}: {self.n_foreign} numbers of topics or types change their meaning in it, where they are defined anew")
         if wrong := self.chunk_places - self.found_at:
             lost = {place.offset - self.begin for place in self.bag.places[self.n_places_before :]}
             if wrong - lost:

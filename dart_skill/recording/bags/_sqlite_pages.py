@@ -1,7 +1,7 @@
 """Rows of an SQLite file that is damaged, read from its pages themselves (https://www.sqlite.org/fileformat2.html).
 
-A table is a tree of pages. Only its leaves hold rows, and each leaf says by itself where they are. So every page of the file that looks like
-a leaf is read, whatever is left of the tree above it, of the header and of the indexes. Long rows go on in a chain of overflow pages.
+A table is a tree of pages. Only its leaves hold rows, and each leaf says by itself where they are. So every page of the file that looks
+like a leaf is read, whatever is left of the tree above it, of the header and of the indexes. Long rows go on in a chain of overflow pages.
 Frames of a write-ahead log replace the pages that they are newer than.
 """
 
@@ -114,7 +114,9 @@ class Pages:
             held = give_back(self._data, held, min(number * self.size, len(self._data))) if len(self._data) else 0
             page = self.page(number)
             begin = FIRST_HEADER if number == 1 and page is not None and page[0] != LEAF else 0
-            for place in (_pointers(page, begin) or ()) if page is not None and number not in without else ():
+            if page is None or number in without:
+                continue
+            for place in _pointers(page, begin) or ():
                 try:
                     yield self._row(page, place)
                 except (BrokenRow, struct.error, IndexError, UnicodeDecodeError):
@@ -191,12 +193,12 @@ def _varint(data: bytes | memoryview, place: int) -> tuple[int, int]:
     if value < 0x80:
         return value, place + 1
     value &= 0x7F
-    for place in range(place + 1, place + 8):
-        byte = data[place]
+    for number in range(1, 8):
+        byte = data[place + number]
         value = value << 7 | byte & 0x7F
         if byte < 0x80:
-            return value, place + 1
-    return value << 8 | data[place + 1], place + 2
+            return value, place + number + 1
+    return value << 8 | data[place + 8], place + 9
 
 
 def _values(payload: bytes) -> tuple:

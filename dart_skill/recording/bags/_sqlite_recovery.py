@@ -67,7 +67,7 @@ class _Tables:
             name, type_name, encoding, qos, *digest = values
             self.topics.setdefault(row.number, _Topic(name, type_name, encoding, qos, digest[0] if digest else ""))
         elif kinds == "sss" and values[0].startswith("/"):  # of the first versions, without QoS
-            self.topics.setdefault(row.number, _Topic(*values, "", ""))
+            self.topics.setdefault(row.number, _Topic(values[0], values[1], values[2], "", ""))
         elif kinds in ("ssss", "sss") and values[0].count("/") == 2:
             self.definitions.setdefault(values[0], (values[1], values[2]))
         elif kinds == "is" and "relative_file_paths" in values[1]:

@@ -32,6 +32,8 @@ MOST_TRIES = 1000
 """For the places of carriage returns in a chunk."""
 MOST_MISSING = 64
 """Carriage returns in a record."""
+MANY = 2000
+"""Bytes that are not zero, of which none is above 127, are no chance either."""
 _AT_ONCE = 2**20
 _MAGIC = MAGIC.replace(b"\r", b"")
 _LOOKS = re.compile(rb"(?=(?:[\x01-\x0f].{5}\x00\x00\x00|\x89MCAP0\n))", re.DOTALL)
@@ -92,9 +94,9 @@ def _by_all_bytes(data: memoryview) -> Copied | None:
     if ends >= ENOUGH and ends == part.count(b"\r\n") and (is_mcap or len(data) % 512):
         return Copied(b"\x89", b"\r\n", _said(["a carriage return was put before each line feed that had none"]), is_mcap)
     high = len(re.findall(rb"[\x80-\xff]", part))
-    if not is_mcap and len(data) >= 4096 and high == 0:
+    if not is_mcap and high == 0 and len(part) - part.count(0) >= MANY:
         return Copied(b"\x09", b"\r\n", _said([_HIGH[b"\x09"]]), is_mcap)
-    if not is_mcap and ENOUGH <= high <= 3.1 * part.count(b"\xef\xbf\xbd"):
+    if not is_mcap and 3 * ENOUGH <= high <= 3.6 * part.count(b"\xef\xbf\xbd"):
         return Copied(b"\xef\xbf\xbd", b"\r\n", _said([_HIGH[b"\xef\xbf\xbd"]]), is_mcap)
     return None
 
@@ -116,7 +118,7 @@ def as_it_was(copied: Copied, data: memoryview, folder: Path) -> tuple[Path, str
     """
     if copied.high not in (b"\x89", *_UNDONE) or copied.ends not in (b"\r\n", b"\r\r\n", b"\n"):
         return None
-    parts = (bytes(data[begin : begin + _AT_ONCE]) for begin in range(0, len(data), _AT_ONCE))
+    parts: Iterator[bytes] = (bytes(data[begin : begin + _AT_ONCE]) for begin in range(0, len(data), _AT_ONCE))
     if copied.high in _UNDONE:
         parts = _encoded(parts, copied.high != b"\xc2\x89")
     if copied.ends == b"\r\r\n" or (copied.ends == b"\r\n" and copied.high == b"\x89"):

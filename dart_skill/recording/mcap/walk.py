@@ -300,8 +300,10 @@ def all_definitions(data: memoryview, summary: Summary | None = None) -> Definit
     """All that a file defines. data: its bytes; summary: as for `walk`."""
     found = Definitions()
     if summary is not None and summary.has_crc and summary.channels:
-        for record in (*summary.schemas.values(), *summary.channels.values()):
-            found.take(record, True)
+        for schema in summary.schemas.values():
+            found.take(schema, True)
+        for channel in summary.channels.values():
+            found.take(channel, True)
         return found
     for item in walk(data, summary):
         if isinstance(item, Damage):

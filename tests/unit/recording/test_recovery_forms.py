@@ -39,9 +39,10 @@ def mcap(path, topics=(("/point", POINT),), n_steps=200, start_ns=START_NS, seed
             numbers.append(writer.register_channel(topic, "cdr", schema))
         for step in range(n_steps):
             which = step % len(topics)
-            value = {"point": dict(zip("xyz", rng.normal(size=3), strict=True))} if topics[which][1] == POINT else {"data": f"{seed} {step}"}
-            stamp = start_ns + step * 10**7
-            writer.add_message(numbers[which], stamp, serialize(TYPES, topics[which][1], value), stamp, step)
+            type_name, stamp = topics[which][1], start_ns + step * 10**7
+            point = dict(zip("xyz", rng.normal(size=3), strict=True))
+            value = {"point": point} if type_name == POINT else {"data": f"{seed} {step}"}
+            writer.add_message(numbers[which], stamp, serialize(TYPES, type_name, value), stamp, step)
         writer.finish()
     return path.read_bytes()
 
@@ -300,7 +301,7 @@ def test_carriage_returns_are_put_back_where_a_crc_says_where(tmp_path, copy):
     data = (record(tmp_path / "bag", n_steps=3000, chunk_size=4096, flush_period_ns=10**12) / "bag_0.mcap").read_bytes()
     assert data.count(b"\r\n") > 5, "of chance"
     changed = data.replace(b"\r\n", b"\n")
-    recovery, kept = recovered(tmp_path, changed if copy == "lost" else changed.replace(b"\n", b"\r\n")[:7] + data[7:].replace(b"\n", b"\r\n"))
+    recovery, kept = recovered(tmp_path, changed if copy == "lost" else changed.replace(b"\n", b"\r\n"))
     written = messages(tmp_path / "bag" / "bag_0.mcap")
     assert set(kept) <= set(written) and len(kept) >= 0.95 * len(written) and recovery.unverified == 0
 
@@ -385,11 +386,12 @@ def changed(data, kind, first, second, value):
     }[kind]()
 
 
+SHARE = st.floats(0, 0.999)
 KINDS = ("cut", "head", "flip", "insert", "delete", "twice", "zero", "moved", "text", "two")
 
 
 @settings(max_examples=max(40, settings.default.max_examples // 2))
-@given(which=st.integers(0, 2), kind=st.sampled_from(KINDS), places=st.tuples(st.floats(0, 0.999), st.floats(0, 0.999)), value=st.integers(1, 255))
+@given(which=st.integers(0, 2), kind=st.sampled_from(KINDS), places=st.tuples(SHARE, SHARE), value=st.integers(1, 255))
 def test_however_a_bag_is_damaged_recovery_says_why_not_or_makes_one_that_is_right(tmp_path_factory, whole, which, kind, places, value):
     data, written = whole[which]
     folder = tmp_path_factory.mktemp("any")
