@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import replace
+from functools import cached_property
 from zlib import crc32
 
 import zstandard
@@ -74,7 +75,7 @@ def _tell_parts(bag: RecoveredBag, name: str, parts: list[_FileRecovery]) -> Non
     bag.note(f"{name} is {len(parts)} files in one:")
     known: list[_FileRecovery] = []
     for part in parts:
-        same = next((one for one in known if one.data == part.data), None)
+        same = next((one for one in known if len(one.data) == len(part.data) and one.crc == part.crc), None)
         again = f", which are those of {same.begin} to {same.end} again, byte for byte" if same is not None else ""
         where = f", now in {part.out.path.name}" if part.out is not None else ""
         bag.note(f"bytes {part.begin} to {part.end} hold {part.count} messages{where}{again}")
@@ -184,6 +185,11 @@ class _FileRecovery:
         for number, channel in before.channels.items():
             if self.schemas.get(channel.schema_id) == before.schemas.get(channel.schema_id):
                 self.channels.setdefault(number, channel)
+
+    @cached_property
+    def crc(self) -> int:
+        """Of all its bytes."""
+        return crc_of(self.data, len(self.data))
 
     def marks(self) -> set[int]:
         """What tells its chunks from others."""
@@ -418,7 +424,7 @@ class _FileRecovery:
         is_index = self.in_summary or (kind == Opcode.MESSAGE_INDEX and self._is_as_long_as_it_says(damage))
         is_chunk = not is_index and (kind == Opcode.CHUNK or damage.offset in self.chunk_places)
         size = damage.end - damage.offset
-        is_magic = damage.offset == 0 and damage.end == 8 and self.data[8] == Opcode.HEADER
+        is_magic = damage.offset == 0 and damage.end == 8 and bytes(self.data[8:9]) == bytes([Opcode.HEADER])
         holds_none = is_index or is_magic or self._is_empty_end(damage)
         reason, messages = damage.reason, 0 if holds_none else None
         if damage.rest is not None:

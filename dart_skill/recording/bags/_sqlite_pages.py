@@ -11,7 +11,7 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from dart_skill.recording.mcap.walk import give_back
+from dart_skill.recording.mcap import give_back
 
 LEAF = 0x0D
 """First byte of a page of rows."""
@@ -111,7 +111,7 @@ class Pages:
         self.broken = held = 0
         self._left = 4 * (len(self._data) + len(self._log)) + 2**20
         for number in range(1, self.n_there + 1):
-            held = give_back(self._data, held, min(number * self.size, len(self._data))) if len(self._data) else 0
+            held = self._give_back(held, number)
             page = self.page(number)
             begin = FIRST_HEADER if number == 1 and page is not None and page[0] != LEAF else 0
             if page is None or number in without:
@@ -124,7 +124,16 @@ class Pages:
 
     def zeroed(self) -> int:
         """How many pages hold nothing but zero bytes."""
-        return sum(page is not None and page[0] == 0 and not any(page) for page in map(self.page, range(2, self.n_there + 1)))
+        count = held = 0
+        for number in range(2, self.n_there + 1):
+            held = self._give_back(held, number)
+            page = self.page(number)
+            count += page is not None and page[0] == 0 and not any(page)
+        return count
+
+    def _give_back(self, held: int, number: int) -> int:
+        """Let go of the pages before one; returns from where on they are still held."""
+        return give_back(self._data, held, min(number * self.size, len(self._data))) if len(self._data) else 0
 
     def free(self) -> set[int]:
         """Pages that are not in use: rows on them were deleted. Empty where the list of them is damaged."""

@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING
 
 from dart_skill.lazy import on_first_use
+from dart_skill.recording.mcap._mapped import crc_of, give_back, mapped
 from dart_skill.recording.mcap.reader import END_OF_TIME, BagMessage, McapInput, in_time_order
 from dart_skill.recording.mcap.records import (
     Chunk,
@@ -23,10 +24,8 @@ from dart_skill.recording.mcap.walk import (
     Unpacked,
     all_definitions,
     belongs,
-    crc_of,
     definitions_in,
     extents,
-    mapped,
     read_definitions,
     walk,
 )
@@ -59,6 +58,7 @@ __all__ = [
     "crc_of",
     "definitions_in",
     "extents",
+    "give_back",
     "in_time_order",
     "mapped",
     "messages_of",

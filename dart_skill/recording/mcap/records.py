@@ -21,6 +21,8 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, AttachmentIndex, Channel, ChunkIndex, Footer, Header, McapRecord, MetadataIndex, Schema, Statistics
 from mcap.stream_reader import StreamReader
 
+from dart_skill.recording.mcap._mapped import crc_of
+
 MAGIC = b"\x89MCAP0\r\n"
 FOOTER_LENGTH = 9 + 20 + len(MAGIC)
 RECORD = struct.Struct("<BQ")
@@ -296,7 +298,7 @@ def read_summary(data: memoryview, with_crc: bool = False) -> Summary | None:
     if not footer.summary_start or (with_crc and not footer.summary_crc):
         return None
     end = len(data) - FOOTER_LENGTH
-    if footer.summary_crc and crc32(data[footer.summary_start : end + 25]) != footer.summary_crc:
+    if footer.summary_crc and crc_of(data[footer.summary_start : end + 25], end + 25 - footer.summary_start) != footer.summary_crc:
         raise DamagedError("the summary's CRC does not fit its content")
     chunks, found = ChunkTable(), []
     for record in _summary_records(data, footer.summary_start):
