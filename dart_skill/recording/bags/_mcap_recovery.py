@@ -246,8 +246,8 @@ class _FileRecovery:
 
     def _take_loose(self) -> None:
         if self.loose:
-            messages, self.loose = self.loose, []
-            self._messages(messages, self.verified)
+            self._messages(self.loose, self.verified)
+            self.loose = []
 
     def _chunk(self, found: Record) -> None:
         chunk = found.chunk()

@@ -71,7 +71,7 @@ def _input(path: Path) -> tuple[list[Path], dict]:
         except (OSError, ValueError, TypeError):
             told = {}
     if not files:
-        raise BagError(f"{path}: no .mcap or .db3 file to recover")
+        raise BagError(f"{path}: no .mcap file and no .db3 file to recover")
     if all(file.is_file() and file.stat().st_size == 0 and not _log_beside(file) for file in files):
         names = ", ".join(file.name for file in files)
         raise BagError(f"{path}: {names} is empty (0 bytes): there is nothing to recover")
@@ -128,10 +128,12 @@ def _take(bag: RecoveredBag, file: Path, scratch: Path) -> None:
 def _take_plain(bag: RecoveredBag, file: Path, named: Path, data: memoryview, scratch: Path) -> None:
     """Recover what is not compressed. named: the file that it stands for."""
     what = foreign(data) if len(data) else ""
+    copied = how_copied(data)
+    if not what and copied is None and not _is_for_messages(named) and not _is_one(data):
+        what = "no bag: a bag is a folder with metadata.yaml, or a file of MCAP or SQLite"
     if what:
         _refuse(bag, named, len(data), f"it is {what}")
         return
-    copied = how_copied(data)
     if copied is None:
         _take_bytes(bag, file, named.name, data, scratch)
         return
@@ -147,13 +149,18 @@ def _take_plain(bag: RecoveredBag, file: Path, named: Path, data: memoryview, sc
         _take_bytes(bag, path, named.name, again, scratch)
 
 
+def _is_one(data: memoryview) -> bool:
+    """Whether a file begins as a bag does."""
+    return bytes(data[: len(SQLITE)]) == SQLITE or bytes(data[1:5]) == b"MCAP"
+
+
 def _refuse(bag: RecoveredBag, file: Path, size: int, reason: str) -> None:
     bag.lose(file.name, 0, size, reason, None)
     bag.n_bytes, bag.is_exact = bag.n_bytes + size, False
 
 
 def _take_bytes(bag: RecoveredBag, file: Path, name: str, data: memoryview, scratch: Path) -> None:
-    if bytes(data[: len(SQLITE)]) == SQLITE or (".db3" in Path(name).suffixes and bytes(data[1:5]) != b"MCAP"):
+    if bytes(data[: len(SQLITE)]) == SQLITE or (".db3" in Path(name).suffixes and not _is_one(data)):
         recover_sqlite(bag, name, file, data, scratch)
     else:
         recover_mcap(bag, name, data)

@@ -8,8 +8,6 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from zlib import crc32
 
-import numpy as np
-
 from dart_skill.files import open_file
 
 READ_AT_ONCE = 2**24
@@ -49,6 +47,8 @@ def give_back(data: memoryview, begin: int, end: int) -> int:
 
 
 def _address(data: memoryview | mmap.mmap) -> int:
+    import numpy as np  # only large files are asked where they are
+
     return np.frombuffer(data, np.uint8).ctypes.data
 
 

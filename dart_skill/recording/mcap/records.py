@@ -110,7 +110,7 @@ class Chunk:
         return self.messages_in(self.unpack())
 
     def messages_in(self, raw: bytes) -> Iterator[Message]:
-        """The same of its records, which were unpacked already."""
+        """The same of its records. raw: these, unpacked."""
         return messages_of(raw, most=self.most_records)
 
     def messages_of_part(self) -> Iterator[Message]:

@@ -95,7 +95,11 @@ class Damage:
 
 @dataclass
 class Unpacked:
-    """What the chunks of a file say that they hold [bytes]. before: bytes of the files that stand before this one in the same."""
+    """What the chunks of a file hold.
+
+    * size: what they say [bytes].
+    * before: of the files that stand before this one in the same [bytes].
+    """
 
     size: int = 0
     before: int = 0
@@ -157,7 +161,10 @@ def extents(data: memoryview) -> list[tuple[int, int]]:
 
 
 def belongs(data: memoryview, summary: Summary) -> bool:
-    """Whether a summary is that of the file which it stands in: one of its chunks at least is where and what it says."""
+    """Whether a summary is that of the file which it stands in: one of its chunks at least is where and what it says.
+
+    data: the file's bytes.
+    """
     for place in summary.chunks:
         found = _record_at(data, place.chunk_start_offset) if place.chunk_start_offset < len(data) else None
         if isinstance(found, Record) and found.opcode == Opcode.CHUNK and found.end - found.offset == place.chunk_length:
