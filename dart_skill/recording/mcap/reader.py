@@ -18,8 +18,9 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, McapRecord, Metadata
 
 from dart_skill.files import open_file
+from dart_skill.recording.mcap._mapped import mapped
 from dart_skill.recording.mcap.records import RECORD, ChunkTable, DamagedError, Summary, parse, parse_chunk, parse_header, read_summary
-from dart_skill.recording.mcap.walk import Damage, Record, mapped, read_definitions, walk
+from dart_skill.recording.mcap.walk import Damage, Record, read_definitions, walk
 
 END_OF_TIME = 2**64
 _FIELDS = struct.Struct("<BQH4xQ")  # of a message record: opcode, length, channel, log time

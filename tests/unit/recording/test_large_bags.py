@@ -104,7 +104,7 @@ def test_a_recording_is_read_part_by_part(bags):
 @pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
 def test_pages_of_a_file_are_given_back_once_they_were_read(tmp_path, monkeypatch):
     """They count as this process's memory, and of a file of 10 GB they were 10 GB."""
-    monkeypatch.setattr(importlib.import_module("dart_skill.recording.mcap.walk"), "READ_AT_ONCE", 2**20)
+    monkeypatch.setattr(importlib.import_module("dart_skill.recording.mcap._mapped"), "READ_AT_ONCE", 2**20)
     file = McapFile(tmp_path / "large.mcap")
     for number in range(20):
         file.add_attachment(f"{number}", "x", bytes(2**20))
