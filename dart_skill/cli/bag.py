@@ -149,7 +149,14 @@ def _file_text(file: dict) -> str:
 def _topic_table(topics: list[dict]) -> list[str]:
     head = ("topic", "type", "count", "Hz", "QoS", "type hash")
     rows = [
-        (one["name"], one["type"] or "?", str(one["count"]), f"{one['rate_hz']:.1f}", _qos_text(one["qos"]), _short_hash(one["type_hash"]))
+        (
+            one["name"],
+            ", ".join([one["type"] or "?", *one["other_types"]]),
+            str(one["count"]),
+            f"{one['rate_hz']:.1f}",
+            _qos_text(one["qos"]),
+            _short_hash(one["type_hash"]),
+        )
         for one in sorted(topics, key=lambda one: one["name"])
     ]
     widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from dart_skill.lazy import on_first_use
 from dart_skill.recording.mcap._mapped import crc_of, give_back, mapped
-from dart_skill.recording.mcap.reader import END_OF_TIME, BagMessage, McapInput, in_time_order
+from dart_skill.recording.mcap.reader import END_OF_TIME, BagMessage, McapInput, Part, in_time_order, is_complete
 from dart_skill.recording.mcap.records import (
     Chunk,
     ChunkPlace,
@@ -49,6 +49,7 @@ __all__ = [
     "McapFile",
     "McapInput",
     "Message",
+    "Part",
     "Record",
     "Summary",
     "USUAL_RATIO",
@@ -60,6 +61,7 @@ __all__ = [
     "extents",
     "give_back",
     "in_time_order",
+    "is_complete",
     "mapped",
     "messages_of",
     "parse_header",
