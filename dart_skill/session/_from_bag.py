@@ -19,6 +19,7 @@ from dart_skill.constants import REMEMBERED
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import AS_ASKED, DROPPED, Demonstration, check_known, each_demonstration, unwanted
 from dart_skill.recording.imports import Fault, RecordingMapping, ThrowRecording, read_in_parts, read_recording
+from dart_skill.robot import Registration
 from dart_skill.session._finding import found_in
 from dart_skill.session._throw_memory import ThrowMemory
 from dart_skill.skill.learn import LEAST_DEMONSTRATIONS, SkillConfiguration, prepare
@@ -30,6 +31,10 @@ if TYPE_CHECKING:
 
 OWN_THROW = "thrown by the arm itself"
 """Why a throw is left out that no person guided."""
+FAR_TURN = 0.2
+"""Turn between cameras and arm that a mapping must say [rad]."""
+FAR_SHIFT = 0.2
+"""Shift between cameras and arm that a mapping must say [m]."""
 MISSED = "missed the basket"
 """Why a throw is left out that somebody guided elsewhere."""
 
@@ -101,7 +106,17 @@ def learn_from_bag(
         raise ValueError(_too_few(report, has_joints))
     from dart_skill.skill.improve import PractisingSkill  # who only looks for throws does not practise
 
-    return PractisingSkill(list(report.learned_from), chosen, method), report
+    learned = PractisingSkill(list(report.learned_from), chosen, method)
+    if raw and _is_far(learned.skill.registration):
+        _refuse_disagreement(path, mapping, report)
+    return learned, report
+
+
+def _is_far(registration: Registration) -> bool:
+    """Whether cameras and arm stand so differently to each other that learning, which expects small deviations, may be wrong about it."""
+    turns = (2.0 * np.arccos(min(1.0, abs(turn[3]))) for turn in (registration.turn, registration.hand_turn))
+    shifts = (float(np.linalg.norm(shift)) for shift in (registration.shift, registration.hand_shift))
+    return max(turns) > FAR_TURN or max(shifts) > FAR_SHIFT
 
 
 def _refuse_disagreement(path: str | os.PathLike, mapping: RecordingMapping | None, report: LearnReport) -> None:
@@ -111,7 +126,7 @@ def _refuse_disagreement(path: str | os.PathLike, mapping: RecordingMapping | No
     found = disagreement(path, mapping)
     if found is None:
         return
-    learned = f"{report.source}: {len(report.learned_from)} of {len(report.throws)} throws could be learned from"
+    learned = f"{report.source}: nothing is learned, though {len(report.learned_from)} of {len(report.throws)} throws could be"
     mend = "; 'dart-skill learn BAG --mapping auto' writes that mapping" if found.mapping is not None and mapping is None else ""
     raise ValueError(f"{learned}: {found}{mend}")
 
