@@ -18,6 +18,7 @@ from dart_skill.session._summary import (
 if TYPE_CHECKING:
     from dart_skill.session._belt import BeltSession
     from dart_skill.session._bench import BenchSession
+    from dart_skill.session._clock_offset import ClockOffset, clock_offset
     from dart_skill.session._darts_demo import Hit, darts_demo, play_leg, throw_dart
     from dart_skill.session._darts_run import (
         BLOCK,
@@ -55,6 +56,7 @@ else:
         {
             "_belt": "BeltSession",
             "_bench": "BenchSession",
+            "_clock_offset": "ClockOffset clock_offset",
             "_darts_demo": "Hit darts_demo play_leg throw_dart",
             "_darts_run": "BLOCK Dart DartsRun DartsSummary LegSummary after_the_throw as_pair before_the_throw darts_json darts_table "
             "summarise",
@@ -77,6 +79,7 @@ __all__ = [
     "BLOCK",
     "BeltSession",
     "BenchSession",
+    "ClockOffset",
     "Dart",
     "DartsRun",
     "DartsSummary",
@@ -102,6 +105,7 @@ __all__ = [
     "as_pair",
     "basket_in_words",
     "before_the_throw",
+    "clock_offset",
     "darts_demo",
     "darts_json",
     "darts_table",
