@@ -87,6 +87,7 @@ class PoseSource:
     * fixed: a position that never changes (3,) [m].
     * frame: header.frame_id that the messages must have, "" for any.
     * axes: where our axes x, y, z point in the recorded ones, as ("x", "-z", "y").
+    * orientation_axes: the same for orientations, where a driver turns positions only; None: those of the positions.
     * length: unit of lengths, of LENGTH_UNITS.
     * order: of the numbers of a quaternion, of QUATERNION_ORDERS.
     * is_inverse: whether quaternions turn the axes of the world into those of the body, instead of the other way.
@@ -103,6 +104,7 @@ class PoseSource:
     fixed: tuple[float, ...] = ()
     frame: str = ""
     axes: Axes = AS_OURS
+    orientation_axes: Axes | None = None
     length: str = "m"
     order: str = "xyzw"
     is_inverse: bool = False
@@ -114,7 +116,7 @@ class PoseSource:
     def is_plain(self) -> bool:
         """Whether the poses are in our axes already."""
         moved = any(t.position.any() or t.quaternion[:3].any() for t in (self.world, self.offset))
-        return self.axes == AS_OURS and not self.is_inverse and not moved
+        return self.axes == AS_OURS and self.orientation_axes in (None, AS_OURS) and not self.is_inverse and not moved
 
 
 @dataclass(frozen=True)
@@ -250,6 +252,7 @@ def _axes(section: _Section, default: PoseSource | None = None) -> PoseSource:
     default = default or PoseSource()
     return PoseSource(
         axes=_pointing(section, default.axes),
+        orientation_axes=_signed_axes(section, "orientation_xyz", default.orientation_axes),
         length=section.choice("length", default.length, LENGTH_UNITS),
         order=section.choice("order", default.order, QUATERNION_ORDERS),
         is_inverse=section.take("inverse", default.is_inverse, lambda value: isinstance(value, bool), "true or false"),
@@ -260,16 +263,22 @@ def _axes(section: _Section, default: PoseSource | None = None) -> PoseSource:
 
 def _pointing(section: _Section, default: Axes) -> Axes:
     """Where our axes point in the recorded ones, from `up` or `xyz`."""
-    if not section.has("xyz"):
-        up = section.choice("up", "", UP_AXES)
-        return UP_AXES[up] if up else default
-    if section.has("up"):
+    if section.has("up") and section.has("xyz"):
         raise MappingError(f"{section.place}: give up or xyz, not both")
+    up = section.choice("up", "", UP_AXES)
+    return UP_AXES[up] if up else _signed_axes(section, "xyz", default) or default
+
+
+def _signed_axes(section: _Section, key: str, default: Axes | None) -> Axes | None:
+    """Three signed axes below a key."""
 
     def check(value: Any) -> bool:
         return isinstance(value, list) and axes_matrix(tuple(map(str, value))) is not None
 
-    x, y, z = map(str, section.take("xyz", [], check, "where our x, y, z point in the recorded axes, as [x, -z, y]"))
+    found = section.take(key, None, check, "where our x, y, z point in the recorded axes, as [x, -z, y]")
+    if found is None:
+        return default
+    x, y, z = map(str, found)
     return x, y, z
 
 

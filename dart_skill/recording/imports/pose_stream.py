@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import permutations, product
 from typing import TypeAlias
 
 import numpy as np
@@ -21,6 +22,20 @@ AS_OURS: Axes = ("x", "y", "z")
 UP_AXES: dict[str, Axes] = {"z": AS_OURS, "y": ("x", "-z", "y"), "x": ("y", "z", "x")}
 """Where our axes point in axes of which this one is up."""
 _MIRROR = np.diag([1.0, 1.0, -1.0])
+
+
+def nearest_axes(matrix: np.ndarray) -> Axes:
+    """The signed axes whose matrix is nearest to an orthogonal one (3, 3).
+
+    * matrix: takes vectors of other axes into ours.
+    """
+
+    def likeness(axes: Axes) -> float:
+        return float(np.sum(matrix * axes_matrix(axes)))
+
+    x, y, z = ([name, f"-{name}"] for name in AS_OURS)
+    signed = (one for order in permutations((x, y, z)) for one in product(*order))
+    return max(((a, b, c) for a, b, c in signed), key=likeness)
 
 
 def axes_matrix(axes: Sequence[str]) -> np.ndarray | None:
@@ -90,7 +105,12 @@ class PoseStream:
 
 
 def transformed(
-    stream: PoseStream, world: RigidTransform, offset: RigidTransform | None = None, axes: Axes = AS_OURS, is_inverse: bool = False
+    stream: PoseStream,
+    world: RigidTransform,
+    offset: RigidTransform | None = None,
+    axes: Axes = AS_OURS,
+    orientation_axes: Axes | None = None,
+    is_inverse: bool = False,
 ) -> PoseStream:
     """The poses in our axes. Norms of quaternions stay as they were, for they tell faults.
 
@@ -99,20 +119,21 @@ def transformed(
     * world: takes axes that point like ours into ours.
     * offset: our body's frame in the axes of the tracked body.
     * axes: where ours point in those of the stream.
+    * orientation_axes: the same for the orientations; None: as for the positions.
     * is_inverse: whether the quaternions are those of the inverse rotation.
     """
     from scipy.spatial.transform import Rotation  # our own bags need none
 
-    matrix = axes_matrix(axes)
-    assert matrix is not None  # as it was checked when the mapping was read
+    matrix, of_turns = axes_matrix(axes), axes_matrix(orientation_axes or axes)
+    assert matrix is not None and of_turns is not None  # as they were checked when the mapping was read
     turn = Rotation.from_quat(world.quaternion)
     position = turn.apply(stream.position @ matrix.T) + world.position
     norm = np.linalg.norm(stream.quaternion, axis=1, keepdims=True)
     known = np.isfinite(norm[:, 0]) & (norm[:, 0] > 0.0)
     recorded = Rotation.from_quat(np.where(known[:, None], stream.quaternion, UNTURNED))
     recorded = recorded.inv() if is_inverse else recorded
-    mirror = _MIRROR if np.linalg.det(matrix) < 0.0 else np.eye(3)
-    turned = (turn * Rotation.from_matrix(matrix @ recorded.as_matrix() @ mirror)).as_matrix()
+    mirror = _MIRROR if np.linalg.det(of_turns) < 0.0 else np.eye(3)
+    turned = (turn * Rotation.from_matrix(of_turns @ recorded.as_matrix() @ mirror)).as_matrix()
     turned = Rotation.from_matrix(np.where(known[:, None, None], turned, np.eye(3)))
     if offset is not None:
         position = position + turned.apply(offset.position)

@@ -94,25 +94,28 @@ class ThrowRecording:
     command_stamps: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
 
-def read_recording(source: str | os.PathLike, mapping: RecordingMapping | None = None) -> ThrowRecording:
+def read_recording(source: str | os.PathLike, mapping: RecordingMapping | None = None, mend: bool = True) -> ThrowRecording:
     """Everything that a mapping names, without the faults that can be repaired.
 
     source: bag, or folder with CSV files.
     mapping: None for bags of our own.
+    mend: whether to look for faults at all.
 
     ValueError says what is missing, in which file and line, and BagError what is wrong with a bag.
     """
-    (recording,) = read_in_parts(source, mapping, part_ns=0)
+    (recording,) = read_in_parts(source, mapping, part_ns=0, mend=mend)
     return recording
 
 
-def read_in_parts(source: str | os.PathLike, mapping: RecordingMapping | None = None, part_ns: int = PART_NS) -> Iterator[ThrowRecording]:
+def read_in_parts(
+    source: str | os.PathLike, mapping: RecordingMapping | None = None, part_ns: int = PART_NS, mend: bool = True
+) -> Iterator[ThrowRecording]:
     """As `read_recording`, one part of a bag of ours after the other, so that only a part of a long one is in memory.
 
     A part ends in a pause, where there is one: a world that is set anew. Faults are looked for in each part by itself. Recordings of
     others, and without the command that opens the hand, are one part.
 
-    * source, mapping: as for that.
+    * source, mapping, mend: as for that.
     * part_ns: log time of a part, about; 0: all is one part [ns].
 
     ValueError and BagError as there; for a body that was never seen at the end.
@@ -122,7 +125,7 @@ def read_in_parts(source: str | os.PathLike, mapping: RecordingMapping | None = 
         raise BagError(f"{source}: no such bag or folder")
     never_seen = {role: where for role, where in mapping.bodies.items() if not where.fixed}
     for taken in _read_topics(source, mapping, part_ns if mapping is OWN else 0):
-        recording = _recording(source, mapping, taken)
+        recording = _recording(source, mapping, taken, mend)
         never_seen = {role: where for role, where in never_seen.items() if not len(recording.bodies[role])}
         if part_ns == 0:
             _require_seen(never_seen)
@@ -136,11 +139,11 @@ def _require_seen(never_seen: dict[str, PoseSource]) -> None:
         raise ValueError(f"{name}: no pose of the {role}: was it tracked?")
 
 
-def _recording(source: Path, mapping: RecordingMapping, taken: dict[str, Any]) -> ThrowRecording:
+def _recording(source: Path, mapping: RecordingMapping, taken: dict[str, Any], mend: bool) -> ThrowRecording:
     """What was collected, in our axes and units."""
     folder = source if source.is_dir() else source.parent
     bodies = {role: _body(role, where, taken, folder, mapping.frame) for role, where in mapping.bodies.items() if not where.fixed}
-    repaired, faults = repair({role: body for role, body in bodies.items() if len(body)})
+    repaired, faults = repair({role: body for role, body in bodies.items() if len(body)}) if mend else ({}, [])
     bodies |= repaired
     for role, where in mapping.bodies.items():
         if where.fixed:
@@ -390,7 +393,9 @@ def _body(role: str, where: PoseSource, taken: dict, folder: Path, frame: str) -
         stamps, position, quaternion = read_motive(folder, where.motive, where.body)
         scale, order = 1.0, QUATERNION_ORDERS["xyzw"]  # as the file itself says
     stream = PoseStream(role, where.clock.corrected(stamps), scale * position, quaternion[:, order], frame)
-    return stream if where.is_plain else transformed(stream, where.world, where.offset, where.axes, where.is_inverse)
+    return (
+        stream if where.is_plain else transformed(stream, where.world, where.offset, where.axes, where.orientation_axes, where.is_inverse)
+    )
 
 
 def _resting(role: str, position: tuple, stamps: np.ndarray, frame: str) -> PoseStream:
