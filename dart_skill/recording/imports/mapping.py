@@ -248,9 +248,98 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and bool(np.isfinite(value))
 
 
+def mended_pose(where: PoseSource, keys: Mapping[str, Any]) -> PoseSource:
+    """A source of poses with other values of some keys, as a mapping has them; MappingError.
+
+    * where: the source.
+    * keys: of the section of a body: topic, offset and those of axes.
+    """
+    section = _Section(keys, "mended")
+    found = replace(_axes(section, where), topic=section.text("topic", where.topic), offset=_rigid(section, "offset", where.offset))
+    section.nothing_else()
+    return found
+
+
+def mended_joints(where: SignalSource, keys: Mapping[str, Any]) -> SignalSource:
+    """A source of joint states with other values of some keys, as a mapping has them; MappingError.
+
+    * where: the source.
+    * keys: of the section of the joints, but for topic and csv.
+    """
+    section = _Section(keys, "mended")
+    found = replace(_joint_keys(section, where), clock=_clock(section, where.clock))
+    part = section.section("columns")
+    if part is not None and where.table is not None:
+        columns = {name: _columns(part, name, (len(of_this),)) for name, of_this in where.table.columns.items() if of_this}
+        found = replace(found, table=replace(where.table, columns={**where.table.columns, **columns}))
+    section.nothing_else()
+    return found
+
+
+def flow_text(keys: Mapping[str, Any]) -> str:
+    """Keys and values of a mapping in one line of YAML. keys: by section."""
+    return yaml.safe_dump(dict(keys), default_flow_style=True, sort_keys=False, width=10**6).strip()[1:-1]
+
+
+def mapping_text(mapping: RecordingMapping) -> str:
+    """A mapping as the text of a file, which `load_mapping` reads as the same mapping. mapping: to be written."""
+    content: dict[str, Any] = {"frame": mapping.frame}
+    content |= {role: _pose_keys(where) for role, where in mapping.bodies.items()}
+    for name in ("joints", "teacher", "command"):
+        where = getattr(mapping, name)
+        if where is not None:
+            content[name] = _signal_keys(where)
+    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, default_flow_style=None, width=140)
+
+
+def _pose_keys(where: PoseSource) -> dict[str, Any]:
+    default = PoseSource()
+    if where.fixed:
+        return {"position": list(where.fixed)}
+    keys: dict[str, Any] = {name: getattr(where, name) for name in ("topic", "child", "motive", "body", "frame") if getattr(where, name)}
+    keys |= _table_keys(where.table)
+    keys |= {name: getattr(where, name) for name in ("length", "order") if getattr(where, name) != getattr(default, name)}
+    if where.axes != default.axes:
+        keys["xyz"] = list(where.axes)
+    if where.orientation_axes is not None:
+        keys["orientation_xyz"] = list(where.orientation_axes)
+    if where.is_inverse:
+        keys["inverse"] = True
+    moved = {"transform": where.world, "offset": where.offset}
+    keys |= {name: _rigid_keys(one) for name, one in moved.items() if one.position.any() or one.quaternion[:3].any()}
+    return keys | _clock_keys(where.clock)
+
+
+def _signal_keys(where: SignalSource) -> dict[str, Any]:
+    keys: dict[str, Any] = ({"topic": where.topic} if where.topic else {}) | _table_keys(where.table)
+    keys |= {name: list(getattr(where, name)) for name in ("names", "signs", "zeros") if getattr(where, name)}
+    return keys | ({"angle": where.angle} if where.angle != "rad" else {}) | _clock_keys(where.clock)
+
+
+def _table_keys(table: Table | None) -> dict[str, Any]:
+    if table is None:
+        return {}
+    columns = {name: list(found) if len(found) > 1 else found[0] for name, found in table.columns.items() if found}
+    return {"csv": table.file, "delimiter": table.delimiter, "header_lines": table.header_lines, "columns": columns}
+
+
+def _rigid_keys(one: RigidTransform) -> dict[str, Any]:
+    return {"position": one.position.tolist(), "quaternion": one.quaternion.tolist()}
+
+
+def _clock_keys(clock: Clock) -> dict[str, Any]:
+    default = Clock()
+    words = [word for word, usual in ((clock.source, default.source), (clock.unit, default.unit)) if word != usual]
+    words += [REGULAR] if clock.is_regular else []
+    keys: dict[str, Any] = {"time": words} if words else {}
+    keys |= {"time_shift": 1e-9 * clock.shift_ns} if clock.shift_ns else {}
+    return keys | ({"time_drift": clock.drift} if clock.drift else {})
+
+
 def _axes(section: _Section, default: PoseSource | None = None) -> PoseSource:
     default = default or PoseSource()
-    return PoseSource(
+    return replace(
+        default,
         axes=_pointing(section, default.axes),
         orientation_axes=_signed_axes(section, "orientation_xyz", default.orientation_axes),
         length=section.choice("length", default.length, LENGTH_UNITS),
@@ -349,19 +438,24 @@ def _signal_source(section: _Section, name: str) -> SignalSource:
         raise MappingError(f"{section.place}: give either topic or csv")
     clock = _clock(section)
     wanted: dict[str, tuple[int, ...]] = {"time": (1,)}
-    joints: dict[str, Any] = {}
+    source = SignalSource()
     if name == "joints":
         wanted |= {"position": (N_JOINTS,), "velocity": (N_JOINTS, 0)}
-        joints = {
-            "names": tuple(section.take("names", (), _are_joints, f"the names of {N_JOINTS} joints")),
-            "angle": section.choice("angle", "rad", ANGLE_UNITS),
-            "signs": tuple(section.take("signs", (), _are_signs, f"1 or -1 for each of {N_JOINTS} joints")),
-            "zeros": section.vector("zeros", N_JOINTS, ()),
-        }
+        source = _joint_keys(section, source)
     table = _table(section, wanted) if is_table else None
     topic = "" if is_table else section.text("topic")
     section.nothing_else()
-    return SignalSource(topic, table, clock=clock, **joints)
+    return replace(source, topic=topic, table=table, clock=clock)
+
+
+def _joint_keys(section: _Section, default: SignalSource) -> SignalSource:
+    return replace(
+        default,
+        names=tuple(section.take("names", default.names, _are_joints, f"the names of {N_JOINTS} joints")),
+        angle=section.choice("angle", default.angle, ANGLE_UNITS),
+        signs=tuple(section.take("signs", default.signs, _are_signs, f"1 or -1 for each of {N_JOINTS} joints")),
+        zeros=section.vector("zeros", N_JOINTS, default.zeros),
+    )
 
 
 def _are_signs(value: Any) -> bool:
