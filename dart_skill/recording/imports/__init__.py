@@ -1,6 +1,8 @@
 """Recordings of other laboratories: what their topics, files, axes and units mean, what is wrong with their poses; ours as CSV files."""
 
 from dart_skill.recording.imports._csv_folder import MAPPING, bodies_to_csv, throws_to_csv
+from dart_skill.recording.imports.faults import Fault, fault_lines, in_words
+from dart_skill.recording.imports.joint_streams import JointStream
 from dart_skill.recording.imports.mapping import (
     MappingError,
     PoseSource,
@@ -14,9 +16,9 @@ from dart_skill.recording.imports.mapping import (
     mended_pose,
     parse_mapping,
 )
-from dart_skill.recording.imports.pose_faults import Fault, fault_lines, repair
+from dart_skill.recording.imports.pose_faults import repair
 from dart_skill.recording.imports.pose_stream import PoseStream, RigidTransform
-from dart_skill.recording.imports.throw_recording import JointStream, ThrowRecording, convert, read_in_parts, read_recording
+from dart_skill.recording.imports.throw_recording import ThrowRecording, convert, read_in_parts, read_recording
 
 __all__ = [
     "Fault",
@@ -33,6 +35,7 @@ __all__ = [
     "bodies_to_csv",
     "convert",
     "fault_lines",
+    "in_words",
     "flow_text",
     "load_mapping",
     "mapping_text",

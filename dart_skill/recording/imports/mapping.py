@@ -127,6 +127,8 @@ class SignalSource:
     * angle: unit of the positions, of ANGLE_UNITS.
     * signs: 1 or -1 for each joint that turns the other way; empty for none.
     * zeros: what each joint of the arm says where the recording says 0 [rad]; empty for zeros.
+    * listed: names of all joints of the messages that are meant, as these list them; empty for any.
+    * frame: header.frame_id of the messages that are meant, "" for any.
     * clock: how stamps are read.
     """
 
@@ -136,6 +138,8 @@ class SignalSource:
     angle: str = "rad"
     signs: tuple[float, ...] = ()
     zeros: tuple[float, ...] = ()
+    listed: tuple[str, ...] = ()
+    frame: str = ""
     clock: Clock = field(default_factory=Clock)
 
 
@@ -429,7 +433,13 @@ def _pose_source(section: _Section, axes: PoseSource) -> PoseSource:
         where["table"] = _table(section, {"time": (1,), "position": (3,), "quaternion": (4, 0)})
     offset = _rigid(section, "offset", RigidTransform())
     section.nothing_else()
+    _check_clock(section, own.clock, "topic" in where)
     return replace(own, **where, offset=offset)
+
+
+def _check_clock(section: _Section, clock: Clock, is_topic: bool) -> None:
+    if clock.source == "log" and not is_topic:
+        raise MappingError(f"{section.place}: time is log, but only messages of a bag have a log time: give time: stamp here")
 
 
 def _signal_source(section: _Section, name: str) -> SignalSource:
@@ -462,8 +472,12 @@ def _are_signs(value: Any) -> bool:
     return isinstance(value, list) and len(value) == N_JOINTS and all(_is_number(one) and abs(one) == 1 for one in value)
 
 
+def _are_names(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(one, str) for one in value)
+
+
 def _are_joints(value: Any) -> bool:
-    return isinstance(value, list) and len(set(value)) == N_JOINTS and all(isinstance(one, str) for one in value)
+    return _are_names(value) and len(set(value)) == len(value) == N_JOINTS
 
 
 def _table(section: _Section, wanted: Mapping[str, tuple[int, ...]]) -> Table:
