@@ -25,9 +25,9 @@ from dart_skill.recording.imports import (
     mended_pose,
     read_recording,
 )
+from dart_skill.recording.imports.bag_topics import POSE_TYPES
 from dart_skill.recording.imports.mapping import LENGTH_UNITS, OWN, Clock, PoseSource
 from dart_skill.recording.imports.pose_stream import UP_AXES, Axes, axes_matrix, nearest_axes
-from dart_skill.recording.imports.throw_recording import POSE_TYPES
 from dart_skill.robot import ArmModel, Sightings, measure_registration, turn_angles
 from dart_skill.rotations import of_matrices
 from dart_skill.session._alignment import ClockOffset, Instants, clock_offset, diverse_instants, joints_at

@@ -18,7 +18,7 @@ import numpy as np
 from dart_skill.constants import REMEMBERED
 from dart_skill.movement import VelocityThreshold
 from dart_skill.recording import AS_ASKED, Demonstration, check_known, each_demonstration, unwanted
-from dart_skill.recording.imports import Fault, RecordingMapping, ThrowRecording, read_in_parts, read_recording
+from dart_skill.recording.imports import Fault, RecordingMapping, ThrowRecording, in_words, read_in_parts, read_recording
 from dart_skill.session._finding import found_in
 from dart_skill.session._throw_memory import ThrowMemory
 from dart_skill.skill.learn import LEAST_DEMONSTRATIONS, SkillConfiguration, prepare
@@ -30,6 +30,18 @@ if TYPE_CHECKING:
 
 OWN_THROW = "thrown by the arm itself"
 """Why a throw is left out that no person guided."""
+
+
+MOST_FAULTS = 8
+"""So many are named where nothing can be learned."""
+
+
+class TooFew(ValueError):
+    """Too little to learn from. report: what was found, and what is wrong with it."""
+
+    def __init__(self, text: str, report: LearnReport):
+        super().__init__(text)
+        self.report = report
 
 
 @dataclass(frozen=True)
@@ -70,7 +82,7 @@ def learn_from_bag(
     mapping: where everything is, for recordings that are not ours. raw: from the streams; else from the topic /demonstrations, as the
     recorder cut them. with_throws: also from misses and from the arm's own throws. without: ids of throws that are left out, besides the
     demonstrations that were dropped while they were recorded. remember: how many are learned from at most, so that neither memory nor
-    model grow with the recording (`ThrowMemory`); 0 for all. ValueError if there is too little to learn from.
+    model grow with the recording (`ThrowMemory`); 0 for all. `TooFew`, a ValueError, if there is too little to learn from.
     """
     chosen = configuration_of(configuration)
     reasons, memory = _reasons(path, mapping, without), ThrowMemory(remember, chosen)
@@ -83,7 +95,7 @@ def learn_from_bag(
         report = replace(report, throws=tuple(memory.throws))
     _check_without(report, without)
     if len(report.learned_from) < LEAST_DEMONSTRATIONS:
-        raise ValueError(_too_few(report, has_joints))
+        raise TooFew(_too_few(report, has_joints), report)
     from dart_skill.skill.improve import PractisingSkill  # who only looks for throws does not practise
 
     return PractisingSkill(list(report.learned_from), chosen, method), report
@@ -172,7 +184,14 @@ def _too_few(report: LearnReport, has_joints: bool) -> str:
         reasons.append("the ball flies out of no motion of the hand: are roles, up axis, units and the frame of the hand right?")
     if not has_joints:
         reasons.append("the arm's joint angles were not recorded: a mapping may name them under 'joints'")
-    return explained("; ".join([text, *reasons]))
+    return explained("; ".join([*_main_faults(report.faults), text, *reasons]))
+
+
+def _main_faults(faults: Sequence[Fault]) -> list[str]:
+    """The faults for which there is a remedy, or which could not be repaired, one of a kind for each body."""
+    kinds = {(fault.kind, fault.body): fault for fault in reversed(faults) if fault.remedy or not (fault.repaired or fault.is_information)}
+    ordered = sorted(kinds.values(), key=lambda fault: (not fault.remedy, fault.start_ns))
+    return [in_words(fault) for fault in ordered[:MOST_FAULTS]]
 
 
 def explained(reasons: str) -> str:

@@ -15,6 +15,8 @@ from dart_skill.constants import NS_PER_S
 from dart_skill.recording.imports.faults import Fault
 from dart_skill.recording.imports.mapping import TIME_UNITS, Clock
 
+UNSTAMPED = "unstamped"
+"""Kind of the fault that nobody filled in the stamps."""
 PAUSE = 0.5
 """A longer silence ends a run of frames: the clock or the world may have been set anew [s]."""
 LEAST = 20
@@ -92,17 +94,17 @@ def _stamp_faults(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> tuple[np
     recorded = f"they were recorded over {lasted:.1f} s"
     if not filled.any():
         return ~filled, [
-            _fault("unstamped", body, stamps, f"nobody filled in the stamps of {n} messages: all are 0; {recorded}", "time: log")
+            _fault(UNSTAMPED, body, stamps, f"nobody filled in the stamps of {n} messages: all are 0; {recorded}", "time: log")
         ]
     if np.ptp(stamps) == 0 and lasted > 0.1:
         text = f"all {n} messages have the same stamp, {1e-9 * stamps[0]:.3f} s; {recorded}"
-        return filled, [_fault("unstamped", body, stamps, text, "time: log")]
+        return filled, [_fault(UNSTAMPED, body, stamps, text, "time: log")]
     faults = []
     if not filled.all():
         gone = int(n - filled.sum())
         text = f"nobody filled in the stamps of {gone} of {n} messages, which are 0: left out"
         faults.append(
-            _fault("unstamped", body, stamps[filled], text, "time: log" if gone > 0.05 * n else "", gone, repaired=gone <= 0.05 * n)
+            _fault(UNSTAMPED, body, stamps[filled], text, "time: log" if gone > 0.05 * n else "", gone, repaired=gone <= 0.05 * n)
         )
     return filled, faults + (_rate_fault(body, stamps[filled], log_ns[filled]) or _overflow(body, stamps[filled]))
 
@@ -246,9 +248,9 @@ def rate_of(time: np.ndarray) -> Rate | None:
     mean, median = float(np.mean(steps)), float(np.median(steps))
     if median >= BUNCHED * mean:
         return Rate(median, median, 1)
-    long = steps[steps > mean]
-    interval = float(np.median(long))
-    count = max(2, round(len(steps) / len(long)))
+    long = steps > mean
+    count = max(2, round(len(steps) / int(long.sum())))
+    interval = float(np.median(steps[long]) + (count - 1) * np.median(steps[~long]))
     return Rate(interval / count, interval, count)
 
 

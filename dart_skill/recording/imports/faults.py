@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+MOST_OF_A_KIND = 4
+"""So many faults of one kind and body have a line of their own."""
 GAP, NOTE = "gap", "note"
 INFORMATION = (GAP, NOTE)
 """Kinds that are no fault: a body that the cameras do not see is not published, and what else is good to know."""
@@ -50,7 +52,15 @@ def fault_lines(faults: Iterable[Fault]) -> list[str]:
     for fault in (fault for fault in faults if fault.kind == GAP):
         gaps[fault.body] += 1
         missing[fault.body] += fault.count
-    lines = [f"{1e-9 * f.start_ns:10.3f} s  {in_words(f)}" for f in faults if f.kind != GAP]
+    lines, shown, of_kind = [], Counter[tuple](), Counter((f.kind, f.body, f.repaired) for f in faults)
+    for fault in (fault for fault in faults if fault.kind != GAP):
+        kind = fault.kind, fault.body, fault.repaired
+        shown[kind] += 1
+        if of_kind[kind] <= MOST_OF_A_KIND or shown[kind] < MOST_OF_A_KIND:
+            lines.append(f"{1e-9 * fault.start_ns:10.3f} s  {in_words(fault)}")
+        elif shown[kind] == of_kind[kind]:
+            more = of_kind[kind] - MOST_OF_A_KIND + 1
+            lines.append(f"{1e-9 * fault.start_ns:10.3f} s  {in_words(fault)}; {more - 1} more of the kind '{fault.kind}' before it")
     return lines + [f"{body} was not seen {number} times, {missing[body]} frames in all" for body, number in gaps.items()]
 
 

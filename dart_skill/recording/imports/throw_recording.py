@@ -31,7 +31,7 @@ from dart_skill.recording.bags import (
 from dart_skill.recording.grip_signal import GripSignal, Opening
 from dart_skill.recording.imports._tables import read_motive, read_pose_table, read_table
 from dart_skill.recording.imports.bag_topics import PART_NS, Poses, buttons, read_topics
-from dart_skill.recording.imports.clocks import bunched, clocks_apart, timed
+from dart_skill.recording.imports.clocks import UNSTAMPED, bunched, clocks_apart, timed
 from dart_skill.recording.imports.faults import GAP, NOTE, Fault, in_words
 from dart_skill.recording.imports.joint_streams import JOINTS, JointStream, States, joint_stream
 from dart_skill.recording.imports.mapping import (
@@ -143,12 +143,13 @@ def _recording(source: Path, mapping: RecordingMapping, taken: dict[str, Any], m
     for role, where in mapping.bodies.items():
         if not where.fixed:
             bodies[role], found = _body(role, where, taken, folder, mapping.frame)
-            recorded[role] = len(bodies[role]) + sum(fault.count for fault in found if fault.kind == "unstamped" and fault.repaired)
+            recorded[role] = len(bodies[role]) + sum(fault.count for fault in found if fault.kind == UNSTAMPED and fault.repaired)
             faults += found
     joints, found = _joints(mapping.joints, taken.get(JOINTS), folder)
     faults += [*found, *clocks_apart(_clocks(mapping, taken, {fault.body for fault in faults if not fault.repaired}))]
     if mend:
-        repaired, found = repair({role: body for role, body in bodies.items() if len(body)})
+        timeless = {fault.body for fault in faults if fault.kind == UNSTAMPED and not fault.repaired}
+        repaired, found = repair({role: body for role, body in bodies.items() if len(body) and role not in timeless})
         bodies |= repaired
         faults += found
     else:
