@@ -66,7 +66,8 @@ def joint_layout(names: tuple[str, ...], n_positions: int, n_velocities: int, wa
         return JointLayout(None, has_velocity, joints, why)
 
     if names and not joints:
-        return without(f"{_OTHERS} {wanted[0]} to {wanted[-1]}, but {', '.join(names)}")
+        remedy = "let the driver name them so, or put its names into config/wam.yaml"
+        return without(f"{_OTHERS} {wanted[0]} to {wanted[-1]}, but {', '.join(names)}: {remedy}")
     if n_positions != len(names):
         return without(f"has {len(names)} names and {n_positions} positions: the driver must give one of each for every joint")
     try:
