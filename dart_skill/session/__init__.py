@@ -16,6 +16,7 @@ from dart_skill.session._summary import (
 )
 
 if TYPE_CHECKING:
+    from dart_skill.session._auto_mapping import auto_mapping
     from dart_skill.session._belt import BeltSession
     from dart_skill.session._bench import BenchSession
     from dart_skill.session._clock_offset import ClockOffset, clock_offset
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
         summarise,
     )
     from dart_skill.session._demo import Job, throwing_demo
+    from dart_skill.session._disagreement import Cause, Disagreement, disagreement
     from dart_skill.session._finding import find_throws
     from dart_skill.session._from_bag import LearnReport, TooFew, learn_from_bag
     from dart_skill.session._from_lerobot import (
@@ -54,6 +56,7 @@ else:
     __getattr__, __dir__ = on_first_use(
         __name__,
         {
+            "_auto_mapping": "auto_mapping",
             "_belt": "BeltSession",
             "_bench": "BenchSession",
             "_clock_offset": "ClockOffset clock_offset",
@@ -61,6 +64,7 @@ else:
             "_darts_run": "BLOCK Dart DartsRun DartsSummary LegSummary after_the_throw as_pair before_the_throw darts_json darts_table "
             "summarise",
             "_demo": "Job throwing_demo",
+            "_disagreement": "Cause Disagreement disagreement",
             "_finding": "find_throws",
             "_from_bag": "LearnReport TooFew learn_from_bag",
             "_from_lerobot": "learn_other_throws_from_dataset learn_skill_from_dataset learn_throws_from_dataset open_dataset "
@@ -79,6 +83,7 @@ __all__ = [
     "BLOCK",
     "BeltSession",
     "BenchSession",
+    "Cause",
     "ClockOffset",
     "Dart",
     "DartsRun",
@@ -89,6 +94,7 @@ __all__ = [
     "LegSummary",
     "LearnReport",
     "DemoSummary",
+    "Disagreement",
     "ExportedDataset",
     "FPS",
     "PictureMaker",
@@ -104,12 +110,14 @@ __all__ = [
     "Trial",
     "after_the_throw",
     "as_pair",
+    "auto_mapping",
     "basket_in_words",
     "before_the_throw",
     "clock_offset",
     "darts_demo",
     "darts_json",
     "darts_table",
+    "disagreement",
     "error_quantile",
     "find_throws",
     "footer",

@@ -15,6 +15,7 @@ from dart_skill.recording.imports.mapping import (
     mended_joints,
     mended_pose,
     parse_mapping,
+    with_remedies,
 )
 from dart_skill.recording.imports.pose_faults import repair
 from dart_skill.recording.imports.pose_stream import PoseStream, RigidTransform
@@ -46,4 +47,5 @@ __all__ = [
     "read_recording",
     "repair",
     "throws_to_csv",
+    "with_remedies",
 ]

@@ -12,11 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from dart_skill.constants import NS_PER_S
-from dart_skill.recording.imports.faults import Fault
+from dart_skill.recording.imports.faults import BURSTS, SET_BACK, UNIT, UNSTAMPED, Fault
 from dart_skill.recording.imports.mapping import TIME_UNITS, Clock
 
-UNSTAMPED = "unstamped"
-"""Kind of the fault that nobody filled in the stamps."""
 PAUSE = 0.5
 """A longer silence ends a run of frames: the clock or the world may have been set anew [s]."""
 LEAST = 20
@@ -126,8 +124,8 @@ def _rate_fault(body: str, stamps: np.ndarray, log_ns: np.ndarray) -> list[Fault
     told = f"stamps go forward by {1e-9 * whole:.6g} s while {1e-9 * lasted:.1f} s were recorded"
     for unit, ns in TIME_UNITS.items():
         if unit != "s" and 1.0 / 3.0 < rate * ns / NS_PER_S < 3.0:
-            return [_fault("unit", body, stamps, f"{told}: their seconds are {unit} in truth", f"time: {unit}")]
-    return [_fault("unit", body, stamps, f"{told}: seconds or nanoseconds are filled in wrongly", "time: log")]
+            return [_fault(UNIT, body, stamps, f"{told}: their seconds are {unit} in truth", f"time: {unit}")]
+    return [_fault(UNIT, body, stamps, f"{told}: seconds or nanoseconds are filled in wrongly", "time: log")]
 
 
 def _overflow(body: str, stamps: np.ndarray) -> list[Fault]:
@@ -142,7 +140,7 @@ def _overflow(body: str, stamps: np.ndarray) -> list[Fault]:
         return []
     why = f"as a counter of {counter} does that overflows" if counter else "the clock was set, or a bag was played again"
     text = f"stamps run back {len(back)} times by {1e-9 * usual:.3f} s, {why}"
-    return [_fault("set_back", body, stamps, text, "time: log")] if counter or len(back) > 1 else []
+    return [_fault(SET_BACK, body, stamps, text, "time: log")] if counter or len(back) > 1 else []
 
 
 def clocks_apart(streams: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> list[Fault]:
@@ -190,7 +188,7 @@ def _of_difference(name: str, reference: str, stamps: np.ndarray, at: np.ndarray
     if 0 < len(steps) <= 5:
         by, when = np.diff(spread)[steps[0]], at[steps[0] + 1] - at[0]
         text = f"the clock was set by {-by:.3f} s, {when:.0f} s after the first message, against that of the {reference}"
-        return [_fault("set_back", name, stamps, text, "time: log")]
+        return [_fault(SET_BACK, name, stamps, text, "time: log")]
     if drifts:
         shift = 1e-9 * level - slope * (float(np.median(at)) - float(at[0]))
         text = f"the clock runs {'slower' if slope > 0 else 'faster'} than that of the {reference}, by {1e3 * abs(slope):.3f} ms a second"
@@ -263,7 +261,7 @@ def bunched(body: str, stamps: np.ndarray) -> tuple[Rate, list[Fault]] | None:
         f"stamps come in bursts, {rate.count} within {1e3 * _within(stamps, rate):.1f} ms every {1e3 * rate.interval:.0f} ms: "
         f"of receipt, and not of the frames, of which there are {1.0 / rate.period:.1f} a second"
     )
-    return rate, [_fault("bursts", body, stamps, text, "time: regular")]
+    return rate, [_fault(BURSTS, body, stamps, text, "time: regular")]
 
 
 def _within(stamps: np.ndarray, rate: Rate) -> float:

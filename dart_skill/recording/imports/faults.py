@@ -11,6 +11,9 @@ import numpy as np
 MOST_OF_A_KIND = 4
 """So many faults of one kind and body have a line of their own."""
 GAP, NOTE = "gap", "note"
+UNSTAMPED, UNIT, SET_BACK, BURSTS = "unstamped", "unit", "set_back", "bursts"
+TIMELESS = (UNSTAMPED, UNIT, SET_BACK, BURSTS)
+"""Kinds of stamps that tell no time: not filled in, in another unit, of a counter that overflows or a clock that was set, of receipt."""
 INFORMATION = (GAP, NOTE)
 """Kinds that are no fault: a body that the cameras do not see is not published, and what else is good to know."""
 
@@ -42,6 +45,11 @@ class Fault:
     def is_information(self) -> bool:
         """Whether it is no fault but good to know."""
         return self.kind in INFORMATION
+
+    @property
+    def is_of_time(self) -> bool:
+        """Whether its stamps tell so little that nothing can be said of what it does."""
+        return self.kind in TIMELESS and not self.repaired
 
 
 def fault_lines(faults: Iterable[Fault]) -> list[str]:

@@ -6,7 +6,7 @@ docs/bags.md explains it, config/recordings/example.yaml has every key. Our own 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ import numpy as np
 import yaml
 
 from dart_skill.constants import N_JOINTS, UNTURNED
+from dart_skill.recording.imports.faults import Fault
 from dart_skill.recording.imports.pose_stream import AS_OURS, UP_AXES, Axes, RigidTransform, axes_matrix
 from dart_skill.world import ROLES, the_world
 
@@ -161,6 +162,11 @@ class RecordingMapping:
     frame: str = the_world().frame_id
     optional: tuple[str, ...] = ()
 
+    @property
+    def is_own(self) -> bool:
+        """Whether everything is where our own recorder writes it."""
+        return self.bodies == OWN.bodies and self.joints == OWN.joints
+
 
 OWN = RecordingMapping(
     {role: PoseSource(topic=topic, frame=the_world().frame_id) for role, topic in the_world().pose_topics().items()},
@@ -197,6 +203,17 @@ def parse_mapping(content: Any, place: str = "mapping") -> RecordingMapping:
     if missing := [role for role in ROLES if role not in bodies]:
         raise MappingError(f"{place}: nothing says where the {missing[0]} is: add '{missing[0]}:' with topic, csv, motive or position")
     return RecordingMapping(bodies, signals.get("joints"), signals.get("teacher"), signals.get("command"), frame=frame)
+
+
+def with_remedies(mapping: RecordingMapping, faults: Iterable[Fault]) -> RecordingMapping:
+    """A mapping with what mends faults of stamps. faults: as a recording has them that was read with it. mapping: the one without."""
+    bodies, signals = dict(mapping.bodies), {name: getattr(mapping, name) for name in ("joints", "teacher", "command")}
+    for fault in faults:
+        group: dict[str, Any] = bodies if fault.body in bodies else signals
+        if fault.remedy and group.get(fault.body) is not None:
+            where = group[fault.body]
+            group[fault.body] = replace(where, clock=_clock(_Section(yaml.safe_load(f"{{{fault.remedy}}}"), fault.body), where.clock))
+    return replace(mapping, bodies=bodies, **signals)
 
 
 class _Section:
@@ -274,7 +291,8 @@ def mended_joints(where: SignalSource, keys: Mapping[str, Any]) -> SignalSource:
     found = replace(_joint_keys(section, where), clock=_clock(section, where.clock))
     part = section.section("columns")
     if part is not None and where.table is not None:
-        columns = {name: _columns(part, name, (len(of_this),)) for name, of_this in where.table.columns.items() if of_this}
+        columns = {name: _columns(part, name, (len(of_this),)) for name, of_this in where.table.columns.items() if part.has(name)}
+        part.nothing_else()
         found = replace(found, table=replace(where.table, columns={**where.table.columns, **columns}))
     section.nothing_else()
     return found

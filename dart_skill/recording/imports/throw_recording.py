@@ -31,8 +31,8 @@ from dart_skill.recording.bags import (
 from dart_skill.recording.grip_signal import GripSignal, Opening
 from dart_skill.recording.imports._tables import read_motive, read_pose_table, read_table
 from dart_skill.recording.imports.bag_topics import PART_NS, Poses, buttons, read_topics
-from dart_skill.recording.imports.clocks import UNSTAMPED, bunched, clocks_apart, timed
-from dart_skill.recording.imports.faults import GAP, NOTE, Fault, in_words
+from dart_skill.recording.imports.clocks import bunched, clocks_apart, timed
+from dart_skill.recording.imports.faults import GAP, NOTE, UNSTAMPED, Fault, in_words
 from dart_skill.recording.imports.joint_streams import JOINTS, JointStream, States, joint_stream
 from dart_skill.recording.imports.mapping import (
     ANGLE_UNITS,
